@@ -1,0 +1,140 @@
+"""C99 source of a mechanism's programs."""
+
+from __future__ import annotations
+
+import hashlib
+
+from ncgen.emit.environment import render, verbatim
+from ncgen.emit.expressions import write
+from ncgen.emit.naming import Names, identifier
+from ncgen.emit.tables import Place, Tables
+from ncgen.model.values import evaluate
+from ncgen.program.assemble import KERNELS, Programs
+from ncgen.program.blocks import Loop, Program
+from ncgen.program.cost import cost
+from ncgen.program.functions import FUNCTIONS
+
+HEADERS = ("ncgen.h", "ncgen_math.h")
+WIDTH = 100
+
+
+def c_files(programs: Programs) -> dict[str, str]:
+    """{file name: text}: the model's source and header, and the headers they include."""
+    prefix = identifier(programs.equations.model.name)
+    tables = Tables(f"{prefix}_")
+    kernels = [_kernel(program, prefix, tables) for program in programs.programs.values()]
+    records = _records(programs, prefix, kernels, tables)
+    body = render("c/model.c.jinja", fingerprint="", **records)
+    fingerprint = hashlib.sha256(body.encode()).hexdigest()[:16]
+    files = {
+        f"{prefix}.h": render("c/model.h.jinja", **records),
+        f"{prefix}.c": render("c/model.c.jinja", fingerprint=fingerprint, **records),
+    }
+    return files | {name: verbatim(f"c/{name}") for name in HEADERS}
+
+
+def number(value: float) -> str:
+    """The shortest text that reads back to the same double."""
+    return f"R({value!r})" if value >= 0 else f"-R({-value!r})"
+
+
+class _C:
+    """How C spells leaves and calls."""
+
+    def __init__(self, tables: Tables):
+        self.tables = tables
+
+    def number(self, value):
+        return number(value)
+
+    def leaf(self, op, block):
+        if op.code == "load":
+            array, index = op.leaf
+            return "t" if array == "t" else f"{array}[{index}]"
+        slot = block.slots[op.leaf]
+        if slot.array == "const":
+            return f"{self.tables.number(slot.table)}[i]"
+        return f"{slot.array}[{_subscript(self.tables.place(slot.table))}]"
+
+    def call(self, name, arguments):
+        return f"{FUNCTIONS[name].c}({', '.join(arguments)})"
+
+
+def _subscript(place: Place) -> str:
+    head = f"{place.table}[i]" if place.table else {0: "", 1: "i"}.get(place.step, f"{place.step} * i")
+    if not head:
+        return str(place.offset)
+    return head if not place.offset else f"{head} + {place.offset}" if place.offset > 0 else f"{head} - {-place.offset}"
+
+
+def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
+    names = Names([program.output])
+    blocks = [_block(block, tables, names) for block in program.blocks]
+    text = " ".join(line for block in blocks for line in block["lines"])
+    operations = cost(program)
+    return {
+        "name": program.name,
+        "function": f"{prefix}_{program.name}",
+        "inputs": program.inputs,
+        "output": program.output,
+        "size": program.size,
+        "temporaries": program.temporaries,
+        "blocks": blocks,
+        "unused": [a for a in program.inputs if not _mentions(text, a)],
+        "operations": operations.total,
+        "calls": operations.calls,
+    }
+
+
+def _mentions(text: str, array: str) -> bool:
+    import re
+
+    return re.search(rf"\b{array}\b" if array == "t" else rf"\b{array}\[", text) is not None
+
+
+def _block(block, tables: Tables, names: Names) -> dict:
+    loop = isinstance(block, Loop)
+    dialect = _C(tables)
+    written = write(block, dialect, Names(names._taken) if loop else names)
+    lines: list[str] = []
+    for store, before, value in zip(block.stores, written.before, written.values, strict=True):
+        if not loop and store.comment:
+            lines.append(f"/* {_comment(store.comment)} */")
+        lines += [f"const ncgen_real {a.name} = {a.value};" for a in before]
+        place = _subscript(tables.place(store.table)) if loop else store.index
+        sign = "+=" if store.accumulate else "="
+        plain = loop and not before and not any(op.args for op in block.ops)
+        lines.append(f"{store.array}[{place}] {sign} {f'NCGEN_SPLAT({value})' if plain else value};")
+    return {"loop": loop, "count": block.count, "title": _comment(block.title), "lines": lines, "comments": getattr(block, "comments", ())}
+
+
+def _comment(text: str) -> str:
+    from ncgen.emit.environment import comment_text
+
+    return comment_text(text)
+
+
+def _records(programs: Programs, prefix: str, kernels, tables: Tables) -> dict:
+    equations = programs.equations
+    model = equations.model
+    parameters = equations.parameters
+    return {
+        "prefix": prefix,
+        "upper": prefix.upper(),
+        "model": model,
+        "kernels": kernels,
+        "kernel_names": list(KERNELS),
+        "present": set(programs.programs),
+        "coordinates": [c.name for c in equations.free],
+        "initial": [number(c.initial) for c in equations.free],
+        "rows": [{"number": i + 1, "row": row} for i, row in enumerate(model.rows)],
+        "parameters": parameters,
+        "defaults": [number(evaluate(p, model.parameters, p.name)) for p in parameters],
+        "phi_q": programs.phi_q,
+        "mass": programs.mass,
+        "mass_is_constant": "mass" in programs.programs and programs.programs["mass"].is_constant,
+        "omitted": programs.omitted,
+        "index_tables": [(name, values) for values, name in tables.indices.items()],
+        "number_tables": [(name, [number(v) for v in values]) for values, name in tables.numbers.items()],
+        "width": WIDTH,
+    }

@@ -1,0 +1,53 @@
+"""The jinja2 environment: templates hold the skeleton of a file, never a decision.
+
+Undefined names are errors, and the output has no trailing blanks, so the same input gives the same bytes.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+
+from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+from ncgen.resources import folder
+
+
+@cache
+def environment() -> Environment:
+    env = Environment(
+        loader=FileSystemLoader(folder("templates"), encoding="utf-8"),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+        keep_trailing_newline=True,
+        autoescape=False,
+    )
+    env.filters["comment"] = comment_text
+    env.filters["rows_of"] = rows_of
+    return env
+
+
+def render(template: str, **records) -> str:
+    return environment().get_template(template).render(**records)
+
+
+def verbatim(name: str) -> str:
+    """A file of the templates that is copied as it stands, such as ncgen.h."""
+    return (folder("templates") / name).read_text(encoding="utf-8")
+
+
+def comment_text(text: str) -> str:
+    """Text that cannot end a C comment or leave its line."""
+    return " ".join(str(text).split()).replace("*/", "* /").replace("/*", "/ *")
+
+
+def rows_of(items, width: int) -> list[str]:
+    """Comma-separated items broken into lines of at most `width` characters."""
+    lines, line = [], ""
+    for item in items:
+        piece = f"{item}, "
+        if line and len(line) + len(piece) > width:
+            lines.append(line.rstrip())
+            line = ""
+        line += piece
+    return lines + [line.rstrip(", ")] if line else lines

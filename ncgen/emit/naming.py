@@ -1,0 +1,41 @@
+"""Identifiers of emitted code: readable, valid in C, C++ and Python, and never twice the same."""
+
+from __future__ import annotations
+
+import keyword
+import re
+
+_C_WORDS = """
+auto break case char const continue default do double else enum extern float for goto if inline int long
+register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
+alignas alignof and and_eq asm bitand bitor bool catch class compl concept const_cast consteval constexpr
+constinit co_await co_return co_yield decltype delete dynamic_cast explicit export false friend mutable
+namespace new noexcept not not_eq nullptr operator or or_eq private protected public reinterpret_cast requires
+static_assert static_cast template this thread_local throw true try typeid typename using virtual wchar_t xor xor_eq
+""".split()
+
+RESERVED = frozenset(_C_WORDS) | frozenset(keyword.kwlist) | {"t", "q", "qd", "p", "d", "i", "R", "np", "main", "errno"}
+"""Words that no emitted name may take: keywords, and the arguments of the kernels."""
+
+
+def identifier(name: str) -> str:
+    """A valid identifier that still looks like `name`: `r2.x` becomes `r2_x`."""
+    word = re.sub(r"[^0-9A-Za-z_]", lambda c: "_" if c[0].isascii() else f"u{ord(c[0]):x}", name)
+    word = re.sub(r"__+", "_", word).strip("_") or "x"
+    word = word if word[0].isalpha() else f"x{word}"
+    return f"{word}_" if word in RESERVED else word
+
+
+class Names:
+    """Hands out identifiers within one scope."""
+
+    def __init__(self, taken=()):
+        self._taken = set(taken)
+
+    def __call__(self, wish: str) -> str:
+        word = identifier(wish)
+        number, name = 2, word
+        while name in self._taken:
+            name, number = f"{word}_{number}", number + 1
+        self._taken.add(name)
+        return name

@@ -1,0 +1,121 @@
+"""NumPy source of a mechanism's programs: a module of plain functions that needs nothing but NumPy.
+
+Arguments may have leading batch dimensions, and any number type that NumPy adds and multiplies.
+"""
+
+from __future__ import annotations
+
+from ncgen.emit.environment import render
+from ncgen.emit.expressions import write
+from ncgen.emit.naming import Names, identifier
+from ncgen.emit.tables import Place, Tables
+from ncgen.program.assemble import Programs
+from ncgen.program.blocks import Loop, Program
+from ncgen.program.cost import cost
+from ncgen.program.functions import FUNCTIONS
+
+
+def numpy_files(programs: Programs) -> dict[str, str]:
+    """{file name: text} of the NumPy module."""
+    model = programs.equations.model
+    tables = Tables("_")
+    kernels = [_kernel(program, tables) for program in programs.programs.values()]
+    name = identifier(model.name)
+    text = render(
+        "numpy/model.py.jinja",
+        model=model,
+        kernels=kernels,
+        coordinates=[c.name for c in programs.equations.free],
+        initial=[c.initial for c in programs.equations.free],
+        rows=model.rows,
+        parameters=programs.equations.parameters,
+        phi_q=programs.phi_q,
+        mass=programs.mass,
+        index_tables=[(name, values) for values, name in tables.indices.items()],
+        number_tables=[(name, [repr(v) for v in values]) for values, name in tables.numbers.items()],
+        width=110,
+    )
+    return {f"{name}.py": text}
+
+
+class _NumPy:
+    """How NumPy spells leaves and calls."""
+
+    def __init__(self, tables: Tables):
+        self.tables = tables
+
+    def number(self, value):
+        return repr(value)
+
+    def leaf(self, op, block):
+        if op.code == "load":
+            array, index = op.leaf
+            if array == "t":
+                return "t[..., None]" if isinstance(block, Loop) else "t"
+            return f"{array}[..., {index}]" if not isinstance(block, Loop) else f"{array}[..., {index}, None]"
+        slot = block.slots[op.leaf]
+        if slot.array == "const":
+            return self.tables.number(slot.table)
+        return f"{slot.array}[..., {_subscript(self.tables.place(slot.table), block.count)}]"
+
+    def call(self, name, arguments):
+        return f"np.{FUNCTIONS[name].numpy}({', '.join(arguments)})"
+
+
+def _subscript(place: Place, count: int) -> str:
+    if place.table:
+        return place.table if not place.offset else f"{place.table} + {place.offset}".replace("+ -", "- ")
+    if place.step == 0 or count == 1:
+        return f"{place.offset}, None"
+    stop = place.offset + place.step * count
+    if place.step > 0:
+        return f"{place.offset}:{stop}" if place.step == 1 else f"{place.offset}:{stop}:{place.step}"
+    return f"{place.offset}:{stop if stop >= 0 else ''}:{place.step}"
+
+
+def _kernel(program: Program, tables: Tables) -> dict:
+    names = Names([program.output])
+    lines: list[str] = []
+    for block in program.blocks:
+        lines += _block(block, tables, names)
+    operations = cost(program)
+    return {
+        "name": program.name,
+        "inputs": program.inputs,
+        "output": program.output,
+        "size": program.size,
+        "temporaries": program.temporaries,
+        "lines": lines,
+        "operations": operations.total,
+    }
+
+
+def _block(block, tables: Tables, names: Names) -> list[str]:
+    loop = isinstance(block, Loop)
+    written = write(block, _NumPy(tables), Names(names._taken) if loop else names)
+    lines = [f"# {block.title}"] if block.title else []
+    lines += [f"#   {' '.join(comment.split())}" for comment in getattr(block, "comments", ())]
+    for store, before, value in zip(block.stores, written.before, written.values, strict=True):
+        if not loop and store.comment:
+            lines.append(f"# {' '.join(store.comment.split())}")
+        lines += [f"{a.name} = {a.value}" for a in before]
+        lines.append(_store(store, value, block, tables) if loop else _set(store, store.index, value))
+    return lines
+
+
+def _set(store, place, value) -> str:
+    return f"{store.array}[..., {place}] {'+=' if store.accumulate else '='} {value}"
+
+
+def _store(store, value, block, tables) -> str:
+    if store.accumulate and len(set(store.table)) == 1:
+        # Every run adds to the same place: a sum over the runs, whatever the value's own shape is.
+        return f"{store.array}[..., {store.table[0]}] += np.sum({value} + np.zeros({block.count}), axis=-1)"
+    place = tables.place(store.table)
+    if store.accumulate and len(set(store.table)) < len(store.table):
+        index = _subscript(place, block.count)
+        return f"np.add.at({store.array}, (..., {index}), {value})"
+    subscript = _subscript(place, block.count).removesuffix(", None")
+    if block.count == 1:
+        value, subscript = f"np.asarray({value})", f"{subscript}:{int(subscript) + 1}"
+    return _set(store, subscript, value)

@@ -1,0 +1,63 @@
+"""Generated source files, and writing them so that nobody ever sees half a file."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from ncgen.emit.c import c_files
+from ncgen.emit.numpy import numpy_files
+from ncgen.errors import NcgenError
+from ncgen.program.assemble import Programs
+
+
+@dataclass(frozen=True)
+class Sources:
+    """The generated files of one mechanism.
+
+    files: {name: text}; the same model gives the same bytes
+    """
+
+    programs: Programs
+    c: dict[str, str]
+    numpy: dict[str, str]
+
+    @property
+    def files(self) -> dict[str, str]:
+        return self.c | self.numpy
+
+    def write(self, folder) -> list[Path]:
+        """Write all files into a folder (made if missing) and return their paths.
+
+        Raises NcgenError naming the folder if it cannot be written.
+        """
+        return [write_text(Path(folder) / name, text) for name, text in self.files.items()]
+
+
+def emit(programs: Programs) -> Sources:
+    """Print programs as C and as NumPy."""
+    return Sources(programs, c_files(programs), numpy_files(programs))
+
+
+def write_text(path: Path, text: str) -> Path:
+    """Write a text file atomically: to a temporary name in the same folder, then renamed."""
+    return write_bytes(path, text.encode("utf-8"))
+
+
+def write_bytes(path: Path, data: bytes) -> Path:
+    """Write a file atomically."""
+    temporary = None
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+            temporary = file.name
+            file.write(data)
+        os.chmod(temporary, 0o644)
+        os.replace(temporary, path)
+    except OSError as error:
+        if temporary:
+            Path(temporary).unlink(missing_ok=True)
+        raise NcgenError(f"{path} cannot be written: {error.strerror or error}; choose another folder") from error
+    return path

@@ -1,0 +1,125 @@
+"""The constraint catalogue: one entry a row type, and the only place where a constraint is written down.
+
+A formula works on anything that can be added and multiplied (floats, sympy symbols, mpmath numbers):
+its vectors are tuples of three scalars and `f` is a module with `sin` and `cos`. Everything else
+(Jacobian, acceleration terms, C, NumPy) is derived from it.
+
+Codes 1000-1003 and 1010-1015 are those of Tables 2 and 4 of the paper (DETC2007-35358).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+
+def dot(a, b):
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def cross(a, b):
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@dataclass(frozen=True)
+class RowType:
+    """A kind of constraint equation.
+
+    vectors, scalars: names of the arguments, 3-vectors (linear in q) first
+    data: names of the constants
+    formula(f, **arguments): the raw equation, zero when satisfied
+    scale: the constants whose product divides the scaled row, and a factor
+    equation: the text printed beside the generated code, over the arguments' names
+    """
+
+    key: str
+    vectors: tuple[str, ...]
+    scalars: tuple[str, ...]
+    data: tuple[str, ...]
+    formula: Callable
+    scale_factor: float
+    scale_data: tuple[str, ...]
+    equation: str
+
+
+def _distance(f, a, L):
+    return dot(a, a) - L * L
+
+
+def _unit(f, u):
+    return dot(u, u) - 1
+
+
+def _vector_segment(f, u, a, L, c):
+    return dot(u, a) - L * c
+
+
+def _vector_vector(f, u, v, c):
+    return dot(u, v) - c
+
+
+def _angle_cosine(f, a, b, n, psi, la, lb):
+    return dot(a, b) - la * lb * f.cos(psi)
+
+
+def _angle_sine(axis):
+    def formula(f, a, b, n, psi, la, lb):
+        return cross(a, b)[axis] - la * lb * n[axis] * f.sin(psi)
+
+    return formula
+
+
+def _angle_smooth(f, a, b, n, psi, la, lb):
+    return f.sin(psi) * (dot(a, b) - dot(a, n) * dot(b, n)) - f.cos(psi) * dot(cross(a, b), n)
+
+
+def _angle_smooth_perpendicular(f, a, b, n, psi, la, lb):
+    return f.sin(psi) * dot(a, b) - f.cos(psi) * dot(cross(a, b), n)
+
+
+def _angle_paper(f, a, b, n, psi, la, lb, wc, wx, wy, wz):
+    rows = [_angle_cosine, _angle_sine(0), _angle_sine(1), _angle_sine(2)]
+    return sum(w * row(f, a, b, n, psi, la, lb) for w, row in zip((wc, wx, wy, wz), rows, strict=True))
+
+
+def _angle(key, formula, equation, extra=()):
+    return RowType(key, ("a", "b", "n"), ("psi",), ("la", "lb", *extra), formula, 1.0, ("la", "lb"), equation)
+
+
+BRANCH_WEIGHTS = ("wc", "wx", "wy", "wz")
+"""Data of the `angle-paper` row: exactly one is 1, the one whose equation is in force."""
+
+ROW_TYPES = {
+    row.key: row
+    for row in [
+        RowType("distance", ("a",), (), ("L",), _distance, 0.5, ("L",), "|a|^2 - L^2"),
+        RowType("unit", ("u",), (), (), _unit, 0.5, (), "|u|^2 - 1"),
+        RowType("vector-segment", ("u", "a"), (), ("L", "c"), _vector_segment, 1.0, ("L",), "u.a - L c"),
+        RowType("vector-vector", ("u", "v"), (), ("c",), _vector_vector, 1.0, (), "u.v - c"),
+        _angle("angle-cosine", _angle_cosine, "a.b - la lb cos psi"),
+        _angle("angle-sine-x", _angle_sine(0), "(a x b - la lb n sin psi).x"),
+        _angle("angle-sine-y", _angle_sine(1), "(a x b - la lb n sin psi).y"),
+        _angle("angle-sine-z", _angle_sine(2), "(a x b - la lb n sin psi).z"),
+        _angle("angle-smooth", _angle_smooth, "sin psi [a.b - (a.n)(b.n)] - cos psi (a x b).n"),
+        _angle("angle-smooth-perpendicular", _angle_smooth_perpendicular, "sin psi a.b - cos psi (a x b).n"),
+        _angle(
+            "angle-paper",
+            _angle_paper,
+            "a.b - la lb cos psi, or one component of a x b - la lb n sin psi, as chosen at run time",
+            BRANCH_WEIGHTS,
+        ),
+    ]
+}
+
+PAPER_CODES = {"distance": 1000, "unit": 1001, "vector-segment": 1002, "vector-vector": 1003}
+"""The paper's code of a rigid-body row type (Table 2)."""
+
+PAPER_ANGLE_CODES = {
+    ("segment", "segment", "vector"): 1010,
+    ("segment", "segment", "segment"): 1011,
+    ("vector", "vector", "vector"): 1012,
+    ("vector", "vector", "segment"): 1013,
+    ("vector", "segment", "vector"): 1014,
+    ("vector", "segment", "segment"): 1015,
+}
+"""The paper's code of an angle by what it is measured from, to and about (Table 4, comment numbers)."""

@@ -1,0 +1,188 @@
+"""Points, unit vectors and angles: the coordinates of a mechanism.
+
+The handles returned here are what a user combines: `r4 - r2` is the segment from r2 to r4, `-u` the
+reversed vector, `r2.z` the sympy symbol of one component, `psi.rate` the symbol of a velocity.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ncgen.model.values import Symbolic, is_number
+
+AXES = "xyz"
+
+
+@dataclass(frozen=True)
+class Component(Symbolic):
+    """One scalar coordinate: `r2.x`, or the angle `psi1`.
+
+    `value` is what the user gave (a number, or a parameter where the component is fixed);
+    `initial` is its number in the initial position.
+    """
+
+    name: str
+    fixed: bool
+    value: object
+    initial: float
+
+    @property
+    def rate(self):
+        """The sympy symbol of this coordinate's velocity."""
+        import sympy
+
+        return sympy.Symbol(rate_name(self.name), real=True)
+
+
+def rate_name(coordinate: str) -> str:
+    """The name of a coordinate's velocity, e.g. `rate(psi1)`."""
+    return f"rate({coordinate})"
+
+
+class Element:
+    """What points, vectors and angles share: a name and one or three components."""
+
+    name: str
+    components: tuple[Component, ...]
+
+    @property
+    def initial(self) -> np.ndarray:
+        """The numbers of the initial position, shape (len(components),)."""
+        return np.array([c.initial for c in self.components])
+
+    @property
+    def fixed(self) -> bool:
+        """True if no component can move."""
+        return all(c.fixed for c in self.components)
+
+
+class Spatial(Element):
+    """An element of three components that can be combined with others."""
+
+    @property
+    def x(self):
+        return self.components[0]
+
+    @property
+    def y(self):
+        return self.components[1]
+
+    @property
+    def z(self):
+        return self.components[2]
+
+    def __add__(self, other):
+        return as_combination(self) + other
+
+    def __sub__(self, other):
+        return as_combination(self) - other
+
+    def __neg__(self):
+        return -as_combination(self)
+
+    def __mul__(self, weight):
+        return as_combination(self) * weight
+
+    __rmul__ = __mul__
+
+
+@dataclass(frozen=True, eq=False)
+class Point(Spatial):
+    name: str
+    components: tuple[Component, ...]
+
+    def __repr__(self):
+        return f"point {self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Vector(Spatial):
+    """A unit vector."""
+
+    name: str
+    components: tuple[Component, ...]
+
+    def __repr__(self):
+        return f"vector {self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Angle(Element):
+    """A relative angle: from `start` to `end`, counted positively about `axis`."""
+
+    name: str
+    components: tuple[Component, ...]
+    start: Combination = field(repr=False)
+    end: Combination = field(repr=False)
+    axis: Combination = field(repr=False)
+
+    @property
+    def symbol(self):
+        """The sympy symbol of the angle."""
+        return self.components[0].symbol
+
+    @property
+    def rate(self):
+        """The sympy symbol of the angle's velocity."""
+        return self.components[0].rate
+
+    def __repr__(self):
+        return f"angle {self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Combination:
+    """A linear combination of points and vectors, such as the segment `r4 - r2`.
+
+    `terms` holds (weight, element) pairs; a weight is a number, a parameter or an expression of parameters.
+    """
+
+    terms: tuple[tuple[object, Spatial], ...]
+
+    def __add__(self, other):
+        terms = dict((element, weight) for weight, element in self.terms)
+        for weight, element in as_combination(other).terms:
+            terms[element] = terms[element] + weight if element in terms else weight
+        return Combination(tuple((weight, element) for element, weight in terms.items()))
+
+    def __sub__(self, other):
+        return self + (-as_combination(other))
+
+    def __neg__(self):
+        return self * -1.0
+
+    def __mul__(self, weight):
+        return Combination(tuple((factor * weight, element) for factor, element in self.terms))
+
+    __rmul__ = __mul__
+
+    @property
+    def initial(self) -> np.ndarray:
+        """The vector in the initial position, shape (3,); weights that are parameters are not allowed here."""
+        return sum((weight * element.initial for weight, element in self.terms), np.zeros(3))
+
+    @property
+    def elements(self) -> tuple[Spatial, ...]:
+        return tuple(element for _, element in self.terms)
+
+    @property
+    def is_direction(self) -> bool:
+        """True if the points' weights cancel, so that the combination does not depend on the origin."""
+        weights = [weight for weight, element in self.terms if isinstance(element, Point)]
+        return all(map(is_number, weights)) and sum(weights) == 0.0
+
+    def __str__(self):
+        if len(self.terms) == 2 and [w for w, _ in self.terms] == [1.0, -1.0]:
+            return f"{self.terms[0][1].name}-{self.terms[1][1].name}"
+        parts = []
+        for weight, element in self.terms:
+            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{weight}*"
+            parts.append(f"{sign}{element.name}")
+        return "+".join(parts).replace("+-", "-")
+
+
+def as_combination(thing) -> Combination:
+    """A point, a vector or a combination as a combination."""
+    return thing if isinstance(thing, Combination) else Combination(((1.0, thing),))

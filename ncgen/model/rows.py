@@ -1,0 +1,138 @@
+"""Constraint rows: a row type of the catalogue applied to elements of a mechanism, with its owner.
+
+The functions here check a row against the initial position, because that is where a mistake can be
+shown on the line that the user wrote.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
+from ncgen.model.elements import AXES, Angle, Combination, Component, Point, as_combination
+from ncgen.model.values import Parameter, is_number
+
+PARALLEL = 1e-6
+"""Rows 1002 and 1003 are refused within this angle (rad) of 0 and pi: their gradient repeats the unit norm's."""
+
+UNIT_LENGTH = 1e-9
+"""How far a unit vector's length may be from 1."""
+
+
+@dataclass(frozen=True)
+class Owner:
+    """Who is responsible for a row or a mass: a body, a coordinate, a joint, a driver or the user."""
+
+    kind: str
+    name: str
+
+    def __str__(self):
+        return f"{self.kind} {self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """One constraint equation.
+
+    type: catalogue entry, or None where `expression` (a sympy expression of coordinates, t and parameters) is given
+    arguments: combination per vector argument, component per scalar argument
+    data: value per constant
+    """
+
+    owner: Owner
+    label: str
+    code: int | None = None
+    type: RowType | None = None
+    arguments: dict[str, Combination | Component] = field(default_factory=dict)
+    data: dict[str, object] = field(default_factory=dict)
+    expression: object = None
+    scaled: bool = True
+
+    @property
+    def equation(self) -> str:
+        """The equation in words of the row's own elements, for comments and listings."""
+        if self.type is None:
+            return f"{self.expression} = 0"
+        places = ", ".join(f"{name} = {_short(value)}" for name, value in {**self.arguments, **self.data}.items())
+        return f"{self.type.equation} = 0 with {places}"
+
+
+def _short(value) -> str:
+    if isinstance(value, (Parameter, Component)):
+        return value.name
+    return f"{value:.6g}" if is_number(value) else str(value)
+
+
+def distance(start: Point, end: Point, length, owner: Owner, numeric: float, scaled: bool) -> Row:
+    """Row 1000: |end − start| = length (m). `numeric` is the length's number."""
+    label = f"distance {start.name}-{end.name}"
+    if not numeric > 0:
+        raise ModelError(
+            f"{owner}, {label}: the length is {numeric:g} m; two points of a rigid body must be apart, give other points"
+        )
+    return Row(owner, label, PAPER_CODES["distance"], ROW_TYPES["distance"], {"a": start - end}, {"L": length}, scaled=scaled)
+
+
+def unit(vector, owner: Owner, scaled: bool) -> Row:
+    """Row 1001: |u| = 1."""
+    return Row(
+        owner, f"unit {vector.name}", PAPER_CODES["unit"], ROW_TYPES["unit"], {"u": as_combination(vector)}, scaled=scaled
+    )
+
+
+def vector_segment(vector, segment: Combination, length, cosine, owner: Owner, scaled: bool) -> Row:
+    """Row 1002: u·segment = length·cosine; refused where the two are parallel."""
+    label = f"angle {vector.name}, {segment}"
+    _refuse_parallel(cosine, f"{owner}, {label}")
+    data = {"L": length, "c": cosine}
+    arguments = {"u": as_combination(vector), "a": segment}
+    return Row(owner, label, PAPER_CODES["vector-segment"], ROW_TYPES["vector-segment"], arguments, data, scaled=scaled)
+
+
+def vector_vector(u, v, cosine, owner: Owner, scaled: bool) -> Row:
+    """Row 1003: u·v = cosine; refused where the two are parallel."""
+    label = f"angle {u.name}, {v.name}"
+    _refuse_parallel(cosine, f"{owner}, {label}")
+    arguments = {"u": as_combination(u), "v": as_combination(v)}
+    return Row(owner, label, PAPER_CODES["vector-vector"], ROW_TYPES["vector-vector"], arguments, {"c": cosine}, scaled=scaled)
+
+
+def _refuse_parallel(cosine, where: str) -> None:
+    if is_number(cosine) and abs(cosine) > math.cos(PARALLEL):
+        angle = "0" if cosine > 0 else "pi"
+        raise ModelError(
+            f"{where}: the cosine is {cosine:.12g}, an angle of {angle}, where this row says no more than the unit length; "
+            "share the vector, or use a parallel row"
+        )
+
+
+def angle(psi: Angle, form: str, lengths, branch: tuple[Parameter, ...], scaled: bool) -> Row:
+    """The row that ties a relative angle to the elements it is measured between.
+
+    form: "smooth" (never degenerate), "cosine", "sine" (largest component of the axis) or "paper"
+    (cosine or one sine component, chosen at run time through the parameters `branch`).
+    lengths: of start and end (m; 1 for unit vectors), or None to measure them in the initial position.
+    """
+    key = f"angle-sine-{AXES[largest_component(psi.axis.initial)]}" if form == "sine" else f"angle-{form}"
+    la, lb = lengths or (length(psi.start), length(psi.end))
+    data = {"la": la, "lb": lb, **dict(zip(BRANCH_WEIGHTS, branch))}
+    arguments = {"a": psi.start, "b": psi.end, "n": psi.axis, "psi": psi.components[0]}
+    code = PAPER_ANGLE_CODES[shape(psi.start), shape(psi.end), shape(psi.axis)]
+    return Row(Owner("coordinate", psi.name), f"angle {psi.name}", code, ROW_TYPES[key], arguments, data, scaled=scaled)
+
+
+def shape(direction: Combination) -> str:
+    """"segment" for a difference of points, "vector" otherwise."""
+    return "segment" if all(isinstance(e, Point) for e in direction.elements) else "vector"
+
+
+def length(direction: Combination) -> float:
+    return float(np.linalg.norm(direction.initial))
+
+
+def largest_component(axis: np.ndarray) -> int:
+    return int(np.argmax(np.abs(axis)))

@@ -1,0 +1,176 @@
+"""The paper's Tables 1-7 as input: matrices P, U and CONSTR with 1-based numbers, as printed.
+
+One extension: a negative number of an axis vector in an angle row measures about the reversed vector,
+so that every sense of section 3.3 of the paper can be written.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model.elements import Angle
+from ncgen.model.values import is_number
+
+COLUMNS = 12
+
+
+def from_tables(
+    cls, P, U, CONSTR, *, inertia=None, lines=(), uvect=(), fixed=(), independent=(), name="model", scale=True, form="smooth"
+):
+    """Build a model from the paper's tables.
+
+    P, U: rows of x, y, z and the 1-based position in q (Table 1); points are named r1, r2 …, vectors u1, u2 …
+    CONSTR: rows of 12 entries with the codes 1000-1003 and 1010-1015 (Tables 2-5); angles are named psi1, psi2 …
+    inertia: {body number: {m, cog, IT, r, u}} (Table 6); optional `points` and `vectors` name all elements of a
+        body, where they are more than the basis r, u
+    lines, uvect: pairs of points, and pairs (point, vector), as the columns of Table 7 stand printed
+    fixed: 1-based positions in q that do not move (section 5 of the paper)
+    independent: numbers of the angles that are independent coordinates
+
+    Raises ModelError naming the table, its row and the number that is wrong.
+    """
+    model = cls(name, scale=scale, form=form)
+    tables = _Tables(model, inertia or {})
+    tables.place(P, U, set(fixed))
+    tables.add_bodies()
+    for number, entries in enumerate(CONSTR, start=1):
+        tables.add_row(number, list(entries))
+    for start, end in lines:
+        model.line(tables.point(start, "LINES"), tables.point(end, "LINES"))
+    for point, vector in uvect:
+        model.arrow(tables.point(point, "UVECT"), tables.vector(vector, "UVECT"))
+    model.independent(*(f"psi{i}" for i in independent))
+    return model
+
+
+class _Tables:
+    """The translation in progress: knows the model and which body owns which elements."""
+
+    def __init__(self, model, inertia):
+        self.model = model
+        self.inertia = inertia
+
+    def place(self, P, U, fixed):
+        """Points and vectors in the order of their positions in q."""
+        entries = [(f"r{i}", self.model.point, row) for i, row in enumerate(P, 1)]
+        entries += [(f"u{i}", self.model.vector, row) for i, row in enumerate(U, 1)]
+        for name, _, row in entries:
+            if len(row) != 4:
+                raise ModelError(f"table of {name}: {len(row)} numbers given; give x, y, z and the position in q")
+        entries.sort(key=lambda entry: entry[2][3])
+        expected = 1
+        for name, add, (x, y, z, position) in entries:
+            if position != expected:
+                raise ModelError(f"{name}: its position in q is {position:g} where {expected} is the next free one; correct column 4")
+            held = "".join(axis for k, axis in enumerate("xyz") if position + k in fixed)
+            add(name, (x, y, z), fixed=held)
+            expected += 3
+
+    def add_bodies(self):
+        for number, entry in self.inertia.items():
+            where = f"inertia of body {number}"
+            basis = [self.point(i, where) for i in entry["r"]] + [self.vector(i, where) for i in entry.get("u", ())]
+            self.model.body(
+                f"body{number}",
+                points=[self.point(i, where) for i in entry.get("points", entry["r"])],
+                vectors=[self.vector(i, where) for i in entry.get("vectors", entry.get("u", ()))],
+                mass=entry["m"],
+                com=entry["cog"],
+                inertia=entry["IT"],
+                basis=basis,
+            )
+
+    def point(self, number, where):
+        return self._element("point", "r", number, where)
+
+    def vector(self, number, where):
+        return self._element("vector", "u", number, where)
+
+    def axis(self, number, where):
+        vector = self.vector(abs(number), where)
+        return -vector if number < 0 else vector
+
+    def segment(self, start, end, where):
+        return self.point(end, where) - self.point(start, where)
+
+    def _element(self, kind, letter, number, where):
+        name = f"{letter}{number:g}"
+        if name not in self.model.elements:
+            count = sum(e.name.startswith(letter) and not isinstance(e, Angle) for e in self.model.elements.values())
+            raise ModelError(f"{where}: {kind} {number:g} does not exist, the table has {count}; correct the number")
+        return self.model.elements[name]
+
+    def owner(self, elements):
+        """The first body that has all these elements: the paper says it only in comments."""
+        for body in self.model.bodies.values():
+            if set(elements) <= set(body.elements):
+                return body
+        return None
+
+    def add_row(self, number, entries):
+        where = f"CONSTR row {number}"
+        if len(entries) != COLUMNS:
+            raise ModelError(f"{where}: {len(entries)} entries; a row has {COLUMNS}, fill with zeros")
+        for column, entry in enumerate(entries, 1):
+            if is_number(entry) and not np.isfinite(entry):
+                raise ModelError(f"{where}, column {column}: {entry} is not a finite number; correct it")
+        add = ROW_READERS.get(entries[0])
+        if add is None:
+            known = ", ".join(map(str, ROW_READERS))
+            raise ModelError(f"{where}: code {entries[0]} is unknown; the codes are {known}")
+        add(self, where, *entries[1:])
+
+    def distance(self, where, i, j, *rest):
+        start, end = self.point(i, where), self.point(j, where)
+        self.model.distance(start, end, rest[-1], owner=self.owner([start, end]))
+
+    def unit(self, where, i, *rest):
+        vector = self.vector(i, where)
+        self.model.unit(vector, owner=self.owner([vector]))
+
+    def vector_segment(self, where, k, i, j, *rest):
+        vector, start, end = self.vector(k, where), self.point(i, where), self.point(j, where)
+        self.model.vector_segment(vector, start - end, rest[-2], rest[-1], owner=self.owner([vector, start, end]))
+
+    def vector_vector(self, where, i, j, *rest):
+        u, v = self.vector(i, where), self.vector(j, where)
+        self.model.vector_vector(u, v, rest[-1], owner=self.owner([u, v]))
+
+    def angle(self, ipos, start, end, axis, lengths=None):
+        self.model.angle(f"psi{ipos:g}", start, end, axis, lengths=lengths)
+
+    def segments_on_vector(self, where, i, j, k, l, m, _0, _1, _2, Lij, Lkl, ipos):
+        self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.axis(m, where), (Lij, Lkl))
+
+    def segments_on_segment(self, where, i, j, k, l, m, n, _0, Lij, Lkl, Lmn, ipos):
+        self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.segment(n, m, where), (Lij, Lkl))
+
+    def vectors_on_vector(self, where, i, j, k, *rest):
+        self.angle(rest[-1], self.vector(i, where), self.vector(j, where), self.axis(k, where))
+
+    def vectors_on_segment(self, where, i, j, k, l, *rest):
+        self.angle(rest[-1], self.vector(i, where), self.vector(j, where), self.segment(l, k, where))
+
+    def vector_segment_on_vector(self, where, k, i, j, l, *rest):
+        self.angle(rest[-1], self.vector(k, where), self.segment(j, i, where), self.axis(l, where), (1.0, rest[-2]))
+
+    def vector_segment_on_segment(self, where, k, i, j, l, m, *rest):
+        axis = self.segment(m, l, where)
+        self.angle(rest[-1], self.vector(k, where), self.segment(j, i, where), axis, (1.0, rest[-3]))
+
+
+ROW_READERS = {
+    1000: _Tables.distance,
+    1001: _Tables.unit,
+    1002: _Tables.vector_segment,
+    1003: _Tables.vector_vector,
+    1010: _Tables.segments_on_vector,
+    1011: _Tables.segments_on_segment,
+    1012: _Tables.vectors_on_vector,
+    1013: _Tables.vectors_on_segment,
+    1014: _Tables.vector_segment_on_vector,
+    1015: _Tables.vector_segment_on_segment,
+}
+
+

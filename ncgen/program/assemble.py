@@ -1,0 +1,350 @@
+"""From bound terms to programs: one program a kernel.
+
+Terms of equal structure become a loop over index tables when there are enough of them, straight-line
+code otherwise; contributions that turn out to be plain numbers are added up here and become data.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from ncgen.errors import ModelError
+from ncgen.program import passes
+from ncgen.program.binding import Bound, Derived, Places, bind
+from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, TableStore
+from ncgen.program.graph import Graph
+from ncgen.program.lower import lower_value
+from ncgen.program.verify import verify
+from ncgen.symbolic.equations import Equations
+
+EMISSIONS = {"unrolled": math.inf, "tabled": 2, "auto": 3}
+"""The least number of equal terms that become a loop."""
+
+
+@dataclass(frozen=True)
+class Kernel:
+    """What a kernel is: its inputs, which terms enter, and how a term contributes.
+
+    parts(places, outputs) yields (place, node): a place is what tells contributions apart, such as
+    ("row",), or local numbers of coordinates.
+    """
+
+    name: str
+    inputs: tuple[str, ...]
+    terms: Callable[[Equations], tuple]
+    wants: Callable[[object], bool]
+    parts: Callable[[Places, dict], Iterator[tuple[tuple, int]]]
+
+
+def _row(output):
+    def parts(places, outputs):
+        yield ("row",), outputs[output]
+
+    return parts
+
+
+def _chain(output: str, order: int, by_row: bool):
+    """Contributions per coordinate (order 1) or pair of coordinates (order 2), by the chain rule."""
+
+    def parts(places, outputs):
+        graph = places.graph
+        weights = [places.weights(c) for c in range(len(places.bound.coordinates))]
+        head = ("row",) if by_row else ()
+        for i, first in enumerate(weights):
+            if order == 1:
+                pieces = [graph.mul(w, outputs[output, k]) for k, w in first if (output, k) in outputs]
+                yield (*head, i), graph.sum(pieces)
+                continue
+            for j, second in enumerate(weights):
+                pieces = [graph.mul(graph.mul(w, x), outputs[output, k, l]) for k, w in first for l, x in second]
+                yield (*head, i, j), graph.sum(pieces)
+
+    return parts
+
+
+ENERGIES = ("kinetic", "potential", "power")
+
+
+def _energies(places, outputs):
+    for name in ENERGIES:
+        if name in outputs:
+            yield ("energy", name), outputs[name]
+
+
+POSITION, VELOCITY = ("t", "q", "p"), ("t", "q", "qd", "p")
+
+
+def _all(equations):
+    return equations.masses + equations.forces
+
+
+KERNELS = {
+    kernel.name: kernel
+    for kernel in [
+        Kernel("phi", POSITION, lambda e: e.rows, lambda k: k == "phi", _row("phi")),
+        Kernel("phi_q", POSITION, lambda e: e.rows, lambda k: k[0] == "phi_q", _chain("phi_q", 1, True)),
+        Kernel("nu", POSITION, lambda e: e.rows, lambda k: k == "nu", _row("nu")),
+        Kernel("gamma", VELOCITY, lambda e: e.rows, lambda k: k == "gamma", _row("gamma")),
+        Kernel("mass", POSITION, lambda e: e.masses, lambda k: k[0] == "mass", _chain("mass", 2, False)),
+        Kernel("force", VELOCITY, _all, lambda k: k[0] == "force", _chain("force", 1, False)),
+        Kernel("energy", VELOCITY, _all, lambda k: k in ENERGIES, _energies),
+    ]
+}
+
+
+@dataclass
+class Contribution:
+    """One group of equal terms in one kernel: a body of operations and where its results go."""
+
+    members: list[Bound]
+    graph: Graph
+    parts: list[tuple[tuple, int]]
+    slots: list[tuple[tuple, Slot]] = field(default_factory=list)
+
+
+@dataclass(frozen=True)
+class Programs:
+    """All kernels of a mechanism, with the patterns of its matrices.
+
+    programs: {kernel name: Program}; kernels that a scene does not need are missing
+    omitted: what was left out, in words
+    """
+
+    equations: Equations
+    programs: dict[str, Program]
+    phi_q: Pattern
+    mass: Pattern
+    emission: str
+    omitted: tuple[str, ...]
+
+
+def assemble(equations: Equations, emission: str = "auto") -> Programs:
+    """Build the programs of every kernel the mechanism needs."""
+    if emission not in EMISSIONS:
+        raise ModelError(f"emission {emission!r} is unknown; choose one of {', '.join(EMISSIONS)}")
+    derived = Derived()
+    bound = {term: bind(term, equations, derived) for term in (*equations.rows, *_all(equations))}
+    programs, patterns, omitted = {}, {}, list(equations.omitted)
+    n, m = len(equations.free), len(equations.rows)
+    shapes = {"phi_q": (m, n), "mass": (n, n)}
+    for kernel in KERNELS.values():
+        groups = [_build(kernel, members, equations) for members in _groups(kernel, equations, bound)]
+        places = _places(groups, equations)
+        if kernel.name in shapes:
+            pattern = Pattern.of(shapes[kernel.name], places)
+            patterns[kernel.name] = pattern
+            index, size = pattern.positions(), pattern.nonzeros
+        else:
+            size = {"force": n, "energy": len(ENERGIES)}.get(kernel.name, m)
+            index = {place: place[0] for place in places}
+        if not places and kernel.name not in ("phi", "phi_q", "gamma"):
+            omitted.append(f"kernel {kernel.name}: nothing in this mechanism contributes to it")
+            continue
+        program = _program(kernel, groups, index, size, equations, derived, EMISSIONS[emission])
+        programs[kernel.name] = program
+        verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters)})
+    omitted += _folded(equations)
+    return Programs(equations, programs, patterns["phi_q"], patterns["mass"], emission, tuple(omitted))
+
+
+def _groups(kernel: Kernel, equations: Equations, bound) -> list[list[Bound]]:
+    groups: dict[tuple, list[Bound]] = defaultdict(list)
+    for term in kernel.terms(equations):
+        groups[bound[term].structure].append(bound[term])
+    return list(groups.values())
+
+
+def _build(kernel: Kernel, members: list[Bound], equations: Equations) -> Contribution:
+    """The loop body of a group; constants that are the same in every member are folded into it."""
+    graph, first = Graph(), members[0]
+    slots: dict[tuple, int] = {}
+    contribution = Contribution(members, graph, [])
+
+    def read(reference) -> int:
+        kind, k = reference
+        if kind == "const":
+            column = [b.constants[k] for b in members]
+            if len(set(column)) == 1:
+                return graph.const(column[0])
+        if reference not in slots:
+            slots[reference] = len(slots)
+            contribution.slots.append((reference, _slot(reference, members, equations)))
+        return graph.slot(slots[reference])
+
+    places = Places(graph, first, read)
+    wanted = [key for key in first.template.outputs if kernel.wants(key)]
+    outputs = first.template.replay(graph, places.symbol, wanted)
+    contribution.parts = [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
+    return contribution
+
+
+def _slot(reference, members, equations) -> Slot:
+    kind, k = reference
+    if kind == "const":
+        return Slot("const", tuple(b.constants[k] for b in members))
+    if kind == "p":
+        return Slot(members[0].parameters[k][0], tuple(b.parameters[k][1] for b in members))
+    return Slot(kind, tuple(equations.index[b.coordinates[k]] for b in members))
+
+
+def _place(place: tuple, bound: Bound, equations: Equations) -> tuple[int, ...]:
+    """Where a contribution goes: row number, coordinate numbers, or number of the energy."""
+    if place[0] == "energy":
+        return (ENERGIES.index(place[1]),)
+    return tuple(bound.term.row if p == "row" else equations.index[bound.coordinates[p]] for p in place)
+
+
+def _places(groups: list[Contribution], equations: Equations) -> set[tuple[int, ...]]:
+    return {_place(place, b, equations) for g in groups for place, _ in g.parts for b in g.members}
+
+
+def _program(kernel, groups, index, size, equations, derived, least) -> Program:
+    base = [0.0] * size
+    loops, lines = [], []
+    for group in groups:
+        block = passes.fold_tables(_loop(kernel, group, index, equations))
+        block = _take_constants(block, base)
+        if block.stores:
+            (loops if len(group.members) >= least else lines).append(block)
+    blocks = _combine(kernel, base, loops, lines, equations)
+    needed = sorted({i for b in blocks for i in _derived_indices(b)})
+    if needed:
+        blocks = [_derived_block(derived, needed, equations), *blocks]
+    blocks = tuple(passes.schedule(b) for b in map(passes.dead_code, blocks))
+    temporaries = {"d": len(derived.expressions)} if needed else {}
+    return Program(kernel.name, kernel.inputs, kernel.name, size, blocks, temporaries)
+
+
+def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> Loop:
+    stores = tuple(
+        TableStore(kernel.name, tuple(index[_place(place, b, equations)] for b in group.members), node)
+        for place, node in group.parts
+    )
+    bound = group.members[0]
+    names = {}
+    for number, (reference, _) in enumerate(group.slots):
+        kind, k = reference
+        name = bound.names[("q", k) if kind == "qd" else reference]
+        names[group.graph.slot(number)] = f"d{name}" if kind == "qd" else name
+    comments = tuple(_comment(b, equations) for b in group.members)
+    title = f"{bound.term.template.key}: {bound.term.template.equation}"
+    slots = tuple(slot for _, slot in group.slots)
+    return Loop(len(group.members), tuple(group.graph.ops), slots, stores, names, title, comments)
+
+
+def _comment(bound: Bound, equations: Equations) -> str:
+    term = bound.term
+    if term.row is None:
+        return f"{term.label} ({term.owner})" if str(term.owner) != term.label else term.label
+    row = equations.model.rows[term.row]
+    code = f"{row.code} " if row.code else ""
+    return f"row {term.row + 1}: {code}{row.label} ({row.owner}): {row.equation}"
+
+
+def _take_constants(block: Loop, base: list[float]) -> Loop:
+    """Move stores of plain numbers into the base table."""
+    kept = []
+    for store in block.stores:
+        op = block.ops[store.node]
+        if op.code == "const":
+            column = [op.leaf] * block.count
+        elif op.code == "slot" and block.slots[op.leaf].array == "const":
+            column = block.slots[op.leaf].table
+        else:
+            kept.append(store)
+            continue
+        for position, value in zip(store.table, column, strict=True):
+            base[position] += value
+    return Loop(block.count, block.ops, block.slots, tuple(kept), block.names, block.title, block.comments)
+
+
+def _combine(kernel, base, loops, lines, equations) -> list:
+    """Base table first, then straight-line code, then loops; plain stores where nothing is added up."""
+    hits: dict[int, int] = defaultdict(int)
+    for block in loops:
+        for store in block.stores:
+            for position in store.table:
+                hits[position] += 1
+    straight = _straight(kernel, lines, base, hits, equations)
+    written = {s.index for s in straight.stores} if straight else set()
+    alone = all(base[i] == 0.0 for i in hits) and all(n == 1 for n in hits.values()) and not written & set(hits)
+    blocks = []
+    if not (alone and len(written) + len(hits) == len(base)):
+        blocks.append(_base_block(kernel.name, base))
+        alone = alone and not any(base[i] for i in hits)
+    if straight:
+        blocks.append(straight)
+    for block in loops:
+        stores = tuple(TableStore(s.array, s.table, s.node, not alone) for s in block.stores)
+        blocks.append(Loop(block.count, block.ops, block.slots, stores, block.names, block.title, block.comments))
+    return blocks
+
+
+def _base_block(array: str, base: list[float]) -> Loop:
+    graph = Graph()
+    count = len(base)
+    if len(set(base)) <= 1:
+        node, slots = graph.const(base[0] if base else 0.0), ()
+    else:
+        node, slots = graph.slot(0), (Slot("const", tuple(base)),)
+    return Loop(count, tuple(graph.ops), slots, (TableStore(array, tuple(range(count)), node),), {}, "constant part")
+
+
+def _straight(kernel, lines: list[Loop], base, hits, equations) -> Straight | None:
+    """Small groups written out: their loops unrolled into one graph, contributions to one place added."""
+    graph = Graph()
+    sums: dict[int, list[int]] = defaultdict(list)
+    comments: dict[int, list[str]] = defaultdict(list)
+    names = {}
+    for loop in lines:
+        for run in range(loop.count):
+            nodes = passes.unroll(graph, loop, run)
+            for store in loop.stores:
+                sums[store.table[run]].append(nodes[store.node])
+                comments[store.table[run]].append(loop.comments[run])
+    if not sums:
+        return None
+    for node, op in enumerate(graph.ops):
+        if op.code == "load":
+            names[node] = _load_name(*op.leaf, equations)
+    stores = []
+    for position in sorted(sums):
+        value = sums[position] if position in hits else [graph.const(base[position]), *sums[position]]
+        comment = "; ".join(dict.fromkeys(comments[position]))
+        stores.append(Store(kernel.name, position, graph.sum(value), position in hits, comment))
+    return Straight(tuple(graph.ops), tuple(stores), names)
+
+
+def _load_name(array: str, index: int, equations: Equations) -> str:
+    if array == "q":
+        return equations.free[index].name
+    if array == "qd":
+        return f"d{equations.free[index].name}"
+    if array == "p":
+        return equations.parameters[index].name
+    return array if array == "t" else f"{array}{index}"
+
+
+def _derived_indices(block) -> set[int]:
+    if isinstance(block, Loop):
+        return {i for slot in block.slots if slot.array == "d" for i in slot.table}
+    return {op.leaf[1] for op in block.ops if op.code == "load" and op.leaf[0] == "d"}
+
+
+def _derived_block(derived: Derived, needed: list[int], equations: Equations) -> Straight:
+    graph = Graph()
+    parameters = {p.name: graph.load("p", i) for i, p in enumerate(equations.parameters)}
+    names = {node: name for name, node in parameters.items()}
+    stores = tuple(
+        Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=str(derived.expressions[i])) for i in needed
+    )
+    return Straight(tuple(graph.ops), stores, names, "derived from parameters")
+
+
+def _folded(equations: Equations) -> list[str]:
+    fixed = [c for c in equations.model.components if c.fixed]
+    zero = sum(c.value == 0.0 for c in fixed)
+    return [f"{len(fixed)} fixed coordinates became constants, {zero} of them zero"] if fixed else []

@@ -1,0 +1,35 @@
+"""A program as text, for reading and for comparing."""
+
+from __future__ import annotations
+
+from ncgen.program.blocks import Loop, Program
+
+
+def dump(program: Program) -> str:
+    """One line an operation: `%3 = mul %1 %2`, with loops, tables and stores spelled out."""
+    lines = [f"program {program.name}({', '.join(program.inputs)}) -> {program.output}[{program.size}]"]
+    lines += [f"  temporary {name}[{size}]" for name, size in program.temporaries.items()]
+    for block in program.blocks:
+        loop = isinstance(block, Loop)
+        lines.append(f"  loop {block.count}  # {block.title}" if loop else f"  straight  # {block.title}".rstrip(" #"))
+        for number, slot in enumerate(getattr(block, "slots", ())):
+            lines.append(f"    slot {number} = {slot.array}[{', '.join(map(repr, slot.table))}]")
+        for number, op in enumerate(block.ops):
+            name = f"  # {block.names[number]}" if number in block.names else ""
+            lines.append(f"    %{number} = {_operation(op)}{name}")
+        for store in block.stores:
+            place = "[" + ", ".join(map(str, store.table)) + "]" if loop else f"[{store.index}]"
+            sign = "+=" if store.accumulate else "="
+            comment = f"  # {store.comment}" if getattr(store, "comment", "") else ""
+            lines.append(f"    {store.array}{place} {sign} %{store.node}{comment}")
+    return "\n".join(lines) + "\n"
+
+
+def _operation(op) -> str:
+    if op.code == "const":
+        return f"const {op.leaf!r}"
+    if op.code == "load":
+        return f"load {op.leaf[0]}[{op.leaf[1]}]"
+    if op.code == "slot":
+        return f"slot {op.leaf}"
+    return f"{op.code} " + " ".join(f"%{a}" for a in op.args)

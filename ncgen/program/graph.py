@@ -1,0 +1,162 @@
+"""Straight-line code under construction: hash-consed operations with local simplification.
+
+Every operation is looked up before it is made, so equal subexpressions exist once and common
+subexpression elimination costs nothing. Numbers of operations grow only; arguments come first.
+
+The rules are those that never change more than the last bits: constants are folded, 0 and 1 vanish,
+signs move outward, a division by a constant becomes a multiplication.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from ncgen.program.functions import FUNCTIONS
+
+
+class Op(NamedTuple):
+    """One operation: code, the numbers of its arguments, and for leaves what they stand for.
+
+    Leaves: ("const", (), value) · ("load", (), (array, index)) · ("slot", (), number of a loop's slot)
+    """
+
+    code: str
+    args: tuple[int, ...]
+    leaf: object = None
+
+
+ARITHMETIC = {"add": "+", "sub": "-", "mul": "*", "div": "/", "neg": "-"}
+
+
+class Graph:
+    """A growing list of operations; the methods return operation numbers."""
+
+    def __init__(self):
+        self.ops: list[Op] = []
+        self._known: dict[Op, int] = {}
+
+    def _make(self, code: str, args: tuple[int, ...] = (), leaf=None) -> int:
+        key = Op(code, args, leaf.hex() if code == "const" else leaf)
+        if key not in self._known:
+            self._known[key] = len(self.ops)
+            self.ops.append(Op(code, args, leaf))
+        return self._known[key]
+
+    # -- leaves --------------------------------------------------------------------------------
+
+    def const(self, value: float) -> int:
+        return self._make("const", leaf=float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
+
+    def load(self, array: str, index: int) -> int:
+        return self._make("load", leaf=(array, index))
+
+    def slot(self, number: int) -> int:
+        return self._make("slot", leaf=number)
+
+    def value(self, node: int) -> float | None:
+        """The number of a constant, None for anything else."""
+        op = self.ops[node]
+        return op.leaf if op.code == "const" else None
+
+    # -- arithmetic ----------------------------------------------------------------------------
+
+    def neg(self, a: int) -> int:
+        op = self.ops[a]
+        if op.code == "const":
+            return self.const(-op.leaf)
+        return op.args[0] if op.code == "neg" else self._make("neg", (a,))
+
+    def add(self, a: int, b: int) -> int:
+        x, y = self.value(a), self.value(b)
+        if x is not None and y is not None:
+            return self.const(x + y)
+        if x == 0.0:
+            return b
+        if y == 0.0:
+            return a
+        if self.ops[b].code == "neg":
+            return self.sub(a, self.ops[b].args[0])
+        if self.ops[a].code == "neg":
+            return self.sub(b, self.ops[a].args[0])
+        return self._make("add", (min(a, b), max(a, b)))
+
+    def sub(self, a: int, b: int) -> int:
+        x, y = self.value(a), self.value(b)
+        if x is not None and y is not None:
+            return self.const(x - y)
+        if a == b:
+            return self.const(0.0)
+        if x == 0.0:
+            return self.neg(b)
+        if y == 0.0:
+            return a
+        if self.ops[b].code == "neg":
+            return self.add(a, self.ops[b].args[0])
+        if self.ops[a].code == "neg":
+            return self.neg(self.add(self.ops[a].args[0], b))
+        if Op("sub", (b, a)) in self._known:
+            return self.neg(self._known[Op("sub", (b, a))])
+        return self._make("sub", (a, b))
+
+    def mul(self, a: int, b: int) -> int:
+        x, y = self.value(a), self.value(b)
+        if x is not None and y is not None:
+            return self.const(x * y)
+        if y is not None:
+            a, b, x, y = b, a, y, x
+        if x == 0.0:
+            return a
+        if x == 1.0:
+            return b
+        if x is not None and x < 0.0:
+            return self.neg(self.mul(self.const(-x), b))
+        if self.ops[a].code == "neg":
+            return self.neg(self.mul(self.ops[a].args[0], b))
+        if self.ops[b].code == "neg":
+            return self.neg(self.mul(a, self.ops[b].args[0]))
+        if x is not None and self.ops[b].code == "mul" and (factor := self.value(self.ops[b].args[0])) is not None:
+            return self.mul(self.const(x * factor), self.ops[b].args[1])
+        if x is not None:
+            return self._make("mul", (a, b))
+        return self._make("mul", (min(a, b), max(a, b)))
+
+    def div(self, a: int, b: int) -> int:
+        x, y = self.value(a), self.value(b)
+        if y is not None and y != 0.0:
+            return self.const(x / y) if x is not None else self.mul(self.const(1.0 / y), a)
+        if x == 0.0:
+            return a
+        if self.ops[a].code == "neg":
+            return self.neg(self.div(self.ops[a].args[0], b))
+        if self.ops[b].code == "neg":
+            return self.neg(self.div(a, self.ops[b].args[0]))
+        return self._make("div", (a, b))
+
+    def call(self, name: str, *args: int) -> int:
+        numbers = [self.value(a) for a in args]
+        if None not in numbers:
+            return self.const(FUNCTIONS[name].python(*numbers))
+        return self._make(name, args)
+
+    def power(self, a: int, exponent: int) -> int:
+        """An integer power by repeated squaring."""
+        if exponent < 0:
+            return self.div(self.const(1.0), self.power(a, -exponent))
+        result, square = self.const(1.0), a
+        while exponent:
+            if exponent & 1:
+                result = self.mul(result, square)
+            exponent >>= 1
+            if exponent:
+                square = self.mul(square, square)
+        return result
+
+    def sum(self, nodes) -> int:
+        total = self.const(0.0)
+        for node in nodes:
+            total = self.add(total, node)
+        return total
+
+    def apply(self, op: Op, args: tuple[int, ...]) -> int:
+        """The operation `op` on other arguments, simplified again."""
+        return getattr(self, op.code)(*args) if op.code in ARITHMETIC else self.call(op.code, *args)

@@ -1,0 +1,127 @@
+"""From sympy expressions to operations: one pass over the expression, no simplification by sympy.
+
+Sums are taken in the order of their sort keys, with what is subtracted last; products multiply their
+data first, so that constants meet constants.
+"""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import sympy
+from sympy.core.sorting import default_sort_key
+
+from ncgen.errors import ModelError
+from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import Graph, Op
+from ncgen.symbolic.templates import TIME, Template, rate_name
+
+BY_SYMPY_NAME = {function.sympy: name for name, function in FUNCTIONS.items()}
+
+
+class LoweredTemplate:
+    """A template as operations over slots: replayed into a graph wherever the template is used.
+
+    slots: {symbol name: slot number} for scalars, their rates, data and time
+    """
+
+    def __init__(self, template: Template):
+        names = [*template.scalars, *map(rate_name, template.scalars), *template.data, TIME.name]
+        self.slots = {name: i for i, name in enumerate(names)}
+        graph = Graph()
+        nodes = {sympy.Symbol(name, real=True): graph.slot(i) for name, i in self.slots.items()}
+        data = {sympy.Symbol(name, real=True) for name in template.data}
+        self.outputs = {key: _lower(graph, e, nodes, data) for key, e in template.outputs.items()}
+        self.ops = tuple(graph.ops)
+
+    def replay(self, graph: Graph, bind, wanted) -> dict[object, int]:
+        """The nodes of the wanted outputs in `graph`; bind(name) gives the node of a symbol."""
+        names = list(self.slots)
+        made: dict[int, int] = {}
+
+        def build(node: int) -> int:
+            if node not in made:
+                op = self.ops[node]
+                if op.code == "slot":
+                    made[node] = bind(names[op.leaf])
+                elif op.code == "const":
+                    made[node] = graph.const(op.leaf)
+                else:
+                    made[node] = graph.apply(op, tuple(build(a) for a in op.args))
+            return made[node]
+
+        return {key: build(self.outputs[key]) for key in wanted}
+
+
+@lru_cache(maxsize=None)
+def lowered(template: Template) -> LoweredTemplate:
+    """Templates are lowered once per process."""
+    return LoweredTemplate(template)
+
+
+def lower_value(graph: Graph, expression, parameters: dict[str, int]) -> int:
+    """An expression of parameters, such as 1/(2 L), as operations."""
+    nodes = {s: parameters[s.name] for s in expression.free_symbols}
+    return _lower(graph, expression, nodes, set())
+
+
+def _lower(graph: Graph, expression, nodes: dict, data: set) -> int:
+    if expression not in nodes:
+        nodes[expression] = _lower_new(graph, expression, nodes, data)
+    return nodes[expression]
+
+
+def _lower_new(graph: Graph, expression, nodes: dict, data: set) -> int:
+    if expression.is_Number or expression.is_NumberSymbol:
+        return graph.const(float(expression))
+    if expression.is_Add:
+        return _lower_sum(graph, expression, nodes, data)
+    if expression.is_Mul:
+        return _lower_product(graph, expression, nodes, data)
+    if expression.is_Pow:
+        return _lower_power(graph, expression, nodes, data)
+    name = BY_SYMPY_NAME.get(type(expression).__name__)
+    if name is None:
+        raise ModelError(f"{expression}: this cannot be generated; known functions are {', '.join(FUNCTIONS)}")
+    return graph.call(name, *(_lower(graph, a, nodes, data) for a in expression.args))
+
+
+def _lower_sum(graph: Graph, expression, nodes, data) -> int:
+    content, expression = expression.primitive()
+    if not expression.is_Add:
+        return graph.mul(graph.const(float(content)), _lower(graph, expression, nodes, data))
+    positive, negative = [], []
+    for term in sorted(expression.args, key=default_sort_key):
+        (negative if term.could_extract_minus_sign() else positive).append(term)
+    total = graph.sum(_lower(graph, term, nodes, data) for term in positive)
+    for term in negative:
+        total = graph.sub(total, _lower(graph, -term, nodes, data))
+    return graph.mul(graph.const(float(content)), total)
+
+
+def _lower_product(graph: Graph, expression, nodes, data) -> int:
+    above, below = graph.const(1.0), graph.const(1.0)
+    for factor in sorted(expression.args, key=lambda f: (not f.free_symbols <= data, default_sort_key(f))):
+        base, exponent = factor.as_base_exp()
+        if exponent.is_Number and exponent < 0:
+            below = graph.mul(below, _lower(graph, base**-exponent, nodes, data))
+        else:
+            above = graph.mul(above, _lower(graph, factor, nodes, data))
+    return graph.div(above, below)
+
+
+def _lower_power(graph: Graph, expression, nodes, data) -> int:
+    base, exponent = expression.as_base_exp()
+    node = _lower(graph, base, nodes, data)
+    if exponent.is_Integer:
+        return graph.power(node, int(exponent))
+    if exponent == sympy.S.Half:
+        return graph.call("sqrt", node)
+    if exponent == -sympy.S.Half:
+        return graph.div(graph.const(1.0), graph.call("sqrt", node))
+    if base == sympy.E:
+        return graph.call("exp", _lower(graph, exponent, nodes, data))
+    return graph.call("pow", node, _lower(graph, exponent, nodes, data))
+
+
+__all__ = ["LoweredTemplate", "Op", "lower_value", "lowered"]

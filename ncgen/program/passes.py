@@ -1,0 +1,147 @@
+"""Small functions from block to block; none changes what is computed beyond the last bits."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ncgen.program.blocks import Block, Loop, Slot
+from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import Graph, Op
+
+ARITHMETIC_ON_NUMBERS = {
+    "add": lambda a, b: a + b,
+    "sub": lambda a, b: a - b,
+    "mul": lambda a, b: a * b,
+    "div": lambda a, b: a / b,
+    "neg": lambda a: -a,
+}
+_PYTHON = ARITHMETIC_ON_NUMBERS | {name: function.python for name, function in FUNCTIONS.items()}
+
+
+def compute(op: Op, arguments, functions=_PYTHON):
+    """The value of an inner operation on the values of its arguments."""
+    return functions[op.code](*arguments)
+
+
+def fold_tables(loop: Loop) -> Loop:
+    """Operations of a loop that depend on constants alone are computed now and become constants."""
+    graph = Graph()
+    columns: dict[int, tuple] = {}  # new node -> its value in every run
+    slots: list[Slot] = []
+    names: dict[int, str] = {}
+    made: list[int] = []
+
+    def table(column: tuple, name: str | None) -> int:
+        if len(set(column)) == 1:
+            node = graph.const(column[0])
+        else:
+            slot = Slot("const", column)
+            if slot not in slots:
+                slots.append(slot)
+            node = graph.slot(slots.index(slot))
+        columns[node] = column
+        if name:
+            names.setdefault(node, name)
+        return node
+
+    for number, op in enumerate(loop.ops):
+        name = loop.names.get(number)
+        if op.code == "const":
+            made.append(table((op.leaf,) * loop.count, None))
+        elif op.code == "slot" and loop.slots[op.leaf].array == "const":
+            made.append(table(loop.slots[op.leaf].table, name))
+        elif op.code == "slot":
+            slots.append(loop.slots[op.leaf])
+            node = graph.slot(len(slots) - 1)
+            made.append(node)
+            names[node] = name
+        elif op.code == "load":
+            made.append(graph.load(*op.leaf))
+        else:
+            arguments = tuple(made[a] for a in op.args)
+            if all(a in columns for a in arguments):
+                made.append(table(tuple(compute(op, run) for run in zip(*(columns[a] for a in arguments), strict=True)), None))
+            else:
+                made.append(graph.apply(op, arguments))
+    stores = tuple(replace(s, node=made[s.node]) for s in loop.stores)
+    return dead_code(replace(loop, ops=tuple(graph.ops), slots=tuple(slots), stores=stores, names=names))
+
+
+def dead_code(block: Block) -> Block:
+    """Only operations and slots that reach a store."""
+    return _keep(block, sorted(_reachable(block, [s.node for s in block.stores])))
+
+
+def schedule(block: Block) -> Block:
+    """Operations in the order in which the stores need them, so that values live briefly and read well."""
+    order: list[int] = []
+    seen: set[int] = set()
+    for store in block.stores:
+        for node in _depth_first(block, store.node, seen):
+            order.append(node)
+    return _keep(block, order)
+
+
+def unroll(graph: Graph, loop: Loop, run: int) -> list[int]:
+    """One run of a loop as operations of a graph; returns the node of every operation."""
+    nodes: list[int] = []
+    for op in loop.ops:
+        if op.code == "const":
+            nodes.append(graph.const(op.leaf))
+        elif op.code == "load":
+            nodes.append(graph.load(*op.leaf))
+        elif op.code == "slot":
+            slot = loop.slots[op.leaf]
+            value = slot.table[run]
+            nodes.append(graph.const(value) if slot.array == "const" else graph.load(slot.array, value))
+        else:
+            nodes.append(graph.apply(op, tuple(nodes[a] for a in op.args)))
+    return nodes
+
+
+def uses(block: Block) -> dict[int, int]:
+    """How often every operation is read, by operations and stores."""
+    count = dict.fromkeys(range(len(block.ops)), 0)
+    for op in block.ops:
+        for a in op.args:
+            count[a] += 1
+    for store in block.stores:
+        count[store.node] += 1
+    return count
+
+
+def _reachable(block: Block, roots) -> set[int]:
+    seen: set[int] = set()
+    for root in roots:
+        seen.update(_depth_first(block, root, seen))
+    return seen
+
+
+def _depth_first(block: Block, root: int, seen: set[int]):
+    """New operations below a root, arguments first; iterative, since graphs can be deep."""
+    stack = [(root, False)]
+    while stack:
+        node, done = stack.pop()
+        if done:
+            yield node
+        elif node not in seen:
+            seen.add(node)
+            stack.append((node, True))
+            stack.extend((a, False) for a in reversed(block.ops[node].args))
+
+
+def _keep(block: Block, order: list[int]) -> Block:
+    """The block with these operations only, in this order (arguments first)."""
+    new = {node: k for k, node in enumerate(order)}
+    ops = [block.ops[node] for node in order]
+    names = {new[node]: name for node, name in block.names.items() if node in new}
+    changes = {}
+    if isinstance(block, Loop):
+        used = sorted({op.leaf for op in ops if op.code == "slot"})
+        numbers = {slot: k for k, slot in enumerate(used)}
+        ops = [op._replace(leaf=numbers[op.leaf]) if op.code == "slot" else op for op in ops]
+        changes["slots"] = tuple(block.slots[s] for s in used)
+    ops = tuple(op._replace(args=tuple(new[a] for a in op.args)) for op in ops)
+    stores = tuple(replace(s, node=new[s.node]) for s in block.stores)
+    return replace(block, ops=ops, stores=stores, names=names, **changes)
+

@@ -1,0 +1,63 @@
+"""A check that a program is well formed: cheap, run on every program, and it finds generator bugs early."""
+
+from __future__ import annotations
+
+import math
+
+from ncgen.program.blocks import Loop, Program, Straight
+from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import ARITHMETIC
+
+ARITY = {code: 1 if code == "neg" else 2 for code in ARITHMETIC} | {n: f.arity for n, f in FUNCTIONS.items()}
+
+
+class ProgramError(AssertionError):
+    """A program broke a rule of its own: a defect of ncgen, never of the user's model."""
+
+
+def verify(program: Program, sizes: dict[str, int]) -> None:
+    """Check order of definitions, arities, index ranges, finite constants, and that every output is written.
+
+    sizes: length of every input array. Raises ProgramError naming the block and the rule.
+    """
+    sizes = {**sizes, **program.temporaries, program.output: program.size}
+    written: set[int] = set()
+    for number, block in enumerate(program.blocks):
+        where = f"program {program.name}, block {number}"
+        _check_ops(block, sizes, where)
+        for store in block.stores:
+            indices = store.table if isinstance(block, Loop) else (store.index,)
+            _require(len(indices) == block.count, f"{where}: a store's table has {len(indices)} entries for {block.count} runs")
+            _require(all(0 <= i < sizes[store.array] for i in indices), f"{where}: a store leaves {store.array}")
+            _require(0 <= store.node < len(block.ops), f"{where}: a store of an unknown operation")
+            if store.array == program.output:
+                plain = set(indices)
+                _require(store.accumulate <= (plain <= written), f"{where}: adds to an output that was never set")
+                _require(store.accumulate or len(plain) == len(indices), f"{where}: overwrites an output within one store")
+                written |= plain
+    _require(written == set(range(program.size)), f"program {program.name}: outputs never written")
+
+
+def _check_ops(block: Straight | Loop, sizes, where) -> None:
+    for number, op in enumerate(block.ops):
+        _require(all(0 <= a < number for a in op.args), f"{where}: operation {number} uses one that is not yet defined")
+        if op.code == "const":
+            _require(math.isfinite(op.leaf), f"{where}: constant {op.leaf}")
+        elif op.code == "load":
+            array, index = op.leaf
+            _require(0 <= index < sizes.get(array, 0), f"{where}: reads {array}[{index}], which does not exist")
+        elif op.code == "slot":
+            _require(isinstance(block, Loop) and 0 <= op.leaf < len(block.slots), f"{where}: unknown slot {op.leaf}")
+        else:
+            _require(len(op.args) == ARITY[op.code], f"{where}: {op.code} of {len(op.args)} arguments")
+    for slot in getattr(block, "slots", ()):
+        _require(len(slot.table) == block.count, f"{where}: a table of {len(slot.table)} entries for {block.count} runs")
+        if slot.array == "const":
+            _require(all(map(math.isfinite, slot.table)), f"{where}: a constant that is not finite")
+        else:
+            _require(all(0 <= i < sizes[slot.array] for i in slot.table), f"{where}: reads beyond {slot.array}")
+
+
+def _require(condition: bool, message: str) -> None:
+    if not condition:
+        raise ProgramError(message)

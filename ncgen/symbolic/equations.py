@@ -1,0 +1,250 @@
+"""The equations of a mechanism: every template bound to its places in q, with its owner.
+
+This is what the symbolic side hands on: a list of `Term`s. Fixed coordinates have become values here;
+what they fold away is decided later, on programs.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+
+import sympy
+
+from ncgen.errors import ModelError
+from ncgen.model import Model
+from ncgen.model.elements import Combination, Component, rate_name
+from ncgen.model.rows import Owner, Row
+from ncgen.model.values import Parameter, as_sympy, is_number
+from ncgen.symbolic import templates
+from ncgen.symbolic.inertia import StandardInertia, centre_weights, standard_inertia
+from ncgen.symbolic.omissions import angle_row_type
+from ncgen.symbolic.templates import SCALE, TIME, Template
+
+LinearForm = tuple[tuple[object, Component], ...]
+"""Pairs (weight, coordinate); a weight is a value."""
+
+
+@dataclass(frozen=True, eq=False)
+class Term:
+    """A template at its place.
+
+    scalars: a linear form of coordinates per scalar of the template
+    data: a value per constant of the template
+    row: the number of the constraint row, or None
+    """
+
+    template: Template
+    scalars: tuple[LinearForm, ...]
+    data: tuple[object, ...]
+    owner: Owner
+    label: str
+    row: int | None = None
+
+    @property
+    def coordinates(self) -> list[Component]:
+        """The free coordinates it depends on, in order of first mention."""
+        return list(dict.fromkeys(c for form in self.scalars for _, c in form if not c.fixed))
+
+
+@dataclass(frozen=True, eq=False)
+class Equations:
+    """All terms of a mechanism, and the numbering of what they refer to."""
+
+    model: Model
+    rows: tuple[Term, ...]
+    masses: tuple[Term, ...]
+    forces: tuple[Term, ...]
+    omitted: tuple[str, ...] = field(default=())
+
+    @cached_property
+    def index(self) -> dict[Component, int]:
+        """Position of every free coordinate in the kernels' q."""
+        return {c: i for i, c in enumerate(self.free)}
+
+    @cached_property
+    def free(self) -> list[Component]:
+        return [c for c in self.model.components if not c.fixed]
+
+    @cached_property
+    def parameters(self) -> list[Parameter]:
+        return list(self.model.parameters.values())
+
+
+def build_equations(model: Model, owner: Owner | None = None) -> Equations:
+    """Bind every row, mass and force of the model; with `owner`, only what that owner is responsible for."""
+    omitted: list[str] = []
+    rows = [_row(model, number, row, omitted) for number, row in enumerate(model.rows)]
+    bodies = [body for body in model.bodies.values() if body.inertia]
+    if owner is not None:
+        rows = [term for term in rows if term.owner == owner]
+        bodies = [body for body in bodies if Owner("body", body.name) == owner]
+    masses, forces = _inertia_terms(model, bodies)
+    if owner is None:
+        forces += [_force(model, force) for force in model.forces]
+        forces += [_potential(model, potential) for potential in model.potentials]
+    return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted))
+
+
+# -- rows ---------------------------------------------------------------------------------------
+
+
+def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
+    if row.type is None:
+        where = f"row {number + 1} ({row.label})"
+        scalars, data = _names(model, row.expression, where)
+        template = templates.expression_row_template(f"row-{number + 1}", sympy.sympify(row.expression), _words(scalars), _words(data))
+        return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number)
+    row_type = angle_row_type(model, row, omitted)
+    template = templates.row_template(row_type.key)
+    forms = []
+    for name in row_type.vectors:
+        forms += _vector_form(row.arguments[name])
+    forms += [((1.0, row.arguments[name]),) for name in row_type.scalars]
+    data = tuple(row.data[name] for name in row_type.data) + (_scale(row),)
+    return Term(template, tuple(forms), data, row.owner, row.label, number)
+
+
+def _vector_form(combination: Combination) -> list[LinearForm]:
+    return [tuple((weight, element.components[axis]) for weight, element in combination.terms) for axis in range(3)]
+
+
+def _scale(row: Row):
+    """What a row is multiplied by: factor / product of its natural lengths, or 1 for raw rows."""
+    if not row.scaled:
+        return 1.0
+    product = 1.0
+    for name in row.type.scale_data:
+        product = product * as_sympy(row.data[name])
+    return row.type.scale_factor / product
+
+
+# -- what users write ---------------------------------------------------------------------------
+
+
+def _names(model: Model, expression, where: str) -> tuple[list[Component], list[Parameter]]:
+    """The coordinates (by themselves or by their rates) and parameters an expression mentions, in model order."""
+    mentioned = {s.name for s in sympy.sympify(expression).free_symbols}
+    coordinates = [c for c in model.components if c.name in mentioned or rate_name(c.name) in mentioned]
+    parameters = [p for p in model.parameters.values() if p.name in mentioned]
+    known = {TIME.name} | {p.name for p in parameters} | {n for c in coordinates for n in (c.name, rate_name(c.name))}
+    if mentioned - known:
+        name = sorted(mentioned - known)[0]
+        raise ModelError(f"{where}: {name} is neither a coordinate, a rate, a parameter nor m.time; correct the expression")
+    return coordinates, parameters
+
+
+def _words(things) -> tuple[str, ...]:
+    return tuple(thing.name for thing in things)
+
+
+def _force(model: Model, force) -> Term:
+    components = dict(force.components)
+    scalars, data = _names(model, sympy.Tuple(*components.values()), force.label)
+    scalars = list(dict.fromkeys([*scalars, *(c for c in components if not c.fixed)]))
+    along = {scalars.index(c): sympy.sympify(e) for c, e in components.items() if not c.fixed}
+    template = templates.force_template(force.label, _words(scalars), _words(data), along)
+    return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), Owner("user", force.label), force.label)
+
+
+def _potential(model: Model, potential) -> Term:
+    scalars, data = _names(model, potential.expression, potential.label)
+    expression = sympy.sympify(potential.expression)
+    template = templates.potential_template(potential.label, _words(scalars), _words(data), expression)
+    return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), Owner("user", potential.label), potential.label)
+
+
+# -- inertia and gravity ------------------------------------------------------------------------
+
+
+def _inertia_terms(model: Model, bodies) -> tuple[list[Term], list[Term]]:
+    """Mass and weight of the bodies, constant parts added up in exact arithmetic before they are rounded."""
+    order = {component: i for i, component in enumerate(model.components)}
+    mass: dict[tuple[Component, Component], object] = defaultdict(Fraction)
+    weight: dict[Component, object] = defaultdict(Fraction)
+    varying = []
+    for body in bodies:
+        standard = standard_inertia(body)
+        _add_constant_mass(mass, standard)
+        _add_weight(weight, standard, model.gravity_field)
+        if standard.crossed:
+            varying += _cross_product_terms(body, standard, model.gravity_field)
+    owner = Owner("body", bodies[0].name) if len(bodies) == 1 else Owner("model", model.name)
+    # M is symmetric: a pair stands once, in the order of q.
+    pairs = {pair: m for pair, m in mass.items() if m != 0 and order[pair[0]] <= order[pair[1]]}
+    masses = [_mass_term(pair, m, owner) for pair, m in pairs.items()] + varying
+    forces = _weight_terms(weight, owner)
+    return masses, forces
+
+
+def _add_constant_mass(mass, standard: StandardInertia) -> None:
+    count = len(standard.directions)  # a crossed direction is no element and has none
+    for k in range(count):
+        for l in range(count):
+            for wk, ck in standard.directions[k]:
+                for wl, cl in standard.directions[l]:
+                    for a, b in zip(ck, cl, strict=True):
+                        if not a.fixed and not b.fixed:
+                            mass[a, b] += standard.matrix[k][l] * _exact(wk * wl, standard.matrix[k][l])
+
+
+def _exact(weight: float, partner):
+    """±1 as a type that multiplies fractions and sympy expressions alike without losing digits."""
+    return int(weight) if weight == int(weight) else Fraction(weight) if isinstance(partner, Fraction) else weight
+
+
+def _mass_term(pair, value, owner) -> Term:
+    a, b = pair
+    label = f"mass {a.name}" if a is b else f"mass {a.name}, {b.name}"
+    value = _rounded(value)
+    if a is b:
+        return Term(templates.mass_diagonal(), (((1.0, a),),), (value,), owner, label)
+    return Term(templates.mass_pair(), (((1.0, a),), ((1.0, b),)), (value,), owner, label)
+
+
+def _add_weight(weight, standard: StandardInertia, gravity) -> None:
+    for k in range(len(standard.directions)):
+        share = centre_weights(standard)[k]
+        for w, components in standard.directions[k]:
+            for component, g in zip(components, gravity, strict=True):
+                weight[component] += share * (_exact(w, share) * _field(g, share))
+
+
+def _field(g, partner):
+    """One component of gravity in the arithmetic of its partner."""
+    return Fraction(g) if is_number(g) and isinstance(partner, Fraction) else as_sympy(g)
+
+
+def _weight_terms(weight, owner) -> list[Term]:
+    terms = []
+    offset = Fraction(0)
+    for component, force in weight.items():
+        if force == 0:
+            continue
+        if component.fixed:
+            offset -= force * (Fraction(component.value) if is_number(component.value) else as_sympy(component.value))
+        else:
+            terms.append(Term(templates.weight(), (((1.0, component),),), (_rounded(force),), owner, f"weight {component.name}"))
+    if offset != 0:
+        terms.append(Term(templates.energy_offset(), (), (_rounded(offset),), owner, "potential of fixed points"))
+    return terms
+
+
+def _cross_product_terms(body, standard: StandardInertia, gravity) -> list[Term]:
+    base, first, second = standard.directions
+    forms = []
+    for direction in (base, first, second):
+        forms += [tuple((w, components[axis]) for w, components in direction) for axis in range(3)]
+    last = standard.matrix[3]
+    pull = [last[0] * _field(g, last[0]) for g in gravity]
+    data = tuple(_rounded(v) for v in (*last, *pull))
+    if not any(v != 0 for v in data):
+        return []
+    return [Term(templates.cross_product_body(), tuple(forms), data, Owner("body", body.name), f"body {body.name}")]
+
+
+def _rounded(value):
+    """A Fraction as the nearest double; expressions of parameters stay."""
+    return float(value) if isinstance(value, (Fraction, int, float)) else value

@@ -1,0 +1,46 @@
+"""Model only what the scene needs: parts of equations that a mechanism's own rows make superfluous."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.model import Model
+from ncgen.model.catalogue import ROW_TYPES, RowType
+from ncgen.model.elements import Combination
+from ncgen.model.rows import Row
+from ncgen.model.values import is_number
+
+
+def angle_row_type(model: Model, row: Row, omitted: list[str]) -> RowType:
+    """The smooth angle row without its projection terms, where both sides stay perpendicular to the axis.
+
+    (a·n)(b·n) and its gradient vanish where a·n = 0 and b·n = 0; rows with cosine zero, or fixed
+    elements, must say so. Anything less keeps the full row.
+    """
+    if row.type.key != "angle-smooth":
+        return row.type
+    axis = row.arguments["n"]
+    if not all(_perpendicular(model, row.arguments[side], axis) for side in "ab"):
+        return row.type
+    omitted.append(f"{row.label}: projection terms, both sides are perpendicular to the axis by other rows")
+    return ROW_TYPES["angle-smooth-perpendicular"]
+
+
+def _perpendicular(model: Model, a: Combination, b: Combination) -> bool:
+    if all(c.fixed and is_number(c.value) for e in a.elements + b.elements for c in e.components):
+        return bool(np.dot(a.initial, b.initial) == 0.0)
+    wanted = {_line(a), _line(b)}
+    return any(wanted == pair for pair in _perpendicular_pairs(model))
+
+
+def _perpendicular_pairs(model: Model):
+    for row in model.rows:
+        if row.type and row.type.key in ("vector-segment", "vector-vector") and row.data["c"] == 0.0:
+            yield {_line(direction) for direction in row.arguments.values()}
+
+
+def _line(direction: Combination) -> frozenset:
+    """The same key for every multiple of a direction: weights relative to the first element by name."""
+    terms = sorted((element.name, weight) for weight, element in direction.terms)
+    leading = terms[0][1]
+    return frozenset((name, weight / leading) for name, weight in terms)
