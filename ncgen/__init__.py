@@ -1,6 +1,39 @@
-"""ncgen: multibody systems in natural coordinates, from equations to compiled kernels."""
+"""ncgen: multibody systems in natural coordinates, from equations to compiled kernels.
 
-from ncgen.model import Model
+    model = ncgen.load("robot")
+    robot = ncgen.compile(model)
+    run = ncgen.simulate(robot, 0.5)
+
+Importing ncgen is quick: what a name needs is loaded when the name is used.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
 
 __version__ = "0.1.0"
-__all__ = ["Model"]
+
+_HOMES = {
+    "Model": "ncgen.model",
+    "load": "ncgen.exchange.examples",
+    "generate": "ncgen.compiler",
+    "compile": "ncgen.compiler",
+    "simulate": "ncgen.solver.simulate",
+    "NcgenError": "ncgen.errors",
+    "ModelError": "ncgen.errors",
+    "CompileError": "ncgen.errors",
+    "ConvergenceError": "ncgen.errors",
+    "SingularError": "ncgen.errors",
+}
+
+__all__ = sorted(_HOMES)
+
+
+def __getattr__(name: str):
+    if name not in _HOMES:
+        raise AttributeError(f"module 'ncgen' has no attribute {name!r}")
+    return getattr(import_module(_HOMES[name]), name)
+
+
+def __dir__():
+    return __all__

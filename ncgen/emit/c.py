@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import hashlib
+import re
 
-from ncgen.emit.environment import render, verbatim
+from ncgen.emit.environment import comment_text, loop_comments, render, verbatim
 from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
@@ -68,8 +69,7 @@ def _subscript(place: Place) -> str:
 
 
 def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
-    names = Names([program.output])
-    blocks = [_block(block, tables, names) for block in program.blocks]
+    blocks = [_block(block, tables, Names([program.output])) for block in program.blocks]
     text = " ".join(line for block in blocks for line in block["lines"])
     operations = cost(program)
     return {
@@ -87,31 +87,25 @@ def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
 
 
 def _mentions(text: str, array: str) -> bool:
-    import re
-
     return re.search(rf"\b{array}\b" if array == "t" else rf"\b{array}\[", text) is not None
 
 
 def _block(block, tables: Tables, names: Names) -> dict:
     loop = isinstance(block, Loop)
     dialect = _C(tables)
-    written = write(block, dialect, Names(names._taken) if loop else names)
+    written = write(block, dialect, names)
     lines: list[str] = []
+    said = ""
     for store, before, value in zip(block.stores, written.before, written.values, strict=True):
-        if not loop and store.comment:
-            lines.append(f"/* {_comment(store.comment)} */")
+        if not loop and store.comment not in ("", said):
+            said = store.comment
+            lines.append(f"/* {comment_text(said)} */")
         lines += [f"const ncgen_real {a.name} = {a.value};" for a in before]
         place = _subscript(tables.place(store.table)) if loop else store.index
         sign = "+=" if store.accumulate else "="
         plain = loop and not before and not any(op.args for op in block.ops)
         lines.append(f"{store.array}[{place}] {sign} {f'NCGEN_SPLAT({value})' if plain else value};")
-    return {"loop": loop, "count": block.count, "title": _comment(block.title), "lines": lines, "comments": getattr(block, "comments", ())}
-
-
-def _comment(text: str) -> str:
-    from ncgen.emit.environment import comment_text
-
-    return comment_text(text)
+    return {"loop": loop, "count": block.count, "title": comment_text(block.title), "lines": lines, "comments": loop_comments(block)}
 
 
 def _records(programs: Programs, prefix: str, kernels, tables: Tables) -> dict:

@@ -41,6 +41,14 @@ def comment_text(text: str) -> str:
     return " ".join(str(text).split()).replace("*/", "* /").replace("/*", "/ *")
 
 
+def loop_comments(block) -> list[str]:
+    """What the runs of a loop compute: a line a constraint row, short labels side by side."""
+    comments = getattr(block, "comments", ())
+    if any(": " in comment for comment in comments):
+        return [comment_text(comment) for comment in comments]
+    return rows_of(map(comment_text, comments), 90)
+
+
 def rows_of(items, width: int) -> list[str]:
     """Comma-separated items broken into lines of at most `width` characters."""
     lines, line = [], ""

@@ -5,7 +5,7 @@ Arguments may have leading batch dimensions, and any number type that NumPy adds
 
 from __future__ import annotations
 
-from ncgen.emit.environment import render
+from ncgen.emit.environment import comment_text, loop_comments, render
 from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
@@ -74,10 +74,9 @@ def _subscript(place: Place, count: int) -> str:
 
 
 def _kernel(program: Program, tables: Tables) -> dict:
-    names = Names([program.output])
     lines: list[str] = []
     for block in program.blocks:
-        lines += _block(block, tables, names)
+        lines += _block(block, tables, Names([program.output]))
     operations = cost(program)
     return {
         "name": program.name,
@@ -92,12 +91,14 @@ def _kernel(program: Program, tables: Tables) -> dict:
 
 def _block(block, tables: Tables, names: Names) -> list[str]:
     loop = isinstance(block, Loop)
-    written = write(block, _NumPy(tables), Names(names._taken) if loop else names)
+    written = write(block, _NumPy(tables), names)
     lines = [f"# {block.title}"] if block.title else []
-    lines += [f"#   {' '.join(comment.split())}" for comment in getattr(block, "comments", ())]
+    lines += [f"#   {comment}" for comment in loop_comments(block)]
+    said = ""
     for store, before, value in zip(block.stores, written.before, written.values, strict=True):
-        if not loop and store.comment:
-            lines.append(f"# {' '.join(store.comment.split())}")
+        if not loop and store.comment not in ("", said):
+            said = store.comment
+            lines.append(f"# {comment_text(said)}")
         lines += [f"{a.name} = {a.value}" for a in before]
         lines.append(_store(store, value, block, tables) if loop else _set(store, store.index, value))
     return lines

@@ -58,32 +58,32 @@ def _vector_vector(f, u, v, c):
     return dot(u, v) - c
 
 
-def _angle_cosine(f, a, b, n, psi, la, lb):
+def _angle_cosine(f, a, b, n, psi, la, lb, ln):
     return dot(a, b) - la * lb * f.cos(psi)
 
 
 def _angle_sine(axis):
-    def formula(f, a, b, n, psi, la, lb):
-        return cross(a, b)[axis] - la * lb * n[axis] * f.sin(psi)
+    def formula(f, a, b, n, psi, la, lb, ln):
+        return cross(a, b)[axis] - la * lb / ln * n[axis] * f.sin(psi)
 
     return formula
 
 
-def _angle_smooth(f, a, b, n, psi, la, lb):
-    return f.sin(psi) * (dot(a, b) - dot(a, n) * dot(b, n)) - f.cos(psi) * dot(cross(a, b), n)
+def _angle_smooth(f, a, b, n, psi, la, lb, ln):
+    return f.sin(psi) * (dot(a, b) - dot(a, n) * dot(b, n) / ln**2) - f.cos(psi) / ln * dot(cross(a, b), n)
 
 
-def _angle_smooth_perpendicular(f, a, b, n, psi, la, lb):
-    return f.sin(psi) * dot(a, b) - f.cos(psi) * dot(cross(a, b), n)
+def _angle_smooth_perpendicular(f, a, b, n, psi, la, lb, ln):
+    return f.sin(psi) * dot(a, b) - f.cos(psi) / ln * dot(cross(a, b), n)
 
 
-def _angle_paper(f, a, b, n, psi, la, lb, wc, wx, wy, wz):
+def _angle_paper(f, a, b, n, psi, la, lb, ln, wc, wx, wy, wz):
     rows = [_angle_cosine, _angle_sine(0), _angle_sine(1), _angle_sine(2)]
-    return sum(w * row(f, a, b, n, psi, la, lb) for w, row in zip((wc, wx, wy, wz), rows, strict=True))
+    return sum(w * row(f, a, b, n, psi, la, lb, ln) for w, row in zip((wc, wx, wy, wz), rows, strict=True))
 
 
 def _angle(key, formula, equation, extra=()):
-    return RowType(key, ("a", "b", "n"), ("psi",), ("la", "lb", *extra), formula, 1.0, ("la", "lb"), equation)
+    return RowType(key, ("a", "b", "n"), ("psi",), ("la", "lb", "ln", *extra), formula, 1.0, ("la", "lb"), equation)
 
 
 BRANCH_WEIGHTS = ("wc", "wx", "wy", "wz")
@@ -97,15 +97,15 @@ ROW_TYPES = {
         RowType("vector-segment", ("u", "a"), (), ("L", "c"), _vector_segment, 1.0, ("L",), "u.a - L c"),
         RowType("vector-vector", ("u", "v"), (), ("c",), _vector_vector, 1.0, (), "u.v - c"),
         _angle("angle-cosine", _angle_cosine, "a.b - la lb cos psi"),
-        _angle("angle-sine-x", _angle_sine(0), "(a x b - la lb n sin psi).x"),
-        _angle("angle-sine-y", _angle_sine(1), "(a x b - la lb n sin psi).y"),
-        _angle("angle-sine-z", _angle_sine(2), "(a x b - la lb n sin psi).z"),
-        _angle("angle-smooth", _angle_smooth, "sin psi [a.b - (a.n)(b.n)] - cos psi (a x b).n"),
-        _angle("angle-smooth-perpendicular", _angle_smooth_perpendicular, "sin psi a.b - cos psi (a x b).n"),
+        _angle("angle-sine-x", _angle_sine(0), "(a x b - la lb n/ln sin psi).x"),
+        _angle("angle-sine-y", _angle_sine(1), "(a x b - la lb n/ln sin psi).y"),
+        _angle("angle-sine-z", _angle_sine(2), "(a x b - la lb n/ln sin psi).z"),
+        _angle("angle-smooth", _angle_smooth, "sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln"),
+        _angle("angle-smooth-perpendicular", _angle_smooth_perpendicular, "sin psi a.b - cos psi (a x b).n/ln"),
         _angle(
             "angle-paper",
             _angle_paper,
-            "a.b - la lb cos psi, or one component of a x b - la lb n sin psi, as chosen at run time",
+            "a.b - la lb cos psi, or one component of a x b - la lb n/ln sin psi, as chosen at run time",
             BRANCH_WEIGHTS,
         ),
     ]

@@ -105,7 +105,7 @@ class Model:
         start, end, axis: vectors, or segments such as `r4 - r2`, or either reversed (`-u3`)
         form: "smooth" (the default of the model unless changed), "cosine", "sine", or "paper", which
             follows the paper's rule of cosine or sine by the angle's value, chosen at run time
-        lengths: of start and end where they are segments (default: measured)
+        lengths: of start, end and axis, 1 for unit vectors (default: measured)
         initial: the angle in the initial position, if it should count turns (default: measured, in (−π, π])
         """
         self._claim(name, "angle")
@@ -114,8 +114,7 @@ class Model:
         if row.shape(start) == "segment" and row.shape(end) == "vector":
             # Table 4 has no such code: the same angle is measured from the vector, about the reversed axis.
             start, end, axis = end, start, -axis
-            lengths = lengths and tuple(reversed(lengths))
-        axis = axis if row.shape(axis) == "vector" else axis * (1.0 / row.length(axis))
+            lengths = lengths and (lengths[1], lengths[0], lengths[2])
         measured = _measure(name, start, end, axis)
         initial = measured if initial is None else as_value(initial, f"angle {name}")
         component = Component(name, False, initial, initial)
@@ -316,7 +315,7 @@ def paper_choice(psi: float, axis: np.ndarray) -> int:
 
 
 def _measure(name: str, start: Combination, end: Combination, axis: Combination) -> float:
-    a, b, n = start.initial, end.initial, axis.initial
+    a, b, n = start.initial, end.initial, axis.initial / np.linalg.norm(axis.initial)
     for direction, vector in ((start, a), (end, b)):
         if np.linalg.norm(vector - (vector @ n) * n) < 1e-9 * np.linalg.norm(vector):
             raise ModelError(f"angle {name}: {direction} is parallel to the axis {axis}; no angle about it is defined, choose another")

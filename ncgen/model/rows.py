@@ -7,6 +7,7 @@ shown on the line that the user wrote.
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -31,7 +32,7 @@ class Owner:
     name: str
 
     def __str__(self):
-        return f"{self.kind} {self.name}"
+        return self.name if self.name.startswith(self.kind) else f"{self.kind} {self.name}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,8 +58,13 @@ class Row:
         """The equation in words of the row's own elements, for comments and listings."""
         if self.type is None:
             return f"{self.expression} = 0"
-        places = ", ".join(f"{name} = {_short(value)}" for name, value in {**self.arguments, **self.data}.items())
-        return f"{self.type.equation} = 0 with {places}"
+        return describe(self.type, {**self.arguments, **self.data})
+
+
+def describe(row_type: RowType, values: dict) -> str:
+    """A row type's equation with what its letters stand for."""
+    places = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", row_type.equation))
+    return f"{row_type.equation} = 0 with {places}"
 
 
 def _short(value) -> str:
@@ -115,11 +121,11 @@ def angle(psi: Angle, form: str, lengths, branch: tuple[Parameter, ...], scaled:
 
     form: "smooth" (never degenerate), "cosine", "sine" (largest component of the axis) or "paper"
     (cosine or one sine component, chosen at run time through the parameters `branch`).
-    lengths: of start and end (m; 1 for unit vectors), or None to measure them in the initial position.
+    lengths: of start, end and axis (m; 1 for unit vectors), or None to measure them in the initial position.
     """
     key = f"angle-sine-{AXES[largest_component(psi.axis.initial)]}" if form == "sine" else f"angle-{form}"
-    la, lb = lengths or (length(psi.start), length(psi.end))
-    data = {"la": la, "lb": lb, **dict(zip(BRANCH_WEIGHTS, branch))}
+    la, lb, ln = lengths or map(length, (psi.start, psi.end, psi.axis))
+    data = {"la": la, "lb": lb, "ln": ln, **dict(zip(BRANCH_WEIGHTS, branch))}
     arguments = {"a": psi.start, "b": psi.end, "n": psi.axis, "psi": psi.components[0]}
     code = PAPER_ANGLE_CODES[shape(psi.start), shape(psi.end), shape(psi.axis)]
     return Row(Owner("coordinate", psi.name), f"angle {psi.name}", code, ROW_TYPES[key], arguments, data, scaled=scaled)
@@ -131,7 +137,8 @@ def shape(direction: Combination) -> str:
 
 
 def length(direction: Combination) -> float:
-    return float(np.linalg.norm(direction.initial))
+    """The length of a direction in the initial position; exactly 1 for a unit vector."""
+    return 1.0 if shape(direction) == "vector" and len(direction.terms) == 1 else float(np.linalg.norm(direction.initial))
 
 
 def largest_component(axis: np.ndarray) -> int:

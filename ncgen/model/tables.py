@@ -141,23 +141,23 @@ class _Tables:
         self.model.angle(f"psi{ipos:g}", start, end, axis, lengths=lengths)
 
     def segments_on_vector(self, where, i, j, k, l, m, _0, _1, _2, Lij, Lkl, ipos):
-        self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.axis(m, where), (Lij, Lkl))
+        self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.axis(m, where), (Lij, Lkl, 1.0))
 
     def segments_on_segment(self, where, i, j, k, l, m, n, _0, Lij, Lkl, Lmn, ipos):
-        self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.segment(n, m, where), (Lij, Lkl))
+        self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.segment(n, m, where), (Lij, Lkl, Lmn))
 
     def vectors_on_vector(self, where, i, j, k, *rest):
         self.angle(rest[-1], self.vector(i, where), self.vector(j, where), self.axis(k, where))
 
     def vectors_on_segment(self, where, i, j, k, l, *rest):
-        self.angle(rest[-1], self.vector(i, where), self.vector(j, where), self.segment(l, k, where))
+        self.angle(rest[-1], self.vector(i, where), self.vector(j, where), self.segment(l, k, where), (1.0, 1.0, rest[-2]))
 
     def vector_segment_on_vector(self, where, k, i, j, l, *rest):
-        self.angle(rest[-1], self.vector(k, where), self.segment(j, i, where), self.axis(l, where), (1.0, rest[-2]))
+        self.angle(rest[-1], self.vector(k, where), self.segment(j, i, where), self.axis(l, where), (1.0, rest[-2], 1.0))
 
     def vector_segment_on_segment(self, where, k, i, j, l, m, *rest):
         axis = self.segment(m, l, where)
-        self.angle(rest[-1], self.vector(k, where), self.segment(j, i, where), axis, (1.0, rest[-3]))
+        self.angle(rest[-1], self.vector(k, where), self.segment(j, i, where), axis, (1.0, rest[-3], rest[-2]))
 
 
 ROW_READERS = {

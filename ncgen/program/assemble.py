@@ -238,10 +238,10 @@ def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> L
 def _comment(bound: Bound, equations: Equations) -> str:
     term = bound.term
     if term.row is None:
-        return f"{term.label} ({term.owner})" if str(term.owner) != term.label else term.label
+        return term.label
     row = equations.model.rows[term.row]
     code = f"{row.code} " if row.code else ""
-    return f"row {term.row + 1}: {code}{row.label} ({row.owner}): {row.equation}"
+    return f"row {term.row + 1}: {code}{row.label} ({row.owner}): {term.equation}"
 
 
 def _take_constants(block: Loop, base: list[float]) -> Loop:

@@ -8,6 +8,9 @@ list of operations `count` times; its slots say where each run reads, its stores
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
 
 from ncgen.program.graph import Op
 
@@ -115,6 +118,12 @@ class Pattern:
     @property
     def nonzeros(self) -> int:
         return len(self.indices)
+
+    @cached_property
+    def flat(self) -> np.ndarray:
+        """Position of every nonzero in the dense matrix, row by row."""
+        rows = np.repeat(np.arange(self.shape[0]), np.diff(self.indptr))
+        return rows * self.shape[1] + np.array(self.indices, dtype=int)
 
     def positions(self) -> dict[tuple[int, int], int]:
         """{(row, column): position in the values}."""

@@ -64,6 +64,8 @@ class Graph:
         op = self.ops[a]
         if op.code == "const":
             return self.const(-op.leaf)
+        if op.code == "sub":
+            return self._make("sub", (op.args[1], op.args[0]))
         return op.args[0] if op.code == "neg" else self._make("neg", (a,))
 
     def add(self, a: int, b: int) -> int:
@@ -74,10 +76,10 @@ class Graph:
             return b
         if y == 0.0:
             return a
-        if self.ops[b].code == "neg":
-            return self.sub(a, self.ops[b].args[0])
-        if self.ops[a].code == "neg":
-            return self.sub(b, self.ops[a].args[0])
+        if self.ops[b].code == "neg" or (y is not None and y < 0.0):
+            return self.sub(a, self.neg(b))
+        if self.ops[a].code == "neg" or (x is not None and x < 0.0):
+            return self.sub(b, self.neg(a))
         return self._make("add", (min(a, b), max(a, b)))
 
     def sub(self, a: int, b: int) -> int:
@@ -90,8 +92,8 @@ class Graph:
             return self.neg(b)
         if y == 0.0:
             return a
-        if self.ops[b].code == "neg":
-            return self.add(a, self.ops[b].args[0])
+        if self.ops[b].code == "neg" or (y is not None and y < 0.0):
+            return self.add(a, self.neg(b))
         if self.ops[a].code == "neg":
             return self.neg(self.add(self.ops[a].args[0], b))
         if Op("sub", (b, a)) in self._known:

@@ -103,7 +103,10 @@ def _lower_product(graph: Graph, expression, nodes, data) -> int:
     above, below = graph.const(1.0), graph.const(1.0)
     for factor in sorted(expression.args, key=lambda f: (not f.free_symbols <= data, default_sort_key(f))):
         base, exponent = factor.as_base_exp()
-        if exponent.is_Number and exponent < 0:
+        if exponent.is_Number and exponent < 0 and base.free_symbols <= data:
+            # Data are constants of the generated code: their reciprocal is taken at generation.
+            above = graph.mul(above, _lower(graph, factor, nodes, data))
+        elif exponent.is_Number and exponent < 0:
             below = graph.mul(below, _lower(graph, base**-exponent, nodes, data))
         else:
             above = graph.mul(above, _lower(graph, factor, nodes, data))

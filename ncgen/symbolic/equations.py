@@ -16,7 +16,7 @@ import sympy
 from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import Combination, Component, rate_name
-from ncgen.model.rows import Owner, Row
+from ncgen.model.rows import Owner, Row, describe
 from ncgen.model.values import Parameter, as_sympy, is_number
 from ncgen.symbolic import templates
 from ncgen.symbolic.inertia import StandardInertia, centre_weights, standard_inertia
@@ -42,6 +42,7 @@ class Term:
     owner: Owner
     label: str
     row: int | None = None
+    equation: str = ""
 
     @property
     def coordinates(self) -> list[Component]:
@@ -96,7 +97,7 @@ def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
         where = f"row {number + 1} ({row.label})"
         scalars, data = _names(model, row.expression, where)
         template = templates.expression_row_template(f"row-{number + 1}", sympy.sympify(row.expression), _words(scalars), _words(data))
-        return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number)
+        return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number, row.equation)
     row_type = angle_row_type(model, row, omitted)
     template = templates.row_template(row_type.key)
     forms = []
@@ -104,7 +105,8 @@ def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
         forms += _vector_form(row.arguments[name])
     forms += [((1.0, row.arguments[name]),) for name in row_type.scalars]
     data = tuple(row.data[name] for name in row_type.data) + (_scale(row),)
-    return Term(template, tuple(forms), data, row.owner, row.label, number)
+    equation = describe(row_type, {**row.arguments, **row.data})
+    return Term(template, tuple(forms), data, row.owner, row.label, number, equation)
 
 
 def _vector_form(combination: Combination) -> list[LinearForm]:
@@ -197,7 +199,7 @@ def _exact(weight: float, partner):
 
 def _mass_term(pair, value, owner) -> Term:
     a, b = pair
-    label = f"mass {a.name}" if a is b else f"mass {a.name}, {b.name}"
+    label = a.name if a is b else f"{a.name} {b.name}"
     value = _rounded(value)
     if a is b:
         return Term(templates.mass_diagonal(), (((1.0, a),),), (value,), owner, label)
@@ -226,7 +228,7 @@ def _weight_terms(weight, owner) -> list[Term]:
         if component.fixed:
             offset -= force * (Fraction(component.value) if is_number(component.value) else as_sympy(component.value))
         else:
-            terms.append(Term(templates.weight(), (((1.0, component),),), (_rounded(force),), owner, f"weight {component.name}"))
+            terms.append(Term(templates.weight(), (((1.0, component),),), (_rounded(force),), owner, component.name))
     if offset != 0:
         terms.append(Term(templates.energy_offset(), (), (_rounded(offset),), owner, "potential of fixed points"))
     return terms
@@ -242,7 +244,7 @@ def _cross_product_terms(body, standard: StandardInertia, gravity) -> list[Term]
     data = tuple(_rounded(v) for v in (*last, *pull))
     if not any(v != 0 for v in data):
         return []
-    return [Term(templates.cross_product_body(), tuple(forms), data, Owner("body", body.name), f"body {body.name}")]
+    return [Term(templates.cross_product_body(), tuple(forms), data, Owner("body", body.name), body.name)]
 
 
 def _rounded(value):

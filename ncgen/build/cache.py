@@ -1,0 +1,148 @@
+"""The cache of compiled libraries: one folder a key, published with one rename.
+
+A library is built in a temporary folder inside the cache and renamed to its key when it is complete. Two
+builders of the same key both succeed, the second discarding its copy; a builder that is killed leaves only
+a temporary folder, which is never looked at.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+import subprocess
+import tempfile
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+import platformdirs
+
+from ncgen.build.compilers import FLAGS, Compiler
+from ncgen.errors import CompileError, NcgenError
+
+LIBRARY = "model.so"
+RECORD = "build.json"
+TEMPORARY = "building-"
+ABANDONED = 24 * 3600.0
+"""Seconds after which a temporary folder is nobody's any more."""
+
+
+def cache_folder() -> Path:
+    """$NCGEN_CACHE_DIR, or the user's cache folder."""
+    chosen = os.environ.get("NCGEN_CACHE_DIR")
+    return Path(chosen).expanduser() if chosen else Path(platformdirs.user_cache_dir("ncgen"))
+
+
+@dataclass(frozen=True)
+class Built:
+    """A compiled library; seconds is the compile time, 0 if it came from the cache."""
+
+    library: Path
+    seconds: float
+
+
+def build(files: dict[str, str], compiler: Compiler, flags=FLAGS, libraries=("-lm",)) -> Built:
+    """The library of some C sources, from the cache or compiled now.
+
+    Raises CompileError with the compiler's log if it refuses, NcgenError if the cache cannot be written.
+    """
+    entry = cache_folder() / _key(files, compiler, flags, libraries)
+    library = entry / LIBRARY
+    if library.is_file():
+        return Built(library, 0.0)
+    try:
+        entry.parent.mkdir(parents=True, exist_ok=True)
+        work = Path(tempfile.mkdtemp(prefix=TEMPORARY, dir=entry.parent))
+    except OSError as error:
+        raise NcgenError(
+            f"cache folder {entry.parent} cannot be written: {error.strerror}; set NCGEN_CACHE_DIR to a folder that can"
+        ) from error
+    try:
+        seconds = _compile(work, files, compiler, flags, libraries)
+        _publish(work, entry)
+    except OSError as error:
+        raise NcgenError(f"cache folder {entry.parent}: {error.strerror}; free some room or set NCGEN_CACHE_DIR") from error
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+    return Built(library, seconds)
+
+
+def _key(files, compiler, flags, libraries) -> str:
+    digest = hashlib.sha256()
+    fields = [compiler.identity, *compiler.command, *flags, *libraries]
+    for name in sorted(files):
+        fields += [name, files[name]]
+    for field in fields:
+        data = field.encode()
+        digest.update(len(data).to_bytes(8, "little") + data)
+    return digest.hexdigest()[:40]
+
+
+def _compile(work: Path, files, compiler, flags, libraries) -> float:
+    for name, text in files.items():
+        (work / name).write_text(text, encoding="utf-8")
+    sources = sorted(name for name in files if name.endswith(".c"))
+    command = [*compiler.command, *flags, *sources, "-o", LIBRARY, *libraries]
+    start = time.perf_counter()
+    try:
+        done = subprocess.run(command, cwd=work, capture_output=True, text=True)
+    except OSError as error:
+        raise CompileError(f"{compiler.command[0]} cannot be run: {error.strerror}; set CC to a C compiler") from error
+    seconds = time.perf_counter() - start
+    if done.returncode:
+        first = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
+        raise CompileError(f"{compiler.command[0]} refused the generated C: {first}", done.stderr)
+    record = {"command": command, "seconds": round(seconds, 3), "log": done.stderr}
+    (work / RECORD).write_text(json.dumps(record, indent=1), encoding="utf-8")
+    return seconds
+
+
+def _publish(work: Path, entry: Path) -> None:
+    os.chmod(work, 0o755)
+    try:
+        os.rename(work, entry)
+    except OSError:
+        if not (entry / LIBRARY).is_file():
+            raise
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One library in the cache."""
+
+    key: str
+    sources: tuple[str, ...]
+    size: int
+    age: float
+
+
+def entries() -> list[Entry]:
+    """What the cache holds, newest first; folders that are no entries are not listed."""
+    found = []
+    for folder in cache_folder().glob("*"):
+        try:
+            if (folder / RECORD).is_file() and (folder / LIBRARY).is_file():
+                files = [f for f in folder.iterdir() if f.is_file()]
+                size = sum(f.stat().st_size for f in files)
+                age = time.time() - (folder / RECORD).stat().st_mtime
+                found.append(Entry(folder.name, tuple(sorted(f.name for f in files if f.suffix == ".c")), size, age))
+        except OSError:
+            continue  # another process is clearing the cache
+    return sorted(found, key=lambda e: e.age)
+
+
+def clear() -> int:
+    """Remove all entries and abandoned builds, nothing else; returns how many entries went."""
+    known = entries()
+    for entry in known:
+        shutil.rmtree(cache_folder() / entry.key, ignore_errors=True)
+    for folder in cache_folder().glob(f"{TEMPORARY}*"):
+        try:
+            abandoned = time.time() - folder.stat().st_mtime > ABANDONED
+        except OSError:
+            continue  # its builder has just finished
+        if abandoned:
+            shutil.rmtree(folder, ignore_errors=True)
+    return len(known)

@@ -1,0 +1,132 @@
+"""Kernels ready to be called: what the solver and the user hold in their hands.
+
+`Kernels` knows the names, sizes and patterns of a mechanism; its two children evaluate the same programs
+through a compiled library or through NumPy.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from ncgen.errors import NcgenError
+from ncgen.model import Model
+from ncgen.model.rows import Row
+from ncgen.model.values import evaluate
+from ncgen.program.assemble import Programs
+from ncgen.program.blocks import Pattern
+
+
+class Kernels(ABC):
+    """The kernels of one mechanism.
+
+    q, qd: free coordinates (m, rad) and velocities, shape (n,), in the order of `coordinates`
+    p: parameters in the order of `parameters`; None means their defaults
+    Kernels that the mechanism does not need return zeros.
+    """
+
+    backend: str
+
+    def __init__(self, programs: Programs):
+        self.programs = programs
+        self.model: Model = programs.equations.model
+        self.name = self.model.name
+        self.coordinates: tuple[str, ...] = tuple(c.name for c in programs.equations.free)
+        self.rows: tuple[Row, ...] = tuple(self.model.rows)
+        self.parameters: tuple[str, ...] = tuple(self.model.parameters)
+        self.q0 = np.array([c.initial for c in programs.equations.free])
+        self.p0 = np.array([evaluate(v, self.model.parameters, v.name) for v in self.model.parameters.values()])
+        self.phi_q_pattern = programs.phi_q
+        self.mass_pattern = programs.mass
+
+    def __repr__(self):
+        return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
+
+    @property
+    def n(self) -> int:
+        """Number of free coordinates."""
+        return len(self.coordinates)
+
+    @property
+    def m(self) -> int:
+        """Number of constraint rows."""
+        return len(self.rows)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """{coordinate name: position in q}."""
+        return {name: i for i, name in enumerate(self.coordinates)}
+
+    # -- kernels -------------------------------------------------------------------------------
+
+    def phi(self, q, t=0.0, p=None) -> np.ndarray:
+        """Constraint equations Φ(q, t), shape (m,)."""
+        return self.values("phi", t, q, None, p)
+
+    def phi_q(self, q, t=0.0, p=None) -> csr_array:
+        """Jacobian Φ_q, sparse (m, n)."""
+        return self._sparse(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
+
+    def nu(self, q, t=0.0, p=None) -> np.ndarray:
+        """ν = −Φ_t, shape (m,): Φ_q q̇ = ν."""
+        return self.values("nu", t, q, None, p)
+
+    def gamma(self, q, qd, t=0.0, p=None) -> np.ndarray:
+        """γ, shape (m,): Φ_q q̈ = γ."""
+        return self.values("gamma", t, q, qd, p)
+
+    def mass(self, q, t=0.0, p=None) -> csr_array:
+        """Mass matrix M, sparse (n, n), symmetric and positive semidefinite."""
+        return self._sparse(self.mass_pattern, self.values("mass", t, q, None, p))
+
+    def force(self, q, qd, t=0.0, p=None) -> np.ndarray:
+        """Generalised forces Q, shape (n,): applied ones and velocity-dependent inertia."""
+        return self.values("force", t, q, qd, p)
+
+    def energy(self, q, qd, t=0.0, p=None) -> np.ndarray:
+        """Kinetic and potential energy (J), and the power (W) of forces without a potential."""
+        return self.values("energy", t, q, qd, p)
+
+    def jacobian(self, q, t=0.0, p=None) -> np.ndarray:
+        """Φ_q as a dense array, for linear algebra on small mechanisms."""
+        return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
+
+    def mass_matrix(self, q, t=0.0, p=None) -> np.ndarray:
+        """M as a dense array."""
+        return self._dense(self.mass_pattern, self.values("mass", t, q, None, p))
+
+    def values(self, kernel: str, t, q, qd, p) -> np.ndarray:
+        """The plain output of a kernel; matrices give their nonzeros."""
+        program = self.programs.programs.get(kernel)
+        if program is None:
+            return np.zeros({"force": self.n, "energy": 3, "mass": 0}.get(kernel, self.m))
+        q = self._checked(q, self.n, kernel, "q", "free coordinates")
+        qd = self._checked(qd, self.n, kernel, "qd", "free coordinates") if "qd" in program.inputs else None
+        p = self.p0 if p is None else self._checked(p, len(self.p0), kernel, "p", "parameters")
+        return self._call(kernel, t, q, qd, p, program.size)
+
+    @abstractmethod
+    def _call(self, kernel: str, t, q, qd, p, size: int) -> np.ndarray: ...
+
+    def _checked(self, array, size: int, kernel: str, name: str, what: str) -> np.ndarray:
+        array = np.asarray(array, dtype=self._dtype(array))
+        if array.shape[-1:] != (size,):
+            raise NcgenError(f"{self.name}.{kernel}: {name} has shape {array.shape}; the model has {size} {what}")
+        return array
+
+    @staticmethod
+    def _dtype(array):
+        return float
+
+    @staticmethod
+    def _sparse(pattern: Pattern, values) -> csr_array:
+        return csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
+
+    @staticmethod
+    def _dense(pattern: Pattern, values) -> np.ndarray:
+        dense = np.zeros((*np.shape(values)[:-1], pattern.shape[0] * pattern.shape[1]), dtype=values.dtype)
+        dense[..., pattern.flat] = values
+        return dense.reshape(*np.shape(values)[:-1], *pattern.shape)

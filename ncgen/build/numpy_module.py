@@ -1,0 +1,29 @@
+"""The generated NumPy module as kernels: needs no compiler, takes batches and complex numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.build.kernels import Kernels
+from ncgen.emit.sources import Sources
+
+
+class NumPyKernels(Kernels):
+    """Kernels of the generated NumPy source. Leading axes of q, qd and p are batches."""
+
+    backend = "numpy"
+
+    def __init__(self, sources: Sources):
+        super().__init__(sources.programs)
+        ((name, text),) = sources.numpy.items()
+        namespace: dict[str, object] = {"__name__": name.removesuffix(".py")}
+        exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
+        self._functions = {kernel: namespace[kernel] for kernel in sources.programs.programs}
+
+    def _call(self, kernel, t, q, qd, p, size):
+        arrays = (q, p) if qd is None else (q, qd, p)
+        return self._functions[kernel](t, *arrays)
+
+    @staticmethod
+    def _dtype(array):
+        return np.result_type(float, np.asarray(array).dtype)

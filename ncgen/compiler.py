@@ -1,0 +1,94 @@
+"""The stages from a model to kernels that can be called, each timed, and nothing else.
+
+0. model      what the user said (ncgen.model)
+1. symbolic   rows, masses and forces as templates bound to places (ncgen.symbolic)
+2. program    straight-line code and loops, folded and counted (ncgen.program)
+3. emit       C and NumPy source (ncgen.emit)
+4. build      a compiled library from the cache or the compiler (ncgen.build)
+5. load       kernels
+
+sympy is imported by stage 1 only, so importing ncgen stays quick.
+"""
+
+from __future__ import annotations
+
+import time
+import warnings
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+from ncgen.errors import CompileError, ModelError
+from ncgen.model import Model
+
+if TYPE_CHECKING:
+    from ncgen.build.kernels import Kernels
+    from ncgen.emit.sources import Sources
+
+BACKENDS = ("auto", "c", "numpy")
+
+
+@dataclass
+class Timings:
+    """Seconds per stage, in the order in which they ran."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+
+    def stage(self, name: str, function, *arguments):
+        start = time.perf_counter()
+        result = function(*arguments)
+        self.seconds[name] = time.perf_counter() - start
+        return result
+
+    @property
+    def total(self) -> float:
+        return sum(self.seconds.values())
+
+
+def generate(model: Model, emission: str = "auto", timings: Timings | None = None) -> Sources:
+    """Sources of a mechanism: stages 1 to 3.
+
+    emission: "unrolled" (straight-line), "tabled" (loops over index tables) or "auto"
+    Raises ModelError where the model cannot be generated.
+    """
+    timings = timings or Timings()
+    timings.stage("import", _import_generator)
+    from ncgen.emit.sources import emit
+    from ncgen.program.assemble import assemble
+    from ncgen.symbolic.equations import build_equations
+
+    equations = timings.stage("symbolic", build_equations, model)
+    programs = timings.stage("program", assemble, equations, emission)
+    return timings.stage("emit", emit, programs)
+
+
+def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None) -> Kernels:
+    """Kernels of a mechanism: stages 1 to 5.
+
+    model: a model, or sources from `generate`
+    backend: "c", "numpy", or "auto": C where a compiler is found, otherwise NumPy with one line saying so
+    Raises CompileError if C was asked for and there is no compiler, or the compiler refuses.
+    """
+    if backend not in BACKENDS:
+        raise ModelError(f"backend {backend!r} is unknown; choose one of {', '.join(BACKENDS)}")
+    timings = timings or Timings()
+    sources = generate(model, emission, timings) if isinstance(model, Model) else model
+    from ncgen.build.numpy_module import NumPyKernels
+
+    if backend == "numpy":
+        return timings.stage("load", NumPyKernels, sources)
+    from ncgen.build.cache import build
+    from ncgen.build.compilers import find_compiler
+    from ncgen.build.library import CompiledKernels
+
+    compiler = find_compiler()
+    if compiler is None:
+        if backend == "c":
+            raise CompileError("no C compiler found (tried CC, cc, gcc, clang, ziglang); install one, or use the numpy backend")
+        warnings.warn("no C compiler found: using the NumPy backend, which is slower; install gcc or clang for C", stacklevel=2)
+        return timings.stage("load", NumPyKernels, sources)
+    built = timings.stage("build", build, sources.c, compiler)
+    return timings.stage("load", CompiledKernels, sources.programs, built.library)
+
+
+def _import_generator() -> None:
+    import ncgen.emit.sources  # noqa: F401
