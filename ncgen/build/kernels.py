@@ -14,7 +14,8 @@ from scipy.sparse import csr_array
 
 from ncgen.errors import NcgenError
 from ncgen.model import Model
-from ncgen.model.rows import Row
+from ncgen.model.elements import Point
+from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate
 from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Pattern
@@ -59,6 +60,18 @@ class Kernels(ABC):
     def index(self) -> dict[str, int]:
         """{coordinate name: position in q}."""
         return {name: i for i, name in enumerate(self.coordinates)}
+
+    @cached_property
+    def row_sizes(self) -> np.ndarray:
+        """Natural size of every row: a residual divided by it is a relative one."""
+        parameters = self.model.parameters
+        return np.array([natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows])
+
+    @cached_property
+    def length(self) -> float:
+        """The extent of the mechanism (m) in its initial position; 1 if it has no extent."""
+        points = [e.initial for e in self.model.elements.values() if isinstance(e, Point)]
+        return float(np.max(np.ptp(points, axis=0))) or 1.0 if points else 1.0
 
     # -- kernels -------------------------------------------------------------------------------
 

@@ -29,6 +29,7 @@ class RowType:
     data: names of the constants
     formula(f, **arguments): the raw equation, zero when satisfied
     scale: the constants whose product divides the scaled row, and a factor
+    size: the constants whose product is the natural size of the raw row
     equation: the text printed beside the generated code, over the arguments' names
     """
 
@@ -39,6 +40,7 @@ class RowType:
     formula: Callable
     scale_factor: float
     scale_data: tuple[str, ...]
+    size: tuple[str, ...]
     equation: str
 
 
@@ -83,7 +85,7 @@ def _angle_paper(f, a, b, n, psi, la, lb, ln, wc, wx, wy, wz):
 
 
 def _angle(key, formula, equation, extra=()):
-    return RowType(key, ("a", "b", "n"), ("psi",), ("la", "lb", "ln", *extra), formula, 1.0, ("la", "lb"), equation)
+    return RowType(key, ("a", "b", "n"), ("psi",), ("la", "lb", "ln", *extra), formula, 1.0, ("la", "lb"), ("la", "lb"), equation)
 
 
 BRANCH_WEIGHTS = ("wc", "wx", "wy", "wz")
@@ -92,10 +94,10 @@ BRANCH_WEIGHTS = ("wc", "wx", "wy", "wz")
 ROW_TYPES = {
     row.key: row
     for row in [
-        RowType("distance", ("a",), (), ("L",), _distance, 0.5, ("L",), "|a|^2 - L^2"),
-        RowType("unit", ("u",), (), (), _unit, 0.5, (), "|u|^2 - 1"),
-        RowType("vector-segment", ("u", "a"), (), ("L", "c"), _vector_segment, 1.0, ("L",), "u.a - L c"),
-        RowType("vector-vector", ("u", "v"), (), ("c",), _vector_vector, 1.0, (), "u.v - c"),
+        RowType("distance", ("a",), (), ("L",), _distance, 0.5, ("L",), ("L", "L"), "|a|^2 - L^2"),
+        RowType("unit", ("u",), (), (), _unit, 0.5, (), (), "|u|^2 - 1"),
+        RowType("vector-segment", ("u", "a"), (), ("L", "c"), _vector_segment, 1.0, ("L",), ("L",), "u.a - L c"),
+        RowType("vector-vector", ("u", "v"), (), ("c",), _vector_vector, 1.0, (), (), "u.v - c"),
         _angle("angle-cosine", _angle_cosine, "a.b - la lb cos psi"),
         _angle("angle-sine-x", _angle_sine(0), "(a x b - la lb n/ln sin psi).x"),
         _angle("angle-sine-y", _angle_sine(1), "(a x b - la lb n/ln sin psi).y"),

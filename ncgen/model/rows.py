@@ -61,6 +61,18 @@ class Row:
         return describe(self.type, {**self.arguments, **self.data})
 
 
+def natural_size(row: Row, number) -> float:
+    """The size of a row's value where it is grossly violated: what a residual is compared with.
+
+    `number` turns a value into a float. For a scaled distance row this is L/2 (m), for all other scaled rows 1.
+    """
+    if row.type is None:
+        return 1.0
+    size = math.prod(number(row.data[name]) for name in row.type.size)
+    scale = row.type.scale_factor / math.prod(number(row.data[name]) for name in row.type.scale_data) if row.scaled else 1.0
+    return size * scale
+
+
 def describe(row_type: RowType, values: dict) -> str:
     """A row type's equation with what its letters stand for."""
     places = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", row_type.equation))

@@ -1,0 +1,1 @@
+"""How a mechanism moves: positions, velocities, accelerations, forces and simulations on any kernels."""

@@ -1,0 +1,37 @@
+"""The paper's sine-or-cosine rule as explicit state.
+
+Rows of `form="paper"` take their choice from run-time parameters. It is refreshed between Newton solves
+and frozen inside them, so it is part of p: copyable, and nobody's hidden memory.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.model.model import paper_choice
+from ncgen.solver.geometry import direction, element
+from ncgen.solver.protocol import Kernels
+
+
+def refresh_branches(kernels: Kernels, q, p) -> np.ndarray:
+    """Parameters p with every paper row's choice made anew at q; p itself where there are none."""
+    return _choose(kernels, q, p, lambda name: float(element(kernels, name, q)[0]))
+
+
+def one_kind(kernels: Kernels, q, p, kind: str) -> np.ndarray:
+    """Parameters with every paper row set to its cosine ("cosine") or largest sine component ("sine"), for lessons."""
+    as_if = {"cosine": np.pi / 2, "sine": 0.0}[kind]
+    return _choose(kernels, q, p, lambda name: as_if)
+
+
+def _choose(kernels: Kernels, q, p, angle) -> np.ndarray:
+    branches = kernels.model.branches
+    if not branches:
+        return p
+    p = np.array(p, dtype=float)
+    position = {name: i for i, name in enumerate(kernels.parameters)}
+    for name, weights in branches.items():
+        chosen = paper_choice(angle(name), direction(kernels, kernels.model.elements[name].axis, q))
+        for k, weight in enumerate(weights):
+            p[position[weight.name]] = float(k == chosen)
+    return p

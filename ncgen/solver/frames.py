@@ -1,0 +1,81 @@
+"""Orientation and angular velocity of bodies from natural coordinates (the paper's eqs 6-8).
+
+X = [x₁ x₂ x₃] holds three directions of a body; A = X X₀⁻¹ is its rotation since the initial position, and
+ω = ½ Σ xᵏ × ẋ_k with the reciprocal basis xᵏ. A body with two directions gets the third by a cross product.
+"""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from ncgen.errors import ModelError
+from ncgen.model.elements import Point
+from ncgen.solver.geometry import element, element_rate
+from ncgen.solver.protocol import Kernels
+
+
+def transformation(kernels: Kernels, body: str, q) -> np.ndarray:
+    """A at positions q (…, n), shape (…, 3, 3); orthogonal as far as Φ = 0."""
+    basis = _basis(kernels, body)
+    initial = _columns(basis, lambda e: element(kernels, e, kernels.q0))
+    return _columns(basis, lambda e: element(kernels, e, q)) @ np.linalg.inv(initial)
+
+
+def rotation(kernels: Kernels, body: str, q) -> Rotation:
+    """The same as a scipy Rotation (the nearest orthogonal matrix)."""
+    return Rotation.from_matrix(transformation(kernels, body, q))
+
+
+def angular_velocity(kernels: Kernels, body: str, q, qd) -> np.ndarray:
+    """ω (rad/s) in global axes, shape (…, 3)."""
+    basis = _basis(kernels, body)
+    X = _columns(basis, lambda e: element(kernels, e, q))
+    rate = _column_rates(basis, lambda e: element(kernels, e, q), lambda e: element_rate(kernels, e, qd))
+    reciprocal = np.swapaxes(np.linalg.inv(X), -1, -2)
+    return 0.5 * np.sum(np.cross(reciprocal, rate, axisa=-2, axisb=-2), axis=-2)
+
+
+def _basis(kernels: Kernels, name: str) -> list[tuple]:
+    """Directions of a body as (element, base point or None); the best three, or two where there are no more."""
+    if name not in kernels.model.bodies:
+        raise ModelError(f"{kernels.name} has no body {name}; it has {', '.join(kernels.model.bodies)}")
+    body = kernels.model.bodies[name]
+    points, vectors = body.points, body.vectors
+    directions = [(p, points[0]) for p in points[1:]] + [(v, None) for v in vectors]
+    initial = {d: _initial(d) for d in directions}
+    for count in (3, 2):
+        best = max(combinations(directions, count), key=lambda c: _volume([initial[d] for d in c]), default=None)
+        if best and _volume([initial[d] for d in best]) > 1e-6:
+            return list(best)
+    raise ModelError(f"body {name}: one direction or none does not fix an orientation; give the body another point or vector")
+
+
+def _initial(direction) -> np.ndarray:
+    thing, base = direction
+    return thing.initial - (base.initial if base else 0.0)
+
+
+def _volume(directions) -> float:
+    unit = [d / max(np.linalg.norm(d), 1e-300) for d in directions]
+    return float(np.linalg.svd(np.array(unit), compute_uv=False)[-1])
+
+
+def _directions(basis, value) -> list[np.ndarray]:
+    return [value(thing) - (value(base) if isinstance(base, Point) else 0.0) for thing, base in basis]
+
+
+def _columns(basis, position) -> np.ndarray:
+    x = _directions(basis, position)
+    if len(x) == 2:
+        x.append(np.cross(x[0], x[1]))
+    return np.stack(x, axis=-1)
+
+
+def _column_rates(basis, position, rate) -> np.ndarray:
+    x, v = _directions(basis, position), _directions(basis, rate)
+    if len(v) == 2:
+        v.append(np.cross(v[0], x[1]) + np.cross(x[0], v[1]))
+    return np.stack(v, axis=-1)

@@ -1,0 +1,83 @@
+"""Integrators by name: SciPy's own names, the field's, and those of Matlab that the paper uses."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import scipy.integrate
+
+from ncgen.errors import ModelError
+
+
+class Adams(scipy.integrate.OdeSolver):
+    """Variable-order Adams (VODE) as a SciPy step-by-step solver: the paper's ode113."""
+
+    def __init__(self, fun, t0, y0, t_bound, rtol=1e-3, atol=1e-6, max_step=np.inf, vectorized=False, first_step=None, **extra):
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+        self._engine = scipy.integrate.ode(self.fun).set_integrator(
+            "vode", method="adams", rtol=rtol, atol=atol, max_step=0.0 if np.isinf(max_step) else max_step,
+            first_step=first_step or 0.0, nsteps=100000,
+        )  # fmt: skip
+        self._engine.set_initial_value(y0, t0)
+
+    def _step_impl(self):
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", UserWarning)
+            try:
+                self._engine.integrate(self.t_bound, step=True)
+            except UserWarning as problem:
+                return False, str(problem)
+        self._previous = (self.t, self.y, self.fun(self.t, self.y))
+        self.t, self.y = self._engine.t, self._engine.y.copy()
+        if self.direction * (self.t - self.t_bound) > 0:
+            # VODE steps past the end; come back by its own interpolation.
+            self.y = self._engine.integrate(self.t_bound).copy()
+            self.t = self.t_bound
+        return True, None
+
+    def _dense_output_impl(self):
+        return _Hermite(*self._previous, self.t, self.y, self.fun(self.t, self.y))
+
+
+class _Hermite(scipy.integrate.DenseOutput):
+    """Cubic interpolation between two states and their derivatives."""
+
+    def __init__(self, t0, y0, f0, t1, y1, f1):
+        super().__init__(t0, t1)
+        from scipy.interpolate import CubicHermiteSpline
+
+        self._spline = CubicHermiteSpline([t0, t1], [y0, y1], [f0, f1])
+
+    def _call_impl(self, t):
+        return self._spline(t).T
+
+
+INTEGRATORS = {
+    "rk23": scipy.integrate.RK23,
+    "dopri5": scipy.integrate.RK45,
+    "dop853": scipy.integrate.DOP853,
+    "adams": Adams,
+    "bdf": scipy.integrate.BDF,
+    "radau": scipy.integrate.Radau,
+    "lsoda": scipy.integrate.LSODA,
+}
+"""Adaptive integrators by their names in the field."""
+
+OTHER_NAMES = {
+    "rk45": "dopri5",
+    "ode45": "dopri5",
+    "ode23": "rk23",
+    "ode113": "adams",
+    "ode15s": "bdf",
+}
+"""SciPy's and Matlab's names for the same methods."""
+
+
+def find_integrator(name: str):
+    """The integrator class of a name, upper or lower case. Raises ModelError listing the known ones."""
+    key = name.lower()
+    key = OTHER_NAMES.get(key, key)
+    if key not in INTEGRATORS:
+        raise ModelError(f"integrator {name!r} is unknown; choose one of {', '.join([*INTEGRATORS, *OTHER_NAMES])}")
+    return INTEGRATORS[key]

@@ -1,0 +1,132 @@
+"""Coordinate partitioning: which coordinates are independent, which rows are kept, and R.
+
+With dependent coordinates d and independent z, Φ_q^d q̇_d = ν − Φ_q^z ż (the paper's eqs 49-53), so
+q̇ = R ż + S ν and q̈ = R z̈ + S γ, where R = [−(Φ_q^d)⁻¹ Φ_q^z; 1] and S = [(Φ_q^d)⁻¹; 0] over the kept rows.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg
+
+from ncgen.errors import ModelError, SingularError
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import column_sizes, freedom
+
+WORST = 1e-7
+"""A partition whose Φ_q^d has a smaller reciprocal condition (rows and columns scaled) is refused."""
+
+
+@dataclass(frozen=True)
+class Partition:
+    """rows: kept rows; dependent, independent: positions in q; all index arrays."""
+
+    rows: np.ndarray
+    dependent: np.ndarray
+    independent: np.ndarray
+
+    def names(self, kernels: Kernels) -> tuple[str, ...]:
+        """Names of the independent coordinates."""
+        return tuple(kernels.coordinates[i] for i in self.independent)
+
+
+def choose_partition(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=None) -> Partition:
+    """A partition that is well conditioned at q.
+
+    independent: coordinates the user wants independent; those that fit are taken, the rest is found by pivoting
+    rows: kept rows, if known (default: found by rank at several positions)
+    Raises SingularError if q is singular, ModelError if the wanted coordinates do not determine the position.
+    """
+    if rows is None:
+        found = freedom(kernels, q, t, p)
+        if found.is_singular:
+            raise SingularError(singular_message(kernels, found))
+        rows = np.array(found.kept_rows, dtype=int)
+    wanted = [_position(kernels, name) for name in independent]
+    jacobian = kernels.jacobian(q, t, p)[rows] * column_sizes(kernels) / kernels.row_sizes[rows, None]
+    count = len(rows)
+    if len(wanted) > kernels.n - count:
+        raise ModelError(
+            f"{len(wanted)} independent coordinates were chosen, the mechanism has {kernels.n - count} degrees of freedom; leave some out"
+        )
+    others = np.array([i for i in range(kernels.n) if i not in set(wanted)], dtype=int)
+    pivots = scipy.linalg.qr(jacobian[:, others], mode="r", pivoting=True)[1] if count else np.arange(len(others))
+    dependent = np.sort(others[pivots[:count]])
+    partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))
+    if quality(kernels, partition, q, t, p) < WORST:
+        names = ", ".join(independent) or "the coordinates"
+        raise SingularError(f"{names} do not determine the position here: the partition is singular; choose other independent coordinates")
+    return partition
+
+
+def _position(kernels: Kernels, name: str) -> int:
+    if name not in kernels.index:
+        raise ModelError(f"independent coordinate {name}: {kernels.name} has no such free coordinate")
+    return kernels.index[name]
+
+
+def quality(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> float:
+    """Reciprocal condition number of the scaled Φ_q^d: 1 is best, 0 is singular."""
+    if not len(partition.rows):
+        return 1.0
+    jacobian = kernels.jacobian(q, t, p) * column_sizes(kernels) / kernels.row_sizes[:, None]
+    values = np.linalg.svd(jacobian[np.ix_(partition.rows, partition.dependent)], compute_uv=False)
+    return float(values[-1] / values[0]) if values[0] > 0 else 0.0
+
+
+def singular_message(kernels: Kernels, found) -> str:
+    """One line about a singular position: the rank, and what can move there and nowhere else."""
+    motion = found.vanishing[:, 0]
+    movers = np.argsort(-np.abs(motion))[:3]
+    names = ", ".join(kernels.coordinates[i] for i in movers if abs(motion[i]) > 1e-6)
+    return (
+        f"{kernels.name}: the position is singular, rank {found.rank_here} where {found.rank} is general; "
+        f"the extra motion moves {names}; start from another position"
+    )
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """The factorised Jacobian at a position: velocities and accelerations from independent ones."""
+
+    partition: Partition
+    factors: tuple
+    R: np.ndarray
+
+    def particular(self, right: np.ndarray) -> np.ndarray:
+        """S·right over all coordinates: what satisfies Φ_q x = right with x_z = 0."""
+        result = np.zeros(self.R.shape[0])
+        if len(self.partition.rows):
+            result[self.partition.dependent] = scipy.linalg.lu_solve(self.factors, right[self.partition.rows], check_finite=False)
+        return result
+
+    def multipliers(self, right: np.ndarray, rows: int) -> np.ndarray:
+        """λ with Φ_qᵀ λ = right on the dependent coordinates; rows that are not kept get zero."""
+        result = np.zeros(rows)
+        if len(self.partition.rows):
+            kept = scipy.linalg.lu_solve(self.factors, right[self.partition.dependent], trans=1, check_finite=False)
+            result[self.partition.rows] = kept
+        return result
+
+
+def kinematics(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> Kinematics:
+    """Factor Φ_q^d at q and form R. Raises SingularError where the factorisation breaks down."""
+    jacobian = kernels.jacobian(q, t, p)[partition.rows]
+    R = np.zeros((kernels.n, len(partition.independent)))
+    R[partition.independent, np.arange(len(partition.independent))] = 1.0
+    if not len(partition.rows):
+        return Kinematics(partition, (), R)
+    factors = factor(jacobian[:, partition.dependent], kernels.name)
+    R[partition.dependent] = -scipy.linalg.lu_solve(factors, jacobian[:, partition.independent], check_finite=False)
+    return Kinematics(partition, factors, R)
+
+
+def factor(matrix: np.ndarray, name: str) -> tuple:
+    """LU factors; SingularError instead of infinities."""
+    factors = scipy.linalg.lu_factor(matrix, check_finite=False)
+    pivots = np.abs(np.diag(factors[0]))
+    if not np.min(pivots) > 1e-14 * np.max(pivots):
+        raise SingularError(f"{name}: the Jacobian of the dependent coordinates is singular; choose other independent coordinates")
+    return factors

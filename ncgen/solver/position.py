@@ -1,0 +1,151 @@
+"""The position problem: coordinates that satisfy Φ(q, t) = 0.
+
+Newton's method with the minimum-norm step, halved where it does not help; redundant rows do no harm.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.solver.geometry import angles, measured_angle
+from ncgen.solver.protocol import Kernels
+
+TOLERANCE = 1e-12
+LIMIT = 40
+CONSISTENT = 1e-9
+"""A relative residual up to this passes as a consistent initial position."""
+
+
+@dataclass(frozen=True)
+class Position:
+    """A solved position: q, the Newton steps taken, the relative residual, and its history."""
+
+    q: np.ndarray
+    iterations: int
+    residual: float
+    history: tuple[float, ...]
+
+
+def residual(kernels: Kernels, q, t=0.0, p=None) -> float:
+    """The largest |Φ| relative to the rows' natural sizes."""
+    values = np.abs(kernels.phi(q, t, p)) / kernels.row_sizes
+    return float(np.max(values, initial=0.0))
+
+
+def solve_position(
+    kernels: Kernels, q, t=0.0, p=None, held=(), tolerance: float = TOLERANCE, limit: int = LIMIT
+) -> Position:
+    """The consistent position near q; the coordinates named in `held` keep their values.
+
+    A position that is consistent already comes back to the last bit.
+    Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π.
+    """
+    q = np.array(q, dtype=float)
+    free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in set(held)], dtype=int)
+    sizes = kernels.row_sizes
+    value = kernels.phi(q, t, p) / sizes
+    history = [float(np.max(np.abs(value), initial=0.0))]
+    while not history[-1] <= tolerance:
+        if len(history) > limit or not np.isfinite(history[-1]):
+            raise ConvergenceError(_failure(kernels, value, history), tuple(history))
+        jacobian = kernels.jacobian(q, t, p)[:, free] / sizes[:, None]
+        step = np.linalg.lstsq(jacobian, -value, rcond=1e-10)[0]
+        q, value = _damped(kernels, q, free, step, value, t, p)
+        history.append(float(np.max(np.abs(value), initial=0.0)))
+    _check_mirror_roots(kernels, q, history)
+    return Position(q, len(history) - 1, history[-1], tuple(history))
+
+
+def _damped(kernels: Kernels, q, free, step, value, t, p):
+    """The longest of the step, its half, quarter … that lowers the residual; the shortest if none does."""
+    norm = np.linalg.norm(value)
+    for power in range(6):
+        trial = q.copy()
+        trial[free] += step / 2**power
+        new = kernels.phi(trial, t, p) / kernels.row_sizes
+        if np.linalg.norm(new) < norm:
+            break
+    return trial, new
+
+
+def _failure(kernels: Kernels, value, history) -> str:
+    worst = int(np.nanargmax(np.where(np.isfinite(value), np.abs(value), np.inf)))
+    row = kernels.rows[worst]
+    return (
+        f"position problem: no convergence in {len(history) - 1} steps, the relative residual is {history[-1]:.2g}; "
+        f"worst is row {worst + 1} ({row.label}, {row.owner}); start nearer to a closed position or move in smaller steps"
+    )
+
+
+def _check_mirror_roots(kernels: Kernels, q, history) -> None:
+    for angle in angles(kernels):
+        coordinate = kernels.index.get(angle.name)
+        if coordinate is None:
+            continue
+        error = q[coordinate] - measured_angle(kernels, angle, q)
+        if np.cos(error) < 0.0:
+            raise ConvergenceError(
+                f"angle {angle.name}: the position found is the mirror root, {np.degrees(error) % 360:.1f} degrees off; "
+                "start with the angle nearer to its elements",
+                tuple(history),
+            )
+
+
+def check_consistent(kernels: Kernels, q, t=0.0, p=None) -> None:
+    """Raise ModelError naming the worst row if q violates the constraints by more than 1e-9 relative."""
+    value = kernels.phi(q, t, p)
+    relative = np.abs(value) / kernels.row_sizes
+    if not np.all(np.isfinite(relative)):
+        row = kernels.rows[int(np.argmin(np.isfinite(relative)))]
+        raise ModelError(f"row {row.label} ({row.owner}): its value is not a number at this position; check the coordinates")
+    if np.max(relative, initial=0.0) > CONSISTENT:
+        worst = int(np.argmax(relative))
+        row = kernels.rows[worst]
+        raise ModelError(
+            f"row {worst + 1} ({row.label}, {row.owner}): the initial position violates it by {value[worst]:.6g}; "
+            "correct the coordinates or its constant, or call ncgen.solve_position first"
+        )
+
+
+def move(kernels: Kernels, q, targets: dict[str, float], t=0.0, p=None, steps: int = 1) -> Position:
+    """A finite displacement: coordinates by name are brought to given values, in equal steps that are halved on failure.
+
+    The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go.
+    """
+    names = list(targets)
+    where = [_index(kernels, name) for name in names]
+    q = np.array(q, dtype=float)
+    start, end = q[where], np.array([targets[name] for name in names], dtype=float)
+    done, step = 0.0, 1.0 / steps
+    result = Position(q, 0, residual(kernels, q, t, p), ())
+    while done < 1.0:
+        share = min(1.0, done + step)
+        guess = result.q.copy()
+        guess[where] = start + share * (end - start)
+        try:
+            result = solve_position(kernels, guess, t, p, held=names)
+            done = share
+        except ConvergenceError:
+            step /= 2
+            if step < 1e-4 / steps:
+                raise
+    return result
+
+
+def sweep(kernels: Kernels, name: str, values, q=None, t=0.0, p=None) -> np.ndarray:
+    """Positions (K, n) while one coordinate takes the given values, each started from the one before."""
+    position = kernels.q0 if q is None else np.asarray(q, dtype=float)
+    path = []
+    for value in values:
+        position = move(kernels, position, {name: value}, t, p).q
+        path.append(position)
+    return np.array(path).reshape(-1, kernels.n)
+
+
+def _index(kernels: Kernels, name: str) -> int:
+    if name not in kernels.index:
+        raise ModelError(f"{kernels.name} has no free coordinate {name}; it has {', '.join(kernels.coordinates)}")
+    return kernels.index[name]

@@ -1,0 +1,150 @@
+"""Rank of the Jacobian: degrees of freedom, redundant rows with what implies them, singular positions.
+
+Rank is numerical and is taken at several consistent positions, because one position may be special.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError
+from ncgen.solver.position import solve_position
+from ncgen.solver.protocol import Kernels
+
+RELATIVE_ZERO = 1e-9
+"""Singular values below this, relative to the largest, count as zero."""
+
+POSITIONS = 6
+DISTANCE = 0.1
+"""How far the trial positions are from the given one, relative to the mechanism's size."""
+
+
+def numerical_rank(jacobian: np.ndarray) -> int:
+    """Rank by singular values."""
+    if not min(jacobian.shape):
+        return 0
+    values = np.linalg.svd(jacobian, compute_uv=False)
+    return int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300)))
+
+
+def null_space(jacobian: np.ndarray) -> np.ndarray:
+    """An orthonormal basis of the null space, columns (n, n − rank)."""
+    _, values, right = np.linalg.svd(jacobian, full_matrices=True)
+    rank = int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300))) if len(values) else 0
+    return right[rank:].T
+
+
+def scaled_jacobian(kernels: Kernels, q, t=0.0, p=None) -> np.ndarray:
+    """Φ_q with rows divided by their natural size and lengths measured in the mechanism's size."""
+    return kernels.jacobian(q, t, p) * column_sizes(kernels) / kernels.row_sizes[:, None]
+
+
+def column_sizes(kernels: Kernels) -> np.ndarray:
+    """The natural size of every coordinate: the mechanism's length for points, 1 for vectors and angles."""
+    from ncgen.model.elements import Point
+
+    points = {c.name for e in kernels.model.elements.values() if isinstance(e, Point) for c in e.components}
+    return np.array([kernels.length if name in points else 1.0 for name in kernels.coordinates])
+
+
+def trial_positions(kernels: Kernels, q, t=0.0, p=None, count: int = POSITIONS) -> list[np.ndarray]:
+    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
+    generator = np.random.default_rng(0)
+    sizes = column_sizes(kernels)
+    basis = null_space(scaled_jacobian(kernels, q, t, p))
+    found = [np.asarray(q, dtype=float)]
+    for attempt in range(4 * count):
+        if len(found) > count:
+            break
+        if not basis.shape[1]:
+            break
+        step = basis @ generator.standard_normal(basis.shape[1])
+        guess = q + DISTANCE / (1 + attempt // count) * sizes * step / max(np.max(np.abs(step)), 1e-300)
+        try:
+            found.append(solve_position(kernels, guess, t, p).q)
+        except ConvergenceError:
+            continue  # too far for this mechanism: the next attempts are nearer
+    return found
+
+
+@dataclass(frozen=True)
+class Redundancy:
+    """Row `row` (from 0) is implied by others: row = Σ coefficient · other row, with rows as generated."""
+
+    row: int
+    implied_by: dict[int, float]
+
+
+@dataclass(frozen=True)
+class Freedom:
+    """Degrees of freedom of a mechanism.
+
+    rank: of Φ_q in general position; rank_here: at the given position (less means it is singular)
+    redundant: rows that others imply in every position tried
+    vanishing: motions that exist only in this position, columns over the free coordinates
+    """
+
+    rank: int
+    rank_here: int
+    dof: int
+    redundant: tuple[Redundancy, ...]
+    kept_rows: tuple[int, ...]
+    vanishing: np.ndarray
+    positions: int
+
+    @property
+    def is_singular(self) -> bool:
+        return self.rank_here < self.rank
+
+
+def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
+    """Degrees of freedom, redundant rows and singularity at a consistent position q (default: the initial one)."""
+    q = kernels.q0 if q is None else np.asarray(q, dtype=float)
+    positions = trial_positions(kernels, q, t, p)
+    jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
+    ranks = [numerical_rank(j) for j in jacobians]
+    rank = max(ranks)
+    general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
+    kept, dependent = _independent_rows(general)
+    scale = kernels.row_sizes
+    redundant = tuple(_implication(general[-1], row, kept, scale) for row in dependent)
+    vanishing = _extra_motions(jacobians[0], ranks[0], rank)
+    return Freedom(rank, ranks[0], kernels.n - rank, redundant, tuple(kept), vanishing, len(positions))
+
+
+def _independent_rows(jacobians: list[np.ndarray]) -> tuple[list[int], list[int]]:
+    """Rows in their own order, each kept if it is independent of those kept before in any position."""
+    bases = [np.zeros((0, j.shape[1])) for j in jacobians]
+    kept, dependent = [], []
+    for row in range(jacobians[0].shape[0]):
+        rests = [_rest(j[row], basis) for j, basis in zip(jacobians, bases, strict=True)]
+        if all(np.linalg.norm(rest) < 1e-8 for rest in rests):
+            dependent.append(row)
+            continue
+        kept.append(row)
+        for k, rest in enumerate(rests):
+            if (size := np.linalg.norm(rest)) > 1e-8:
+                bases[k] = np.vstack([bases[k], rest / size])
+    return kept, dependent
+
+
+def _rest(row: np.ndarray, basis: np.ndarray) -> np.ndarray:
+    """The part of a normalised row outside an orthonormal basis, orthogonalised twice against rounding."""
+    rest = row / max(np.linalg.norm(row), 1e-300)
+    for _ in range(2):
+        rest = rest - basis.T @ (basis @ rest)
+    return rest
+
+
+def _implication(jacobian: np.ndarray, row: int, kept: list[int], scale: np.ndarray) -> Redundancy:
+    solution = np.linalg.lstsq(jacobian[kept].T, jacobian[row], rcond=None)[0]
+    raw = solution * scale[row] / scale[kept]
+    return Redundancy(row, {k: float(c) for k, c, s in zip(kept, raw, solution, strict=True) if abs(s) > 1e-7})
+
+
+def _extra_motions(jacobian: np.ndarray, here: int, rank: int) -> np.ndarray:
+    """Right singular vectors whose singular values vanish only here."""
+    right = np.linalg.svd(jacobian, full_matrices=True)[2] if min(jacobian.shape) else np.eye(jacobian.shape[1])
+    return right[here:rank].T

@@ -1,0 +1,170 @@
+"""A simulation: from a position and independent velocities to a trajectory."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Callable
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.solver.branches import refresh_branches
+from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
+from ncgen.solver.integrators import find_integrator
+from ncgen.solver.partition import Partition, choose_partition, quality
+from ncgen.solver.position import check_consistent
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.trajectory import Statistics, Trajectory
+
+DEGRADED = 1e-3
+"""A partition is changed when its quality falls below this share of what it was when chosen."""
+
+FORMALISMS = ("coordinate-partitioning",)
+
+
+def simulate(
+    kernels: Kernels,
+    duration: float,
+    *,
+    formalism: str = "coordinate-partitioning",
+    integrator: str = "dopri5",
+    rtol: float = 1e-8,
+    atol: float = 1e-10,
+    q0=None,
+    zd0=None,
+    z=None,
+    p=None,
+    t0: float = 0.0,
+    points: int = 101,
+    max_step: float = np.inf,
+    progress: Callable[[float], None] | None = None,
+) -> Trajectory:
+    """Simulate a mechanism and return its trajectory on an even time grid.
+
+    duration: s; t0: start time
+    formalism: "coordinate-partitioning" (the paper's Table 8)
+    integrator: dopri5, dop853, adams, bdf, radau, rk23, lsoda, or Matlab's and SciPy's names (ode45, RK45, ode113 …)
+    rtol, atol: tolerances on the independent velocities and positions
+    q0: a consistent initial position, shape (n,) (default: the model's)
+    zd0: initial independent velocities by name, {"psi2": 1.0}, or as an array in the order of z (default: rest)
+    z: names of the independent coordinates (default: the model's choice, else found by pivoting)
+    p: parameters (default: the model's)
+    points: how many instants the trajectory holds
+    max_step: the longest step (s)
+    progress: called with the time reached after every step
+
+    Raises ModelError for an inconsistent start, SingularError for a singular one, ConvergenceError naming the
+    time where the motion cannot go on.
+    """
+    if formalism not in FORMALISMS:
+        raise ModelError(f"formalism {formalism!r} is unknown; choose one of {', '.join(FORMALISMS)}")
+    method = find_integrator(integrator)
+    duration = _positive(duration, "duration")
+    if points < 2:
+        raise ModelError(f"points: {points} given; a trajectory has at least 2")
+    q = np.array(kernels.q0 if q0 is None else q0, dtype=float)
+    p = refresh_branches(kernels, q, kernels.p0 if p is None else np.asarray(p, dtype=float))
+    check_consistent(kernels, q, t0, p)
+    partition = choose_partition(kernels, q, t0, p, z or kernels.model.chosen_independent)
+    run = _Run(kernels, method, dict(rtol=rtol, atol=atol, max_step=max_step), partition, t0 + duration)
+    clock = time.perf_counter()
+    grid = np.linspace(t0, t0 + duration, points)
+    motions, work = run.integrate(q, _rates(kernels, partition, zd0), t0, p, grid, progress)
+    statistics = Statistics(run.steps, run.evaluations, run.newton, run.changes, time.perf_counter() - clock)
+    return Trajectory.collect(kernels, motions, work, p, run.partition, statistics, formalism, integrator)
+
+
+def _positive(value: float, name: str) -> float:
+    if not (np.isfinite(value) and value > 0):
+        raise ModelError(f"{name}: {value} given; it must be a positive number of seconds")
+    return float(value)
+
+
+def _rates(kernels: Kernels, partition: Partition, zd0) -> np.ndarray:
+    names = partition.names(kernels)
+    if zd0 is None:
+        return np.zeros(len(names))
+    if isinstance(zd0, dict):
+        unknown = [name for name in zd0 if name not in names]
+        if unknown:
+            raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
+        return np.array([float(zd0.get(name, 0.0)) for name in names])
+    rates = np.asarray(zd0, dtype=float)
+    if rates.shape != (len(names),) or not np.all(np.isfinite(rates)):
+        raise ModelError(f"zd0: {rates.shape} finite numbers needed for the {len(names)} independent coordinates {', '.join(names)}")
+    return rates
+
+
+class _Run:
+    """One integration: counters, the current partition, and the start of the current step."""
+
+    def __init__(self, kernels: Kernels, method, options: dict, partition: Partition, end: float):
+        self.kernels = kernels
+        self.method = method
+        self.options = options
+        self.partition = partition
+        self.end = end
+        self.steps = self.evaluations = self.newton = self.changes = 0
+
+    def integrate(self, q, zd, t, p, grid, progress) -> tuple[list[Motion], list[float]]:
+        """Motions and work at the times of the grid."""
+        here = motion_at(self.kernels, self.partition, t, q, zd, p)
+        self.start = Start(t, here.q, here.qd, p)
+        self.reference = quality(self.kernels, self.partition, q, t, p)
+        solver = self._solver(t, here, 0.0)
+        motions, work = [here], [0.0]
+        while solver.status == "running":
+            self._step(solver)
+            while len(motions) < len(grid) and grid[len(motions)] <= solver.t:
+                instant = grid[len(motions)]
+                y = solver.y if instant == solver.t else solver.dense_output()(instant)
+                motions.append(self._motion(instant, y))
+                work.append(float(y[-1]))
+            here = self._motion(solver.t, solver.y)
+            self._accept(here)
+            if progress:
+                progress(solver.t)
+            if self._degraded(here) and solver.status == "running":
+                solver = self._repartition(here, solver.y[-1])
+        return motions, work
+
+    def _solver(self, t: float, here: Motion, work: float):
+        y = np.concatenate([here.qd[self.partition.independent], here.q[self.partition.independent], [work]])
+        return self.method(self._derivative, t, y, self.end, **self.options)
+
+    def _step(self, solver) -> None:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
+            message = solver.step()
+        self.steps += 1
+        if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+            raise ConvergenceError(
+                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
+                "the motion may become singular there, or try another integrator or tolerance"
+            )
+
+    def _derivative(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.evaluations += 1
+        now = self._motion(t, y)
+        z = self.partition.independent
+        return np.concatenate([now.qdd[z], now.qd[z], [now.power]])
+
+    def _motion(self, t: float, y: np.ndarray) -> Motion:
+        count = len(self.partition.independent)
+        now = motion(self.kernels, self.partition, self.start, t, y[count : 2 * count], y[:count])
+        self.newton += now.iterations
+        return now
+
+    def _accept(self, here: Motion) -> None:
+        self.start = Start(here.t, here.q, here.qd, refresh_branches(self.kernels, here.q, self.start.p))
+
+    def _degraded(self, here: Motion) -> bool:
+        return quality(self.kernels, self.partition, here.q, here.t, self.start.p) < DEGRADED * self.reference
+
+    def _repartition(self, here: Motion, work: float):
+        """Other independent coordinates for the same motion; the integrator starts anew from it."""
+        self.partition = choose_partition(self.kernels, here.q, here.t, self.start.p, rows=self.partition.rows)
+        self.reference = quality(self.kernels, self.partition, here.q, here.t, self.start.p)
+        self.changes += 1
+        return self._solver(here.t, here, work)

@@ -1,0 +1,163 @@
+"""A trajectory: what a simulation found, with names and units."""
+
+from __future__ import annotations
+
+import io
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ncgen.errors import ModelError, NcgenError
+from ncgen.solver import frames, geometry
+from ncgen.solver.protocol import Kernels
+
+
+@dataclass(frozen=True)
+class Statistics:
+    """What a simulation cost: steps, evaluations of the state derivative, Newton steps, changes of partition, seconds."""
+
+    steps: int
+    evaluations: int
+    newton_steps: int
+    partition_changes: int
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """A motion on a time grid of K instants.
+
+    t (K,) in s; q, qd, qdd (K, n) in m and rad, in the order of `coordinates`; lam (K, m): multipliers of the rows,
+    in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
+    `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
+    """
+
+    kernels: Kernels
+    t: np.ndarray
+    q: np.ndarray
+    qd: np.ndarray
+    qdd: np.ndarray
+    lam: np.ndarray
+    work: np.ndarray
+    p: np.ndarray
+    independent: tuple[str, ...]
+    statistics: Statistics
+    formalism: str
+    integrator: str
+
+    @classmethod
+    def collect(cls, kernels, motions, work, p, partition, statistics, formalism, integrator) -> Trajectory:
+        """Stack the motions of a run."""
+        columns = (np.array([getattr(m, name) for m in motions]) for name in ("t", "q", "qd", "qdd", "lam"))
+        return cls(
+            kernels, *columns, np.array(work), p, partition.names(kernels), statistics, formalism, integrator
+        )  # fmt: skip
+
+    @property
+    def model(self):
+        return self.kernels.model
+
+    @property
+    def name(self) -> str:
+        return self.kernels.name
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        return self.kernels.coordinates
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """One free coordinate, or `rate(name)`, over time, shape (K,). Raises ModelError for an unknown name."""
+        inner = name.removeprefix("rate(").removesuffix(")") if name.startswith("rate(") else name
+        if inner not in self.kernels.index:
+            raise ModelError(f"{self.name} has no free coordinate {inner}; it has {', '.join(self.coordinates)}")
+        return (self.q if inner == name else self.qd)[:, self.kernels.index[inner]]
+
+    def point(self, name: str) -> np.ndarray:
+        """Positions (m) of a point, shape (K, 3)."""
+        return geometry.element(self.kernels, name, self.q)
+
+    def vector(self, name: str) -> np.ndarray:
+        """Components of a unit vector, shape (K, 3)."""
+        return geometry.element(self.kernels, name, self.q)
+
+    def rotation(self, body: str):
+        """Orientation of a body relative to the initial position, a scipy Rotation of K instants.
+
+        Euler angles, Bryant angles and Euler parameters (the paper's eqs 1-5) are its views:
+        `.as_euler("ZXZ")`, `.as_euler("XYZ")`, `.as_quat(scalar_first=True)`.
+        """
+        return frames.rotation(self.kernels, body, self.q)
+
+    def angular_velocity(self, body: str) -> np.ndarray:
+        """Angular velocity (rad/s) of a body in global axes, shape (K, 3)."""
+        return frames.angular_velocity(self.kernels, body, self.q, self.qd)
+
+    def energy(self) -> np.ndarray:
+        """Kinetic and potential energy (J) and power (W) of forces without a potential, shape (K, 3)."""
+        instants = zip(self.t, self.q, self.qd, strict=True)
+        return np.array([self.kernels.energy(q, qd, t, self.p) for t, q, qd in instants])
+
+    @cached_property
+    def energy_drift(self) -> float:
+        """The largest |T + V − W − its start|, relative to the energy that moves (largest T or change of V)."""
+        energies = self.energy()
+        total = energies[:, 0] + energies[:, 1] - self.work
+        moved = max(np.max(energies[:, 0]), np.ptp(energies[:, 1]), np.max(np.abs(self.work)))
+        error = float(np.max(np.abs(total - total[0])))
+        return error / moved if moved > 0 else error
+
+    def violation(self) -> np.ndarray:
+        """The largest |Φ| relative to the rows' natural sizes at every instant, shape (K,)."""
+        from ncgen.solver.position import residual
+
+        return np.array([residual(self.kernels, q, t, self.p) for t, q in zip(self.t, self.q, strict=True)])
+
+    def reactions(self):
+        """Loads between bodies, see `ncgen.solver.reactions.reactions`."""
+        from ncgen.solver.reactions import reactions
+
+        return reactions(self)
+
+    # -- files ---------------------------------------------------------------------------------
+
+    def to_npz(self, path):
+        """Write all arrays and names as a NumPy archive; returns the path. Raises NcgenError if it cannot."""
+        from ncgen.emit.sources import write_bytes
+
+        names = dict(coordinates=self.coordinates, parameters=self.kernels.parameters, rows=[r.label for r in self.model.rows])
+        arrays = dict(t=self.t, q=self.q, qd=self.qd, qdd=self.qdd, lam=self.lam, work=self.work, p=self.p)
+        buffer = io.BytesIO()
+        np.savez(buffer, **arrays, **{k: np.array(v, dtype=str) for k, v in names.items()})
+        return write_bytes(_path(path), buffer.getvalue())
+
+    def to_csv(self, path):
+        """Write t, coordinates and velocities with a header line, every digit; returns the path."""
+        from ncgen.emit.sources import write_text
+
+        header = ",".join(["t", *self.coordinates, *(f"rate({c})" for c in self.coordinates)])
+        table = np.column_stack([self.t, self.q, self.qd])
+        lines = [header] + [",".join(map(repr, row)) for row in table.tolist()]
+        return write_text(_path(path), "\n".join(lines) + "\n")
+
+    def plot(self, path=None, names=None):
+        """Time histories, energy and violation as a matplotlib figure; written to `path` if given."""
+        from importlib import import_module
+
+        view = import_module("ncgen.view.figure")
+        figure = view.plot(self, names)
+        return figure if path is None else view.save(figure, _path(path))
+
+    def animate(self, path):
+        """Write a self-contained HTML page that shows the motion; returns the path."""
+        from importlib import import_module
+
+        return import_module("ncgen.view.player").write_player(self, _path(path))
+
+
+def _path(path):
+    from pathlib import Path
+
+    if not str(path):
+        raise NcgenError("an empty path was given; name a file")
+    return Path(path)

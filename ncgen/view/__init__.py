@@ -1,0 +1,1 @@
+"""How a mechanism looks: the scene, still figures and time histories, and a player in one HTML file."""

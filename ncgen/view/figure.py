@@ -1,0 +1,129 @@
+"""Still figures in the manner of the paper's Figure 3: points with names, black lines, red unit vectors.
+
+The figures are matplotlib objects made without pyplot: no window, no global state.
+"""
+
+from __future__ import annotations
+
+from io import BytesIO
+from pathlib import Path
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from ncgen.emit.sources import write_bytes
+from ncgen.errors import NcgenError
+from ncgen.model import Model
+from ncgen.view.histories import plot
+from ncgen.view.labels import LabelPlaces
+from ncgen.view.scene import Scene, scene_of
+
+__all__ = ["figure", "plot", "save"]
+
+AZIMUTH, ELEVATION = 40.0, 20.0
+"""Where a spatial scene is seen from (degrees): the turn of the eye about Z, from X, and its height."""
+
+LINE, VECTOR, PALE = "black", "#c8102e", "#d0d0d0"
+POINT_LABEL = dict(color="black", fontsize=10, ha="center", va="center", zorder=10, gid="point name")
+VECTOR_LABEL = dict(color=VECTOR, fontsize=9, ha="center", va="center", zorder=10, gid="vector name")
+FLAT_ARROW = dict(angles="xy", scale_units="xy", scale=1, width=0.005, headwidth=4, zorder=2)
+SPATIAL_ARROW = dict(arrow_length_ratio=0.25, linewidth=1.4)
+
+METADATA = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
+"""What a saved file does not say, by suffix: nothing that changes with the day or the version."""
+
+
+def figure(model_or_run, frame: int = 0) -> Figure:
+    """A drawing of the mechanism: the model's initial position, or one time of a trajectory.
+
+    frame: index of the time; negative ones count from the end
+
+    A planar scene is drawn in its plane, without the vectors normal to it. Raises NcgenError for a frame the run lacks.
+    """
+    scene = scene_of(model_or_run)
+    if not -len(scene.t) <= frame < len(scene.t):
+        raise NcgenError(f"{scene.name}: there is no frame {frame}; give one from 0 to {len(scene.t) - 1}")
+    chart = Figure(figsize=(6.4, 5.6), layout="constrained")
+    FigureCanvasAgg(chart)
+    axes = _flat_axes(chart, scene) if scene.planar else _spatial_axes(chart, scene)
+    axes.set_title(scene.name if isinstance(model_or_run, Model) else f"{scene.name}, t = {scene.t[frame]:.4g} s")
+    _draw(axes, scene, frame)
+    return chart
+
+
+def save(figure: Figure, path) -> Path:
+    """Write a figure as PNG or SVG, by the suffix, and return its path; the same figure gives the same bytes.
+
+    Raises NcgenError for another suffix, or if the file cannot be written.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in METADATA:
+        raise NcgenError(f"{path}: a figure is saved as {' or '.join(METADATA)}; choose a name that ends so")
+    data = BytesIO()
+    with rc_context({"svg.hashsalt": "ncgen"}):
+        figure.savefig(data, format=suffix[1:], dpi=160, metadata=METADATA[suffix])
+    return write_bytes(path, data.getvalue())
+
+
+def _flat_axes(chart: Figure, scene: Scene):
+    (left, bottom, _), (right, top, _) = _limits(scene)
+    axes = chart.add_subplot(aspect="equal", xlabel="X (m)", ylabel="Y (m)", xlim=(left, right), ylim=(bottom, top))
+    axes.grid(color=PALE, linewidth=0.6)
+    axes.set_axisbelow(True)
+    return axes
+
+
+def _spatial_axes(chart: Figure, scene: Scene):
+    low, high = _limits(scene)
+    sides = high - low
+    axes = chart.add_subplot(projection="3d", proj_type="ortho", azim=AZIMUTH, elev=ELEVATION)
+    axes.set(xlabel="X (m)", ylabel="Y (m)", zlabel="Z (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
+    axes.set_box_aspect(sides, zoom=0.95)
+    for axis, side in zip((axes.xaxis, axes.yaxis, axes.zaxis), sides, strict=True):
+        axis.set_major_locator(MaxNLocator(nbins=max(2, round(6 * side / sides.max()))))
+        axis.set_pane_color("white")
+        axis._axinfo["grid"].update(color=PALE, linewidth=0.6)
+    return axes
+
+
+def _draw(axes, scene: Scene, frame: int) -> None:
+    """Segments, arrows, points and names of one frame, in axes of two or three dimensions."""
+    axis_count = 2 if scene.planar else 3
+    points = scene.positions[frame, :, :axis_count]
+    arrows = [(arrow, arrow.direction[frame, :axis_count] * scene.arrow_length) for arrow in scene.arrows]
+    arrows = [(arrow, shaft) for arrow, shaft in arrows if np.linalg.norm(shaft) > 1e-6 * scene.size]
+    places = LabelPlaces(_screen()[:axis_count] if axis_count == 3 else np.eye(2), 0.045 * scene.size)
+
+    for start, end in scene.segments:
+        axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8, zorder=1, gid="segment")
+        places.avoid(points[start], points[end])
+    for arrow, shaft in arrows:
+        axes.quiver(*points[arrow.point], *shaft, color=VECTOR, gid="arrow", **(FLAT_ARROW if scene.planar else SPATIAL_ARROW))
+        places.avoid(points[arrow.point], points[arrow.point] + shaft)
+    for chosen, marker in ((~scene.fixed, "o"), (scene.fixed, "s")):
+        axes.scatter(*points[chosen].T, color=LINE, s=22, marker=marker, zorder=3, gid="points")
+    for name, point in zip(scene.points, points, strict=True):
+        axes.text(*places.beside(point), name, **POINT_LABEL)
+    for arrow, shaft in arrows:
+        axes.text(*places.beside(points[arrow.point] + shaft), arrow.name, **VECTOR_LABEL)
+
+
+def _limits(scene: Scene) -> np.ndarray:
+    """The box (m), shape (2, 3), that holds points and arrows at all times, never thinner than a third of its length."""
+    tips = [scene.positions[:, arrow.point] + scene.arrow_length * arrow.direction for arrow in scene.arrows]
+    everything = np.concatenate([scene.positions.reshape(-1, 3), *tips])
+    low, high = everything.min(axis=0), everything.max(axis=0)
+    middle, half = (low + high) / 2, np.maximum((high - low) / 2, scene.size / 6) + 0.08 * scene.size
+    return np.array([middle - half, middle + half])
+
+
+def _screen() -> np.ndarray:
+    """The screen's rightward and upward directions in a spatial scene, the columns of a 3×2 matrix."""
+    turn, height = np.radians([AZIMUTH, ELEVATION])
+    right = [-np.sin(turn), np.cos(turn), 0]
+    up = [-np.sin(height) * np.cos(turn), -np.sin(height) * np.sin(turn), np.cos(height)]
+    return np.array([right, up]).T

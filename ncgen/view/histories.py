@@ -1,0 +1,79 @@
+"""Time histories of a trajectory: coordinates, energy, and how well the constraints hold."""
+
+from __future__ import annotations
+
+import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+
+from ncgen.errors import NcgenError
+from ncgen.model.elements import Angle, Point, Vector
+
+MOST = 6
+"""How many coordinates are shown where the caller names none and there are no angles."""
+
+GROUPS = {"angle (rad)": Angle, "position (m)": Point, "direction (1)": Vector}
+"""The panels of coordinates: the label with its unit, and the elements that belong there."""
+
+
+def plot(run, names=None) -> Figure:
+    """Time histories of a trajectory: a panel a unit for the coordinates, one for energy, one for the violation.
+
+    names: coordinates; default: the angles; without angles the independent coordinates, else the first ones
+
+    Raises NcgenError for a name that is no free coordinate.
+    """
+    groups = _grouped(run.model, _chosen(run, names))
+    chart = Figure(figsize=(8, 0.6 + 2.1 * (len(groups) + 2)), layout="constrained")
+    FigureCanvasAgg(chart)
+    panels = chart.subplots(len(groups) + 2, sharex=True)
+    for axes, (label, members) in zip(panels, groups.items()):
+        _lines(axes, run.t, label, {name: run[name] for name in members})
+    _energy(panels[-2], run)
+    _violation(panels[-1], run)
+    panels[0].set_title(run.name)
+    panels[-1].set_xlabel("time (s)")
+    return chart
+
+
+def _chosen(run, names) -> tuple[str, ...]:
+    free = tuple(run.coordinates)
+    if names is not None:
+        names = (names,) if isinstance(names, str) else tuple(names)
+        unknown = [name for name in names if name not in free]
+        if unknown:
+            raise NcgenError(f"{run.name}: {unknown[0]} is no free coordinate; choose among {', '.join(free)}")
+        return names
+    angles = tuple(name for name in free if isinstance(run.model.elements.get(name), Angle))
+    return angles or (run.model.chosen_independent or free)[:MOST]
+
+
+def _grouped(model, names) -> dict[str, list[str]]:
+    """The names by the label of their panel, in the order of GROUPS."""
+    kinds = {component.name: type(element) for element in model.elements.values() for component in element.components}
+    groups = {label: [name for name in names if kinds[name] is kind] for label, kind in GROUPS.items()}
+    return {label: members for label, members in groups.items() if members}
+
+
+def _energy(axes, run) -> None:
+    kinetic, potential, _ = np.asarray(run.energy(), dtype=float).T
+    _lines(axes, run.t, "energy (J)", {"kinetic": kinetic, "potential": potential, "total": kinetic + potential})
+
+
+def _violation(axes, run) -> None:
+    """The largest constraint error over time, on a logarithmic scale; exact zeros are left out."""
+    violation = np.asarray(run.violation(), dtype=float)
+    positive = violation > 0
+    axes.set_yscale("log")
+    _lines(axes, run.t, "largest |Φ|", {"violation": np.where(positive, violation, np.nan)})
+    if not positive.any():
+        axes.set_ylim(1e-17, 1e-15)
+
+
+def _lines(axes, t, label: str, curves: dict[str, np.ndarray]) -> None:
+    for name, values in curves.items():
+        axes.plot(t, values, label=name, linewidth=1.5)
+    axes.set_ylabel(label)
+    axes.grid(color="#d0d0d0", linewidth=0.6)
+    axes.margins(x=0)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, frameon=False, fontsize=9)

@@ -1,0 +1,141 @@
+"""The scene: what a picture of a mechanism needs, and nothing of how it is drawn.
+
+Natural coordinates are a drawing already: points, lines between them, and unit vectors at them.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from ncgen.errors import NcgenError
+from ncgen.model import Model
+from ncgen.model.elements import Point, Vector
+
+ARROW = 0.15
+"""The drawn length of a unit vector, as a part of the scene's size."""
+
+FLAT = 1e-9
+"""How much z may vary in a planar scene, as a part of the scene's size."""
+
+
+@dataclass(frozen=True)
+class Arrow:
+    """A unit vector drawn at a point.
+
+    point: index of the point
+    direction: shape (K, 3)
+    name: the vector's name
+    """
+
+    point: int
+    direction: np.ndarray
+    name: str
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A mechanism at K times.
+
+    t: times (s), shape (K,)
+    points: the names of P points
+    positions: of the points (m), shape (K, P, 3)
+    fixed: which points cannot move, shape (P,)
+    segments: pairs of point indices
+    arrows: the unit vectors, each at its point
+    """
+
+    name: str
+    t: np.ndarray
+    points: tuple[str, ...]
+    positions: np.ndarray
+    fixed: np.ndarray
+    segments: tuple[tuple[int, int], ...]
+    arrows: tuple[Arrow, ...]
+
+    @property
+    def bounds(self) -> np.ndarray:
+        """Lowest and highest coordinates of all points at all times (m), shape (2, 3)."""
+        return np.array([self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))])
+
+    @property
+    def size(self) -> float:
+        """The longest side of the bounds (m); 1 where all points are one."""
+        low, high = self.bounds
+        return float((high - low).max()) or 1.0
+
+    @property
+    def arrow_length(self) -> float:
+        """The length (m) at which a unit vector is drawn."""
+        return ARROW * self.size
+
+    @property
+    def planar(self) -> bool:
+        """True if all points have the same z at all times."""
+        low, high = self.bounds
+        return bool(high[2] - low[2] <= FLAT * self.size)
+
+    def at(self, frames) -> Scene:
+        """The scene at some of its times only; `frames` are indices, shape (F,)."""
+        arrows = tuple(Arrow(arrow.point, arrow.direction[frames], arrow.name) for arrow in self.arrows)
+        return Scene(self.name, self.t[frames], self.points, self.positions[frames], self.fixed, self.segments, arrows)
+
+
+def scene_of(model_or_run) -> Scene:
+    """The scene of a model (its initial position, K = 1) or of a trajectory.
+
+    Raises NcgenError where there is no point to draw or a position is not a finite number.
+    """
+    still = isinstance(model_or_run, Model)
+    model = model_or_run if still else model_or_run.model
+    t = np.zeros(1) if still else np.asarray(model_or_run.t, dtype=float)
+    points = [element for element in model.elements.values() if isinstance(element, Point)]
+    if not points:
+        raise NcgenError(f"{model_or_run.name}: there is no point to draw; give the model one")
+
+    def history(element) -> np.ndarray:
+        values = element.initial[None] if still else _of_run(model_or_run, element)
+        return _finite(values, model_or_run.name, element, t)
+
+    index = {point: i for i, point in enumerate(points)}
+    return Scene(
+        name=model_or_run.name,
+        t=t,
+        points=tuple(point.name for point in points),
+        positions=np.stack([history(point) for point in points], axis=1),
+        fixed=np.array([point.fixed for point in points]),
+        segments=tuple((index[start], index[end]) for start, end in lines(model)),
+        arrows=tuple(Arrow(index[point], history(vector), vector.name) for point, vector in arrows(model)),
+    )
+
+
+def lines(model: Model) -> list[tuple[Point, Point]]:
+    """The lines the model asks for; else one between every two points of each body and along each constant distance."""
+    if model.drawing.lines:
+        return model.drawing.lines
+    pairs = [pair for body in model.bodies.values() for pair in combinations(body.points, 2)]
+    pairs += [row.arguments["a"].elements for row in model.rows if row.code == 1000]
+    return list({frozenset(pair): pair for pair in pairs}.values())
+
+
+def arrows(model: Model) -> list[tuple[Point, Vector]]:
+    """The arrows the model asks for; where it asks for no drawing at all, each body's vectors at its first point."""
+    if model.drawing.arrows or model.drawing.lines:
+        return model.drawing.arrows
+    places = [(body.points[0], vector) for body in model.bodies.values() if body.points for vector in body.vectors]
+    return list(dict.fromkeys(places))
+
+
+def _of_run(run, element) -> np.ndarray:
+    values = run.point(element.name) if isinstance(element, Point) else run.vector(element.name)
+    return np.asarray(values, dtype=float)
+
+
+def _finite(values: np.ndarray, name: str, element, t: np.ndarray) -> np.ndarray:
+    bad = ~np.isfinite(values).all(axis=1)
+    if bad.any():
+        when = t[bad.argmax()]
+        raise NcgenError(f"{name}: {element!r} at t = {when:g} s is not a finite number; draw the run up to there")
+    return values

@@ -1,0 +1,1 @@
+"""Independent routes to the numbers of the kernels: nothing here reads a generated formula."""
