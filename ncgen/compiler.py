@@ -45,20 +45,20 @@ class Timings:
 
 
 def generate(model: Model, emission: str = "auto", timings: Timings | None = None) -> Sources:
-    """Sources of a mechanism: stages 1 to 3.
+    """Sources of a mechanism: stages 1 and 2; stage 3 prints a file when it is asked for.
 
     emission: "unrolled" (straight-line), "tabled" (loops over index tables) or "auto"
     Raises ModelError where the model cannot be generated.
     """
     timings = timings or Timings()
     timings.stage("import", _import_generator)
-    from ncgen.emit.sources import emit
+    from ncgen.emit.sources import Sources
     from ncgen.program.assemble import assemble
     from ncgen.symbolic.equations import build_equations
 
     equations = timings.stage("symbolic", build_equations, model)
     programs = timings.stage("program", assemble, equations, emission)
-    return timings.stage("emit", emit, programs)
+    return Sources(programs)
 
 
 def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None) -> Kernels:
@@ -86,7 +86,8 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
             raise CompileError("no C compiler found (tried CC, cc, gcc, clang, ziglang); install one, or use the numpy backend")
         warnings.warn("no C compiler found: using the NumPy backend, which is slower; install gcc or clang for C", stacklevel=2)
         return timings.stage("load", NumPyKernels, sources)
-    built = timings.stage("build", build, sources.c, compiler)
+    files = timings.stage("emit", lambda: sources.c)
+    built = timings.stage("build", build, files, compiler)
     return timings.stage("load", CompiledKernels, sources.programs, built.library)
 
 

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import sys
-from pathlib import Path
+import os
 
-import pytest
+# Small matrices gain nothing from threads, and the test workers already use every core.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-import ncgen
+import pytest  # noqa: E402
 
-ROOT = Path(__file__).resolve().parent.parent
-sys.path.insert(0, str(ROOT / "examples" / "robot"))
+import ncgen  # noqa: E402
+from ncgen.exchange.examples import example_module  # noqa: E402
 
 
 @pytest.fixture(scope="session", autouse=True)
@@ -26,9 +26,7 @@ def own_cache(tmp_path_factory):
 @pytest.fixture(scope="session")
 def robot_tables():
     """The paper's tables as a module: `build(angles=…, form=…, scale=…)` makes the model."""
-    import tables
-
-    return tables
+    return example_module("robot")
 
 
 @pytest.fixture(scope="session")

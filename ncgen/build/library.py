@@ -86,3 +86,35 @@ class _Call:
         if status:
             raise NcgenError(f"{self.name}: the kernel returned “{STATUS[status]}”")
         return self.out.copy()
+
+
+class Repeater:
+    """Calls a compiled kernel many times from C, for measuring it."""
+
+    def __init__(self, kernels: CompiledKernels):
+        from ncgen.build.cache import build
+        from ncgen.build.compilers import find_compiler
+
+        self._kernels = kernels
+        self._ffi = FFI()
+        self._ffi.include(_abi())
+        self._ffi.cdef(
+            "int ncgen_repeat_position(ncgen_position_kernel *, int, ncgen_real, const ncgen_real *, const ncgen_real *, ncgen_real *);"
+            "int ncgen_repeat_velocity(ncgen_velocity_kernel *, int, ncgen_real, const ncgen_real *, const ncgen_real *,"
+            " const ncgen_real *, ncgen_real *);"
+        )
+        files = {name: verbatim(f"c/{name}") for name in ("timing.c", "ncgen.h")}
+        self._library = self._ffi.dlopen(str(build(files, find_compiler()).library))
+
+    def runner(self, name: str, t, q, qd, p):
+        """A function run(times) that calls kernel `name` that often with these inputs."""
+        call = _Call(self._kernels, name)
+        call(t, q, qd, p)
+        velocity = "qd" in self._kernels.programs.programs[name].inputs
+        repeat = self._library.ncgen_repeat_velocity if velocity else self._library.ncgen_repeat_position
+
+        def run(times: int) -> None:
+            repeat(call.function, times, t, *call.pointers)
+
+        run.buffers = call  # the pointers live as long as the buffers do
+        return run

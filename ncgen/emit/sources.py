@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import tempfile
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from ncgen.emit.c import c_files
@@ -15,17 +16,23 @@ from ncgen.program.assemble import Programs
 
 @dataclass(frozen=True)
 class Sources:
-    """The generated files of one mechanism.
-
-    files: {name: text}; the same model gives the same bytes
-    """
+    """The generated files of one mechanism; the same model gives the same bytes. Each is printed when first asked for."""
 
     programs: Programs
-    c: dict[str, str]
-    numpy: dict[str, str]
+
+    @cached_property
+    def c(self) -> dict[str, str]:
+        """{name: text} of the C source and the headers it needs."""
+        return c_files(self.programs)
+
+    @cached_property
+    def numpy(self) -> dict[str, str]:
+        """{name: text} of the NumPy module."""
+        return numpy_files(self.programs)
 
     @property
     def files(self) -> dict[str, str]:
+        """All files."""
         return self.c | self.numpy
 
     def write(self, folder) -> list[Path]:
@@ -34,11 +41,6 @@ class Sources:
         Raises NcgenError naming the folder if it cannot be written.
         """
         return [write_text(Path(folder) / name, text) for name, text in self.files.items()]
-
-
-def emit(programs: Programs) -> Sources:
-    """Print programs as C and as NumPy."""
-    return Sources(programs, c_files(programs), numpy_files(programs))
 
 
 def write_text(path: Path, text: str) -> Path:

@@ -55,6 +55,7 @@ class Model:
         self.branches: dict[str, tuple[Parameter, ...]] = {}
         self.chosen_independent: tuple[str, ...] = ()
         self.drawing = Drawing()
+        self.simulation_options: dict[str, object] = {}
 
     def __repr__(self):
         return f"<Model {self.name}: {len(self.components)} coordinates, {len(self.rows)} rows, {len(self.bodies)} bodies>"
@@ -220,6 +221,10 @@ class Model:
         """A potential energy (J) as an expression of coordinates and parameters; its force follows."""
         self.potentials.append(Potential(label, as_sympy(expression)))
         return self.potentials[-1]
+
+    def simulation(self, **options) -> None:
+        """What `ncgen run` does with this model unless told otherwise: arguments of `ncgen.simulate` by name."""
+        self.simulation_options = options
 
     # -- drawing -------------------------------------------------------------------------------
 

@@ -128,7 +128,7 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     derived = Derived()
     bound = {term: bind(term, equations, derived) for term in (*equations.rows, *_all(equations))}
     programs, patterns, omitted = {}, {}, list(equations.omitted)
-    n, m = len(equations.free), len(equations.rows)
+    n, m = len(equations.free), len(equations.model.rows)
     shapes = {"phi_q": (m, n), "mass": (n, n)}
     for kernel in KERNELS.values():
         groups = [_build(kernel, members, equations) for members in _groups(kernel, equations, bound)]

@@ -16,7 +16,7 @@ from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import column_sizes, freedom
 
 WORST = 1e-7
-"""A partition whose Φ_q^d has a smaller reciprocal condition (rows and columns scaled) is refused."""
+"""A partition of lower quality is refused."""
 
 
 @dataclass(frozen=True)
@@ -68,12 +68,12 @@ def _position(kernels: Kernels, name: str) -> int:
 
 
 def quality(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> float:
-    """Reciprocal condition number of the scaled Φ_q^d: 1 is best, 0 is singular."""
+    """Smallest singular value of the scaled Φ_q^d over the norm of Φ_q: 0 is singular, larger is better."""
     if not len(partition.rows):
         return 1.0
-    jacobian = kernels.jacobian(q, t, p) * column_sizes(kernels) / kernels.row_sizes[:, None]
-    values = np.linalg.svd(jacobian[np.ix_(partition.rows, partition.dependent)], compute_uv=False)
-    return float(values[-1] / values[0]) if values[0] > 0 else 0.0
+    jacobian = (kernels.jacobian(q, t, p) * column_sizes(kernels) / kernels.row_sizes[:, None])[partition.rows]
+    smallest = np.linalg.svd(jacobian[:, partition.dependent], compute_uv=False)[-1]
+    return float(smallest / max(np.linalg.norm(jacobian), 1e-300))
 
 
 def singular_message(kernels: Kernels, found) -> str:

@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError
+from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.integrators import find_integrator
@@ -17,8 +17,14 @@ from ncgen.solver.position import check_consistent
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.trajectory import Statistics, Trajectory
 
-DEGRADED = 1e-3
-"""A partition is changed when its quality falls below this share of what it was when chosen."""
+DEGRADED = 0.3
+"""Another partition is looked for when the quality falls below this share of what it was when chosen."""
+
+BETTER = 2.0
+"""A new partition must be better by this factor to be worth a restart of the integrator."""
+
+RETRIES = 8
+"""How often a step whose position problem fails is tried again, each time four times shorter."""
 
 FORMALISMS = ("coordinate-partitioning",)
 
@@ -71,7 +77,7 @@ def simulate(
     clock = time.perf_counter()
     grid = np.linspace(t0, t0 + duration, points)
     motions, work = run.integrate(q, _rates(kernels, partition, zd0), t0, p, grid, progress)
-    statistics = Statistics(run.steps, run.evaluations, run.newton, run.changes, time.perf_counter() - clock)
+    statistics = Statistics(run.steps, run.evaluations, run.newton, run.changes, run.rejections, time.perf_counter() - clock)
     return Trajectory.collect(kernels, motions, work, p, run.partition, statistics, formalism, integrator)
 
 
@@ -105,7 +111,7 @@ class _Run:
         self.options = options
         self.partition = partition
         self.end = end
-        self.steps = self.evaluations = self.newton = self.changes = 0
+        self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
 
     def integrate(self, q, zd, t, p, grid, progress) -> tuple[list[Motion], list[float]]:
         """Motions and work at the times of the grid."""
@@ -115,7 +121,7 @@ class _Run:
         solver = self._solver(t, here, 0.0)
         motions, work = [here], [0.0]
         while solver.status == "running":
-            self._step(solver)
+            solver = self._step(solver, here)
             while len(motions) < len(grid) and grid[len(motions)] <= solver.t:
                 instant = grid[len(motions)]
                 y = solver.y if instant == solver.t else solver.dense_output()(instant)
@@ -125,24 +131,37 @@ class _Run:
             self._accept(here)
             if progress:
                 progress(solver.t)
-            if self._degraded(here) and solver.status == "running":
-                solver = self._repartition(here, solver.y[-1])
+            if solver.status == "running" and self._repartition(here):
+                solver = self._solver(here.t, here, solver.y[-1])
         return motions, work
 
-    def _solver(self, t: float, here: Motion, work: float):
+    def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None):
         y = np.concatenate([here.qd[self.partition.independent], here.q[self.partition.independent], [work]])
-        return self.method(self._derivative, t, y, self.end, **self.options)
+        return self.method(self._derivative, t, y, self.end, first_step=first_step, **self.options)
 
-    def _step(self, solver) -> None:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
-            message = solver.step()
+    def _step(self, solver, here: Motion):
+        """One accepted step; returns the solver that made it, a fresh one if the position problem failed on the way."""
+        work = solver.y[-1]
+        for attempt in range(RETRIES + 1):
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
+                    message = solver.step()
+                break
+            except (ConvergenceError, SingularError):
+                if attempt == RETRIES:
+                    raise
+                self.rejections += 1
+                self._repartition(here, any_better=True)
+                length = min(getattr(solver, "h_abs", np.inf), self.end - here.t) / 4 ** (attempt + 1)
+                solver = self._solver(here.t, here, work, first_step=length)
         self.steps += 1
         if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
             raise ConvergenceError(
                 f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
+        return solver
 
     def _derivative(self, t: float, y: np.ndarray) -> np.ndarray:
         self.evaluations += 1
@@ -159,12 +178,15 @@ class _Run:
     def _accept(self, here: Motion) -> None:
         self.start = Start(here.t, here.q, here.qd, refresh_branches(self.kernels, here.q, self.start.p))
 
-    def _degraded(self, here: Motion) -> bool:
-        return quality(self.kernels, self.partition, here.q, here.t, self.start.p) < DEGRADED * self.reference
-
-    def _repartition(self, here: Motion, work: float):
-        """Other independent coordinates for the same motion; the integrator starts anew from it."""
-        self.partition = choose_partition(self.kernels, here.q, here.t, self.start.p, rows=self.partition.rows)
-        self.reference = quality(self.kernels, self.partition, here.q, here.t, self.start.p)
+    def _repartition(self, here: Motion, any_better: bool = False) -> bool:
+        """Change to other independent coordinates for the same motion, if the present ones have become bad."""
+        now = quality(self.kernels, self.partition, here.q, here.t, self.start.p)
+        if now > DEGRADED * self.reference and not any_better:
+            return False
+        other = choose_partition(self.kernels, here.q, here.t, self.start.p, rows=self.partition.rows)
+        possible = quality(self.kernels, other, here.q, here.t, self.start.p)
+        if possible < BETTER * now:
+            return False
+        self.partition, self.reference = other, possible
         self.changes += 1
-        return self._solver(here.t, here, work)
+        return True

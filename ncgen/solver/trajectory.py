@@ -15,12 +15,14 @@ from ncgen.solver.protocol import Kernels
 
 @dataclass(frozen=True)
 class Statistics:
-    """What a simulation cost: steps, evaluations of the state derivative, Newton steps, changes of partition, seconds."""
+    """What a simulation cost: steps, evaluations of the state derivative, Newton steps of the position problem, changes
+    of the independent coordinates, steps repeated because the position problem failed, and seconds."""
 
     steps: int
     evaluations: int
     newton_steps: int
     partition_changes: int
+    repeated_steps: int
     seconds: float
 
 

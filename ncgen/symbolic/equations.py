@@ -75,7 +75,10 @@ class Equations:
 
 
 def build_equations(model: Model, owner: Owner | None = None) -> Equations:
-    """Bind every row, mass and force of the model; with `owner`, only what that owner is responsible for."""
+    """Bind every row, mass and force of the model.
+
+    With `owner`, only what that owner is responsible for; rows keep their numbers, the others' stay empty.
+    """
     omitted: list[str] = []
     rows = [_row(model, number, row, omitted) for number, row in enumerate(model.rows)]
     bodies = [body for body in model.bodies.values() if body.inertia]
@@ -83,8 +86,8 @@ def build_equations(model: Model, owner: Owner | None = None) -> Equations:
         rows = [term for term in rows if term.owner == owner]
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
     masses, forces = _inertia_terms(model, bodies)
+    forces += [_force(model, force) for force in model.forces if owner in (None, _bearer(model, force))]
     if owner is None:
-        forces += [_force(model, force) for force in model.forces]
         forces += [_potential(model, potential) for potential in model.potentials]
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted))
 
@@ -149,6 +152,15 @@ def _force(model: Model, force) -> Term:
     along = {scalars.index(c): sympy.sympify(e) for c, e in components.items() if not c.fixed}
     template = templates.force_template(force.label, _words(scalars), _words(data), along)
     return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), Owner("user", force.label), force.label)
+
+
+def _bearer(model: Model, force) -> Owner | None:
+    """The first body that has the point a force acts on; forces along angles act between bodies and have none."""
+    touched = {component for component, _ in force.components}
+    for body in model.bodies.values():
+        if any(touched & set(element.components) for element in body.elements):
+            return Owner("body", body.name)
+    return Owner("user", force.label)
 
 
 def _potential(model: Model, potential) -> Term:

@@ -22,6 +22,9 @@ from ncgen.model.catalogue import cross, dot
 from ncgen.model.elements import Component, Point
 from ncgen.model.values import Parameter, as_sympy, is_number
 
+ROUNDING = 1e-14
+"""Relative weights below this are rounding of the user's decimal numbers (a centre meant to be on a line) and count as zero."""
+
 OFF_AXIS = 1e-9
 """How far (relative to the bar's length) a bar's centre of mass may be from its line."""
 
@@ -75,15 +78,21 @@ def centre_weights(standard: StandardInertia) -> tuple[object, ...]:
 
 def _standard(inertia: Inertia, axes, offset):
     inverse = _inverse(axes)
-    a = [dot(row, offset) for row in inverse]
+    a = [_cleaned(dot(row, offset), 1) for row in inverse]
     tensor = [_fractions(row) for row in inertia.tensor]
     half = sum(tensor[k][k] for k in range(3)) / 2
     planar = [[(half if k == l else 0) - tensor[k][l] for l in range(3)] for k in range(3)]
     spread = [[dot(row, [dot(planar[k], other) for k in range(3)]) for other in inverse] for row in inverse]
+    largest = max(abs(spread[k][k]) for k in range(3))
+    spread = [[_cleaned(x, largest) for x in row] for row in spread]
     mass = _mass(inertia.mass)
     top = (mass, *(_times(mass, x) for x in a))
     rows = [(_times(mass, a[k]), *(_plus(spread[k][l], _times(mass, a[k] * a[l])) for l in range(3))) for k in range(3)]
     return (top, *map(tuple, rows))
+
+
+def _cleaned(value: Fraction, scale) -> Fraction:
+    return value if abs(value) > ROUNDING * scale else Fraction(0)
 
 
 def _point_mass(body: Body, offset, forms):

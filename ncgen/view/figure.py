@@ -46,7 +46,7 @@ def figure(model_or_run, frame: int = 0) -> Figure:
     scene = scene_of(model_or_run)
     if not -len(scene.t) <= frame < len(scene.t):
         raise NcgenError(f"{scene.name}: there is no frame {frame}; give one from 0 to {len(scene.t) - 1}")
-    chart = Figure(figsize=(6.4, 5.6), layout="constrained")
+    chart = Figure(figsize=(6.4, 5.6))
     FigureCanvasAgg(chart)
     axes = _flat_axes(chart, scene) if scene.planar else _spatial_axes(chart, scene)
     axes.set_title(scene.name if isinstance(model_or_run, Model) else f"{scene.name}, t = {scene.t[frame]:.4g} s")
@@ -70,8 +70,10 @@ def save(figure: Figure, path) -> Path:
 
 
 def _flat_axes(chart: Figure, scene: Scene):
-    (left, bottom, _), (right, top, _) = _limits(scene)
-    axes = chart.add_subplot(aspect="equal", xlabel="X (m)", ylabel="Y (m)", xlim=(left, right), ylim=(bottom, top))
+    chart.set_layout_engine("constrained")
+    axes = chart.add_subplot(aspect="equal", adjustable="datalim", xlabel="X (m)", ylabel="Y (m)")
+    axes.margins(0)
+    axes.update_datalim(_limits(scene)[:, :2])
     axes.grid(color=PALE, linewidth=0.6)
     axes.set_axisbelow(True)
     return axes
@@ -80,13 +82,14 @@ def _flat_axes(chart: Figure, scene: Scene):
 def _spatial_axes(chart: Figure, scene: Scene):
     low, high = _limits(scene)
     sides = high - low
-    axes = chart.add_subplot(projection="3d", proj_type="ortho", azim=AZIMUTH, elev=ELEVATION)
-    axes.set(xlabel="X (m)", ylabel="Y (m)", zlabel="Z (m)", xlim=(low[0], high[0]), ylim=(low[1], high[1]), zlim=(low[2], high[2]))
-    axes.set_box_aspect(sides, zoom=0.95)
+    with rc_context({"grid.color": PALE, "grid.linewidth": 0.6}):
+        axes = chart.add_axes((0.0, 0.05, 0.96, 0.9), projection="3d", proj_type="ortho", azim=AZIMUTH, elev=ELEVATION)
+    axes.set(xlabel="X (m)", ylabel="Y (m)", zlabel="Z (m)")
+    axes.set(**{limit: pair for limit, pair in zip(("xlim", "ylim", "zlim"), zip(low, high, strict=True), strict=True)})
+    axes.set_box_aspect(sides)
     for axis, side in zip((axes.xaxis, axes.yaxis, axes.zaxis), sides, strict=True):
         axis.set_major_locator(MaxNLocator(nbins=max(2, round(6 * side / sides.max()))))
-        axis.set_pane_color("white")
-        axis._axinfo["grid"].update(color=PALE, linewidth=0.6)
+        axis.pane.set(facecolor="white", edgecolor=PALE)
     return axes
 
 
@@ -104,8 +107,8 @@ def _draw(axes, scene: Scene, frame: int) -> None:
     for arrow, shaft in arrows:
         axes.quiver(*points[arrow.point], *shaft, color=VECTOR, gid="arrow", **(FLAT_ARROW if scene.planar else SPATIAL_ARROW))
         places.avoid(points[arrow.point], points[arrow.point] + shaft)
-    for chosen, marker in ((~scene.fixed, "o"), (scene.fixed, "s")):
-        axes.scatter(*points[chosen].T, color=LINE, s=22, marker=marker, zorder=3, gid="points")
+    for point, fixed in zip(points, scene.fixed, strict=True):
+        axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5, zorder=3, gid="point")
     for name, point in zip(scene.points, points, strict=True):
         axes.text(*places.beside(point), name, **POINT_LABEL)
     for arrow, shaft in arrows:

@@ -7,12 +7,15 @@ angle row is equation by equation: sin ψ [a·b − (a·n)(b·n)/ln²] − cos �
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import reduce
 from operator import add
 
+import numpy as np
 
-from ncgen.model.elements import Combination
+
+from ncgen.model.elements import Combination, Component
 from ncgen.model.values import Parameter, is_number
 from ncgen.symbolic.equations import build_equations
 from oracles.series import Exact, Series, mp, series, sine_and_cosine
@@ -32,109 +35,141 @@ def cross(a, b) -> tuple[Series, ...]:
 
 
 def times(factor, a) -> tuple[Series, ...]:
-    return tuple(factor * x for x in a)
+    return tuple(x * factor for x in a)
 
 
 def plus(*vectors) -> tuple[Series, ...]:
     return tuple(reduce(add, components) for components in zip(*vectors, strict=True))
 
 
-def axis(k: int, size: int) -> tuple[Series, ...]:
-    """The unit vector e_k as constant series of `size` coefficients."""
-    return tuple(constant(1 if i == k else 0, size) for i in AXES)
+def axis(k: int, like: Series) -> tuple[Series, ...]:
+    """The unit vector e_k."""
+    return tuple(constant(int(i == k), like) for i in AXES)
 
 
-def constant(value, size: int) -> Series:
-    return series(value, *([0] * (size - 1)))
+def constant(value, like: Series) -> Series:
+    """A constant with as many coefficients as `like`."""
+    return series(value, *([0] * (len(like.values) - 1)))
 
 
-# -- the rows: value and gradient by argument --------------------------------------------------------
-# Every function takes the arguments by name, each a vector of series, `sin` and `cos` of psi as series, and the
-# constants as mpf. It returns Φ, and the gradient as {argument: derivative}; nothing is scaled.
+# -- the rows -----------------------------------------------------------------------------------------
+# A value takes the vectors and the sine and cosine of psi as series, by name, and the constants as mpf.
+# A gradient takes the same and returns {argument: derivative}, derived by hand. Nothing is scaled here.
 
 
 def distance(a, L):
-    return dot(a, a) - constant(L * L, len(a[0].values)), {"a": times(2, a)}
+    return dot(a, a) - constant(L * L, a[0])
+
+
+def distance_gradient(a, L):
+    return {"a": times(2, a)}
 
 
 def unit(u):
-    return dot(u, u) - constant(1, len(u[0].values)), {"u": times(2, u)}
+    return dot(u, u) - constant(1, u[0])
+
+
+def unit_gradient(u):
+    return {"u": times(2, u)}
 
 
 def vector_segment(u, a, L, c):
-    return dot(u, a) - constant(L * c, len(a[0].values)), {"u": a, "a": u}
+    return dot(u, a) - constant(L * c, a[0])
+
+
+def vector_segment_gradient(u, a, L, c):
+    return {"u": a, "a": u}
 
 
 def vector_vector(u, v, c):
-    return dot(u, v) - constant(c, len(u[0].values)), {"u": v, "v": u}
+    return dot(u, v) - constant(c, u[0])
+
+
+def vector_vector_gradient(u, v, c):
+    return {"u": v, "v": u}
 
 
 def cosine_row(a, b, n, sin, cos, la, lb, ln):
-    return dot(a, b) - la * lb * cos, {"a": b, "b": a, "psi": la * lb * sin}
+    return dot(a, b) - cos * (la * lb)
+
+
+def cosine_gradient(a, b, n, sin, cos, la, lb, ln):
+    return {"a": b, "b": a, "psi": sin * (la * lb)}
 
 
 def sine_row(k):
     """Component k of Table 4's vector equation a × b = n (la lb/ln) sin ψ."""
+    return lambda a, b, n, sin, cos, la, lb, ln: cross(a, b)[k] - n[k] * sin * (la * lb / ln)
 
-    def row(a, b, n, sin, cos, la, lb, ln):
-        e, factor = axis(k, len(a[0].values)), la * lb / ln
-        gradient = {"a": cross(b, e), "b": cross(e, a), "n": times(-factor * sin, e), "psi": -factor * n[k] * cos}
-        return cross(a, b)[k] - factor * n[k] * sin, gradient
 
-    return row
+def sine_gradient(k):
+    """(a × b)·e = a·(b × e) = b·(e × a)."""
+
+    def gradient(a, b, n, sin, cos, la, lb, ln):
+        e, factor = axis(k, a[0]), -la * lb / ln
+        return {"a": cross(b, e), "b": cross(e, a), "n": times(sin * factor, e), "psi": n[k] * cos * factor}
+
+    return gradient
 
 
 def perpendicular_row(a, b, n, sin, cos, la, lb, ln):
     """The smooth row where both sides stay perpendicular to the axis."""
-    triple = dot(cross(a, b), n)
-    gradient = {
-        "a": plus(times(sin, b), times(-cos * (1 / ln), cross(b, n))),
-        "b": plus(times(sin, a), times(-cos * (1 / ln), cross(n, a))),
-        "n": times(-cos * (1 / ln), cross(a, b)),
-        "psi": cos * dot(a, b) + sin * triple * (1 / ln),
+    return sin * dot(a, b) - cos * dot(cross(a, b), n) * (1 / ln)
+
+
+def perpendicular_gradient(a, b, n, sin, cos, la, lb, ln):
+    turn = cos * (-1 / ln)
+    return {
+        "a": plus(times(sin, b), times(turn, cross(b, n))),
+        "b": plus(times(sin, a), times(turn, cross(n, a))),
+        "n": times(turn, cross(a, b)),
+        "psi": cos * dot(a, b) + sin * dot(cross(a, b), n) * (1 / ln),
     }
-    return sin * dot(a, b) - cos * triple * (1 / ln), gradient
 
 
 def smooth_row(a, b, n, sin, cos, la, lb, ln):
     """The smooth row in full: what points along the axis does not count."""
-    value, gradient = perpendicular_row(a, b, n, sin, cos, la, lb, ln)
-    an, bn, factor = dot(a, n), dot(b, n), -1 / ln**2
-    gradient["a"] = plus(gradient["a"], times(factor * sin * bn, n))
-    gradient["b"] = plus(gradient["b"], times(factor * sin * an, n))
-    gradient["n"] = plus(gradient["n"], times(factor * sin * bn, a), times(factor * sin * an, b))
-    gradient["psi"] = gradient["psi"] + factor * cos * an * bn
-    return value + factor * sin * an * bn, gradient
+    return perpendicular_row(a, b, n, sin, cos, la, lb, ln) - sin * dot(a, n) * dot(b, n) * (1 / ln**2)
+
+
+def smooth_gradient(a, b, n, sin, cos, la, lb, ln):
+    part, an, bn = perpendicular_gradient(a, b, n, sin, cos, la, lb, ln), dot(a, n), dot(b, n)
+    along_a, along_b = sin * an * (-1 / ln**2), sin * bn * (-1 / ln**2)
+    return {
+        "a": plus(part["a"], times(along_b, n)),
+        "b": plus(part["b"], times(along_a, n)),
+        "n": plus(part["n"], times(along_b, a), times(along_a, b)),
+        "psi": part["psi"] - cos * an * bn * (1 / ln**2),
+    }
 
 
 def paper_row(wc, wx, wy, wz, **arguments):
-    """The paper's rule: the weights say which of cosine and sine rows is in force."""
-    rows = [(w, row(**arguments)) for w, row in zip((wc, wx, wy, wz), (cosine_row, *map(sine_row, AXES))) if w]
-    value = reduce(add, (w * phi for w, (phi, _) in rows))
-    gradient = {}
-    for w, (_, part) in rows:
-        for name, derivative in part.items():
-            weighted = w * derivative if name == "psi" else times(w, derivative)
-            gradient[name] = weighted if name not in gradient else _sum(name, gradient[name], weighted)
-    return value, gradient
+    """The paper's rule: weights say whether the cosine row or a component of the sine row is in force."""
+    rows = (cosine_row, *map(sine_row, AXES))
+    return reduce(add, (row(**arguments) * w for w, row in zip((wc, wx, wy, wz), rows, strict=True) if w))
 
 
-def _sum(name, first, second):
-    return first + second if name == "psi" else plus(first, second)
+def paper_gradient(wc, wx, wy, wz, **arguments):
+    (gradient,) = (g for w, g in zip((wc, wx, wy, wz), (cosine_gradient, *map(sine_gradient, AXES)), strict=True) if w == 1)
+    return gradient(**arguments)
+
+
+def _by_lengths(data):
+    return 1 / (data["la"] * data["lb"])
 
 
 ROWS = {
-    "distance": (distance, lambda d: 1 / (2 * d["L"])),
-    "unit": (unit, lambda d: mp.mpf(1) / 2),
-    "vector-segment": (vector_segment, lambda d: 1 / d["L"]),
-    "vector-vector": (vector_vector, lambda d: mp.mpf(1)),
-    "angle-cosine": (cosine_row, lambda d: 1 / (d["la"] * d["lb"])),
-    **{f"angle-sine-{name}": (sine_row(k), lambda d: 1 / (d["la"] * d["lb"])) for k, name in enumerate("xyz")},
-    "angle-smooth": (smooth_row, lambda d: 1 / (d["la"] * d["lb"])),
-    "angle-smooth-perpendicular": (perpendicular_row, lambda d: 1 / (d["la"] * d["lb"])),
-    "angle-paper": (paper_row, lambda d: 1 / (d["la"] * d["lb"])),
+    "distance": (distance, distance_gradient, lambda data: 1 / (2 * data["L"])),
+    "unit": (unit, unit_gradient, lambda data: mp.mpf(1) / 2),
+    "vector-segment": (vector_segment, vector_segment_gradient, lambda data: 1 / data["L"]),
+    "vector-vector": (vector_vector, vector_vector_gradient, lambda data: mp.mpf(1)),
+    "angle-cosine": (cosine_row, cosine_gradient, _by_lengths),
+    **{f"angle-sine-{name}": (sine_row(k), sine_gradient(k), _by_lengths) for k, name in enumerate("xyz")},
+    "angle-smooth": (smooth_row, smooth_gradient, _by_lengths),
+    "angle-smooth-perpendicular": (perpendicular_row, perpendicular_gradient, _by_lengths),
+    "angle-paper": (paper_row, paper_gradient, _by_lengths),
 }
-"""{row type: (Φ and gradient, what a scaled row is multiplied by)}."""
+"""{row type: (value, gradient, what a scaled row is multiplied by)}."""
 
 
 # -- a model's rows at a position ----------------------------------------------------------------------
@@ -160,7 +195,9 @@ class RowsOracle:
         self.p = {name: mp.mpf(parameter.default) for name, parameter in model.parameters.items()}
         self.p |= {name: mp.mpf(value) for name, value in (p or {}).items()}
         self.free = [c for c in model.components if not c.fixed]
-        self.keys = [term.template.key for term in build_equations(model).rows]
+        self.held = {c: (self.number(c.value), mp.mpf(0)) for c in model.components if c.fixed}
+        keys = [term.template.key for term in build_equations(model).rows]
+        self.rows = [self._prepared(row, key) for row, key in zip(model.rows, keys, strict=True)]
 
     def over(self, q, qd) -> Values:
         """Values at several positions, q and qd of shape (k, n)."""
@@ -169,9 +206,8 @@ class RowsOracle:
 
     def at(self, q, qd) -> Values:
         """Values at q, along the straight motion with velocity qd."""
-        place = {c: (mp.mpf(x), mp.mpf(v)) for c, x, v in zip(self.free, q.tolist(), qd.tolist(), strict=True)}
-        place |= {c: (self.number(c.value), mp.mpf(0)) for c in self.model.components if c.fixed}
-        phi, gradients = zip(*(self._row(*item, place) for item in zip(self.model.rows, self.keys, strict=True)))
+        place = {c: (mp.mpf(x), mp.mpf(v)) for c, x, v in zip(self.free, q.tolist(), qd.tolist(), strict=True)} | self.held
+        phi, gradients = zip(*(row.evaluate(place) for row in self.rows))
         return Values(
             Exact.of([f.values[0] for f in phi], [f.scales[0] for f in phi]),
             self._jacobian(gradients),
@@ -186,45 +222,65 @@ class RowsOracle:
             return mp.mpf(float(value))
         return mp.mpf(value.subs({s: self.p[s.name] for s in value.free_symbols}).evalf(50))
 
-    def _row(self, row, key, place):
-        formula, factor = ROWS[key]
-        vectors = {k: self._vector(v, place) for k, v in row.arguments.items() if isinstance(v, Combination)}
+    def _prepared(self, row, key) -> NumberedRow:
+        value, gradient, factor = ROWS[key]
         data = {name: self.number(value) for name, value in row.data.items()}
-        scale = factor(data) if row.scaled else mp.mpf(1)
-        sines = sine_and_cosine(*place[row.arguments["psi"]]) if "psi" in row.arguments else ()
-        phi, _ = formula(**vectors, **dict(zip(("sin", "cos"), sines)), **data)
-        still = {name: tuple(x.start for x in vector) for name, vector in vectors.items()}
-        _, gradient = formula(**still, **dict(zip(("sin", "cos"), (s.start for s in sines))), **data)
-        return scale * phi, self._chain(row, gradient, scale)
-
-    def _vector(self, combination: Combination, place):
-        return tuple(self._component(combination, k, place) for k in AXES)
-
-    def _component(self, combination: Combination, k: int, place) -> Series:
-        """One component of Σ weight·element. A difference of two is rounded once, so it counts as one term."""
-        terms = [(self.number(weight), *place[element.components[k]]) for weight, element in combination.terms]
-        total = reduce(add, (series(w * x, w * v, 0) for w, x, v in terms))
-        single = len(terms) <= 2 and all(abs(w) == 1 for w, _, _ in terms)
-        return series(*total.values) if single else total
-
-    def _chain(self, row, gradient, scale) -> dict:
-        """{coordinate: ∂Φ/∂coordinate}, each argument being a weighted sum of coordinates."""
-        entries = {}
-        for name, derivative in gradient.items():
-            for component, piece in self._pieces(row.arguments[name], derivative):
-                entries[component] = entries[component] + scale * piece if component in entries else scale * piece
-        return entries
-
-    def _pieces(self, argument, derivative):
-        if not isinstance(argument, Combination):
-            yield argument, derivative
-            return
-        for weight, element in argument.terms:
-            for component, piece in zip(element.components, derivative, strict=True):
-                yield component, self.number(weight) * piece
+        vectors = {
+            name: tuple((self.number(weight), element.components) for weight, element in argument.terms)
+            for name, argument in row.arguments.items()
+            if isinstance(argument, Combination)
+        }
+        return NumberedRow(value, gradient, vectors, row.arguments.get("psi"), data, factor(data) if row.scaled else mp.mpf(1))
 
     def _jacobian(self, gradients) -> Exact:
-        nothing = series(0)
-        entries = [[row.get(c, nothing) for c in self.free] for row in gradients]
-        exact = Exact.of([e.values[0] for row in entries for e in row], [e.scales[0] for row in entries for e in row])
-        return Exact(*(array.reshape(len(gradients), len(self.free)) for array in (exact.high, exact.low, exact.scale)))
+        numbers = {c: i for i, c in enumerate(self.free)}
+        entries = [(i, numbers[c], e) for i, row in enumerate(gradients) for c, e in row.items() if c in numbers]
+        exact = Exact.of([e.values[0] for *_, e in entries], [e.scales[0] for *_, e in entries])
+        rows, columns = [i for i, *_ in entries], [j for _, j, _ in entries]
+        dense = [np.zeros((len(gradients), len(self.free))) for _ in range(3)]
+        for matrix, numbers in zip(dense, (exact.high, exact.low, exact.scale), strict=True):
+            matrix[rows, columns] = numbers
+        return Exact(*dense)
+
+
+@dataclass(frozen=True)
+class NumberedRow:
+    """A row whose constants are mpf numbers.
+
+    vectors: {argument: pairs (weight, components)}
+    psi: the angle's coordinate, or None
+    scale: what the row is multiplied by
+    """
+
+    value: Callable
+    gradient: Callable
+    vectors: dict[str, tuple]
+    psi: Component | None
+    data: dict[str, object]
+    scale: object
+
+    def evaluate(self, place) -> tuple[Series, dict[Component, Series]]:
+        """Φ as a series along the motion, and {coordinate: ∂Φ/∂coordinate}; place: {coordinate: (position, rate)}."""
+        vectors = {name: tuple(_component(terms, k, place) for k in AXES) for name, terms in self.vectors.items()}
+        sines = dict(zip(("sin", "cos"), sine_and_cosine(*place[self.psi]))) if self.psi else {}
+        phi = self.value(**vectors, **sines, **self.data)
+        still = {name: tuple(x.start for x in vector) for name, vector in vectors.items()}
+        gradient = self.gradient(**still, **{name: s.start for name, s in sines.items()}, **self.data)
+        return phi * self.scale, self._chain(gradient)
+
+    def _chain(self, gradient) -> dict[Component, Series]:
+        """The chain rule: each argument is a weighted sum of coordinates."""
+        entries = {self.psi: gradient.pop("psi") * self.scale} if self.psi else {}
+        for name, derivative in gradient.items():
+            for weight, components in self.vectors[name]:
+                for component, piece in zip(components, derivative, strict=True):
+                    piece = piece * (weight * self.scale)
+                    entries[component] = entries[component] + piece if component in entries else piece
+        return entries
+
+
+def _component(terms, k: int, place) -> Series:
+    """One component of Σ weight·element. A difference of two is rounded once, so it counts as one term."""
+    parts = [(weight, *place[components[k]]) for weight, components in terms]
+    total = reduce(add, (series(w * x, w * v, 0) for w, x, v in parts))
+    return series(*total.values) if len(parts) <= 2 and all(abs(w) == 1 for w, _, _ in parts) else total

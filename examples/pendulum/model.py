@@ -1,0 +1,15 @@
+"""A point mass on a massless bar (IFToMM A01): the smallest mechanism, with a closed-form motion to compare with."""
+
+from ncgen import Model
+
+
+def build(length=1.0, mass=1.0):
+    m = Model("pendulum")
+    A = m.point("A", (0, 0), fixed=True)
+    B = m.point("B", (-length, 0))
+    m.body("bob", points=[B], mass=mass)
+    m.distance(A, B)
+    m.gravity((0, -9.81, 0))
+    m.line(A, B)
+    m.simulation(duration=10.0)
+    return m

@@ -1,0 +1,198 @@
+"""The command line: list, run, generate, inspect, cache.
+
+MODEL is the name of an example or a path to a .py file. Messages go to standard error in one line; results go
+to standard output, for people, or with --json as one JSON object.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import warnings
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+# Kernels are small: threads inside linear algebra would only get in each other's way.
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+
+import typer  # noqa: E402
+from rich.console import Console  # noqa: E402
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: E402
+
+from ncgen.errors import CompileError, ModelError, NcgenError  # noqa: E402
+
+app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__.splitlines()[0])
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="an example's name, or a path to a .py file")]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+Backend = Annotated[str, typer.Option(help="auto, c or numpy")]
+Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled")]
+
+
+@app.command("list")
+def list_examples(json_output: Json = False) -> None:
+    """List the examples with what each teaches."""
+    from ncgen.exchange.examples import example_names, lesson, load
+
+    records = []
+    for name in example_names():
+        model = load(name)
+        records.append({"name": name, "coordinates": len(model.components), "rows": len(model.rows), "teaches": lesson(name)})
+    if json_output:
+        print(json.dumps(records, indent=1))
+        return
+    for record in records:
+        out.print(f"{record['name']:<16} {record['coordinates']:>4} coordinates {record['rows']:>4} rows   {record['teaches']}", markup=False)
+
+
+@app.command()
+def inspect(model: ModelName, json_output: Json = False, backend: Backend = "auto", emission: Emission = "auto") -> None:
+    """Show degrees of freedom, redundant rows, what was left out, and the kernels."""
+    from ncgen.report.inspection import inspect as facts_of
+    from ncgen.report.screen import show_inspection
+
+    kernels, _, seconds = _compiled(model, backend, emission)
+    facts = facts_of(kernels)
+    if json_output:
+        print(json.dumps(facts, indent=1))
+        return
+    for number, row in enumerate(kernels.rows, 1):
+        out.print(f"  {number:>4} {row.code or '':<5} {row.label} ({row.owner}): {row.equation}", markup=False)
+    show_inspection(out, facts, seconds)
+
+
+@app.command()
+def generate(
+    model: ModelName,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the sources [default: generated/MODEL]")] = None,
+    emission: Emission = "auto",
+) -> None:
+    """Write the C and NumPy sources of a model."""
+    from ncgen.compiler import generate as sources_of
+    from ncgen.exchange.examples import load
+
+    loaded = load(model)
+    folder = output or Path("generated") / loaded.name
+    for path in sources_of(loaded, emission).write(folder):
+        out.print(str(path), markup=False)
+
+
+@app.command()
+def run(
+    model: ModelName,
+    duration: Annotated[float | None, typer.Option(help="seconds [default: the model's]")] = None,
+    integrator: Annotated[str | None, typer.Option(help="dopri5, dop853, adams, bdf, radau, ode45 …")] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance [default: 1e-8]")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance [default: 1e-10]")] = None,
+    points: Annotated[int | None, typer.Option(help="instants in the trajectory [default: 101]")] = None,
+    velocity: Annotated[list[str] | None, typer.Option(help="initial velocity, as psi1=2.5; may be repeated")] = None,
+    backend: Backend = "auto",
+    emission: Emission = "auto",
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-output]")] = None,
+    files: Annotated[bool, typer.Option(help="write sources, trajectory, drawing and animation")] = True,
+    json_output: Json = False,
+) -> None:
+    """Generate, compile, check, simulate and draw a model."""
+    from ncgen.report.inspection import inspect as facts_of
+    from ncgen.report.running import run_record, write_outputs
+    from ncgen.report.screen import show_inspection, show_run
+    from ncgen.report.timing import kernel_times
+    from ncgen.solver.rank import freedom
+    from ncgen.solver.simulate import simulate
+
+    kernels, sources, seconds = _compiled(model, backend, emission)
+    found = freedom(kernels)
+    if not json_output:
+        show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
+    given = dict(duration=duration, integrator=integrator, rtol=rtol, atol=atol, points=points, zd0=_velocities(velocity))
+    options = {"duration": 1.0, **kernels.model.simulation_options, **{k: v for k, v in given.items() if v is not None}}
+    length = options.pop("duration")
+    with _progress(f"simulating {length:g} s", float(length)) as advance:
+        trajectory = simulate(kernels, length, progress=advance, **options)
+    folder = (output or Path(f"{kernels.name}-output")) if files else None
+    if files:
+        with _progress("writing files", 1.0):
+            outputs = write_outputs(sources, trajectory, folder)
+    else:
+        outputs = []
+    record = run_record(trajectory, found, folder, outputs)
+    if json_output:
+        print(json.dumps(record, indent=1))
+    else:
+        show_run(out, record)
+
+
+@app.command()
+def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all compiled libraries")] = False) -> None:
+    """Show or clear the cache of compiled libraries."""
+    from ncgen.build import cache as store
+
+    if clear:
+        out.print(f"{store.clear()} libraries removed from {store.cache_folder()}", markup=False)
+        return
+    found = store.entries()
+    out.print(f"{store.cache_folder()}: {len(found)} libraries, {sum(e.size for e in found) / 1e6:.1f} MB", markup=False)
+    for entry in found:
+        out.print(f"  {entry.key[:12]}  {', '.join(entry.sources):<24} {entry.size / 1e3:8.0f} kB  {entry.age / 3600:6.1f} h", markup=False)
+
+
+def main() -> None:
+    """Entry point: every refusal is one line on standard error and an exit code."""
+    warnings.simplefilter("always", UserWarning)
+    warnings.showwarning = lambda message, *_, **__: err.print(f"ncgen: {message}", markup=False)
+    try:
+        app()
+    except CompileError as error:
+        err.print(f"ncgen: {error}", markup=False)
+        if error.log:
+            err.print(error.log.rstrip(), markup=False)
+        sys.exit(error.exit_code)
+    except NcgenError as error:
+        err.print(f"ncgen: {error}", markup=False)
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        err.print("ncgen: stopped")
+        sys.exit(130)
+
+
+def _compiled(name: str, backend: str, emission: str):
+    """Kernels, sources and the seconds of every stage, with the stages shown while they run."""
+    from ncgen.compiler import Timings, compile, generate
+    from ncgen.exchange.examples import load
+
+    timings = Timings()
+    with _progress(f"generating and compiling {name}", None):
+        model = timings.stage("model", load, name)
+        sources = generate(model, emission, timings)
+        kernels = compile(sources, backend, timings=timings)
+    return kernels, sources, timings.seconds
+
+
+def _velocities(pairs: list[str] | None) -> dict[str, float] | None:
+    if not pairs:
+        return None
+    velocities = {}
+    for pair in pairs:
+        name, _, value = pair.partition("=")
+        try:
+            velocities[name] = float(value)
+        except ValueError:
+            raise ModelError(f"--velocity {pair}: write it as name=number, for example psi1=2.5") from None
+    return velocities
+
+
+@contextmanager
+def _progress(what: str, total: float | None):
+    """A progress bar on standard error, only where somebody is watching."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)
+
+
+if __name__ == "__main__":
+    main()

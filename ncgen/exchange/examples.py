@@ -1,0 +1,81 @@
+"""Models by name or by file: the examples that ncgen ships, and Python files of the user's own."""
+
+from __future__ import annotations
+
+import importlib.util
+import traceback
+from pathlib import Path
+from types import ModuleType
+
+from ncgen.errors import ModelError, NcgenError
+from ncgen.model import Model
+from ncgen.resources import folder
+
+
+def load(name: str | Path) -> Model:
+    """The model of an example, or of a Python file that has a function `build()` returning a model.
+
+    Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
+    """
+    module = example_module(name) if _is_example(name) else _import(Path(name))
+    model = _checked(module)
+    return model
+
+
+def example_names() -> list[str]:
+    """Names of the examples, sorted."""
+    return sorted(path.parent.name for path in folder("examples").glob("*/model.py"))
+
+
+def example_module(name: str | Path, file: str = "model.py") -> ModuleType:
+    """An example's Python module, for its variants and numbers."""
+    return _import(folder("examples") / str(name) / file)
+
+
+def lesson(name: str) -> str:
+    """The first line of an example's description: what it teaches."""
+    return (example_module(name).__doc__ or "").strip().splitlines()[0]
+
+
+def _is_example(name) -> bool:
+    text = str(name)
+    return "/" not in text and "\\" not in text and not text.endswith(".py")
+
+
+def _import(path: Path) -> ModuleType:
+    if not path.is_file():
+        raise ModelError(f"{path}: there is no such file or example; the examples are {', '.join(example_names())}")
+    if path.suffix != ".py":
+        raise ModelError(f"{path}: not a Python file; give a .py file with a function build(), or the name of an example")
+    spec = importlib.util.spec_from_file_location(f"ncgen_model_{path.parent.name}_{path.stem}", path)
+    module = importlib.util.module_from_spec(spec)
+    _guarded(path, lambda: spec.loader.exec_module(module))
+    return module
+
+
+def _checked(module: ModuleType) -> Model:
+    path = Path(module.__file__)
+    if not callable(getattr(module, "build", None)):
+        raise ModelError(f"{path}: it has no function build(); define one that returns an ncgen.Model")
+    model = _guarded(path, module.build)
+    if not isinstance(model, Model):
+        raise ModelError(f"{path}: build() returns {type(model).__name__}; return an ncgen.Model")
+    return model
+
+
+def _guarded(path: Path, run):
+    """Run the user's code; its own mistakes become one line with the file and the line number."""
+    try:
+        return run()
+    except NcgenError as error:
+        line = _line(error, path)
+        raise type(error)(f"{path.name}, line {line}: {error}" if line else str(error)) from error
+    except SyntaxError as error:
+        raise ModelError(f"{path.name}, line {error.lineno}: {error.msg}") from error
+    except Exception as error:
+        raise ModelError(f"{path.name}, line {_line(error, path)}: {type(error).__name__}: {error}") from error
+
+
+def _line(error: BaseException, path: Path) -> int | None:
+    lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
+    return lines[-1] if lines else None

@@ -1,0 +1,61 @@
+"""Facts about a mechanism: what `ncgen inspect` shows, as plain data."""
+
+from __future__ import annotations
+
+from ncgen.build.kernels import Kernels
+from ncgen.model.elements import Angle
+from ncgen.program.assemble import Programs
+from ncgen.program.cost import cost
+from ncgen.solver.rank import Freedom, freedom
+
+
+def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
+    """One JSON-ready record.
+
+    name; coordinates, free, rows: counts; rank, dof; redundant: [{row, label, owner, implied_by, coefficients}] with
+    rows counted from 1; singular: True if the initial position is; omitted: [text]; initial: {angle: radians};
+    kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters: {name: default}
+    """
+    found = found or freedom(kernels)
+    model = kernels.model
+    return {
+        "name": kernels.name,
+        "coordinates": len(model.components),
+        "free": kernels.n,
+        "rows": kernels.m,
+        "rank": found.rank,
+        "dof": found.dof,
+        "redundant": [_redundant(kernels, r) for r in found.redundant],
+        "singular": found.is_singular,
+        "omitted": list(kernels.programs.omitted),
+        "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
+        "kernels": _kernels(kernels.programs),
+        "parameters": {p.name: p.default for p in model.parameters.values()},
+        "emission": kernels.programs.emission,
+        "backend": kernels.backend,
+    }
+
+
+def _redundant(kernels: Kernels, redundancy) -> dict:
+    row = kernels.rows[redundancy.row]
+    return {
+        "row": redundancy.row + 1,
+        "label": row.label,
+        "owner": str(row.owner),
+        "implied_by": [i + 1 for i in redundancy.implied_by],
+        "coefficients": list(redundancy.implied_by.values()),
+    }
+
+
+def _kernels(programs: Programs) -> dict[str, dict]:
+    records = {}
+    for name, program in programs.programs.items():
+        counted = cost(program)
+        records[name] = {
+            "operations": counted.total,
+            "calls": counted.calls,
+            "nonzeros": program.size,
+            "bytes": counted.read + counted.written,
+            "constant": program.is_constant,
+        }
+    return records

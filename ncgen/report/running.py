@@ -1,0 +1,52 @@
+"""A run from beginning to end: simulate, write the files, and say what happened as plain data."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ncgen.emit.sources import Sources
+from ncgen.solver.rank import Freedom
+from ncgen.solver.trajectory import Trajectory
+
+
+def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: list[Path]) -> dict:
+    """One JSON-ready record of a run.
+
+    name, dof, time; final, final_velocity: {independent coordinate: value} in m, rad and per second; violation,
+    energy_drift: relative; steps, evaluations, wall_seconds, backend; outputs: paths relative to folder
+    """
+    statistics = run.statistics
+    return {
+        "name": run.name,
+        "dof": found.dof,
+        "time": float(run.t[-1] - run.t[0]),
+        "final": {name: float(run[name][-1]) for name in run.independent},
+        "final_velocity": {name: float(run[f"rate({name})"][-1]) for name in run.independent},
+        "violation": float(run.violation().max()),
+        "energy_drift": run.energy_drift,
+        "steps": statistics.steps,
+        "evaluations": statistics.evaluations,
+        "newton_steps": statistics.newton_steps,
+        "partition_changes": statistics.partition_changes,
+        "wall_seconds": statistics.seconds,
+        "backend": run.kernels.backend,
+        "formalism": run.formalism,
+        "integrator": run.integrator,
+        "folder": str(folder) if folder else "",
+        "outputs": [path.relative_to(folder).as_posix() for path in outputs] if folder else [],
+    }
+
+
+def write_outputs(sources: Sources, run: Trajectory, folder: Path) -> list[Path]:
+    """Sources, trajectory, drawing and animation of a run; returns the paths in the order written."""
+    from ncgen.view.figure import figure, save
+
+    paths = sources.write(folder / "sources")
+    paths.append(run.to_npz(folder / "trajectory.npz"))
+    paths.append(run.to_csv(folder / "trajectory.csv"))
+    paths.append(save(figure(run.model), folder / "drawing.png"))
+    paths.append(run.plot(folder / "motion.png"))
+    paths.append(run.animate(folder / "animation.html"))
+    return paths
+
+

@@ -1,0 +1,75 @@
+"""What people see in the terminal: a mechanism and a run, each on one screen."""
+
+from __future__ import annotations
+
+import math
+
+from rich.console import Console, Group
+from rich.table import Table
+from rich.text import Text
+
+
+def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | None = None, times: dict[str, float] | None = None) -> None:
+    """Degrees of freedom, redundant rows, what was left out, and the kernels with their cost."""
+    console.print(Text(f"{facts['name']}", style="bold"))
+    console.print(
+        f"  {facts['coordinates']} coordinates, {facts['free']} free · {facts['rows']} rows, rank {facts['rank']}"
+        f" · {facts['dof']} degrees of freedom"
+    )
+    for entry in facts["redundant"]:
+        others = ", ".join(f"{c:+.3g}·row {i}" for i, c in zip(entry["implied_by"], entry["coefficients"], strict=True))
+        console.print(f"  redundant: row {entry['row']} ({entry['label']}, {entry['owner']}) = {others}", markup=False)
+    if facts["singular"]:
+        console.print("  the initial position is singular", style="yellow")
+    if facts["initial"]:
+        degrees = ", ".join(f"{name} {math.degrees(value):.4f}" for name, value in facts["initial"].items())
+        console.print(f"  initial angles (degrees): {degrees}", markup=False)
+    for line in _grouped(facts["omitted"]):
+        console.print(f"  left out: {line}", markup=False)
+    console.print(kernel_table(facts, times))
+    if seconds:
+        spent = ", ".join(f"{stage} {value:.2f}" for stage, value in seconds.items())
+        console.print(f"  seconds: {spent}", markup=False)
+
+
+def kernel_table(facts: dict, times: dict[str, float] | None) -> Table:
+    """One line a kernel: numbers written, operations, elementary functions, and nanoseconds if measured."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 2))
+    for title in ("kernel", "numbers", "operations", "sin, cos …"):
+        table.add_column(title, justify="left" if title == "kernel" else "right")
+    if times:
+        table.add_column(f"ns per call ({facts['backend']})", justify="right")
+    for name, record in facts["kernels"].items():
+        label = f"{name} (constant)" if record["constant"] else name
+        cells = [label, str(record["nonzeros"]), str(record["operations"]), str(record["calls"] or "")]
+        table.add_row(*cells, *([f"{times[name]:.0f}"] if times else []))
+    return table
+
+
+def show_run(console: Console, record: dict) -> None:
+    """The motion in numbers: end state, energy and constraint error, effort, and the files written."""
+    table = Table(box=None, pad_edge=False, padding=(0, 2, 0, 2))
+    for title in ("coordinate", "final", "velocity"):
+        table.add_column(title, justify="left" if title == "coordinate" else "right")
+    for name, value in record["final"].items():
+        table.add_row(name, f"{value:.12g}", f"{record['final_velocity'][name]:.12g}")
+    lines = [
+        Text(f"{record['time']:g} s with {record['integrator']} on {record['formalism']}, backend {record['backend']}", style="bold"),
+        table,
+        Text(f"  constraint error {record['violation']:.1e} (relative), energy error {record['energy_drift']:.1e} (relative)"),
+        Text(f"  {record['steps']} steps, {record['evaluations']} evaluations, {record['wall_seconds']:.2f} s"),
+    ]
+    console.print(Group(*lines))
+    if record["outputs"]:
+        console.print(f"  written to {record['folder']}:", markup=False)
+        for path in record["outputs"]:
+            console.print(f"    {path}", markup=False)
+
+
+def _grouped(lines: list[str]) -> list[str]:
+    """Lines with the same reason become one: `angle psi1: reason` and `angle psi2: reason`."""
+    groups: dict[str, list[str]] = {}
+    for line in lines:
+        subject, _, reason = line.partition(": ")
+        groups.setdefault(reason, []).append(subject)
+    return [f"{', '.join(subjects)}: {reason}" if reason else ", ".join(subjects) for reason, subjects in groups.items()]

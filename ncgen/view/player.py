@@ -1,0 +1,79 @@
+"""The player: one HTML file that shows a trajectory moving, with its data inside and nothing fetched from anywhere."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from ncgen.emit.environment import render
+from ncgen.emit.sources import write_text
+from ncgen.errors import NcgenError
+from ncgen.view.scene import Scene, scene_of
+
+FRAMES = 300
+"""How many times are embedded at most; of longer runs, as many spread evenly by index."""
+
+DIGITS = 7
+"""Significant digits of the embedded numbers."""
+
+
+def player(run) -> str:
+    """The text of the HTML file for a trajectory.
+
+    Raises NcgenError where the trajectory holds a number that is not finite.
+    """
+    frames = chosen_frames(len(run.t))
+    data = _motion(scene_of(run).at(frames)) | {"energy": _energy(run, frames)}
+    return render("html/player.html.jinja", name=run.name, data=script_json(data))
+
+
+def write_player(run, path) -> Path:
+    """Write the HTML file and return its path. Raises NcgenError if it cannot be written."""
+    return write_text(Path(path), player(run))
+
+
+def chosen_frames(count: int) -> np.ndarray:
+    """Indices of the times that are embedded, first and last among them, shape (min(count, FRAMES),)."""
+    return np.linspace(0, count - 1, min(count, FRAMES)).round().astype(int)
+
+
+def script_json(data) -> str:
+    """JSON for a script block of HTML: no text in it can end the block."""
+    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
+
+
+def _motion(scene: Scene) -> dict:
+    """The scene as plain lists; a vector drawn at several points is stored once."""
+    directions = {arrow.name: arrow.direction for arrow in scene.arrows}
+    vectors = list(directions)
+    return {
+        "name": scene.name,
+        "planar": scene.planar,
+        "bounds": _rounded(scene.bounds),
+        "arrowLength": _rounded(scene.arrow_length),
+        "t": _rounded(scene.t),
+        "points": list(scene.points),
+        "fixed": scene.fixed.tolist(),
+        "positions": _rounded(scene.positions),
+        "segments": [list(pair) for pair in scene.segments],
+        "vectors": vectors,
+        "directions": _rounded(np.stack(list(directions.values()), axis=1)) if vectors else [],
+        "arrows": [[arrow.point, vectors.index(arrow.name)] for arrow in scene.arrows],
+    }
+
+
+def _energy(run, frames) -> dict | None:
+    """Kinetic and potential energy (J) at the frames, or None where there is none of either."""
+    kinetic, potential, _ = np.asarray(run.energy(), dtype=float)[frames].T
+    if not (np.isfinite(kinetic) & np.isfinite(potential)).all():
+        raise NcgenError(f"{run.name}: the energy is not a finite number at all times; draw the run up to where it is")
+    return {"kinetic": _rounded(kinetic), "potential": _rounded(potential)} if kinetic.any() or potential.any() else None
+
+
+def _rounded(values):
+    """Numbers of any shape as nested lists, rounded to DIGITS significant digits."""
+    values = np.asarray(values, dtype=float)
+    rounded = [float(f"{value:.{DIGITS}g}") + 0.0 for value in values.ravel()]
+    return np.reshape(rounded, values.shape).tolist()
