@@ -14,8 +14,7 @@ def build():
 
     def bar(name, start, end, mass):
         length = ((start.initial - end.initial) ** 2).sum() ** 0.5
-        body = m.body(name, points=[start, end], mass=mass, inertia=mass * length**2 / 12)
-        m.distance(start, end, owner=body)
+        m.body(name, points=[start, end], mass=mass, inertia=mass * length**2 / 12)
 
     bar("crank", A, B, 0.2)
     bar("coupler", B, C, 0.8)

@@ -25,14 +25,17 @@ def build(**options):
         return a.initial + share * (b.initial - a.initial)
 
     # Bodies with their inertia: bodies 2 and 3 from Table 6, the others are ours.
-    body2 = m.body("body2", [r1, r2, r3], [u1, u3], 200.0, (0, 0, 0.45), (10.396, 10.396, 17.793), basis=[r1, r2, u1, u3])
-    body3 = m.body("body3", [r2, r4], [u3], 250.0, (0, 0.2088, 1.2165), (27.263, 27.263, 4.476))
-    body4 = m.body("body4", [r3, r5], [u3], 20.0, middle(r3, r5), (2, 2, 0.05))
-    body5 = m.body("body5", [r4, r6, r5], [u3], 120.0, (0, 0.15, 1.95), (6, 5, 4))
-    body6 = m.body("body6", [r6, r7], [u3], 40.0, middle(r6, r7, 0.2), (1.2, 0.9, 0.9))
-    body7 = m.body("body7", [r6, r7], [u4], 60.0, middle(r6, r7, 0.6), (4, 1.5, 3))
-    body8 = m.body("body8", [r7, r8], [u4], 15.0, (0, 1.5, 1.3757), (0.1, 0.08, 0.1))
-    body9 = m.body("body9", [r7, r8], [u5], 10.0, (0, 1.62, 1.3757), (0.05, 0.03, 0.05))
+    def body(*facts, **more):
+        return m.body(*facts, rigid=False, **more)  # the rows that keep it rigid follow below, as in the paper
+
+    body2 = body("body2", [r1, r2, r3], [u1, u3], 200.0, (0, 0, 0.45), (10.396, 10.396, 17.793), basis=[r1, r2, u1, u3])
+    body3 = body("body3", [r2, r4], [u3], 250.0, (0, 0.2088, 1.2165), (27.263, 27.263, 4.476))
+    body4 = body("body4", [r3, r5], [u3], 20.0, middle(r3, r5), (2, 2, 0.05))
+    body5 = body("body5", [r4, r6, r5], [u3], 120.0, (0, 0.15, 1.95), (6, 5, 4))
+    body6 = body("body6", [r6, r7], [u3], 40.0, middle(r6, r7, 0.2), (1.2, 0.9, 0.9))
+    body7 = body("body7", [r6, r7], [u4], 60.0, middle(r6, r7, 0.6), (4, 1.5, 3))
+    body8 = body("body8", [r7, r8], [u4], 15.0, (0, 1.5, 1.3757), (0.1, 0.08, 0.1))
+    body9 = body("body9", [r7, r8], [u5], 10.0, (0, 1.62, 1.3757), (0.05, 0.03, 0.05))
 
     # Rigid-body rows (eqs 10-34); lengths and cosines are those of the initial position.
     m.distance(r1, r2, owner=body2)

@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
-from ncgen.errors import NcgenError
+from ncgen.errors import ModelError, NcgenError
 from ncgen.model import Model
 from ncgen.model.elements import Point
 from ncgen.model.rows import Row, natural_size
@@ -68,6 +68,11 @@ class Kernels(ABC):
         return np.array([natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows])
 
     @cached_property
+    def holonomic(self) -> np.ndarray:
+        """Rows that are equations of position; the others (rolling) constrain velocities only."""
+        return np.array([i for i, row in enumerate(self.rows) if row.level == "position"], dtype=int)
+
+    @cached_property
     def length(self) -> float:
         """The extent of the mechanism (m) in its initial position; 1 if it has no extent."""
         points = [e.initial for e in self.model.elements.values() if isinstance(e, Point)]
@@ -97,11 +102,26 @@ class Kernels(ABC):
 
     def force(self, q, qd, t=0.0, p=None) -> np.ndarray:
         """Generalised forces Q, shape (n,): applied ones and velocity-dependent inertia."""
-        return self.values("force", t, q, qd, p)
+        force = self.values("force", t, q, qd, p)
+        return force + self._called_back(t, q, qd) if self.model.callbacks else force
 
     def energy(self, q, qd, t=0.0, p=None) -> np.ndarray:
         """Kinetic and potential energy (J), and the power (W) of forces without a potential."""
-        return self.values("energy", t, q, qd, p)
+        energy = self.values("energy", t, q, qd, p)
+        if self.model.callbacks:
+            energy[..., 2] += self._called_back(t, q, qd) @ qd
+        return energy
+
+    def _called_back(self, t, q, qd) -> np.ndarray:
+        """Forces of the model's own functions; ModelError naming one that returns something else."""
+        total = np.zeros(self.n)
+        for function in self.model.callbacks:
+            force = np.asarray(function(t, q, qd, self), dtype=float)
+            if force.shape != (self.n,) or not np.all(np.isfinite(force)):
+                name = getattr(function, "__name__", "callback")
+                raise ModelError(f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}")
+            total += force
+        return total
 
     def jacobian(self, q, t=0.0, p=None) -> np.ndarray:
         """Φ_q as a dense array, for linear algebra on small mechanisms."""

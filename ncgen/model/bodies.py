@@ -6,12 +6,13 @@ parallel to the global ones, all in the initial position.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.model.elements import Point, Spatial, Vector
+from ncgen.model.rigid import Frame
 from ncgen.model.values import is_number
 
 TRIANGLE = 1e-12
@@ -30,24 +31,34 @@ class Inertia:
     mass: object
     com: np.ndarray
     tensor: np.ndarray
-    basis: tuple[Spatial, ...]
+    basis: tuple[Spatial, ...] | None = None
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(eq=False)
 class Body:
-    """A rigid body: its points and vectors, and its inertia if it has mass."""
+    """A rigid body: its points and vectors, and its inertia if it has mass.
+
+    rigid: whether ncgen chooses the rows that keep it together; frame: the base those rows are written in
+    """
 
     name: str
-    points: tuple[Point, ...]
-    vectors: tuple[Vector, ...]
+    points: list[Point] = field(default_factory=list)
+    vectors: list[Vector] = field(default_factory=list)
     inertia: Inertia | None = None
+    rigid: bool = True
+    frame: Frame = None
 
     def __repr__(self):
         return f"body {self.name}"
 
     @property
-    def elements(self) -> tuple[Spatial, ...]:
+    def elements(self) -> list[Spatial]:
         return self.points + self.vectors
+
+    @property
+    def basis(self) -> tuple[Spatial, ...]:
+        """The elements that carry the inertia: those chosen, else four independent ones, else what there is."""
+        return self.inertia.basis or choose_basis(self)
 
 
 def check_inertia(name: str, mass, com, tensor) -> np.ndarray:
@@ -79,6 +90,27 @@ def check_inertia(name: str, mass, com, tensor) -> np.ndarray:
             f"the largest exceeds the sum of the others, {low + middle:g}; check units and the point they refer to"
         )
     return tensor
+
+
+def choose_basis(body: Body) -> tuple[Spatial, ...]:
+    """A point and up to three independent directions, in the order in which the body's elements were given."""
+    if body.frame.planar:
+        return tuple(body.points[:2])  # with the plane's normal, two points carry any planar inertia
+    chosen: list[Spatial] = [body.points[0]]
+    found: list[np.ndarray] = []
+    for least in (0.2, 1e-3):
+        for element in body.elements:
+            if element in chosen or len(found) == 3:
+                continue
+            direction = element.initial - (body.points[0].initial if isinstance(element, Point) else 0.0)
+            trial = found + [direction / max(np.linalg.norm(direction), 1e-300)]
+            if np.linalg.svd(np.array(trial), compute_uv=False)[-1] > least:
+                chosen.append(element)
+                found = trial
+    points = [e for e in chosen if isinstance(e, Point)]
+    if len(found) == 2 and len(points) == 1:
+        raise ModelError(f"body {body.name}: one point and two vectors cannot carry its inertia; give another point or constant_mass=True")
+    return tuple(points + [e for e in chosen if isinstance(e, Vector)])
 
 
 def check_basis(name: str, basis: tuple[Spatial, ...]) -> None:

@@ -84,6 +84,25 @@ def _angle_paper(f, a, b, n, psi, la, lb, ln, wc, wx, wy, wz):
     return sum(w * row(f, a, b, n, psi, la, lb, ln) for w, row in zip((wc, wx, wy, wz), rows, strict=True))
 
 
+def _dot(f, a, b, c, L):
+    return dot(a, b) - c
+
+
+def _affine(axis):
+    def formula(f, e, a, b, c, L):
+        return e[axis] - c * cross(a, b)[axis]
+
+    return formula
+
+
+def _length(f, a, s, L):
+    return dot(a, a) - s * s
+
+
+def _slide(f, a, n, s, L):
+    return dot(a, n) - s
+
+
 def _angle(key, formula, equation, extra=()):
     return RowType(key, ("a", "b", "n"), ("psi",), ("la", "lb", "ln", *extra), formula, 1.0, ("la", "lb"), ("la", "lb"), equation)
 
@@ -98,6 +117,13 @@ ROW_TYPES = {
         RowType("unit", ("u",), (), (), _unit, 0.5, (), (), "|u|^2 - 1"),
         RowType("vector-segment", ("u", "a"), (), ("L", "c"), _vector_segment, 1.0, ("L",), ("L",), "u.a - L c"),
         RowType("vector-vector", ("u", "v"), (), ("c",), _vector_vector, 1.0, (), (), "u.v - c"),
+        RowType("dot", ("a", "b"), (), ("c", "L"), _dot, 1.0, ("L",), ("L",), "a.b - c"),
+        *(
+            RowType(f"affine-{x}", ("e", "a", "b"), (), ("c", "L"), _affine(k), 1.0, (), ("L",), f"(e - c a x b).{x}")
+            for k, x in enumerate("xyz")
+        ),
+        RowType("length", ("a",), ("s",), ("L",), _length, 0.5, ("L",), ("L", "L"), "|a|^2 - s^2"),
+        RowType("slide", ("a", "n"), ("s",), ("L",), _slide, 1.0, (), ("L",), "a.n - s"),
         _angle("angle-cosine", _angle_cosine, "a.b - la lb cos psi"),
         _angle("angle-sine-x", _angle_sine(0), "(a x b - la lb n/ln sin psi).x"),
         _angle("angle-sine-y", _angle_sine(1), "(a x b - la lb n/ln sin psi).y"),

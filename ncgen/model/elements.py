@@ -108,9 +108,28 @@ class Vector(Spatial):
         return f"vector {self.name}"
 
 
+class Constant(Vector):
+    """A direction that never moves and is no coordinate, such as the normal of the plane; its numbers are constants."""
+
+    @classmethod
+    def of(cls, name: str, values) -> Constant:
+        """A constant direction; what is zero but for rounding is zero."""
+        values = [0.0 if abs(v) < 1e-15 else float(v) for v in values]
+        return cls(name, tuple(Component(f"{name}.{axis}", True, v, v) for axis, v in zip(AXES, values, strict=True)))
+
+
+class Relative(Symbolic, Element):
+    """A scalar coordinate between elements: it can be driven, loaded, and used in expressions by itself."""
+
+    @property
+    def rate(self):
+        """The sympy symbol of the coordinate's velocity."""
+        return self.components[0].rate
+
+
 @dataclass(frozen=True, eq=False)
-class Angle(Element):
-    """A relative angle: from `start` to `end`, counted positively about `axis`."""
+class Angle(Relative):
+    """A relative angle (rad): from `start` to `end`, counted positively about `axis`."""
 
     name: str
     components: tuple[Component, ...]
@@ -118,18 +137,23 @@ class Angle(Element):
     end: Combination = field(repr=False)
     axis: Combination = field(repr=False)
 
-    @property
-    def symbol(self):
-        """The sympy symbol of the angle."""
-        return self.components[0].symbol
-
-    @property
-    def rate(self):
-        """The sympy symbol of the angle's velocity."""
-        return self.components[0].rate
+    unit = "rad"
 
     def __repr__(self):
         return f"angle {self.name}"
+
+
+@dataclass(frozen=True, eq=False)
+class Length(Relative):
+    """A relative distance (m): between two points, or along an axis."""
+
+    name: str
+    components: tuple[Component, ...]
+
+    unit = "m"
+
+    def __repr__(self):
+        return f"length {self.name}"
 
 
 @dataclass(frozen=True, eq=False)

@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
-from ncgen.model.elements import AXES, Angle, Combination, Component, Point, as_combination
+from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, as_combination
 from ncgen.model.values import Parameter, is_number
 
 PARALLEL = 1e-6
@@ -40,6 +40,7 @@ class Row:
     """One constraint equation.
 
     type: catalogue entry, or None where `expression` (a sympy expression of coordinates, t and parameters) is given
+    level: "position", or "velocity" for a rolling condition, whose expression is linear in rates
     arguments: combination per vector argument, component per scalar argument
     data: value per constant
     """
@@ -52,6 +53,7 @@ class Row:
     data: dict[str, object] = field(default_factory=dict)
     expression: object = None
     scaled: bool = True
+    level: str = "position"
 
     @property
     def equation(self) -> str:
@@ -128,6 +130,63 @@ def _refuse_parallel(cosine, where: str) -> None:
         )
 
 
+def dot(a: Combination, b: Combination, value, size: float, owner: Owner, label: str, scaled: bool) -> Row:
+    """a·b = value, divided by `size`, the natural size of the product."""
+    return Row(owner, label, None, ROW_TYPES["dot"], {"a": a, "b": b}, {"c": value, "L": size}, scaled=scaled)
+
+
+def affine(axis: int, e: Combination, a: Combination, b: Combination, cross_weight, size: float, owner: Owner, label: str) -> Row:
+    """One component of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
+    data = {"c": cross_weight, "L": size}
+    return Row(owner, f"{label}.{AXES[axis]}", None, ROW_TYPES[f"affine-{AXES[axis]}"], {"e": e, "a": a, "b": b}, data)
+
+
+def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
+    """|segment| = s."""
+    arguments = {"a": segment, "s": s.components[0]}
+    return Row(_coordinate(s), f"length {s.name}", None, ROW_TYPES["length"], arguments, {"L": length(segment)}, scaled=scaled)
+
+
+def slide_row(s: Relative, segment: Combination, axis: Combination, scaled: bool) -> Row:
+    """segment·axis = s."""
+    arguments = {"a": segment, "n": axis, "s": s.components[0]}
+    size = float(np.linalg.norm(segment.initial)) or 1.0
+    return Row(_coordinate(s), f"slide {s.name}", None, ROW_TYPES["slide"], arguments, {"L": size}, scaled=scaled)
+
+
+def _coordinate(s: Relative) -> Owner:
+    return Owner("coordinate", s.name)
+
+
+def is_trivial(row: Row) -> bool:
+    """True if the row cannot depend on any free coordinate, as in the plane for what is out of it."""
+    if row.type is None:
+        return False
+    vectors = [row.arguments[name] for name in row.type.vectors]
+    if row.type.scalars:
+        return False
+    if row.type.key.startswith("affine-"):
+        axis = AXES.index(row.type.key[-1])
+        e, a, b = vectors
+        turned = row.data["c"] != 0.0 and any(_moves(v, k) and not _zero(w, l) for v, w in ((a, b), (b, a)) for k, l in _others(axis))
+        return not _moves(e, axis) and not turned
+    first, last = vectors[0], vectors[-1]
+    return not any(_moves(v, k) and (v is w or not _zero(w, k)) for v, w in ((first, last), (last, first)) for k in range(3))
+
+
+def _others(axis: int):
+    k, l = (axis + 1) % 3, (axis + 2) % 3
+    return (k, l), (l, k)
+
+
+def _moves(direction: Combination, axis: int) -> bool:
+    return any(not e.components[axis].fixed for e in direction.elements)
+
+
+def _zero(direction: Combination, axis: int) -> bool:
+    return not _moves(direction, axis) and direction.initial[axis] == 0.0
+
+
 def angle(psi: Angle, form: str, lengths, branch: tuple[Parameter, ...], scaled: bool) -> Row:
     """The row that ties a relative angle to the elements it is measured between.
 
@@ -151,6 +210,12 @@ def shape(direction: Combination) -> str:
 def length(direction: Combination) -> float:
     """The length of a direction in the initial position; exactly 1 for a unit vector."""
     return 1.0 if shape(direction) == "vector" and len(direction.terms) == 1 else float(np.linalg.norm(direction.initial))
+
+
+def cosine(a: np.ndarray, b: np.ndarray) -> float:
+    """The cosine of the angle between two vectors; what is zero but for rounding is zero."""
+    value = float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
+    return 0.0 if abs(value) < 4 * np.finfo(float).eps else value
 
 
 def largest_component(axis: np.ndarray) -> int:

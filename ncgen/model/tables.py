@@ -79,6 +79,7 @@ class _Tables:
                 com=entry["cog"],
                 inertia=entry["IT"],
                 basis=basis,
+                rigid=False,
             )
 
     def point(self, number, where):

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.model.model import paper_choice
+from ncgen.model.coordinates import paper_choice
 from ncgen.solver.geometry import direction, element
 from ncgen.solver.protocol import Kernels
 

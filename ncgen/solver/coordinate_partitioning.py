@@ -1,7 +1,8 @@
 """Forward dynamics by coordinate partitioning: the paper's Table 8, with its state made explicit.
 
 The state is y = [ż; z; W]: velocities and positions of the independent coordinates, and the work W of
-drivers and forces without a potential (for the energy balance). The warm start of the position problem is
+drivers and forces without a potential (for the energy balance). With rolling conditions there are fewer
+independent velocities than positions, hence two partitions. The warm start of the position problem is
 part of a `Start`, changed only between steps, so a rejected step leaves no trace.
 """
 
@@ -13,7 +14,7 @@ import numpy as np
 import scipy.linalg
 
 from ncgen.errors import ConvergenceError, SingularError
-from ncgen.solver.partition import Kinematics, Partition, factor, kinematics
+from ncgen.solver.partition import Kinematics, Partition, Partitions, factor, kinematics
 from ncgen.solver.position import LIMIT, TOLERANCE
 from ncgen.solver.protocol import Kernels
 
@@ -66,10 +67,10 @@ def dependent_position(kernels: Kernels, partition: Partition, start: Start, t: 
     )
 
 
-def motion(kernels: Kernels, partition: Partition, start: Start, t: float, z, zd) -> Motion:
+def motion(kernels: Kernels, partitions: Partitions, start: Start, t: float, z, zd) -> Motion:
     """Positions, velocities and accelerations of one instant from the independent coordinates."""
-    q, iterations = dependent_position(kernels, partition, start, t, z)
-    return motion_at(kernels, partition, t, q, zd, start.p, iterations)
+    q, iterations = dependent_position(kernels, partitions.position, start, t, z)
+    return motion_at(kernels, partitions.velocity, t, q, zd, start.p, iterations)
 
 
 def motion_at(kernels: Kernels, partition: Partition, t: float, q, zd, p, iterations: int = 0) -> Motion:

@@ -19,7 +19,7 @@ WORST = 1e-7
 """A partition of lower quality is refused."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Partition:
     """rows: kept rows; dependent, independent: positions in q; all index arrays."""
 
@@ -30,6 +30,24 @@ class Partition:
     def names(self, kernels: Kernels) -> tuple[str, ...]:
         """Names of the independent coordinates."""
         return tuple(kernels.coordinates[i] for i in self.independent)
+
+
+@dataclass(frozen=True)
+class Partitions:
+    """One partition for positions and one for velocities: the same unless there are rolling conditions."""
+
+    position: Partition
+    velocity: Partition
+
+
+def choose_partitions(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=None) -> Partitions:
+    """Well-conditioned partitions at q; arguments and errors as for `choose_partition`."""
+    if len(kernels.holonomic) == kernels.m:
+        both = choose_partition(kernels, q, t, p, independent, rows)
+        return Partitions(both, both)
+    velocity = choose_partition(kernels, q, t, p, independent, rows)
+    kept = np.array([r for r in velocity.rows if r in set(kernels.holonomic)], dtype=int)
+    return Partitions(choose_partition(kernels, q, t, p, velocity.names(kernels), kept), velocity)
 
 
 def choose_partition(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=None) -> Partition:

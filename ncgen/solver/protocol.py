@@ -25,6 +25,7 @@ class Kernels(Protocol):
     p0: np.ndarray
     row_sizes: np.ndarray
     length: float
+    holonomic: np.ndarray
 
     def phi(self, q, t=0.0, p=None) -> np.ndarray: ...
     def jacobian(self, q, t=0.0, p=None) -> np.ndarray: ...

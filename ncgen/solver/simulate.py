@@ -9,11 +9,12 @@ from collections.abc import Callable
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, SingularError
+from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.integrators import find_integrator
-from ncgen.solver.partition import Partition, choose_partition, quality
-from ncgen.solver.position import check_consistent
+from ncgen.solver.partition import Partition, Partitions, choose_partitions, quality
+from ncgen.solver.position import check_finite
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.trajectory import Statistics, Trajectory
 
@@ -52,7 +53,7 @@ def simulate(
     formalism: "coordinate-partitioning" (the paper's Table 8)
     integrator: dopri5, dop853, adams, bdf, radau, rk23, lsoda, or Matlab's and SciPy's names (ode45, RK45, ode113 …)
     rtol, atol: tolerances on the independent velocities and positions
-    q0: a consistent initial position, shape (n,) (default: the model's)
+    q0: initial position, shape (n,) (default: the model's); if it is only approximate it is assembled first
     zd0: initial independent velocities by name, {"psi2": 1.0}, or as an array in the order of z (default: rest)
     z: names of the independent coordinates (default: the model's choice, else found by pivoting)
     p: parameters (default: the model's)
@@ -60,7 +61,7 @@ def simulate(
     max_step: the longest step (s)
     progress: called with the time reached after every step
 
-    Raises ModelError for an inconsistent start, SingularError for a singular one, ConvergenceError naming the
+    Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
     time where the motion cannot go on.
     """
     if formalism not in FORMALISMS:
@@ -71,14 +72,15 @@ def simulate(
         raise ModelError(f"points: {points} given; a trajectory has at least 2")
     q = np.array(kernels.q0 if q0 is None else q0, dtype=float)
     p = refresh_branches(kernels, q, kernels.p0 if p is None else np.asarray(p, dtype=float))
-    check_consistent(kernels, q, t0, p)
-    partition = choose_partition(kernels, q, t0, p, z or kernels.model.chosen_independent)
-    run = _Run(kernels, method, dict(rtol=rtol, atol=atol, max_step=max_step), partition, t0 + duration)
+    check_finite(kernels, q, t0, p)
+    q = assemble(kernels, q, t0, p)
+    partitions = choose_partitions(kernels, q, t0, p, z or kernels.model.chosen_independent)
+    run = _Run(kernels, method, dict(rtol=rtol, atol=atol, max_step=max_step), partitions, t0 + duration)
     clock = time.perf_counter()
     grid = np.linspace(t0, t0 + duration, points)
-    motions, work = run.integrate(q, _rates(kernels, partition, zd0), t0, p, grid, progress)
+    motions, work = run.integrate(q, _rates(kernels, partitions.velocity, zd0), t0, p, grid, progress)
     statistics = Statistics(run.steps, run.evaluations, run.newton, run.changes, run.rejections, time.perf_counter() - clock)
-    return Trajectory.collect(kernels, motions, work, p, run.partition, statistics, formalism, integrator)
+    return Trajectory.collect(kernels, motions, work, p, run.partitions.position, statistics, formalism, integrator)
 
 
 def _positive(value: float, name: str) -> float:
@@ -105,19 +107,19 @@ def _rates(kernels: Kernels, partition: Partition, zd0) -> np.ndarray:
 class _Run:
     """One integration: counters, the current partition, and the start of the current step."""
 
-    def __init__(self, kernels: Kernels, method, options: dict, partition: Partition, end: float):
+    def __init__(self, kernels: Kernels, method, options: dict, partitions: Partitions, end: float):
         self.kernels = kernels
         self.method = method
         self.options = options
-        self.partition = partition
+        self.partitions = partitions
         self.end = end
         self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
 
     def integrate(self, q, zd, t, p, grid, progress) -> tuple[list[Motion], list[float]]:
         """Motions and work at the times of the grid."""
-        here = motion_at(self.kernels, self.partition, t, q, zd, p)
+        here = motion_at(self.kernels, self.partitions.velocity, t, q, zd, p)
         self.start = Start(t, here.q, here.qd, p)
-        self.reference = quality(self.kernels, self.partition, q, t, p)
+        self.reference = self._quality(self.partitions, here)
         solver = self._solver(t, here, 0.0)
         motions, work = [here], [0.0]
         while solver.status == "running":
@@ -136,7 +138,8 @@ class _Run:
         return motions, work
 
     def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None):
-        y = np.concatenate([here.qd[self.partition.independent], here.q[self.partition.independent], [work]])
+        velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
+        y = np.concatenate([here.qd[velocities], here.q[positions], [work]])
         return self.method(self._derivative, t, y, self.end, first_step=first_step, **self.options)
 
     def _step(self, solver, here: Motion):
@@ -166,27 +169,30 @@ class _Run:
     def _derivative(self, t: float, y: np.ndarray) -> np.ndarray:
         self.evaluations += 1
         now = self._motion(t, y)
-        z = self.partition.independent
-        return np.concatenate([now.qdd[z], now.qd[z], [now.power]])
+        velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
+        return np.concatenate([now.qdd[velocities], now.qd[positions], [now.power]])
 
     def _motion(self, t: float, y: np.ndarray) -> Motion:
-        count = len(self.partition.independent)
-        now = motion(self.kernels, self.partition, self.start, t, y[count : 2 * count], y[:count])
+        count = len(self.partitions.velocity.independent)
+        now = motion(self.kernels, self.partitions, self.start, t, y[count:-1], y[:count])
         self.newton += now.iterations
         return now
 
     def _accept(self, here: Motion) -> None:
         self.start = Start(here.t, here.q, here.qd, refresh_branches(self.kernels, here.q, self.start.p))
 
+    def _quality(self, partitions: Partitions, here: Motion) -> float:
+        return min(quality(self.kernels, p, here.q, here.t, self.start.p) for p in {partitions.position, partitions.velocity})
+
     def _repartition(self, here: Motion, any_better: bool = False) -> bool:
         """Change to other independent coordinates for the same motion, if the present ones have become bad."""
-        now = quality(self.kernels, self.partition, here.q, here.t, self.start.p)
+        now = self._quality(self.partitions, here)
         if now > DEGRADED * self.reference and not any_better:
             return False
-        other = choose_partition(self.kernels, here.q, here.t, self.start.p, rows=self.partition.rows)
-        possible = quality(self.kernels, other, here.q, here.t, self.start.p)
+        other = choose_partitions(self.kernels, here.q, here.t, self.start.p, rows=self.partitions.velocity.rows)
+        possible = self._quality(other, here)
         if possible < BETTER * now:
             return False
-        self.partition, self.reference = other, possible
+        self.partitions, self.reference = other, possible
         self.changes += 1
         return True

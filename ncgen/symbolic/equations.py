@@ -11,11 +11,13 @@ from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
 
+import numpy as np
 import sympy
 
 from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import Combination, Component, rate_name
+from ncgen.model.forces import Couple, Spring, TorsionSpring
 from ncgen.model.rows import Owner, Row, describe
 from ncgen.model.values import Parameter, as_sympy, is_number
 from ncgen.symbolic import templates
@@ -86,8 +88,9 @@ def build_equations(model: Model, owner: Owner | None = None) -> Equations:
         rows = [term for term in rows if term.owner == owner]
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
     masses, forces = _inertia_terms(model, bodies)
-    forces += [_force(model, force) for force in model.forces if owner in (None, _bearer(model, force))]
+    forces += [_applied(model, force) for force in model.forces if owner in (None, _bearer(model, force))]
     if owner is None:
+        forces += [_spring(model, spring) for spring in model.springs]
         forces += [_potential(model, potential) for potential in model.potentials]
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted))
 
@@ -99,7 +102,11 @@ def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
     if row.type is None:
         where = f"row {number + 1} ({row.label})"
         scalars, data = _names(model, row.expression, where)
-        template = templates.expression_row_template(f"row-{number + 1}", sympy.sympify(row.expression), _words(scalars), _words(data))
+        make = templates.velocity_row_template if row.level == "velocity" else templates.expression_row_template
+        try:
+            template = make(f"row-{number + 1}", sympy.sympify(row.expression), _words(scalars), _words(data))
+        except ValueError as error:
+            raise ModelError(f"{where}: {row.expression}: {error}; a velocity constraint is a sum of coefficients times rates") from None
         return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number, row.equation)
     row_type = angle_row_type(model, row, omitted)
     template = templates.row_template(row_type.key)
@@ -145,6 +152,38 @@ def _words(things) -> tuple[str, ...]:
     return tuple(thing.name for thing in things)
 
 
+def _applied(model: Model, force) -> Term:
+    return _couple(model, force) if isinstance(force, Couple) else _force(model, force)
+
+
+def _couple(model: Model, couple: Couple) -> Term:
+    """A couple of numbers and parameters acts on the body's three base directions."""
+    frame = couple.body.frame
+    directions = list(frame.directions)
+    if len(directions) != 3:
+        raise ModelError(f"{couple.label}: the body needs three directions to take a couple; give it another element or constant_mass=True")
+    if _names(model, sympy.Tuple(*couple.components), couple.label)[0] or TIME in sympy.Tuple(*couple.components).free_symbols:
+        raise ModelError(f"{couple.label}: give numbers or parameters; for a couple that varies, use a torque on a relative angle")
+    forms = [form for d in directions for form in _vector_form(d)]
+    volume = float(np.linalg.det(frame.matrix()))
+    return Term(templates.couple(), tuple(forms), (*couple.components, volume), Owner("body", couple.body.name), couple.label)
+
+
+def _spring(model: Model, spring: Spring | TorsionSpring) -> Term:
+    along_segment = isinstance(spring, Spring)
+    forms = _vector_form(spring.segment) if along_segment else [((1.0, spring.coordinate.components[0]),)]
+    owner = Owner("spring", spring.label)
+    if spring.law is None:
+        template = templates.spring() if along_segment else templates.torsion_spring()
+        return Term(template, tuple(forms), (spring.stiffness, spring.damping, spring.free), owner, spring.label)
+    used = {s.name for s in spring.law.free_symbols} - {"x", "v", TIME.name}
+    data = [p for p in model.parameters.values() if p.name in used]
+    if used - {p.name for p in data}:
+        raise ModelError(f"{spring.label}: {sorted(used)[0]} is not a parameter; a law is made of length, rate, m.time and parameters")
+    template = templates.spring_law(spring.label, spring.law, along_segment, _words(data))
+    return Term(template, tuple(forms), tuple(data), owner, spring.label)
+
+
 def _force(model: Model, force) -> Term:
     components = dict(force.components)
     scalars, data = _names(model, sympy.Tuple(*components.values()), force.label)
@@ -156,6 +195,8 @@ def _force(model: Model, force) -> Term:
 
 def _bearer(model: Model, force) -> Owner | None:
     """The first body that has the point a force acts on; forces along angles act between bodies and have none."""
+    if isinstance(force, Couple):
+        return Owner("body", force.body.name)
     touched = {component for component, _ in force.components}
     for body in model.bodies.values():
         if any(touched & set(element.components) for element in body.elements):

@@ -20,6 +20,7 @@ from ncgen.errors import ModelError
 from ncgen.model.bodies import Body, Inertia
 from ncgen.model.catalogue import cross, dot
 from ncgen.model.elements import Component, Point
+from ncgen.model.rigid import NORMAL
 from ncgen.model.values import Parameter, as_sympy, is_number
 
 ROUNDING = 1e-14
@@ -27,9 +28,6 @@ ROUNDING = 1e-14
 
 OFF_AXIS = 1e-9
 """How far (relative to the bar's length) a bar's centre of mass may be from its line."""
-
-Z_AXIS = tuple(Component(f"z.{axis}", True, value, value) for axis, value in zip("xyz", (0.0, 0.0, 1.0), strict=True))
-"""The normal of the plane, the silent third direction of planar bodies."""
 
 
 @dataclass(frozen=True)
@@ -49,8 +47,9 @@ class StandardInertia:
 def standard_inertia(body: Body) -> StandardInertia:
     """The inertia of a body over its basis; raises ModelError where a small basis cannot carry it."""
     inertia = body.inertia
-    base = inertia.basis[0] if isinstance(inertia.basis[0], Point) else next(e for e in inertia.basis if isinstance(e, Point))
-    others = [e for e in inertia.basis if e is not base]
+    basis = body.basis
+    base = next(e for e in basis if isinstance(e, Point))
+    others = [e for e in basis if e is not base]
     forms = [((1.0, base.components),)]
     for element in others:
         forms.append(((1.0, element.components), (-1.0, base.components)) if isinstance(element, Point) else ((1.0, element.components),))
@@ -63,7 +62,7 @@ def standard_inertia(body: Body) -> StandardInertia:
     if len(others) == 1:
         if not _is_planar(base, others[0]):
             return _bar(body, axes[0], offset, forms)
-        forms.append(((1.0, Z_AXIS),))
+        forms.append(((1.0, NORMAL.components),))
         axes.append(_fractions([0.0, 0.0, 1.0]))
     crossed = len(axes) == 2
     if crossed:

@@ -84,6 +84,81 @@ def expression_row_template(key: str, phi: sympy.Expr, scalars: tuple[str, ...],
     return Template(key, f"{phi}", scalars, data, differentiate(phi, scalars))
 
 
+def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], data: tuple[str, ...]) -> Template:
+    """A nonholonomic row the user wrote out, linear in rates: B(q) q̇ = ν stands where Φ_q q̇ = ν does, and Φ = 0.
+
+    γ = −Ḃ q̇ + ν̇. Raises ValueError if the expression is not linear in the rates.
+    """
+    x, v = symbols(scalars), rates(scalars)
+    still = dict.fromkeys(v, sympy.Integer(0))
+    B = [psi.diff(rate) for rate in v]
+    if any(slope.has(*v) for slope in B if v):
+        raise ValueError("it is not linear in the rates")
+    change = sympy.Add(psi.diff(TIME), *(psi.diff(s) * rate for s, rate in zip(x, v, strict=True)))
+    outputs = {"phi": sympy.Integer(0), "nu": -psi.xreplace(still), "gamma": -change}
+    outputs.update({("phi_q", k): slope for k, slope in enumerate(B)})
+    return Template(key, f"{psi}", scalars, data, outputs)
+
+
+def _pull(key: str, equation: str, scalars, data, x, v, gradient, tension, potential, power) -> Template:
+    """A force −tension along the gradient of a length or angle x."""
+    outputs = {("force", k): -tension * slope for k, slope in enumerate(gradient)}
+    outputs |= {"potential": potential, "power": power}
+    return Template(key, equation, scalars, data, outputs)
+
+
+@cache
+def spring() -> Template:
+    """Spring and damper along a segment a of length L: tension k (L − L0) + c L̇."""
+    a, da = symbols(vector("a")), rates(vector("a"))
+    k, c, free = symbols(SPRING_DATA)
+    L = sympy.sqrt(sum(x * x for x in a))
+    rate = sum(x * v for x, v in zip(a, da, strict=True)) / L
+    tension = k * (L - free) + c * rate
+    gradient = [x / L for x in a]
+    equation = "k (|a| - L0)^2 / 2, damper c"
+    return _pull("spring", equation, vector("a"), SPRING_DATA, L, rate, gradient, tension, k * (L - free) ** 2 / 2, -c * rate**2)
+
+
+@cache
+def torsion_spring() -> Template:
+    """Spring and damper along a relative coordinate x."""
+    (x,), (v,) = symbols(["x"]), rates(["x"])
+    k, c, free = symbols(SPRING_DATA)
+    tension = k * (x - free) + c * v
+    return _pull("torsion-spring", "k (x - x0)^2 / 2, damper c", ("x",), SPRING_DATA, x, v, [1], tension, k * (x - free) ** 2 / 2, -c * v**2)
+
+
+def spring_law(key: str, law: sympy.Expr, along_segment: bool, data: tuple[str, ...]) -> Template:
+    """A spring with the user's law of x and v (its whole work is counted as power)."""
+    scalars = vector("a") if along_segment else ("x",)
+    s, ds = symbols(scalars), rates(scalars)
+    x = sympy.sqrt(sum(c * c for c in s)) if along_segment else s[0]
+    v = sum(c * d for c, d in zip(s, ds, strict=True)) / x if along_segment else ds[0]
+    tension = law.xreplace(dict(zip(symbols(["x", "v"]), (x, v), strict=True)))
+    gradient = [c / x for c in s] if along_segment else [1]
+    return _pull(key, f"tension {law}", scalars, data, x, v, gradient, tension, sympy.Integer(0), -tension * v)
+
+
+SPRING_DATA = ("k", "c", "L0")
+
+
+@cache
+def couple() -> Template:
+    """A couple n on a body with directions x1, x2, x3 of volume V: force ½ n × xᵏ along direction k.
+
+    xᵏ is the reciprocal basis, so the power is n·ω with ω = ½ Σ xᵏ × ẋ_k (natural coordinates, 2.5).
+    """
+    names = vector("x1") + vector("x2") + vector("x3")
+    x = [sympy.Matrix(symbols(vector(f"x{k}"))) for k in (1, 2, 3)]
+    v = [sympy.Matrix(rates(vector(f"x{k}"))) for k in (1, 2, 3)]
+    n, (volume,) = sympy.Matrix(symbols(["nx", "ny", "nz"])), symbols(["V"])
+    force = [n.cross(x[(k + 1) % 3].cross(x[(k + 2) % 3])) / (2 * volume) for k in range(3)]
+    outputs = {("force", 3 * k + i): force[k][i] for k in range(3) for i in range(3)}
+    outputs["power"] = sum(f.dot(rate) for f, rate in zip(force, v, strict=True))
+    return Template("couple", "n x reciprocal basis / 2", names, ("nx", "ny", "nz", "V"), outputs)
+
+
 def force_template(key: str, scalars: tuple[str, ...], data: tuple[str, ...], components: dict[int, sympy.Expr]) -> Template:
     """A force the user wrote out; components: expression by the number of its scalar. Its power is counted as work."""
     speeds = rates(scalars)

@@ -1,0 +1,157 @@
+"""Joints between two bodies.
+
+In natural coordinates most joints are shared elements: a revolute joint is a point and a vector that belong to
+both bodies. These methods share what can be shared and add rows only for the rest (natural coordinates, 2.10).
+`m.ground` is the body that does not move.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model import rows as row
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Vector, as_combination
+from ncgen.model.rows import Owner, Row
+from ncgen.model.values import as_sympy
+
+
+class Joints:
+    """The part of a model that connects bodies."""
+
+    def spherical(self, a: Body, b: Body, point: Point) -> None:
+        """A ball joint: the point belongs to both bodies. 3 degrees of freedom."""
+        self._share(a, b, point)
+
+    def revolute(self, a: Body, b: Body, point: Point, axis: Vector) -> None:
+        """A hinge: point and axis belong to both bodies. 1 degree of freedom."""
+        self._share(a, b, point, axis)
+
+    def universal(self, a: Body, b: Body, point: Point, u: Vector, v: Vector) -> Row:
+        """A Cardan joint: a shared point, and a constant angle between u of body a and v of body b. 2 degrees of freedom."""
+        self._share(a, b, point)
+        self.extend(a, u)
+        self.extend(b, v)
+        owner = _joint("universal", a, b)
+        return self._keep(row.vector_vector(u, v, row.cosine(u.initial, v.initial), owner, self.scale))
+
+    def cylindrical(self, a: Body, b: Body, start: Point, end: Point, axis: Vector) -> None:
+        """Body b slides along and turns about `axis` of body a; start is a point of a, end of b, both on the axis. 2 degrees."""
+        self._share(a, b, axis)
+        self.extend(b, end)
+        self._on_line(a, end, start, axis, _joint("cylindrical", a, b))
+
+    def prismatic(self, a: Body, b: Body, start: Point, end: Point, axis: Vector) -> None:
+        """Body b slides along `axis` of body a without turning. 1 degree of freedom."""
+        self.cylindrical(a, b, start, end, axis)
+        if not a.frame.planar:
+            first, second = self._transverse(a, b, axis)
+            self._keep(row.dot(first, second, 0.0, 1.0, _joint("prismatic", a, b), f"no turning about {axis.name}", self.scale))
+
+    def planar(self, a: Body, b: Body, start: Point, end: Point, normal: Vector) -> None:
+        """Body b moves in a plane of body a through `start`, normal to `normal`. 3 degrees of freedom."""
+        self._share(a, b, normal)
+        self.extend(b, end)
+        self.point_in_plane(a, end, start, normal, owner=_joint("planar", a, b))
+
+    def screw(self, a: Body, b: Body, start: Point, end: Point, axis: Vector, pitch, name: str) -> tuple[Angle, Length]:
+        """A screw of `pitch` (m per turn): the coordinates `name.angle` and `name.slide` go together. 1 degree of freedom."""
+        self.cylindrical(a, b, start, end, axis)
+        first, second = self._transverse(a, b, axis)
+        psi = self.angle(f"{name}.angle", first, second, axis)
+        s = self.slide(f"{name}.slide", start, end, axis)
+        turned = (psi.symbol - psi.components[0].initial) * as_sympy(pitch) / (2 * np.pi)
+        self.constrain(s.symbol - s.components[0].initial - turned, f"screw {name}", _joint("screw", a, b))
+        return psi, s
+
+    def rigid(self, a: Body, b: Body) -> None:
+        """Body b is welded to body a: its elements belong to a as well. No degree of freedom."""
+        self.extend(a, *b.elements)
+
+    def point_on_line(self, a: Body, point: Point, start: Point, axis: Vector) -> None:
+        """A point stays on a line of body a: through `start` along `axis`. 2 rows."""
+        self.extend(a, start, axis)
+        self._on_line(a, point, start, axis, Owner("joint", f"{point.name} on line of {a.name}"))
+
+    def point_in_plane(self, a: Body, point: Point, start: Point, normal: Vector, owner: Owner | None = None) -> Row:
+        """A point stays in a plane of body a: through `start`, normal to `normal`. 1 row."""
+        self.extend(a, start, normal)
+        owner = owner or Owner("joint", f"{point.name} in plane of {a.name}")
+        segment = as_combination(point) - start
+        height = float(segment.initial @ normal.initial)
+        return self._keep(row.dot(segment, as_combination(normal), height, _size(segment), owner, f"{point.name} in plane", self.scale))
+
+    def gear(self, first: Relative, second: Relative, radius_first, radius_second) -> Row:
+        """Two angles that turn together: radius_first·ψ1 + radius_second·ψ2 stays constant (radii of opposite sign: same sense)."""
+        balance = radius_first * first.symbol + radius_second * second.symbol
+        start = radius_first * first.components[0].initial + radius_second * second.components[0].initial
+        return self.constrain(as_sympy(balance - start), f"gear {first.name}, {second.name}", Owner("joint", f"gear {first.name}-{second.name}"))
+
+    def rack(self, slide: Relative, angle: Relative, radius) -> Row:
+        """A rack driven by a pinion: s − radius·ψ stays constant."""
+        balance = slide.symbol - as_sympy(radius) * angle.symbol
+        start = slide.components[0].initial - as_sympy(radius) * angle.components[0].initial
+        return self.constrain(balance - start, f"rack {slide.name}, {angle.name}", Owner("joint", f"rack {slide.name}-{angle.name}"))
+
+    def rolling(self, disc: Body, centre: Point, axle: Vector, across: Vector, radius, normal=(0.0, 0.0, 1.0)) -> None:
+        """A thin disc rolls without slipping on the fixed plane through the contact of the initial position.
+
+        centre, axle (its axis), across (a unit vector perpendicular to the axle): elements of the disc
+        normal: of the plane, towards the disc
+
+        One row keeps the rim on the plane, two velocity rows keep the contact point of the disc at rest:
+        ṙ + ω × ρ = 0 with ρ = −R (n − (n·u) u)/|…|.
+        """
+        import sympy
+
+        self.extend(disc, centre, axle, across)
+        if abs(axle.initial @ across.initial) > 1e-9:
+            raise ModelError(f"rolling of {disc.name}: {across.name} must be perpendicular to the axle {axle.name}")
+        owner = Owner("joint", f"rolling of {disc.name}")
+        n = sympy.Matrix(normal)
+        radius = as_sympy(radius)
+        r, u, v = (sympy.Matrix([c.symbol for c in e.components]) for e in (centre, axle, across))
+        dr, du, dv = (sympy.Matrix([0 if c.fixed else c.rate for c in e.components]) for e in (centre, axle, across))
+        w, dw = u.cross(v), du.cross(v) + u.cross(dv)
+        lean = n.dot(u)
+        steep = sympy.sqrt(1 - lean**2)
+        rho = -(n - lean * u) * (radius / steep)
+        slip = dr + v.dot(rho) * dv + w.dot(rho) * dw
+        start = float(np.dot(normal, centre.initial)) - radius * float(np.sqrt(1 - np.dot(normal, axle.initial) ** 2))
+        self.constrain(n.dot(r) - radius * steep - start, f"contact of {disc.name}", owner)
+        helper = np.eye(3)[np.argmin(np.abs(normal))]
+        first = np.cross(normal, helper) / np.linalg.norm(np.cross(normal, helper))
+        for tangent in (first, np.cross(normal, first)):
+            self.constrain_velocity(sympy.Matrix(_clean(tangent)).dot(slip), f"no slip of {disc.name}", owner)
+
+    # -- helpers -------------------------------------------------------------------------------
+
+    def _share(self, a: Body, b: Body, *elements) -> None:
+        self.extend(a, *elements)
+        self.extend(b, *elements)
+
+    def _on_line(self, a: Body, point: Point, start: Point, axis: Vector, owner: Owner) -> None:
+        segment = as_combination(point) - start
+        for across in self.directions_across(a, as_combination(axis)):
+            new = row.dot(segment, across, 0.0, _size(segment), owner, f"{point.name} on {axis.name}", self.scale)
+            if not row.is_trivial(new):
+                self._keep(new)
+
+    def _transverse(self, a: Body, b: Body, axis: Vector) -> tuple[Combination, Combination]:
+        """A direction of a and one of b, perpendicular to the axis and to each other in the initial position."""
+        first, _ = self.directions_across(a, as_combination(axis))
+        second = self.direction_of(b, np.cross(axis.initial, first.initial), "across")
+        return first, second
+
+
+def _joint(kind: str, a: Body, b: Body) -> Owner:
+    return Owner("joint", f"{kind} {a.name}-{b.name}")
+
+
+def _size(segment: Combination) -> float:
+    return float(np.linalg.norm(segment.initial)) or 1.0
+
+
+def _clean(vector) -> list[float]:
+    return [0.0 if abs(x) < 1e-15 else float(x) for x in vector]

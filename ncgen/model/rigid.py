@@ -1,0 +1,166 @@
+"""Rigid-body rows, chosen by themselves: what keeps the elements of a body together.
+
+A body has an origin (its first point) and up to three base directions. A new element either becomes a base
+direction (its length and its angles to the others stay constant), or is written as a combination of the base:
+linear rows with no mirror image. A body in the plane has the plane's normal as its first direction and, by the
+cross product with it, all it needs after one segment.
+
+Lengths and angles that belong to elements shared with another body are not repeated.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model import rows as row
+from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
+from ncgen.model.rows import Owner, Row
+
+WELL = 0.2
+"""A direction at least this far (sine of the angle) from the plane or line of the base is taken in the order given."""
+
+BARELY = 1e-3
+"""One nearer than WELL is taken only if nothing better comes; one nearer than this counts as dependent."""
+
+SAME = 1e-10
+"""Weights below this are rounding of the user's numbers."""
+
+NORMAL = Constant.of("z", (0.0, 0.0, 1.0))
+"""The normal of the plane of planar bodies: a constant, no coordinate."""
+
+
+@dataclass(eq=False)
+class Frame:
+    """The base of a body while its elements come in."""
+
+    owner: Owner
+    origin: Point | None = None
+    directions: list[Combination] = field(default_factory=list)
+    planar: bool = False
+
+    @property
+    def is_crossed(self) -> bool:
+        """True if the third direction is the cross product of the first two."""
+        return self.planar and len(self.directions) == 2
+
+    def matrix(self) -> np.ndarray:
+        """Base directions in the initial position as columns, (3, 0 … 3), the crossed one included."""
+        columns = [d.initial for d in self.directions]
+        if self.is_crossed:
+            columns.append(np.cross(*columns))
+        return np.array(columns).reshape(-1, 3).T
+
+
+def include(frame: Frame, elements: list[Spatial], known: set, scaled: bool) -> list[Row]:
+    """Rows that tie new elements to a body; `known` remembers which lengths and angles of the model have a row.
+
+    Raises ModelError where two points of the body coincide.
+    """
+    elements = sorted(elements, key=lambda e: not isinstance(e, Point))  # points first, otherwise as given
+    if frame.origin is None:
+        _start(frame, elements)
+    waiting = [e for e in elements if e is not frame.origin]
+    made: list[Row] = []
+    for least in (WELL, BARELY):
+        for element in list(waiting):
+            direction = _direction(frame, element)
+            if len(frame.matrix().T) < 3 and _distance_from_base(frame, direction) > least:
+                made += _base_rows(frame, element, direction, known, scaled)
+                frame.directions.append(direction)
+                waiting.remove(element)
+    for element in waiting:
+        made += _combined_rows(frame, element)
+    return [r for r in made if not row.is_trivial(r)]
+
+
+def _start(frame: Frame, elements) -> None:
+    frame.origin = next((e for e in elements if isinstance(e, Point)), None)
+    frame.planar = all(_in_plane(e, frame.origin) for e in elements) and frame.origin is not None
+    if frame.planar:
+        frame.directions.append(as_combination(NORMAL))
+
+
+def _in_plane(element: Spatial, origin: Point | None) -> bool:
+    height = element.components[2]
+    if isinstance(element, Vector):
+        return height.fixed and height.value in (0.0, 1.0, -1.0)
+    return height.fixed and origin is not None and height.value == origin.components[2].value
+
+
+def _direction(frame: Frame, element: Spatial) -> Combination:
+    if isinstance(element, Vector):
+        return as_combination(element)
+    direction = element - frame.origin
+    if not np.linalg.norm(direction.initial) > 0:
+        raise ModelError(f"{frame.owner}: the points {element.name} and {frame.origin.name} coincide; share one point instead")
+    return direction
+
+
+def _distance_from_base(frame: Frame, direction: Combination) -> float:
+    """Sine of the angle between a direction and what the base spans."""
+    unit = direction.initial / np.linalg.norm(direction.initial)
+    base = frame.matrix()
+    if not base.size:
+        return 1.0
+    inside = base @ np.linalg.lstsq(base, unit, rcond=None)[0]
+    return float(np.linalg.norm(unit - inside))
+
+
+def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: set, scaled: bool) -> list[Row]:
+    """Constant length, and constant angles to the base directions there are."""
+    made = []
+    if isinstance(element, Vector):
+        if _claim(known, element):
+            made.append(row.unit(element, frame.owner, scaled))
+    elif _claim(known, element, frame.origin):
+        length = row.length(direction)
+        made.append(row.distance(frame.origin, element, length, frame.owner, length, scaled))
+    for other in frame.directions:
+        made += _angle_row(frame, direction, other, known, scaled)
+    return made
+
+
+def _angle_row(frame: Frame, a: Combination, b: Combination, known: set, scaled: bool) -> list[Row]:
+    vectors = [d for d in (a, b) if row.shape(d) == "vector"]
+    if not vectors:
+        # Two segments from the origin: the distance between their ends says the same as their angle.
+        (_, first), (_, second) = a.terms[0], b.terms[0]
+        if not _claim(known, first, second):
+            return []
+        length = row.length(first - second)
+        return [row.distance(first, second, length, frame.owner, length, scaled)]
+    if not _claim(known, *a.elements, *b.elements):
+        return []
+    cosine = row.cosine(a.initial, b.initial)
+    if len(vectors) == 2:
+        return [row.vector_vector(a.elements[0], b.elements[0], cosine, frame.owner, scaled)]
+    vector, segment = (a, b) if row.shape(a) == "vector" else (b, a)
+    return [row.vector_segment(vector.elements[0], segment, row.length(segment), cosine, frame.owner, scaled)]
+
+
+def _combined_rows(frame: Frame, element: Spatial) -> list[Row]:
+    """element = origin + Σ weight · direction, one linear row a component."""
+    direction = _direction(frame, element)
+    base = frame.matrix()
+    weights = np.linalg.lstsq(base, direction.initial, rcond=None)[0]
+    size = row.length(direction)
+    weights = [0.0 if abs(w) * np.linalg.norm(d) < SAME * size else float(w) for w, d in zip(weights, base.T, strict=True)]
+    turned = weights.pop() if frame.is_crossed else 0.0
+    e = direction
+    for weight, other in zip(weights, frame.directions, strict=True):
+        if weight:
+            e = e - other * weight
+    a, b = (frame.directions[0], frame.directions[1]) if frame.is_crossed else (e, e)
+    return [row.affine(axis, e, a, b, turned, size, frame.owner, f"combination {element.name}") for axis in range(3)]
+
+
+def _claim(known: set, *elements) -> bool:
+    """True the first time these elements are named together."""
+    key = frozenset(e.name for e in elements)
+    if key in known:
+        return False
+    known.add(key)
+    return True

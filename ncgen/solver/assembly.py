@@ -1,0 +1,62 @@
+"""Assembly: closing a mechanism whose initial position is only approximately known.
+
+A consistent position is left untouched to the last bit. Otherwise Newton's method with minimum-norm steps in
+natural units (lengths in the mechanism's size) moves everything a little; steps are kept short, so the
+mechanism stays on the branch it was drawn on.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError
+from ncgen.solver.position import CONSISTENT, TOLERANCE, residual
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import column_sizes
+
+LIMIT = 100
+LONGEST_STEP = 0.1
+"""Largest change of any coordinate in one step, relative to its natural size."""
+
+NAMED = 4
+"""How many rows a failure names."""
+
+
+def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] | None = None) -> np.ndarray:
+    """A consistent position near q (default: the model's), shape (n,).
+
+    weights: {coordinate: how much dearer than others it is to move it}; 1 is the default
+    Raises ConvergenceError naming the rows that do not close.
+    """
+    q = np.array(kernels.q0 if q is None else q, dtype=float)
+    if residual(kernels, q, t, p) <= CONSISTENT:
+        return q
+    sizes = column_sizes(kernels) / np.array([(weights or {}).get(name, 1.0) for name in kernels.coordinates])
+    rows = kernels.holonomic
+    history = []
+    for _ in range(LIMIT):
+        value = kernels.phi(q, t, p)[rows] / kernels.row_sizes[rows]
+        history.append(float(np.max(np.abs(value), initial=0.0)))
+        if history[-1] <= TOLERANCE:
+            return q
+        if not np.isfinite(history[-1]):
+            break
+        jacobian = kernels.jacobian(q, t, p)[rows] * sizes / kernels.row_sizes[rows, None]
+        step = _damped_step(jacobian, value)
+        step *= min(1.0, LONGEST_STEP / max(np.max(np.abs(step), initial=0.0), 1e-300))
+        q = q + sizes * step
+    raise ConvergenceError(_open_rows(kernels, value), tuple(history))
+
+
+def _damped_step(jacobian: np.ndarray, value: np.ndarray) -> np.ndarray:
+    """Levenberg-Marquardt: the damping fades with the residual, so the end is Newton's."""
+    damping = min(1e-3, np.linalg.norm(value) ** 2)
+    stacked = np.vstack([jacobian, np.sqrt(damping) * np.eye(jacobian.shape[1])])
+    return np.linalg.lstsq(stacked, np.concatenate([-value, np.zeros(jacobian.shape[1])]), rcond=None)[0]
+
+
+def _open_rows(kernels: Kernels, value: np.ndarray) -> str:
+    worst = [i for i in np.argsort(-np.abs(value)) if abs(value[i]) > CONSISTENT][:NAMED]
+    rows = [(kernels.holonomic[i], value[i]) for i in worst]
+    named = "; ".join(f"row {r + 1} ({kernels.rows[r].label}, {kernels.rows[r].owner}) by {v:.2g}" for r, v in rows)
+    return f"{kernels.name}: the mechanism does not close: {named} (relative); correct a length, or start nearer to a closed position"
