@@ -1,6 +1,6 @@
-"""The command line: list, run, generate, inspect, cache.
+"""The command line: list, run, generate, inspect, check, convert, cache.
 
-MODEL is the name of an example or a path to a .py file. Messages go to standard error in one line; results go
+MODEL is the name of an example, or a path to a .toml or .py file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
 """
 
@@ -27,7 +27,7 @@ app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
-ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="an example's name, or a path to a .py file")]
+ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml or .py file")]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Backend = Annotated[str, typer.Option(help="auto, c or numpy")]
 Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled")]
@@ -124,6 +124,38 @@ def run(
         print(json.dumps(record, indent=1))
     else:
         show_run(out, record)
+
+
+@app.command()
+def check(file: Annotated[Path, typer.Argument(help="a TOML model file")]) -> None:
+    """Report everything that is wrong with a model file, with line numbers."""
+    from ncgen.compiler import generate as sources_of
+    from ncgen.exchange.toml_reader import read_toml
+
+    model, problems = read_toml(file)
+    for problem in problems:
+        err.print(f"{file.name}, line {problem.line}: {problem.message}", markup=False)
+    if problems:
+        raise ModelError(f"{file.name}: {len(problems)} problem{'s' if len(problems) > 1 else ''}")
+    sources_of(model)
+    out.print(f"{file.name}: {len(model.components)} coordinates, {len(model.rows)} rows, {len(model.bodies)} bodies", markup=False)
+
+
+@app.command()
+def convert(
+    model: ModelName,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="file to write [default: print]")] = None,
+) -> None:
+    """Write a model as a TOML file."""
+    from ncgen.emit.sources import write_text
+    from ncgen.exchange.examples import load
+    from ncgen.exchange.toml_writer import to_toml
+
+    text = to_toml(load(model))
+    if output is None:
+        print(text, end="")
+    else:
+        out.print(str(write_text(output, text)), markup=False)
 
 
 @app.command()

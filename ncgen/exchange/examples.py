@@ -1,4 +1,4 @@
-"""Models by name or by file: the examples that ncgen ships, and Python files of the user's own."""
+"""Models by name or by file: the examples that ncgen ships, and files of the user's own in Python or TOML."""
 
 from __future__ import annotations
 
@@ -8,18 +8,22 @@ from pathlib import Path
 from types import ModuleType
 
 from ncgen.errors import ModelError, NcgenError
+from ncgen.exchange.toml_reader import load_toml
 from ncgen.model import Model
 from ncgen.resources import folder
 
 
 def load(name: str | Path) -> Model:
-    """The model of an example, or of a Python file that has a function `build()` returning a model.
+    """The model of an example, of a TOML file, or of a Python file that has a function `build()` returning a model.
 
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
-    module = example_module(name) if _is_example(name) else _import(Path(name))
-    model = _checked(module)
-    return model
+    if _is_example(name):
+        return _checked(example_module(name))
+    path = Path(name)
+    if path.suffix == ".toml" and path.is_file():
+        return load_toml(path)
+    return _checked(_import(path))
 
 
 def example_names() -> list[str]:
@@ -39,14 +43,14 @@ def lesson(name: str) -> str:
 
 def _is_example(name) -> bool:
     text = str(name)
-    return "/" not in text and "\\" not in text and not text.endswith(".py")
+    return "/" not in text and "\\" not in text and not text.endswith((".py", ".toml"))
 
 
 def _import(path: Path) -> ModuleType:
     if not path.is_file():
         raise ModelError(f"{path}: there is no such file or example; the examples are {', '.join(example_names())}")
     if path.suffix != ".py":
-        raise ModelError(f"{path}: not a Python file; give a .py file with a function build(), or the name of an example")
+        raise ModelError(f"{path}: not a model; give a .toml file, a .py file with a function build(), or the name of an example")
     spec = importlib.util.spec_from_file_location(f"ncgen_model_{path.parent.name}_{path.stem}", path)
     module = importlib.util.module_from_spec(spec)
     _guarded(path, lambda: spec.loader.exec_module(module))

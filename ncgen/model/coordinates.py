@@ -10,6 +10,7 @@ from ncgen.errors import ModelError
 from ncgen.model import rows as row
 from ncgen.model.catalogue import BRANCH_WEIGHTS
 from ncgen.model.elements import AXES, Angle, Combination, Component, Constant, Element, Length, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.facts import fact
 from ncgen.model.rows import UNIT_LENGTH, Row
 from ncgen.model.values import Parameter, as_value, evaluate
 
@@ -40,6 +41,7 @@ class Coordinates:
 
         return sympy.Symbol("t", real=True)
 
+    @fact
     def parameter(self, name: str, default: float, unit: str = "") -> Parameter:
         """A number with a name, kept symbolic in the kernels and given in `p` at run time."""
         self._claim(name, "parameter")
@@ -47,6 +49,7 @@ class Coordinates:
         self.parameters[name] = parameter
         return parameter
 
+    @fact
     def point(self, name: str, position, fixed: bool | str = False) -> Point:
         """A point (m). Two numbers make a point of the plane z = 0.
 
@@ -56,6 +59,7 @@ class Coordinates:
         self.elements[name] = point
         return point
 
+    @fact
     def vector(self, name: str, direction, fixed: bool | str = False) -> Vector:
         """A unit vector; refused if its length is not 1. Its unit row is added by the first body that has it."""
         vector = self._spatial(Vector, name, direction, fixed)
@@ -65,6 +69,7 @@ class Coordinates:
         self.elements[name] = vector
         return vector
 
+    @fact
     def angle(
         self, name: str, start, end, axis, *, form: str | None = None, lengths=None, initial: float | None = None
     ) -> Angle:
@@ -91,6 +96,7 @@ class Coordinates:
         self.rows.append(row.angle(psi, form, lengths, branch, self.scale))
         return psi
 
+    @fact
     def length(self, name: str, start: Point, end: Point, initial: float | None = None) -> Length:
         """The distance between two points as a coordinate (m), such as the length of a hydraulic cylinder.
 
@@ -101,6 +107,7 @@ class Coordinates:
         value = row.length(segment) if initial is None else as_value(initial, f"length {name}")
         return self._relative(Length(name, (Component(name, False, value, value),)), row.length_row, segment)
 
+    @fact
     def slide(self, name: str, start: Point, end: Point, axis) -> Length:
         """How far `end` lies from `start` along a unit vector, as a coordinate (m); it may be zero or negative."""
         self._claim(name, "slide")
@@ -109,6 +116,7 @@ class Coordinates:
         value = float(segment.initial @ axis.initial)
         return self._relative(Length(name, (Component(name, False, value, value),)), row.slide_row, segment, axis)
 
+    @fact
     def independent(self, *coordinates) -> None:
         """Choose the independent coordinates z of coordinate partitioning (default: found by pivoting)."""
         names = [c if isinstance(c, str) else c.name for c in coordinates]

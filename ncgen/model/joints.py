@@ -13,6 +13,7 @@ from ncgen.errors import ModelError
 from ncgen.model import rows as row
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Vector, as_combination
+from ncgen.model.facts import fact
 from ncgen.model.rows import Owner, Row
 from ncgen.model.values import as_sympy
 
@@ -20,14 +21,17 @@ from ncgen.model.values import as_sympy
 class Joints:
     """The part of a model that connects bodies."""
 
+    @fact
     def spherical(self, a: Body, b: Body, point: Point) -> None:
         """A ball joint: the point belongs to both bodies. 3 degrees of freedom."""
         self._share(a, b, point)
 
+    @fact
     def revolute(self, a: Body, b: Body, point: Point, axis: Vector) -> None:
         """A hinge: point and axis belong to both bodies. 1 degree of freedom."""
         self._share(a, b, point, axis)
 
+    @fact
     def universal(self, a: Body, b: Body, point: Point, u: Vector, v: Vector) -> Row:
         """A Cardan joint: a shared point, and a constant angle between u of body a and v of body b. 2 degrees of freedom."""
         self._share(a, b, point)
@@ -36,12 +40,14 @@ class Joints:
         owner = _joint("universal", a, b)
         return self._keep(row.vector_vector(u, v, row.cosine(u.initial, v.initial), owner, self.scale))
 
+    @fact
     def cylindrical(self, a: Body, b: Body, start: Point, end: Point, axis: Vector) -> None:
         """Body b slides along and turns about `axis` of body a; start is a point of a, end of b, both on the axis. 2 degrees."""
         self._share(a, b, axis)
         self.extend(b, end)
         self._on_line(a, end, start, axis, _joint("cylindrical", a, b))
 
+    @fact
     def prismatic(self, a: Body, b: Body, start: Point, end: Point, axis: Vector) -> None:
         """Body b slides along `axis` of body a without turning. 1 degree of freedom."""
         self.cylindrical(a, b, start, end, axis)
@@ -49,12 +55,14 @@ class Joints:
             first, second = self._transverse(a, b, axis)
             self._keep(row.dot(first, second, 0.0, 1.0, _joint("prismatic", a, b), f"no turning about {axis.name}", self.scale))
 
+    @fact
     def planar(self, a: Body, b: Body, start: Point, end: Point, normal: Vector) -> None:
         """Body b moves in a plane of body a through `start`, normal to `normal`. 3 degrees of freedom."""
         self._share(a, b, normal)
         self.extend(b, end)
         self.point_in_plane(a, end, start, normal, owner=_joint("planar", a, b))
 
+    @fact
     def screw(self, a: Body, b: Body, start: Point, end: Point, axis: Vector, pitch, name: str) -> tuple[Angle, Length]:
         """A screw of `pitch` (m per turn): the coordinates `name.angle` and `name.slide` go together. 1 degree of freedom."""
         self.cylindrical(a, b, start, end, axis)
@@ -65,15 +73,18 @@ class Joints:
         self.constrain(s.symbol - s.components[0].initial - turned, f"screw {name}", _joint("screw", a, b))
         return psi, s
 
+    @fact
     def rigid(self, a: Body, b: Body) -> None:
         """Body b is welded to body a: its elements belong to a as well. No degree of freedom."""
         self.extend(a, *b.elements)
 
+    @fact
     def point_on_line(self, a: Body, point: Point, start: Point, axis: Vector) -> None:
         """A point stays on a line of body a: through `start` along `axis`. 2 rows."""
         self.extend(a, start, axis)
         self._on_line(a, point, start, axis, Owner("joint", f"{point.name} on line of {a.name}"))
 
+    @fact
     def point_in_plane(self, a: Body, point: Point, start: Point, normal: Vector, owner: Owner | None = None) -> Row:
         """A point stays in a plane of body a: through `start`, normal to `normal`. 1 row."""
         self.extend(a, start, normal)
@@ -82,18 +93,21 @@ class Joints:
         height = float(segment.initial @ normal.initial)
         return self._keep(row.dot(segment, as_combination(normal), height, _size(segment), owner, f"{point.name} in plane", self.scale))
 
+    @fact
     def gear(self, first: Relative, second: Relative, radius_first, radius_second) -> Row:
         """Two angles that turn together: radius_first·ψ1 + radius_second·ψ2 stays constant (radii of opposite sign: same sense)."""
         balance = radius_first * first.symbol + radius_second * second.symbol
         start = radius_first * first.components[0].initial + radius_second * second.components[0].initial
         return self.constrain(as_sympy(balance - start), f"gear {first.name}, {second.name}", Owner("joint", f"gear {first.name}-{second.name}"))
 
+    @fact
     def rack(self, slide: Relative, angle: Relative, radius) -> Row:
         """A rack driven by a pinion: s − radius·ψ stays constant."""
         balance = slide.symbol - as_sympy(radius) * angle.symbol
         start = slide.components[0].initial - as_sympy(radius) * angle.components[0].initial
         return self.constrain(balance - start, f"rack {slide.name}, {angle.name}", Owner("joint", f"rack {slide.name}-{angle.name}"))
 
+    @fact
     def rolling(self, disc: Body, centre: Point, axle: Vector, across: Vector, radius, normal=(0.0, 0.0, 1.0)) -> None:
         """A thin disc rolls without slipping on the fixed plane through the contact of the initial position.
 

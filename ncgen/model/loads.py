@@ -7,6 +7,7 @@ from collections.abc import Callable
 from ncgen.errors import ModelError
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Point, Relative
+from ncgen.model.facts import fact
 from ncgen.model.forces import Couple, Force, Potential, Spring, TorsionSpring
 from ncgen.model.values import as_sympy, as_value, is_number
 
@@ -19,22 +20,26 @@ class Loads:
     springs: list[Spring]
     callbacks: list[Callable]
 
+    @fact
     def gravity(self, field) -> None:
         """The acceleration of gravity (m/s²), three values."""
         if len(field) != 3:
             raise ModelError(f"gravity: {len(field)} numbers given; give three, for example (0, 0, -9.81)")
         self.gravity_field = tuple(as_value(g, "gravity") for g in field)
 
+    @fact
     def force(self, point: Point, vector, label: str | None = None) -> Force:
         """A force (N) on a point: three numbers or expressions of m.time, coordinates, rates and parameters."""
         point = self._own(point, Point, "force")
         return self._apply(label or f"force on {point.name}", zip(point.components, vector, strict=True))
 
+    @fact
     def torque(self, coordinate: Relative, expression, label: str | None = None) -> Force:
         """A couple (N m) along a relative angle, or a force (N) along a relative distance, such as a motor's."""
         coordinate = self._own(coordinate, Relative, "torque")
         return self._apply(label or f"torque on {coordinate.name}", [(coordinate.components[0], expression)])
 
+    @fact
     def couple(self, body: Body, vector, label: str | None = None) -> Couple:
         """A couple (N m, global axes) on a body: three numbers or expressions."""
         label = label or f"couple on {body.name}"
@@ -42,18 +47,21 @@ class Loads:
         self.forces.append(Couple(label, body, components))
         return self.forces[-1]
 
+    @fact
     def potential(self, expression, label: str = "potential") -> Potential:
         """A potential energy (J) as an expression of coordinates and parameters; its force follows."""
         self.potentials.append(Potential(label, as_sympy(expression)))
         return self.potentials[-1]
 
+    @fact
     def spring(
         self, start: Point, end: Point, stiffness=0.0, damping=0.0, free_length=None, law: Callable | None = None, label: str | None = None
     ) -> Spring:
         """A spring and damper between two points.
 
         stiffness: N/m; damping: N s/m; free_length: m (default: the distance in the initial position)
-        law: instead of these, a function (length, rate) -> tension (N) that returns a sympy expression
+        law: instead of these, a function (length, rate) -> tension (N) that returns a sympy expression, or an expression of
+            the symbols x and v
         """
         start, end = (self._own(p, Point, "spring") for p in (start, end))
         label = label or f"spring {start.name}-{end.name}"
@@ -63,13 +71,14 @@ class Loads:
         self.springs.append(Spring(label, segment, *values, free, _law(law, label)))
         return self.springs[-1]
 
+    @fact
     def torsion_spring(
         self, angle: Relative, stiffness=0.0, damping=0.0, free_angle=None, law: Callable | None = None, label: str | None = None
     ) -> TorsionSpring:
         """A spring and damper along a relative angle or distance.
 
         stiffness: N m/rad or N/m; damping; free_angle: rad or m (default: the initial one)
-        law: instead of these, a function (angle, rate) -> torque that returns a sympy expression, positive against growth
+        law: instead of these, a function (angle, rate) -> torque, positive against growth, or an expression of x and v
         """
         angle = self._own(angle, Relative, "torsion spring")
         label = label or f"spring of {angle.name}"
@@ -78,6 +87,7 @@ class Loads:
         self.springs.append(TorsionSpring(label, angle, *values, free, _law(law, label)))
         return self.springs[-1]
 
+    @fact
     def callback(self, function: Callable) -> Callable:
         """A force that no expression says: function(t, q, qd, kernels) returns generalised forces (n,), added to Q in Python.
 
@@ -110,5 +120,4 @@ def _law(law, label: str):
         return None
     import sympy
 
-    expression = law(*sympy.symbols("x v", real=True))
-    return sympy.sympify(expression)
+    return sympy.sympify(law(*sympy.symbols("x v", real=True)) if callable(law) else law)

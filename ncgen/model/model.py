@@ -17,6 +17,7 @@ from ncgen.model.bodies import Body
 from ncgen.model.coordinates import Coordinates, check_form, check_name
 from ncgen.model.drawing import Drawing
 from ncgen.model.elements import Element, Point, Vector
+from ncgen.model.facts import Fact, fact
 from ncgen.model.joints import Joints
 from ncgen.model.loads import Loads
 from ncgen.model.rigid import Frame
@@ -54,19 +55,24 @@ class Model(Coordinates, Structure, Joints, Loads):
         self.simulation_options: dict[str, object] = {}
         self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
         self._related: set = set()
+        self.facts: list[Fact] = []
+        self._telling = False
 
     def __repr__(self):
         return f"<Model {self.name}: {len(self.components)} coordinates, {len(self.rows)} rows, {len(self.bodies)} bodies>"
 
+    @fact
     def simulation(self, **options) -> None:
         """What `ncgen run` does with this model unless told otherwise: arguments of `ncgen.simulate` by name."""
         self.simulation_options = options
 
+    @fact
     def line(self, *points: Point) -> None:
         """Draw a line through these points."""
         own = [self._own(p, Point, "line") for p in points]
         self.drawing.lines += zip(own, own[1:])
 
+    @fact
     def arrow(self, point: Point, vector: Vector) -> None:
         """Draw a unit vector at a point."""
         self.drawing.arrows.append((self._own(point, Point, "arrow"), self._own(vector, Vector, "arrow")))

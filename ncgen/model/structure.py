@@ -9,6 +9,7 @@ from ncgen.model import rows as row
 from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia
 from ncgen.model.coordinates import check_name
 from ncgen.model.elements import Combination, Component, Constant, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.facts import fact
 from ncgen.model.rigid import Frame, include
 from ncgen.model.rows import Owner, Row
 from ncgen.model.values import as_sympy, as_value, evaluate, is_number
@@ -23,6 +24,7 @@ class Structure:
     rows: list[Row]
     scale: bool
 
+    @fact
     def body(
         self, name: str, points=(), vectors=(), mass=None, com=None, inertia=None, basis=None, *, rigid=True, constant_mass=False
     ) -> Body:
@@ -51,6 +53,7 @@ class Structure:
             body.inertia = self._inertia(body, mass, com, inertia, basis)
         return body
 
+    @fact
     def extend(self, body: Body, *elements: Spatial) -> None:
         """Add points and vectors to a body, with the rows that keep them in place."""
         new = [self._own(e, Spatial, f"body {body.name}") for e in elements]
@@ -64,18 +67,21 @@ class Structure:
         if body.rigid and new:
             self.rows += include(body.frame, new, self._related, self.scale)
 
+    @fact
     def attach_point(self, body: Body, name: str, position) -> Point:
         """A new point of a body (m, initial position), such as where a spring is fixed; on the ground it is fixed."""
         point = self.point(name, position, fixed=True if body is self.ground else "z" if body.frame.planar else False)
         self.extend(body, point)
         return point
 
+    @fact
     def attach_vector(self, body: Body, name: str, direction) -> Vector:
         """A new unit vector of a body (initial position)."""
         vector = self.vector(name, direction, fixed=body is self.ground)
         self.extend(body, vector)
         return vector
 
+    @fact
     def distance(self, start: Point, end: Point, length=None, owner: Body | None = None) -> Row:
         """Row 1000: a constant distance (m; default: the one of the initial position); a massless rod, or your own row."""
         start, end = (self._own(p, Point, "distance") for p in (start, end))
@@ -83,10 +89,12 @@ class Structure:
         number = evaluate(value, self.parameters, f"distance {start.name}-{end.name}")
         return self._keep(row.distance(start, end, value, _owner(owner), number, self.scale))
 
+    @fact
     def unit(self, vector: Vector, owner: Body | None = None) -> Row:
         """Row 1001: a vector keeps its unit length."""
         return self._keep(row.unit(self._own(vector, Vector, "unit"), _owner(owner), self.scale))
 
+    @fact
     def vector_segment(self, vector: Vector, segment, length=None, cosine=None, owner: Body | None = None) -> Row:
         """Row 1002: a constant angle between a unit vector and a segment of constant length."""
         vector = self._own(vector, Vector, "vector_segment")
@@ -97,20 +105,24 @@ class Structure:
         cosine = row.cosine(vector.initial, segment.initial) if cosine is None else as_value(cosine, "cosine")
         return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), self.scale))
 
+    @fact
     def vector_vector(self, u: Vector, v: Vector, cosine=None, owner: Body | None = None) -> Row:
         """Row 1003: a constant angle between two unit vectors."""
         u, v = (self._own(w, Vector, "vector_vector") for w in (u, v))
         cosine = row.cosine(u.initial, v.initial) if cosine is None else as_value(cosine, "cosine")
         return self._keep(row.vector_vector(u, v, cosine, _owner(owner), self.scale))
 
+    @fact
     def constrain(self, expression, label: str = "constraint", owner: Owner = USER) -> Row:
         """A constraint of your own: a sympy expression of coordinates, `m.time` and parameters that stays zero."""
         return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False))
 
+    @fact
     def constrain_velocity(self, expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
         """A nonholonomic constraint: a sympy expression that is linear in rates (`q.rate`) and stays zero."""
         return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False, level="velocity"))
 
+    @fact
     def drive(self, coordinate: Component | Relative, law) -> Row:
         """A rheonomic driver: coordinate = law(t), a sympy expression of `m.time` and parameters."""
         name = coordinate.name
