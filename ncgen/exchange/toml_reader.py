@@ -95,7 +95,7 @@ class _Reading:
             self.problems.append(Problem(1, 'the file has no name; begin with name = "…"'))
         for key in data:
             if key not in HEAD and not isinstance(data[key], (list, dict)):
-                self.problems.append(Problem(self._key_line(key, 0), f"{key}: unknown; {_suggest(key, (*HEAD, "gravity"))}"))
+                self.problems.append(Problem(self._key_line(key, 0), f"{key}: unknown; {_suggest(key, (*HEAD, 'gravity'))}"))
         try:
             model = Model(options.pop("name", "model"), **options)
             if gravity is not None:
