@@ -1,7 +1,4 @@
-"""Still figures in the manner of the paper's Figure 3: points with names, black lines, red unit vectors.
-
-The figures are matplotlib objects made without pyplot: no window, no global state.
-"""
+"""Still figures in the manner of the paper's Figure 3: points with names, black lines, red unit vectors."""
 
 from __future__ import annotations
 
@@ -10,13 +7,13 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib import rc_context
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from ncgen.emit.sources import write_bytes
 from ncgen.errors import NcgenError
 from ncgen.model import Model
+from ncgen.view.chart import GRID, empty, settle
 from ncgen.view.histories import plot
 from ncgen.view.labels import LabelPlaces
 from ncgen.view.scene import Scene, scene_of
@@ -26,7 +23,7 @@ __all__ = ["figure", "plot", "save"]
 AZIMUTH, ELEVATION = 40.0, 20.0
 """Where a spatial scene is seen from (degrees): the turn of the eye about Z, from X, and its height."""
 
-LINE, VECTOR, PALE = "black", "#c8102e", "#d0d0d0"
+LINE, VECTOR = "black", "#c8102e"
 POINT_LABEL = dict(color="black", fontsize=10, ha="center", va="center", zorder=10, gid="point name")
 VECTOR_LABEL = dict(color=VECTOR, fontsize=9, ha="center", va="center", zorder=10, gid="vector name")
 FLAT_ARROW = dict(angles="xy", scale_units="xy", scale=1, width=0.005, headwidth=4, zorder=2)
@@ -46,15 +43,14 @@ def figure(model_or_run, frame: int = 0) -> Figure:
     scene = scene_of(model_or_run)
     if not -len(scene.t) <= frame < len(scene.t):
         raise NcgenError(f"{scene.name}: there is no frame {frame}; give one from 0 to {len(scene.t) - 1}")
-    chart = Figure(figsize=(6.4, 5.6))
-    FigureCanvasAgg(chart)
+    chart = empty(6.4, 5.6)
     axes = _flat_axes(chart, scene) if scene.planar else _spatial_axes(chart, scene)
     axes.set_title(scene.name if isinstance(model_or_run, Model) else f"{scene.name}, t = {scene.t[frame]:.4g} s")
     _draw(axes, scene, frame)
-    return chart
+    return settle(chart) if scene.planar else chart
 
 
-def save(figure: Figure, path) -> Path:
+def save(chart: Figure, path) -> Path:
     """Write a figure as PNG or SVG, by the suffix, and return its path; the same figure gives the same bytes.
 
     Raises NcgenError for another suffix, or if the file cannot be written.
@@ -65,16 +61,15 @@ def save(figure: Figure, path) -> Path:
         raise NcgenError(f"{path}: a figure is saved as {' or '.join(METADATA)}; choose a name that ends so")
     data = BytesIO()
     with rc_context({"svg.hashsalt": "ncgen"}):
-        figure.savefig(data, format=suffix[1:], dpi=160, metadata=METADATA[suffix])
+        chart.savefig(data, format=suffix[1:], dpi=160, metadata=METADATA[suffix])
     return write_bytes(path, data.getvalue())
 
 
 def _flat_axes(chart: Figure, scene: Scene):
-    chart.set_layout_engine("constrained")
     axes = chart.add_subplot(aspect="equal", adjustable="datalim", xlabel="X (m)", ylabel="Y (m)")
     axes.margins(0)
     axes.update_datalim(_limits(scene)[:, :2])
-    axes.grid(color=PALE, linewidth=0.6)
+    axes.grid(**GRID)
     axes.set_axisbelow(True)
     return axes
 
@@ -82,30 +77,31 @@ def _flat_axes(chart: Figure, scene: Scene):
 def _spatial_axes(chart: Figure, scene: Scene):
     low, high = _limits(scene)
     sides = high - low
-    with rc_context({"grid.color": PALE, "grid.linewidth": 0.6}):
+    with rc_context({f"grid.{key}": value for key, value in GRID.items()}):
         axes = chart.add_axes((0.0, 0.05, 0.96, 0.9), projection="3d", proj_type="ortho", azim=AZIMUTH, elev=ELEVATION)
     axes.set(xlabel="X (m)", ylabel="Y (m)", zlabel="Z (m)")
-    axes.set(**{limit: pair for limit, pair in zip(("xlim", "ylim", "zlim"), zip(low, high, strict=True), strict=True)})
+    for axis, *limits in zip("xyz", low, high, strict=True):
+        axes.set(**{f"{axis}lim": limits})
     axes.set_box_aspect(sides)
     for axis, side in zip((axes.xaxis, axes.yaxis, axes.zaxis), sides, strict=True):
         axis.set_major_locator(MaxNLocator(nbins=max(2, round(6 * side / sides.max()))))
-        axis.pane.set(facecolor="white", edgecolor=PALE)
+        axis.pane.set(facecolor="white", edgecolor=GRID["color"])
     return axes
 
 
 def _draw(axes, scene: Scene, frame: int) -> None:
     """Segments, arrows, points and names of one frame, in axes of two or three dimensions."""
-    axis_count = 2 if scene.planar else 3
-    points = scene.positions[frame, :, :axis_count]
-    arrows = [(arrow, arrow.direction[frame, :axis_count] * scene.arrow_length) for arrow in scene.arrows]
-    arrows = [(arrow, shaft) for arrow, shaft in arrows if np.linalg.norm(shaft) > 1e-6 * scene.size]
-    places = LabelPlaces(_screen()[:axis_count] if axis_count == 3 else np.eye(2), 0.045 * scene.size)
+    screen, style = (np.eye(2), FLAT_ARROW) if scene.planar else (_screen(), SPATIAL_ARROW)
+    points = scene.positions[frame, :, : len(screen)]
+    shafts = [(arrow, arrow.direction[frame, : len(screen)] * scene.arrow_length) for arrow in scene.arrows]
+    arrows = [(arrow, shaft) for arrow, shaft in shafts if np.linalg.norm(shaft) > 1e-6 * scene.size]
+    places = LabelPlaces(screen, 0.045 * scene.size)
 
     for start, end in scene.segments:
         axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8, zorder=1, gid="segment")
         places.avoid(points[start], points[end])
     for arrow, shaft in arrows:
-        axes.quiver(*points[arrow.point], *shaft, color=VECTOR, gid="arrow", **(FLAT_ARROW if scene.planar else SPATIAL_ARROW))
+        axes.quiver(*points[arrow.point], *shaft, color=VECTOR, gid="arrow", **style)
         places.avoid(points[arrow.point], points[arrow.point] + shaft)
     for point, fixed in zip(points, scene.fixed, strict=True):
         axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5, zorder=3, gid="point")

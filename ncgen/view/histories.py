@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from ncgen.errors import NcgenError
 from ncgen.model.elements import Angle, Point, Vector
+from ncgen.view.chart import GRID, empty, settle
 
 MOST = 6
 """How many coordinates are shown where the caller names none and there are no angles."""
@@ -24,8 +24,7 @@ def plot(run, names=None) -> Figure:
     Raises NcgenError for a name that is no free coordinate.
     """
     groups = _grouped(run.model, _chosen(run, names))
-    chart = Figure(figsize=(8, 0.6 + 2.1 * (len(groups) + 2)), layout="constrained")
-    FigureCanvasAgg(chart)
+    chart = empty(8, 0.6 + 2.1 * (len(groups) + 2))
     panels = chart.subplots(len(groups) + 2, sharex=True)
     for axes, (label, members) in zip(panels, groups.items()):
         _lines(axes, run.t, label, {name: run[name] for name in members})
@@ -33,7 +32,7 @@ def plot(run, names=None) -> Figure:
     _violation(panels[-1], run)
     panels[0].set_title(run.name)
     panels[-1].set_xlabel("time (s)")
-    return chart
+    return settle(chart)
 
 
 def _chosen(run, names) -> tuple[str, ...]:
@@ -56,8 +55,10 @@ def _grouped(model, names) -> dict[str, list[str]]:
 
 
 def _energy(axes, run) -> None:
+    """Energies over time; the potential counts from its lowest value, so that it compares with the kinetic energy."""
     kinetic, potential, _ = np.asarray(run.energy(), dtype=float).T
-    _lines(axes, run.t, "energy (J)", {"kinetic": kinetic, "potential": potential, "total": kinetic + potential})
+    above = potential - potential.min()
+    _lines(axes, run.t, "energy (J)", {"kinetic": kinetic, "potential\nabove its lowest": above, "total": kinetic + above})
 
 
 def _violation(axes, run) -> None:
@@ -74,6 +75,6 @@ def _lines(axes, t, label: str, curves: dict[str, np.ndarray]) -> None:
     for name, values in curves.items():
         axes.plot(t, values, label=name, linewidth=1.5)
     axes.set_ylabel(label)
-    axes.grid(color="#d0d0d0", linewidth=0.6)
+    axes.grid(**GRID)
     axes.margins(x=0)
     axes.legend(loc="upper left", bbox_to_anchor=(1.01, 1.0), borderaxespad=0.0, frameon=False, fontsize=9)
