@@ -60,8 +60,8 @@ def inspect(model: ModelName, json_output: Json = False, backend: Backend = "aut
     if json_output:
         print(json.dumps(facts, indent=1))
         return
-    for number, row in enumerate(kernels.rows, 1):
-        out.print(f"  {number:>4} {row.code or '':<5} {row.label} ({row.owner}): {row.equation}", markup=False)
+    for term, row in zip(kernels.programs.equations.rows, kernels.rows, strict=True):
+        out.print(f"  {term.row + 1:>4} {row.code or '':<5} {row.label} ({row.owner}): {term.equation}", markup=False)
     show_inspection(out, facts, seconds)
 
 

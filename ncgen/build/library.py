@@ -25,6 +25,8 @@ def _abi() -> FFI:
     declarations = text.split("/* begin cdef */")[1].split("/* end cdef */")[0]
     ffi = FFI()
     ffi.cdef("typedef double ncgen_real; typedef double ncgen_scalar;" + declarations)
+    # Complete the struct here: otherwise it is completed by, and dies with, the first library that uses it.
+    ffi.sizeof("ncgen_model")
     return ffi
 
 

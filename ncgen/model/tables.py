@@ -120,7 +120,10 @@ class _Tables:
         if add is None:
             known = ", ".join(map(str, ROW_READERS))
             raise ModelError(f"{where}: code {entries[0]} is unknown; the codes are {known}")
-        add(self, where, *entries[1:])
+        try:
+            add(self, where, *entries[1:])
+        except ModelError as error:
+            raise error if str(error).startswith(where) else ModelError(f"{where}: {error}") from None
 
     def distance(self, where, i, j, *rest):
         start, end = self.point(i, where), self.point(j, where)

@@ -20,6 +20,9 @@ POSITIONS = 6
 DISTANCE = 0.1
 """How far the trial positions are from the given one, relative to the mechanism's size."""
 
+NEIGHBOUR = 1e-3
+"""How far a neighbouring position is, likewise."""
+
 
 def numerical_rank(jacobian: np.ndarray) -> int:
     """Rank by singular values."""
@@ -49,7 +52,9 @@ def column_sizes(kernels: Kernels) -> np.ndarray:
     return np.array([kernels.length if name in points else 1.0 for name in kernels.coordinates])
 
 
-def trial_positions(kernels: Kernels, q, t=0.0, p=None, count: int = POSITIONS) -> list[np.ndarray]:
+def trial_positions(
+    kernels: Kernels, q, t=0.0, p=None, count: int = POSITIONS, distance: float = DISTANCE
+) -> list[np.ndarray]:
     """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
     generator = np.random.default_rng(0)
     sizes = column_sizes(kernels)
@@ -61,7 +66,7 @@ def trial_positions(kernels: Kernels, q, t=0.0, p=None, count: int = POSITIONS) 
         if not basis.shape[1]:
             break
         step = basis @ generator.standard_normal(basis.shape[1])
-        guess = q + DISTANCE / (1 + attempt // count) * sizes * step / max(np.max(np.abs(step)), 1e-300)
+        guess = q + distance / (1 + attempt // count) * sizes * step / max(np.max(np.abs(step)), 1e-300)
         try:
             found.append(solve_position(kernels, guess, t, p).q)
         except ConvergenceError:
@@ -110,7 +115,7 @@ def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
     kept, dependent = _independent_rows(general)
     scale = kernels.row_sizes
     redundant = tuple(_implication(general[-1], row, kept, scale) for row in dependent)
-    vanishing = _extra_motions(jacobians[0], ranks[0], rank)
+    vanishing = _extra_motions(kernels, q, t, p, rank) if ranks[0] < rank else np.zeros((kernels.n, 0))
     return Freedom(rank, ranks[0], kernels.n - rank, redundant, tuple(kept), vanishing, len(positions))
 
 
@@ -144,7 +149,14 @@ def _implication(jacobian: np.ndarray, row: int, kept: list[int], scale: np.ndar
     return Redundancy(row, {k: float(c) for k, c, s in zip(kept, raw, solution, strict=True) if abs(s) > 1e-7})
 
 
-def _extra_motions(jacobian: np.ndarray, here: int, rank: int) -> np.ndarray:
-    """Right singular vectors whose singular values vanish only here."""
-    right = np.linalg.svd(jacobian, full_matrices=True)[2] if min(jacobian.shape) else np.eye(jacobian.shape[1])
-    return right[here:rank].T
+def _extra_motions(kernels: Kernels, q, t, p, rank: int) -> np.ndarray:
+    """Motions that are free at q and not just beside it, in natural units, columns over the free coordinates.
+
+    They are what is left of the null space at q beside that of a neighbouring position in general position.
+    """
+    here = null_space(scaled_jacobian(kernels, q, t, p))
+    beside = trial_positions(kernels, q, t, p, distance=NEIGHBOUR)[1:]
+    spaces = [null_space(scaled_jacobian(kernels, x, t, p)) for x in beside]
+    general = next((s for s in spaces if s.shape[1] == kernels.n - rank), np.zeros((kernels.n, 0)))
+    left, _, _ = np.linalg.svd(here.T @ general, full_matrices=True)
+    return here @ left[:, general.shape[1] :]

@@ -1,0 +1,41 @@
+"""Four skew hinges in a ring: a linkage that Grübler's count forbids twice over and that turns all the way round.
+
+Bennett's linkage is a skew quadrilateral with equal opposite sides and a hinge at each corner at right angles to
+both its sides; then side/sin(twist) is the same for all sides. The dimensions are our own.
+"""
+
+import numpy as np
+
+from ncgen import Model
+
+CORNERS = np.array([(2, 0, 0), (1, 2, 1), (-2, 0, 0), (-1, -2, 1)]) / 10
+
+
+def build(misplaced=0.0):
+    """The linkage; `misplaced` (m) lifts corner D out of its place, which is enough to lock it."""
+    m = Model("bennett")
+    corners = CORNERS + np.outer([0, 0, 0, 1], [0, 0, misplaced])
+    A, B, C, D = (m.point(name, r, fixed=name in "AB") for name, r in zip("ABCD", corners))
+    a, b, c, d = (m.vector(f"u{name}", u, fixed=name in "AB") for name, u in zip("ABCD", hinges(corners)))
+    for name, points, axes in [("BC", (B, C), (b, c)), ("CD", (C, D), (c, d)), ("DA", (D, A), (d, a))]:
+        m.body(name, points, axes, mass=1.0, inertia=slender(1.0, points[1].initial - points[0].initial))
+    theta = m.angle("theta1", start=A - D, end=B - A, axis=a)
+    m.angle("theta2", start=B - A, end=C - B, axis=b)
+    m.independent(theta)
+    m.gravity((0, 0, -9.81))
+    m.line(A, B, C, D, A)
+    for corner, axis in [(A, a), (B, b), (C, c), (D, d)]:
+        m.arrow(corner, axis)
+    m.simulation(duration=2.0, zd0={"theta1": 10.0})
+    return m
+
+
+def hinges(corners):
+    """Unit vectors at right angles to the two sides that meet at each corner."""
+    normals = [np.cross(r - before, after - r) for before, r, after in zip(np.roll(corners, 1, 0), corners, np.roll(corners, -1, 0))]
+    return [n / np.linalg.norm(n) for n in normals]
+
+
+def slender(mass, along):
+    """Inertia tensor (kg m²) of a thin bar."""
+    return mass / 12 * (along @ along * np.eye(3) - np.outer(along, along))

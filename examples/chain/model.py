@@ -1,0 +1,39 @@
+"""A chain of rods in space: ball joints are shared points, so n links cost n rows and nothing else.
+
+Dimensions are ours: uniform slender rods, a chain of 1 m and 1 kg whatever the number of links. It starts at rest,
+wound up as a helix about the x axis, hangs by its first point and falls.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from ncgen import Model
+
+PITCH, TURN = np.radians(35.0), np.radians(40.0)
+"""Angle of every link to the plane across the helix' axis, and from one link to the next (rad)."""
+
+
+def build(n=10, length=1.0, mass=1.0):
+    """A chain of n equal links, `length` (m) long and `mass` (kg) heavy in all."""
+    m = Model("chain")
+    size = length / n
+    places = np.vstack([np.zeros(3), np.cumsum(size * directions(n), axis=0)])
+    points = [m.point(f"P{k}", place, fixed=k == 0) for k, place in enumerate(places)]
+    for k, (start, end) in enumerate(pairwise(points), 1):
+        m.body(f"link{k}", points=[start, end], mass=mass / n, inertia=rod(mass / n, end.initial - start.initial))
+    m.gravity((0, 0, -9.81))
+    m.line(*points)
+    m.simulation(duration=1.0, integrator="dop853")
+    return m
+
+
+def directions(n):
+    """Unit vectors along the links of the helix, shape (n, 3)."""
+    turns = TURN * np.arange(n)
+    return np.column_stack([np.full(n, np.sin(PITCH)), np.cos(PITCH) * np.cos(turns), np.cos(PITCH) * np.sin(turns)])
+
+
+def rod(mass, span):
+    """The inertia tensor (kg m²) of a uniform slender rod about its middle, from end to end `span` (m)."""
+    return mass / 12 * (span @ span * np.eye(3) - np.outer(span, span))

@@ -1,0 +1,27 @@
+"""A crank, a connecting rod and a slider: how a prismatic joint and a crank angle are said, with a closed form.
+
+Dimensions, masses and speed: Flores, Leine and Glocker 2010, doi 10.1007/s11044-009-9178-y, Table 1, without clearance;
+lengths 0.153 and 0.306 m are also those of the planar slider-crank in Rible.jl.
+"""
+
+from ncgen import Model
+
+
+def build(crank=0.153, rod=0.306, speed=150.0):
+    m = Model("slidercrank")
+    O = m.point("O", (0, 0), fixed=True)
+    B = m.point("B", (crank, 0))
+    C = m.point("C", (crank + rod, 0))
+    x = m.vector("x", (1, 0, 0), fixed=True)
+    z = m.vector("z", (0, 0, 1), fixed=True)
+    m.body("crank", points=[O, B], mass=0.038, inertia=7.4e-5)
+    m.body("rod", points=[B, C], mass=0.038, inertia=5.9e-4)
+    slider = m.body("slider", points=[C], mass=0.076)
+    m.prismatic(m.ground, slider, start=O, end=C, axis=x)
+    psi = m.angle("psi", start=x, end=B - O, axis=z)
+    m.independent(psi)
+    m.gravity((0, -9.81, 0))
+    m.line(O, B, C)
+    m.arrow(C, x)
+    m.simulation(duration=0.1, zd0={"psi": speed})
+    return m
