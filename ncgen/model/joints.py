@@ -51,7 +51,7 @@ class Joints:
     def prismatic(self, a: Body, b: Body, start: Point, end: Point, axis: Vector) -> None:
         """Body b slides along `axis` of body a without turning. 1 degree of freedom."""
         self.cylindrical(a, b, start, end, axis)
-        if not a.frame.planar:
+        if not (a.frame.planar or b.frame.planar):
             first, second = self._transverse(a, b, axis)
             self._keep(row.dot(first, second, 0.0, 1.0, _joint("prismatic", a, b), f"no turning about {axis.name}", self.scale))
 

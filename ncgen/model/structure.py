@@ -126,6 +126,7 @@ class Structure:
     def drive(self, coordinate: Component | Relative, law) -> Row:
         """A rheonomic driver: coordinate = law(t), a sympy expression of `m.time` and parameters."""
         name = coordinate.name
+        self.chosen_independent = tuple(n for n in self.chosen_independent if n != name)  # what is driven is not independent
         return self.constrain(coordinate.symbol - as_sympy(law), f"driver of {name}", Owner("driver", name))
 
     # -- helpers -------------------------------------------------------------------------------
