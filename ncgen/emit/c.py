@@ -13,9 +13,12 @@ from ncgen.model.values import evaluate
 from ncgen.program.assemble import KERNELS, Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
+from ncgen.program.dynamics import DynamicsPrograms
 from ncgen.program.functions import FUNCTIONS
+from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
+RUNTIME = ("ncgen_runtime.h", "ncgen_runtime.c")
 WIDTH = 100
 
 
@@ -32,6 +35,26 @@ def c_files(programs: Programs) -> dict[str, str]:
         f"{prefix}.c": render("c/model.c.jinja", fingerprint=fingerprint, **records),
     }
     return files | {name: verbatim(f"c/{name}") for name in HEADERS}
+
+
+def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) -> dict[str, str]:
+    """{file name: text}: the state derivative, and the runtime that integrates it."""
+    prefix = identifier(equations.model.name)
+    tables = Tables(f"{prefix}_dynamics_")
+    split = programs.split
+    records = {
+        "prefix": prefix,
+        "upper": prefix.upper(),
+        "model": equations.model,
+        "kernels": [_kernel(program, prefix, tables) for program in (programs.newton, programs.acceleration)],
+        "independent": [equations.free[i].name for i in split.independent],
+        "independent_positions": split.independent,
+        "dependent_positions": split.dependent,
+        "row_sizes": [number(float(size)) for size in row_sizes] or ["0"],
+        "width": WIDTH,
+    }
+    files = {f"{prefix}_dynamics.{kind}": render(f"c/dynamics.{kind}.jinja", **records) for kind in "ch"}
+    return files | {name: verbatim(f"c/{name}") for name in RUNTIME}
 
 
 def number(value: float) -> str:

@@ -1,0 +1,220 @@
+"""The state derivative as two programs: a Newton step of the position problem, and the accelerations.
+
+Both are one straight line of operations with the factorisation of Φ_q^d emitted into it:
+
+    newton(t, q, p)            -> Δq of the dependent coordinates
+    acceleration(t, q, zd, p)  -> q̇, z̈, power, growth
+
+with q̇ = R ż + S ν, (RᵀMR) z̈ = Rᵀ(Q − M S γ) (the paper's eqs 51-54). `growth` is the largest reciprocal pivot
+squared, summed up: infinite where the fixed order of elimination breaks down.
+"""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass
+
+from ncgen.program import passes
+from ncgen.program.assemble import ENERGIES, KERNELS, Kernel
+from ncgen.program.binding import Derived, Places, bind
+from ncgen.program.blocks import Program, Store, Straight
+from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_transposed
+from ncgen.program.graph import Graph
+from ncgen.program.lower import lower_value
+from ncgen.program.verify import verify
+from ncgen.symbolic.equations import Equations
+
+LARGEST = 24
+"""Degrees of freedom up to which the reduced mass matrix is eliminated in straight-line code."""
+
+
+@dataclass(frozen=True)
+class Split:
+    """rows: kept rows; dependent, independent: positions in q."""
+
+    rows: tuple[int, ...]
+    dependent: tuple[int, ...]
+    independent: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class DynamicsPrograms:
+    """newton gives Δq in the order of split.dependent; acceleration gives [q̇ (n), z̈ (nz), power, growth]."""
+
+    newton: Program
+    acceleration: Program
+    split: Split
+    has_power: bool
+
+
+def assemble_dynamics(equations: Equations, split: Split, samples: Samples) -> DynamicsPrograms:
+    """Both programs for one choice of independent coordinates.
+
+    samples: {(row, coordinate): number} of Φ_q in typical positions, for the choice of pivots
+    """
+    newton = _newton(equations, split, samples)
+    acceleration, has_power = _acceleration(equations, split, samples)
+    sizes = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
+    for program in (newton, acceleration):
+        verify(program, sizes)
+    return DynamicsPrograms(newton, acceleration, split, has_power)
+
+
+class _Lines:
+    """All terms of a mechanism written into one graph."""
+
+    def __init__(self, equations: Equations):
+        self.equations = equations
+        self.graph = Graph()
+        self.derived = Derived()
+        self.rates: list[int] = []
+        self._parameters: dict[str, int] | None = None
+
+    def gather(self, kernel: Kernel) -> dict[tuple[int, ...], int]:
+        """{place: node} of a kernel's output, contributions added up, structural zeros left out."""
+        sums: dict[tuple[int, ...], list[int]] = defaultdict(list)
+        for term in kernel.terms(self.equations):
+            bound = bind(term, self.equations, self.derived)
+            places = Places(self.graph, bound, lambda reference, bound=bound: self._read(bound, reference))
+            wanted = [key for key in bound.template.outputs if kernel.wants(key)]
+            outputs = bound.template.replay(self.graph, places.symbol, wanted)
+            for place, node in kernel.parts(places, outputs):
+                if self.graph.value(node) != 0.0:
+                    sums[self._place(place, bound)].append(node)
+        return {place: self.graph.sum(nodes) for place, nodes in sums.items()}
+
+    def _read(self, bound, reference) -> int:
+        kind, k = reference
+        if kind == "const":
+            return self.graph.const(bound.constants[k])
+        if kind == "p":
+            array, index = bound.parameters[k]
+            return self.graph.load("p", index) if array == "p" else self._expression(index)
+        position = self.equations.index[bound.coordinates[k]]
+        return self.graph.load("q", position) if kind == "q" else self.rates[position]
+
+    def _expression(self, index: int) -> int:
+        if self._parameters is None:
+            self._parameters = {p.name: self.graph.load("p", i) for i, p in enumerate(self.equations.parameters)}
+        return lower_value(self.graph, self.derived.expressions[index], self._parameters)
+
+    def _place(self, place, bound) -> tuple[int, ...]:
+        if place[0] == "energy":
+            return (ENERGIES.index(place[1]),)
+        return tuple(bound.term.row if p == "row" else self.equations.index[bound.coordinates[p]] for p in place)
+
+    def program(self, name: str, inputs, outputs: list[int]) -> Program:
+        """A program that writes these nodes one after the other."""
+        stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
+        block = passes.schedule(passes.dead_code(Straight(tuple(self.graph.ops), stores, self._names())))
+        return Program(name, inputs, name, len(outputs), (block,))
+
+    def _names(self) -> dict[int, str]:
+        names = {}
+        for node, op in enumerate(self.graph.ops):
+            if op.code == "load":
+                array, k = op.leaf
+                names[node] = {
+                    "q": lambda k: self.equations.free[k].name,
+                    "p": lambda k: self.equations.parameters[k].name,
+                    "t": lambda k: "t_",
+                    "zd": lambda k: f"zd{k}",
+                }[array](k)
+        return names
+
+
+def _dependent(jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix, Samples]:
+    """Φ_q^d over kept rows and dependent coordinates, renumbered, as nodes and as numbers."""
+    row = {r: i for i, r in enumerate(split.rows)}
+    column = {c: j for j, c in enumerate(split.dependent)}
+
+    def chosen(entries):
+        return {(row[r], column[c]): value for (r, c), value in entries.items() if r in row and c in column}
+
+    return chosen(jacobian), [chosen(sample) for sample in samples]
+
+
+def _factor(lines: _Lines, jacobian: Matrix, split: Split, samples: Samples) -> Factors:
+    matrix, numbers = _dependent(jacobian, split, samples)
+    return factor(lines.graph, matrix, len(split.rows), numbers)
+
+
+def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
+    lines = _Lines(equations)
+    graph = lines.graph
+    phi = lines.gather(KERNELS["phi"])
+    factors = _factor(lines, lines.gather(KERNELS["phi_q"]), split, samples)
+    right = {i: graph.neg(phi[r,]) for i, r in enumerate(split.rows) if (r,) in phi}
+    step = solve(graph, factors, right)
+    zero = graph.const(0.0)
+    return lines.program("newton", ("t", "q", "p"), [step.get(j, zero) for j in range(len(split.dependent))])
+
+
+def _acceleration(equations: Equations, split: Split, samples: Samples) -> tuple[Program, bool]:
+    lines = _Lines(equations)
+    graph = lines.graph
+    zero, one = graph.const(0.0), graph.const(1.0)
+    n, nz = len(equations.free), len(split.independent)
+    jacobian = lines.gather(KERNELS["phi_q"])
+    factors = _factor(lines, jacobian, split, samples)
+
+    def particular(right: dict[tuple[int, ...], int]) -> dict[int, int]:
+        """S·right: {coordinate: node}."""
+        kept = {i: right[r,] for i, r in enumerate(split.rows) if (r,) in right}
+        return {split.dependent[j]: node for j, node in solve(graph, factors, kept).items()}
+
+    R: list[dict[int, int]] = []
+    for c in split.independent:
+        column = {(r,): graph.neg(node) for (r, k), node in jacobian.items() if k == c}
+        R.append({c: one, **particular(column)})
+
+    nu = lines.gather(KERNELS["nu"])
+    lines.rates = [zero] * n
+    for c, node in particular(nu).items():
+        lines.rates[c] = node
+    for k, column in enumerate(R):
+        speed = graph.load("zd", k)
+        for c, node in column.items():
+            lines.rates[c] = graph.add(lines.rates[c], graph.mul(node, speed))
+
+    bias = particular(lines.gather(KERNELS["gamma"]))
+    mass = lines.gather(KERNELS["mass"])
+    force = {c: node for (c,), node in lines.gather(KERNELS["force"]).items()}
+
+    def times_mass(vector: dict[int, int]) -> dict[int, int]:
+        sums: dict[int, list[int]] = defaultdict(list)
+        for (i, j), node in mass.items():
+            if j in vector:
+                sums[i].append(graph.mul(node, vector[j]))
+        return {i: graph.sum(nodes) for i, nodes in sums.items()}
+
+    def dot(a: dict[int, int], b: dict[int, int]) -> int:
+        return graph.sum(graph.mul(a[c], b[c]) for c in sorted(a.keys() & b.keys()))
+
+    momentum = times_mass(bias)
+    missing = {c: graph.sub(force.get(c, zero), momentum.get(c, zero)) for c in sorted(force.keys() | momentum.keys())}
+    MR = [times_mass(column) for column in R]
+    reduced = {(i, j): dot(R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
+    zdd = solve_positive(graph, reduced, nz, [dot(column, missing) for column in R])
+    power, has_power = _power(lines, split, factors, nu, zdd, missing, MR)
+    growth = graph.sum(graph.mul(r, r) for r in factors.reciprocal)
+    program = lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, growth])
+    return program, has_power
+
+
+def _power(lines, split, factors, nu, zdd, missing, MR) -> tuple[int, bool]:
+    """Power of forces without a potential and of drivers, P − νᵀλ with (Φ_q^d)ᵀ λ = (Q − M q̈)_d."""
+    graph = lines.graph
+    own = lines.gather(KERNELS["energy"]).get((ENERGIES.index("power"),))
+    power = own if own is not None else graph.const(0.0)
+    if nu:
+        left = dict(missing)
+        for column, acceleration in zip(MR, zdd, strict=True):
+            for c, node in column.items():
+                left[c] = graph.sub(left.get(c, graph.const(0.0)), graph.mul(node, acceleration))
+        right = {j: left[c] for j, c in enumerate(split.dependent) if c in left}
+        lam = solve_transposed(graph, factors, right)
+        for i, r in enumerate(split.rows):
+            if (r,) in nu and i in lam:
+                power = graph.sub(power, graph.mul(nu[r,], lam[i]))
+    return power, own is not None or bool(nu)

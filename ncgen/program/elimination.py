@@ -1,0 +1,158 @@
+"""Linear algebra as operations: a matrix of known pattern is eliminated once, at generation.
+
+What is emitted are the operations on nonzeros and nothing else. Pivots are chosen by Markowitz' rule, fewest
+multiplications first, among entries that are large enough in sample positions; the order is then fixed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ncgen.program.graph import Graph
+
+THRESHOLD = 0.05
+"""A pivot must be at least this share of the largest entry of its column in every sample."""
+
+Matrix = dict[tuple[int, int], int]
+"""{(row, column): node} of the nonzeros."""
+
+Samples = list[dict[tuple[int, int], float]]
+"""The same matrix as numbers, in some typical positions."""
+
+
+class EliminationError(ArithmeticError):
+    """No admissible pivot is left: the matrix is singular in a sample position."""
+
+
+@dataclass(frozen=True)
+class Factors:
+    """L and U of a matrix whose rows and columns are taken in the order of `pivots`.
+
+    pivots: (row, column) pairs; reciprocal: node of 1/pivot per step
+    lower: per step {row: node of its multiplier}; upper: per step {column: node}
+    """
+
+    pivots: tuple[tuple[int, int], ...]
+    reciprocal: tuple[int, ...]
+    lower: tuple[dict[int, int], ...]
+    upper: tuple[dict[int, int], ...]
+
+
+def factor(graph: Graph, matrix: Matrix, size: int, samples: Samples) -> Factors:
+    """Emit the LU factorisation of a square matrix.
+
+    Raises EliminationError where every candidate pivot is too small in a sample.
+    """
+    rows: list[dict[int, int]] = [{} for _ in range(size)]
+    for (i, j), node in sorted(matrix.items()):
+        rows[i][j] = node
+    numbers = [[{j: sample.get((i, j), 0.0) for j in rows[i]} for i in range(size)] for sample in samples]
+    left = set(range(size))
+    pivots, reciprocals, lower, upper = [], [], [], []
+    one = graph.const(1.0)
+    for _ in range(size):
+        i, j = _pivot(rows, left, numbers)
+        left.remove(i)
+        reciprocal = graph.div(one, rows[i][j])
+        below = {k: graph.mul(rows[k][j], reciprocal) for k in sorted(left) if j in rows[k]}
+        for k, multiplier in below.items():
+            _eliminate(graph, rows, numbers, i, j, k, multiplier)
+        pivots.append((i, j))
+        reciprocals.append(reciprocal)
+        lower.append(below)
+        upper.append({c: node for c, node in rows[i].items() if c != j})
+    return Factors(tuple(pivots), tuple(reciprocals), tuple(lower), tuple(upper))
+
+
+def _pivot(rows, left, numbers) -> tuple[int, int]:
+    """The admissible entry with the fewest multiplications, first in order among equals."""
+    count: dict[int, int] = {}
+    for i in left:
+        for j in rows[i]:
+            count[j] = count.get(j, 0) + 1
+    largest = [{j: max(abs(sample[i][j]) for i in left if j in rows[i]) for j in count} for sample in numbers]
+    best = None
+    for i in sorted(left):
+        width = len(rows[i]) - 1
+        for j in sorted(rows[i]):
+            price = width * (count[j] - 1)
+            if best is not None and price >= best[0]:
+                continue
+            if all(abs(s[i][j]) > max(THRESHOLD * top[j], 1e-12) for s, top in zip(numbers, largest, strict=True)):
+                best = (price, i, j)
+    if best is None:
+        raise EliminationError("every candidate pivot vanishes in a sample position")
+    return best[1], best[2]
+
+
+def _eliminate(graph, rows, numbers, i, j, k, multiplier) -> None:
+    """row k −= multiplier · row i, on operations and on the sample numbers."""
+    shares = [sample[k].pop(j) / sample[i][j] for sample in numbers]
+    rows[k].pop(j)
+    for c, node in rows[i].items():
+        if c == j:
+            continue
+        product = graph.mul(multiplier, node)
+        rows[k][c] = graph.sub(rows[k][c], product) if c in rows[k] else graph.neg(product)
+        for sample, share in zip(numbers, shares, strict=True):
+            sample[k][c] = sample[k].get(c, 0.0) - share * sample[i][c]
+
+
+def solve(graph: Graph, factors: Factors, right: dict[int, int]) -> dict[int, int]:
+    """{column: node} of the solution of A x = right; what is structurally zero stays out."""
+    work = dict(right)
+    for (i, _), below in zip(factors.pivots, factors.lower, strict=True):
+        if i in work:
+            for k, multiplier in below.items():
+                _subtract(graph, work, k, graph.mul(multiplier, work[i]))
+    solution: dict[int, int] = {}
+    for (i, j), reciprocal, beside in zip(*map(reversed, (factors.pivots, factors.reciprocal, factors.upper)), strict=True):
+        for c, node in beside.items():
+            if c in solution:
+                _subtract(graph, work, i, graph.mul(node, solution[c]))
+        if i in work:
+            solution[j] = graph.mul(work[i], reciprocal)
+    return solution
+
+
+def solve_transposed(graph: Graph, factors: Factors, right: dict[int, int]) -> dict[int, int]:
+    """{row: node} of the solution of Aᵀ x = right."""
+    work = dict(right)
+    middle: dict[int, int] = {}
+    for (i, j), reciprocal, beside in zip(factors.pivots, factors.reciprocal, factors.upper, strict=True):
+        if j in work:
+            middle[i] = graph.mul(work[j], reciprocal)
+            for c, node in beside.items():
+                _subtract(graph, work, c, graph.mul(node, middle[i]))
+    for (i, _), below in zip(reversed(factors.pivots), reversed(factors.lower), strict=True):
+        for k, multiplier in below.items():
+            if k in middle:
+                _subtract(graph, middle, i, graph.mul(multiplier, middle[k]))
+    return middle
+
+
+def _subtract(graph: Graph, work: dict[int, int], place: int, product: int) -> None:
+    work[place] = graph.sub(work[place], product) if place in work else graph.neg(product)
+
+
+def solve_positive(graph: Graph, matrix: Matrix, size: int, right: list[int]) -> list[int]:
+    """x of A x = right for a symmetric positive definite A (lower triangle given), by LDLᵀ in the given order.
+
+    Meant for the small dense mass matrix of the independent coordinates.
+    """
+    zero = graph.const(0.0)
+    a = {(i, j): matrix.get((i, j), zero) for i in range(size) for j in range(i + 1)}
+    x = list(right)
+    reciprocal: list[int] = []
+    for k in range(size):
+        reciprocal.append(graph.div(graph.const(1.0), a[k, k]))
+        for i in range(k + 1, size):
+            multiplier = graph.mul(a[i, k], reciprocal[k])
+            for j in range(k + 1, i + 1):
+                a[i, j] = graph.sub(a[i, j], graph.mul(multiplier, a[j, k]))
+            x[i] = graph.sub(x[i], graph.mul(multiplier, x[k]))
+    for k in reversed(range(size)):
+        for i in range(k + 1, size):
+            x[k] = graph.sub(x[k], graph.mul(a[i, k], x[i]))
+        x[k] = graph.mul(x[k], reciprocal[k])
+    return x

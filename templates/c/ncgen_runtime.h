@@ -1,0 +1,76 @@
+/* ncgen_runtime.h: whole simulations of a generated model, in one call.
+ *
+ * The runtime is the same for every mechanism. It allocates nothing: the caller gives the workspace, whose
+ * length ncgen_workspace() tells. Runs in different workspaces may go on at the same time.
+ */
+#ifndef NCGEN_RUNTIME_H
+#define NCGEN_RUNTIME_H
+
+#include "ncgen.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* begin cdef */
+
+/* The state derivative of a model, for one choice of independent coordinates.
+ * newton writes the correction of the dependent coordinates (n_dependent numbers);
+ * acceleration writes qd (n_coordinates), zdd (n_independent), power, growth. */
+typedef int ncgen_acceleration_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *zd, const ncgen_real *p,
+                                      ncgen_real *out);
+
+typedef struct ncgen_dynamics {
+    int n_independent;
+    int n_dependent;
+    const int *independent; /* positions in q */
+    const int *dependent;
+    const ncgen_scalar *row_sizes; /* n_rows: what a residual is compared with */
+    ncgen_position_kernel *newton;
+    ncgen_acceleration_kernel *acceleration;
+} ncgen_dynamics;
+
+enum ncgen_method {
+    NCGEN_DOPRI5 = 0, /* Dormand-Prince 5(4) with error control and dense output */
+    NCGEN_RK4 = 1     /* classical Runge-Kutta with a fixed step */
+};
+
+typedef struct ncgen_options {
+    int method;
+    ncgen_scalar rtol;      /* dopri5: error per step, relative and absolute */
+    ncgen_scalar atol;
+    ncgen_scalar max_step;  /* dopri5: longest step, 0 for none; rk4: the step */
+    ncgen_scalar tolerance; /* of the position problem, relative to row_sizes */
+    long max_steps;         /* 0 for no limit */
+} ncgen_options;
+
+typedef struct ncgen_statistics {
+    long steps;
+    long rejected;    /* steps repeated because of the error estimate */
+    long repeated;    /* steps repeated because the position problem or a pivot failed */
+    long evaluations;
+    long newton_steps;
+    ncgen_scalar t;   /* time reached */
+} ncgen_statistics;
+
+/* Numbers of workspace that ncgen_simulate needs. */
+size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics);
+
+/* Simulate from times[0] to times[n_times - 1].
+ *
+ * q, zd: consistent initial position and independent velocities
+ * out_q, out_qd: n_times rows of n_coordinates; out_work: work (J) of drivers and forces without a potential
+ * rows: how many rows have been written, also where the run stops early
+ * returns NCGEN_OK, or why it stopped at statistics->t */
+int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
+                   const ncgen_real *p, const ncgen_real *q, const ncgen_real *zd, int n_times, const ncgen_scalar *times,
+                   ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows, ncgen_statistics *statistics,
+                   ncgen_real *workspace);
+
+/* end cdef */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif
