@@ -31,9 +31,10 @@ def build(misplaced=0.0):
 
 
 def hinges(corners):
-    """Unit vectors at right angles to the two sides that meet at each corner."""
-    normals = [np.cross(r - before, after - r) for before, r, after in zip(np.roll(corners, 1, 0), corners, np.roll(corners, -1, 0))]
-    return [n / np.linalg.norm(n) for n in normals]
+    """Unit vectors at right angles to the two sides at each corner; two are reversed to make all twists positive."""
+    before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
+    normals = np.cross(before, after) * [[-1], [1], [1], [-1]]
+    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
 
 
 def slender(mass, along):

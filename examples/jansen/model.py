@@ -1,6 +1,6 @@
-"""Theo Jansen's walking leg: eleven rods, many loops, one crank; rods that share their ends are rigid triangles.
+"""Theo Jansen's walking leg: eleven rods and one crank; rods that share their ends make loops and rigid triangles.
 
-Lengths: Theo Jansen's own thirteen numbers, here in centimetres. Rods of 0.5 kg/m and the speed of one turn a second are ours.
+Lengths: Theo Jansen's own thirteen numbers, taken as centimetres. The rods' 0.5 kg/m and one turn a second are ours.
 """
 
 import numpy as np
@@ -8,16 +8,16 @@ import numpy as np
 from ncgen import Model
 
 LENGTHS = dict(a=38.0, b=41.5, c=39.3, d=40.1, e=55.8, f=39.4, g=36.7, h=65.7, i=49.0, j=50.0, k=61.9, l=7.8, m=15.0)
+
 RODS = dict(m="OM", j="MU", b="PU", e="UW", d="PW", k="ML", c="PL", f="WK", g="LK", h="KT", i="LT")
-"""Which points each rod joins: O, P fixed; M the crank pin, U upper, W outer, L lower, K knee, T the toe on the ground."""
+"""The two points of each rod: the fixed O and P, crank pin M, upper U, outer W, lower L, knee K, and the toe T."""
 
 
 def build(turns_per_second=1.0, density=0.5, driven=True):
     m = Model("jansen")
-    points = {name: m.point(name, place, fixed=name in "OP") for name, place in positions().items()}
+    points = {name: m.point(name, place, fixed=name in "OP") for name, place in closed_position().items()}
     for letter, ends in RODS.items():
-        rod = [points[end] for end in ends]
-        length = LENGTHS[letter] / 100
+        rod, length = [points[end] for end in ends], LENGTHS[letter] / 100
         m.body(letter, rod, mass=density * length, inertia=density * length**3 / 12)
         m.line(*rod)
     x = m.vector("x", (1, 0, 0), fixed=True)
@@ -26,28 +26,22 @@ def build(turns_per_second=1.0, density=0.5, driven=True):
     m.gravity((0, -9.81, 0))
     if driven:
         m.drive(psi, 2 * np.pi * turns_per_second * m.time)
-    else:
-        m.independent(psi)
     m.simulation(duration=1 / turns_per_second)
     return m
 
 
-def positions():
-    """All points (m) with the crank to the right; each is the corner of a triangle on two points known before."""
+def closed_position():
+    """The points (m) while the crank points right: each new one is the corner of a triangle whose sides are known."""
     s = {letter: length / 100 for letter, length in LENGTHS.items()}
-    O, P, M = np.array([0, 0]), np.array([-s["a"], -s["l"]]), np.array([s["m"], 0])
-    U = corner(P, s["b"], M, s["j"])
-    W = corner(P, s["d"], U, s["e"])
-    L = corner(M, s["k"], P, s["c"])
-    K = corner(L, s["g"], W, s["f"])
-    T = corner(L, s["i"], K, s["h"])
-    return dict(O=O, P=P, M=M, U=U, W=W, L=L, K=K, T=T)
+    place = dict(O=np.array([0.0, 0.0]), P=np.array([-s["a"], -s["l"]]), M=np.array([s["m"], 0.0]))
+    for new, start, to_start, end, to_end in ("UPbMj", "WPdUe", "LMkPc", "KLgWf", "TLiKh"):
+        place[new] = corner(place[start], s[to_start], place[end], s[to_end])
+    return place
 
 
 def corner(start, to_start, end, to_end):
-    """The corner of a triangle on the left of its side from start to end, from the lengths of the other two sides."""
-    side = end - start
-    d = np.hypot(*side)
+    """The corner of a triangle on the left of its side from start to end; to_start, to_end: the other sides' lengths."""
+    d = np.linalg.norm(end - start)
+    side = (end - start) / d
     along = (to_start**2 - to_end**2 + d**2) / (2 * d)
-    across = np.sqrt(to_start**2 - along**2)
-    return start + (along * side + across * np.array([-side[1], side[0]])) / d
+    return start + along * side + np.sqrt(to_start**2 - along**2) * np.array([-side[1], side[0]])

@@ -13,6 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from ncgen.errors import ModelError
 from ncgen.model.elements import Point
+from ncgen.model.rigid import NORMAL
 from ncgen.solver.geometry import element, element_rate
 from ncgen.solver.protocol import Kernels
 
@@ -46,6 +47,9 @@ def _basis(kernels: Kernels, name: str) -> list[tuple]:
     points, vectors = body.points, body.vectors
     directions = [(p, points[0]) for p in points[1:]] + [(v, None) for v in vectors]
     initial = {d: _initial(d) for d in directions}
+    if body.frame.planar and directions:
+        # In the plane one direction is enough: the normal is the second, and it stands still.
+        return [directions[0], (NORMAL, None)]
     for count in (3, 2):
         best = max(combinations(directions, count), key=lambda c: _volume([initial[d] for d in c]), default=None)
         if best and _volume([initial[d] for d in best]) > 1e-6:

@@ -58,12 +58,17 @@ def differentiate(phi: sympy.Expr, scalars: tuple[str, ...]) -> dict[object, sym
     Taken so, the products of Φ stay products; building the Hessian first costs twice the operations.
     """
     x, v = symbols(scalars), rates(scalars)
-    step = sympy.Dummy("step")
+    step = sympy.Dummy("step", real=True)
     moved = {s: s + step * rate for s, rate in zip(x, v, strict=True)} | {TIME: TIME + step}
     curvature = phi.xreplace(moved).diff(step, 2).xreplace({step: sympy.Integer(0)})
     outputs = {"phi": phi, "nu": -phi.diff(TIME), "gamma": -curvature}
     outputs.update({("phi_q", k): phi.diff(s) for k, s in enumerate(x)})
-    return outputs
+    return {key: _without_impulses(value) for key, value in outputs.items()}
+
+
+def _without_impulses(expression: sympy.Expr) -> sympy.Expr:
+    """Derivatives of |x| and sign(x) away from the kink, where they are used: no Dirac impulse in it."""
+    return expression.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
 
 
 @cache

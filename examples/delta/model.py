@@ -1,0 +1,98 @@
+"""A delta robot: its hinged parallelograms say twice what holds the platform level, and the redundant rows are found.
+
+Dimensions: testbedCIIRC/delta-robot-public (r0 0.330, l1 0.420, l2 1.055, r3 0.125 m). The parallelograms' width, the masses and the
+motors are ours; the mechanism is R. Clavel's (1988).
+"""
+
+import numpy as np
+import sympy as sp
+
+from ncgen import Model
+
+BASE, ARM, ROD, PLATFORM, WIDTH = 0.330, 0.420, 1.055, 0.125, 0.100
+"""Radius of the motors, upper arm, forearm rod, radius of the platform, width of a parallelogram (m)."""
+
+ARM_MASS, ROD_MASS, PLATFORM_MASS = 1.5, 0.15, 1.0
+"""kg; arms and rods are slender and uniform, the platform is a disc."""
+
+START = 0.3
+"""Every arm's angle below the horizontal in the initial position (rad)."""
+
+STROKES, PERIOD = (0.5, 0.2, -0.2), 0.8
+"""How far the motors turn out and back (rad), and in what time (s)."""
+
+STIFFNESS, DAMPING = 400.0, 20.0
+"""Of the motors' control (N m/rad, N m s/rad)."""
+
+DOWN = np.array([0.0, 0.0, -1.0])
+
+
+def build(hinged=True):
+    """The robot; hinged=False puts ball joints on both ends of the rods instead of parallelograms with four hinges."""
+    m = Model("delta")
+    reach = BASE + ARM * np.cos(START) - PLATFORM
+    centre = DOWN * (ARM * np.sin(START) + np.sqrt(ROD**2 - reach**2))
+    turns = 2 * np.pi / 3 * np.arange(3)
+    motors = [arm(m, i, turn) for i, turn in enumerate(turns, 1)]
+    rods = [forearm(m, i, turn, centre) for i, turn in enumerate(turns, 1)]
+    platform(m, [rod.points[1] for pair in rods for rod in pair], centre)
+    if hinged:
+        for i, pair in enumerate(rods, 1):
+            parallelogram(m, f"n{i}", *pair)
+    m.independent(*motors)
+    for motor, stroke in zip(motors, STROKES, strict=True):
+        target = START + stroke * (1 - sp.cos(2 * sp.pi * m.time / PERIOD)) / 2
+        m.torque(motor, -STIFFNESS * (motor - target) - DAMPING * motor.rate, f"motor of {motor.name}")
+    m.gravity((0, 0, -9.81))
+    m.simulation(duration=2 * PERIOD, integrator="dop853")
+    return m
+
+
+def arm(m, i, turn):
+    """An upper arm that turns about a fixed axis by its motor's angle; it carries both elbows of a forearm."""
+    out, along = np.array([np.cos(turn), np.sin(turn), 0]), np.array([-np.sin(turn), np.cos(turn), 0])
+    level, axis = m.vector(f"e{i}", out, fixed=True), m.vector(f"t{i}", along, fixed=True)
+    A = m.point(f"A{i}", BASE * out, fixed=True)
+    E = m.point(f"E{i}", BASE * out + ARM * (np.cos(START) * out + np.sin(START) * DOWN))
+    body = m.body(f"arm{i}", [A, E], [axis], ARM_MASS, inertia=slender(ARM_MASS, E.initial - A.initial), basis=[A, E])
+    for side, shift in (("a", WIDTH / 2), ("b", -WIDTH / 2)):
+        m.attach_point(body, f"E{i}{side}", E.initial + shift * along)
+    m.line(A, E)
+    m.line(*body.points[2:])
+    return m.angle(f"psi{i}", start=level, end=E - A, axis=axis)
+
+
+def forearm(m, i, turn, centre):
+    """Two equal rods from the elbows to the platform."""
+    out = np.array([np.cos(turn), np.sin(turn), 0])
+    shift = centre + PLATFORM * out - m.elements[f"E{i}"].initial
+    return [rod(m, f"rod{i}{side}", m.elements[f"E{i}{side}"], f"P{i}{side}", shift) for side in "ab"]
+
+
+def rod(m, name, elbow, corner, span):
+    end = m.point(corner, elbow.initial + span)
+    m.line(elbow, end)
+    return m.body(name, [elbow, end], mass=ROD_MASS, inertia=slender(ROD_MASS, span), basis=[elbow, end])
+
+
+def platform(m, corners, centre):
+    inertia = PLATFORM_MASS * PLATFORM**2 * np.array([0.25, 0.25, 0.5])
+    m.body("platform", [*corners, m.point("C", centre)], mass=PLATFORM_MASS, com=centre, inertia=inertia)
+    m.line(*corners, corners[0])
+
+
+def parallelogram(m, name, a, b):
+    """Two rods hinged to the elbow and to the platform: one vector stays normal to all four sides."""
+    (elbow_a, corner_a), (elbow_b, corner_b) = a.points, b.points
+    normal = np.cross(elbow_a.initial - elbow_b.initial, corner_a.initial - elbow_a.initial)
+    n = m.vector(name, normal / np.linalg.norm(normal))
+    m.extend(a, n)
+    m.extend(b, n)
+    m.vector_segment(n, elbow_b - elbow_a)
+    m.vector_segment(n, corner_b - corner_a)
+    m.arrow(corner_a, n)
+
+
+def slender(mass, span):
+    """The inertia tensor (kg m²) of a uniform slender rod about its middle, from end to end `span` (m)."""
+    return mass / 12 * (span @ span * np.eye(3) - np.outer(span, span))

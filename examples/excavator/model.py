@@ -1,0 +1,85 @@
+"""An excavator's arm: cylinder lengths are coordinates, so cylinder forces are read off and not solved for.
+
+Boom 1.903392 m, stick 1.351485 m, bucket 0.590267 m and their masses 200, 150 and 70 kg: eliasalbag/VolvoExcavator. Where the cylinders
+and the bucket's linkage are hinged, and the centres of mass, are ours.
+"""
+
+import numpy as np
+import sympy as sp
+
+from ncgen import Model
+
+BOOM, STICK, BUCKET = 1.903392, 1.351485, 0.590267
+MASSES = {"boom": 200.0, "stick": 150.0, "bucket": 70.0}
+SPANS = {"boom": BOOM, "stick": STICK, "bucket": BUCKET}
+
+START = {"boom": 0.75, "stick": -0.95, "bucket": -1.4}
+"""Angle of every part to the horizontal in the initial position (rad)."""
+
+FOOT = (0.30, -0.30)
+"""Where the boom's cylinder stands, from the boom's hinge (m)."""
+
+LUGS = {
+    "boom": {"L": (0.80, -0.10), "D": (0.90, 0.22)},
+    "stick": {"R": (-0.32, 0.12), "K": (0.15, 0.24), "H": (1.10, 0.05)},
+    "bucket": {"F": (0.08, 0.20)},
+}
+"""Hinges of cylinders and linkage (m): along the part from its own hinge, and across to the left."""
+
+CENTRES = {"boom": (0.85, 0.05), "stick": (0.50, 0.05), "bucket": (0.28, 0.08)}
+"""Centres of mass (m), in the same way."""
+
+ROCKER, LINK = 0.30, 0.28
+"""The bucket's linkage (m): from the stick to the cylinder's end, and from there to the bucket."""
+
+STIFFNESS = 1e6
+DAMPING = {"lift": 8e4, "crowd": 3e4, "curl": 6e3}
+STROKES = {"lift": -0.12, "crowd": 0.15, "curl": 0.10}
+PERIOD = 4.0
+"""The control of the cylinders (N/m, N s/m), and how far (m) and how fast (s) they move out and back."""
+
+
+def build():
+    m = Model("excavator")
+    hinge = O = m.point("O", (0, 0), fixed=True)
+    G = m.point("G", FOOT, fixed=True)
+    for name, end in (("boom", "B"), ("stick", "C"), ("bucket", "T")):
+        hinge = part(m, name, hinge, end)
+    H, F = m.elements["H"], m.elements["F"]
+    E = m.point("E", knee(H.initial, F.initial))
+    m.distance(H, E)
+    m.distance(E, F)
+    cylinders = [m.length(name, *map(m.elements.get, ends)) for name, ends in (("lift", "GL"), ("crowd", "DR"), ("curl", "KE"))]
+    m.independent(*cylinders)
+    for s in cylinders:
+        target = s.initial[0] + STROKES[s.name] * (1 - sp.cos(2 * sp.pi * m.time / PERIOD)) / 2
+        m.torque(s, -STIFFNESS * (s - target) - DAMPING[s.name] * s.rate, f"cylinder {s.name}")
+    m.gravity((0, -9.81, 0))
+    for path in ("OLBDO", "RBHCKR", "CTFC", "HEF", "GL", "DR", "KE"):
+        m.line(*map(m.elements.get, path))
+    m.simulation(duration=PERIOD)
+    return m
+
+
+def part(m, name, hinge, end):
+    """Boom, stick or bucket: a flat body from its hinge to its end, with its lugs; returns the end."""
+    start, turn, mass, span = hinge.initial[:2], START[name], MASSES[name], SPANS[name]
+    tip = m.point(end, place(start, turn, (span, 0)))
+    body = m.body(name, [hinge, tip], mass=mass, com=place(start, turn, CENTRES[name]), inertia=mass * span**2 / 12)
+    for lug, offset in LUGS[name].items():
+        m.attach_point(body, lug, place(start, turn, offset))
+    return tip
+
+
+def place(start, turn, offset):
+    """A point of a part (m): `offset` along and across it, from its hinge at `start`."""
+    along = np.array([np.cos(turn), np.sin(turn)])
+    return start + offset[0] * along + offset[1] * np.array([-along[1], along[0]])
+
+
+def knee(H, F):
+    """The upper of the two points at a rocker's length from H and a link's length from F."""
+    span = (F - H)[:2]
+    square = span @ span
+    share = (square + ROCKER**2 - LINK**2) / (2 * square)
+    return H[:2] + share * span + np.sqrt(ROCKER**2 / square - share**2) * np.array([-span[1], span[0]])

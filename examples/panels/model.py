@@ -1,0 +1,48 @@
+"""A satellite unfolds its panels: torsion springs push, cable loops couple the hinge angles, and the free hub turns back.
+
+Dimensions are ours: a cubic hub of 1.6 m, a yoke and panels that fold flat on its side, all in the plane. Every cable loop is a gear
+row: each hinge turns twice as far as the first, to alternate sides.
+"""
+
+from itertools import pairwise
+
+import numpy as np
+
+from ncgen import Model
+
+HALF, YOKE, PANEL = 0.8, 0.8, 1.6
+"""From the hub's centre to its side, yoke, panel (m)."""
+
+HUB_MASS, YOKE_MASS, PANEL_MASS = 500.0, 4.0, 12.0
+
+STIFFNESS, DAMPING = 1.5, 2.0
+"""Of the spring in every hinge (N m/rad, N m s/rad); it is free when the hinge is straight."""
+
+
+def build(panels=3, free=True):
+    """Folded and at rest; free=False holds the hub."""
+    m = Model("panels")
+    z = m.vector("z", (0, 0, 1), fixed=True)
+    hub = [m.point("H", (0, 0), fixed=not free), m.point("A", (HALF, 0), fixed=not free)]
+    if free:
+        m.body("hub", hub, mass=HUB_MASS, com=(0, 0), inertia=HUB_MASS * (2 * HALF) ** 2 / 6)
+    ends = [m.point(f"P{i}", (HALF, YOKE if i % 2 == 0 else YOKE - PANEL)) for i in range(panels + 1)]
+    chain = [*hub, *ends]
+    for i, (start, end) in enumerate(pairwise(chain[1:])):
+        mass, length = (PANEL_MASS, PANEL) if i else (YOKE_MASS, YOKE)
+        m.body(f"panel{i}" if i else "yoke", [start, end], mass=mass, inertia=mass * length**2 / 12)
+    hinges = [hinge(m, i, *chain[i : i + 3], z) for i in range(panels + 1)]
+    for i, (first, second) in enumerate(pairwise(hinges)):
+        m.gear(first, second, 1 if i else 2, 1)
+    m.independent(hinges[0])
+    m.line(*chain)
+    m.simulation(duration=20.0, integrator="dop853")
+    return m
+
+
+def hinge(m, i, before, point, after, axis):
+    """The angle between two neighbours, folded to alternate sides, with its spring."""
+    folded = np.pi / 2 if i == 0 else np.pi * (-1) ** i
+    angle = m.angle(f"psi{i}", start=point - before, end=after - point, axis=axis, initial=folded)
+    m.torsion_spring(angle, STIFFNESS, DAMPING, free_angle=0.0)
+    return angle
