@@ -53,7 +53,34 @@ class _Hermite(scipy.integrate.DenseOutput):
         return self._spline(t).T
 
 
+class RungeKutta4(scipy.integrate.OdeSolver):
+    """The classical fourth-order method with a fixed step, `max_step`."""
+
+    def __init__(self, fun, t0, y0, t_bound, max_step=np.inf, vectorized=False, first_step=None, **extra):
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+        if not np.isfinite(max_step):
+            raise ModelError("rk4 has a fixed step: give max_step in seconds")
+        self._step = max_step if first_step is None else min(max_step, first_step)
+        self._slope = self.fun(t0, self.y)
+
+    def _step_impl(self):
+        t, y, h = self.t, self.y, min(self._step, self.t_bound - self.t)
+        k1 = self._slope
+        k2 = self.fun(t + h / 2, y + h / 2 * k1)
+        k3 = self.fun(t + h / 2, y + h / 2 * k2)
+        k4 = self.fun(t + h, y + h * k3)
+        new = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        self.t = self.t_bound if t + h >= self.t_bound else t + h
+        self._previous = (t, y, k1)
+        self.y, self._slope = new, self.fun(self.t, new)
+        return True, None
+
+    def _dense_output_impl(self):
+        return _Hermite(*self._previous, self.t, self.y, self._slope)
+
+
 INTEGRATORS = {
+    "rk4": RungeKutta4,
     "rk23": scipy.integrate.RK23,
     "dopri5": scipy.integrate.RK45,
     "dop853": scipy.integrate.DOP853,
@@ -62,7 +89,7 @@ INTEGRATORS = {
     "radau": scipy.integrate.Radau,
     "lsoda": scipy.integrate.LSODA,
 }
-"""Adaptive integrators by their names in the field."""
+"""Integrators by their names in the field; all but rk4 choose their steps by themselves."""
 
 OTHER_NAMES = {
     "rk45": "dopri5",
@@ -76,8 +103,13 @@ OTHER_NAMES = {
 
 def find_integrator(name: str):
     """The integrator class of a name, upper or lower case. Raises ModelError listing the known ones."""
-    key = name.lower()
-    key = OTHER_NAMES.get(key, key)
+    key = canonical_name(name)
     if key not in INTEGRATORS:
         raise ModelError(f"integrator {name!r} is unknown; choose one of {', '.join([*INTEGRATORS, *OTHER_NAMES])}")
     return INTEGRATORS[key]
+
+
+def canonical_name(name: str) -> str:
+    """The name in the field of an integrator given by any of its names."""
+    key = name.lower()
+    return OTHER_NAMES.get(key, key)

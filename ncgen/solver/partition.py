@@ -18,6 +18,9 @@ from ncgen.solver.rank import column_sizes, freedom
 WORST = 1e-7
 """A partition of lower quality is refused."""
 
+BETTER = 2.0
+"""A new partition must be better by this factor to be worth a change."""
+
 
 @dataclass(frozen=True, eq=False)
 class Partition:

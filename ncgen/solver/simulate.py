@@ -5,24 +5,23 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, SingularError
+from ncgen.solver import compiled
 from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
-from ncgen.solver.integrators import find_integrator
-from ncgen.solver.partition import Partition, Partitions, choose_partitions, quality
+from ncgen.solver.integrators import canonical_name, find_integrator
+from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
 from ncgen.solver.position import check_finite
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.trajectory import Statistics, Trajectory
 
 DEGRADED = 0.3
 """Another partition is looked for when the quality falls below this share of what it was when chosen."""
-
-BETTER = 2.0
-"""A new partition must be better by this factor to be worth a restart of the integrator."""
 
 RETRIES = 8
 """How often a step whose position problem fails is tried again, each time four times shorter."""
@@ -45,13 +44,15 @@ def simulate(
     t0: float = 0.0,
     points: int = 101,
     max_step: float = np.inf,
+    engine: str = "auto",
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Simulate a mechanism and return its trajectory on an even time grid.
 
     duration: s; t0: start time
     formalism: "coordinate-partitioning" (the paper's Table 8)
-    integrator: dopri5, dop853, adams, bdf, radau, rk23, lsoda, or Matlab's and SciPy's names (ode45, RK45, ode113 …)
+    integrator: dopri5, dop853, rk4 (fixed step max_step), adams, bdf, radau, rk23, lsoda, or Matlab's and SciPy's names
+        (ode45, RK45, ode113 …)
     rtol, atol: tolerances on the independent velocities and positions
     q0: initial position, shape (n,) (default: the model's); if it is only approximate it is assembled first
     zd0: initial independent velocities by name, {"psi2": 1.0}, or as an array in the order of z (default: rest)
@@ -59,7 +60,9 @@ def simulate(
     p: parameters (default: the model's)
     points: how many instants the trajectory holds
     max_step: the longest step (s)
-    progress: called with the time reached after every step
+    engine: "c" (the whole run in one call of compiled code), "python", or "auto": C where it can be; the trajectory's
+        `engine` says which it was and why
+    progress: called with the time reached after every step in Python
 
     Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
     time where the motion cannot go on.
@@ -68,6 +71,8 @@ def simulate(
         raise ModelError(f"formalism {formalism!r} is unknown; choose one of {', '.join(FORMALISMS)}")
     method = find_integrator(integrator)
     duration = _positive(duration, "duration")
+    if engine not in ("auto", "c", "python"):
+        raise ModelError(f"engine {engine!r} is unknown; choose one of auto, c, python")
     if points < 2:
         raise ModelError(f"points: {points} given; a trajectory has at least 2")
     q = np.array(kernels.q0 if q0 is None else q0, dtype=float)
@@ -75,12 +80,44 @@ def simulate(
     check_finite(kernels, q, t0, p)
     q = assemble(kernels, q, t0, p)
     partitions = choose_partitions(kernels, q, t0, p, z or kernels.model.chosen_independent)
-    run = _Run(kernels, method, dict(rtol=rtol, atol=atol, max_step=max_step), partitions, t0 + duration)
-    clock = time.perf_counter()
+    zd = _rates(kernels, partitions.velocity, zd0)
     grid = np.linspace(t0, t0 + duration, points)
-    motions, work = run.integrate(q, _rates(kernels, partitions.velocity, zd0), t0, p, grid, progress)
-    statistics = Statistics(run.steps, run.evaluations, run.newton, run.changes, run.rejections, time.perf_counter() - clock)
-    return Trajectory.collect(kernels, motions, work, p, run.partitions.position, statistics, formalism, integrator)
+    options = dict(rtol=rtol, atol=atol, max_step=max_step)
+    clock = time.perf_counter()
+    refused = "asked for" if engine == "python" else compiled.refusal(kernels, integrator, partitions)
+    if refused and engine == "c":
+        raise ModelError(f"{kernels.name} cannot be simulated in C: {refused}; use engine='auto'")
+    if refused is None:
+        piece = compiled.run(kernels, partitions, integrator, grid, q, zd, p, **options)
+        partitions, refused = piece.partitions, piece.stopped or None
+        if refused and len(piece.q):
+            q, zd = piece.q[-1], piece.qd[-1][partitions.velocity.independent]
+    else:
+        piece = _Piece(np.empty((0, kernels.n)), np.empty((0, kernels.n)), np.empty(0), np.zeros(5, dtype=int))
+    if refused is not None:
+        start = max(len(piece.q) - 1, 0)
+        run = _Run(kernels, method, options, partitions, t0 + duration)
+        piece = run.integrate(q, zd, grid[start], p, grid[start:], progress).after(piece, start)
+        partitions = run.partitions
+    statistics = Statistics(*map(int, piece.counts), time.perf_counter() - clock)
+    said = "c" if refused is None else f"python: {refused}"
+    return Trajectory(kernels, grid, piece.q, piece.qd, piece.work, p, partitions, statistics, formalism, canonical_name(integrator), said)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """Part of a trajectory: rows of q, qd and work; counts in the order of Statistics."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    counts: np.ndarray
+
+    def after(self, other, start: int) -> _Piece:
+        """The other piece up to row `start`, then this one, whose work counts on."""
+        before = other.work[start] if len(other.work) else 0.0
+        q, qd = np.vstack([other.q[:start], self.q]), np.vstack([other.qd[:start], self.qd])
+        return _Piece(q, qd, np.concatenate([other.work[:start], self.work + before]), other.counts + self.counts)
 
 
 def _positive(value: float, name: str) -> float:
@@ -115,8 +152,8 @@ class _Run:
         self.end = end
         self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
 
-    def integrate(self, q, zd, t, p, grid, progress) -> tuple[list[Motion], list[float]]:
-        """Motions and work at the times of the grid."""
+    def integrate(self, q, zd, t, p, grid, progress) -> _Piece:
+        """Positions, velocities and work at the times of the grid."""
         here = motion_at(self.kernels, self.partitions.velocity, t, q, zd, p)
         self.start = Start(t, here.q, here.qd, p)
         self.reference = self._quality(self.partitions, here)
@@ -135,7 +172,8 @@ class _Run:
                 progress(solver.t)
             if solver.status == "running" and self._repartition(here):
                 solver = self._solver(here.t, here, solver.y[-1])
-        return motions, work
+        counts = np.array([self.steps, self.evaluations, self.newton, self.changes, self.rejections])
+        return _Piece(np.array([m.q for m in motions]), np.array([m.qd for m in motions]), np.array(work), counts)
 
     def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None):
         velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
@@ -151,9 +189,9 @@ class _Run:
                     warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
                     message = solver.step()
                 break
-            except (ConvergenceError, SingularError):
+            except (ConvergenceError, SingularError) as error:
                 if attempt == RETRIES:
-                    raise
+                    raise type(error)(self._stuck(here)) from error
                 self.rejections += 1
                 self._repartition(here, any_better=True)
                 length = min(getattr(solver, "h_abs", np.inf), self.end - here.t) / 4 ** (attempt + 1)
@@ -181,6 +219,12 @@ class _Run:
     def _accept(self, here: Motion) -> None:
         self.start = Start(here.t, here.q, here.qd, refresh_branches(self.kernels, here.q, self.start.p))
 
+    def _stuck(self, here: Motion) -> str:
+        return (
+            f"{self.kernels.name}: the motion cannot go on beyond t = {here.t:.6g} s; the mechanism locks or comes to a "
+            "singular position there, or take smaller steps (rtol, max_step)"
+        )
+
     def _quality(self, partitions: Partitions, here: Motion) -> float:
         return min(quality(self.kernels, p, here.q, here.t, self.start.p) for p in {partitions.position, partitions.velocity})
 
@@ -189,7 +233,10 @@ class _Run:
         now = self._quality(self.partitions, here)
         if now > DEGRADED * self.reference and not any_better:
             return False
-        other = choose_partitions(self.kernels, here.q, here.t, self.start.p, rows=self.partitions.velocity.rows)
+        try:
+            other = choose_partitions(self.kernels, here.q, here.t, self.start.p, rows=self.partitions.velocity.rows)
+        except SingularError:
+            return False  # no choice is good here: the steps will show whether the motion can go on
         possible = self._quality(other, here)
         if possible < BETTER * now:
             return False

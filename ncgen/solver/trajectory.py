@@ -10,7 +10,14 @@ import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
 from ncgen.solver import frames, geometry
+from ncgen.solver.branches import refresh_branches
+from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.partition import Partitions, choose_partitions, quality
 from ncgen.solver.protocol import Kernels
+
+
+CONDITION = 1e-3
+"""Quality of a partition below which accelerations are computed with a better one."""
 
 
 @dataclass(frozen=True)
@@ -32,6 +39,8 @@ class Trajectory:
 
     t (K,) in s; q, qd, qdd (K, n) in m and rad, in the order of `coordinates`; lam (K, m): multipliers of the rows,
     in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
+    Accelerations and multipliers are computed when they are first asked for.
+    engine: "c", or "python" with the reason.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
     """
 
@@ -39,22 +48,41 @@ class Trajectory:
     t: np.ndarray
     q: np.ndarray
     qd: np.ndarray
-    qdd: np.ndarray
-    lam: np.ndarray
     work: np.ndarray
     p: np.ndarray
-    independent: tuple[str, ...]
+    partitions: Partitions
     statistics: Statistics
     formalism: str
     integrator: str
+    engine: str = "python"
 
-    @classmethod
-    def collect(cls, kernels, motions, work, p, partition, statistics, formalism, integrator) -> Trajectory:
-        """Stack the motions of a run."""
-        columns = (np.array([getattr(m, name) for m in motions]) for name in ("t", "q", "qd", "qdd", "lam"))
-        return cls(
-            kernels, *columns, np.array(work), p, partition.names(kernels), statistics, formalism, integrator
-        )  # fmt: skip
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """Names of the independent coordinates (at the end of the run, if they changed)."""
+        return self.partitions.position.names(self.kernels)
+
+    @cached_property
+    def _motions(self) -> list:
+        """Every instant once more with accelerations and multipliers."""
+        instants = zip(self.t, self.q, self.qd, strict=True)
+        return [self._motion(*instant) for instant in instants]
+
+    def _motion(self, t, q, qd):
+        p = refresh_branches(self.kernels, q, self.p)
+        part = self.partitions.velocity
+        if quality(self.kernels, part, q, t, p) < CONDITION:
+            part = choose_partitions(self.kernels, q, t, p, rows=part.rows).velocity
+        return motion_at(self.kernels, part, t, q, qd[part.independent], p)
+
+    @property
+    def qdd(self) -> np.ndarray:
+        """Accelerations (K, n)."""
+        return np.array([m.qdd for m in self._motions])
+
+    @property
+    def lam(self) -> np.ndarray:
+        """Multipliers of the rows (K, m)."""
+        return np.array([m.lam for m in self._motions])
 
     @property
     def model(self):

@@ -10,6 +10,9 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
+/* A sum of squared reciprocal pivots that leaves no digit of the solution. */
+static const ncgen_scalar broken_down = R(1e30);
+
 enum {
     STAGES = 7,
     NEWTON_LIMIT = 40,
@@ -18,9 +21,6 @@ enum {
 
 /* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
 static const ncgen_scalar nearly_converged = R(1e-8);
-
-/* How much the sum of squared reciprocal pivots may grow before the fixed order of elimination is given up. */
-static const ncgen_scalar largest_growth = R(1e8);
 
 typedef struct run {
     const ncgen_model *model;
@@ -31,6 +31,7 @@ typedef struct run {
     int n, nz, ny;
     ncgen_real *q, *out, *phi, *step; /* of the last evaluation; out = qd, zdd, power, growth */
     ncgen_real *start_q, *start_qd;   /* the last accepted state */
+    ncgen_real start_work;
     ncgen_real *end_q, *end_qd, *end_y; /* the state at the end of a step, while rows inside it are written */
     ncgen_scalar start_t;
     ncgen_scalar growth;
@@ -137,10 +138,7 @@ static int derivative(run *r, ncgen_scalar t, const ncgen_real *y, ncgen_real *y
     status = r->dynamics->acceleration(t, r->q, y, r->p, r->out);
     if (status != NCGEN_OK)
         return status;
-    const ncgen_real growth = r->out[r->n + r->nz + 1];
-    if (r->growth == 0)
-        r->growth = growth;
-    if (!(growth <= largest_growth * r->growth))
+    if (!(r->out[r->n + r->nz + 1] < broken_down))
         return NCGEN_PIVOT;
     for (int i = 0; i < r->nz; ++i) {
         yd[i] = r->out[r->n + i];
@@ -150,12 +148,19 @@ static int derivative(run *r, ncgen_scalar t, const ncgen_real *y, ncgen_real *y
     return NCGEN_OK;
 }
 
-/* The last evaluation becomes the state from which Newton's method starts. */
-static void accept(run *r, ncgen_scalar t)
+/* The last evaluation becomes the state from which Newton's method starts. NCGEN_PIVOT means that other independent
+ * coordinates would serve better from here on: the squared reciprocal pivots have grown since the start. */
+static int accept(run *r, ncgen_scalar t)
 {
+    const ncgen_real growth = r->out[r->n + r->nz + 1];
+    r->statistics->t = t;
+    r->start_work = r->y[2 * r->nz];
     copy(r->n, r->q, r->start_q);
     copy(r->n, r->out, r->start_qd);
     r->start_t = t;
+    if (r->growth == 0)
+        r->growth = growth;
+    return growth > r->options->growth * r->growth ? NCGEN_PIVOT : NCGEN_OK;
 }
 
 static void write_row(const run *r, const ncgen_real *y, int row, ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work)
@@ -307,11 +312,12 @@ static int run_dopri5(run *r, int n_times, const ncgen_scalar *times, ncgen_real
         copy(r->n, r->end_qd, r->out);
         copy(r->ny, r->end_y, r->y);
         copy(r->ny, r->k[STAGES - 1], r->k[0]);
-        accept(r, t_new);
+        r->statistics->steps += 1;
+        const int accepted = accept(r, t_new);
+        if (status == NCGEN_OK && t_new < end)
+            status = accepted;
         t = t_new;
         h *= factor;
-        r->statistics->steps += 1;
-        r->statistics->t = t;
     }
     if (status == NCGEN_OK && *rows < n_times) {
         write_row(r, r->y, *rows, out_q, out_qd, out_work);
@@ -354,12 +360,15 @@ static int run_rk4(run *r, int n_times, const ncgen_scalar *times, ncgen_real *o
             const int status = rk4_step(r, t, h);
             if (status != NCGEN_OK)
                 return status;
-            accept(r, t + h);
             r->statistics->steps += 1;
-            r->statistics->t = t + h;
+            const int accepted = accept(r, i + 1 == count ? times[row] : t + h);
+            if (i + 1 == count) {
+                write_row(r, r->y, row, out_q, out_qd, out_work);
+                *rows += 1;
+            }
+            if (accepted != NCGEN_OK && !(i + 1 == count && row + 1 == n_times))
+                return accepted;
         }
-        write_row(r, r->y, row, out_q, out_qd, out_work);
-        *rows += 1;
     }
     return NCGEN_OK;
 }
@@ -404,9 +413,13 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     const int status = derivative(&r, times[0], r.y, r.k[0]);
     if (status != NCGEN_OK)
         return status;
-    accept(&r, times[0]);
+    (void)accept(&r, times[0]);
     write_row(&r, r.y, 0, out_q, out_qd, out_work);
     *rows = 1;
-    return options->method == NCGEN_RK4 ? run_rk4(&r, n_times, times, out_q, out_qd, out_work, rows)
-                                        : run_dopri5(&r, n_times, times, out_q, out_qd, out_work, rows);
+    const int ended = options->method == NCGEN_RK4 ? run_rk4(&r, n_times, times, out_q, out_qd, out_work, rows)
+                                                   : run_dopri5(&r, n_times, times, out_q, out_qd, out_work, rows);
+    copy(r.n, r.start_q, out_q + (size_t)n_times * (size_t)r.n);
+    copy(r.n, r.start_qd, out_qd + (size_t)n_times * (size_t)r.n);
+    out_work[n_times] = r.start_work;
+    return ended;
 }

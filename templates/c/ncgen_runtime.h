@@ -41,6 +41,7 @@ typedef struct ncgen_options {
     ncgen_scalar atol;
     ncgen_scalar max_step;  /* dopri5: longest step, 0 for none; rk4: the step */
     ncgen_scalar tolerance; /* of the position problem, relative to row_sizes */
+    ncgen_scalar growth;    /* stop with NCGEN_PIVOT when the squared reciprocal pivots have grown by this factor */
     long max_steps;         /* 0 for no limit */
 } ncgen_options;
 
@@ -53,21 +54,25 @@ typedef struct ncgen_statistics {
     ncgen_scalar t;   /* time reached */
 } ncgen_statistics;
 
+/* end cdef */
+/* begin functions */
+
 /* Numbers of workspace that ncgen_simulate needs. */
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics);
 
 /* Simulate from times[0] to times[n_times - 1].
  *
  * q, zd: consistent initial position and independent velocities
- * out_q, out_qd: n_times rows of n_coordinates; out_work: work (J) of drivers and forces without a potential
- * rows: how many rows have been written, also where the run stops early
+ * out_q, out_qd: n_times + 1 rows of n_coordinates; out_work: work (J) of drivers and forces without a potential.
+ *     The additional row is the state at statistics->t, from which a run that stops early can go on.
+ * rows: how many rows of the grid have been written
  * returns NCGEN_OK, or why it stopped at statistics->t */
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
                    const ncgen_real *p, const ncgen_real *q, const ncgen_real *zd, int n_times, const ncgen_scalar *times,
                    ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows, ncgen_statistics *statistics,
                    ncgen_real *workspace);
 
-/* end cdef */
+/* end functions */
 
 #ifdef __cplusplus
 }

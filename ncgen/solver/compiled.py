@@ -1,0 +1,120 @@
+"""The fast path: a simulation as one call of the C runtime, where a mechanism allows it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.errors import SingularError
+from ncgen.solver.integrators import canonical_name
+from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
+from ncgen.solver.position import TOLERANCE
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import trial_positions
+
+GROWTH = 30.0
+"""Other independent coordinates are looked for when the squared reciprocal pivots have grown by this factor."""
+
+MOST_PARTITIONS = 6
+"""How many choices of independent coordinates are compiled for one mechanism before Python takes over."""
+
+
+def refusal(kernels: Kernels, integrator: str, partitions: Partitions) -> str | None:
+    """Why a simulation cannot run in C, in words, or None if it can."""
+    from ncgen.build.library import CompiledKernels
+    from ncgen.build.runtime import METHODS
+    from ncgen.program.dynamics import LARGEST
+
+    if not isinstance(kernels, CompiledKernels):
+        return f"the kernels are {kernels.backend}, not compiled"
+    if canonical_name(integrator) not in METHODS:
+        return f"{integrator} runs in Python; in C there are {', '.join(METHODS)}"
+    if kernels.model.callbacks:
+        return "the model calls a Python function"
+    if kernels.model.branches:
+        return "the paper's sine-or-cosine rows choose anew between steps"
+    if partitions.position is not partitions.velocity:
+        return "rolling conditions need two partitions"
+    if len(partitions.position.independent) > LARGEST:
+        return f"more than {LARGEST} degrees of freedom"
+    if not kernels.m:
+        return "there are no constraint rows"
+    return None
+
+
+def compiled_dynamics(kernels: Kernels, partitions: Partitions, q, p):
+    """The compiled state derivative for a partition, made once for every kernels object and partition."""
+    from ncgen.build.runtime import CompiledDynamics
+    from ncgen.program.dynamics import Split
+
+    part = partitions.position
+    split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
+    store = kernels.__dict__.setdefault("_dynamics", {})
+    if split not in store:
+        store[split] = CompiledDynamics(kernels, split, _samples(kernels, q, p))
+    return store[split]
+
+
+def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
+    """Φ_q as numbers in typical positions, from which the order of elimination is chosen."""
+    places = kernels.phi_q_pattern.positions()
+    positions = trial_positions(kernels, q, 0.0, p)
+    return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
+
+
+@dataclass
+class CompiledRun:
+    """Rows of a run in C (fewer than the grid if it had to stop), its counts, and the partitions at its end."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    counts: np.ndarray
+    partitions: Partitions
+    stopped: str = ""
+
+
+def run(kernels: Kernels, partitions: Partitions, integrator: str, grid, q, zd, p, rtol, atol, max_step) -> CompiledRun:
+    """Run over a time grid; where the independent coordinates become bad, go on with others.
+
+    counts are those of `Statistics`: steps, evaluations, Newton steps, changes, repeated steps
+    """
+    method = canonical_name(integrator)
+    n = kernels.n
+    whole = CompiledRun(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
+    t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
+    while True:
+        dynamics = compiled_dynamics(kernels, whole.partitions, q, p)
+        done = dynamics.simulate(method, times, q, zd, p, rtol, atol, max_step, TOLERANCE, growth)
+        on_grid = times[0] == grid[len(whole.q)]  # otherwise the first row is only where the last piece stopped
+        _append(whole, done, slice(0 if on_grid else 1, len(done.q)), work)
+        if done.status == "ok":
+            return whole
+        advanced = done.reached > t
+        t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
+        whole.partitions, changed = _better(kernels, whole.partitions, q, t, p)
+        if not (advanced or changed) or len(kernels.__dict__["_dynamics"]) > MOST_PARTITIONS:
+            whole.stopped = f"the run in C stopped at t = {t:.6g} s ({done.status})"
+            return whole
+        whole.counts[3] += changed
+        growth = GROWTH if changed else growth * GROWTH  # nothing better here: look again when it is much worse
+        zd = qd[whole.partitions.velocity.independent]
+        left = np.asarray(grid[len(whole.q) :])
+        times = np.concatenate([[t], left[left > t]])
+
+
+def _append(whole: CompiledRun, done, fresh: slice, work: float) -> None:
+    whole.q, whole.qd = np.vstack([whole.q, done.q[fresh]]), np.vstack([whole.qd, done.qd[fresh]])
+    whole.work = np.concatenate([whole.work, done.work[fresh] + work])
+    whole.counts = whole.counts + np.array([done.steps, done.evaluations, done.newton_steps, 0, done.repeated])
+
+
+def _better(kernels: Kernels, partitions: Partitions, q, t, p) -> tuple[Partitions, bool]:
+    """Other partitions if they are clearly better at q, else the same."""
+    try:
+        other = choose_partitions(kernels, q, t, p, rows=partitions.velocity.rows)
+    except SingularError:
+        return partitions, False
+    now, possible = (quality(kernels, x.velocity, q, t, p) for x in (partitions, other))
+    return (other, True) if possible > BETTER * now else (partitions, False)
