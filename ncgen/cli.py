@@ -35,18 +35,17 @@ Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled")]
 
 @app.command("list")
 def list_examples(json_output: Json = False) -> None:
-    """List the examples with what each teaches."""
-    from ncgen.exchange.examples import example_names, lesson, load
+    """List the examples with degrees of freedom, rows, and what each teaches."""
+    from ncgen.exchange.examples import example_names
+    from ncgen.report.gallery import gallery
 
-    records = []
-    for name in example_names():
-        model = load(name)
-        records.append({"name": name, "coordinates": len(model.components), "rows": len(model.rows), "teaches": lesson(name)})
+    with _progress("looking at the examples", len(example_names())) as advance:
+        records = gallery(advance)
     if json_output:
         print(json.dumps(records, indent=1))
         return
-    for record in records:
-        out.print(f"{record['name']:<16} {record['coordinates']:>4} coordinates {record['rows']:>4} rows   {record['teaches']}", markup=False)
+    for r in records:
+        out.print(f"{r['name']:<15}{r['dof']:>3} dof {r['rows']:>4} rows ({r['redundant']} redundant)  {r['teaches']}", markup=False)
 
 
 @app.command()

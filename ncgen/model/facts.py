@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+from collections.abc import Iterator, KeysView, ValuesView
 from dataclasses import dataclass
 
 
@@ -25,16 +26,22 @@ def fact(method):
 
     @functools.wraps(method)
     def recorded(self, *args, **kwargs):
+        args, kwargs = map(_settled, args), {key: _settled(value) for key, value in kwargs.items()}
+        bound = signature.bind(self, *args, **kwargs)
         outermost = not self._telling
         self._telling = True
         try:
-            result = method(self, *args, **kwargs)
+            result = method(*bound.args, **bound.kwargs)
         finally:
             self._telling = not outermost
         if outermost:
-            arguments = signature.bind(self, *args, **kwargs).arguments
-            self.facts.append(Fact(method.__name__, {k: v for k, v in arguments.items() if k != "self"}))
+            self.facts.append(Fact(method.__name__, {k: v for k, v in bound.arguments.items() if k != "self"}))
         return result
 
     recorded.is_fact = True
     return recorded
+
+
+def _settled(value):
+    """What can be read only once (a generator, a view of a dictionary) as a tuple."""
+    return tuple(value) if isinstance(value, (Iterator, KeysView, ValuesView)) else value
