@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import importlib.util
 import traceback
 from pathlib import Path
@@ -38,7 +39,13 @@ def example_module(name: str | Path, file: str = "model.py") -> ModuleType:
 
 def lesson(name: str) -> str:
     """The first line of an example's description: what it teaches."""
-    return (example_module(name).__doc__ or "").strip().splitlines()[0]
+    text = example_text(name)
+    return (ast.get_docstring(ast.parse(text)) or name).splitlines()[0]
+
+
+def example_text(name: str) -> str:
+    """The Python text of an example's model."""
+    return (folder("examples") / name / "model.py").read_text(encoding="utf-8")
 
 
 def _is_example(name) -> bool:

@@ -39,7 +39,7 @@ def parse_direction(text: str, elements: dict):
 def _tree(text: str) -> ast.Expression:
     if len(text) > LONGEST:
         raise ModelError(f"an expression of {len(text)} characters is too long; {LONGEST} are allowed")
-    unit = re.fullmatch(r"\s*[-+0-9.eE]+\s+\S.*", text)
+    unit = re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s+[A-Za-z].*", text)
     if unit:
         raise ModelError(f"“{text}” has a unit; give the bare number in m, kg, s, N, rad")
     try:
