@@ -13,7 +13,7 @@ from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import trial_positions
 
-GROWTH = 30.0
+GROWTH = 8.0
 """Other independent coordinates are looked for when the squared reciprocal pivots have grown by this factor."""
 
 MOST_PARTITIONS = 6

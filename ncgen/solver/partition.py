@@ -18,7 +18,7 @@ from ncgen.solver.rank import column_sizes, freedom
 WORST = 1e-7
 """A partition of lower quality is refused."""
 
-BETTER = 2.0
+BETTER = 1.3
 """A new partition must be better by this factor to be worth a change."""
 
 

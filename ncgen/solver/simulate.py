@@ -20,8 +20,9 @@ from ncgen.solver.position import check_finite
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.trajectory import Statistics, Trajectory
 
-DEGRADED = 0.3
-"""Another partition is looked for when the quality falls below this share of what it was when chosen."""
+DEGRADED = 0.7
+"""Another partition is looked for when the quality falls below this share of what it was when chosen: late changes
+cost more in short steps than early ones in restarts."""
 
 RETRIES = 8
 """How often a step whose position problem fails is tried again, each time four times shorter."""
