@@ -190,7 +190,7 @@ def _slot(reference, members, equations) -> Slot:
     return Slot(kind, tuple(equations.index[b.coordinates[k]] for b in members))
 
 
-def _place(place: tuple, bound: Bound, equations: Equations) -> tuple[int, ...]:
+def place_of(place: tuple, bound: Bound, equations: Equations) -> tuple[int, ...]:
     """Where a contribution goes: row number, coordinate numbers, or number of the energy."""
     if place[0] == "energy":
         return (ENERGIES.index(place[1]),)
@@ -198,7 +198,7 @@ def _place(place: tuple, bound: Bound, equations: Equations) -> tuple[int, ...]:
 
 
 def _places(groups: list[Contribution], equations: Equations) -> set[tuple[int, ...]]:
-    return {_place(place, b, equations) for g in groups for place, _ in g.parts for b in g.members}
+    return {place_of(place, b, equations) for g in groups for place, _ in g.parts for b in g.members}
 
 
 def _program(kernel, groups, index, size, equations, derived, least) -> Program:
@@ -220,7 +220,7 @@ def _program(kernel, groups, index, size, equations, derived, least) -> Program:
 
 def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> Loop:
     stores = tuple(
-        TableStore(kernel.name, tuple(index[_place(place, b, equations)] for b in group.members), node)
+        TableStore(kernel.name, tuple(index[place_of(place, b, equations)] for b in group.members), node)
         for place, node in group.parts
     )
     bound = group.members[0]
@@ -309,7 +309,7 @@ def _straight(kernel, lines: list[Loop], base, hits, equations) -> Straight | No
         return None
     for node, op in enumerate(graph.ops):
         if op.code == "load":
-            names[node] = _load_name(*op.leaf, equations)
+            names[node] = load_name(*op.leaf, equations)
     stores = []
     for position in sorted(sums):
         value = sums[position] if position in hits else [graph.const(base[position]), *sums[position]]
@@ -318,14 +318,15 @@ def _straight(kernel, lines: list[Loop], base, hits, equations) -> Straight | No
     return Straight(tuple(graph.ops), tuple(stores), names)
 
 
-def _load_name(array: str, index: int, equations: Equations) -> str:
+def load_name(array: str, index: int, equations: Equations) -> str:
+    """What a reader calls an input: the coordinate, its rate with a d in front, or the parameter."""
     if array == "q":
         return equations.free[index].name
     if array == "qd":
         return f"d{equations.free[index].name}"
     if array == "p":
         return equations.parameters[index].name
-    return array if array == "t" else f"{array}{index}"
+    return "t" if array == "t" else f"{array}{index}"
 
 
 def _derived_indices(block) -> set[int]:

@@ -15,7 +15,7 @@ from collections import defaultdict
 from dataclasses import dataclass
 
 from ncgen.program import passes
-from ncgen.program.assemble import ENERGIES, KERNELS, Kernel
+from ncgen.program.assemble import ENERGIES, KERNELS, Kernel, load_name, place_of
 from ncgen.program.binding import Derived, Places, bind
 from ncgen.program.blocks import Program, Store, Straight
 from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_transposed
@@ -80,7 +80,7 @@ class _Lines:
             outputs = bound.template.replay(self.graph, places.symbol, wanted)
             for place, node in kernel.parts(places, outputs):
                 if self.graph.value(node) != 0.0:
-                    sums[self._place(place, bound)].append(node)
+                    sums[place_of(place, bound, self.equations)].append(node)
         return {place: self.graph.sum(nodes) for place, nodes in sums.items()}
 
     def _read(self, bound, reference) -> int:
@@ -98,11 +98,6 @@ class _Lines:
             self._parameters = {p.name: self.graph.load("p", i) for i, p in enumerate(self.equations.parameters)}
         return lower_value(self.graph, self.derived.expressions[index], self._parameters)
 
-    def _place(self, place, bound) -> tuple[int, ...]:
-        if place[0] == "energy":
-            return (ENERGIES.index(place[1]),)
-        return tuple(bound.term.row if p == "row" else self.equations.index[bound.coordinates[p]] for p in place)
-
     def program(self, name: str, inputs, outputs: list[int]) -> Program:
         """A program that writes these nodes one after the other."""
         stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
@@ -110,17 +105,7 @@ class _Lines:
         return Program(name, inputs, name, len(outputs), (block,))
 
     def _names(self) -> dict[int, str]:
-        names = {}
-        for node, op in enumerate(self.graph.ops):
-            if op.code == "load":
-                array, k = op.leaf
-                names[node] = {
-                    "q": lambda k: self.equations.free[k].name,
-                    "p": lambda k: self.equations.parameters[k].name,
-                    "t": lambda k: "t_",
-                    "zd": lambda k: f"zd{k}",
-                }[array](k)
-        return names
+        return {k: load_name(*op.leaf, self.equations) for k, op in enumerate(self.graph.ops) if op.code == "load"}
 
 
 def _dependent(jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix, Samples]:
