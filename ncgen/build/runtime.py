@@ -58,11 +58,11 @@ class Outcome:
 class CompiledDynamics:
     """The state derivative of a mechanism for one choice of independent coordinates, compiled with the runtime."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, sizes):
         equations = kernels.programs.equations
         self.kernels = kernels
         self.split = split
-        self.programs = assemble_dynamics(equations, split, samples)
+        self.programs = assemble_dynamics(equations, split, samples, sizes)
         files = dynamics_files(self.programs, equations, kernels.row_sizes)
         files |= {name: verbatim(f"c/{name}") for name in ("ncgen.h", "ncgen_math.h")}
         getter = f"{identifier(kernels.name)}_dynamics"

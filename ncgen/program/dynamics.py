@@ -3,10 +3,10 @@
 Both are one straight line of operations with the factorisation of Φ_q^d emitted into it:
 
     newton(t, q, p)            -> Δq of the dependent coordinates
-    acceleration(t, q, zd, p)  -> q̇, z̈, power, growth
+    acceleration(t, q, zd, p)  -> q̇, z̈, power, amplification
 
-with q̇ = R ż + S ν, (RᵀMR) z̈ = Rᵀ(Q − M S γ) (the paper's eqs 51-54). `growth` is the largest reciprocal pivot
-squared, summed up: infinite where the fixed order of elimination breaks down.
+with q̇ = R ż + S ν, (RᵀMR) z̈ = Rᵀ(Q − M S γ) (the paper's eqs 51-54). `amplification` is ‖R‖², in natural units: how
+much an error of the independent coordinates grows in the others; infinite where the fixed order of elimination breaks down.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ class Split:
 
 @dataclass(frozen=True)
 class DynamicsPrograms:
-    """newton gives Δq in the order of split.dependent; acceleration gives [q̇ (n), z̈ (nz), power, growth]."""
+    """newton gives Δq in the order of split.dependent; acceleration gives [q̇ (n), z̈ (nz), power, amplification]."""
 
     newton: Program
     acceleration: Program
@@ -47,16 +47,17 @@ class DynamicsPrograms:
     has_power: bool
 
 
-def assemble_dynamics(equations: Equations, split: Split, samples: Samples) -> DynamicsPrograms:
+def assemble_dynamics(equations: Equations, split: Split, samples: Samples, sizes) -> DynamicsPrograms:
     """Both programs for one choice of independent coordinates.
 
     samples: {(row, coordinate): number} of Φ_q in typical positions, for the choice of pivots
+    sizes: natural size of every coordinate
     """
     newton = _newton(equations, split, samples)
-    acceleration, has_power = _acceleration(equations, split, samples)
-    sizes = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
+    acceleration, has_power = _acceleration(equations, split, samples, sizes)
+    lengths = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
     for program in (newton, acceleration):
-        verify(program, sizes)
+        verify(program, lengths)
     return DynamicsPrograms(newton, acceleration, split, has_power)
 
 
@@ -135,7 +136,7 @@ def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
     return lines.program("newton", ("t", "q", "p"), [step.get(j, zero) for j in range(len(split.dependent))])
 
 
-def _acceleration(equations: Equations, split: Split, samples: Samples) -> tuple[Program, bool]:
+def _acceleration(equations: Equations, split: Split, samples: Samples, sizes) -> tuple[Program, bool]:
     lines = _Lines(equations)
     graph = lines.graph
     zero, one = graph.const(0.0), graph.const(1.0)
@@ -182,8 +183,13 @@ def _acceleration(equations: Equations, split: Split, samples: Samples) -> tuple
     reduced = {(i, j): dot(R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
     zdd = solve_positive(graph, reduced, nz, [dot(column, missing) for column in R])
     power, has_power = _power(lines, split, factors, nu, zdd, missing, MR)
-    growth = graph.sum(graph.mul(r, r) for r in factors.reciprocal)
-    program = lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, growth])
+    grown = [
+        graph.mul(graph.const(float(sizes[z] / sizes[c])), node)
+        for z, column in zip(split.independent, R, strict=True)
+        for c, node in column.items()
+    ]
+    amplification = graph.sum(graph.mul(node, node) for node in grown)
+    program = lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
     return program, has_power
 
 

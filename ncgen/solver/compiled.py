@@ -11,13 +11,17 @@ from ncgen.solver.integrators import canonical_name
 from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import trial_positions
+from ncgen.solver.rank import column_sizes, trial_positions
 
-GROWTH = 8.0
-"""Other independent coordinates are looked for when the squared reciprocal pivots have grown by this factor."""
+GROWTH = 2.0
+"""Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
+coordinates only, and R is what their errors are multiplied by."""
 
-MOST_PARTITIONS = 6
-"""How many choices of independent coordinates are compiled for one mechanism before Python takes over."""
+REUSE = 0.7
+"""A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
+
+MOST_PARTITIONS = 24
+"""How many choices of independent coordinates are compiled in one run before Python takes over."""
 
 
 def refusal(kernels: Kernels, integrator: str, partitions: Partitions) -> str | None:
@@ -52,7 +56,7 @@ def compiled_dynamics(kernels: Kernels, partitions: Partitions, q, p):
     split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
     store = kernels.__dict__.setdefault("_dynamics", {})
     if split not in store:
-        store[split] = CompiledDynamics(kernels, split, _samples(kernels, q, p))
+        store[split] = CompiledDynamics(kernels, split, _samples(kernels, q, p), column_sizes(kernels))
     return store[split]
 
 
@@ -83,6 +87,7 @@ def run(kernels: Kernels, partitions: Partitions, integrator: str, grid, q, zd, 
     method = canonical_name(integrator)
     n = kernels.n
     whole = CompiledRun(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
+    seen = [partitions]
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
         dynamics = compiled_dynamics(kernels, whole.partitions, q, p)
@@ -93,12 +98,13 @@ def run(kernels: Kernels, partitions: Partitions, integrator: str, grid, q, zd, 
             return whole
         advanced = done.reached > t
         t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
-        whole.partitions, changed = _better(kernels, whole.partitions, q, t, p)
-        if not (advanced or changed) or len(kernels.__dict__["_dynamics"]) > MOST_PARTITIONS:
+        before, whole.partitions = whole.partitions, _better(kernels, whole.partitions, seen, q, t, p)
+        changed = whole.partitions is not before
+        if not (advanced or changed) or len(seen) > MOST_PARTITIONS:
             whole.stopped = f"the run in C stopped at t = {t:.6g} s ({done.status})"
             return whole
         whole.counts[3] += changed
-        growth = GROWTH if changed else growth * GROWTH  # nothing better here: look again when it is much worse
+        growth = GROWTH if changed else GROWTH * growth  # nothing better here: look again when it is worse
         zd = qd[whole.partitions.velocity.independent]
         left = np.asarray(grid[len(whole.q) :])
         times = np.concatenate([[t], left[left > t]])
@@ -110,11 +116,21 @@ def _append(whole: CompiledRun, done, fresh: slice, work: float) -> None:
     whole.counts = whole.counts + np.array([done.steps, done.evaluations, done.newton_steps, 0, done.repeated])
 
 
-def _better(kernels: Kernels, partitions: Partitions, q, t, p) -> tuple[Partitions, bool]:
-    """Other partitions if they are clearly better at q, else the same."""
+def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q, t, p) -> Partitions:
+    """The best partition at q if it is clearly better than the present one; one used before in this run if it will do."""
     try:
-        other = choose_partitions(kernels, q, t, p, rows=partitions.velocity.rows)
+        best = choose_partitions(kernels, q, t, p, rows=partitions.velocity.rows)
     except SingularError:
-        return partitions, False
-    now, possible = (quality(kernels, x.velocity, q, t, p) for x in (partitions, other))
-    return (other, True) if possible > BETTER * now else (partitions, False)
+        return partitions
+
+    def worth(x: Partitions) -> float:
+        return quality(kernels, x.velocity, q, t, p)
+
+    possible = worth(best)
+    if possible < BETTER * worth(partitions):
+        return partitions
+    known = max(seen, key=worth)
+    if worth(known) >= REUSE * possible:
+        return known
+    seen.append(best)
+    return best

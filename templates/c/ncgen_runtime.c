@@ -10,7 +10,7 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-/* A sum of squared reciprocal pivots that leaves no digit of the solution. */
+/* An amplification that leaves no digit of the solution. */
 static const ncgen_scalar broken_down = R(1e30);
 
 enum {
@@ -29,12 +29,12 @@ typedef struct run {
     const ncgen_real *p;
     ncgen_statistics *statistics;
     int n, nz, ny;
-    ncgen_real *q, *out, *phi, *step; /* of the last evaluation; out = qd, zdd, power, growth */
+    ncgen_real *q, *out, *phi, *step; /* of the last evaluation; out = qd, zdd, power, amplification */
     ncgen_real *start_q, *start_qd;   /* the last accepted state */
     ncgen_real start_work;
     ncgen_real *end_q, *end_qd, *end_y; /* the state at the end of a step, while rows inside it are written */
     ncgen_scalar start_t;
-    ncgen_scalar growth;
+    ncgen_real amplification; /* at the start of the run */
     ncgen_real *y, *y_new, *k[STAGES];
 } run;
 
@@ -149,18 +149,18 @@ static int derivative(run *r, ncgen_scalar t, const ncgen_real *y, ncgen_real *y
 }
 
 /* The last evaluation becomes the state from which Newton's method starts. NCGEN_PIVOT means that other independent
- * coordinates would serve better from here on: the squared reciprocal pivots have grown since the start. */
+ * coordinates may serve better from here on: the amplification has grown since the start. */
 static int accept(run *r, ncgen_scalar t)
 {
-    const ncgen_real growth = r->out[r->n + r->nz + 1];
+    const ncgen_real amplification = r->out[r->n + r->nz + 1];
     r->statistics->t = t;
     r->start_work = r->y[2 * r->nz];
     copy(r->n, r->q, r->start_q);
     copy(r->n, r->out, r->start_qd);
     r->start_t = t;
-    if (r->growth == 0)
-        r->growth = growth;
-    return growth > r->options->growth * r->growth ? NCGEN_PIVOT : NCGEN_OK;
+    if (r->amplification == 0)
+        r->amplification = amplification;
+    return amplification > r->options->growth * r->amplification ? NCGEN_PIVOT : NCGEN_OK;
 }
 
 static void write_row(const run *r, const ncgen_real *y, int row, ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work)

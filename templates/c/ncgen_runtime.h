@@ -16,7 +16,8 @@ extern "C" {
 
 /* The state derivative of a model, for one choice of independent coordinates.
  * newton writes the correction of the dependent coordinates (n_dependent numbers);
- * acceleration writes qd (n_coordinates), zdd (n_independent), power, growth. */
+ * acceleration writes qd (n_coordinates), zdd (n_independent), power, amplification: how much an error of the
+ * independent coordinates grows in the others, squared. */
 typedef int ncgen_acceleration_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *zd, const ncgen_real *p,
                                       ncgen_real *out);
 
@@ -41,7 +42,7 @@ typedef struct ncgen_options {
     ncgen_scalar atol;
     ncgen_scalar max_step;  /* dopri5: longest step, 0 for none; rk4: the step */
     ncgen_scalar tolerance; /* of the position problem, relative to row_sizes */
-    ncgen_scalar growth;    /* stop with NCGEN_PIVOT when the squared reciprocal pivots have grown by this factor */
+    ncgen_scalar growth;    /* stop with NCGEN_PIVOT when the amplification has grown by this factor */
     long max_steps;         /* 0 for no limit */
 } ncgen_options;
 
