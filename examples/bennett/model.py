@@ -1,4 +1,4 @@
-"""Four skew hinges in a ring: a linkage that Grübler's count forbids twice over and that turns all the way round.
+"""Four skew hinges in a ring: Grübler's count says −2 degrees of freedom, and it turns all the way round.
 
 Bennett's linkage is a skew quadrilateral with equal opposite sides and a hinge at each corner at right angles to
 both its sides; then side/sin(twist) is the same for all sides. The dimensions are our own.
@@ -8,7 +8,7 @@ import numpy as np
 
 from ncgen import Model
 
-CORNERS = np.array([(2, 0, 0), (1, 2, 1), (-2, 0, 0), (-1, -2, 1)]) / 10
+CORNERS = np.array([(2, -1, 0), (2, 2, 2), (-2, 1, 0), (-2, -2, 2)]) / 10
 
 
 def build(misplaced=0.0):

@@ -24,7 +24,7 @@ def build(n=10, length=1.0, mass=1.0):
         m.body(f"link{k}", points=[start, end], mass=mass / n, inertia=rod(mass / n, end.initial - start.initial))
     m.gravity((0, 0, -9.81))
     m.line(*points)
-    m.simulation(duration=1.0, integrator="dop853")
+    m.simulation(duration=0.6)
     return m
 
 

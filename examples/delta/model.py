@@ -1,7 +1,7 @@
-"""A delta robot: its hinged parallelograms say twice what holds the platform level, and the redundant rows are found.
+"""A delta robot: hinged parallelograms say twice what keeps the platform level; redundant rows are found.
 
-Dimensions: testbedCIIRC/delta-robot-public (r0 0.330, l1 0.420, l2 1.055, r3 0.125 m). The parallelograms' width, the masses and the
-motors are ours; the mechanism is R. Clavel's (1988).
+Dimensions: testbedCIIRC/delta-robot-public (r0 0.330, l1 0.420, l2 1.055, r3 0.125 m). The parallelograms' width, the tool,
+the masses and the motors are ours; the mechanism is R. Clavel's (1988).
 """
 
 import numpy as np
@@ -9,8 +9,11 @@ import sympy as sp
 
 from ncgen import Model
 
-BASE, ARM, ROD, PLATFORM, WIDTH = 0.330, 0.420, 1.055, 0.125, 0.100
-"""Radius of the motors, upper arm, forearm rod, radius of the platform, width of a parallelogram (m)."""
+BASE, ARM, ROD, PLATFORM, WIDTH, TOOL = 0.330, 0.420, 1.055, 0.125, 0.160, 0.080
+"""Radius of the motors, upper arm, forearm rod, radius of the platform, width of a parallelogram, tool below the platform (m)."""
+
+TURNS = np.pi / 6 + 2 * np.pi / 3 * np.arange(3)
+"""Directions of the motors about the vertical axis (rad)."""
 
 ARM_MASS, ROD_MASS, PLATFORM_MASS = 1.5, 0.15, 1.0
 """kg; arms and rods are slender and uniform, the platform is a disc."""
@@ -32,9 +35,8 @@ def build(hinged=True):
     m = Model("delta")
     reach = BASE + ARM * np.cos(START) - PLATFORM
     centre = DOWN * (ARM * np.sin(START) + np.sqrt(ROD**2 - reach**2))
-    turns = 2 * np.pi / 3 * np.arange(3)
-    motors = [arm(m, i, turn) for i, turn in enumerate(turns, 1)]
-    rods = [forearm(m, i, turn, centre) for i, turn in enumerate(turns, 1)]
+    motors = [arm(m, i, turn) for i, turn in enumerate(TURNS, 1)]
+    rods = [forearm(m, i, turn, centre) for i, turn in enumerate(TURNS, 1)]
     platform(m, [rod.points[1] for pair in rods for rod in pair], centre)
     if hinged:
         for i, pair in enumerate(rods, 1):
@@ -44,7 +46,7 @@ def build(hinged=True):
         target = START + stroke * (1 - sp.cos(2 * sp.pi * m.time / PERIOD)) / 2
         m.torque(motor, -STIFFNESS * (motor - target) - DAMPING * motor.rate, f"motor of {motor.name}")
     m.gravity((0, 0, -9.81))
-    m.simulation(duration=2 * PERIOD, integrator="dop853")
+    m.simulation(duration=2 * PERIOD)
     return m
 
 
@@ -55,7 +57,7 @@ def arm(m, i, turn):
     A = m.point(f"A{i}", BASE * out, fixed=True)
     E = m.point(f"E{i}", BASE * out + ARM * (np.cos(START) * out + np.sin(START) * DOWN))
     body = m.body(f"arm{i}", [A, E], [axis], ARM_MASS, inertia=slender(ARM_MASS, E.initial - A.initial), basis=[A, E])
-    for side, shift in (("a", WIDTH / 2), ("b", -WIDTH / 2)):
+    for side, shift in (("a", -WIDTH / 2), ("b", WIDTH / 2)):
         m.attach_point(body, f"E{i}{side}", E.initial + shift * along)
     m.line(A, E)
     m.line(*body.points[2:])
@@ -77,8 +79,11 @@ def rod(m, name, elbow, corner, span):
 
 def platform(m, corners, centre):
     inertia = PLATFORM_MASS * PLATFORM**2 * np.array([0.25, 0.25, 0.5])
-    m.body("platform", [*corners, m.point("C", centre)], mass=PLATFORM_MASS, com=centre, inertia=inertia)
+    tip = m.point("C", centre + TOOL * DOWN)
+    m.body("platform", [*corners, tip], mass=PLATFORM_MASS, com=centre, inertia=inertia)
     m.line(*corners, corners[0])
+    for corner in corners[::2]:
+        m.line(corner, tip)
 
 
 def parallelogram(m, name, a, b):
@@ -90,7 +95,7 @@ def parallelogram(m, name, a, b):
     m.extend(b, n)
     m.vector_segment(n, elbow_b - elbow_a)
     m.vector_segment(n, corner_b - corner_a)
-    m.arrow(corner_a, n)
+    m.arrow(elbow_b, n)
 
 
 def slender(mass, span):

@@ -1,19 +1,20 @@
-"""A thin disc that rolls without slipping: three freedoms of velocity where the position has five.
+"""A disc that rolls without slipping: five degrees of freedom in position, but only three in velocity.
 
-The dimensions are our own.
+The dimensions are our own: 2 kg, radius 0.3 m.
 """
 
 import numpy as np
 
 from ncgen import Model
 
-RADIUS = 0.3
+MASS, RADIUS = 2.0, 0.3
 
 
-def build(lean=20.0, speed=2.0, steer=0.5):
-    """The disc at the origin, rolling along x.
+def build(lean=20.0, speed=1.5, steer=0.5, spokes=6):
+    """The disc on the plane z = 0, above the origin, rolling along x.
 
-    lean: to its right, degrees; speed: of its centre, m/s; steer: rad/s to the left, about the vertical
+    lean: to its left (degrees); speed: of its centre (m/s); steer: how fast it turns left about the vertical (rad/s);
+    spokes: how many are drawn
     """
     m = Model("disc")
     tilt = np.radians(lean)
@@ -22,10 +23,18 @@ def build(lean=20.0, speed=2.0, steer=0.5):
     C = m.point("C", RADIUS * up)
     u = m.vector("u", axle)
     v = m.vector("v", (1, 0, 0))
-    rim = m.point("rim", RADIUS * up + (RADIUS, 0, 0))
-    mass = 2.0
-    m.body("disc", [C, rim], [u], mass=mass, com=C.initial, inertia=mass * RADIUS**2 / 4 * (np.eye(3) + np.outer(axle, axle)))
-    m.rolling(m.bodies["disc"], C, u, v, RADIUS)
+    inertia = MASS * RADIUS**2 / 4 * (np.eye(3) + np.outer(axle, axle))
+    disc = m.body("disc", [C], [u, v], mass=MASS, inertia=inertia, constant_mass=True)
+    m.rolling(disc, C, u, v, RADIUS)
     m.independent(C.x, u.x, u.z)
     m.gravity((0, 0, -9.81))
+
+    angles = 2 * np.pi / max(spokes, 1) * np.arange(spokes)
+    places = RADIUS * (up + np.outer(np.cos(angles), v.initial) - np.outer(np.sin(angles), up))
+    rim = [m.attach_point(disc, f"P{k}", place) for k, place in enumerate(places, 1)]
+    for point, following in zip(rim, rim[1:] + rim[:1]):
+        m.line(C, point, following)
+    m.arrow(C, u)
+    # Turning at `steer` about the vertical carries the axle's tip backwards.
+    m.simulation(duration=3.0, zd0={"C.x": speed, "u.x": -steer * np.cos(tilt)})
     return m

@@ -1,4 +1,4 @@
-"""Two rods that share a point: sharing is the joint, and the motion soon forgets how it began (chaos).
+"""Two rods that share a point: sharing is the joint. The motion is chaotic.
 
 Dimensions: our own, unequal so that no term of the equations hides another.
 """
@@ -10,7 +10,7 @@ def build(lengths=(1.0, 0.8), masses=(1.0, 0.5)):
     m = Model("doublependulum")
     A = m.point("A", (0, 0), fixed=True)
     B = m.point("B", (lengths[0], 0))
-    C = m.point("C", (sum(lengths), 0))
+    C = m.point("C", lengths)
     for name, ends, length, mass in zip(("upper", "lower"), ((A, B), (B, C)), lengths, masses, strict=True):
         m.body(name, points=ends, mass=mass, inertia=mass * length**2 / 12)
     m.gravity((0, -9.81, 0))

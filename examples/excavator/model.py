@@ -1,7 +1,8 @@
 """An excavator's arm: cylinder lengths are coordinates, so cylinder forces are read off and not solved for.
 
-Boom 1.903392 m, stick 1.351485 m, bucket 0.590267 m and their masses 200, 150 and 70 kg: eliasalbag/VolvoExcavator. Where the cylinders
-and the bucket's linkage are hinged, and the centres of mass, are ours.
+Boom 1.903392 m, stick 1.351485 m, bucket 0.590267 m and their masses 200, 150 and 70 kg: eliasalbag/VolvoExcavator. Where
+the cylinders and the bucket's linkage are hinged, the centres of mass and the control are ours; moments of inertia are a
+uniform rod's, cylinders and linkage have no mass.
 """
 
 import numpy as np
@@ -34,15 +35,15 @@ ROCKER, LINK = 0.30, 0.28
 
 STIFFNESS = 1e6
 DAMPING = {"lift": 8e4, "crowd": 3e4, "curl": 6e3}
-STROKES = {"lift": -0.12, "crowd": 0.15, "curl": 0.10}
+STROKES = {"lift": -0.10, "crowd": 0.12, "curl": 0.08}
 PERIOD = 4.0
 """The control of the cylinders (N/m, N s/m), and how far (m) and how fast (s) they move out and back."""
 
 
 def build():
     m = Model("excavator")
-    hinge = O = m.point("O", (0, 0), fixed=True)
-    G = m.point("G", FOOT, fixed=True)
+    hinge = m.point("O", (0, 0), fixed=True)
+    m.point("G", FOOT, fixed=True)
     for name, end in (("boom", "B"), ("stick", "C"), ("bucket", "T")):
         hinge = part(m, name, hinge, end)
     H, F = m.elements["H"], m.elements["F"]

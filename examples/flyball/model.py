@@ -14,44 +14,42 @@ THIN = 0.01
 
 def build(stiffness=8e5, damping=4e4):
     m = Model("flyball")
+    O = m.point("O", (0, 0, 0), fixed=True)
+    T = m.point("T", (0, 0, 1), fixed=True)
+    S = m.point("S", (0, 0, 0.5), fixed="xy")  # the slider's centre
     x = m.vector("x", (1, 0, 0), fixed=True)
     z = m.vector("z", (0, 0, 1), fixed=True)
-    foot = m.point("foot", (0, 0, 0), fixed=True)
-    head = m.point("head", (0, 0, 1), fixed=True)
-    S = m.point("S", (0, 0, 0.5), fixed="xy")
-    e = m.vector("e", (1, 0, 0), fixed="z")  # turns with the shaft, towards the right rod
+    e = m.vector("e", (1, 0, 0), fixed="z")  # turns with the shaft, towards rod 1
     f = m.vector("f", (0, 1, 0), fixed="z")  # turns with the shaft, along the hinges
 
-    shaft = m.body("shaft", [foot, head], [e, f], **box(THIN, THIN, 1))
+    shaft = m.body("shaft", [O, T], [e, f], **box(THIN, THIN, 1))
     slider = m.body("slider", [S], [e, f, z], **box(0.1, 0.1, 0.1))
     turn = m.angle("turn", start=x, end=e, axis=z)
-    tilts = [add_rod(m, shaft, slider, head, S, e, f, side, stiffness, damping) for side in ("right", "left")]
+    tilts = []
+    for number, out in (1, 1.0), (2, -1.0):
+        aside = 0.05 * out * e.initial
+        along = np.array([out * np.cos(LOW), 0, -np.sin(LOW)])
+        H = m.attach_point(shaft, f"H{number}", T.initial + aside)
+        K = m.attach_point(slider, f"K{number}", S.initial + aside)
+        B = m.point(f"B{number}", H.initial + along)
+        rod = m.body(f"rod{number}", [H, B], [f], **box(1, THIN, THIN, along))
+        M = m.attach_point(rod, f"M{number}", H.initial + along / 2)
+        m.body(f"ball{number}", [B], mass=5.0)
+        m.spring(K, M, stiffness, damping, free_length=0.5)
+        tilts.append(m.angle(f"alpha{number}", start=out * e, end=B - H, axis=out * f))
+        m.line(T, H, M, B)
+        m.line(S, K, M)
     m.independent(turn, S.z, *tilts)
     m.gravity((0, 0, -9.81))
-    m.line(foot, S, head)
-    m.arrow(S, e)
-    m.arrow(S, f)
+    m.line(O, S, T)
+    m.arrow(O, e)
+    m.arrow(O, f)
     m.simulation(duration=1.0, integrator="radau", zd0={"turn": 2 * np.pi})
     return m
 
 
-def add_rod(m, shaft, slider, head, S, e, f, side, stiffness, damping):
-    """One rod with its ball, and the spring and damper from the slider to the middle of the rod; returns its angle."""
-    sign = 1 if side == "right" else -1
-    hinge = m.attach_point(shaft, f"{side}.hinge", head.initial + 0.05 * sign * e.initial)
-    collar = m.attach_point(slider, f"{side}.collar", S.initial + 0.05 * sign * e.initial)
-    along = np.array([sign * np.cos(LOW), 0, -np.sin(LOW)])
-    end = m.point(f"{side}.end", hinge.initial + along)
-    rod = m.body(f"{side}.rod", [hinge, end], [f], **box(1, THIN, THIN, along))
-    m.body(f"{side}.ball", [end], mass=5.0)
-    m.spring(collar, m.attach_point(rod, f"{side}.middle", hinge.initial + along / 2), stiffness, damping, free_length=0.5)
-    m.line(head, hinge, end)
-    m.line(S, collar, m.elements[f"{side}.middle"])
-    return m.angle(f"{side}.alpha", start=sign * e, end=end - hinge, axis=sign * f)
-
-
 def box(a, b, c, along=(1, 0, 0)):
-    """Mass and inertia tensor of a box of 3000 kg/m3 with side a in the direction `along` of the plane y = 0."""
+    """Mass and inertia tensor of a box with side a in the direction `along` of the plane y = 0 and side b along y."""
     mass = 3000.0 * a * b * c
     first, second = np.array(along), np.cross(along, (0, 1, 0))
     squares = a**2 * np.outer(first, first) + b**2 * np.diag([0, 1, 0]) + c**2 * np.outer(second, second)

@@ -1,24 +1,27 @@
-"""A spinning top on a fixed point: three degrees of freedom in nine coordinates, with a constant mass matrix.
+"""A spinning top as four points: three degrees of freedom in nine coordinates, with a constant mass matrix.
 
-Data (and the spin of 150 rad/s): the heavy top of Terze, Müller and Zlatar, Multibody System Dynamics 38 (2016)
-201-225, as given in Exudyn's heavyTop.py.
+A thin disc of 15 kg and radius 0.25 m at the end of a massless rod of 1 m. Data: the heavy top of Terze, Müller and
+Zlatar, Multibody System Dynamics 38 (2016) 201-225, as given in Exudyn's heavyTop.py.
 """
+
+import numpy as np
 
 from ncgen import Model
 
+RADIUS, HEIGHT = 0.25, 1.0
+
 
 def build(spin=150.0, precession=-4.61538):
+    """The top with its axis along y, turning about y and z at the given rates (rad/s)."""
     m = Model("heavytop")
     O = m.point("O", (0, 0, 0), fixed=True)
-    G = m.point("G", (0, 1, 0))
-    u = m.vector("u", (1, 0, 0))
-    v = m.vector("v", (0, 0, 1))
-    m.body("top", [O, G], [u, v], mass=15.0, com=(0, 1, 0), inertia=(0.234375, 0.46875, 0.234375))
-    m.independent(G.x, G.z, u.z)
+    angles = np.radians([90, 210, 330])
+    P, Q, R = rim = [m.point(name, (RADIUS * np.cos(a), HEIGHT, RADIUS * np.sin(a))) for name, a in zip("PQR", angles)]
+    m.body("top", [O, P, Q, R], mass=15.0, com=(0, HEIGHT, 0), inertia=(0.234375, 0.46875, 0.234375))
     m.gravity((0, 0, -9.81))
-    m.line(O, G)
-    m.arrow(G, u)
-    m.arrow(G, v)
-    # An angular velocity (0, spin, precession) moves G by omega x OG, and u by omega x u.
-    m.simulation(duration=1.0, integrator="dop853", zd0={"G.x": -precession, "u.z": -spin})
+    for point, following in zip(rim, (Q, R, P)):
+        m.line(O, point, following)
+    m.independent(P.x, P.z, Q.x)
+    at_p, at_q = (np.cross((0, spin, precession), point.initial) for point in (P, Q))
+    m.simulation(duration=0.5, integrator="dop853", zd0={"P.x": at_p[0], "P.z": at_p[2], "Q.x": at_q[0]})
     return m

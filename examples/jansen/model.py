@@ -1,4 +1,4 @@
-"""Theo Jansen's walking leg: eleven rods and one crank; rods that share their ends make loops and rigid triangles.
+"""Theo Jansen's walking leg: rods that share their ends make loops and rigid triangles; the crank is driven.
 
 Lengths: Theo Jansen's own thirteen numbers, taken as centimetres. The rods' 0.5 kg/m and one turn a second are ours.
 """

@@ -15,6 +15,7 @@ def build(N=2):
     for start, end in [*standing, *lying]:
         m.body(f"{start.name}{end.name}", points=[start, end], mass=1.0, inertia=1 / 12)
         m.line(start, end)
+    m.independent(tops[0].x)
     m.gravity((0, -9.81, 0))
     m.simulation(duration=0.6, zd0={"B0.x": 1.0})
     return m

@@ -1,7 +1,7 @@
-"""A crank, a connecting rod and a slider: how a prismatic joint and a crank angle are said, with a closed form.
+"""A crank, a connecting rod and a slider: a prismatic joint is one row, and an angle becomes the coordinate.
 
-Dimensions, masses and speed: Flores, Leine and Glocker 2010, doi 10.1007/s11044-009-9178-y, Table 1, without clearance;
-lengths 0.153 and 0.306 m are also those of the planar slider-crank in Rible.jl.
+Dimensions, masses and speed: Flores, Leine and Glocker 2010, doi 10.1007/s11044-009-9178-y, Table 1
+(as listed in the Siconos example SliderCrank), without the clearance.
 """
 
 from ncgen import Model

@@ -11,6 +11,7 @@ from ncgen import Model
 
 def build():
     m = Model("slidercrank3d")
+    O = m.point("O", (0, 0, 0), fixed=True)
     X = m.vector("X", (1, 0, 0), fixed=True)
     Z = m.vector("Z", (0, 0, 1), fixed=True)
     A = m.point("A", (0, 0.1, 0.12), fixed=True)
@@ -27,8 +28,8 @@ def build():
     psi = m.angle("psi", start=Z, end=B - A, axis=X)
     m.independent(psi)
     m.gravity((0, 0, -9.81))
-    m.line(A, B, C)
-    m.arrow(C, X)
+    m.line(A, B, C, O)
+    m.arrow(A, X)
     m.arrow(C, h)
     m.simulation(duration=5.0, zd0={"psi": 6.0})
     return m

@@ -1,7 +1,7 @@
-"""A Stewart-Gough platform: six leg lengths are the coordinates, so both kinematics and leg forces come for free.
+"""A Stewart-Gough platform: six leg lengths are coordinates, so both kinematics and leg forces come for free.
 
-Geometry: base radius 3 m, platform radius 1 m, height 2 m, leg pairs 2.5 and 10 degrees off their middles, from the MathWorks demo
-mech_stewart_control_setup.m (2002). Legs are massless; the platform's mass and the legs' springs are ours.
+Geometry: base radius 3 m, platform radius 1 m, height 2 m, legs in pairs 2.5 and 10 degrees off their middles, from the
+MathWorks demo mech_stewart_control_setup.m (2002). Legs are massless; the platform's mass and the legs' springs are ours.
 """
 
 import numpy as np
@@ -35,7 +35,7 @@ def build(stiffness=2e5, damping=4e3):
     for foot, head in zip(feet, heads, strict=True):
         m.line(foot, head)
     m.arrow(heads[0], normal)
-    m.simulation(duration=3.0, zd0={"s1": 0.6, "s2": -0.3, "s4": 0.4}, integrator="dop853")
+    m.simulation(duration=3.0, zd0={"s1": 0.6, "s2": -0.3, "s4": 0.4})
     return m
 
 

@@ -1,4 +1,9 @@
-"""Whole simulations in one call: the generated state derivative with the C runtime around it."""
+"""Whole simulations in one call of the C runtime, on a state derivative that is emitted or dense.
+
+Dense: the runtime's own elimination with the model's kernels. Nothing is generated or compiled for a choice of
+independent coordinates, so it suits single runs and changing choices.
+Emitted: the elimination written out for one mechanism and one choice, several times faster, after a compile.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +16,7 @@ from cffi import FFI
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.build.library import STATUS, CompiledKernels, _abi
-from ncgen.emit.c import dynamics_files
+from ncgen.emit.c import HEADERS, RUNTIME, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.program.dynamics import Split, assemble_dynamics
@@ -26,13 +31,29 @@ STRAIGHT_LINE = tuple("-O1" if flag.startswith("-O") else flag for flag in FLAGS
 
 @cache
 def _runtime_abi() -> FFI:
-    text = verbatim("c/ncgen_runtime.h")
+    """cffi's view of ncgen_runtime.h."""
     ffi = FFI()
     ffi.include(_abi())
-    ffi.cdef(text.split("/* begin cdef */")[1].split("/* end cdef */")[0])
+    ffi.cdef(verbatim("c/ncgen_runtime.h").split("/* begin cdef */")[1].split("/* end cdef */")[0])
     for name in ("ncgen_dynamics", "ncgen_options", "ncgen_statistics"):
         ffi.sizeof(name)  # completed here, as in ncgen.build.library
     return ffi
+
+
+def _load(files: dict[str, str], flags, more: str = ""):
+    """A library with the runtime in it, and its interface."""
+    ffi = FFI()
+    ffi.include(_runtime_abi())
+    functions = verbatim("c/ncgen_runtime.h").split("/* begin functions */")[1].split("/* end functions */")[0]
+    ffi.cdef(functions + more)
+    files = files | {name: verbatim(f"c/{name}") for name in (*RUNTIME, *HEADERS)}
+    return ffi, ffi.dlopen(str(build(files, find_compiler(), flags).library))
+
+
+@cache
+def _bare_runtime():
+    """The runtime alone, the same for all mechanisms."""
+    return _load({}, FLAGS)
 
 
 @dataclass(frozen=True)
@@ -55,24 +76,13 @@ class Outcome:
     newton_steps: int
 
 
-class CompiledDynamics:
-    """The state derivative of a mechanism for one choice of independent coordinates, compiled with the runtime."""
+class Dynamics:
+    """A state derivative with the runtime around it."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, sizes):
-        equations = kernels.programs.equations
+    def __init__(self, kernels: CompiledKernels, ffi: FFI, library, dynamics):
         self.kernels = kernels
-        self.split = split
-        self.programs = assemble_dynamics(equations, split, samples, sizes)
-        files = dynamics_files(self.programs, equations, kernels.row_sizes)
-        files |= {name: verbatim(f"c/{name}") for name in ("ncgen.h", "ncgen_math.h")}
-        getter = f"{identifier(kernels.name)}_dynamics"
-        self._ffi = FFI()
-        self._ffi.include(_runtime_abi())
-        functions = verbatim("c/ncgen_runtime.h").split("/* begin functions */")[1].split("/* end functions */")[0]
-        self._ffi.cdef(functions + f"const ncgen_dynamics *{getter}(void);")
-        self._library = self._ffi.dlopen(str(build(files, find_compiler(), STRAIGHT_LINE).library))
-        self._dynamics = getattr(self._library, getter)()
-        self._model = self._ffi.cast("const ncgen_model *", kernels._descriptor)
+        self._ffi, self._library, self._dynamics = ffi, library, dynamics
+        self._model = ffi.cast("const ncgen_model *", kernels._descriptor)
 
     def simulate(self, method: str, times, q, zd, p, rtol, atol, max_step, tolerance, growth) -> Outcome:
         """Run over the times of a grid (first one is the start)."""
@@ -81,14 +91,45 @@ class CompiledDynamics:
         rows_and_last = len(times) + 1
         out_q, out_qd, out_work = np.empty((rows_and_last, n)), np.empty((rows_and_last, n)), np.empty(rows_and_last)
         work = np.empty(self._library.ncgen_workspace(self._model, self._dynamics))
+        integers = np.empty(max(self._dynamics.n_dependent, 1), dtype=np.intc)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
-        options = ffi.new("ncgen_options *", {"method": METHODS[method], "rtol": rtol, "atol": atol, "tolerance": tolerance, "growth": growth})
+        options = ffi.new("ncgen_options *", {"method": METHODS[method], "rtol": rtol, "atol": atol})
+        options.tolerance, options.growth = tolerance, growth
         options.max_step = 0.0 if np.isinf(max_step) else max_step
         inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, zd)]
         pointers = [ffi.cast("double *", a.ctypes.data) for a in (*inputs, times, out_q, out_qd, out_work, work)]
         status = self._library.ncgen_simulate(
-            self._model, self._dynamics, options, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7]
-        )
+            self._model, self._dynamics, options, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
+            ffi.cast("int *", integers.ctypes.data),
+        )  # fmt: skip
         done, s = rows[0], statistics
+        last = (out_q[-1], out_qd[-1], out_work[-1])
         counts = (s.steps, s.rejected, s.repeated, s.evaluations, s.newton_steps)
-        return Outcome(out_q[:done], out_qd[:done], out_work[:done], STATUS[status], s.t, (out_q[-1], out_qd[-1], out_work[-1]), *counts)
+        return Outcome(out_q[:done], out_qd[:done], out_work[:done], STATUS[status], s.t, last, *counts)
+
+
+class DenseDynamics(Dynamics):
+    """The runtime's dense elimination on the model's kernels, for one choice of independent coordinates."""
+
+    def __init__(self, kernels: CompiledKernels, split: Split, sizes):
+        ffi, library = _bare_runtime()
+        integers = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
+        numbers = {"row_sizes": kernels.row_sizes, "column_sizes": sizes}
+        self._kept = {name: np.array(values or (0,), dtype=np.intc) for name, values in integers.items()}
+        self._kept |= {name: np.array(values, dtype=float) for name, values in numbers.items()}
+        dynamics = ffi.new("ncgen_dynamics *", {"n_independent": len(split.independent), "n_dependent": len(split.dependent)})
+        for name, array in self._kept.items():
+            setattr(dynamics, name, ffi.cast("int *" if name in integers else "double *", array.ctypes.data))
+        super().__init__(kernels, ffi, library, dynamics)
+
+
+class EmittedDynamics(Dynamics):
+    """The state derivative written out and compiled for one choice of independent coordinates."""
+
+    def __init__(self, kernels: CompiledKernels, split: Split, sizes, samples: Samples):
+        equations = kernels.programs.equations
+        self.programs = assemble_dynamics(equations, split, samples, sizes)
+        files = dynamics_files(self.programs, equations, kernels.row_sizes)
+        getter = f"{identifier(kernels.name)}_dynamics"
+        ffi, library = _load(files, STRAIGHT_LINE, f"const ncgen_dynamics *{getter}(void);")
+        super().__init__(kernels, ffi, library, getattr(library, getter)())

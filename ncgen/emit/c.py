@@ -38,7 +38,7 @@ def c_files(programs: Programs) -> dict[str, str]:
 
 
 def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) -> dict[str, str]:
-    """{file name: text}: the state derivative, and the runtime that integrates it."""
+    """{file name: text}: the state derivative, for the runtime to integrate."""
     prefix = identifier(equations.model.name)
     tables = Tables(f"{prefix}_dynamics_")
     split = programs.split
@@ -53,8 +53,7 @@ def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) 
         "row_sizes": [number(float(size)) for size in row_sizes] or ["0"],
         "width": WIDTH,
     }
-    files = {f"{prefix}_dynamics.{kind}": render(f"c/dynamics.{kind}.jinja", **records) for kind in "ch"}
-    return files | {name: verbatim(f"c/{name}") for name in RUNTIME}
+    return {f"{prefix}_dynamics.{kind}": render(f"c/dynamics.{kind}.jinja", **records) for kind in "ch"}
 
 
 def number(value: float) -> str:

@@ -20,12 +20,12 @@ coordinates only, and R is what their errors are multiplied by."""
 REUSE = 0.7
 """A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
 
-MOST_PARTITIONS = 24
-"""How many choices of independent coordinates are compiled in one run before Python takes over."""
+MOST_EMITTED = 6
+"""How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
 
 
-def refusal(kernels: Kernels, integrator: str, partitions: Partitions) -> str | None:
-    """Why a simulation cannot run in C, in words, or None if it can."""
+def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: bool) -> str | None:
+    """Why a simulation cannot run in C (with an emitted state derivative), in words, or None if it can."""
     from ncgen.build.library import CompiledKernels
     from ncgen.build.runtime import METHODS
     from ncgen.program.dynamics import LARGEST
@@ -40,24 +40,26 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions) -> str | 
         return "the paper's sine-or-cosine rows choose anew between steps"
     if partitions.position is not partitions.velocity:
         return "rolling conditions need two partitions"
-    if len(partitions.position.independent) > LARGEST:
-        return f"more than {LARGEST} degrees of freedom"
+    if emitted and len(partitions.position.independent) > LARGEST:
+        return f"a state derivative is emitted for up to {LARGEST} degrees of freedom"
     if not kernels.m:
         return "there are no constraint rows"
     return None
 
 
-def compiled_dynamics(kernels: Kernels, partitions: Partitions, q, p):
-    """The compiled state derivative for a partition, made once for every kernels object and partition."""
-    from ncgen.build.runtime import CompiledDynamics
+def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p):
+    """The state derivative for a partition, made once for every kernels object and partition."""
+    from ncgen.build.runtime import DenseDynamics, EmittedDynamics
     from ncgen.program.dynamics import Split
 
     part = partitions.position
     split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
     store = kernels.__dict__.setdefault("_dynamics", {})
-    if split not in store:
-        store[split] = CompiledDynamics(kernels, split, _samples(kernels, q, p), column_sizes(kernels))
-    return store[split]
+    if (split, emitted) not in store:
+        sizes = column_sizes(kernels)
+        new = EmittedDynamics(kernels, split, sizes, _samples(kernels, q, p)) if emitted else DenseDynamics(kernels, split, sizes)
+        store[split, emitted] = new
+    return store[split, emitted]
 
 
 def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
@@ -79,8 +81,8 @@ class CompiledRun:
     stopped: str = ""
 
 
-def run(kernels: Kernels, partitions: Partitions, integrator: str, grid, q, zd, p, rtol, atol, max_step) -> CompiledRun:
-    """Run over a time grid; where the independent coordinates become bad, go on with others.
+def run(kernels: Kernels, partitions: Partitions, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step):
+    """A CompiledRun over a time grid; where the independent coordinates become bad, it goes on with others.
 
     counts are those of `Statistics`: steps, evaluations, Newton steps, changes, repeated steps
     """
@@ -90,8 +92,8 @@ def run(kernels: Kernels, partitions: Partitions, integrator: str, grid, q, zd, 
     seen = [partitions]
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
-        dynamics = compiled_dynamics(kernels, whole.partitions, q, p)
-        done = dynamics.simulate(method, times, q, zd, p, rtol, atol, max_step, TOLERANCE, growth)
+        here = dynamics(kernels, whole.partitions, emitted and len(seen) <= MOST_EMITTED, q, p)
+        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, TOLERANCE, growth)
         on_grid = times[0] == grid[len(whole.q)]  # otherwise the first row is only where the last piece stopped
         _append(whole, done, slice(0 if on_grid else 1, len(done.q)), work)
         if done.status == "ok":
@@ -100,7 +102,7 @@ def run(kernels: Kernels, partitions: Partitions, integrator: str, grid, q, zd, 
         t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
         before, whole.partitions = whole.partitions, _better(kernels, whole.partitions, seen, q, t, p)
         changed = whole.partitions is not before
-        if not (advanced or changed) or len(seen) > MOST_PARTITIONS:
+        if not (advanced or changed):
             whole.stopped = f"the run in C stopped at t = {t:.6g} s ({done.status})"
             return whole
         whole.counts[3] += changed

@@ -28,6 +28,7 @@ RETRIES = 8
 """How often a step whose position problem fails is tried again, each time four times shorter."""
 
 FORMALISMS = ("coordinate-partitioning",)
+ENGINES = ("auto", "c", "emitted", "python")
 
 
 def simulate(
@@ -61,8 +62,9 @@ def simulate(
     p: parameters (default: the model's)
     points: how many instants the trajectory holds
     max_step: the longest step (s)
-    engine: "c" (the whole run in one call of compiled code), "python", or "auto": C where it can be; the trajectory's
-        `engine` says which it was and why
+    engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out and compiled
+        for this mechanism: several times faster, after a compile of a second or so), "python" (the reference), or
+        "auto": C where it can be; the trajectory's `engine` says which it was and why
     progress: called with the time reached after every step in Python
 
     Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
@@ -72,8 +74,8 @@ def simulate(
         raise ModelError(f"formalism {formalism!r} is unknown; choose one of {', '.join(FORMALISMS)}")
     method = find_integrator(integrator)
     duration = _positive(duration, "duration")
-    if engine not in ("auto", "c", "python"):
-        raise ModelError(f"engine {engine!r} is unknown; choose one of auto, c, python")
+    if engine not in ENGINES:
+        raise ModelError(f"engine {engine!r} is unknown; choose one of {', '.join(ENGINES)}")
     if points < 2:
         raise ModelError(f"points: {points} given; a trajectory has at least 2")
     q = np.array(kernels.q0 if q0 is None else q0, dtype=float)
@@ -85,11 +87,12 @@ def simulate(
     grid = np.linspace(t0, t0 + duration, points)
     options = dict(rtol=rtol, atol=atol, max_step=max_step)
     clock = time.perf_counter()
-    refused = "asked for" if engine == "python" else compiled.refusal(kernels, integrator, partitions)
-    if refused and engine == "c":
+    emitted = engine == "emitted"
+    refused = "asked for" if engine == "python" else compiled.refusal(kernels, integrator, partitions, emitted)
+    if refused and engine in ("c", "emitted"):
         raise ModelError(f"{kernels.name} cannot be simulated in C: {refused}; use engine='auto'")
     if refused is None:
-        piece = compiled.run(kernels, partitions, integrator, grid, q, zd, p, **options)
+        piece = compiled.run(kernels, partitions, integrator, emitted, grid, q, zd, p, **options)
         partitions, refused = piece.partitions, piece.stopped or None
         if refused and len(piece.q):
             q, zd = piece.q[-1], piece.qd[-1][partitions.velocity.independent]
@@ -101,7 +104,7 @@ def simulate(
         piece = run.integrate(q, zd, grid[start], p, grid[start:], progress).after(piece, start)
         partitions = run.partitions
     statistics = Statistics(*map(int, piece.counts), time.perf_counter() - clock)
-    said = "c" if refused is None else f"python: {refused}"
+    said = f"python: {refused}" if refused else "emitted" if emitted else "c"
     return Trajectory(kernels, grid, piece.q, piece.qd, piece.work, p, partitions, statistics, formalism, canonical_name(integrator), said)
 
 

@@ -40,7 +40,7 @@ class Trajectory:
     t (K,) in s; q, qd, qdd (K, n) in m and rad, in the order of `coordinates`; lam (K, m): multipliers of the rows,
     in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
     Accelerations and multipliers are computed when they are first asked for.
-    engine: "c", or "python" with the reason.
+    engine: "c", "emitted", or "python" with the reason.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
     """
 

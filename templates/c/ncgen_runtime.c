@@ -36,7 +36,21 @@ typedef struct run {
     ncgen_scalar start_t;
     ncgen_real amplification; /* at the start of the run */
     ncgen_real *y, *y_new, *k[STAGES];
+    struct dense *dense; /* NULL where the dynamics are emitted */
 } run;
+
+/* What the dense path works in: sizes are n coordinates, d dependent, z independent, m rows. */
+typedef struct dense {
+    ncgen_real *jacobian, *mass;              /* nonzeros */
+    ncgen_real *lu;                           /* d x d, row by row */
+    ncgen_real *R, *MR;                       /* n x z */
+    ncgen_real *reduced;                      /* z x z */
+    ncgen_real *bias, *force, *missing;       /* n */
+    ncgen_real *nu, *gamma, *lam;             /* m */
+    ncgen_real *column;                       /* d */
+    ncgen_real energy[3];
+    int *order;                               /* row exchanges */
+} dense;
 
 static const ncgen_scalar dopri_c[STAGES] = {R(0.0), R(1.0 / 5), R(3.0 / 10), R(4.0 / 5), R(8.0 / 9), R(1.0), R(1.0)};
 
@@ -70,7 +84,13 @@ size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics)
     const size_t n = (size_t)model->n_coordinates;
     const size_t nz = (size_t)dynamics->n_independent;
     const size_t ny = 2 * nz + 1;
-    return 6 * n + nz + 2 + (size_t)model->n_rows + (size_t)dynamics->n_dependent + (3 + STAGES) * ny;
+    const size_t d = (size_t)dynamics->n_dependent;
+    const size_t m = (size_t)model->n_rows;
+    const size_t integration = 6 * n + nz + 2 + m + d + (3 + STAGES) * ny;
+    const size_t nonzeros = (size_t)(model->phi_q_pattern.indptr ? model->phi_q_pattern.indptr[model->n_rows] : 0) +
+                            (size_t)(model->mass_pattern.indptr ? model->mass_pattern.indptr[model->n_coordinates] : 0);
+    const size_t linear = nonzeros + d * d + 2 * n * nz + nz * nz + 3 * n + 3 * m + d;
+    return integration + (dynamics->newton ? 0 : linear);
 }
 
 static ncgen_real *take(ncgen_real **workspace, int count)
@@ -98,6 +118,253 @@ static ncgen_real residual(const run *r)
     return largest;
 }
 
+/* Dense linear algebra, where nothing is emitted ------------------------------------------------------------- */
+
+/* Phi_q at (t, q), and the factors of its dependent columns over the kept rows. */
+static int factor_jacobian(run *r, ncgen_scalar t)
+{
+    const ncgen_dynamics *d = r->dynamics;
+    const ncgen_pattern *pattern = &r->model->phi_q_pattern;
+    dense *w = r->dense;
+    const int size = d->n_dependent;
+    const int status = r->model->phi_q(t, r->q, r->p, w->jacobian);
+    if (status != NCGEN_OK)
+        return status;
+    for (int i = 0; i < size; ++i) {
+        ncgen_real *row = w->lu + (size_t)i * (size_t)size;
+        ncgen_real *full = w->bias; /* n numbers that are free here */
+        for (int c = 0; c < r->n; ++c)
+            full[c] = 0;
+        for (int k = pattern->indptr[d->rows[i]]; k < pattern->indptr[d->rows[i] + 1]; ++k)
+            full[pattern->indices[k]] = w->jacobian[k];
+        for (int c = 0; c < size; ++c)
+            row[c] = full[d->dependent[c]];
+        w->order[i] = i;
+    }
+    for (int k = 0; k < size; ++k) {
+        int best = k;
+        for (int i = k + 1; i < size; ++i)
+            if (NCGEN_ABS(w->lu[(size_t)i * (size_t)size + (size_t)k]) > NCGEN_ABS(w->lu[(size_t)best * (size_t)size + (size_t)k]))
+                best = i;
+        if (best != k) {
+            for (int c = 0; c < size; ++c) {
+                const ncgen_real other = w->lu[(size_t)k * (size_t)size + (size_t)c];
+                w->lu[(size_t)k * (size_t)size + (size_t)c] = w->lu[(size_t)best * (size_t)size + (size_t)c];
+                w->lu[(size_t)best * (size_t)size + (size_t)c] = other;
+            }
+            const int other = w->order[k];
+            w->order[k] = w->order[best];
+            w->order[best] = other;
+        }
+        const ncgen_real *pivot_row = w->lu + (size_t)k * (size_t)size;
+        if (!(NCGEN_ABS(pivot_row[k]) > 0))
+            return NCGEN_SINGULAR;
+        for (int i = k + 1; i < size; ++i) {
+            ncgen_real *row = w->lu + (size_t)i * (size_t)size;
+            if (!(NCGEN_ABS(row[k]) > 0))
+                continue;
+            const ncgen_real share = row[k] /= pivot_row[k];
+            for (int c = k + 1; c < size; ++c)
+                row[c] -= share * pivot_row[c];
+        }
+    }
+    return NCGEN_OK;
+}
+
+/* x of A x = right over kept rows; right is indexed like the model's rows. */
+static void solve_factored(const run *r, const ncgen_real *right, ncgen_real *x)
+{
+    const int size = r->dynamics->n_dependent;
+    const dense *w = r->dense;
+    for (int i = 0; i < size; ++i) {
+        const ncgen_real *row = w->lu + (size_t)i * (size_t)size;
+        ncgen_real sum = right[r->dynamics->rows[w->order[i]]];
+        for (int c = 0; c < i; ++c)
+            sum -= row[c] * x[c];
+        x[i] = sum;
+    }
+    for (int i = size - 1; i >= 0; --i) {
+        const ncgen_real *row = w->lu + (size_t)i * (size_t)size;
+        for (int c = i + 1; c < size; ++c)
+            x[i] -= row[c] * x[c];
+        x[i] /= row[i];
+    }
+}
+
+/* lam of A' lam = right over the dependent coordinates, written to the model's rows; rows that are not kept get zero. */
+static void solve_transposed(const run *r, const ncgen_real *right, ncgen_real *lam)
+{
+    const int size = r->dynamics->n_dependent;
+    const dense *w = r->dense;
+    ncgen_real *x = w->column;
+    for (int i = 0; i < size; ++i) {
+        ncgen_real sum = right[r->dynamics->dependent[i]];
+        for (int c = 0; c < i; ++c)
+            sum -= w->lu[(size_t)c * (size_t)size + (size_t)i] * x[c];
+        x[i] = sum / w->lu[(size_t)i * (size_t)size + (size_t)i];
+    }
+    for (int i = size - 1; i >= 0; --i)
+        for (int c = i + 1; c < size; ++c)
+            x[i] -= w->lu[(size_t)c * (size_t)size + (size_t)i] * x[c];
+    for (int i = 0; i < r->model->n_rows; ++i)
+        lam[i] = 0;
+    for (int i = 0; i < size; ++i)
+        lam[r->dynamics->rows[w->order[i]]] = x[i];
+}
+
+static int newton_step(run *r, ncgen_scalar t)
+{
+    if (r->dynamics->newton)
+        return r->dynamics->newton(t, r->q, r->p, r->step);
+    const int status = factor_jacobian(r, t);
+    if (status != NCGEN_OK)
+        return status;
+    solve_factored(r, r->phi, r->step);
+    for (int i = 0; i < r->dynamics->n_dependent; ++i)
+        r->step[i] = -r->step[i];
+    return NCGEN_OK;
+}
+
+/* The basis R of the motions: column z of an n x nz matrix is qd for a unit speed of one independent coordinate. */
+static void form_basis(const run *r)
+{
+    const ncgen_dynamics *d = r->dynamics;
+    const ncgen_pattern *pattern = &r->model->phi_q_pattern;
+    dense *w = r->dense;
+    for (int z = 0; z < r->nz; ++z) {
+        for (int i = 0; i < r->model->n_rows; ++i) {
+            w->lam[i] = 0;
+            for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+                if (pattern->indices[k] == d->independent[z])
+                    w->lam[i] = w->jacobian[k];
+        }
+        solve_factored(r, w->lam, w->column);
+        ncgen_real *column = w->R + (size_t)z * (size_t)r->n;
+        for (int i = 0; i < r->n; ++i)
+            column[i] = 0;
+        column[d->independent[z]] = 1;
+        for (int i = 0; i < d->n_dependent; ++i)
+            column[d->dependent[i]] = -w->column[i];
+    }
+}
+
+static void times_mass(const run *r, const ncgen_real *x, ncgen_real *product)
+{
+    const ncgen_pattern *pattern = &r->model->mass_pattern;
+    for (int i = 0; i < r->n; ++i) {
+        ncgen_real sum = 0;
+        if (pattern->indptr)
+            for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+                sum += r->dense->mass[k] * x[pattern->indices[k]];
+        product[i] = sum;
+    }
+}
+
+static ncgen_real dot(int count, const ncgen_real *a, const ncgen_real *b)
+{
+    ncgen_real sum = 0;
+    for (int i = 0; i < count; ++i)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+/* zdd of (R'MR) zdd = right, by LDL'. */
+static int solve_reduced(const run *r, ncgen_real *right)
+{
+    const int nz = r->nz;
+    ncgen_real *a = r->dense->reduced;
+    for (int k = 0; k < nz; ++k) {
+        if (!(a[k * nz + k] > 0))
+            return NCGEN_SINGULAR;
+        for (int i = k + 1; i < nz; ++i) {
+            const ncgen_real share = a[i * nz + k] / a[k * nz + k];
+            for (int j = k + 1; j <= i; ++j)
+                a[i * nz + j] -= share * a[j * nz + k];
+            right[i] -= share * right[k];
+        }
+    }
+    for (int k = nz - 1; k >= 0; --k) {
+        for (int i = k + 1; i < nz; ++i)
+            right[k] -= a[i * nz + k] * right[i];
+        right[k] /= a[k * nz + k];
+    }
+    return NCGEN_OK;
+}
+
+/* qd, zdd, power and amplification at r->q for the speeds zd, as the emitted function writes them. */
+static int accelerate(run *r, ncgen_scalar t, const ncgen_real *zd)
+{
+    if (r->dynamics->acceleration)
+        return r->dynamics->acceleration(t, r->q, zd, r->p, r->out);
+    const ncgen_model *model = r->model;
+    const ncgen_dynamics *d = r->dynamics;
+    dense *w = r->dense;
+    ncgen_real *qd = r->out, *zdd = r->out + r->n;
+    int status = factor_jacobian(r, t);
+    if (status != NCGEN_OK)
+        return status;
+    form_basis(r);
+    for (int i = 0; i < model->n_rows; ++i)
+        w->nu[i] = 0;
+    if (model->nu)
+        status |= model->nu(t, r->q, r->p, w->nu);
+    solve_factored(r, w->nu, w->column);
+    for (int i = 0; i < r->n; ++i) {
+        qd[i] = 0;
+        w->bias[i] = w->force[i] = 0;
+        for (int z = 0; z < r->nz; ++z)
+            qd[i] += w->R[z * r->n + i] * zd[z];
+    }
+    for (int i = 0; i < d->n_dependent; ++i)
+        qd[d->dependent[i]] += w->column[i];
+    status |= model->gamma(t, r->q, qd, r->p, w->gamma);
+    solve_factored(r, w->gamma, w->column);
+    for (int i = 0; i < d->n_dependent; ++i)
+        w->bias[d->dependent[i]] = w->column[i];
+    if (model->mass)
+        status |= model->mass(t, r->q, r->p, w->mass);
+    if (model->force)
+        status |= model->force(t, r->q, qd, r->p, w->force);
+    if (status != NCGEN_OK)
+        return NCGEN_DOMAIN;
+    times_mass(r, w->bias, w->missing);
+    for (int i = 0; i < r->n; ++i)
+        w->missing[i] = w->force[i] - w->missing[i];
+    ncgen_real amplification = 0;
+    for (int z = 0; z < r->nz; ++z) {
+        const ncgen_real *column = w->R + z * r->n;
+        times_mass(r, column, w->MR + z * r->n);
+        for (int j = 0; j <= z; ++j)
+            w->reduced[z * r->nz + j] = dot(r->n, column, w->MR + j * r->n);
+        zdd[z] = dot(r->n, column, w->missing);
+        for (int i = 0; i < r->n; ++i) {
+            const ncgen_real grown = column[i] * d->column_sizes[d->independent[z]] / d->column_sizes[i];
+            amplification += grown * grown;
+        }
+    }
+    status = solve_reduced(r, zdd);
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_real power = 0;
+    if (model->energy) {
+        if (model->energy(t, r->q, qd, r->p, w->energy) != NCGEN_OK)
+            return NCGEN_DOMAIN;
+        power = w->energy[2];
+    }
+    if (model->nu) {
+        for (int z = 0; z < r->nz; ++z)
+            for (int i = 0; i < r->n; ++i)
+                w->missing[i] -= w->MR[z * r->n + i] * zdd[z];
+        solve_transposed(r, w->missing, w->lam);
+        power -= dot(model->n_rows, w->nu, w->lam);
+    }
+    r->out[r->n + r->nz] = power;
+    r->out[r->n + r->nz + 1] = amplification;
+    return NCGEN_OK;
+}
+
+/* Positions, the state derivative, and integration ------------------------------------------------------------- */
+
 /* The dependent coordinates at time t for the independent ones z. */
 static int solve_position(run *r, ncgen_scalar t, const ncgen_real *z)
 {
@@ -116,7 +383,7 @@ static int solve_position(run *r, ncgen_scalar t, const ncgen_real *z)
             return NCGEN_OK;
         if (!(size < R(1e30)))
             return NCGEN_NOT_CONVERGED;
-        status = d->newton(t, r->q, r->p, r->step);
+        status = newton_step(r, t);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < d->n_dependent; ++i)
@@ -135,7 +402,7 @@ static int derivative(run *r, ncgen_scalar t, const ncgen_real *y, ncgen_real *y
     int status = solve_position(r, t, y + r->nz);
     if (status != NCGEN_OK)
         return status;
-    status = r->dynamics->acceleration(t, r->q, y, r->p, r->out);
+    status = accelerate(r, t, y);
     if (status != NCGEN_OK)
         return status;
     if (!(r->out[r->n + r->nz + 1] < broken_down))
@@ -253,7 +520,7 @@ static int write_inside(run *r, ncgen_scalar t, ncgen_scalar h, int n_times, con
         }
         int status = solve_position(r, times[*rows], at + r->nz);
         if (status == NCGEN_OK)
-            status = r->dynamics->acceleration(times[*rows], r->q, at, r->p, r->out);
+            status = accelerate(r, times[*rows], at);
         if (status != NCGEN_OK)
             return status;
         write_row(r, at, *rows, out_q, out_qd, out_work);
@@ -373,10 +640,29 @@ static int run_rk4(run *r, int n_times, const ncgen_scalar *times, ncgen_real *o
     return NCGEN_OK;
 }
 
+static void give_dense(const run *r, dense *w, ncgen_real *workspace, int *integers)
+{
+    const int n = r->n, m = r->model->n_rows, d = r->dynamics->n_dependent;
+    w->jacobian = take(&workspace, r->model->phi_q_pattern.indptr ? r->model->phi_q_pattern.indptr[m] : 0);
+    w->mass = take(&workspace, r->model->mass_pattern.indptr ? r->model->mass_pattern.indptr[n] : 0);
+    w->lu = take(&workspace, d * d);
+    w->R = take(&workspace, n * r->nz);
+    w->MR = take(&workspace, n * r->nz);
+    w->reduced = take(&workspace, r->nz * r->nz);
+    w->bias = take(&workspace, n);
+    w->force = take(&workspace, n);
+    w->missing = take(&workspace, n);
+    w->nu = take(&workspace, m);
+    w->gamma = take(&workspace, m);
+    w->lam = take(&workspace, m);
+    w->column = take(&workspace, d);
+    w->order = integers;
+}
+
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
                    const ncgen_real *p, const ncgen_real *q, const ncgen_real *zd, int n_times, const ncgen_scalar *times,
                    ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows, ncgen_statistics *statistics,
-                   ncgen_real *workspace)
+                   ncgen_real *workspace, int *integers)
 {
     if (n_times < 2 || !model->phi)
         return NCGEN_ARGUMENT;
@@ -397,6 +683,12 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     r.end_q = take(&workspace, r.n);
     r.end_qd = take(&workspace, r.n);
     r.end_y = take(&workspace, r.ny);
+
+    dense w;
+    if (!dynamics->newton) {
+        give_dense(&r, &w, workspace, integers);
+        r.dense = &w;
+    }
 
     *statistics = (ncgen_statistics){.t = times[0]};
     *rows = 0;

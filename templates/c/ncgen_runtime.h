@@ -15,6 +15,9 @@ extern "C" {
 /* begin cdef */
 
 /* The state derivative of a model, for one choice of independent coordinates.
+ *
+ * newton and acceleration are emitted for one mechanism and one choice, with the elimination written out; where they are
+ * NULL the runtime does the same with the model's kernels and dense elimination with row exchanges.
  * newton writes the correction of the dependent coordinates (n_dependent numbers);
  * acceleration writes qd (n_coordinates), zdd (n_independent), power, amplification: how much an error of the
  * independent coordinates grows in the others, squared. */
@@ -26,6 +29,8 @@ typedef struct ncgen_dynamics {
     int n_dependent;
     const int *independent; /* positions in q */
     const int *dependent;
+    const int *rows;        /* n_dependent kept rows; not used by emitted functions */
+    const ncgen_scalar *column_sizes; /* natural size of every coordinate; not used by emitted functions */
     const ncgen_scalar *row_sizes; /* n_rows: what a residual is compared with */
     ncgen_position_kernel *newton;
     ncgen_acceleration_kernel *acceleration;
@@ -58,7 +63,7 @@ typedef struct ncgen_statistics {
 /* end cdef */
 /* begin functions */
 
-/* Numbers of workspace that ncgen_simulate needs. */
+/* Numbers of workspace that ncgen_simulate needs; besides, it needs n_dependent integers. */
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics);
 
 /* Simulate from times[0] to times[n_times - 1].
@@ -71,7 +76,7 @@ size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics)
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
                    const ncgen_real *p, const ncgen_real *q, const ncgen_real *zd, int n_times, const ncgen_scalar *times,
                    ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows, ncgen_statistics *statistics,
-                   ncgen_real *workspace);
+                   ncgen_real *workspace, int *integers);
 
 /* end functions */
 

@@ -9,8 +9,7 @@ from ncgen.solver.inverse_dynamics import motor_forces
 
 DELTA = example_module("delta")
 MOTORS = ["psi1", "psi2", "psi3"]
-TURNS = 2 * np.pi / 3 * np.arange(3)
-OUT = np.column_stack([np.cos(TURNS), np.sin(TURNS), np.zeros(3)])
+OUT = np.column_stack([np.cos(DELTA.TURNS), np.sin(DELTA.TURNS), np.zeros(3)])
 POSES = [(0.3, 0.3, 0.3), (0.9, 0.1, 0.4), (-0.3, 0.2, 0.0), (1.1, 1.0, 0.6)]
 
 
@@ -47,7 +46,8 @@ def test_assembles_near_the_drawing(robot):
 @pytest.mark.parametrize("angles", POSES)
 def test_direct_kinematics(robot, angles):
     q = turned(robot, angles)
-    np.testing.assert_allclose([q[robot.index[f"C.{axis}"]] for axis in "xyz"], tool(np.array(angles)), atol=1e-12)
+    tool = [q[robot.index[f"C.{axis}"]] for axis in "xyz"]
+    np.testing.assert_allclose(tool, centre(np.array(angles)) - [0, 0, DELTA.TOOL], atol=1e-12)
 
 
 @pytest.mark.parametrize("angles", POSES)
@@ -65,15 +65,15 @@ def turned(robot, angles):
     return ncgen.move(robot, robot.q0, dict(zip(MOTORS, angles, strict=True)), steps=4).q
 
 
-def tool(angles):
+def centre(angles):
     """The platform's centre (m): the lower point common to three spheres of the rods' length about the shifted elbows."""
     knees = elbows(angles) - DELTA.PLATFORM * OUT
     a, b = knees[1] - knees[0], knees[2] - knees[0]
     normal = np.cross(a, b)
     square = normal @ normal
-    centre = np.cross((a @ a) * b - (b @ b) * a, normal) / (2 * square)  # of the circle through the knees, from the first
-    rise = np.sqrt((DELTA.ROD**2 - centre @ centre) / square)
-    return knees[0] + centre - rise * normal
+    middle = np.cross((a @ a) * b - (b @ b) * a, normal) / (2 * square)  # of the circle through the knees, from the first
+    rise = np.sqrt((DELTA.ROD**2 - middle @ middle) / square)
+    return knees[0] + middle - rise * normal
 
 
 def elbows(angles):
@@ -83,7 +83,7 @@ def elbows(angles):
 
 def weight_potential(angles, gravity=9.81):
     """J; an arm weighs in its middle, each of two rods in the middle between elbow and platform."""
-    knees, height = elbows(angles)[:, 2], tool(angles)[2]
+    knees, height = elbows(angles)[:, 2], centre(angles)[2]
     arms = DELTA.ARM_MASS * np.sum(knees) / 2
     rods = 2 * DELTA.ROD_MASS * np.sum((knees + height) / 2)
     return gravity * (arms + rods + DELTA.PLATFORM_MASS * height)

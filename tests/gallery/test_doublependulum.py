@@ -37,8 +37,8 @@ def lagrange(t, y):
 
 
 def expected(t):
-    """B and C at times t from both rods horizontal at rest, shape (K, 4)."""
-    start = [np.pi / 2, np.pi / 2, 0.0, 0.0]
+    """B and C at times t from rest, the upper rod horizontal and the lower upright, shape (K, 4)."""
+    start = [np.pi / 2, np.pi, 0.0, 0.0]
     th1, th2, *_ = solve_ivp(lagrange, (0, t[-1]), start, "DOP853", t, rtol=1e-13, atol=1e-13).y
     B = np.column_stack([L1 * np.sin(th1), -L1 * np.cos(th1)])
     return np.column_stack([B, B + np.column_stack([L2 * np.sin(th2), -L2 * np.cos(th2)])])
@@ -50,10 +50,10 @@ def test_two_degrees_of_freedom(kernels):
 
 
 def test_closes_from_a_rough_drawing(kernels):
-    rough = kernels.q0 + 0.018 * np.random.default_rng(1).standard_normal(kernels.n)
+    rough = kernels.q0 + 0.01 * np.random.default_rng(1).standard_normal(kernels.n)
     closed = ncgen.assemble(kernels, rough)
     assert residual(kernels, closed) < 1e-9
-    assert np.abs(closed - kernels.q0).max() < 0.09
+    assert np.abs(closed - kernels.q0).max() < 0.05
 
 
 def test_energy_stays(fall):
@@ -61,7 +61,4 @@ def test_energy_stays(fall):
 
 
 def test_same_motion_as_in_angles(fall):
-    """The lower rod has turned over by then, and errors have grown a hundredfold."""
-    error = np.abs(fall.q - expected(fall.t)).max(axis=1)
-    assert error[:11].max() < 1e-8
-    assert error.max() < 3e-7
+    assert np.abs(fall.q - expected(fall.t)).max() < 5e-9

@@ -68,8 +68,8 @@ def cylinder_lengths(pose):
     """Lengths (m) of lift, crowd and curl, each the third side of a triangle whose angle is known."""
     boom, stick, bucket = pose
     lugs = {name: polar(*offset) for part in ARM.LUGS.values() for name, offset in part.items()}
-    (g, at_g), (l, at_l) = polar(*ARM.FOOT), lugs["L"]
-    lift = third_side(g, l, boom + at_l - at_g)
+    (g, at_g), (p, at_p) = polar(*ARM.FOOT), lugs["L"]
+    lift = third_side(g, p, boom + at_p - at_g)
 
     d, at_d = polar(ARM.LUGS["boom"]["D"][0] - ARM.BOOM, ARM.LUGS["boom"]["D"][1])  # seen from the boom's end
     r, at_r = lugs["R"]

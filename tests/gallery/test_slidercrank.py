@@ -20,7 +20,7 @@ def kernels():
 
 @pytest.fixture(scope="module")
 def turning(kernels):
-    """Almost two turns."""
+    """A little more than one turn."""
     return ncgen.simulate(kernels, 0.08, zd0={"psi": 150.0}, integrator="dop853", rtol=1e-10, atol=1e-9, points=17)
 
 
@@ -78,12 +78,13 @@ def test_energy_stays(turning):
 
 def test_same_motion_as_the_single_equation(turning):
     psi, rate = solve_ivp(one_equation, (0, 0.08), [0.0, 150.0], "DOP853", turning.t, rtol=1e-13, atol=1e-12).y
-    assert np.abs(turning["psi"] - psi).max() < 1e-7
-    assert np.abs(turning["rate(psi)"] / rate - 1).max() < 1e-8
+    assert np.abs(turning["psi"] - psi).max() < 3e-9
+    assert np.abs(turning["rate(psi)"] / rate - 1).max() < 3e-9
 
 
 def test_rod_turns_against_the_crank(turning):
     _, phi = slider(turning["psi"])
     rate = -turning["rate(psi)"] * R * np.cos(turning["psi"]) / (L * np.cos(phi))
-    assert np.abs(turning.angular_velocity("rod")[:, 2] - rate).max() < 1e-6
-    assert np.isclose(turning.angular_velocity("rod")[0, 2], -75.0)  # as published
+    spin = turning.angular_velocity("rod")[:, 2]
+    assert np.abs(spin - rate).max() < 1e-6
+    assert np.isclose(spin[0], -75.0, rtol=1e-12)  # as published

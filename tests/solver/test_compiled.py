@@ -31,32 +31,37 @@ def driven():
     return ncgen.compile(m, backend="c")
 
 
-def both(kernels, duration, **options):
-    runs = [ncgen.simulate(kernels, duration, engine=engine, **options) for engine in ("c", "python")]
-    assert [run.engine[:6] for run in runs] == ["c", "python"]
+@pytest.fixture(params=["c", "emitted"])
+def engine(request):
+    return request.param
+
+
+def both(kernels, engine, duration, **options):
+    runs = [ncgen.simulate(kernels, duration, engine=e, **options) for e in (engine, "python")]
+    assert [run.engine[:6] for run in runs] == [engine[:6], "python"]
     return runs
 
 
-def test_robot_moves_alike(robot):
+def test_robot_moves_alike(robot, engine):
     """Spatial motion of the robot: same steps, same numbers to rounding."""
-    c, python = both(robot, 0.2, rtol=1e-8, atol=1e-10, zd0=RATES, points=11)
+    c, python = both(robot, engine, 0.2, rtol=1e-8, atol=1e-10, zd0=RATES, points=11)
     assert c.statistics.steps == python.statistics.steps
     assert np.max(np.abs(c.q - python.q)) < 1e-10
     assert np.max(np.abs(c.qd - python.qd)) < 1e-9
     assert np.max(c.violation()) < 1e-11
 
 
-def test_work_of_drivers_and_dampers(driven):
+def test_work_of_drivers_and_dampers(driven, engine):
     """Work is integrated alike, and balances the energy."""
-    c, python = both(driven, 0.5, rtol=1e-9, atol=1e-11, points=6)
+    c, python = both(driven, engine, 0.5, rtol=1e-9, atol=1e-11, points=6)
     assert np.max(np.abs(c.work - python.work)) < 1e-9
     assert abs(c.work[-1]) > 0.1
     assert c.energy_drift < 1e-8
 
 
-def test_fixed_steps(driven):
+def test_fixed_steps(driven, engine):
     """rk4 with the same step, also where it does not divide the grid."""
-    c, python = both(driven, 0.3, integrator="rk4", max_step=0.004, points=4)
+    c, python = both(driven, engine, 0.3, integrator="rk4", max_step=0.004, points=4)
     assert np.max(np.abs(c.q - python.q)) < 1e-6
     finer = ncgen.simulate(driven, 0.3, integrator="rk4", max_step=0.001, engine="c", points=4)
     assert np.max(np.abs(c.q - finer.q)) < 1e-6
@@ -72,21 +77,21 @@ def test_order_of_rk4(driven):
     assert 3.8 < np.log2(errors[0] / errors[1]) < 4.3
 
 
-def test_independent_coordinates_change_in_c(pendulum):
+def test_independent_coordinates_change_in_c(pendulum, engine):
     """The pendulum swings through positions where x or y alone does not determine it; its period is the elliptic one."""
     from scipy.special import ellipk
 
     period = 4 * ellipk(0.5) / np.sqrt(9.81)
-    run = ncgen.simulate(pendulum, period, rtol=1e-11, atol=1e-13, points=3, engine="c")
+    run = ncgen.simulate(pendulum, period, rtol=1e-11, atol=1e-13, points=3, engine=engine)
     assert run.statistics.partition_changes > 1
     assert np.allclose(run.q[-1], [-1.0, 0.0], atol=1e-8)
     assert np.allclose(run.q[1], [1.0, 0.0], atol=1e-8)
 
 
-def test_grid_times_are_all_there(pendulum):
+def test_grid_times_are_all_there(pendulum, engine):
     """Every instant of the grid is reached once, however the run is cut into pieces."""
-    run = ncgen.simulate(pendulum, 1.5, points=301, engine="c")
-    coarse = ncgen.simulate(pendulum, 1.5, points=4, engine="c", rtol=1e-8)
+    run = ncgen.simulate(pendulum, 1.5, points=301, engine=engine)
+    coarse = ncgen.simulate(pendulum, 1.5, points=4, engine=engine, rtol=1e-8)
     assert run.q.shape == (301, 2)
     assert np.max(np.abs(run.q[::100] - coarse.q)) < 1e-6
     assert np.max(np.abs(np.diff(run.q, axis=0))) < 0.05

@@ -1,0 +1,58 @@
+"""Times of things that do the same work: measured in turns, so that all of them see the same disturbances."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+SHORTEST = 2e-4
+"""Seconds that one sample should last at least, far above the clock's resolution."""
+
+ROUNDS = 41
+
+
+@dataclass(frozen=True)
+class Spread:
+    """Seconds per call: the median of all samples, and the quartiles around it."""
+
+    median: float
+    low: float
+    high: float
+
+
+def measure(runs: dict[str, Callable[[int], None]], rounds: int = ROUNDS) -> dict[str, Spread]:
+    """{name: seconds per call} of functions run(times), one sample of each in every round."""
+    times = {name: _enough(run) for name, run in runs.items()}
+    samples: dict[str, list[float]] = {name: [] for name in runs}
+    for _ in range(rounds):
+        for name, run in runs.items():
+            samples[name].append(elapsed(run, times[name]) / times[name])
+    return {name: Spread(*(float(np.quantile(values, share)) for share in (0.5, 0.25, 0.75))) for name, values in samples.items()}
+
+
+def repeated(call: Callable[[], object]) -> Callable[[int], None]:
+    """A function run(times) of a Python function without arguments."""
+
+    def run(times: int) -> None:
+        for _ in range(times):
+            call()
+
+    return run
+
+
+def elapsed(run, times: int) -> float:
+    start = time.perf_counter()
+    run(times)
+    return time.perf_counter() - start
+
+
+def _enough(run) -> int:
+    """How many calls fill a sample; the first call only warms up."""
+    run(1)
+    times = 1
+    while (seconds := elapsed(run, times)) < SHORTEST:
+        times = max(2 * times, int(times * SHORTEST / max(seconds, 1e-9)))
+    return times

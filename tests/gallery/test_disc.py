@@ -1,0 +1,107 @@
+"""The rolling disc against its equations of motion in lean, heading and spin."""
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import ncgen
+from ncgen.exchange.examples import example_module
+from ncgen.solver.position import residual
+
+MASS, RADIUS, GRAVITY = 2.0, 0.3, 9.81
+ACROSS, ALONG = MASS * RADIUS**2 / 4, MASS * RADIUS**2 / 2
+"""Moments of inertia of a thin disc about a diameter and about its axle."""
+
+
+def roll(duration, points, rtol=1e-10, **options):
+    """A run of the disc, drawn without spokes."""
+    model = example_module("disc").build(spokes=0, **options)
+    kernels = ncgen.compile(model, backend="numpy")
+    start = model.simulation_options["zd0"]
+    return ncgen.simulate(kernels, duration, integrator="dop853", points=points, rtol=rtol, atol=rtol, zd0=start)
+
+
+def newton_euler(t, y):
+    """Newton's and Euler's equations in the frame (heading, axle, up the disc); contact force eliminated.
+
+    y: lean to the left, heading, x, y of the contact point; rates of lean and heading; spin about the axle
+    """
+    lean, heading, _, _, leaning, turning, spin = y
+    s, c = np.sin(lean), np.cos(lean)
+    moment = MASS * RADIUS**2
+    overturning = MASS * GRAVITY * RADIUS * s - (ALONG + moment) * turning * spin * c - ACROSS * turning**2 * s * c
+    lean_rate = overturning / (ACROSS + moment)
+    spin_rate = moment * turning * leaning * c / (ALONG + moment)
+    turn_rate = leaning * (ALONG * spin + 2 * ACROSS * turning * s) / (ACROSS * c)
+    rolled = RADIUS * (spin + turning * s)  # speed of the contact along its track
+    return [leaning, turning, rolled * np.cos(heading), rolled * np.sin(heading), lean_rate, turn_rate, spin_rate]
+
+
+def centre(y):
+    """The disc's centre (K, 3) from the states (7, K)."""
+    lean, heading, x, y = y[:4]
+    aside = RADIUS * np.sin(lean)
+    return np.transpose([x - aside * np.sin(heading), y + aside * np.cos(heading), RADIUS * np.cos(lean)])
+
+
+def axle(y):
+    lean, heading = y[:2]
+    return np.transpose([-np.cos(lean) * np.sin(heading), np.cos(lean) * np.cos(heading), -np.sin(lean)])
+
+
+@pytest.fixture(scope="module")
+def wobble():
+    return roll(0.6, points=7)
+
+
+def test_three_velocities_are_free_and_five_coordinates(wobble):
+    disc = wobble.kernels
+    assert ncgen.freedom(disc).dof == 3
+    assert len(ncgen.freedom(disc).redundant) == 0
+    assert disc.n - len(disc.holonomic) == 5
+
+
+def test_spokes_add_nothing_to_the_freedom():
+    disc = ncgen.compile(ncgen.load("disc"), backend="numpy")
+    found = ncgen.freedom(disc)
+    assert (found.dof, len(found.redundant)) == (3, 0)
+
+
+def test_it_closes_from_a_perturbed_start(wobble):
+    disc = wobble.kernels
+    noise = 0.01 * disc.length * np.random.default_rng(0).standard_normal(disc.n)
+    q = ncgen.assemble(disc, disc.q0 + noise)
+    assert residual(disc, q) < 1e-11
+    assert np.max(np.abs(q - disc.q0)) < 0.05
+
+
+def test_energy(wobble):
+    assert wobble.energy_drift < 1e-8
+    assert np.max(wobble.violation()) < 1e-11
+
+
+def test_against_newton_and_euler(wobble):
+    """Released at 20 degrees, rolling at 1.5 m/s and turning at 0.5 rad/s."""
+    lean, turning = np.radians(20.0), 0.5
+    start = [lean, 0, 0, 0, 0, turning, 1.5 / RADIUS]
+    y = solve_ivp(newton_euler, (0, wobble.t[-1]), start, method="DOP853", t_eval=wobble.t, rtol=1e-12, atol=1e-12).y
+    assert np.allclose(wobble.point("C"), centre(y), rtol=0, atol=1e-8)
+    assert np.allclose(wobble.vector("u"), axle(y), rtol=0, atol=1e-8)
+    assert np.allclose(np.sum(wobble.angular_velocity("disc") * wobble.vector("u"), axis=1), y[6], rtol=0, atol=1e-7)
+
+
+def test_upright_it_rolls_straight_ahead():
+    run = roll(0.5, points=3, rtol=1e-9, lean=0.0, speed=2.0, steer=0.0)
+    assert np.allclose(run.point("C"), np.outer(2.0 * run.t, [1, 0, 0]) + [0, 0, RADIUS], rtol=0, atol=1e-9)
+    assert np.allclose(run.angular_velocity("disc"), [0, 2.0 / RADIUS, 0], rtol=0, atol=1e-7)
+
+
+def test_leaning_it_rolls_in_a_circle():
+    """Where lean, speed and turning balance, all three stay as they are."""
+    lean, turning = np.radians(15.0), 1.2
+    s, c = np.sin(lean), np.cos(lean)
+    spin = (MASS * GRAVITY * RADIUS * s - ACROSS * turning**2 * s * c) / ((ALONG + MASS * RADIUS**2) * turning * c)
+    run = roll(0.5, points=3, rtol=1e-9, lean=15.0, speed=RADIUS * spin, steer=turning)
+    size = RADIUS * spin / turning
+    expected = [size * np.sin(turning * run.t), RADIUS * s + size * (1 - np.cos(turning * run.t)), RADIUS * c + 0 * run.t]
+    assert np.allclose(run.point("C"), np.transpose(expected), rtol=0, atol=1e-8)
