@@ -73,13 +73,13 @@ class RigidMotion:
     velocity: np.ndarray
 
     @classmethod
-    def random(cls, rng, planar: bool = False) -> RigidMotion:
-        if not planar:
-            return cls(_rotation(*rng.normal(size=(2, 3))), *rng.normal(size=(3, 3)))
-        flat = np.array([1.0, 1.0, 0.0])
-        turn = rng.uniform(-3.0, 3.0)
-        c, s = np.cos(turn), np.sin(turn)
-        return cls(np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]]), flat * rng.normal(size=3), Z * rng.normal(), flat * rng.normal(size=3))
+    def random(cls, rng, anchor, free, planar: bool = False) -> RigidMotion:
+        """A motion that moves the point `anchor` along its free axes only; `free` holds a 1 or 0 per axis."""
+        rotation = _turn(rng.uniform(-3.0, 3.0)) if planar else _rotation(*rng.normal(size=(2, 3)))
+        omega = rng.normal(size=3) * (Z if planar else 1.0)
+        arm, free = rotation @ anchor, np.asarray(free, dtype=float)
+        shift, velocity = free * rng.normal(size=(2, 3))
+        return cls(rotation, anchor + shift - arm, omega, velocity - np.cross(omega, arm))
 
     def place(self, points):
         return points @ self.rotation.T + self.shift
@@ -92,6 +92,12 @@ class RigidMotion:
 
     def rate_of(self, directions):
         return np.cross(self.omega, self.turned(directions))
+
+
+def _turn(angle) -> np.ndarray:
+    """The rotation about z."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
 def _rotation(a, b) -> np.ndarray:

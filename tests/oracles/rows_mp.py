@@ -196,8 +196,8 @@ class RowsOracle:
         self.p |= {name: mp.mpf(value) for name, value in (p or {}).items()}
         self.free = [c for c in model.components if not c.fixed]
         self.held = {c: (self.number(c.value), mp.mpf(0)) for c in model.components if c.fixed}
-        keys = [term.template.key for term in build_equations(model).rows]
-        self.rows = [self._prepared(row, key) for row, key in zip(model.rows, keys, strict=True)]
+        self.keys = [term.template.key for term in build_equations(model).rows]
+        self.rows = [self._prepared(row, key) for row, key in zip(model.rows, self.keys, strict=True)]
 
     def over(self, q, qd) -> Values:
         """Values at several positions, q and qd of shape (k, n)."""
