@@ -23,5 +23,5 @@ def build(spin=150.0, precession=-4.61538):
         m.line(O, point, following)
     m.independent(P.x, P.z, Q.x)
     at_p, at_q = (np.cross((0, spin, precession), point.initial) for point in (P, Q))
-    m.simulation(duration=0.5, integrator="dop853", zd0={"P.x": at_p[0], "P.z": at_p[2], "Q.x": at_q[0]})
+    m.simulation(duration=1.0, zd0={"P.x": at_p[0], "P.z": at_p[2], "Q.x": at_q[0]})
     return m

@@ -1,0 +1,137 @@
+"""Compiled kernels in a process: several libraries, several threads, wrong arguments."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import threading
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen import Model
+from ncgen.errors import NcgenError
+
+THREADS, CALLS = 4, 200
+
+
+def pendulum(name: str, length: float) -> Model:
+    model = Model(name)
+    model.distance(model.point("A", (0, 0), fixed=True), model.point("B", (length, 0)))
+    return model
+
+
+def test_several_models_live_side_by_side():
+    """Libraries of different models in one process do not disturb each other, whatever is called between."""
+    lengths = (1.0, 2.0, 4.0)
+    kernels = [ncgen.compile(pendulum(f"side{k}", length), backend="c") for k, length in enumerate(lengths)]
+    for _ in range(2):
+        for length, each in zip(lengths, kernels):
+            assert each.phi(each.q0 + [1.0, 0.0])[0] == pytest.approx(((length + 1) ** 2 - length**2) / (2 * length))
+
+
+FORGETFUL = """
+import gc, ncgen
+for k in (1, 2, 3):
+    model = ncgen.Model(f"forgotten{k}")
+    model.distance(model.point("A", (0, 0), fixed=True), model.point("B", (k, 0)))
+    kernels = ncgen.compile(model, backend="c")
+    print(kernels.phi(kernels.q0 + [1.0, 0.0])[0])
+    del kernels
+    gc.collect()
+"""
+
+
+@pytest.mark.xfail(strict=True, reason="cffi forgets the types of ncgen.h together with the first library")
+def test_models_can_be_forgotten():
+    """A library may be dropped before the next one is loaded."""
+    done = subprocess.run([sys.executable, "-c", FORGETFUL], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert list(map(float, done.stdout.split())) == pytest.approx([1.5, 1.25, 7 / 6])
+
+
+@pytest.fixture(scope="module")
+def motions(robot_numpy):
+    """Positions and velocities for every call of every thread, and {kernel: right values}."""
+    rng = np.random.default_rng(5)
+    q = robot_numpy.q0 + rng.uniform(-0.1, 0.1, (THREADS, CALLS, robot_numpy.n))
+    qd = rng.uniform(-1, 1, q.shape)
+    return q, qd, {name: robot_numpy.values(name, 0.0, q, qd, None) for name in robot_numpy.programs.programs}
+
+
+def wrong_calls(kernels, thread: int, motions) -> list[str]:
+    """Call every kernel with all positions of one thread; which of the results are wrong."""
+    q, qd, expected = motions
+    wrong = []
+    for call in range(CALLS):
+        for name, right in expected.items():
+            values = kernels.values(name, 0.0, q[thread, call], qd[thread, call], None)
+            if np.max(np.abs(values - right[thread, call])) > 1e-12 * np.max(np.abs(right)):
+                wrong.append(f"thread {thread}, call {call}: {name}")
+    return wrong
+
+
+def in_threads(work) -> list:
+    """work(0), work(1) … at the same time; their results, and the first error if there is one."""
+    together = threading.Barrier(THREADS)
+
+    def start(thread: int):
+        together.wait(60)
+        return work(thread)
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        return list(pool.map(start, range(THREADS)))
+
+
+def test_threads_load_and_call_at_once(robot_model, motions):
+    """Four threads load the same model at the same time, and each gets the values of its own positions."""
+    sources = ncgen.generate(robot_model)
+    assert in_threads(lambda k: wrong_calls(ncgen.compile(sources, backend="c"), k, motions)) == [[]] * THREADS
+
+
+def test_one_object_serves_several_threads(robot, motions):
+    """The same kernels, called from four threads at once, give each its own values."""
+    assert in_threads(lambda k: wrong_calls(robot, k, motions)) == [[]] * THREADS
+
+
+def test_wrong_values_would_be_seen(robot, motions):
+    """The check above finds a thread that gets another one's values."""
+    q, qd, expected = motions
+    assert len(wrong_calls(robot, 0, (q[::-1], qd, expected))) >= CALLS
+
+
+def test_results_are_copies(robot):
+    """What a kernel returned stays as it is when the kernel is called again, and inputs are not written to."""
+    q = robot.q0.copy()
+    first = robot.phi_q(q).data
+    kept = first.copy()
+    robot.phi_q(q + 0.1)
+    assert (first == kept).all() and (q == robot.q0).all()
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_wrong_lengths_are_named(robot, robot_numpy, backend):
+    """A q of the wrong length is refused in one line that names kernel, argument and both sizes."""
+    kernels = {"c": robot, "numpy": robot_numpy}[backend]
+    with pytest.raises(NcgenError, match=r"robot\.phi: q has shape \(45,\).*36 free coordinates") as caught:
+        kernels.phi(np.zeros(45))
+    assert "\n" not in str(caught.value)
+    with pytest.raises(NcgenError, match=r"robot\.gamma: qd has shape \(0,\)"):
+        kernels.gamma(kernels.q0, np.zeros(0))
+
+
+@pytest.mark.xfail(strict=True, raises=(ValueError, pytest.fail.Exception), reason="shape and kind of numbers are checked for NumPy only")
+@pytest.mark.parametrize("q", [np.zeros((2, 36)), np.zeros(36, dtype=complex)], ids=["batch", "complex"])
+def test_c_takes_one_real_position(robot, q):
+    """What only the NumPy backend can do is refused by name, not half done."""
+    with pytest.raises(NcgenError) as caught:
+        robot.phi(q)
+    assert "numpy" in str(caught.value).lower() and "\n" not in str(caught.value)
+
+
+def test_backends_agree_on_batches(robot, robot_numpy):
+    """NumPy's batches are what C computes one by one."""
+    q = robot.q0 + np.linspace(-0.1, 0.1, 3)[:, None]
+    np.testing.assert_allclose(robot_numpy.phi(q), [robot.phi(each) for each in q], rtol=1e-12, atol=1e-14)

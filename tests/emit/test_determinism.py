@@ -1,0 +1,91 @@
+"""The same model gives the same bytes, wherever and whenever it is generated."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy
+import pytest
+import sympy
+
+import ncgen
+from ncgen import Model
+from ncgen.resources import folder
+
+GENERATE = """
+import sys, ncgen
+ncgen.generate(ncgen.load("robot")).write(sys.argv[1])
+"""
+SURROUNDINGS = [
+    {"PYTHONHASHSEED": "0", "LC_ALL": "C", "TZ": "UTC"},
+    {"PYTHONHASHSEED": "1", "LC_ALL": "C.UTF-8", "TZ": "Asia/Kathmandu"},
+    {"PYTHONHASHSEED": "4242", "LC_ALL": "de_DE.UTF-8", "LANG": "de_DE.UTF-8", "TZ": "Pacific/Chatham", "PYTHONOPTIMIZE": "1"},
+    {"PYTHONHASHSEED": "random", "LC_ALL": "tr_TR.UTF-8", "LANG": "tr_TR", "TZ": "America/St_Johns", "PYTHONUTF8": "0"},
+]
+
+
+def digests(path: Path) -> dict[str, str]:
+    return {file.name: hashlib.sha256(file.read_bytes()).hexdigest() for file in sorted(path.iterdir())}
+
+
+def test_surroundings_do_not_matter(robot_sources, tmp_path):
+    """Four processes with other hash seeds, folders, homes, languages and time zones write what this one writes."""
+    processes = []
+    for number, changes in enumerate(SURROUNDINGS):
+        home = tmp_path / f"home {number}"
+        home.mkdir()
+        environment = {**os.environ, **changes, "HOME": str(home), "XDG_CACHE_HOME": str(home / "cache")}
+        command = [sys.executable, "-c", GENERATE, str(tmp_path / f"out{number}")]
+        processes.append(subprocess.Popen(command, cwd=home, env=environment, stderr=subprocess.PIPE, text=True))
+    for process in processes:
+        _, complaint = process.communicate()
+        assert process.returncode == 0, complaint
+    expected = {name: hashlib.sha256(text.encode()).hexdigest() for name, text in sorted(robot_sources("auto").files.items())}
+    for number in range(len(SURROUNDINGS)):
+        assert digests(tmp_path / f"out{number}") == expected
+
+
+DATE, VERSION, PLACE, HOUR = r"\b(19|20)\d\d-\d\d?-\d\d?\b", r"\b\d+\.\d+\.\d+\b", r"/(home|tmp|usr|root)/", r"\b\d\d:\d\d:\d\d\b"
+
+
+def traces(text: str) -> list[str]:
+    """What a text tells of when, where and by which versions it was written."""
+    here = [sympy.__version__, numpy.__version__, ncgen.__version__, str(folder("templates").parent), str(Path.home())]
+    found = [trace for trace in here if len(trace) > 1 and trace in text]
+    return found + [match[0] for pattern in (DATE, VERSION, PLACE, HOUR) for match in re.finditer(pattern, text)]
+
+
+@pytest.mark.parametrize("emission", ["unrolled", "tabled", "auto"])
+def test_no_trace_of_time_and_place(robot_sources, emission):
+    """No date, path or version is in any file."""
+    assert {name: traces(text) for name, text in robot_sources(emission).files.items() if traces(text)} == {}
+
+
+@pytest.mark.parametrize("text", ["2026-01-31", "by ncgen 0.1.0", "at 12:34:56", "in /home/me/models", str(folder("templates"))])
+def test_traces_would_be_seen(text):
+    """The check above finds each of them."""
+    assert traces(f"/* robot.c: generated {text} */")
+
+
+def test_generating_twice_is_generating_once(robot_tables, robot_sources):
+    """Nothing is left over from one generation to the next in the same process."""
+    assert ncgen.generate(robot_tables.build()).files == robot_sources("auto").files
+
+
+def pendulum(length: float) -> Model:
+    model = Model("pendulum")
+    model.distance(model.point("A", (0, 0), fixed=True), model.point("B", (1, 0)), length)
+    return model
+
+
+def test_the_fingerprint_is_the_source():
+    """Equal sources have equal fingerprints; one bit in one length gives another."""
+    lengths = (1.0, 1.0, math.nextafter(1.0, 2.0))
+    found = [re.search(r'\.fingerprint = "([0-9a-f]{16})"', ncgen.generate(pendulum(x)).c["pendulum.c"])[1] for x in lengths]
+    assert found[0] == found[1] != found[2]

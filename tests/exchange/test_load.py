@@ -1,0 +1,98 @@
+"""Models by name and by file, and what is said about files that are none."""
+
+from __future__ import annotations
+
+import pytest
+
+import ncgen
+from ncgen import Model
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.exchange.examples import example_module, example_names, lesson, load
+
+GOOD = "from ncgen import Model\n\n\ndef build():\n    return Model('own')\n"
+
+BAD = [
+    ("x = = 1\n", "line 1: invalid syntax"),
+    ("\n\n\nraise OSError('no disk')\n", "OSError: no disk"),
+    ("def build():\n    x = 1\n    return x.shape\n", "line 3: AttributeError: 'int' object has no attribute 'shape'"),
+    ("from ncgen import Model\n\ndef build():\n    return Model('two words')\n", "line 4: model name 'two words'"),
+    ("build = 1\n", "it has no function build()"),
+    ("", "it has no function build()"),
+    ("def build():\n    return 'robot'\n", "build() returns str; return an ncgen.Model"),
+    ("def build(size):\n    return size\n", "TypeError: build() missing 1 required positional argument: 'size'"),
+]
+
+
+@pytest.fixture
+def write(tmp_path):
+    def file(text, name="own.py"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return file
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_examples(name):
+    """Every example says what it teaches and can be drawn and simulated as it says."""
+    model = ncgen.load(name)
+    assert isinstance(model, Model)
+    assert model.name == name
+    assert model.drawing.lines
+    assert model.simulation_options["duration"] > 0
+    assert len(lesson(name)) > 20
+
+
+def test_both_robots_are_one():
+    """The paper's tables and the same said call by call give the same sources, byte by byte."""
+    tables, calls = (ncgen.generate(example_module("robot", file).build()) for file in ("model.py", "builder.py"))
+    assert tables.files == calls.files
+
+
+def test_a_file_of_ones_own(write, monkeypatch):
+    path = write(GOOD)
+    assert load(path).name == load(str(path)).name == "own"
+    monkeypatch.chdir(path.parent)
+    assert load("own.py").name == load("./own.py").name == "own"
+
+
+def test_a_changed_file_is_read_again(write):
+    assert load(write(GOOD)).name == "own"
+    assert load(write(GOOD.replace("own", "new"))).name == "new"
+
+
+def test_two_files_of_one_name(tmp_path):
+    """Modules do not get mixed up."""
+    for folder in ("one", "two"):
+        (tmp_path / folder).mkdir()
+        (tmp_path / folder / "model.py").write_text(GOOD.replace("own", folder))
+    assert [load(tmp_path / folder / "model.py").name for folder in ("one", "two", "one")] == ["one", "two", "one"]
+
+
+@pytest.mark.parametrize(("text", "message"), BAD, ids=[message for _, message in BAD])
+def test_bad_files(write, text, message):
+    """The file by its name, the line by its number, and the mistake in Python's own words."""
+    with pytest.raises(ModelError) as refusal:
+        load(write(text))
+    assert message in str(refusal.value)
+    assert "own.py" in str(refusal.value)
+    assert "\n" not in str(refusal.value)
+
+
+def test_the_kind_of_error_is_kept(write):
+    """What the user's file lets through from ncgen keeps its exit code."""
+    text = "from ncgen import ConvergenceError\n\ndef build():\n    raise ConvergenceError('too far')\n"
+    with pytest.raises(ConvergenceError, match="own.py, line 4: too far"):
+        load(write(text))
+
+
+@pytest.mark.parametrize("name", ["nosuch", "nosuch.py", "some/where.py", "", "..", "robot/"])
+def test_what_there_is_not(name):
+    with pytest.raises(ModelError, match="there is no such file or example; the examples are "):
+        load(name)
+
+
+def test_not_a_python_file(write):
+    with pytest.raises(ModelError, match="notes.txt: not a Python file"):
+        load(write("text", "notes.txt"))

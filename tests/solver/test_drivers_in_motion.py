@@ -1,0 +1,146 @@
+"""A driven crank, ψ = ω t + a sin b t: no freedom is left, and the drive's torque is known from the one-angle formulation."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy
+from fourbar_loop import A, B0, C0, COUPLER, CRANK, D, ROCKER
+from robot_motions import TIGHT
+from scipy.integrate import quad
+
+import ncgen
+from ncgen import Model
+from ncgen.errors import ModelError
+
+SPEED, SWING, PACE = 9.0, 0.4, 5.0
+
+
+def law(t):
+    """ψ, ψ̇ and ψ̈ of the drive."""
+    wave = PACE * t
+    return (
+        SPEED * t + SWING * np.sin(wave),
+        SPEED + SWING * PACE * np.cos(wave),
+        -SWING * PACE**2 * np.sin(wave),
+    )
+
+
+def model(drive):
+    """The four-bar of the examples, said again, with a drive on its crank."""
+    m = Model("driven")
+    a, b = m.point("A", A, fixed=True), m.point("B", B0)
+    c, d = m.point("C", C0), m.point("D", D, fixed=True)
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    for name, start, end, mass in [("crank", a, b, CRANK), ("coupler", b, c, COUPLER), ("rocker", c, d, ROCKER)]:
+        length = np.linalg.norm(start.initial - end.initial)
+        m.distance(start, end, owner=m.body(name, [start, end], mass=mass, inertia=mass * length**2 / 12))
+    drive(m, m.angle("psi", x, b - a, z))
+    m.gravity((0, -9.81, 0))
+    return m
+
+
+@pytest.fixture(scope="module")
+def kernels():
+    def drive(m, psi):
+        m.drive(psi, SPEED * m.time + SWING * sympy.sin(PACE * m.time))
+
+    return ncgen.compile(model(drive), backend="c")
+
+
+@pytest.fixture(scope="module")
+def run(kernels):
+    return ncgen.simulate(kernels, 1.0, integrator="dop853", points=101, **TIGHT)
+
+
+def test_nothing_is_free(kernels, run):
+    assert run.independent == ()
+    assert run.q[:, kernels.index["psi"]] == pytest.approx(law(run.t)[0], abs=1e-11)
+
+
+def test_nu_and_gamma(kernels):
+    """ν = −Φ_t is the law's rate, γ its second; all other rows do not know of time."""
+    rng = np.random.default_rng(1)
+    (row,) = [i for i, r in enumerate(kernels.rows) if r.owner.kind == "driver"]
+    for t in (0.0, 0.3, 2.7):
+        q, qd = rng.normal(size=(2, kernels.n))
+        _, rate, acceleration = law(t)
+        nu, gamma = kernels.nu(q, t), kernels.gamma(q, qd, t)
+        assert nu[row] == pytest.approx(rate, rel=1e-15)
+        assert gamma[row] == pytest.approx(acceleration, rel=1e-15, abs=1e-15)
+        assert np.array_equal(np.delete(nu, row), np.zeros(kernels.m - 1))
+
+
+def test_positions_of_the_loop(kernels, run, loop):
+    for t, q in zip(run.t, run.q, strict=True):
+        assert q[:4] == pytest.approx(loop.places(law(t)[0]).ravel(), abs=1e-11)
+
+
+def test_velocities_by_differences(run):
+    """Fourth-order differences of the positions, 10 ms apart; and of the velocities for the accelerations."""
+    h = run.t[1]
+    for values, rates in ((run.q, run.qd), (run.qd, run.qdd)):
+        found = (values[:-4] - 8 * values[1:-3] + 8 * values[3:-1] - values[4:]) / (12 * h)
+        assert rates[2:-2] == pytest.approx(found, abs=2e-3 * np.max(np.abs(rates)))
+
+
+def test_accelerations_of_the_loop(run, loop):
+    for t, qdd in zip(run.t, run.qdd, strict=True):
+        expected = loop.accelerations(*law(t)).ravel()
+        assert qdd[:4] == pytest.approx(expected, abs=1e-9 * np.max(np.abs(expected)))
+
+
+def test_torque_of_the_drive(kernels, run, loop):
+    """Less the driver's multiplier is the torque J θ̈ + ½ J′ θ̇² + V′."""
+    (row,) = [i for i, r in enumerate(kernels.rows) if r.owner.kind == "driver"]
+    expected = np.array([loop.torque(*law(t)) for t in run.t])
+    assert -run.lam[:, row] == pytest.approx(expected, abs=1e-9 * np.max(np.abs(expected)))
+
+
+def test_work_of_the_drive(run, loop):
+    """∫ τ ψ̇ dt by quadrature, the change of T + V by the loop, and the run's own balance."""
+
+    def power(t):
+        angle, rate, acceleration = law(t)
+        return loop.torque(angle, rate, acceleration) * rate
+
+    energy = np.array([loop.energy(*law(t)[:2]) for t in run.t])
+    assert run.energy()[:, :2].sum(axis=1) == pytest.approx(energy, abs=1e-10)
+    assert run.work == pytest.approx(energy - energy[0], abs=1e-8)
+    assert run.work[50] == pytest.approx(quad(power, 0.0, run.t[50], epsabs=1e-10, limit=200)[0], abs=1e-8)
+    assert run.energy_drift <= 1e-8
+    assert np.max(run.violation()) <= 1e-11
+
+
+def test_a_driver_beside_a_freedom():
+    """A bead on a line that is driven sideways: x follows the law, y falls freely; the drive works for both."""
+    m = Model("bead")
+    P = m.point("P", (0, 0))
+    m.body("bead", [P], mass=2.0)
+    m.gravity((0, -9.81, 0))
+    m.drive(P.x, 0.5 * m.time**2)
+    run = ncgen.simulate(ncgen.compile(m, "numpy"), 2.0, zd0={"P.y": 3.0}, points=5, **TIGHT)
+    t = run.t
+    assert run.independent == ("P.y",)
+    assert run.q == pytest.approx(np.stack([t**2 / 2, 3 * t - 9.81 / 2 * t**2], axis=1), abs=1e-9)
+    assert run.qd == pytest.approx(np.stack([t, 3 - 9.81 * t], axis=1), abs=1e-9)
+    assert run.lam[:, 0] == pytest.approx(-2.0 * np.ones(5), abs=1e-12)
+    assert run.work == pytest.approx(t**2, abs=1e-9)
+
+
+def test_a_start_at_another_time(kernels, loop):
+    """The law at t₀ decides where the crank must be; a start from elsewhere is refused by the driver's name."""
+    t0 = 0.25
+    angle, rate, _ = law(t0)
+    q = np.array([*loop.places(angle).ravel(), angle])
+    run = ncgen.simulate(kernels, 0.1, q0=q, t0=t0, points=3, **TIGHT)
+    assert run.t == pytest.approx([0.25, 0.3, 0.35])
+    assert run["rate(psi)"][0] == pytest.approx(rate, rel=1e-12)
+    assert run["psi"][-1] == pytest.approx(law(0.35)[0], abs=1e-11)
+    with pytest.raises(ModelError, match="driver of psi"):
+        ncgen.simulate(kernels, 0.1, t0=t0)
+
+
+def test_a_driven_coordinate_is_not_free(kernels):
+    with pytest.raises(ModelError, match="psi: it is not independent"):
+        ncgen.simulate(kernels, 0.1, zd0={"psi": 1.0})

@@ -1,0 +1,170 @@
+"""Integrators by all their names, and what a simulation refuses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import ellipj, ellipk
+
+import ncgen
+from ncgen.errors import ModelError, SingularError
+from ncgen.solver.integrators import INTEGRATORS, OTHER_NAMES, find_integrator
+
+ERROR = {"rk23": 1e-5, "adams": 1e-5, "bdf": 1e-5, "lsoda": 1e-5, "radau": 1e-7, "dopri5": 1e-7, "dop853": 1e-7}
+"""What each method should reach in 0.2 s of the pendulum's fall at rtol 1e-8."""
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return ncgen.compile(ncgen.load("pendulum"), backend="c")
+
+
+def falling(t):
+    """x and y of the pendulum, by elliptic functions."""
+    sn, _, dn, _ = ellipj(ellipk(0.5) - np.sqrt(9.81) * t, 0.5)
+    half = np.sqrt(0.5) * sn
+    return np.stack([-2 * half * dn, 2 * half**2 - 1], axis=1)
+
+
+@pytest.mark.parametrize("name", ERROR)
+def test_every_method_follows_the_fall(pendulum, name):
+    run = ncgen.simulate(pendulum, 0.2, integrator=name, points=11)
+    assert np.max(np.abs(run.q - falling(run.t))) < ERROR[name]
+    assert np.max(run.violation()) <= 1e-11
+    assert run.integrator == name
+
+
+@pytest.mark.parametrize("name", ["adams", "bdf", "lsoda"])
+def test_the_grid_is_as_good_as_the_end(pendulum, name):
+    """Between steps the methods interpolate, and not by less than they integrate."""
+    run = ncgen.simulate(pendulum, 0.2, integrator=name, points=101)
+    error = np.max(np.abs(run.q - falling(run.t)), axis=1)
+    assert np.max(error) < 100 * max(error[-1], 1e-9)
+
+
+def test_all_names_are_tested():
+    assert set(ERROR) == set(INTEGRATORS)
+
+
+@pytest.mark.parametrize(("other", "name"), [*OTHER_NAMES.items(), ("RK45", "dopri5"), ("DOP853", "dop853"), ("Radau", "radau")])
+def test_other_names(other, name):
+    """SciPy's and Matlab's names, in any case, are the same methods."""
+    assert find_integrator(other) is INTEGRATORS[name]
+    assert find_integrator(other.upper()) is INTEGRATORS[name]
+
+
+def test_matlabs_names():
+    """The paper's Table 9 uses ode113, ode45 and ode15s: Adams, Dormand-Prince and backward differences."""
+    assert [OTHER_NAMES[name] for name in ("ode113", "ode45", "ode15s")] == ["adams", "dopri5", "bdf"]
+
+
+def test_unknown_integrator(pendulum):
+    with pytest.raises(ModelError, match="'euler' is unknown; choose one of rk23, dopri5, .*ode15s"):
+        ncgen.simulate(pendulum, 0.1, integrator="euler")
+
+
+def test_unknown_formalism(pendulum):
+    with pytest.raises(ModelError, match="'magic' is unknown; choose one of coordinate-partitioning"):
+        ncgen.simulate(pendulum, 0.1, formalism="magic")
+
+
+REFUSED = [
+    ({"zd0": {"B.x": 1.0}}, "initial velocity of B.x: it is not independent; the independent coordinates are B.y"),
+    ({"zd0": {"nothing": 1.0}}, "initial velocity of nothing"),
+    ({"zd0": [1.0, 2.0]}, "zd0: .*1 independent coordinates B.y"),
+    ({"zd0": [np.nan]}, "zd0: "),
+    ({"points": 1}, "points: 1 given"),
+    ({"z": ("B.z",)}, "independent coordinate B.z: pendulum has no such free coordinate"),
+    ({"z": ("B.x", "B.y")}, "2 independent coordinates were chosen, the mechanism has 1 degrees of freedom"),
+    ({"q0": [1.0, 2.0, 3.0]}, r"q has shape \(3,\); the model has 2 free coordinates"),
+    ({"p": [1.0]}, r"p has shape \(1,\); the model has 0 parameters"),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), REFUSED, ids=[str(options) for options, _ in REFUSED])
+def test_refused(pendulum, options, message):
+    with pytest.raises(ncgen.NcgenError, match=message):
+        ncgen.simulate(pendulum, 0.1, **options)
+
+
+@pytest.mark.parametrize("duration", [0.0, -1.0, np.nan, np.inf])
+def test_durations_are_positive(pendulum, duration):
+    with pytest.raises(ModelError, match="duration: .* positive"):
+        ncgen.simulate(pendulum, duration)
+
+
+def test_a_coordinate_that_determines_nothing(pendulum):
+    """At the start the bar is level: x cannot tell where the mass goes."""
+    with pytest.raises(SingularError, match="B.x do not determine the position"):
+        ncgen.simulate(pendulum, 0.1, z=("B.x",))
+
+
+LOOSE = [
+    {"zd0": {"B.y": np.nan}},
+    {"zd0": {"B.y": "fast"}},
+    {"atol": -1.0},
+    {"atol": np.nan},
+    {"rtol": -1.0},
+    {"rtol": np.nan},
+    {"max_step": 0.0},
+    {"points": 2.5},
+    {"t0": np.nan},
+    {"integrator": None},
+]
+
+
+@pytest.mark.filterwarnings("ignore:At least one element of `rtol`")
+@pytest.mark.xfail(strict=True, reason="numbers that make no sense are not checked, or end in other errors than ModelError")
+@pytest.mark.parametrize("options", LOOSE, ids=str)
+def test_refused_one_day(pendulum, options):
+    with pytest.raises(ModelError):
+        ncgen.simulate(pendulum, 0.01, **options)
+
+
+def test_progress_goes_forward(pendulum):
+    """Once a step, with the time reached, up to the end; trajectory and progress have nothing to do with each other."""
+    seen = []
+    run = ncgen.simulate(pendulum, 0.5, progress=seen.append, points=2)
+    assert len(seen) == run.statistics.steps > 5
+    assert all(a < b for a, b in zip(seen, seen[1:], strict=False))
+    assert seen[-1] == 0.5
+
+
+def test_points_do_not_change_the_motion(pendulum):
+    """The grid is read off the steps; it does not shape them."""
+    few, many = (ncgen.simulate(pendulum, 0.5, points=n) for n in (3, 41))
+    assert many.q[::20] == pytest.approx(few.q, abs=0)
+    assert few.statistics.steps == many.statistics.steps
+    assert many.t == pytest.approx(np.linspace(0, 0.5, 41), abs=0)
+
+
+@pytest.mark.xfail(strict=True, reason="the interpolant of a step is made anew for every point")
+def test_points_cost_no_evaluations(pendulum):
+    """DOP853's interpolant takes three evaluations a step, however many points are read off it."""
+    few, many = (ncgen.simulate(pendulum, 0.5, integrator="dop853", points=n) for n in (2, 201))
+    assert many.statistics.evaluations <= few.statistics.evaluations + 3 * few.statistics.steps
+
+
+def test_longest_step(pendulum):
+    run = ncgen.simulate(pendulum, 0.1, max_step=1e-3, points=2)
+    assert run.statistics.steps >= 100
+
+
+def test_runs_leave_no_trace(pendulum):
+    """The paper keeps the last position between calls; here the second run repeats the first bit by bit."""
+    first = ncgen.simulate(pendulum, 0.3, points=4)
+    ncgen.simulate(pendulum, 0.2, q0=[0.6, -0.8], points=2)
+    second = ncgen.simulate(pendulum, 0.3, points=4)
+    assert np.array_equal(first.q, second.q)
+    assert np.array_equal(first.qdd, second.qdd)
+
+
+def test_a_run_in_two_parts(pendulum):
+    """Going on from the end of a run, at its own time, is the same motion."""
+    options = {"rtol": 1e-11, "atol": 1e-13, "points": 2}
+    whole = ncgen.simulate(pendulum, 0.4, **options)
+    half = ncgen.simulate(pendulum, 0.2, **options)
+    rates = {name: half[f"rate({name})"][-1] for name in half.independent}
+    rest = ncgen.simulate(pendulum, 0.2, t0=0.2, q0=half.q[-1], z=half.independent, zd0=rates, **options)
+    assert rest.q[-1] == pytest.approx(whole.q[-1], abs=1e-9)
+    assert rest.t[-1] == pytest.approx(0.4)

@@ -1,0 +1,136 @@
+"""The house keeps its order: who may import whom, what loading costs, and what lies at the top."""
+
+from __future__ import annotations
+
+import ast
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parent.parent
+PACKAGE = ROOT / "ncgen"
+LAYERS = ("model", "symbolic", "program", "emit", "build", "solver", "report", "view", "exchange")
+FOR_ALL = {"errors", "resources", "__version__"}
+SEES_ALL = {"report", "view", "exchange", "cli", "compiler", "__init__", "__main__"}
+TOP = {
+    "pyproject.toml", "README.md", "LICENSE", "CHANGELOG.md", ".gitignore", ".gitattributes", ".ci",
+    "docs", "ncgen", "templates", "generated", "examples", "tests",
+}  # fmt: skip
+HEAVY = ("sympy", "scipy", "matplotlib", "jinja2")
+
+
+def modules() -> list[Path]:
+    return sorted(PACKAGE.rglob("*.py"))
+
+
+def part(path: Path) -> str:
+    """The package or top-level module that a file belongs to."""
+    return path.relative_to(PACKAGE).parts[0].removesuffix(".py")
+
+
+def imported(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """(line, absolute dotted name) of everything that is imported, at any depth."""
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Import):
+            yield from ((node.lineno, alias.name) for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"line {node.lineno}: imports are absolute here"
+            yield from ((node.lineno, f"{node.module}.{alias.name}") for alias in node.names)
+
+
+def breaches(own: str, source: str) -> list[str]:
+    """Imports by which a part of the package reaches down to a part that comes after it."""
+    if own in SEES_ALL:
+        return []
+    allowed = FOR_ALL | set(LAYERS[: LAYERS.index(own) + 1]) if own in LAYERS else FOR_ALL
+    inner = [(line, name.split(".")) for line, name in imported(ast.parse(source)) if name.split(".")[0] == "ncgen"]
+    return [f"line {line}: {own} imports {'.'.join(n)}" for line, n in inner if len(n) == 1 or n[1] not in allowed]
+
+
+def eager(tree: ast.Module) -> Iterator[str]:
+    """Names of modules that are imported as soon as this one is: not in functions, nor for type checkers only."""
+    waiting = list(tree.body)
+    while waiting:
+        node = waiting.pop()
+        if isinstance(node, (ast.Import, ast.ImportFrom)):
+            yield from (name for _, name in imported(node))
+        elif isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test):
+            waiting += node.orelse
+        elif not isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda)):
+            waiting += [child for child in ast.iter_child_nodes(node) if isinstance(child, ast.stmt)]
+
+
+@pytest.mark.parametrize("path", modules(), ids=lambda path: str(path.relative_to(PACKAGE)))
+def test_imports_go_upwards_only(path):
+    """No file imports from a package that comes after its own, not even inside a function."""
+    assert breaches(part(path), path.read_text(encoding="utf-8")) == []
+
+
+def test_every_part_has_a_place():
+    """A package or module that is in no list above would escape the order."""
+    assert {part(path) for path in modules()} <= set(LAYERS) | SEES_ALL | FOR_ALL
+
+
+@pytest.mark.parametrize(
+    "own, source",
+    [
+        ("model", "from ncgen.symbolic.templates import TIME"),
+        ("emit", "def late():\n    from ncgen.build import cache"),
+        ("solver", "import ncgen.compiler"),
+        ("program", "from ncgen import Model"),
+        ("errors", "import ncgen.model"),
+        ("symbolic", "if TYPE_CHECKING:\n    from ncgen.emit.c import number"),
+    ],
+)
+def test_the_check_sees_a_breach(own, source):
+    """The check itself fails where it should: eager, late and type-only imports alike."""
+    assert len(breaches(own, source)) == 1
+
+
+@pytest.mark.parametrize("path", [p for p in modules() if part(p) == "model"], ids=lambda path: path.stem)
+def test_models_are_described_without_sympy(path):
+    """Describing a mechanism loads sympy only when an expression is written."""
+    assert "sympy" not in {name.split(".")[0] for name in eager(ast.parse(path.read_text(encoding="utf-8")))}
+
+
+def test_the_check_tells_eager_from_late():
+    """A module-level import counts, one in a function or for type checkers does not, in methods neither."""
+    source = "import a\nclass C:\n import b\n def f(self):\n  import c\nif TYPE_CHECKING:\n import d\ntry:\n import e\nfinally:\n pass"
+    assert set(eager(ast.parse(source))) == {"a", "b", "e"}
+
+
+def loaded_after(statements: str) -> set[str]:
+    """Top-level modules in a fresh interpreter after some statements."""
+    code = f"{statements}\nimport sys\nprint(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    return {name.split(".")[0] for name in done.stdout.split()}
+
+
+def test_importing_ncgen_is_quick():
+    """`import ncgen` loads none of the heavy libraries."""
+    assert loaded_after("import ncgen") & set(HEAVY) == set()
+
+
+def test_describing_a_mechanism_is_quick():
+    """A model of plain numbers needs numpy alone; sympy comes with the first expression."""
+    describe = "from ncgen import Model\nm = Model('m')\nA = m.point('A', (0, 0), fixed=True)\nB = m.point('B', (1, 0))\nm.distance(A, B)"
+    assert loaded_after(describe) & set(HEAVY) == set()
+    assert "sympy" in loaded_after(f"{describe}\nm.constrain(B.x - 1)")
+
+
+def tracked() -> set[str]:
+    """Names at the top of the repository: those git knows, else those that lie there."""
+    listed = subprocess.run(["git", "ls-files"], cwd=ROOT, capture_output=True, text=True) if (ROOT / ".git").exists() else None
+    if listed is not None and listed.returncode == 0:
+        return {line.split("/")[0] for line in listed.stdout.splitlines()}
+    leftovers = {".git", ".pytest_cache", ".hypothesis", ".venv", "dist", "build", "PKG-INFO", "__pycache__"}
+    return {path.name for path in ROOT.iterdir()} - leftovers
+
+
+def test_nothing_else_lies_at_the_top():
+    """The names at the top of the repository are fixed."""
+    assert tracked() <= TOP
+    assert {"ncgen", "templates", "tests", "pyproject.toml"} <= tracked()
