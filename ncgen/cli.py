@@ -1,4 +1,4 @@
-"""The command line: list, run, generate, inspect, check, convert, cache.
+"""The command line: list, run, generate, inspect, bench, check, convert, cache.
 
 MODEL is the name of an example, or a path to a .toml or .py file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -11,6 +11,7 @@ import os
 import sys
 import warnings
 from contextlib import contextmanager
+from inspect import signature
 from pathlib import Path
 from typing import Annotated
 
@@ -110,7 +111,10 @@ def run(
     given = dict(duration=duration, integrator=integrator, rtol=rtol, atol=atol, points=points, zd0=_velocities(velocity))
     options = {"duration": 1.0, **kernels.model.simulation_options, **{k: v for k, v in given.items() if v is not None}}
     length = options.pop("duration")
-    with _progress(f"simulating {length:g} s", float(length)) as advance:
+    known = signature(simulate).parameters
+    if unknown := [name for name in options if name not in known]:
+        raise ModelError(f"m.simulation({unknown[0]}=…): simulate has no such option; it has {', '.join(known)}")
+    with _progress(f"simulating {length} s", length if isinstance(length, (int, float)) else None) as advance:
         trajectory = simulate(kernels, length, progress=advance, **options)
     folder = (output or Path(f"{kernels.name}-output")) if files else None
     if files:
@@ -123,6 +127,24 @@ def run(
         print(json.dumps(record, indent=1))
     else:
         show_run(out, record)
+
+
+@app.command()
+def bench(model: ModelName, json_output: Json = False) -> None:
+    """Measure generated code beside hand-written code: times with their errors."""
+    from ncgen.exchange.examples import load
+    from ncgen.report.bench import bench as measurements
+    from ncgen.report.bench import show
+
+    records = []
+    with _progress(f"measuring {model}", 3.0) as advance:
+        for done, (title, found) in enumerate(measurements(load(model)), 1):
+            records += found
+            advance(done)
+            if not json_output:
+                show(out, title, found)
+    if json_output:
+        print(json.dumps(records, indent=1))
 
 
 @app.command()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import importlib.util
 import traceback
+from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 
@@ -53,12 +54,21 @@ def _is_example(name) -> bool:
     return "/" not in text and "\\" not in text and not text.endswith((".py", ".toml"))
 
 
+class _Reader(SourceFileLoader):
+    """Reads a module from its source and leaves no bytecode beside it."""
+
+    def get_code(self, fullname):
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 def _import(path: Path) -> ModuleType:
     if not path.is_file():
         raise ModelError(f"{path}: there is no such file or example; the examples are {', '.join(example_names())}")
     if path.suffix != ".py":
         raise ModelError(f"{path}: not a model; give a .toml file, a .py file with a function build(), or the name of an example")
-    spec = importlib.util.spec_from_file_location(f"ncgen_model_{path.parent.name}_{path.stem}", path)
+    path = path.resolve()
+    name = f"ncgen_model_{path.parent.name}_{path.stem}"
+    spec = importlib.util.spec_from_file_location(name, path, loader=_Reader(name, str(path)))
     module = importlib.util.module_from_spec(spec)
     _guarded(path, lambda: spec.loader.exec_module(module))
     return module

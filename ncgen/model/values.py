@@ -103,7 +103,7 @@ def evaluate(value, parameters: dict[str, Parameter], what: str) -> float:
     Raises ModelError if an expression mentions something that is not a parameter of the model.
     """
     if isinstance(value, Parameter):
-        return value.default
+        return parameters.get(value.name, value).default
     if is_number(value):
         return float(value)
     unknown = sorted(s.name for s in value.free_symbols if s.name not in parameters)

@@ -75,7 +75,7 @@ def bind(term: Term, equations: Equations, derived: Derived) -> Bound:
         return reference
 
     def coordinate(component: Component, name: str) -> tuple:
-        if component.fixed:
+        if not equations.moves(component):
             return value(component.value, name)
         if component not in bound.coordinates:
             bound.coordinates.append(component)

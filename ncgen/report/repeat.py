@@ -47,7 +47,9 @@ int ncgen_repeat(int times, ncgen_real t, const ncgen_real *q, const ncgen_real 
 
 ncgen_real ncgen_arithmetic(int times, ncgen_real a, ncgen_real b)
 {
-    ncgen_real c = b, d = b, e = b, f = b, g = b, h = b, i = b, j = b, k = b, l = b, m = b, n = b;
+    /* twelve chains that differ, so that none is computed once for all */
+    ncgen_real c = b, d = 2 * b, e = 3 * b, f = 4 * b, g = 5 * b, h = 6 * b;
+    ncgen_real i = 7 * b, j = 8 * b, k = 9 * b, l = 10 * b, m = 11 * b, n = 12 * b;
     for (int r = 0; r < times; ++r) {
         c = c * a + b; d = d * a + b; e = e * a + b; f = f * a + b; g = g * a + b; h = h * a + b;
         i = i * a + b; j = j * a + b; k = k * a + b; l = l * a + b; m = m * a + b; n = n * a + b;
@@ -68,10 +70,11 @@ def _repeater():
 
 @dataclass
 class Call:
-    """A kernel's function in C and how many numbers it writes."""
+    """A kernel's function in C and how many numbers it writes; owner: the library, which must live as long."""
 
     function: object
     size: int
+    owner: object
     out: np.ndarray = field(init=False)
 
     def __post_init__(self):

@@ -90,7 +90,8 @@ def handwritten(kernels: Kernels):
 
 
 def _functions(kernels: CompiledKernels) -> dict[str, Call]:
-    return {name: Call(getattr(kernels._descriptor, name), program.size) for name, program in kernels.programs.programs.items()}
+    programs = kernels.programs.programs
+    return {name: Call(getattr(kernels._descriptor, name), program.size, kernels) for name, program in programs.items()}
 
 
 def _compiled(name: str, functions: dict[str, Call], inputs: Inputs, names) -> Rival:
@@ -114,7 +115,7 @@ def _handwritten_c(kernels: Kernels) -> list[dict[str, Call]]:
     ffi.cdef("".join(f"ncgen_{kind}_kernel handwritten_{name};" for name, kind in types.items()))
     library = ffi.dlopen(str(build({path.name: path.read_text(encoding="utf-8")}, find_compiler()).library))
     sizes = {name: kernels.programs.programs[name].size for name in KERNELS}
-    return [{name: Call(ffi.addressof(library, f"handwritten_{name}"), size) for name, size in sizes.items()}]
+    return [{name: Call(ffi.addressof(library, f"handwritten_{name}"), size, library) for name, size in sizes.items()}]
 
 
 def _python(name: str, functions: dict[str, Callable[[], np.ndarray]], values, every=None) -> Rival:

@@ -15,7 +15,7 @@ from ncgen.solver.protocol import Kernels
 
 def refresh_branches(kernels: Kernels, q, p) -> np.ndarray:
     """Parameters p with every paper row's choice made anew at q; p itself where there are none."""
-    return _choose(kernels, q, p, lambda name: float(element(kernels, name, q)[0]))
+    return _choose(kernels, q, p, lambda name: float(element(kernels, name, q, p)[0]))
 
 
 def one_kind(kernels: Kernels, q, p, kind: str) -> np.ndarray:
@@ -31,7 +31,7 @@ def _choose(kernels: Kernels, q, p, angle) -> np.ndarray:
     p = np.array(p, dtype=float)
     position = {name: i for i, name in enumerate(kernels.parameters)}
     for name, weights in branches.items():
-        chosen = paper_choice(angle(name), direction(kernels, kernels.model.elements[name].axis, q))
+        chosen = paper_choice(angle(name), direction(kernels, kernels.model.elements[name].axis, q, p))
         for k, weight in enumerate(weights):
             p[position[weight.name]] = float(k == chosen)
     return p

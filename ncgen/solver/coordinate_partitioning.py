@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg import lapack
 
 from ncgen.errors import ConvergenceError, SingularError
-from ncgen.solver.partition import Kinematics, Partition, Partitions, factor, kinematics
+from ncgen.solver.partition import Kinematics, Partition, Partitions, factor, kinematics, solve
 from ncgen.solver.position import LIMIT, TOLERANCE
 from ncgen.solver.protocol import Kernels
 
@@ -59,7 +59,7 @@ def dependent_position(kernels: Kernels, partition: Partition, start: Start, t: 
         if not np.isfinite(history[-1]):
             break
         jacobian = kernels.jacobian(q, t, start.p)[np.ix_(partition.rows, partition.dependent)]
-        q[partition.dependent] -= scipy.linalg.lu_solve(factor(jacobian, kernels.name), value[partition.rows], check_finite=False)
+        q[partition.dependent] -= solve(factor(jacobian, kernels.name), value[partition.rows])
     raise ConvergenceError(
         f"{kernels.name}: the position problem does not converge at t = {t:.6g} s, the relative residual is {history[-1]:.2g}; "
         "the mechanism may have locked, or take smaller steps (rtol, max_step)",
@@ -93,10 +93,9 @@ def _independent_acceleration(kernels: Kernels, frame: Kinematics, mass, force, 
     reduced = frame.R.T @ mass @ frame.R
     if not len(reduced):
         return np.zeros(0)
-    try:
-        factors = scipy.linalg.cho_factor(reduced, check_finite=False)
-    except scipy.linalg.LinAlgError:
+    _, zdd, failed = lapack.dposv(reduced, frame.R.T @ (force - mass @ bias))
+    if failed:
         raise SingularError(
             f"{kernels.name}: a motion of the mechanism has no inertia (R'MR is not positive definite); give the bodies that move mass"
-        ) from None
-    return scipy.linalg.cho_solve(factors, frame.R.T @ (force - mass @ bias), check_finite=False)
+        )
+    return zdd

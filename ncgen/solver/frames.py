@@ -18,23 +18,23 @@ from ncgen.solver.geometry import element, element_rate
 from ncgen.solver.protocol import Kernels
 
 
-def transformation(kernels: Kernels, body: str, q) -> np.ndarray:
+def transformation(kernels: Kernels, body: str, q, p=None) -> np.ndarray:
     """A at positions q (…, n), shape (…, 3, 3); orthogonal as far as Φ = 0."""
     basis = _basis(kernels, body)
-    initial = _columns(basis, lambda e: element(kernels, e, kernels.q0))
-    return _columns(basis, lambda e: element(kernels, e, q)) @ np.linalg.inv(initial)
+    initial = _columns(basis, lambda e: element(kernels, e, kernels.q0, p))
+    return _columns(basis, lambda e: element(kernels, e, q, p)) @ np.linalg.inv(initial)
 
 
-def rotation(kernels: Kernels, body: str, q) -> Rotation:
+def rotation(kernels: Kernels, body: str, q, p=None) -> Rotation:
     """The same as a scipy Rotation (the nearest orthogonal matrix)."""
-    return Rotation.from_matrix(transformation(kernels, body, q))
+    return Rotation.from_matrix(transformation(kernels, body, q, p))
 
 
-def angular_velocity(kernels: Kernels, body: str, q, qd) -> np.ndarray:
+def angular_velocity(kernels: Kernels, body: str, q, qd, p=None) -> np.ndarray:
     """ω (rad/s) in global axes, shape (…, 3)."""
     basis = _basis(kernels, body)
-    X = _columns(basis, lambda e: element(kernels, e, q))
-    rate = _column_rates(basis, lambda e: element(kernels, e, q), lambda e: element_rate(kernels, e, qd))
+    X = _columns(basis, lambda e: element(kernels, e, q, p))
+    rate = _column_rates(basis, lambda e: element(kernels, e, q, p), lambda e: element_rate(kernels, e, qd))
     reciprocal = np.swapaxes(np.linalg.inv(X), -1, -2)
     return 0.5 * np.sum(np.cross(reciprocal, rate, axisa=-2, axisb=-2), axis=-2)
 

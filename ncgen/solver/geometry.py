@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ncgen.errors import ModelError
@@ -10,22 +12,28 @@ from ncgen.model.values import evaluate
 from ncgen.solver.protocol import Kernels
 
 
-def component(kernels: Kernels, c, q) -> np.ndarray:
-    """One coordinate at positions q (…, n): a free one from q, a fixed one from its value."""
+def component(kernels: Kernels, c, q, p=None) -> np.ndarray:
+    """One coordinate at positions q (…, n): a free one from q, a fixed one from its value at parameters p."""
     q = np.asarray(q)
     if c.fixed:
-        return np.full(q.shape[:-1], evaluate(c.value, kernels.model.parameters, c.name))
+        return np.full(q.shape[:-1], evaluate(c.value, parameters_at(kernels, p), c.name))
     return q[..., kernels.index[c.name]]
 
 
-def element(kernels: Kernels, thing: str | Element, q) -> np.ndarray:
+def parameters_at(kernels: Kernels, p) -> dict:
+    """The model's parameters with the numbers of p for their defaults."""
+    known = kernels.model.parameters
+    return known if p is None else {k: replace(v, default=float(x)) for (k, v), x in zip(known.items(), p, strict=True)}
+
+
+def element(kernels: Kernels, thing: str | Element, q, p=None) -> np.ndarray:
     """A point or a vector at positions q (…, n), shape (…, 3); an angle, shape (…, 1).
 
     Raises ModelError for a name the model does not have.
     """
     if isinstance(thing, str):
         thing = _named(kernels, thing)
-    return np.stack([component(kernels, c, q) for c in thing.components], axis=-1)
+    return np.stack([component(kernels, c, q, p) for c in thing.components], axis=-1)
 
 
 def element_rate(kernels: Kernels, thing: str | Element, qd) -> np.ndarray:
@@ -37,15 +45,15 @@ def element_rate(kernels: Kernels, thing: str | Element, qd) -> np.ndarray:
     return np.stack(parts, axis=-1)
 
 
-def direction(kernels: Kernels, combination: Combination, q) -> np.ndarray:
+def direction(kernels: Kernels, combination: Combination, q, p=None) -> np.ndarray:
     """A linear combination of elements at positions q, shape (…, 3)."""
-    weights = [evaluate(w, kernels.model.parameters, str(combination)) for w, _ in combination.terms]
-    return sum(w * element(kernels, e, q) for w, (_, e) in zip(weights, combination.terms, strict=True))
+    weights = [evaluate(w, parameters_at(kernels, p), str(combination)) for w, _ in combination.terms]
+    return sum(w * element(kernels, e, q, p) for w, (_, e) in zip(weights, combination.terms, strict=True))
 
 
-def measured_angle(kernels: Kernels, angle: Angle, q) -> np.ndarray:
+def measured_angle(kernels: Kernels, angle: Angle, q, p=None) -> np.ndarray:
     """The angle between its elements as they stand at q, in (−π, π], whatever its coordinate says."""
-    a, b, n = (direction(kernels, d, q) for d in (angle.start, angle.end, angle.axis))
+    a, b, n = (direction(kernels, d, q, p) for d in (angle.start, angle.end, angle.axis))
     n = n / np.linalg.norm(n, axis=-1, keepdims=True)
 
     def dot(x, y):

@@ -28,7 +28,6 @@ class Adams(scipy.integrate.OdeSolver):
                 self._engine.integrate(self.t_bound, step=True)
             except UserWarning as problem:
                 return False, str(problem)
-        self._previous = (self.t, self.y, self.fun(self.t, self.y))
         self.t, self.y = self._engine.t, self._engine.y.copy()
         if self.direction * (self.t - self.t_bound) > 0:
             # VODE steps past the end; come back by its own interpolation.
@@ -37,7 +36,18 @@ class Adams(scipy.integrate.OdeSolver):
         return True, None
 
     def _dense_output_impl(self):
-        return _Hermite(*self._previous, self.t, self.y, self.fun(self.t, self.y))
+        return _Nordsieck(self.t_old, self.t, self._engine)
+
+
+class _Nordsieck(scipy.integrate.DenseOutput):
+    """VODE's own interpolation within its last step, of the order of the method."""
+
+    def __init__(self, t0, t1, engine):
+        super().__init__(t0, t1)
+        self._engine = engine
+
+    def _call_impl(self, t):
+        return self._engine.integrate(t).copy()
 
 
 class _Hermite(scipy.integrate.DenseOutput):
@@ -111,5 +121,5 @@ def find_integrator(name: str):
 
 def canonical_name(name: str) -> str:
     """The name in the field of an integrator given by any of its names."""
-    key = name.lower()
+    key = str(name).lower()
     return OTHER_NAMES.get(key, key)

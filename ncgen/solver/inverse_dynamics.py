@@ -11,6 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ModelError, SingularError
+from ncgen.solver.branches import refresh_branches
 from ncgen.solver.partition import choose_partition, kinematics
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.trajectory import Trajectory
@@ -36,7 +37,8 @@ def inverse_dynamics(run: Trajectory, motors=None) -> MotorForces:
     """
     kernels = run.kernels
     names = tuple(motors or run.independent)
-    results = [motor_forces(kernels, names, *instant, run.p) for instant in zip(run.t, run.q, run.qd, run.qdd, strict=True)]
+    instants = zip(run.t, run.q, run.qd, run.qdd, strict=True)
+    results = [motor_forces(kernels, names, t, q, qd, qdd, refresh_branches(kernels, q, run.p)) for t, q, qd, qdd in instants]
     return MotorForces(names, np.array([f for f, _ in results]), np.array([lam for _, lam in results]))
 
 

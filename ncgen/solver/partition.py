@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+from scipy.linalg import lapack
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.solver.protocol import Kernels
@@ -120,14 +121,14 @@ class Kinematics:
         """S·right over all coordinates: what satisfies Φ_q x = right with x_z = 0."""
         result = np.zeros(self.R.shape[0])
         if len(self.partition.rows):
-            result[self.partition.dependent] = scipy.linalg.lu_solve(self.factors, right[self.partition.rows], check_finite=False)
+            result[self.partition.dependent] = solve(self.factors, right[self.partition.rows])
         return result
 
     def multipliers(self, right: np.ndarray, rows: int) -> np.ndarray:
         """λ with Φ_qᵀ λ = right on the dependent coordinates; rows that are not kept get zero."""
         result = np.zeros(rows)
         if len(self.partition.rows):
-            kept = scipy.linalg.lu_solve(self.factors, right[self.partition.dependent], trans=1, check_finite=False)
+            kept = solve(self.factors, right[self.partition.dependent], transposed=1)
             result[self.partition.rows] = kept
         return result
 
@@ -140,14 +141,19 @@ def kinematics(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> Kine
     if not len(partition.rows):
         return Kinematics(partition, (), R)
     factors = factor(jacobian[:, partition.dependent], kernels.name)
-    R[partition.dependent] = -scipy.linalg.lu_solve(factors, jacobian[:, partition.independent], check_finite=False)
+    R[partition.dependent] = -solve(factors, jacobian[:, partition.independent])
     return Kinematics(partition, factors, R)
 
 
 def factor(matrix: np.ndarray, name: str) -> tuple:
     """LU factors; SingularError instead of infinities."""
-    factors = scipy.linalg.lu_factor(matrix, check_finite=False)
-    pivots = np.abs(np.diag(factors[0]))
+    lu, exchanges, _ = lapack.dgetrf(matrix)
+    pivots = np.abs(np.diag(lu))
     if not np.min(pivots) > 1e-14 * np.max(pivots):
         raise SingularError(f"{name}: the Jacobian of the dependent coordinates is singular; choose other independent coordinates")
-    return factors
+    return lu, exchanges
+
+
+def solve(factors: tuple, right: np.ndarray, transposed: int = 0) -> np.ndarray:
+    """x of A x = right, or of Aᵀ x = right."""
+    return lapack.dgetrs(*factors, right, trans=transposed)[0]

@@ -15,6 +15,9 @@ from ncgen.solver.protocol import Kernels
 
 TOLERANCE = 1e-12
 LIMIT = 40
+EASY = 6
+"""Newton steps within which a part of a displacement must close; else it is cut in half, since it may have changed its branch."""
+
 CONSISTENT = 1e-9
 """A relative residual up to this passes as a consistent initial position."""
 
@@ -44,6 +47,8 @@ def solve_position(
     Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π.
     """
     q = np.array(q, dtype=float)
+    for name in held:
+        _index(kernels, name)
     free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in set(held)], dtype=int)
     sizes = kernels.row_sizes
     value = kernels.phi(q, t, p) / sizes
@@ -56,7 +61,7 @@ def solve_position(
         step = np.linalg.lstsq(jacobian, -value[rows], rcond=1e-10)[0]
         q, value = _damped(kernels, q, free, step, value, t, p)
         history.append(float(np.max(np.abs(value), initial=0.0)))
-    _check_mirror_roots(kernels, q, history)
+    check_mirror_roots(kernels, q, p, history)
     return Position(q, len(history) - 1, history[-1], tuple(history))
 
 
@@ -81,12 +86,13 @@ def _failure(kernels: Kernels, value, history) -> str:
     )
 
 
-def _check_mirror_roots(kernels: Kernels, q, history) -> None:
+def check_mirror_roots(kernels: Kernels, q, p=None, history=()) -> None:
+    """Raise ConvergenceError naming an angle whose coordinate is half a turn off its elements: the other root of its row."""
     for angle in angles(kernels):
         coordinate = kernels.index.get(angle.name)
         if coordinate is None:
             continue
-        error = q[coordinate] - measured_angle(kernels, angle, q)
+        error = q[coordinate] - measured_angle(kernels, angle, q, p)
         if np.cos(error) < 0.0:
             raise ConvergenceError(
                 f"angle {angle.name}: the position found is the mirror root, {np.degrees(error) % 360:.1f} degrees off; "
@@ -119,8 +125,8 @@ def move(kernels: Kernels, q, targets: dict[str, float], t=0.0, p=None, steps: i
         guess = result.q.copy()
         guess[where] = start + share * (end - start)
         try:
-            result = solve_position(kernels, guess, t, p, held=names)
-            done = share
+            found = solve_position(kernels, guess, t, p, held=names, limit=EASY)
+            result, done = found, share
         except ConvergenceError:
             step /= 2
             if step < 1e-4 / steps:

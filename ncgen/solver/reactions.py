@@ -23,23 +23,25 @@ from ncgen.solver.rank import freedom, scaled_jacobian
 class Reactions:
     """Loads on bodies along a trajectory, from their joints.
 
-    loads: {body: (K, n)} generalised forces over the free coordinates
+    loads: {body: {coordinate: (K,)}} generalised forces, over the fixed coordinates of the body too
     determinate: {body: True if redundant rows leave its loads unique}
     """
 
     run: object
-    loads: dict[str, np.ndarray]
+    loads: dict[str, dict[str, np.ndarray]]
     determinate: dict[str, bool]
 
     def force(self, body: str, point: str) -> np.ndarray:
-        """Joint force (N) on a body at one of its points, global axes, shape (K, 3)."""
-        return geometry.element_rate(self.run.kernels, self._element(body, point), self.loads[body])
+        """Joint force (N) on a body at one of its points, global axes, shape (K, 3); at a fixed point, that of the ground."""
+        return self._load(body, self._element(body, point))
 
     def moment(self, body: str, vector: str) -> np.ndarray:
         """Joint moment (N m) on a body through one of its unit vectors, shape (K, 3)."""
         thing = self._element(body, vector)
-        pull = geometry.element_rate(self.run.kernels, thing, self.loads[body])
-        return np.cross(geometry.element(self.run.kernels, thing, self.run.q), pull)
+        return np.cross(geometry.element(self.run.kernels, thing, self.run.q, self.run.p), self._load(body, thing))
+
+    def _load(self, body: str, element) -> np.ndarray:
+        return np.stack([self.loads[body][c.name] for c in element.components], axis=-1)
 
     def _element(self, body: str, name: str):
         if body not in self.loads:
@@ -60,9 +62,9 @@ def reactions(run) -> Reactions:
     uncertain = _uncertain_directions(run)
     for name in run.model.bodies:
         share = _share(run.kernels, name)
-        instants = zip(run.t, run.q, run.qd, run.qdd, run.lam, strict=True)
-        loads[name] = np.array([_load(share, *instant, run.p) for instant in instants])
-        effect = share.jacobian(run.q[0], run.t[0], run.p).T @ uncertain
+        history = np.array([_load(share, run, k) for k in range(len(run.t))])
+        loads[name] = dict(zip(share.coordinates, history.T, strict=True))
+        effect = share.jacobian(_with_released(share, run, run.q[0]), run.t[0], run.p).T @ uncertain
         determinate[name] = bool(np.max(np.abs(effect), initial=0.0) < 1e-8)
     return Reactions(run, loads, determinate)
 
@@ -77,9 +79,29 @@ def _share(kernels, body: str):
     return NumPyKernels(Sources(assemble(build_equations(kernels.model, Owner("body", body)), "tabled")))
 
 
-def _load(share, t, q, qd, qdd, lam, p) -> np.ndarray:
+def _load(share, run, k: int) -> np.ndarray:
+    """f = M q̈ − Q + Φ_qᵀ λ of one body at instant k, over its own and all free coordinates."""
+    t, p = run.t[k], run.p
+    q = _with_released(share, run, run.q[k])
+    qd, qdd = (_spread(share, run, values[k]) for values in (run.qd, run.qdd))
     inertia = share.mass_matrix(q, t, p) @ qdd - share.force(q, qd, t, p)
-    return inertia + share.jacobian(q, t, p).T @ lam
+    return inertia + share.jacobian(q, t, p).T @ run.lam[k]
+
+
+def _spread(share, run, values) -> np.ndarray:
+    """Values over the share's coordinates; released ones stand still."""
+    index = run.kernels.index
+    return np.array([values[index[name]] if name in index else 0.0 for name in share.coordinates])
+
+
+def _with_released(share, run, q) -> np.ndarray:
+    """Positions over the share's coordinates; released ones stand where they are fixed."""
+    places = {c.name: c for c in run.model.components if c.fixed}
+    whole = _spread(share, run, q)
+    for i, name in enumerate(share.coordinates):
+        if name in places:
+            whole[i] = geometry.component(run.kernels, places[name], q, run.p)
+    return whole
 
 
 def _uncertain_directions(run) -> np.ndarray:

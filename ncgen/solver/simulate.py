@@ -6,6 +6,7 @@ import time
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
+from numbers import Integral, Real
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.integrators import canonical_name, find_integrator
 from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
-from ncgen.solver.position import check_finite
+from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.trajectory import Statistics, Trajectory
 
@@ -73,15 +74,22 @@ def simulate(
     if formalism not in FORMALISMS:
         raise ModelError(f"formalism {formalism!r} is unknown; choose one of {', '.join(FORMALISMS)}")
     method = find_integrator(integrator)
-    duration = _positive(duration, "duration")
+    duration = _positive(duration, "duration", "s")
+    for name, value in (("rtol", rtol), ("atol", atol)):
+        _positive(value, name)
+    if max_step != np.inf:
+        _positive(max_step, "max_step", "s")
+    if not (isinstance(t0, Real) and np.isfinite(t0)):
+        raise ModelError(f"t0: {t0!r} given; it must be a number of seconds")
     if engine not in ENGINES:
         raise ModelError(f"engine {engine!r} is unknown; choose one of {', '.join(ENGINES)}")
-    if points < 2:
+    if not (isinstance(points, Integral) and points >= 2):
         raise ModelError(f"points: {points} given; a trajectory has at least 2")
     q = np.array(kernels.q0 if q0 is None else q0, dtype=float)
     p = refresh_branches(kernels, q, kernels.p0 if p is None else np.asarray(p, dtype=float))
     check_finite(kernels, q, t0, p)
     q = assemble(kernels, q, t0, p)
+    check_mirror_roots(kernels, q, p)
     partitions = choose_partitions(kernels, q, t0, p, z or kernels.model.chosen_independent)
     zd = _rates(kernels, partitions.velocity, zd0)
     grid = np.linspace(t0, t0 + duration, points)
@@ -124,9 +132,9 @@ class _Piece:
         return _Piece(q, qd, np.concatenate([other.work[:start], self.work + before]), other.counts + self.counts)
 
 
-def _positive(value: float, name: str) -> float:
-    if not (np.isfinite(value) and value > 0):
-        raise ModelError(f"{name}: {value} given; it must be a positive number of seconds")
+def _positive(value: float, name: str, unit: str = "") -> float:
+    if not (isinstance(value, Real) and np.isfinite(value) and value > 0):
+        raise ModelError(f"{name}: {value!r} given; it must be a positive number{' of seconds' if unit else ''}")
     return float(value)
 
 
@@ -138,8 +146,11 @@ def _rates(kernels: Kernels, partition: Partition, zd0) -> np.ndarray:
         unknown = [name for name in zd0 if name not in names]
         if unknown:
             raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
-        return np.array([float(zd0.get(name, 0.0)) for name in names])
-    rates = np.asarray(zd0, dtype=float)
+        zd0 = [zd0.get(name, 0.0) for name in names]
+    try:
+        rates = np.asarray(zd0, dtype=float)
+    except (TypeError, ValueError):
+        rates = np.array([np.nan])
     if rates.shape != (len(names),) or not np.all(np.isfinite(rates)):
         raise ModelError(f"zd0: {rates.shape} finite numbers needed for the {len(names)} independent coordinates {', '.join(names)}")
     return rates
@@ -165,9 +176,12 @@ class _Run:
         motions, work = [here], [0.0]
         while solver.status == "running":
             solver = self._step(solver, here)
+            between = None
             while len(motions) < len(grid) and grid[len(motions)] <= solver.t:
                 instant = grid[len(motions)]
-                y = solver.y if instant == solver.t else solver.dense_output()(instant)
+                if instant != solver.t:
+                    between = between or solver.dense_output()
+                y = solver.y if instant == solver.t else between(instant)
                 motions.append(self._motion(instant, y))
                 work.append(float(y[-1]))
             here = self._motion(solver.t, solver.y)

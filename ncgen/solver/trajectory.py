@@ -58,8 +58,10 @@ class Trajectory:
 
     @property
     def independent(self) -> tuple[str, ...]:
-        """Names of the independent coordinates (at the end of the run, if they changed)."""
-        return self.partitions.position.names(self.kernels)
+        """Names of the independent coordinates: those chosen in the model, else those at the end of the run."""
+        used = self.partitions.position.names(self.kernels)
+        chosen = self.model.chosen_independent
+        return chosen if len(chosen) == len(used) else used
 
     @cached_property
     def _motions(self) -> list:
@@ -98,18 +100,18 @@ class Trajectory:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """One free coordinate, or `rate(name)`, over time, shape (K,). Raises ModelError for an unknown name."""
-        inner = name.removeprefix("rate(").removesuffix(")") if name.startswith("rate(") else name
+        inner = name[5:-1] if name.startswith("rate(") and name.endswith(")") else name
         if inner not in self.kernels.index:
             raise ModelError(f"{self.name} has no free coordinate {inner}; it has {', '.join(self.coordinates)}")
         return (self.q if inner == name else self.qd)[:, self.kernels.index[inner]]
 
     def point(self, name: str) -> np.ndarray:
         """Positions (m) of a point, shape (K, 3)."""
-        return geometry.element(self.kernels, name, self.q)
+        return geometry.element(self.kernels, name, self.q, self.p)
 
     def vector(self, name: str) -> np.ndarray:
         """Components of a unit vector, shape (K, 3)."""
-        return geometry.element(self.kernels, name, self.q)
+        return geometry.element(self.kernels, name, self.q, self.p)
 
     def rotation(self, body: str):
         """Orientation of a body relative to the initial position, a scipy Rotation of K instants.
@@ -117,11 +119,11 @@ class Trajectory:
         Euler angles, Bryant angles and Euler parameters (the paper's eqs 1-5) are its views:
         `.as_euler("ZXZ")`, `.as_euler("XYZ")`, `.as_quat(scalar_first=True)`.
         """
-        return frames.rotation(self.kernels, body, self.q)
+        return frames.rotation(self.kernels, body, self.q, self.p)
 
     def angular_velocity(self, body: str) -> np.ndarray:
         """Angular velocity (rad/s) of a body in global axes, shape (K, 3)."""
-        return frames.angular_velocity(self.kernels, body, self.q, self.qd)
+        return frames.angular_velocity(self.kernels, body, self.q, self.qd, self.p)
 
     def energy(self) -> np.ndarray:
         """Kinetic and potential energy (J) and power (W) of forces without a potential, shape (K, 3)."""

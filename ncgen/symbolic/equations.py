@@ -7,7 +7,7 @@ what they fold away is decided later, on programs.
 from __future__ import annotations
 
 from collections import defaultdict
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 
@@ -46,21 +46,20 @@ class Term:
     row: int | None = None
     equation: str = ""
 
-    @property
-    def coordinates(self) -> list[Component]:
-        """The free coordinates it depends on, in order of first mention."""
-        return list(dict.fromkeys(c for form in self.scalars for _, c in form if not c.fixed))
-
 
 @dataclass(frozen=True, eq=False)
 class Equations:
-    """All terms of a mechanism, and the numbering of what they refer to."""
+    """All terms of a mechanism, and the numbering of what they refer to.
+
+    released: fixed coordinates that are treated as free, to see what holds them
+    """
 
     model: Model
     rows: tuple[Term, ...]
     masses: tuple[Term, ...]
     forces: tuple[Term, ...]
-    omitted: tuple[str, ...] = field(default=())
+    omitted: tuple[str, ...] = ()
+    released: frozenset[Component] = frozenset()
 
     @cached_property
     def index(self) -> dict[Component, int]:
@@ -69,7 +68,11 @@ class Equations:
 
     @cached_property
     def free(self) -> list[Component]:
-        return [c for c in self.model.components if not c.fixed]
+        return [c for c in self.model.components if self.moves(c)]
+
+    def moves(self, component: Component) -> bool:
+        """True if a component is a coordinate of the kernels, False if it is a constant."""
+        return not component.fixed or component in self.released
 
     @cached_property
     def parameters(self) -> list[Parameter]:
@@ -79,7 +82,8 @@ class Equations:
 def build_equations(model: Model, owner: Owner | None = None) -> Equations:
     """Bind every row, mass and force of the model.
 
-    With `owner`, only what that owner is responsible for; rows keep their numbers, the others' stay empty.
+    With `owner`, only what that owner, a body, is responsible for: rows keep their numbers, the others' stay empty, and
+    the body's fixed elements are released, so that what holds them can be seen.
     """
     omitted: list[str] = []
     rows = [_row(model, number, row, omitted) for number, row in enumerate(model.rows)]
@@ -87,12 +91,18 @@ def build_equations(model: Model, owner: Owner | None = None) -> Equations:
     if owner is not None:
         rows = [term for term in rows if term.owner == owner]
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
-    masses, forces = _inertia_terms(model, bodies)
-    forces += [_applied(model, force) for force in model.forces if owner in (None, _bearer(model, force))]
+    released = _released(model, owner)
+    masses, forces = _inertia_terms(model, bodies, released)
+    forces += [_applied(model, force, released) for force in model.forces if owner in (None, _bearer(model, force))]
     if owner is None:
         forces += [_spring(model, spring) for spring in model.springs]
         forces += [_potential(model, potential) for potential in model.potentials]
-    return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted))
+    return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
+
+
+def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
+    body = model.bodies.get(owner.name) if owner is not None else None
+    return frozenset(c for e in body.elements for c in e.components if c.fixed) if body else frozenset()
 
 
 # -- rows ---------------------------------------------------------------------------------------
@@ -152,8 +162,8 @@ def _words(things) -> tuple[str, ...]:
     return tuple(thing.name for thing in things)
 
 
-def _applied(model: Model, force) -> Term:
-    return _couple(model, force) if isinstance(force, Couple) else _force(model, force)
+def _applied(model: Model, force, released) -> Term:
+    return _couple(model, force) if isinstance(force, Couple) else _force(model, force, released)
 
 
 def _couple(model: Model, couple: Couple) -> Term:
@@ -184,11 +194,11 @@ def _spring(model: Model, spring: Spring | TorsionSpring) -> Term:
     return Term(template, tuple(forms), tuple(data), owner, spring.label)
 
 
-def _force(model: Model, force) -> Term:
-    components = dict(force.components)
+def _force(model: Model, force, released) -> Term:
+    components = {c: e for c, e in force.components if not c.fixed or c in released}
     scalars, data = _names(model, sympy.Tuple(*components.values()), force.label)
-    scalars = list(dict.fromkeys([*scalars, *(c for c in components if not c.fixed)]))
-    along = {scalars.index(c): sympy.sympify(e) for c, e in components.items() if not c.fixed}
+    scalars = list(dict.fromkeys([*scalars, *components]))
+    along = {scalars.index(c): sympy.sympify(e) for c, e in components.items()}
     template = templates.force_template(force.label, _words(scalars), _words(data), along)
     return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), Owner("user", force.label), force.label)
 
@@ -214,7 +224,7 @@ def _potential(model: Model, potential) -> Term:
 # -- inertia and gravity ------------------------------------------------------------------------
 
 
-def _inertia_terms(model: Model, bodies) -> tuple[list[Term], list[Term]]:
+def _inertia_terms(model: Model, bodies, released) -> tuple[list[Term], list[Term]]:
     """Mass and weight of the bodies, constant parts added up in exact arithmetic before they are rounded."""
     order = {component: i for i, component in enumerate(model.components)}
     mass: dict[tuple[Component, Component], object] = defaultdict(Fraction)
@@ -222,7 +232,7 @@ def _inertia_terms(model: Model, bodies) -> tuple[list[Term], list[Term]]:
     varying = []
     for body in bodies:
         standard = standard_inertia(body)
-        _add_constant_mass(mass, standard)
+        _add_constant_mass(mass, standard, released)
         _add_weight(weight, standard, model.gravity_field)
         if standard.crossed:
             varying += _cross_product_terms(body, standard, model.gravity_field)
@@ -230,18 +240,18 @@ def _inertia_terms(model: Model, bodies) -> tuple[list[Term], list[Term]]:
     # M is symmetric: a pair stands once, in the order of q.
     pairs = {pair: m for pair, m in mass.items() if m != 0 and order[pair[0]] <= order[pair[1]]}
     masses = [_mass_term(pair, m, owner) for pair, m in pairs.items()] + varying
-    forces = _weight_terms(weight, owner)
+    forces = _weight_terms(weight, owner, released)
     return masses, forces
 
 
-def _add_constant_mass(mass, standard: StandardInertia) -> None:
+def _add_constant_mass(mass, standard: StandardInertia, released) -> None:
     count = len(standard.directions)  # a crossed direction is no element and has none
     for k in range(count):
         for l in range(count):
             for wk, ck in standard.directions[k]:
                 for wl, cl in standard.directions[l]:
                     for a, b in zip(ck, cl, strict=True):
-                        if not a.fixed and not b.fixed:
+                        if all(not c.fixed or c in released for c in (a, b)):
                             mass[a, b] += standard.matrix[k][l] * _exact(wk * wl, standard.matrix[k][l])
 
 
@@ -272,13 +282,13 @@ def _field(g, partner):
     return Fraction(g) if is_number(g) and isinstance(partner, Fraction) else as_sympy(g)
 
 
-def _weight_terms(weight, owner) -> list[Term]:
+def _weight_terms(weight, owner, released) -> list[Term]:
     terms = []
     offset = Fraction(0)
     for component, force in weight.items():
         if force == 0:
             continue
-        if component.fixed:
+        if component.fixed and component not in released:
             offset -= force * (Fraction(component.value) if is_number(component.value) else as_sympy(component.value))
         else:
             terms.append(Term(templates.weight(), (((1.0, component),),), (_rounded(force),), owner, component.name))

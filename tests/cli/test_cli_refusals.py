@@ -170,7 +170,6 @@ OPTIONS = ["duration='long'", "points='many'", "colour=1", "integrator=5"]
 ARGUMENTS = [("--velocity", "B.y=nan"), ("--atol", "-1"), ("--rtol", "-1"), ("--atol", "nan")]
 
 
-@pytest.mark.xfail(strict=True, reason="simulation options of a model are not checked: a traceback")
 @pytest.mark.parametrize("options", OPTIONS)
 def test_options_of_the_model(ncgen_main, mine, options):
     mine.write_text(mine.read_text().replace("duration=0.1", options))
@@ -178,20 +177,17 @@ def test_options_of_the_model(ncgen_main, mine, options):
     assert_refused(said, 2, [options.split("=")[0]])
 
 
-@pytest.mark.xfail(strict=True, reason="numbers that make no sense reach SciPy: a traceback, or another number in their place")
 @pytest.mark.parametrize("arguments", ARGUMENTS, ids=" ".join)
 def test_numbers_without_sense(ncgen_main, mine, arguments):
     assert_refused(ncgen_main("run", "mine.py", "--json", *arguments), 2, [])
 
 
-@pytest.mark.xfail(strict=True, reason="a relative path is not recognised in the traceback: line None, or no line at all")
 @pytest.mark.parametrize("text", ["x = 1\ny = x / 0\n", "import ncgen\nncgen.Model(' ')\n"])
 def test_a_file_that_fails_while_it_is_read(ncgen_main, folder, text):
     (folder / "early.py").write_text(text)
     assert_refused(ncgen_main("run", "early.py", "--json"), 2, ["early.py, line 2: "])
 
 
-@pytest.mark.xfail(strict=True, reason="Python keeps its bytecode beside the user's file")
 def test_nothing_is_left_beside_the_users_file(mine, folder):
     environment = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     command = [sys.executable, "-m", "ncgen.cli", "run", "mine.py", "--no-files", "--backend", "numpy", "--json"]

@@ -117,7 +117,6 @@ def test_motors_are_refused_where_they_cannot_work(spatial):
         motor_forces(run.kernels, ("r2.z", *ANGLES[1:]), *instant)
 
 
-@pytest.mark.xfail(strict=True, reason="a run keeps the paper's choice of rows of its start only")
 def test_inverse_dynamics_after_a_change_of_rows():
     """A bar turns freely from −90° through 0°, where the cosine row of its start says nothing: no torque all the way."""
     m = Model("bar", form="paper")

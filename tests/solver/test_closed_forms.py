@@ -134,7 +134,6 @@ def test_parameters_given_at_run_time():
     assert run["rate(B.x)"][-1] == pytest.approx(-0.004 * np.sqrt(9.81 / 4.0), rel=1e-6)
 
 
-@pytest.mark.xfail(strict=True, reason="fixed components are taken at the parameters' defaults, not at the run's p")
 def test_a_fixed_point_moved_by_a_parameter():
     """The pendulum hangs half a metre higher, so everything is half a metre higher."""
     m = Model("hook")

@@ -254,13 +254,11 @@ def robot_parallelogram_angle(tree):
 # -- what should be, and is not yet -------------------------------------------------------------
 
 
-@pytest.mark.xfail(strict=True, reason="unknown names in `held` are ignored")
 def test_unknown_held_coordinates_are_named(fourbar):
     with pytest.raises(ModelError, match="phi"):
         solve_position(fourbar, fourbar.q0, held=("phi",))
 
 
-@pytest.mark.xfail(strict=True, reason="one long step of a move may end on the other assembly")
 def test_a_long_move_stays_on_its_branch(fourbar, loop):
     """From 1 rad to nearly 12 rad in one go; C is thrown below the line BD."""
     start = move(fourbar, fourbar.q0, {"psi": 1.0}, steps=20).q
@@ -269,7 +267,6 @@ def test_a_long_move_stays_on_its_branch(fourbar, loop):
     assert move(fourbar, start, {"psi": target}).q[where] == pytest.approx(loop.places(target)[1], abs=1e-9)
 
 
-@pytest.mark.xfail(strict=True, reason="simulate accepts angles half a turn off")
 def test_a_start_on_the_mirror_root_is_refused(fourbar):
     q = fourbar.q0.copy()
     q[fourbar.index["psi"]] += np.pi
@@ -277,7 +274,6 @@ def test_a_start_on_the_mirror_root_is_refused(fourbar):
         ncgen.simulate(fourbar, 0.01, q0=q, points=2)
 
 
-@pytest.mark.xfail(strict=True, reason="the message names ncgen.solve_position, which there is not")
 def test_the_advice_of_a_message_can_be_followed(fourbar):
     with pytest.raises(ModelError) as refusal:
         ncgen.simulate(fourbar, 0.1, q0=fourbar.q0 + 0.01)

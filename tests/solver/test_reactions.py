@@ -140,7 +140,6 @@ def test_pins_of_the_four_bar(turning, fourbar, loop):
     assert all(loads.determinate.values())
 
 
-@pytest.mark.xfail(strict=True, reason="loads on fixed points come out as zero")
 def test_force_on_a_fixed_point(turning, fourbar, loop):
     """The crank's hinge A: m a of its middle, less its weight and the pin B; or a refusal, but no wrong number."""
     psi = fourbar.index["psi"]

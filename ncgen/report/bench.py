@@ -1,0 +1,118 @@
+"""`ncgen bench`: times beside errors, of generated code and of whatever else can do the same work."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rich.console import Console
+from rich.text import Text
+
+from ncgen.compiler import compile
+from ncgen.model import Model
+from ncgen.program.cost import cost
+from ncgen.report.clock import measure
+from ncgen.report.falls import fall_records
+from ncgen.report.rates import arithmetic_rate, derivative_records
+from ncgen.report.rivals import KERNELS, Inputs, exact, relative_error, rivals
+
+LETTERS = {"phi": "Φ", "phi_q": "Φ_q", "gamma": "γ", "all": "together"}
+
+
+def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
+    """(title, records) of one measurement after the other.
+
+    A record has at least case, tool, error and seconds (per call); error None where there is nothing to compare with.
+    """
+    kernels = compile(model, "c")
+    rate = arithmetic_rate()
+    yield f"kernels of {model.name}: ns per call, error against 50 digits relative to the largest entry", kernel_records(model, rate)
+    title = f"state derivative: ns; floor at {rate / 1e9:.1f} operations a nanosecond, the measured rate of plain arithmetic"
+    yield title, derivative_records(kernels, rate) if kernels.m else []
+    yield "simulation: ms, error of the end position (m, rad)", list(fall_records(kernels))
+
+
+def kernel_records(model: Model, rate: float) -> list[dict]:
+    """Every kernel, and all one after the other, by every tool; `ratio` is to the first tool, generated C."""
+    kernels = compile(model, "c")
+    names = tuple(name for name in KERNELS if name in kernels.programs.programs)
+    if not names:
+        return []
+    inputs = Inputs.typical(kernels)
+    found = rivals(model, inputs, names)
+    reference = {name: exact(kernels, name, inputs) for name in names}
+    records = []
+    for case in (*names, "all"):
+        spent = measure({rival.name: rival.runs[case] for rival in found})
+        parts = names if case == "all" else (case,)
+        operations = sum(cost(kernels.programs.programs[name]).total for name in parts)
+        for rival in found:
+            error = max(relative_error(rival.values(name), reference[name]) for name in parts)
+            records.append(_record(case, rival.name, error, spent[rival.name], spent[found[0].name]))
+        records.append({"case": case, "tool": "floor", "error": None, "seconds": operations / rate, "operations": operations})
+    return records
+
+
+def _record(case, tool, error, spread, generated) -> dict:
+    times = {"seconds": spread.median, "low": spread.low, "high": spread.high, "ratio": spread.median / generated.median}
+    return {"case": case, "tool": tool, "error": error, **times}
+
+
+# -- for people --------------------------------------------------------------------------------------------------------
+
+
+def show(console: Console, title: str, records: list[dict]) -> None:
+    """One section as a table; nothing where nothing could be measured."""
+    if not records:
+        return
+    tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows}
+    console.print(Text(title, style="bold"))
+    for line in _aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
+        console.print(line, markup=False)
+    console.print()
+
+
+def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
+    """Rows of text as lines: the first column to the left, the others to the right."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    pairs = [[f"{cell:>{w}}" if k else f"{cell:<{w}}" for k, (cell, w) in enumerate(zip(row, widths, strict=True))] for row in rows]
+    return [f"  {'  '.join(cells)}".rstrip() for cells in pairs]
+
+
+def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:
+    cases = list(dict.fromkeys(r["case"] for r in records))
+    rows = [("", *(LETTERS[case] for case in cases), "quartiles", "ratio", "error")]
+    for tool in dict.fromkeys(r["tool"] for r in records):
+        mine = [r for r in records if r["tool"] == tool]
+        errors = [r["error"] for r in mine if r["error"] is not None]
+        last = mine[-1]
+        ratio = f"{last['ratio']:.2f}" if "ratio" in last else ""
+        rows.append((tool, *(f"{1e9 * r['seconds']:.0f}" for r in mine), _quartiles(last), ratio, _error(max(errors, default=None))))
+    return rows
+
+
+def _derivative_rows(records: list[dict]) -> list[tuple[str, ...]]:
+    rows = [("", "ns", "quartiles", "operations", "floor", "error")]
+    for r in records:
+        floor = f"{1e9 * r['floor']:.0f}" if "floor" in r else ""
+        rows.append((r["tool"], f"{1e9 * r['seconds']:.0f}", _quartiles(r), str(r.get("operations", "")), floor, _error(r["error"])))
+    return rows
+
+
+def _simulation_rows(records: list[dict]) -> list[tuple[str, ...]]:
+    rows = [("", "", "ms", "whole call", "error", "evaluations", "Newton", "us each")]
+    for r in records:
+        stopped = r["seconds"] is None
+        milliseconds = "stopped" if stopped else f"{1e3 * r['seconds']:.2f}"
+        total = f"{1e3 * r['total']:.1f}" if "total" in r else ""
+        each = f"{1e6 * r['seconds'] / r['evaluations']:.2f}" if "evaluations" in r else ""
+        counts = (str(r.get(name, "")) for name in ("evaluations", "newton_steps"))
+        rows.append((r["tool"], r["setting"], milliseconds, total, _error(r["error"]), *counts, each))
+    return rows
+
+
+def _quartiles(record: dict) -> str:
+    return f"{1e9 * record['low']:.0f}-{1e9 * record['high']:.0f}" if "low" in record else ""
+
+
+def _error(value: float | None) -> str:
+    return "" if value is None else f"{value:.1e}"

@@ -1,0 +1,114 @@
+"""A whole simulation: seconds against error for integrators, in C and in Python, and for hand-written code."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from ncgen.build.kernels import Kernels
+from ncgen.errors import NcgenError
+from ncgen.report.rivals import handwritten
+from ncgen.solver.simulate import simulate
+
+TOLERANCES = (1e-5, 1e-6, 1e-8, 1e-10)
+ABSOLUTE = 1e-2
+"""Absolute tolerance as a share of the relative one."""
+
+STEPS = (50, 100, 200)
+REPEATS = 9
+LONGEST = 2.0
+"""Seconds after which a run in C is not repeated any more."""
+
+TIGHT = 1e-13
+
+ENGINES = {"emitted": "emitted C", "c": "C, dense elimination", "python": "Python"}
+
+
+def fall_records(kernels: Kernels) -> Iterator[dict]:
+    """Records of the model's own simulation, one at a time.
+
+    error: largest difference (m, rad) of the end position; seconds: of the run; total: of the whole call of `simulate`
+    """
+    duration = float(kernels.model.simulation_options.get("duration", 1.0))
+    reference = _reference(kernels, duration)
+    if reference is None:
+        return
+    for engine in ("emitted", "c"):
+        for integrator, setting, options in _settings(duration):
+            yield _timed(kernels, duration, reference, integrator, setting, options, engine, REPEATS)
+    yield _timed(kernels, duration, reference, "dopri5", "rtol 1e-06", _tolerances(1e-6), "python", 1)
+    yield from _student(kernels, duration, reference)
+
+
+def _settings(duration: float):
+    for rtol in TOLERANCES:
+        yield "dopri5", f"rtol {rtol:g}", _tolerances(rtol)
+    for steps in STEPS:
+        yield "rk4", f"{steps} steps", {"max_step": duration / steps}
+
+
+def _tolerances(rtol: float) -> dict:
+    return {"rtol": rtol, "atol": ABSOLUTE * rtol}
+
+
+def _reference(kernels: Kernels, duration: float) -> dict[str, float] | None:
+    """{coordinate: end value}: known beforehand, or from a run at tight tolerance; None where it cannot be simulated."""
+    module = handwritten(kernels)
+    if module is not None:
+        return module.END
+    try:
+        run = simulate(kernels, duration, integrator="dopri5", rtol=TIGHT, atol=ABSOLUTE * TIGHT, points=2)
+    except NcgenError:
+        return None
+    return dict(zip(kernels.coordinates, run.q[-1].tolist(), strict=True))
+
+
+def _timed(kernels, duration, reference, integrator, setting, options, engine, repeats) -> dict:
+    record = {"case": "simulation", "tool": f"{integrator}, {ENGINES[engine]}", "setting": setting}
+    try:
+        run, seconds, totals = _repeated(kernels, duration, integrator, options, engine, repeats)
+    except NcgenError as error:
+        return record | {"error": None, "seconds": None, "stopped": str(error)}
+    counts = run.statistics
+    return record | {
+        "error": max(abs(run[name][-1] - value) for name, value in reference.items()),
+        "seconds": statistics.median(seconds),
+        "total": statistics.median(totals),
+        "steps": counts.steps,
+        "evaluations": counts.evaluations,
+        "newton_steps": counts.newton_steps,
+    }
+
+
+def _repeated(kernels, duration, integrator, options, engine, repeats):
+    seconds, totals = [], []
+    if engine != "python":
+        simulate(kernels, duration, integrator=integrator, engine=engine, points=2, **options)  # compiles
+    while len(seconds) < repeats and sum(totals) < LONGEST:
+        start = time.perf_counter()
+        run = simulate(kernels, duration, integrator=integrator, engine=engine, points=2, **options)
+        totals.append(time.perf_counter() - start)
+        seconds.append(run.statistics.seconds)
+    return run, seconds, totals
+
+
+def _student(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
+    """The hand-written derivative with SciPy's RK45, and the paper's own times."""
+    module = handwritten(kernels)
+    if module is None:
+        return
+    guess = kernels.q0.copy()
+    y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
+    start = time.perf_counter()
+    found = solve_ivp(lambda t, y: module.derivative(t, y, guess), (0.0, duration), y0, method="RK45", **_tolerances(1e-6))
+    seconds = time.perf_counter() - start
+    end = dict(zip((kernels.coordinates[i] for i in module.INDEPENDENT), found.y[len(module.INDEPENDENT) :, -1], strict=True))
+    error = float(max(abs(end[name] - value) for name, value in reference.items()))
+    hand = {"case": "simulation", "tool": "hand-written NumPy, SciPy RK45", "setting": "rtol 1e-06", "error": error}
+    yield hand | {"seconds": seconds, "total": seconds, "evaluations": int(found.nfev)}
+    for tool, seconds in module.PAPER_SECONDS.items():
+        yield {"case": "simulation", "tool": f"the paper's Table 9, {tool}", "setting": "2007", "error": None, "seconds": seconds}

@@ -1,0 +1,99 @@
+"""One emitted state derivative: its parts, what they take, and what their operations alone would take."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.build.kernels import Kernels
+from ncgen.program.cost import cost
+from ncgen.report.clock import measure, repeated
+from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
+from ncgen.report.rivals import Inputs, exact, handwritten, relative_error
+from ncgen.solver.assembly import assemble
+from ncgen.solver.compiled import dynamics as dynamics_in_c
+from ncgen.solver.compiled import refusal
+from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.partition import choose_partitions
+
+SPEED = 1.0
+"""Independent velocities at which the derivative is measured."""
+
+
+def arithmetic_rate() -> float:
+    """Multiplications and additions per second of one core, one number at a time."""
+    return OPERATIONS / measure({"rate": arithmetic()})["rate"].median
+
+
+def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
+    """Parts of the state derivative in C and in Python; empty where the mechanism has no such code.
+
+    error: relative, of the independent accelerations against the reference in Python
+    """
+    q = assemble(kernels, kernels.q0)
+    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    if refusal(kernels, "dopri5", partitions, emitted=True):
+        return []
+    zd = np.full(len(partitions.velocity.independent), SPEED)
+    parts, programs = _parts(kernels, partitions, q)
+    runs = {name: runner(0.0, q, zd, kernels.p0, *chosen) for name, chosen in _combinations(parts).items()}
+    runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
+    runs |= _student(kernels, q, zd)
+    spent = measure(runs)
+    error = _error(kernels, partitions, q, zd, parts)
+    counts = _counts(programs)
+    return [_record(name, spread, counts.get(name), rate, error.get(name)) for name, spread in spent.items()]
+
+
+def _parts(kernels, partitions, q):
+    """The functions by name, and their programs."""
+    dynamics = dynamics_in_c(kernels, partitions, True, q, kernels.p0)
+    programs = {"phi": kernels.programs.programs["phi"], "newton": dynamics.programs.newton, "acceleration": dynamics.programs.acceleration}
+    pointers = {"phi": kernels._descriptor.phi, "newton": dynamics._dynamics.newton, "acceleration": dynamics._dynamics.acceleration}
+    return {name: Call(pointers[name], program.size, (kernels, dynamics)) for name, program in programs.items()}, programs
+
+
+def _combinations(parts):
+    phi, newton, acceleration = (parts[name] for name in ("phi", "newton", "acceleration"))
+    return {
+        "residual": ([phi],),
+        "Newton step": ([newton],),
+        "accelerations": ([], acceleration),
+        "all, with one Newton step": ([phi, newton], acceleration),
+    }
+
+
+def _counts(programs) -> dict[str, int]:
+    phi, newton, acceleration = (cost(programs[name]).total for name in ("phi", "newton", "acceleration"))
+    return dict(zip(_combinations(programs), (phi, newton, acceleration, phi + newton + acceleration), strict=True))
+
+
+def _student(kernels, q, zd) -> dict:
+    """The hand-written derivative, started from the position itself."""
+    module = handwritten(kernels)
+    if module is None:
+        return {}
+    y, guess = np.concatenate([zd, q[module.INDEPENDENT]]), q.copy()
+    return {"hand-written NumPy": repeated(lambda: module.derivative(0.0, y, guess))}
+
+
+def _error(kernels, partitions, q, zd, parts) -> dict[str, float]:
+    """Errors of what the functions have just written."""
+    here = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
+    part = partitions.velocity.independent
+    zdd = parts["acceleration"].out[kernels.n : kernels.n + len(part)]
+    found = {"residual": float(np.max(np.abs(parts["phi"].out - exact(kernels, "phi", Inputs(q, q, kernels.p0)))))}
+    found |= dict.fromkeys(("accelerations", "all, with one Newton step"), relative_error(zdd, here.qdd[part]))
+    return found | _student_error(kernels, q, zd, here.qdd[part])
+
+
+def _student_error(kernels, q, zd, expected) -> dict[str, float]:
+    module = handwritten(kernels)
+    if module is None:
+        return {}
+    rate = module.derivative(0.0, np.concatenate([zd, q[module.INDEPENDENT]]), q.copy())
+    return {"hand-written NumPy": relative_error(rate[: len(zd)], expected)}
+
+
+def _record(name, spread, operations, rate, error) -> dict:
+    record = {"case": "state derivative", "tool": name, "error": error, "seconds": spread.median, "low": spread.low, "high": spread.high}
+    return record if operations is None else record | {"operations": operations, "floor": operations / rate}
