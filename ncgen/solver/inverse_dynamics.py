@@ -33,6 +33,7 @@ def inverse_dynamics(run: Trajectory, motors=None) -> MotorForces:
     """Motor forces along `motors` (default: the independent coordinates) that make the motion of a trajectory.
 
     Forces of the model (gravity, springs, its own torques) act as well; what comes out is what is missing.
+    To see a motion with other forces, replace its kernels: `dataclasses.replace(run, kernels=without_motors)`.
     Raises ModelError if there are not as many motors as degrees of freedom.
     """
     kernels = run.kernels

@@ -15,7 +15,7 @@ from ncgen.solver import compiled
 from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
-from ncgen.solver.integrators import canonical_name, find_integrator
+from ncgen.solver.integrators import find_integrator
 from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.protocol import Kernels
@@ -66,7 +66,7 @@ def simulate(
     engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out and compiled
         for this mechanism: several times faster, after a compile of a second or so), "python" (the reference), or
         "auto": C where it can be; the trajectory's `engine` says which it was and why
-    progress: called with the time reached after every step in Python
+    progress: called with the time reached: after every step in Python, at the end of a run in C
 
     Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
     time where the motion cannot go on.
@@ -88,9 +88,10 @@ def simulate(
     q = np.array(kernels.q0 if q0 is None else q0, dtype=float)
     p = refresh_branches(kernels, q, kernels.p0 if p is None else np.asarray(p, dtype=float))
     check_finite(kernels, q, t0, p)
-    q = assemble(kernels, q, t0, p)
+    q = _assembled(kernels, q, t0, p)
     check_mirror_roots(kernels, q, p)
-    partitions = choose_partitions(kernels, q, t0, p, z or kernels.model.chosen_independent)
+    chosen = tuple(z or kernels.model.chosen_independent)
+    partitions = choose_partitions(kernels, q, t0, p, chosen)
     zd = _rates(kernels, partitions.velocity, zd0)
     grid = np.linspace(t0, t0 + duration, points)
     options = dict(rtol=rtol, atol=atol, max_step=max_step)
@@ -111,9 +112,25 @@ def simulate(
         run = _Run(kernels, method, options, partitions, t0 + duration)
         piece = run.integrate(q, zd, grid[start], p, grid[start:], progress).after(piece, start)
         partitions = run.partitions
+    if progress and refused is None:
+        progress(grid[-1])
     statistics = Statistics(*map(int, piece.counts), time.perf_counter() - clock)
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
-    return Trajectory(kernels, grid, piece.q, piece.qd, piece.work, p, partitions, statistics, formalism, canonical_name(integrator), said)
+    return Trajectory(kernels, grid, piece.q, piece.qd, piece.work, p, partitions, statistics, formalism, integrator, said, chosen, kernels)
+
+
+def _assembled(kernels: Kernels, q, t: float, p) -> np.ndarray:
+    """The start closed; a warning says what moved most if it was open."""
+    closed = assemble(kernels, q, t, p)
+    moved = np.abs(closed - q)
+    if np.any(moved > 0):
+        most = int(np.argmax(moved))
+        warnings.warn(
+            f"{kernels.name}: the initial position was open and has been assembled; {kernels.coordinates[most]} moved most, "
+            f"by {moved[most]:.3g}",
+            stacklevel=3,
+        )
+    return closed
 
 
 @dataclass(frozen=True)

@@ -40,7 +40,8 @@ class Trajectory:
     t (K,) in s; q, qd, qdd (K, n) in m and rad, in the order of `coordinates`; lam (K, m): multipliers of the rows,
     in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
     Accelerations and multipliers are computed when they are first asked for.
-    engine: "c", "emitted", or "python" with the reason.
+    engine: "c", "emitted", or "python" with the reason; made_with: the kernels that the motion was computed with, which
+    stay the same where `kernels` are replaced to look at it with other forces.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
     """
 
@@ -55,13 +56,14 @@ class Trajectory:
     formalism: str
     integrator: str
     engine: str = "python"
+    chosen: tuple[str, ...] = ()
+    made_with: Kernels | None = None
 
     @property
     def independent(self) -> tuple[str, ...]:
-        """Names of the independent coordinates: those chosen in the model, else those at the end of the run."""
+        """Names of the independent coordinates: those that were chosen, else those at the end of the run."""
         used = self.partitions.position.names(self.kernels)
-        chosen = self.model.chosen_independent
-        return chosen if len(chosen) == len(used) else used
+        return self.chosen if len(self.chosen) == len(used) else used
 
     @cached_property
     def _motions(self) -> list:
@@ -70,11 +72,12 @@ class Trajectory:
         return [self._motion(*instant) for instant in instants]
 
     def _motion(self, t, q, qd):
-        p = refresh_branches(self.kernels, q, self.p)
+        kernels = self.made_with or self.kernels
+        p = refresh_branches(kernels, q, self.p)
         part = self.partitions.velocity
-        if quality(self.kernels, part, q, t, p) < CONDITION:
-            part = choose_partitions(self.kernels, q, t, p, rows=part.rows).velocity
-        return motion_at(self.kernels, part, t, q, qd[part.independent], p)
+        if quality(kernels, part, q, t, p) < CONDITION:
+            part = choose_partitions(kernels, q, t, p, rows=part.rows).velocity
+        return motion_at(kernels, part, t, q, qd[part.independent], p)
 
     @property
     def qdd(self) -> np.ndarray:

@@ -94,5 +94,5 @@ def test_what_there_is_not(name):
 
 
 def test_not_a_python_file(write):
-    with pytest.raises(ModelError, match="notes.txt: not a Python file"):
+    with pytest.raises(ModelError, match="notes.txt: not a model"):
         load(write("text", "notes.txt"))
