@@ -337,8 +337,8 @@ int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real r7_z = q[20];
         const ncgen_real x11 = r7_z - r6_z;
         const ncgen_real psi3 = q[32];
-        const ncgen_real x12 = u3_x * (x8 * x11 - x9 * x10) + u3_y * (x7 * x10 - x6 * x11);
-        const ncgen_real x13 = (x6 * x7 + x8 * x9 + x10 * x11) * NCGEN_SIN(psi3) - (x12 + u3_z * (x6 * x9 - x7 * x8)) * NCGEN_COS(psi3);
+        const ncgen_real x12 = u3_x * (x8 * x11 - x10 * x9) + u3_y * (x10 * x7 - x6 * x11);
+        const ncgen_real x13 = (x6 * x7 + x8 * x9 + x10 * x11) * NCGEN_SIN(psi3) - (x12 + u3_z * (x6 * x9 - x8 * x7)) * NCGEN_COS(psi3);
         phi[27] = R(2.822822138105743) * x13;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real u4_x = q[21];
@@ -360,8 +360,8 @@ int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real r8_z = q[26];
         const ncgen_real x22 = r8_z - r7_z;
         const ncgen_real psi5 = q[34];
-        const ncgen_real x23 = u4_x * (x19 * x22 - x20 * x21) + u4_y * (x18 * x21 - x17 * x22);
-        const ncgen_real x24 = (x17 * x18 + x19 * x20 + x21 * x22) * NCGEN_SIN(psi5) - (x23 + u4_z * (x17 * x20 - x18 * x19)) * NCGEN_COS(psi5);
+        const ncgen_real x23 = u4_x * (x19 * x22 - x21 * x20) + u4_y * (x21 * x18 - x17 * x22);
+        const ncgen_real x24 = (x17 * x18 + x19 * x20 + x21 * x22) * NCGEN_SIN(psi5) - (x23 + u4_z * (x17 * x20 - x19 * x18)) * NCGEN_COS(psi5);
         phi[29] = R(3.3487002600139895) * x24;
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
         const ncgen_real u5_x = q[27];
@@ -504,7 +504,7 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[161] = -x8;
         phi_q[162] = x10;
         const ncgen_real r4_z = q[11];
-        const ncgen_real x13 = R(0.9120758847136081) * (x6 * (r4_z - r2_z) - x9 * (u3_y * x12 + u3_x * x11));
+        const ncgen_real x13 = R(0.9120758847136081) * ((r4_z - r2_z) * x6 - x9 * (u3_y * x12 + u3_x * x11));
         phi_q[163] = x13;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
         const ncgen_real psi3 = q[32];
@@ -532,10 +532,10 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x26 = R(2.822822138105743) * (x20 * x24 - x14 * x25);
         phi_q[167] = x26;
         const ncgen_real x27 = u3_x * x15 - u3_z * x20;
-        const ncgen_real x28 = R(2.822822138105743) * (x24 * x17 - x14 * x27);
+        const ncgen_real x28 = R(2.822822138105743) * (x17 * x24 - x14 * x27);
         phi_q[168] = x28;
         const ncgen_real x29 = u3_y * x20 - u3_x * x17;
-        const ncgen_real x30 = R(2.822822138105743) * (x24 * x15 - x14 * x29);
+        const ncgen_real x30 = R(2.822822138105743) * (x15 * x24 - x14 * x29);
         phi_q[169] = x30;
         const ncgen_real x31 = R(2.822822138105743) * (x24 * x21 - x14 * (u3_y * x18 - u3_z * x16));
         phi_q[170] = -(x26 + x31);
@@ -593,10 +593,10 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x54 = R(3.3487002600139895) * (x48 * x49 - x50 * x53);
         phi_q[190] = x54;
         const ncgen_real x55 = x52 * u4_x - x48 * u4_z;
-        const ncgen_real x56 = R(3.3487002600139895) * (x49 * x51 - x50 * x55);
+        const ncgen_real x56 = R(3.3487002600139895) * (x51 * x49 - x50 * x55);
         phi_q[191] = x56;
         const ncgen_real x57 = x48 * u4_y - x51 * u4_x;
-        const ncgen_real x58 = R(3.3487002600139895) * (x49 * x52 - x50 * x57);
+        const ncgen_real x58 = R(3.3487002600139895) * (x52 * x49 - x50 * x57);
         phi_q[192] = x58;
         const ncgen_real x59 = r6_x - r7_x;
         const ncgen_real x60 = r6_z - r7_z;
@@ -637,9 +637,9 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x77 = x69 * (R(4.3535045711797995) * (x52 * u5_y - x51 * u5_z));
         phi_q[206] = u5_x * x76 - x77;
         const ncgen_real x78 = x69 * (R(4.3535045711797995) * (x48 * u5_z - x52 * u5_x));
-        phi_q[207] = x76 * u5_y - x78;
+        phi_q[207] = u5_y * x76 - x78;
         const ncgen_real x79 = x69 * (R(4.3535045711797995) * (x51 * u5_x - x48 * u5_y));
-        phi_q[208] = x76 * u5_z - x79;
+        phi_q[208] = u5_z * x76 - x79;
         phi_q[209] = -x71;
         phi_q[210] = -x73;
         phi_q[211] = -x75;
@@ -811,7 +811,7 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x25 = dr4_x - dr6_x;
         const ncgen_real dr7_x = qd[18];
         const ncgen_real x26 = dr7_x - dr6_x;
-        const ncgen_real x27 = u3_x * (x21 * x22 - x23 * x24) + u3_z * (x24 * x25 - x21 * x26);
+        const ncgen_real x27 = u3_x * (x21 * x22 - x23 * x24) + u3_z * (x25 * x24 - x21 * x26);
         const ncgen_real r6_y = q[16];
         const ncgen_real x28 = r4_y - r6_y;
         const ncgen_real r7_z = q[20];
@@ -820,26 +820,26 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x30 = r4_z - r6_z;
         const ncgen_real r7_y = q[19];
         const ncgen_real x31 = r7_y - r6_y;
-        const ncgen_real x32 = x22 * x28 + x21 * x29 - x24 * x30 - x23 * x31;
+        const ncgen_real x32 = x28 * x22 + x29 * x21 - x30 * x24 - x31 * x23;
         const ncgen_real r6_x = q[15];
         const ncgen_real x33 = r4_x - r6_x;
         const ncgen_real r7_x = q[18];
         const ncgen_real x34 = r7_x - r6_x;
-        const ncgen_real x35 = x24 * x33 + x25 * x31 - x26 * x28 - x21 * x34;
-        const ncgen_real x36 = x27 + du3_x * x32 + du3_z * x35 - u3_y * (x22 * x25 - x23 * x26);
-        const ncgen_real x37 = x22 * x33 + x25 * x29 - x26 * x30 - x23 * x34;
+        const ncgen_real x35 = x33 * x24 + x31 * x25 - x28 * x26 - x34 * x21;
+        const ncgen_real x36 = x27 + du3_x * x32 + du3_z * x35 - u3_y * (x25 * x22 - x23 * x26);
+        const ncgen_real x37 = x33 * x22 + x29 * x25 - x30 * x26 - x34 * x23;
         const ncgen_real x38 = NCGEN_SIN(psi3);
         const ncgen_real dpsi3 = qd[32];
         const ncgen_real x39 = dpsi3 * dpsi3;
-        const ncgen_real x40 = x20 * (R(2.0) * (x36 - du3_y * x37)) + x38 * ((x33 * x34 + x28 * x31 + x29 * x30) * x39);
-        const ncgen_real x41 = x40 - x38 * (R(2.0) * (x25 * x26 + x21 * x24 + x22 * x23));
+        const ncgen_real x40 = x20 * (R(2.0) * (x36 - du3_y * x37)) + x38 * ((x33 * x34 + x28 * x31 + x30 * x29) * x39);
+        const ncgen_real x41 = x40 - x38 * (R(2.0) * (x25 * x26 + x21 * x24 + x23 * x22));
         const ncgen_real x42 = R(2.0) * dpsi3;
-        const ncgen_real x43 = x26 * x33 + x24 * x28 + x22 * x30 + x25 * x34 + x21 * x31;
+        const ncgen_real x43 = x33 * x26 + x28 * x24 + x30 * x22 + x34 * x25 + x31 * x21;
         const ncgen_real x44 = x28 * x29 - x30 * x31;
-        const ncgen_real x45 = x31 * x33 - x28 * x34;
+        const ncgen_real x45 = x33 * x31 - x28 * x34;
         const ncgen_real x46 = u3_x * x32 + u3_z * x35 + du3_x * x44 + du3_z * x45 - u3_y * x37;
-        const ncgen_real x47 = x29 * x33 - x30 * x34;
-        const ncgen_real x48 = x41 - x20 * (x42 * (x43 + x23 * x29)) - x38 * (x42 * (x46 - du3_y * x47));
+        const ncgen_real x47 = x33 * x29 - x30 * x34;
+        const ncgen_real x48 = x41 - x20 * (x42 * (x43 + x29 * x23)) - x38 * (x42 * (x46 - du3_y * x47));
         const ncgen_real x49 = x48 - x20 * (x39 * (u3_x * x44 + u3_z * x45 - u3_y * x47));
         gamma[27] = R(2.822822138105743) * x49;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
@@ -882,32 +882,32 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x73 = dr6_x - dr7_x;
         const ncgen_real dr8_x = qd[24];
         const ncgen_real x74 = dr8_x - dr7_x;
-        const ncgen_real x75 = u4_x * (x69 * x70 - x71 * x72) + u4_z * (x72 * x73 - x69 * x74);
+        const ncgen_real x75 = u4_x * (x69 * x70 - x71 * x72) + u4_z * (x73 * x72 - x69 * x74);
         const ncgen_real x76 = r6_y - r7_y;
         const ncgen_real r8_z = q[26];
         const ncgen_real x77 = r8_z - r7_z;
         const ncgen_real x78 = r6_z - r7_z;
         const ncgen_real r8_y = q[25];
         const ncgen_real x79 = r8_y - r7_y;
-        const ncgen_real x80 = x70 * x76 + x69 * x77 - x72 * x78 - x71 * x79;
+        const ncgen_real x80 = x76 * x70 + x77 * x69 - x78 * x72 - x79 * x71;
         const ncgen_real x81 = r6_x - r7_x;
         const ncgen_real r8_x = q[24];
         const ncgen_real x82 = r8_x - r7_x;
-        const ncgen_real x83 = x72 * x81 + x73 * x79 - x74 * x76 - x69 * x82;
-        const ncgen_real x84 = x75 + du4_x * x80 + du4_z * x83 - u4_y * (x70 * x73 - x71 * x74);
-        const ncgen_real x85 = x70 * x81 + x73 * x77 - x74 * x78 - x71 * x82;
+        const ncgen_real x83 = x81 * x72 + x79 * x73 - x76 * x74 - x82 * x69;
+        const ncgen_real x84 = x75 + du4_x * x80 + du4_z * x83 - u4_y * (x73 * x70 - x71 * x74);
+        const ncgen_real x85 = x81 * x70 + x77 * x73 - x78 * x74 - x82 * x71;
         const ncgen_real x86 = NCGEN_SIN(psi5);
         const ncgen_real dpsi5 = qd[34];
         const ncgen_real x87 = dpsi5 * dpsi5;
-        const ncgen_real x88 = x68 * (R(2.0) * (x84 - du4_y * x85)) + x86 * ((x81 * x82 + x76 * x79 + x77 * x78) * x87);
-        const ncgen_real x89 = x88 - x86 * (R(2.0) * (x73 * x74 + x69 * x72 + x70 * x71));
+        const ncgen_real x88 = x68 * (R(2.0) * (x84 - du4_y * x85)) + x86 * ((x81 * x82 + x76 * x79 + x78 * x77) * x87);
+        const ncgen_real x89 = x88 - x86 * (R(2.0) * (x73 * x74 + x69 * x72 + x71 * x70));
         const ncgen_real x90 = R(2.0) * dpsi5;
-        const ncgen_real x91 = x74 * x81 + x72 * x76 + x70 * x78 + x73 * x82 + x69 * x79;
+        const ncgen_real x91 = x81 * x74 + x76 * x72 + x78 * x70 + x82 * x73 + x79 * x69;
         const ncgen_real x92 = x76 * x77 - x78 * x79;
-        const ncgen_real x93 = x79 * x81 - x76 * x82;
+        const ncgen_real x93 = x81 * x79 - x76 * x82;
         const ncgen_real x94 = u4_x * x80 + u4_z * x83 + du4_x * x92 + du4_z * x93 - u4_y * x85;
-        const ncgen_real x95 = x77 * x81 - x78 * x82;
-        const ncgen_real x96 = x89 - x68 * (x90 * (x91 + x71 * x77)) - x86 * (x90 * (x94 - du4_y * x95));
+        const ncgen_real x95 = x81 * x77 - x78 * x82;
+        const ncgen_real x96 = x89 - x68 * (x90 * (x91 + x77 * x71)) - x86 * (x90 * (x94 - du4_y * x95));
         const ncgen_real x97 = x96 - x68 * (x87 * (u4_x * x92 + u4_z * x93 - u4_y * x95));
         gamma[29] = R(3.3487002600139895) * x97;
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
@@ -1461,8 +1461,8 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real x7 = dr7_z - dr6_z;
         const ncgen_real du4_z = qd[23];
         const ncgen_real u4_z = q[23];
-        const ncgen_real x8 = du4_x * x6 + u4_x * x7 - x1 * du4_z - x2 * u4_z;
-        const ncgen_real x9 = x3 * du4_z + x4 * u4_z - du4_y * x6 - u4_y * x7;
+        const ncgen_real x8 = x6 * du4_x + u4_x * x7 - x1 * du4_z - u4_z * x2;
+        const ncgen_real x9 = x3 * du4_z + u4_z * x4 - x6 * du4_y - u4_y * x7;
         const ncgen_real x10 = R(0.9614328671821492) * (x5 * x5 + x8 * x8 + x9 * x9) - x9 * (R(0.7685701527471369) * x2);
         const ncgen_real x11 = x10 - x8 * (R(0.7685701527471369) * x4) - x5 * (R(0.7685701527471369) * x7);
         energy[0] += R(0.5) * x11;
@@ -1517,8 +1517,8 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real x7 = da0_z - dr_z;
         const ncgen_real du_z = qd[robot_index_16[i] + 5];
         const ncgen_real u_z = q[robot_index_16[i] + 5];
-        const ncgen_real x8 = du_x * x6 + u_x * x7 - x1 * du_z - x2 * u_z;
-        const ncgen_real x9 = x3 * du_z + x4 * u_z - du_y * x6 - u_y * x7;
+        const ncgen_real x8 = x6 * du_x + u_x * x7 - x1 * du_z - u_z * x2;
+        const ncgen_real x9 = x3 * du_z + u_z * x4 - x6 * du_y - u_y * x7;
         energy[0] += R(0.5) * (mw * (x5 * x5 + x8 * x8 + x9 * x9));
     }
 
@@ -1661,13 +1661,13 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "cc1ac3378d695c24",
+        .fingerprint = "2aea3f2810cdb0a6",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,
         .coordinate_names = robot_coordinate_names,
-        .row_names = robot_row_names,
         .initial_position = robot_initial_position,
+        .row_names = robot_row_names,
         .phi_q_pattern = { 31, 36, robot_phi_q_indptr, robot_phi_q_indices },
         .mass_pattern = { 36, 36, robot_mass_indptr, robot_mass_indices },
         .mass_is_constant = 0,

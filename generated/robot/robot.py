@@ -430,8 +430,8 @@ def phi(t, q, p):
     r7_z = q[..., 20]
     x10 = r7_z - r6_z
     psi3 = q[..., 32]
-    x11 = u3_x * (x7 * x10 - x8 * x9) + u3_y * (x6 * x9 - x5 * x10)
-    x12 = (x5 * x6 + x7 * x8 + x9 * x10) * np.sin(psi3) - (x11 + u3_z * (x5 * x8 - x6 * x7)) * np.cos(psi3)
+    x11 = u3_x * (x7 * x10 - x9 * x8) + u3_y * (x9 * x6 - x5 * x10)
+    x12 = (x5 * x6 + x7 * x8 + x9 * x10) * np.sin(psi3) - (x11 + u3_z * (x5 * x8 - x7 * x6)) * np.cos(psi3)
     phi[..., 27] = 2.822822138105743 * x12
     # row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006
     u4_x = q[..., 21]
@@ -453,8 +453,8 @@ def phi(t, q, p):
     r8_z = q[..., 26]
     x21 = r8_z - r7_z
     psi5 = q[..., 34]
-    x22 = u4_x * (x18 * x21 - x19 * x20) + u4_y * (x17 * x20 - x16 * x21)
-    x23 = (x16 * x17 + x18 * x19 + x20 * x21) * np.sin(psi5) - (x22 + u4_z * (x16 * x19 - x17 * x18)) * np.cos(psi5)
+    x22 = u4_x * (x18 * x21 - x20 * x19) + u4_y * (x20 * x17 - x16 * x21)
+    x23 = (x16 * x17 + x18 * x19 + x20 * x21) * np.sin(psi5) - (x22 + u4_z * (x16 * x19 - x18 * x17)) * np.cos(psi5)
     phi[..., 29] = 3.3487002600139895 * x23
     # row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297
     u5_x = q[..., 27]
@@ -580,7 +580,7 @@ def phi_q(t, q, p):
     phi_q[..., 161] = -x8
     phi_q[..., 162] = x10
     r4_z = q[..., 11]
-    x13 = 0.9120758847136081 * (x6 * (r4_z - r2_z) - x9 * (u3_y * x12 + u3_x * x11))
+    x13 = 0.9120758847136081 * ((r4_z - r2_z) * x6 - x9 * (u3_y * x12 + u3_x * x11))
     phi_q[..., 163] = x13
     # row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1
     psi3 = q[..., 32]
@@ -608,10 +608,10 @@ def phi_q(t, q, p):
     x26 = 2.822822138105743 * (x20 * x24 - x14 * x25)
     phi_q[..., 167] = x26
     x27 = u3_x * x15 - u3_z * x20
-    x28 = 2.822822138105743 * (x24 * x17 - x14 * x27)
+    x28 = 2.822822138105743 * (x17 * x24 - x14 * x27)
     phi_q[..., 168] = x28
     x29 = u3_y * x20 - u3_x * x17
-    x30 = 2.822822138105743 * (x24 * x15 - x14 * x29)
+    x30 = 2.822822138105743 * (x15 * x24 - x14 * x29)
     phi_q[..., 169] = x30
     x31 = 2.822822138105743 * (x24 * x21 - x14 * (u3_y * x18 - u3_z * x16))
     phi_q[..., 170] = -(x26 + x31)
@@ -668,10 +668,10 @@ def phi_q(t, q, p):
     x53 = 3.3487002600139895 * (x47 * x48 - x49 * x52)
     phi_q[..., 190] = x53
     x54 = x51 * u4_x - x47 * u4_z
-    x55 = 3.3487002600139895 * (x48 * x50 - x49 * x54)
+    x55 = 3.3487002600139895 * (x50 * x48 - x49 * x54)
     phi_q[..., 191] = x55
     x56 = x47 * u4_y - x50 * u4_x
-    x57 = 3.3487002600139895 * (x48 * x51 - x49 * x56)
+    x57 = 3.3487002600139895 * (x51 * x48 - x49 * x56)
     phi_q[..., 192] = x57
     x58 = r6_x - r7_x
     x59 = r6_z - r7_z
@@ -711,9 +711,9 @@ def phi_q(t, q, p):
     x75 = np.sin(psi6)
     x76 = u5_x * x75 - x68 * (4.3535045711797995 * (x51 * u5_y - x50 * u5_z))
     phi_q[..., 206] = x76
-    x77 = x75 * u5_y - x68 * (4.3535045711797995 * (x47 * u5_z - x51 * u5_x))
+    x77 = u5_y * x75 - x68 * (4.3535045711797995 * (x47 * u5_z - x51 * u5_x))
     phi_q[..., 207] = x77
-    x78 = x75 * u5_z - x68 * (4.3535045711797995 * (x50 * u5_x - x47 * u5_y))
+    x78 = u5_z * x75 - x68 * (4.3535045711797995 * (x50 * u5_x - x47 * u5_y))
     phi_q[..., 208] = x78
     phi_q[..., 209] = -x70
     phi_q[..., 210] = -x72
@@ -868,7 +868,7 @@ def gamma(t, q, qd, p):
     x25 = dr4_x - dr6_x
     dr7_x = qd[..., 18]
     x26 = dr7_x - dr6_x
-    x27 = u3_x * (x21 * x22 - x23 * x24) + u3_z * (x24 * x25 - x21 * x26)
+    x27 = u3_x * (x21 * x22 - x23 * x24) + u3_z * (x25 * x24 - x21 * x26)
     r6_y = q[..., 16]
     x28 = r4_y - r6_y
     r7_z = q[..., 20]
@@ -877,25 +877,25 @@ def gamma(t, q, qd, p):
     x30 = r4_z - r6_z
     r7_y = q[..., 19]
     x31 = r7_y - r6_y
-    x32 = x22 * x28 + x21 * x29 - x24 * x30 - x23 * x31
+    x32 = x28 * x22 + x29 * x21 - x30 * x24 - x31 * x23
     r6_x = q[..., 15]
     x33 = r4_x - r6_x
     r7_x = q[..., 18]
     x34 = r7_x - r6_x
-    x35 = x24 * x33 + x25 * x31 - x26 * x28 - x21 * x34
-    x36 = x27 + du3_x * x32 + du3_z * x35 - u3_y * (x22 * x25 - x23 * x26)
-    x37 = x22 * x33 + x25 * x29 - x26 * x30 - x23 * x34
+    x35 = x33 * x24 + x31 * x25 - x28 * x26 - x34 * x21
+    x36 = x27 + du3_x * x32 + du3_z * x35 - u3_y * (x25 * x22 - x23 * x26)
+    x37 = x33 * x22 + x29 * x25 - x30 * x26 - x34 * x23
     x38 = np.sin(psi3)
     dpsi3 = qd[..., 32]
     x39 = dpsi3 * dpsi3
-    x40 = x20 * (2.0 * (x36 - du3_y * x37)) + x38 * ((x33 * x34 + x28 * x31 + x29 * x30) * x39)
+    x40 = x20 * (2.0 * (x36 - du3_y * x37)) + x38 * ((x33 * x34 + x28 * x31 + x30 * x29) * x39)
     x41 = 2.0 * dpsi3
-    x42 = x26 * x33 + x24 * x28 + x22 * x30 + x25 * x34 + x21 * x31
-    x43 = x40 - x38 * (2.0 * (x25 * x26 + x21 * x24 + x22 * x23)) - x20 * (x41 * (x42 + x23 * x29))
+    x42 = x33 * x26 + x28 * x24 + x30 * x22 + x34 * x25 + x31 * x21
+    x43 = x40 - x38 * (2.0 * (x25 * x26 + x21 * x24 + x23 * x22)) - x20 * (x41 * (x42 + x29 * x23))
     x44 = x28 * x29 - x30 * x31
-    x45 = x31 * x33 - x28 * x34
+    x45 = x33 * x31 - x28 * x34
     x46 = u3_x * x32 + u3_z * x35 + du3_x * x44 + du3_z * x45 - u3_y * x37
-    x47 = x29 * x33 - x30 * x34
+    x47 = x33 * x29 - x30 * x34
     x48 = x43 - x38 * (x41 * (x46 - du3_y * x47)) - x20 * (x39 * (u3_x * x44 + u3_z * x45 - u3_y * x47))
     gamma[..., 27] = 2.822822138105743 * x48
     # row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006
@@ -938,31 +938,31 @@ def gamma(t, q, qd, p):
     x72 = dr6_x - dr7_x
     dr8_x = qd[..., 24]
     x73 = dr8_x - dr7_x
-    x74 = u4_x * (x68 * x69 - x70 * x71) + u4_z * (x71 * x72 - x68 * x73)
+    x74 = u4_x * (x68 * x69 - x70 * x71) + u4_z * (x72 * x71 - x68 * x73)
     x75 = r6_y - r7_y
     r8_z = q[..., 26]
     x76 = r8_z - r7_z
     x77 = r6_z - r7_z
     r8_y = q[..., 25]
     x78 = r8_y - r7_y
-    x79 = x69 * x75 + x68 * x76 - x71 * x77 - x70 * x78
+    x79 = x75 * x69 + x76 * x68 - x77 * x71 - x78 * x70
     x80 = r6_x - r7_x
     r8_x = q[..., 24]
     x81 = r8_x - r7_x
-    x82 = x71 * x80 + x72 * x78 - x73 * x75 - x68 * x81
-    x83 = x74 + du4_x * x79 + du4_z * x82 - u4_y * (x69 * x72 - x70 * x73)
-    x84 = x69 * x80 + x72 * x76 - x73 * x77 - x70 * x81
+    x82 = x80 * x71 + x78 * x72 - x75 * x73 - x81 * x68
+    x83 = x74 + du4_x * x79 + du4_z * x82 - u4_y * (x72 * x69 - x70 * x73)
+    x84 = x80 * x69 + x76 * x72 - x77 * x73 - x81 * x70
     x85 = np.sin(psi5)
     dpsi5 = qd[..., 34]
     x86 = dpsi5 * dpsi5
-    x87 = x67 * (2.0 * (x83 - du4_y * x84)) + x85 * ((x80 * x81 + x75 * x78 + x76 * x77) * x86)
+    x87 = x67 * (2.0 * (x83 - du4_y * x84)) + x85 * ((x80 * x81 + x75 * x78 + x77 * x76) * x86)
     x88 = 2.0 * dpsi5
-    x89 = x73 * x80 + x71 * x75 + x69 * x77 + x72 * x81 + x68 * x78
-    x90 = x87 - x85 * (2.0 * (x72 * x73 + x68 * x71 + x69 * x70)) - x67 * (x88 * (x89 + x70 * x76))
+    x89 = x80 * x73 + x75 * x71 + x77 * x69 + x81 * x72 + x78 * x68
+    x90 = x87 - x85 * (2.0 * (x72 * x73 + x68 * x71 + x70 * x69)) - x67 * (x88 * (x89 + x76 * x70))
     x91 = x75 * x76 - x77 * x78
-    x92 = x78 * x80 - x75 * x81
+    x92 = x80 * x78 - x75 * x81
     x93 = u4_x * x79 + u4_z * x82 + du4_x * x91 + du4_z * x92 - u4_y * x84
-    x94 = x76 * x80 - x77 * x81
+    x94 = x80 * x76 - x77 * x81
     x95 = x90 - x85 * (x88 * (x93 - du4_y * x94)) - x67 * (x86 * (u4_x * x91 + u4_z * x92 - u4_y * x94))
     gamma[..., 29] = 3.3487002600139895 * x95
     # row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297
@@ -1477,8 +1477,8 @@ def energy(t, q, qd, p):
     x7 = dr7_z - dr6_z
     du4_z = qd[..., 23]
     u4_z = q[..., 23]
-    x8 = du4_x * x6 + u4_x * x7 - x1 * du4_z - x2 * u4_z
-    x9 = x3 * du4_z + x4 * u4_z - du4_y * x6 - u4_y * x7
+    x8 = x6 * du4_x + u4_x * x7 - x1 * du4_z - u4_z * x2
+    x9 = x3 * du4_z + u4_z * x4 - x6 * du4_y - u4_y * x7
     x10 = 0.9614328671821492 * (x5 * x5 + x8 * x8 + x9 * x9) - x9 * (0.7685701527471369 * x2)
     x11 = x10 - x8 * (0.7685701527471369 * x4) - x5 * (0.7685701527471369 * x7)
     energy[..., 0] += 0.5 * x11
@@ -1524,8 +1524,8 @@ def energy(t, q, qd, p):
     x7 = da0_z - dr_z
     du_z = qd[..., _index_16 + 5]
     u_z = q[..., _index_16 + 5]
-    x8 = du_x * x6 + u_x * x7 - x1 * du_z - x2 * u_z
-    x9 = x3 * du_z + x4 * u_z - du_y * x6 - u_y * x7
+    x8 = x6 * du_x + u_x * x7 - x1 * du_z - u_z * x2
+    x9 = x3 * du_z + u_z * x4 - x6 * du_y - u_y * x7
     energy[..., 0] += np.sum(0.5 * (mw * (x5 * x5 + x8 * x8 + x9 * x9)) + np.zeros(5), axis=-1)
     # weight: -f x
     #   r2.z, r4.z, r3.z, r5.z, r6.z, r7.z, r8.z

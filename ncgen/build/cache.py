@@ -50,7 +50,7 @@ def build(files: dict[str, str], compiler: Compiler, flags=FLAGS, libraries=("-l
     """
     entry = cache_folder() / _key(files, compiler, flags, libraries)
     library = entry / LIBRARY
-    if library.is_file():
+    if _is_whole(entry):
         return Built(library, 0.0)
     try:
         entry.parent.mkdir(parents=True, exist_ok=True)
@@ -87,25 +87,56 @@ def _compile(work: Path, files, compiler, flags, libraries) -> float:
     command = [*compiler.command, *flags, *sources, "-o", LIBRARY, *libraries]
     start = time.perf_counter()
     try:
-        done = subprocess.run(command, cwd=work, capture_output=True, text=True)
+        done = subprocess.run(command, cwd=work, capture_output=True, text=True, encoding="utf-8", errors="replace")
     except OSError as error:
         raise CompileError(f"{compiler.command[0]} cannot be run: {error.strerror}; set CC to a C compiler") from error
     seconds = time.perf_counter() - start
     if done.returncode:
-        first = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip()[:200])
+        first = next((line for line in done.stderr.splitlines() if "error" in line), " ".join(done.stderr.split())[:200])
         raise CompileError(f"{compiler.command[0]} refused the generated C: {first}", done.stderr)
-    record = {"command": command, "seconds": round(seconds, 3), "log": done.stderr}
+    if not (work / LIBRARY).is_file():
+        raise CompileError(f"{compiler.command[0]} reported success and wrote no library; set CC to a C compiler", done.stderr)
+    record = {"command": command, "seconds": round(seconds, 3), "log": done.stderr, "library": _digest(work / LIBRARY)}
     (work / RECORD).write_text(json.dumps(record, indent=1), encoding="utf-8")
     return seconds
 
 
-def _publish(work: Path, entry: Path) -> None:
-    os.chmod(work, 0o755)
+def _is_whole(entry: Path) -> bool:
+    """True if the library is there as it was built: a damaged one would crash the process that loads it."""
     try:
-        os.rename(work, entry)
-    except OSError:
-        if not (entry / LIBRARY).is_file():
-            raise
+        record = json.loads((entry / RECORD).read_text(encoding="utf-8"))
+        return record["library"] == _digest(entry / LIBRARY)
+    except (OSError, ValueError, KeyError):
+        return False
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _publish(work: Path, entry: Path) -> None:
+    """Rename the finished folder to its key; what stands there is kept if it is whole, else put aside and removed."""
+    os.chmod(work, 0o755)
+    for _ in range(2):
+        try:
+            os.rename(work, entry)
+            return
+        except OSError:
+            if _is_whole(entry):
+                return
+            if not entry.is_dir():
+                raise
+            _discard(entry)
+
+
+def _discard(entry: Path) -> None:
+    """Put an entry aside with one rename, so that nobody sees it half removed, and remove it."""
+    aside = Path(tempfile.mkdtemp(prefix=TEMPORARY, dir=entry.parent))
+    try:
+        os.rename(entry, aside / entry.name)
+    except FileNotFoundError:
+        pass  # another process was quicker
+    shutil.rmtree(aside, ignore_errors=True)
 
 
 @dataclass(frozen=True)
@@ -137,7 +168,7 @@ def clear() -> int:
     """Remove all entries and abandoned builds, nothing else; returns how many entries went."""
     known = entries()
     for entry in known:
-        shutil.rmtree(cache_folder() / entry.key, ignore_errors=True)
+        _discard(cache_folder() / entry.key)
     for folder in cache_folder().glob(f"{TEMPORARY}*"):
         try:
             abandoned = time.time() - folder.stat().st_mtime > ABANDONED

@@ -31,12 +31,16 @@ class Compiler:
 
 def find_compiler() -> Compiler | None:
     """The first compiler found, or None. Raises CompileError if `$CC` names one that does not exist."""
-    wanted = os.environ.get("CC")
-    if wanted:
-        command = shlex.split(wanted)
+    wanted = os.environ.get("CC", "")
+    if wanted.strip():
+        try:
+            command = shlex.split(wanted)
+        except ValueError as error:
+            raise CompileError(f"CC={wanted}: {error}; correct CC or unset it") from None
         path = shutil.which(command[0])
         if path is None:
             raise CompileError(f"CC={wanted}: there is no such program; correct CC or unset it")
+        path = str(Path(path).absolute())  # the compiler runs in another folder
         return Compiler((path, *command[1:]), _identity(path))
     for name in ("cc", "gcc", "clang"):
         if path := shutil.which(name):

@@ -30,6 +30,8 @@ class Kernels(ABC):
     """
 
     backend: str
+    batches = False
+    """True if leading axes and complex numbers are allowed."""
 
     def __init__(self, programs: Programs):
         self.programs = programs
@@ -135,7 +137,7 @@ class Kernels(ABC):
         """The plain output of a kernel; matrices give their nonzeros."""
         program = self.programs.programs.get(kernel)
         if program is None:
-            return np.zeros({"force": self.n, "energy": 3, "mass": 0}.get(kernel, self.m))
+            return np.zeros({"force": self.n, "energy": 3, "mass": 0, "phi_q": 0}.get(kernel, self.m))
         q = self._checked(q, self.n, kernel, "q", "free coordinates")
         qd = self._checked(qd, self.n, kernel, "qd", "free coordinates") if "qd" in program.inputs else None
         p = self.p0 if p is None else self._checked(p, len(self.p0), kernel, "p", "parameters")
@@ -145,6 +147,11 @@ class Kernels(ABC):
     def _call(self, kernel: str, t, q, qd, p, size: int) -> np.ndarray: ...
 
     def _checked(self, array, size: int, kernel: str, name: str, what: str) -> np.ndarray:
+        if not self.batches and (np.ndim(array) != 1 or np.iscomplexobj(array)) and np.shape(array)[-1:] == (size,):
+            raise NcgenError(
+                f"{self.name}.{kernel}: {name} is {'complex' if np.iscomplexobj(array) else 'a batch'}; compiled kernels take one "
+                "real position, use backend='numpy'"
+            )
         array = np.asarray(array, dtype=self._dtype(array))
         if array.shape[-1:] != (size,):
             raise NcgenError(f"{self.name}.{kernel}: {name} has shape {array.shape}; the model has {size} {what}")

@@ -12,6 +12,7 @@ class NumPyKernels(Kernels):
     """Kernels of the generated NumPy source. Leading axes of q, qd and p are batches."""
 
     backend = "numpy"
+    batches = True
 
     def __init__(self, sources: Sources):
         super().__init__(sources.programs)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import re
 
 from ncgen.emit.environment import comment_text, loop_comments, render, verbatim
 from ncgen.emit.expressions import write
@@ -91,8 +90,7 @@ def _subscript(place: Place) -> str:
 
 
 def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
-    blocks = [_block(block, tables, Names([program.output])) for block in program.blocks]
-    text = " ".join(line for block in blocks for line in block["lines"])
+    blocks = [_block(block, tables, Names([program.output], prefix)) for block in program.blocks]
     operations = cost(program)
     return {
         "name": program.name,
@@ -102,14 +100,16 @@ def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
         "size": program.size,
         "temporaries": program.temporaries,
         "blocks": blocks,
-        "unused": [a for a in program.inputs if not _mentions(text, a)],
+        "unused": [a for a in program.inputs if a not in _read(program)],
         "operations": operations.total,
         "calls": operations.calls,
     }
 
 
-def _mentions(text: str, array: str) -> bool:
-    return re.search(rf"\b{array}\b" if array == "t" else rf"\b{array}\[", text) is not None
+def _read(program: Program) -> set[str]:
+    """The arrays a program reads."""
+    loads = {op.leaf[0] for block in program.blocks for op in block.ops if op.code == "load"}
+    return loads | {slot.array for block in program.blocks for slot in getattr(block, "slots", ())}
 
 
 def _block(block, tables: Tables, names: Names) -> dict:

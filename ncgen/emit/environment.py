@@ -24,6 +24,8 @@ def environment() -> Environment:
     )
     env.filters["comment"] = comment_text
     env.filters["rows_of"] = rows_of
+    env.filters["c_string"] = c_string
+    env.filters["docstring"] = docstring_text
     return env
 
 
@@ -37,8 +39,20 @@ def verbatim(name: str) -> str:
 
 
 def comment_text(text: str) -> str:
-    """Text that cannot end a C comment or leave its line."""
-    return " ".join(str(text).split()).replace("*/", "* /").replace("/*", "/ *")
+    """Text that cannot end a C comment or leave its line, and holds no trigraph."""
+    words = " ".join("".join(c if c.isprintable() else " " for c in str(text)).split())
+    return words.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
+
+
+def c_string(text: str) -> str:
+    """Text as a C string literal: everything that is not plain is written as the octal bytes of UTF-8."""
+    plain = frozenset(b" !#$%&'()*+,-./0123456789:;<=>@ABCDEFGHIJKLMNOPQRSTUVWXYZ[]^_`abcdefghijklmnopqrstuvwxyz{|}~")
+    return '"' + "".join(chr(b) if b in plain else f"\\{b:03o}" for b in str(text).encode("utf-8")) + '"'
+
+
+def docstring_text(text: str) -> str:
+    """Text that cannot end a Python docstring or begin an escape."""
+    return comment_text(text).replace("\\", "/").replace('"', "'")
 
 
 def loop_comments(block) -> list[str]:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import keyword
 import re
 
+from ncgen.program.functions import FUNCTIONS
+
 _C_WORDS = """
 auto break case char const continue default do double else enum extern float for goto if inline int long
 register restrict return short signed sizeof static struct switch typedef union unsigned void volatile while
@@ -18,6 +20,12 @@ RESERVED = frozenset(_C_WORDS) | frozenset(keyword.kwlist) | {"t", "q", "qd", "p
 """Words that no emitted name may take: keywords, and the arguments of the kernels."""
 
 
+_FUNCTIONS = {name for f in FUNCTIONS.values() for name in (f.sympy.lower(), f.numpy)} | {"fabs"}
+_MACROS = {"NULL", "NAN", "INFINITY", "HUGE_VAL", "HUGE_VALF", "HUGE_VALL"}
+LIBRARY = frozenset(f"{name}{kind}" for name in _FUNCTIONS for kind in ("", "f", "l", "q")) | _MACROS
+"""Functions and macros of C that the source may use: a local variable must not have their name."""
+
+
 def identifier(name: str) -> str:
     """A valid identifier that still looks like `name`: `r2.x` becomes `r2_x`."""
     word = re.sub(r"[^0-9A-Za-z_]", lambda c: "_" if c[0].isascii() else f"u{ord(c[0]):x}", name)
@@ -27,13 +35,15 @@ def identifier(name: str) -> str:
 
 
 class Names:
-    """Hands out identifiers within one scope."""
+    """Hands out identifiers within one scope; none begins like the names that the source uses itself."""
 
-    def __init__(self, taken=()):
+    def __init__(self, taken=(), prefix: str = "ncgen"):
         self._taken = set(taken)
+        self._own = tuple(word.lower() for word in ("ncgen", f"{prefix}_"))
 
     def __call__(self, wish: str) -> str:
         word = identifier(wish)
+        word = f"{word}_" if word in LIBRARY else f"x_{word}" if word.lower().startswith(self._own) else word
         number, name = 2, word
         while name in self._taken:
             name, number = f"{word}_{number}", number + 1

@@ -6,7 +6,7 @@ parallel to the global ones, all in the initial position.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -51,6 +51,11 @@ class Body:
     def __repr__(self):
         return f"body {self.name}"
 
+    def copy(self) -> Body:
+        """A body of its own with the same elements."""
+        frame = replace(self.frame, directions=list(self.frame.directions))
+        return replace(self, points=list(self.points), vectors=list(self.vectors), frame=frame)
+
     @property
     def elements(self) -> list[Spatial]:
         return self.points + self.vectors
@@ -67,7 +72,10 @@ def check_inertia(name: str, mass, com, tensor) -> np.ndarray:
     One number is the moment about z of a flat body in the plane z = const. A body's planar inertia tensor ½ tr(I) 1 − I = ∫ρ d dᵀ must be positive semidefinite; for the principal
     moments these are the triangle inequalities.
     """
-    tensor = np.asarray(tensor, dtype=float)
+    try:
+        tensor = np.asarray(tensor, dtype=float)
+    except (TypeError, ValueError):
+        raise ModelError(f"body {name}: the inertia {tensor!r} is not made of numbers; give one number, three, or 3×3") from None
     if tensor.ndim == 0:
         tensor = tensor * np.array([0.5, 0.5, 1.0])
     tensor = np.diag(tensor) if tensor.shape == (3,) else tensor

@@ -88,6 +88,7 @@ class Coordinates:
             # Table 4 has no such code: the same angle is measured from the vector, about the reversed axis.
             start, end, axis = end, start, -axis
             lengths = lengths and (lengths[1], lengths[0], lengths[2])
+        lengths = lengths and tuple(as_value(length, f"angle {name}, lengths") for length in lengths)
         measured = _measure(name, start, end, axis)
         initial = measured if initial is None else as_value(initial, f"angle {name}")
         psi = Angle(name, (Component(name, False, initial, initial),), start, end, axis)
@@ -136,13 +137,24 @@ class Coordinates:
     def _claim(self, name: str, what: str) -> None:
         check_name(name, what)
         taken = self.elements.get(name) or self.parameters.get(name)
+        if name == "t" and what in ("parameter", "angle", "length", "slide"):
+            raise ModelError(f"{what} t: that is the name of time; choose another")
+        if what == "parameter" and any(c.name == name for c in self.components):
+            raise ModelError(f"parameter {name}: the name is already used for a coordinate; choose another")
+        if any(f"{name}.{axis}" in self.parameters for axis in AXES):
+            raise ModelError(f"{what} {name}: a parameter is already named like one of its coordinates; choose another")
         if taken:
             raise ModelError(f"{what} {name}: the name is already used for {taken!r}; choose another")
 
     def _spatial(self, kind, name, position, fixed):
         what = kind.__name__.lower()
         self._claim(name, what)
-        position = tuple(position)
+        try:
+            position = tuple(position)
+        except TypeError:
+            raise ModelError(f"{what} {name}: {position!r} given; give three numbers, or two for the plane z = 0") from None
+        if isinstance(fixed, str) and set(fixed) - set(AXES):
+            raise ModelError(f"{what} {name}: fixed={fixed!r} is not made of the axes x, y, z; correct it")
         if len(position) == 2:
             position, fixed = (*position, 0.0), fixed if fixed is True else f"{fixed or ''}z"
         if len(position) != 3:

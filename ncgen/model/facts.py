@@ -29,9 +29,14 @@ def fact(method):
         args, kwargs = map(_settled, args), {key: _settled(value) for key, value in kwargs.items()}
         bound = signature.bind(self, *args, **kwargs)
         outermost = not self._telling
+        before = _State(self, bound.arguments.values()) if outermost else None
         self._telling = True
         try:
             result = method(*bound.args, **bound.kwargs)
+        except Exception:
+            if outermost:
+                before.restore()
+            raise
         finally:
             self._telling = not outermost
         if outermost:
@@ -45,3 +50,24 @@ def fact(method):
 def _settled(value):
     """What can be read only once (a generator, a view of a dictionary) as a tuple."""
     return tuple(value) if isinstance(value, (Iterator, KeysView, ValuesView)) else value
+
+
+class _State:
+    """What a model held before a call: a call that is refused leaves no trace.
+
+    Collections only grow, so their lengths say enough; bodies given to the call are copied.
+    """
+
+    def __init__(self, model, arguments):
+        collections = [value for value in vars(model).values() if isinstance(value, (list, dict))]
+        self._lengths = [(each, len(each)) for each in [*collections, *vars(model.drawing).values()]]
+        self._bodies = [(body, body.copy()) for body in (*arguments, model.ground) if hasattr(body, "frame")]
+        self._model, self._chosen = model, model.chosen_independent
+
+    def restore(self) -> None:
+        for each, length in self._lengths:
+            while len(each) > length:
+                each.popitem() if isinstance(each, dict) else each.pop()
+        for body, kept in self._bodies:
+            vars(body).update(vars(kept))
+        self._model.chosen_independent = self._chosen

@@ -31,7 +31,10 @@ class Loads:
     def force(self, point: Point, vector, label: str | None = None) -> Force:
         """A force (N) on a point: three numbers or expressions of m.time, coordinates, rates and parameters."""
         point = self._own(point, Point, "force")
-        return self._apply(label or f"force on {point.name}", zip(point.components, vector, strict=True))
+        label = label or f"force on {point.name}"
+        if len(vector) != 3:
+            raise ModelError(f"{label}: {len(vector)} components given; give three")
+        return self._apply(label, zip(point.components, vector, strict=True))
 
     @fact
     def torque(self, coordinate: Relative, expression, label: str | None = None) -> Force:
@@ -107,7 +110,11 @@ class Loads:
 
     def _checked(self, expression, what: str):
         expression = as_sympy(expression)
-        return as_value(expression, what) if is_number(expression) else expression
+        if is_number(expression):
+            return as_value(expression, what)
+        if getattr(expression, "is_number", False) and not expression.is_finite:
+            raise ModelError(f"{what}: {expression} is not a finite number; correct it")
+        return expression
 
 
 def _length(segment) -> float:

@@ -13,6 +13,7 @@ refuse a mistake on the line that makes it.
 
 from __future__ import annotations
 
+from ncgen.errors import ModelError
 from ncgen.model.bodies import Body
 from ncgen.model.coordinates import Coordinates, check_form, check_name
 from ncgen.model.drawing import Drawing
@@ -24,6 +25,8 @@ from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
 from ncgen.model.values import Parameter
+
+LONGEST_NAME = 100
 
 
 class Model(Coordinates, Structure, Joints, Loads):
@@ -37,6 +40,8 @@ class Model(Coordinates, Structure, Joints, Loads):
 
     def __init__(self, name: str, *, scale: bool = True, form: str = "smooth"):
         check_name(name, "model")
+        if name.lower().startswith("ncgen") or len(name) > LONGEST_NAME:
+            raise ModelError(f"model name {name[:40]!r}: it becomes a file name; use at most {LONGEST_NAME} letters, not beginning with ncgen")
         self.name = name
         self.scale = scale
         self.form = check_form(form)
@@ -54,7 +59,7 @@ class Model(Coordinates, Structure, Joints, Loads):
         self.drawing = Drawing()
         self.simulation_options: dict[str, object] = {}
         self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
-        self._related: set = set()
+        self._related: dict = {}
         self.facts: list[Fact] = []
         self._telling = False
 

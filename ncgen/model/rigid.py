@@ -54,7 +54,7 @@ class Frame:
         return np.array(columns).reshape(-1, 3).T
 
 
-def include(frame: Frame, elements: list[Spatial], known: set, scaled: bool) -> list[Row]:
+def include(frame: Frame, elements: list[Spatial], known: dict, scaled: bool) -> list[Row]:
     """Rows that tie new elements to a body; `known` remembers which lengths and angles of the model have a row.
 
     Raises ModelError where two points of the body coincide.
@@ -109,7 +109,7 @@ def _distance_from_base(frame: Frame, direction: Combination) -> float:
     return float(np.linalg.norm(unit - inside))
 
 
-def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: set, scaled: bool) -> list[Row]:
+def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: dict, scaled: bool) -> list[Row]:
     """Constant length, and constant angles to the base directions there are."""
     made = []
     if isinstance(element, Vector):
@@ -123,7 +123,7 @@ def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: se
     return made
 
 
-def _angle_row(frame: Frame, a: Combination, b: Combination, known: set, scaled: bool) -> list[Row]:
+def _angle_row(frame: Frame, a: Combination, b: Combination, known: dict, scaled: bool) -> list[Row]:
     vectors = [d for d in (a, b) if row.shape(d) == "vector"]
     if not vectors:
         # Two segments from the origin: the distance between their ends says the same as their angle.
@@ -162,5 +162,5 @@ def _claim(known: set, *elements) -> bool:
     key = frozenset(e.name for e in elements)
     if key in known:
         return False
-    known.add(key)
+    known[key] = True
     return True

@@ -102,14 +102,14 @@ class Structure:
         length = row.length(segment) if length is None else as_value(length, f"angle {vector.name}, {segment}")
         if is_number(length) and not length > 0:
             raise ModelError(f"angle {vector.name}, {segment}: the segment has length {length:g} m; give points that are apart")
-        cosine = row.cosine(vector.initial, segment.initial) if cosine is None else as_value(cosine, "cosine")
+        cosine = row.cosine(vector.initial, segment.initial) if cosine is None else as_value(cosine, f"angle {vector.name}, {segment}, cosine")
         return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), self.scale))
 
     @fact
     def vector_vector(self, u: Vector, v: Vector, cosine=None, owner: Body | None = None) -> Row:
         """Row 1003: a constant angle between two unit vectors."""
         u, v = (self._own(w, Vector, "vector_vector") for w in (u, v))
-        cosine = row.cosine(u.initial, v.initial) if cosine is None else as_value(cosine, "cosine")
+        cosine = row.cosine(u.initial, v.initial) if cosine is None else as_value(cosine, f"angle {u.name}, {v.name}, cosine")
         return self._keep(row.vector_vector(u, v, cosine, _owner(owner), self.scale))
 
     @fact
@@ -126,6 +126,8 @@ class Structure:
     def drive(self, coordinate: Component | Relative, law) -> Row:
         """A rheonomic driver: coordinate = law(t), a sympy expression of `m.time` and parameters."""
         name = coordinate.name
+        if not any(c is each for each in self.components for c in (coordinate, *getattr(coordinate, "components", ()))):
+            raise ModelError(f"drive {name}: the coordinate belongs to another model; use this model's own")
         self.chosen_independent = tuple(n for n in self.chosen_independent if n != name)  # what is driven is not independent
         return self.constrain(coordinate.symbol - as_sympy(law), f"driver of {name}", Owner("driver", name))
 
@@ -143,7 +145,7 @@ class Structure:
         if not points:
             raise ModelError(f"body {body.name}: inertia needs at least one point; give it one")
         com = np.mean(points, axis=0) if com is None else np.asarray(com, dtype=float)
-        if com.shape == (2,):
+        if com.shape == (2,) and body.frame.planar:
             com = np.append(com, points[0][2])
         tensor = check_inertia(body.name, mass, com, np.zeros((3, 3)) if tensor is None else tensor)
         if chosen is not None:

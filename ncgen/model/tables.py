@@ -33,6 +33,9 @@ def from_tables(
     model = cls(name, scale=scale, form=form)
     tables = _Tables(model, inertia or {})
     tables.place(P, U, set(fixed))
+    unknown = sorted(set(fixed) - set(range(1, 3 * len(model.elements) + 1)))
+    if unknown:
+        raise ModelError(f"fixed: position {unknown[0]} in q does not exist, there are {3 * len(model.elements)}; correct the number")
     tables.add_bodies()
     for number, entries in enumerate(CONSTR, start=1):
         tables.add_row(number, list(entries))
@@ -70,6 +73,9 @@ class _Tables:
     def add_bodies(self):
         for number, entry in self.inertia.items():
             where = f"inertia of body {number}"
+            missing = [key for key in ("m", "cog", "IT", "r") if key not in entry]
+            if missing:
+                raise ModelError(f"{where}: {missing[0]} is missing; give m, cog, IT and r")
             basis = [self.point(i, where) for i in entry["r"]] + [self.vector(i, where) for i in entry.get("u", ())]
             self.model.body(
                 f"body{number}",
@@ -116,6 +122,8 @@ class _Tables:
         for column, entry in enumerate(entries, 1):
             if is_number(entry) and not np.isfinite(entry):
                 raise ModelError(f"{where}, column {column}: {entry} is not a finite number; correct it")
+            if isinstance(entry, str):
+                raise ModelError(f"{where}, column {column}: {entry!r} is not a number; correct it")
         add = ROW_READERS.get(entries[0])
         if add is None:
             known = ", ".join(map(str, ROW_READERS))

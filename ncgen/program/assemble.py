@@ -126,7 +126,7 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     if emission not in EMISSIONS:
         raise ModelError(f"emission {emission!r} is unknown; choose one of {', '.join(EMISSIONS)}")
     derived = Derived()
-    bound = {term: bind(term, equations, derived) for term in (*equations.rows, *_all(equations))}
+    bound = {term: _bind(term, equations, derived) for term in (*equations.rows, *_all(equations))}
     programs, patterns, omitted = {}, {}, list(equations.omitted)
     n, m = len(equations.free), len(equations.model.rows)
     shapes = {"phi_q": (m, n), "mass": (n, n)}
@@ -140,7 +140,7 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
         else:
             size = {"force": n, "energy": len(ENERGIES)}.get(kernel.name, m)
             index = {place: place[0] for place in places}
-        if not places and kernel.name not in ("phi", "phi_q", "gamma"):
+        if not size or not places and kernel.name not in ("phi", "phi_q", "gamma"):
             omitted.append(f"kernel {kernel.name}: nothing in this mechanism contributes to it")
             continue
         program = _program(kernel, groups, index, size, equations, derived, EMISSIONS[emission])
@@ -148,6 +148,14 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
         verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters)})
     omitted += _folded(equations)
     return Programs(equations, programs, patterns["phi_q"], patterns["mass"], emission, tuple(omitted))
+
+
+def _bind(term, equations: Equations, derived: Derived) -> Bound:
+    """bind, with the term's own words in front of what is wrong with it."""
+    try:
+        return bind(term, equations, derived)
+    except ModelError as error:
+        raise ModelError(f"{term.label}: {error}") from None
 
 
 def _groups(kernel: Kernel, equations: Equations, bound) -> list[list[Bound]]:
@@ -176,7 +184,12 @@ def _build(kernel: Kernel, members: list[Bound], equations: Equations) -> Contri
 
     places = Places(graph, first, read)
     wanted = [key for key in first.template.outputs if kernel.wants(key)]
-    outputs = first.template.replay(graph, places.symbol, wanted)
+    try:
+        outputs = first.template.replay(graph, places.symbol, wanted)
+    except ArithmeticError as error:
+        raise ModelError(f"{first.term.label}: {error}; correct the expression or the fixed coordinates in it") from None
+    except ValueError as error:
+        raise ModelError(f"{first.term.label}: {error} at the fixed coordinates; correct the expression") from None
     contribution.parts = [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
     return contribution
 

@@ -9,6 +9,8 @@ signs move outward, a division by a constant becomes a multiplication.
 
 from __future__ import annotations
 
+import math
+import sys
 from typing import NamedTuple
 
 from ncgen.program.functions import FUNCTIONS
@@ -23,6 +25,15 @@ class Op(NamedTuple):
     code: str
     args: tuple[int, ...]
     leaf: object = None
+
+
+SMALLEST = sys.float_info.min
+"""The smallest number with all its digits."""
+
+
+def _is_normal(value: float) -> bool:
+    """True if a constant may take part in folding: finite, and with all its digits."""
+    return math.isfinite(value) and abs(value) >= SMALLEST
 
 
 ARITHMETIC = {"add": "+", "sub": "-", "mul": "*", "div": "/", "neg": "-"}
@@ -45,6 +56,9 @@ class Graph:
     # -- leaves --------------------------------------------------------------------------------
 
     def const(self, value: float) -> int:
+        """A number. Raises OverflowError for infinity and nan."""
+        if not math.isfinite(value):
+            raise OverflowError(f"a constant becomes {value}")
         return self._make("const", leaf=float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
 
     def load(self, array: str, index: int) -> int:
@@ -96,8 +110,6 @@ class Graph:
             return self.add(a, self.neg(b))
         if self.ops[a].code == "neg":
             return self.neg(self.add(self.ops[a].args[0], b))
-        if Op("sub", (b, a)) in self._known:
-            return self.neg(self._known[Op("sub", (b, a))])
         return self._make("sub", (a, b))
 
     def mul(self, a: int, b: int) -> int:
@@ -117,15 +129,20 @@ class Graph:
         if self.ops[b].code == "neg":
             return self.neg(self.mul(a, self.ops[b].args[0]))
         if x is not None and self.ops[b].code == "mul" and (factor := self.value(self.ops[b].args[0])) is not None:
-            return self.mul(self.const(x * factor), self.ops[b].args[1])
+            if _is_normal(x * factor):
+                return self.mul(self.const(x * factor), self.ops[b].args[1])
         if x is not None:
             return self._make("mul", (a, b))
         return self._make("mul", (min(a, b), max(a, b)))
 
     def div(self, a: int, b: int) -> int:
         x, y = self.value(a), self.value(b)
-        if y is not None and y != 0.0:
-            return self.const(x / y) if x is not None else self.mul(self.const(1.0 / y), a)
+        if y == 0.0:
+            raise ZeroDivisionError("a division by zero")
+        if x is not None and y is not None:
+            return self.const(x / y)
+        if y is not None and abs(y) > SMALLEST and _is_normal(1.0 / y):
+            return self.mul(self.const(1.0 / y), a)
         if x == 0.0:
             return a
         if self.ops[a].code == "neg":

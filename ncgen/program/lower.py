@@ -6,6 +6,7 @@ data first, so that constants meet constants.
 
 from __future__ import annotations
 
+import math
 from functools import lru_cache
 
 import sympy
@@ -15,6 +16,9 @@ from ncgen.errors import ModelError
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Graph, Op
 from ncgen.symbolic.templates import TIME, Template, rate_name
+
+SIMPLE = 2**53
+"""Integers below this are doubles."""
 
 BY_SYMPY_NAME = {function.sympy: name for name, function in FUNCTIONS.items()}
 
@@ -40,17 +44,27 @@ class LoweredTemplate:
         made: dict[int, int] = {}
 
         def build(node: int) -> int:
-            if node not in made:
-                op = self.ops[node]
+            for part in self._needed(node, made):
+                op = self.ops[part]
                 if op.code == "slot":
-                    made[node] = bind(names[op.leaf])
+                    made[part] = bind(names[op.leaf])
                 elif op.code == "const":
-                    made[node] = graph.const(op.leaf)
+                    made[part] = graph.const(op.leaf)
                 else:
-                    made[node] = graph.apply(op, tuple(build(a) for a in op.args))
+                    made[part] = graph.apply(op, tuple(made[a] for a in op.args))
             return made[node]
 
         return {key: build(self.outputs[key]) for key in wanted}
+
+    def _needed(self, root: int, made: dict[int, int]) -> list[int]:
+        """Operations below a root that are not made yet, arguments first; operations are numbered in that order."""
+        needed, stack = set(), [root]
+        while stack:
+            node = stack.pop()
+            if node not in made and node not in needed:
+                needed.add(node)
+                stack.extend(self.ops[node].args)
+        return sorted(needed)
 
 
 @lru_cache(maxsize=None)
@@ -73,7 +87,7 @@ def _lower(graph: Graph, expression, nodes: dict, data: set) -> int:
 
 def _lower_new(graph: Graph, expression, nodes: dict, data: set) -> int:
     if expression.is_Number or expression.is_NumberSymbol:
-        return graph.const(float(expression))
+        return graph.const(_finite(expression))
     if expression.is_Add:
         return _lower_sum(graph, expression, nodes, data)
     if expression.is_Mul:
@@ -86,10 +100,23 @@ def _lower_new(graph: Graph, expression, nodes: dict, data: set) -> int:
     return graph.call(name, *(_lower(graph, a, nodes, data) for a in expression.args))
 
 
+def _finite(number) -> float:
+    """A number of sympy as a double; ModelError for what is none (infinity, nan, or beyond the range)."""
+    try:
+        value = float(number)
+    except (OverflowError, TypeError):
+        value = math.inf
+    if not math.isfinite(value):
+        raise ModelError(f"{number}: this is not a finite number; correct the expression")
+    return value
+
+
 def _lower_sum(graph: Graph, expression, nodes, data) -> int:
-    content, expression = expression.primitive()
-    if not expression.is_Add:
-        return graph.mul(graph.const(float(content)), _lower(graph, expression, nodes, data))
+    content, rest = expression.primitive()
+    if content.p < SIMPLE and content.q < SIMPLE and rest.is_Add:
+        expression = rest
+    else:
+        content = sympy.Integer(1)  # a content that is not exact in doubles would only add its rounding
     positive, negative = [], []
     for term in sorted(expression.args, key=default_sort_key):
         (negative if term.could_extract_minus_sign() else positive).append(term)

@@ -26,6 +26,7 @@ def verify(program: Program, sizes: dict[str, int]) -> None:
         where = f"program {program.name}, block {number}"
         _check_ops(block, sizes, where)
         for store in block.stores:
+            _require(store.array in sizes, f"{where}: a store into {store.array}, which does not exist")
             indices = store.table if isinstance(block, Loop) else (store.index,)
             _require(len(indices) == block.count, f"{where}: a store's table has {len(indices)} entries for {block.count} runs")
             _require(all(0 <= i < sizes[store.array] for i in indices), f"{where}: a store leaves {store.array}")
@@ -49,13 +50,14 @@ def _check_ops(block: Straight | Loop, sizes, where) -> None:
         elif op.code == "slot":
             _require(isinstance(block, Loop) and 0 <= op.leaf < len(block.slots), f"{where}: unknown slot {op.leaf}")
         else:
+            _require(op.code in ARITY, f"{where}: unknown operation {op.code}")
             _require(len(op.args) == ARITY[op.code], f"{where}: {op.code} of {len(op.args)} arguments")
     for slot in getattr(block, "slots", ()):
         _require(len(slot.table) == block.count, f"{where}: a table of {len(slot.table)} entries for {block.count} runs")
         if slot.array == "const":
             _require(all(map(math.isfinite, slot.table)), f"{where}: a constant that is not finite")
         else:
-            _require(all(0 <= i < sizes[slot.array] for i in slot.table), f"{where}: reads beyond {slot.array}")
+            _require(all(0 <= i < sizes.get(slot.array, 0) for i in slot.table), f"{where}: reads beyond {slot.array}")
 
 
 def _require(condition: bool, message: str) -> None:

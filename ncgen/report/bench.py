@@ -40,14 +40,14 @@ def kernel_records(model: Model, rate: float) -> list[dict]:
     inputs = Inputs.typical(kernels)
     found = rivals(model, inputs, names)
     reference = {name: exact(kernels, name, inputs) for name in names}
+    spent = measure({(rival.name, case): rival.runs[case] for rival in found for case in (*names, "all")})
     records = []
     for case in (*names, "all"):
-        spent = measure({rival.name: rival.runs[case] for rival in found})
         parts = names if case == "all" else (case,)
         operations = sum(cost(kernels.programs.programs[name]).total for name in parts)
         for rival in found:
             error = max(relative_error(rival.values(name), reference[name]) for name in parts)
-            records.append(_record(case, rival.name, error, spent[rival.name], spent[found[0].name]))
+            records.append(_record(case, rival.name, error, spent[rival.name, case], spent[found[0].name, case]))
         records.append({"case": case, "tool": "floor", "error": None, "seconds": operations / rate, "operations": operations})
     return records
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from dataclasses import dataclass
 
 import numpy as np
@@ -23,10 +23,10 @@ class Spread:
     high: float
 
 
-def measure(runs: dict[str, Callable[[int], None]], rounds: int = ROUNDS) -> dict[str, Spread]:
+def measure(runs: dict[Hashable, Callable[[int], None]], rounds: int = ROUNDS) -> dict[Hashable, Spread]:
     """{name: seconds per call} of functions run(times), one sample of each in every round."""
     times = {name: _enough(run) for name, run in runs.items()}
-    samples: dict[str, list[float]] = {name: [] for name in runs}
+    samples: dict[Hashable, list[float]] = {name: [] for name in runs}
     for _ in range(rounds):
         for name, run in runs.items():
             samples[name].append(elapsed(run, times[name]) / times[name])

@@ -149,8 +149,8 @@ def _nonzeros(kernels: Kernels, name: str, value: np.ndarray) -> np.ndarray:
 
 
 def _lambdified(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
-    """sympy's own way: symbolic derivatives of Φ, common subexpressions, a NumPy function."""
-    if kernels.m > LAMBDIFY_ROWS or "nu" in kernels.programs.programs:
+    """sympy's own way: symbolic derivatives of Φ, common subexpressions, a NumPy function. Not for drivers and rolling."""
+    if kernels.m > LAMBDIFY_ROWS or "nu" in kernels.programs.programs or len(kernels.holonomic) < kernels.m:
         return []
     expressions, symbols = _symbolic(kernels)
     functions = {k: sympy.lambdify(symbols, expressions[k], cse=True) for k in names}

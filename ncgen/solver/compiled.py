@@ -42,8 +42,8 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
         return "rolling conditions need two partitions"
     if emitted and len(partitions.position.independent) > LARGEST:
         return f"a state derivative is emitted for up to {LARGEST} degrees of freedom"
-    if not kernels.m:
-        return "there are no constraint rows"
+    if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
+        return "there are no constraint rows that move"
     return None
 
 

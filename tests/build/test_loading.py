@@ -44,7 +44,6 @@ for k in (1, 2, 3):
 """
 
 
-@pytest.mark.xfail(strict=True, reason="cffi forgets the types of ncgen.h together with the first library")
 def test_models_can_be_forgotten():
     """A library may be dropped before the next one is loaded."""
     done = subprocess.run([sys.executable, "-c", FORGETFUL], capture_output=True, text=True)
@@ -122,7 +121,6 @@ def test_wrong_lengths_are_named(robot, robot_numpy, backend):
         kernels.gamma(kernels.q0, np.zeros(0))
 
 
-@pytest.mark.xfail(strict=True, raises=(ValueError, pytest.fail.Exception), reason="shape and kind of numbers are checked for NumPy only")
 @pytest.mark.parametrize("q", [np.zeros((2, 36)), np.zeros(36, dtype=complex)], ids=["batch", "complex"])
 def test_c_takes_one_real_position(robot, q):
     """What only the NumPy backend can do is refused by name, not half done."""

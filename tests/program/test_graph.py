@@ -81,6 +81,22 @@ def test_rule_on_floats(rule):
         assert value_of(lambda g, a, b, *_: build(g, a, b), (x, y, 0.0, 0.0))[0] == pytest.approx(meaning(x, y), rel=4 * EPS)
 
 
+# Constants at the ends of the range: what is written, and x.
+EXTREMES = {
+    "x / 1e-310": (lambda g, x: g.div(x, g.const(1e-310)), lambda x: x / 1e-310, 1e-305),
+    "x / 1.7e308": (lambda g, x: g.div(x, g.const(1.7e308)), lambda x: x / 1.7e308, 1.1e308),
+    "1e200 * (1e200 * x)": (lambda g, x: g.mul(g.const(1e200), g.mul(g.const(1e200), x)), lambda x: 1e200 * (1e200 * x), 1e-300),
+    "1e-200 * (1e-200 * x)": (lambda g, x: g.mul(g.const(1e-200), g.mul(g.const(1e-200), x)), lambda x: 1e-200 * (1e-200 * x), 1e300),
+}
+
+
+@pytest.mark.parametrize("case", EXTREMES)
+def test_rules_know_the_range_of_numbers(case):
+    """Where 1/c or c·d is infinite, zero or subnormal, the operations stay as they are."""
+    build, meaning, x = EXTREMES[case]
+    assert value_of(lambda g, a, *_: build(g, a), (x, 0.0, 0.0, 0.0))[0] == pytest.approx(meaning(x), rel=4 * EPS)
+
+
 @pytest.mark.parametrize("code", ["add", "mul"])
 def test_commutative_operations_are_one(code):
     """x + y and y + x are the same operation."""

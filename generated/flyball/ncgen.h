@@ -1,0 +1,105 @@
+/* ncgen.h: what every generated model looks like from outside.
+ *
+ * One mechanism in natural coordinates is one `const ncgen_model`, reached through the getter
+ * `<name>_model()` of its own header. Kernels allocate nothing, keep no state, read their inputs and
+ * write their output; they may be called from any number of threads.
+ *
+ * Define NCGEN_SINGLE, NCGEN_LONG_DOUBLE or NCGEN_QUAD (all files alike) to change the number type;
+ * the default is double. Or define NCGEN_REAL and NCGEN_SCALAR yourself, together with the functions of
+ * ncgen_math.h.
+ */
+#ifndef NCGEN_H
+#define NCGEN_H
+
+#include <stddef.h>
+
+#if defined(NCGEN_REAL)
+typedef NCGEN_REAL ncgen_real;
+typedef NCGEN_SCALAR ncgen_scalar;
+#elif defined(NCGEN_SINGLE)
+typedef float ncgen_real;
+typedef float ncgen_scalar;
+#elif defined(NCGEN_LONG_DOUBLE)
+typedef long double ncgen_real;
+typedef long double ncgen_scalar;
+#elif defined(NCGEN_QUAD)
+typedef __float128 ncgen_real;
+typedef __float128 ncgen_scalar;
+#else
+typedef double ncgen_real;
+typedef double ncgen_scalar;
+#endif
+
+#ifdef __cplusplus
+#define NCGEN_RESTRICT
+extern "C" {
+#else
+#define NCGEN_RESTRICT restrict
+#endif
+
+#define NCGEN_ABI_VERSION 1
+
+/* begin cdef */
+
+/* What kernels return; anything but NCGEN_OK leaves the output undefined. */
+enum ncgen_status {
+    NCGEN_OK = 0,
+    NCGEN_NOT_CONVERGED = 1, /* an iteration used up its steps */
+    NCGEN_SINGULAR = 2,      /* a matrix has no inverse */
+    NCGEN_PIVOT = 3,         /* a factorisation with fixed pivots became inaccurate */
+    NCGEN_DOMAIN = 4,        /* a function left its domain */
+    NCGEN_ARGUMENT = 5       /* an argument is out of range */
+};
+
+/* Sparsity of a matrix in compressed rows: row r has the columns
+ * indices[indptr[r]] .. indices[indptr[r + 1] - 1], in increasing order. */
+typedef struct ncgen_pattern {
+    int rows;
+    int columns;
+    const int *indptr;  /* rows + 1 */
+    const int *indices; /* indptr[rows] */
+} ncgen_pattern;
+
+/* Kernels of time t (s), free coordinates q (m, rad), their velocities qd and parameters p. */
+typedef int ncgen_position_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *out);
+typedef int ncgen_velocity_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p,
+                                  ncgen_real *out);
+
+/* A mechanism. Kernels that it does not need are NULL: without drivers nu is zero, without bodies
+ * mass, force and energy are. New members are only ever added at the end. */
+typedef struct ncgen_model {
+    unsigned abi_version; /* NCGEN_ABI_VERSION of the generator */
+    unsigned struct_size; /* sizeof(ncgen_model) there */
+    unsigned real_size;   /* sizeof(ncgen_real) there */
+    const char *name;
+    const char *fingerprint; /* of the generated source */
+
+    int n_coordinates;                     /* length of q and qd */
+    int n_rows;                            /* constraint equations */
+    int n_parameters;                      /* length of p */
+    const char *const *coordinate_names;
+    const char *const *row_names;
+    const char *const *parameter_names;    /* NULL without parameters */
+    const ncgen_scalar *initial_position;  /* q at the position in which the model was described */
+    const ncgen_scalar *default_parameters; /* NULL without parameters */
+
+    ncgen_pattern phi_q_pattern;
+    ncgen_pattern mass_pattern;
+    int mass_is_constant;
+
+    ncgen_position_kernel *phi;    /* n_rows: constraint equations, zero when satisfied */
+    ncgen_position_kernel *phi_q;  /* values of the Jacobian in phi_q_pattern */
+    ncgen_position_kernel *nu;     /* n_rows: phi_q qd = nu */
+    ncgen_velocity_kernel *gamma;  /* n_rows: phi_q qdd = gamma */
+    ncgen_position_kernel *mass;   /* values of the mass matrix in mass_pattern */
+    ncgen_velocity_kernel *force;  /* n_coordinates: applied and velocity-dependent forces */
+    ncgen_velocity_kernel *energy; /* 3: kinetic and potential energy (J), power of other forces (W) */
+} ncgen_model;
+
+/* end cdef */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

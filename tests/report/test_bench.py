@@ -1,0 +1,56 @@
+"""`ncgen bench`: every time has its error beside it, and the records are what scripts may rely on."""
+
+import json
+
+import pytest
+
+import ncgen
+from ncgen.report import clock, falls, rates
+from ncgen.report.bench import bench, kernel_records
+
+pytestmark = pytest.mark.xdist_group("robot")
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Few samples: the numbers are not looked at."""
+    monkeypatch.setattr(clock, "SHORTEST", 1e-6)
+    monkeypatch.setattr(clock.measure, "__defaults__", (1,))
+    monkeypatch.setattr(falls, "TOLERANCES", (1e-6,))
+    monkeypatch.setattr(falls, "STEPS", (100,))
+    monkeypatch.setattr(falls, "REPEATS", 1)
+
+
+def test_kernels_of_the_robot(robot_model):
+    """All tools compute the same; lambdify prints 15 digits."""
+    records = kernel_records(robot_model, 1e9)
+    tools = {r["tool"] for r in records}
+    assert {"generated C, auto", "hand-written C", "hand-written NumPy, vectorised", "generated NumPy"} <= tools
+    assert {r["case"] for r in records} == {"phi", "phi_q", "gamma", "all"}
+    assert all(r["error"] < 2e-15 for r in records if r["tool"] != "floor")
+    assert all(r["seconds"] > 0 for r in records)
+
+
+def test_sections_of_a_mechanism_without_hand_written_code():
+    sections = dict(bench(ncgen.load("fourbar")))
+    records = [r for found in sections.values() for r in found]
+    assert {r["case"] for r in records} >= {"phi", "all", "state derivative", "simulation"}
+    assert all({"case", "tool", "error", "seconds"} <= r.keys() for r in records)
+    assert not any("hand-written" in r["tool"] for r in records)
+    assert json.loads(json.dumps(records)) == records
+
+
+def test_the_fall(robot):
+    """Simulations reach the known end state, each in its own way."""
+    records = {r["tool"]: r for r in falls.fall_records(robot)}
+    assert records["dopri5, emitted C"]["error"] < 1e-5
+    assert records["rk4, emitted C"]["error"] < 1e-6
+    assert records["hand-written NumPy, SciPy RK45"]["error"] < 1e-5
+    assert records["the paper's Table 9, ode45"]["seconds"] == 4.125
+
+
+def test_the_state_derivative(robot):
+    records = {r["tool"]: r for r in rates.derivative_records(robot, 1e9)}
+    assert records["accelerations"]["error"] < 1e-12
+    assert records["hand-written NumPy"]["error"] < 1e-11
+    assert records["Newton step"]["floor"] == records["Newton step"]["operations"] / 1e9
