@@ -24,6 +24,17 @@ def test_links_and_pictures_exist():
                 assert (page.parent / target).exists(), f"{page}: {target}"
 
 
+def test_programs_of_the_paper_page_run(capsys):
+    """The scripts of docs/paper.md run, and print the facts that the page states."""
+    page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
+    names: dict = {}
+    for program in re.findall(r"```python\n(.*?)```", page, re.S):
+        exec(program, names)
+    said = capsys.readouterr().out
+    for line in ("all sine     rank 28", "paper's rule rank 30", "rank of the 25 rigid-body rows: 24", "row 16 = +1.000 row 6"):
+        assert line in said and line in page
+
+
 def test_names_of_the_table_exist():
     """Every ncgen.name mentioned in the README is there."""
     import ncgen
