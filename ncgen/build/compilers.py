@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ncgen.errors import CompileError
 
-FLAGS = ("-std=c99", "-O2", "-march=native", "-ffp-contract=off", "-fPIC", "-shared")
+FLAGS = ("-std=c99", "-O3", "-march=native", "-ffp-contract=off", "-fPIC", "-shared")
 """No -ffast-math, and no fused multiply-add by the compiler: the same source gives the same numbers everywhere."""
 
 

@@ -2,7 +2,7 @@
 
 Both are one straight line of operations with the factorisation of Φ_q^d emitted into it:
 
-    newton(t, q, p)            -> Δq of the dependent coordinates
+    newton(t, q, p)            -> Δq of the dependent coordinates, Φ
     acceleration(t, q, zd, p)  -> q̇, z̈, power, amplification
 
 with q̇ = R ż + S ν, (RᵀMR) z̈ = Rᵀ(Q − M S γ) (the paper's eqs 51-54). `amplification` is ‖R‖², in natural units: how
@@ -39,7 +39,7 @@ class Split:
 
 @dataclass(frozen=True)
 class DynamicsPrograms:
-    """newton gives Δq in the order of split.dependent; acceleration gives [q̇ (n), z̈ (nz), power, amplification]."""
+    """newton gives Δq in the order of split.dependent, then Φ; acceleration gives [q̇ (n), z̈ (nz), power, amplification]."""
 
     newton: Program
     acceleration: Program
@@ -133,7 +133,9 @@ def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
     right = {i: graph.neg(phi[r,]) for i, r in enumerate(split.rows) if (r,) in phi}
     step = solve(graph, factors, right)
     zero = graph.const(0.0)
-    return lines.program("newton", ("t", "q", "p"), [step.get(j, zero) for j in range(len(split.dependent))])
+    steps = [step.get(j, zero) for j in range(len(split.dependent))]
+    residuals = [phi.get((r,), zero) for r in range(len(equations.rows))]
+    return lines.program("newton", ("t", "q", "p"), steps + residuals)
 
 
 def _acceleration(equations: Equations, split: Split, samples: Samples, sizes) -> tuple[Program, bool]:

@@ -20,6 +20,9 @@ POSITIONS = 6
 DISTANCE = 0.1
 """How far the trial positions are from the given one, relative to the mechanism's size."""
 
+REMEMBERED = 16
+"""How many positions' degrees of freedom are kept with the kernels."""
+
 NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
 
@@ -107,6 +110,18 @@ class Freedom:
 def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
     """Degrees of freedom, redundant rows and singularity at a consistent position q (default: the initial one)."""
     q = kernels.q0 if q is None else np.asarray(q, dtype=float)
+    p = kernels.p0 if p is None else np.asarray(p, dtype=float)
+    # Found once for a position: a series of simulations starts from the same one again and again.
+    known = kernels.__dict__.setdefault("_freedoms", {})
+    key = (q.tobytes(), float(t), p.tobytes())
+    if key not in known:
+        if len(known) >= REMEMBERED:
+            known.clear()
+        known[key] = _freedom(kernels, q, t, p)
+    return known[key]
+
+
+def _freedom(kernels: Kernels, q, t, p) -> Freedom:
     positions = trial_positions(kernels, q, t, p)
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     ranks = [numerical_rank(j) for j in jacobians]

@@ -212,10 +212,9 @@ static void solve_transposed(const run *r, const ncgen_real *right, ncgen_real *
         lam[r->dynamics->rows[w->order[i]]] = x[i];
 }
 
-static int newton_step(run *r, ncgen_scalar t)
+/* The correction of the dependent coordinates for the phi there is. */
+static int dense_step(run *r, ncgen_scalar t)
 {
-    if (r->dynamics->newton)
-        return r->dynamics->newton(t, r->q, r->p, r->step);
     const int status = factor_jacobian(r, t);
     if (status != NCGEN_OK)
         return status;
@@ -375,7 +374,8 @@ static int solve_position(run *r, ncgen_scalar t, const ncgen_real *z)
     for (int i = 0; i < r->nz; ++i)
         r->q[d->independent[i]] = z[i];
     for (int iteration = 0; iteration <= NEWTON_LIMIT; ++iteration) {
-        int status = r->model->phi(t, r->q, r->p, r->phi);
+        /* An emitted step has phi in it; most often one is needed, so it is not worth a look at phi beforehand. */
+        int status = d->newton ? d->newton(t, r->q, r->p, r->step) : r->model->phi(t, r->q, r->p, r->phi);
         if (status != NCGEN_OK)
             return status;
         const ncgen_real size = residual(r);
@@ -383,7 +383,7 @@ static int solve_position(run *r, ncgen_scalar t, const ncgen_real *z)
             return NCGEN_OK;
         if (!(size < R(1e30)))
             return NCGEN_NOT_CONVERGED;
-        status = newton_step(r, t);
+        status = d->newton ? NCGEN_OK : dense_step(r, t);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < d->n_dependent; ++i)
@@ -672,7 +672,6 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     r.ny = 2 * r.nz + 1;
     r.q = take(&workspace, r.n);
     r.out = take(&workspace, r.n + r.nz + 2);
-    r.phi = take(&workspace, model->n_rows);
     r.start_q = take(&workspace, r.n);
     r.start_qd = take(&workspace, r.n);
     r.y = take(&workspace, r.ny);
@@ -680,6 +679,7 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     for (int s = 0; s < STAGES; ++s)
         r.k[s] = take(&workspace, r.ny);
     r.step = take(&workspace, dynamics->n_dependent);
+    r.phi = take(&workspace, model->n_rows); /* right behind step: an emitted step writes both */
     r.end_q = take(&workspace, r.n);
     r.end_qd = take(&workspace, r.n);
     r.end_y = take(&workspace, r.ny);

@@ -18,7 +18,7 @@ extern "C" {
  *
  * newton and acceleration are emitted for one mechanism and one choice, with the elimination written out; where they are
  * NULL the runtime does the same with the model's kernels and dense elimination with row exchanges.
- * newton writes the correction of the dependent coordinates (n_dependent numbers);
+ * newton writes the correction of the dependent coordinates (n_dependent numbers), then phi (n_rows);
  * acceleration writes qd (n_coordinates), zdd (n_independent), power, amplification: how much an error of the
  * independent coordinates grows in the others, squared. */
 typedef int ncgen_acceleration_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *zd, const ncgen_real *p,
