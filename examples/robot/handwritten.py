@@ -476,7 +476,7 @@ def derivative(t, y, guess):
 
 
 END = {"psi2": 0.26154171434234150, "psi3": 0.30810884512921474, "psi5": -3.4044318734841151}
-"""The angles after the fall of 0.5 s, found by two other programs at tight tolerance; psi1, psi4 and psi6 do not move."""
+"""The angles after the fall of 0.5 s, found by two independent routes at tight tolerance; psi1, psi4 and psi6 stay."""
 
 PAPER_SECONDS = {"ode113": 1.843, "ode45": 4.125, "ode15s": 3.953}
 """The paper's Table 9: the fall in Matlab with hand-written derivatives, on a Pentium IV of 3 GHz (2007)."""

@@ -25,7 +25,8 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
     """
     kernels = compile(model, "c")
     rate = arithmetic_rate()
-    yield f"kernels of {model.name}: ns per call, error against 50 digits relative to the largest entry", kernel_records(model, rate)
+    title = f"kernels of {model.name}: ns per call, error against 50 digits relative to the largest entry"
+    yield title, kernel_records(model, rate)
     title = f"state derivative: ns; floor at {rate / 1e9:.1f} operations a nanosecond, the measured rate of plain arithmetic"
     yield title, derivative_records(kernels, rate) if kernels.m else []
     yield "simulation: ms, error of the end position (m, rad)", list(fall_records(kernels))
@@ -74,8 +75,11 @@ def show(console: Console, title: str, records: list[dict]) -> None:
 def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
     """Rows of text as lines: the first column to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
-    pairs = [[f"{cell:>{w}}" if k else f"{cell:<{w}}" for k, (cell, w) in enumerate(zip(row, widths, strict=True))] for row in rows]
-    return [f"  {'  '.join(cells)}".rstrip() for cells in pairs]
+    lines = []
+    for first, *others in rows:
+        cells = [first.ljust(widths[0]), *(cell.rjust(w) for cell, w in zip(others, widths[1:], strict=True))]
+        lines.append(f"  {'  '.join(cells)}".rstrip())
+    return lines
 
 
 def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:
@@ -86,7 +90,8 @@ def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:
         errors = [r["error"] for r in mine if r["error"] is not None]
         last = mine[-1]
         ratio = f"{last['ratio']:.2f}" if "ratio" in last else ""
-        rows.append((tool, *(f"{1e9 * r['seconds']:.0f}" for r in mine), _quartiles(last), ratio, _error(max(errors, default=None))))
+        times = (f"{1e9 * r['seconds']:.0f}" for r in mine)
+        rows.append((tool, *times, _quartiles(last), ratio, _error(max(errors, default=None))))
     return rows
 
 
@@ -94,7 +99,8 @@ def _derivative_rows(records: list[dict]) -> list[tuple[str, ...]]:
     rows = [("", "ns", "quartiles", "operations", "floor", "error")]
     for r in records:
         floor = f"{1e9 * r['floor']:.0f}" if "floor" in r else ""
-        rows.append((r["tool"], f"{1e9 * r['seconds']:.0f}", _quartiles(r), str(r.get("operations", "")), floor, _error(r["error"])))
+        operations = str(r.get("operations", ""))
+        rows.append((r["tool"], f"{1e9 * r['seconds']:.0f}", _quartiles(r), operations, floor, _error(r["error"])))
     return rows
 
 

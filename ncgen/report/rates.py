@@ -46,10 +46,12 @@ def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
 
 def _parts(kernels, partitions, q):
     """The functions by name, and their programs."""
-    dynamics = dynamics_in_c(kernels, partitions, True, q, kernels.p0)
-    programs = {"phi": kernels.programs.programs["phi"], "newton": dynamics.programs.newton, "acceleration": dynamics.programs.acceleration}
-    pointers = {"phi": kernels._descriptor.phi, "newton": dynamics._dynamics.newton, "acceleration": dynamics._dynamics.acceleration}
-    return {name: Call(pointers[name], program.size, (kernels, dynamics)) for name, program in programs.items()}, programs
+    emitted = dynamics_in_c(kernels, partitions, True, q, kernels.p0)
+    programs = {"phi": kernels.programs.programs["phi"]}
+    programs |= {name: getattr(emitted.programs, name) for name in ("newton", "acceleration")}
+    functions = {"phi": kernels._descriptor.phi}
+    functions |= {name: getattr(emitted._dynamics, name) for name in ("newton", "acceleration")}
+    return {name: Call(functions[name], program.size, (kernels, emitted)) for name, program in programs.items()}, programs
 
 
 def _combinations(parts):
@@ -95,5 +97,6 @@ def _student_error(kernels, q, zd, expected) -> dict[str, float]:
 
 
 def _record(name, spread, operations, rate, error) -> dict:
-    record = {"case": "state derivative", "tool": name, "error": error, "seconds": spread.median, "low": spread.low, "high": spread.high}
+    record = {"case": "state derivative", "tool": name, "error": error}
+    record |= {"seconds": spread.median, "low": spread.low, "high": spread.high}
     return record if operations is None else record | {"operations": operations, "floor": operations / rate}

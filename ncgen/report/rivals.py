@@ -19,6 +19,7 @@ from ncgen.exchange.examples import example_module, example_names
 from ncgen.model import Model
 from ncgen.program.assemble import EMISSIONS
 from ncgen.program.evaluate import evaluate
+from ncgen.program.functions import FUNCTIONS
 from ncgen.report.clock import repeated
 from ncgen.report.repeat import Call, runner
 from ncgen.resources import folder
@@ -70,8 +71,7 @@ def rivals(model: Model, inputs: Inputs, names: tuple[str, ...]) -> list[Rival]:
 def exact(kernels: Kernels, name: str, inputs: Inputs) -> np.ndarray:
     """A kernel's output with 50 digits, rounded at the end."""
     with mpmath.workdps(DIGITS):
-        functions = {f: getattr(mpmath, f) for f in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "log", "sign")}
-        functions |= {f: getattr(mpmath, f) for f in ("sinh", "cosh", "tanh")} | {"abs": abs, "pow": mpmath.power}
+        functions = {f: getattr(mpmath, f) for f in FUNCTIONS if hasattr(mpmath, f)} | {"abs": abs, "pow": mpmath.power}
         numbers = {key: [mpmath.mpf(float(x)) for x in getattr(inputs, key)] for key in ("q", "qd", "p")}
         values = evaluate(kernels.programs.programs[name], {"t": mpmath.mpf(inputs.t), **numbers}, functions, mpmath.mpf)
         return np.array([float(v) for v in values])
@@ -163,7 +163,7 @@ def _lambdified(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
 def _symbolic(kernels: Kernels):
     """{kernel: [expression]} and the arguments (q, q̇), Φ_q in the kernels' pattern."""
     q, qd = (sympy.symbols(f"{letter}:{kernels.n}") for letter in ("x", "v"))
-    functions = {f: getattr(sympy, f) for f in ("sqrt", "sin", "cos", "tan", "asin", "acos", "atan", "exp", "log", "sign")}
+    functions = {name: getattr(sympy, f.sympy) for name, f in FUNCTIONS.items()}
     given = {"t": sympy.Float(0), "q": q, "p": [sympy.Float(float(x)) for x in kernels.p0]}
     phi = evaluate(kernels.programs.programs["phi"], given, functions, sympy.Float)
     jacobian = {place: sympy.diff(phi[place[0]], q[place[1]]) for place in kernels.phi_q_pattern.positions()}
