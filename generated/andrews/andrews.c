@@ -5,50 +5,14 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int andrews_index_1[3] = {
-    0, 2, 2
-};
-static const int andrews_index_2[3] = {
-    0, 4, 6
-};
-static const int andrews_index_3[3] = {
-    0, 12, 18
-};
-static const int andrews_index_4[6] = {
-    0, 1, 2, 3, 2, 3
-};
 
-static const ncgen_scalar andrews_number_1[3] = {
-    R(17.857142857142858), R(24.999999999999986), R(25.0)
-};
-static const ncgen_scalar andrews_number_2[3] = {
-    R(0.0007840000000000001), R(0.00040000000000000045), R(0.0004)
-};
-static const ncgen_scalar andrews_number_3[3] = {
-    R(14.285714285714285), R(12.500000000000002), R(12.5)
-};
-static const ncgen_scalar andrews_number_4[3] = {
-    -R(0.03635), -R(0.06934), -R(0.06934)
-};
-static const ncgen_scalar andrews_number_5[3] = {
-    R(0.03273), -R(0.00227), -R(0.00227)
-};
-static const ncgen_scalar andrews_number_6[3] = {
-    R(0.0012250000000000002), R(0.0015999999999999994), R(0.0016)
-};
-static const ncgen_scalar andrews_number_7[29] = {
+static const ncgen_scalar andrews_number_1[29] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), -R(0.5142857142857142),
     R(0.5714285714285714), R(1.0), -R(0.5714285714285714), -R(0.5142857142857142), R(1.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0)
 };
-static const ncgen_scalar andrews_number_8[3] = {
-    R(35.714285714285715), R(49.99999999999997), R(50.0)
-};
-static const ncgen_scalar andrews_number_9[3] = {
-    R(28.57142857142857), R(25.000000000000004), R(25.0)
-};
-static const ncgen_scalar andrews_number_10[20] = {
+static const ncgen_scalar andrews_number_2[20] = {
     R(0.0473525781887755), R(0.0003209024234693879), R(0.0473525781887755),
     R(0.0003209024234693879), R(0.0003209024234693879), R(0.01839522579632653),
     R(3.5419635000002634e-05), R(3.541963499999992e-05), R(0.0003209024234693879),
@@ -57,29 +21,11 @@ static const ncgen_scalar andrews_number_10[20] = {
     R(0.039455545365000004), R(3.541963499999992e-05), R(0.022805271821249994),
     R(3.541963499999992e-05), R(0.022805271821249994)
 };
-static const ncgen_scalar andrews_number_11[11] = {
+static const ncgen_scalar andrews_number_3[11] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.033)
 };
-static const ncgen_scalar andrews_number_12[8] = {
-    R(0.012341786543367346), R(0.012341786543367346), R(0.0062225044585714285),
-    R(0.0062225044585714285), R(0.0156984774325), R(0.0156984774325), R(0.007714572692499999),
-    R(0.007714572692499999)
-};
-static const ncgen_scalar andrews_number_13[6] = {
-    R(0.0006021524234693878), R(0.0006021524234693878), R(0.0007437946350000019),
-    R(0.0007437946350000019), R(0.000743794635), R(0.000743794635)
-};
-static const ncgen_scalar andrews_number_14[3] = {
-    R(0.0002812499999999999), R(0.0007083749999999993), R(0.0007083750000000001)
-};
-static const ncgen_scalar andrews_number_15[3] = {
-    R(0.004252216879183673), R(0.007350215500000004), R(0.006667751436249999)
-};
-static const ncgen_scalar andrews_number_16[3] = {
-    -R(0.0037863045600000007), -R(0.009315376500000003), R(0.001894652035)
-};
 
-/* phi: 65 operations, 2 of them elementary functions */
+/* phi: 64 operations, 2 of them elementary functions */
 int andrews_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -91,52 +37,52 @@ int andrews_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real F_y = q[1];
         const ncgen_real x1 = R(71.42857142857143) * (F_x * F_x + F_y * F_y - R(4.9000000000000005e-05));
         phi[0] = x1;
+        /* row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028 */
+        const ncgen_real E_x = q[2];
+        const ncgen_real x2 = F_x - E_x;
+        const ncgen_real E_y = q[3];
+        const ncgen_real x3 = F_y - E_y;
+        const ncgen_real x4 = R(17.857142857142858) * (x2 * x2 + x3 * x3 - R(0.0007840000000000001));
+        phi[1] = x4;
+        /* row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
+        const ncgen_real x5 = -R(0.03635) - E_x;
+        const ncgen_real x6 = R(0.03273) - E_y;
+        const ncgen_real x7 = R(14.285714285714285) * (x5 * x5 + x6 * x6 - R(0.0012250000000000002));
+        phi[2] = x7;
         /* row 4: combination D.x (body K3): (e - c a x b).x = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429 */
         const ncgen_real D_x = q[8];
-        const ncgen_real E_x = q[2];
-        const ncgen_real x2 = D_x + R(0.01765571428571429) - R(0.5142857142857142) * E_x;
-        const ncgen_real E_y = q[3];
-        phi[3] = x2 - R(0.5714285714285714) * (R(0.03273) - E_y);
+        const ncgen_real x8 = D_x + R(0.01765571428571429) - R(0.5142857142857142) * E_x;
+        phi[3] = x8 - R(0.5714285714285714) * x6;
         /* row 5: combination D.y (body K3): (e - c a x b).y = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429 */
         const ncgen_real D_y = q[9];
-        const ncgen_real x3 = D_y - R(0.015897428571428573) - R(0.5142857142857142) * E_y;
-        phi[4] = x3 - R(0.5714285714285714) * (E_x + R(0.03635));
+        const ncgen_real x9 = D_y - R(0.015897428571428573) - R(0.5142857142857142) * E_y;
+        phi[4] = x9 - R(0.5714285714285714) * (E_x + R(0.03635));
+        /* row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
+        const ncgen_real G_x = q[4];
+        const ncgen_real x10 = E_x - G_x;
+        const ncgen_real G_y = q[5];
+        const ncgen_real x11 = E_y - G_y;
+        const ncgen_real x12 = R(24.999999999999986) * (x10 * x10 + x11 * x11 - R(0.00040000000000000045));
+        phi[5] = x12;
+        /* row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04 */
+        const ncgen_real x13 = -R(0.06934) - G_x;
+        const ncgen_real x14 = -R(0.00227) - G_y;
+        const ncgen_real x15 = R(12.500000000000002) * (x13 * x13 + x14 * x14 - R(0.0015999999999999994));
+        phi[6] = x15;
+        /* row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02 */
+        const ncgen_real H_x = q[6];
+        const ncgen_real x16 = E_x - H_x;
+        const ncgen_real H_y = q[7];
+        const ncgen_real x17 = E_y - H_y;
+        phi[7] = R(25.0) * (x16 * x16 + x17 * x17 - R(0.0004));
+        /* row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04 */
+        const ncgen_real x18 = -R(0.06934) - H_x;
+        const ncgen_real x19 = -R(0.00227) - H_y;
+        phi[8] = R(12.5) * (x18 * x18 + x19 * x19 - R(0.0016));
         /* row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1 */
         const ncgen_real beta = q[10];
-        const ncgen_real x4 = R(142.85714285714286) * (F_x * NCGEN_SIN(beta) - F_y * NCGEN_COS(beta));
-        phi[9] = x4;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028 */
-    /*   row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
-    /*   row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real scale = andrews_number_1[i];
-        const ncgen_real a0_x = q[andrews_index_1[i]];
-        const ncgen_real a1_x = q[2 * i + 2];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[andrews_index_1[i] + 1];
-        const ncgen_real a1_y = q[2 * i + 3];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real x3 = andrews_number_2[i];
-        phi[andrews_index_2[i] + 1] = scale * (x1 * x1 + x2 * x2 - x3);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
-    /*   row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04 */
-    /*   row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real scale = andrews_number_3[i];
-        const ncgen_real a0_x = andrews_number_4[i];
-        const ncgen_real a1_x = q[2 * i + 2];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = andrews_number_5[i];
-        const ncgen_real a1_y = q[2 * i + 3];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real x3 = andrews_number_6[i];
-        phi[andrews_index_2[i] + 2] = scale * (x1 * x1 + x2 * x2 - x3);
+        const ncgen_real x20 = R(142.85714285714286) * (F_x * NCGEN_SIN(beta) - F_y * NCGEN_COS(beta));
+        phi[9] = x20;
     }
 
     return NCGEN_OK;
@@ -150,7 +96,7 @@ int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 29; ++i) {
-        const ncgen_real x1 = andrews_number_7[i];
+        const ncgen_real x1 = andrews_number_1[i];
         phi_q[i] = x1;
     }
 
@@ -160,45 +106,49 @@ int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[0] = R(142.85714285714286) * F_x;
         const ncgen_real F_y = q[1];
         phi_q[1] = R(142.85714285714286) * F_y;
+        /* row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028 */
+        const ncgen_real E_x = q[2];
+        const ncgen_real x1 = R(35.714285714285715) * (F_x - E_x);
+        phi_q[2] = x1;
+        const ncgen_real E_y = q[3];
+        const ncgen_real x2 = R(35.714285714285715) * (F_y - E_y);
+        phi_q[3] = x2;
+        phi_q[4] = -x1;
+        phi_q[5] = -x2;
+        /* row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
+        phi_q[6] = -(R(28.57142857142857) * (-R(0.03635) - E_x));
+        phi_q[7] = -(R(28.57142857142857) * (R(0.03273) - E_y));
+        /* row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
+        const ncgen_real G_x = q[4];
+        const ncgen_real x3 = R(49.99999999999997) * (E_x - G_x);
+        phi_q[14] = x3;
+        const ncgen_real G_y = q[5];
+        const ncgen_real x4 = R(49.99999999999997) * (E_y - G_y);
+        phi_q[15] = x4;
+        phi_q[16] = -x3;
+        phi_q[17] = -x4;
+        /* row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04 */
+        phi_q[18] = -(R(25.000000000000004) * (-R(0.06934) - G_x));
+        phi_q[19] = -(R(25.000000000000004) * (-R(0.00227) - G_y));
+        /* row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02 */
+        const ncgen_real H_x = q[6];
+        const ncgen_real x5 = R(50.0) * (E_x - H_x);
+        phi_q[20] = x5;
+        const ncgen_real H_y = q[7];
+        const ncgen_real x6 = R(50.0) * (E_y - H_y);
+        phi_q[21] = x6;
+        phi_q[22] = -x5;
+        phi_q[23] = -x6;
+        /* row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04 */
+        phi_q[24] = -(R(25.0) * (-R(0.06934) - H_x));
+        phi_q[25] = -(R(25.0) * (-R(0.00227) - H_y));
         /* row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1 */
         const ncgen_real beta = q[10];
-        const ncgen_real x1 = NCGEN_SIN(beta);
-        phi_q[26] = R(142.85714285714286) * x1;
-        const ncgen_real x2 = NCGEN_COS(beta);
-        phi_q[27] = -(R(142.85714285714286) * x2);
-        phi_q[28] = R(142.85714285714286) * (F_y * x1 + F_x * x2);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028 */
-    /*   row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
-    /*   row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a0_x = q[andrews_index_1[i]];
-        const ncgen_real a1_x = q[2 * i + 2];
-        const ncgen_real x1 = andrews_number_8[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[andrews_index_3[i] + 2] = x2;
-        phi_q[andrews_index_3[i] + 4] = -x2;
-        const ncgen_real a0_y = q[andrews_index_1[i] + 1];
-        const ncgen_real a1_y = q[2 * i + 3];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[andrews_index_3[i] + 3] = x3;
-        phi_q[andrews_index_3[i] + 5] = -x3;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
-    /*   row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04 */
-    /*   row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a0_x = andrews_number_4[i];
-        const ncgen_real a1_x = q[2 * i + 2];
-        const ncgen_real x1 = andrews_number_9[i];
-        phi_q[andrews_index_3[i] + 6] = -((a0_x - a1_x) * x1);
-        const ncgen_real a0_y = andrews_number_5[i];
-        const ncgen_real a1_y = q[2 * i + 3];
-        phi_q[andrews_index_3[i] + 7] = -(x1 * (a0_y - a1_y));
+        const ncgen_real x7 = NCGEN_SIN(beta);
+        phi_q[26] = R(142.85714285714286) * x7;
+        const ncgen_real x8 = NCGEN_COS(beta);
+        phi_q[27] = -(R(142.85714285714286) * x8);
+        phi_q[28] = R(142.85714285714286) * (F_y * x7 + F_x * x8);
     }
 
     return NCGEN_OK;
@@ -220,43 +170,41 @@ int andrews_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dF_x = qd[0];
         const ncgen_real dF_y = qd[1];
         gamma[0] = -(R(142.85714285714286) * (dF_x * dF_x + dF_y * dF_y));
+        /* row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028 */
+        const ncgen_real dE_x = qd[2];
+        const ncgen_real x1 = dF_x - dE_x;
+        const ncgen_real dE_y = qd[3];
+        const ncgen_real x2 = dF_y - dE_y;
+        gamma[1] = -(R(35.714285714285715) * (x1 * x1 + x2 * x2));
+        /* row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
+        gamma[2] = -(R(28.57142857142857) * (dE_x * dE_x + dE_y * dE_y));
+        /* row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
+        const ncgen_real dG_x = qd[4];
+        const ncgen_real x3 = dE_x - dG_x;
+        const ncgen_real dG_y = qd[5];
+        const ncgen_real x4 = dE_y - dG_y;
+        gamma[5] = -(R(49.99999999999997) * (x3 * x3 + x4 * x4));
+        /* row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04 */
+        gamma[6] = -(R(25.000000000000004) * (dG_x * dG_x + dG_y * dG_y));
+        /* row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02 */
+        const ncgen_real dH_x = qd[6];
+        const ncgen_real x5 = dE_x - dH_x;
+        const ncgen_real dH_y = qd[7];
+        const ncgen_real x6 = dE_y - dH_y;
+        gamma[7] = -(R(50.0) * (x5 * x5 + x6 * x6));
+        /* row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04 */
+        gamma[8] = -(R(25.0) * (dH_x * dH_x + dH_y * dH_y));
         /* row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1 */
         const ncgen_real beta = q[10];
-        const ncgen_real x1 = NCGEN_SIN(beta);
+        const ncgen_real x7 = NCGEN_SIN(beta);
         const ncgen_real F_x = q[0];
         const ncgen_real dbeta = qd[10];
-        const ncgen_real x2 = dbeta * dbeta;
-        const ncgen_real x3 = NCGEN_COS(beta);
-        const ncgen_real x4 = R(2.0) * dbeta;
+        const ncgen_real x8 = dbeta * dbeta;
+        const ncgen_real x9 = NCGEN_COS(beta);
+        const ncgen_real x10 = R(2.0) * dbeta;
         const ncgen_real F_y = q[1];
-        const ncgen_real x5 = x1 * (F_x * x2) - x3 * (dF_x * x4) - x1 * (dF_y * x4) - x3 * (F_y * x2);
-        gamma[9] = R(142.85714285714286) * x5;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028 */
-    /*   row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
-    /*   row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = andrews_number_8[i];
-        const ncgen_real da0_x = qd[andrews_index_1[i]];
-        const ncgen_real da1_x = qd[2 * i + 2];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[andrews_index_1[i] + 1];
-        const ncgen_real da1_y = qd[2 * i + 3];
-        const ncgen_real x3 = da0_y - da1_y;
-        gamma[andrews_index_2[i] + 1] = -(x1 * (x2 * x2 + x3 * x3));
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
-    /*   row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04 */
-    /*   row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = andrews_number_9[i];
-        const ncgen_real da1_x = qd[2 * i + 2];
-        const ncgen_real da1_y = qd[2 * i + 3];
-        gamma[andrews_index_2[i] + 2] = -(x1 * (da1_x * da1_x + da1_y * da1_y));
+        const ncgen_real x11 = x7 * (F_x * x8) - x9 * (dF_x * x10) - x7 * (dF_y * x10) - x9 * (F_y * x8);
+        gamma[9] = R(142.85714285714286) * x11;
     }
 
     return NCGEN_OK;
@@ -271,7 +219,7 @@ int andrews_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 20; ++i) {
-        const ncgen_real x1 = andrews_number_10[i];
+        const ncgen_real x1 = andrews_number_2[i];
         mass[i] = x1;
     }
 
@@ -287,7 +235,7 @@ int andrews_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 11; ++i) {
-        const ncgen_real x1 = andrews_number_11[i];
+        const ncgen_real x1 = andrews_number_3[i];
         force[i] = x1;
     }
 
@@ -306,73 +254,62 @@ int andrews_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
     return NCGEN_OK;
 }
 
-/* energy: 123 operations, 1 of them elementary functions */
+/* energy: 105 operations, 1 of them elementary functions */
 int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
-        /* K1 */
+        /* F.x; F.y; E.x; E.y; G.x; G.y; H.x; H.y; F.x E.x; F.y E.y; E.x G.x; E.y G.y; E.x H.x; E.y H.y; K1; K2; K4; K6; K3; K5; K7 */
+        const ncgen_real dH_x = qd[6];
+        const ncgen_real x1 = dH_x * dH_x;
+        const ncgen_real dH_y = qd[7];
+        const ncgen_real x2 = dH_y * dH_y;
+        const ncgen_real x3 = R(0.006667751436249999) * (x1 + x2) + dH_y * (R(0.00378930407) * dH_x);
+        const ncgen_real dG_x = qd[4];
+        const ncgen_real x4 = dG_x * dG_x;
+        const ncgen_real dG_y = qd[5];
+        const ncgen_real x5 = dG_y * dG_y;
+        const ncgen_real x6 = R(0.007350215500000004) * (x4 + x5) - dG_y * (R(0.018630753000000007) * dG_x);
+        const ncgen_real dE_x = qd[2];
+        const ncgen_real x7 = dE_x * dE_x;
+        const ncgen_real dE_y = qd[3];
+        const ncgen_real x8 = dE_y * dE_y;
+        const ncgen_real x9 = R(0.004252216879183673) * (x7 + x8) - dE_y * (R(0.007572609120000001) * dE_x);
+        const ncgen_real x10 = dE_x - dH_x;
+        const ncgen_real x11 = dH_y - dE_y;
+        const ncgen_real x12 = dE_x - dG_x;
+        const ncgen_real x13 = dG_y - dE_y;
         const ncgen_real dF_x = qd[0];
+        const ncgen_real x14 = dF_x - dE_x;
         const ncgen_real dF_y = qd[1];
-        energy[0] += R(0.011193877551020408) * (dF_x * dF_x + dF_y * dF_y);
+        const ncgen_real x15 = dE_y - dF_y;
+        const ncgen_real x16 = dF_x * dF_x;
+        const ncgen_real x17 = dF_y * dF_y;
+        const ncgen_real x18 = R(0.012341786543367346) * x16 + R(0.012341786543367346) * x17;
+        const ncgen_real x19 = R(0.0062225044585714285) * x8 + (R(0.0062225044585714285) * x7 + x18);
+        const ncgen_real x20 = R(0.0156984774325) * x5 + (R(0.0156984774325) * x4 + x19);
+        const ncgen_real x21 = R(0.007714572692499999) * x2 + (R(0.007714572692499999) * x1 + x20);
+        const ncgen_real x22 = dE_y * (R(0.0006021524234693878) * dF_y) + (dE_x * (R(0.0006021524234693878) * dF_x) + x21);
+        const ncgen_real x23 = dG_y * (R(0.0007437946350000019) * dE_y) + (dG_x * (R(0.0007437946350000019) * dE_x) + x22);
+        const ncgen_real x24 = dH_y * (R(0.000743794635) * dE_y) + (dH_x * (R(0.000743794635) * dE_x) + x23);
+        const ncgen_real x25 = R(0.00014062499999999996) * (x14 * x14 + x15 * x15) + (R(0.011193877551020408) * (x16 + x17) + x24);
+        const ncgen_real x26 = R(0.00035418749999999963) * (x12 * x12 + x13 * x13) + x25;
+        const ncgen_real x27 = R(0.00035418750000000006) * (x10 * x10 + x11 * x11) + x26;
+        const ncgen_real x28 = R(0.5) * (x9 + dE_x * (R(0.007572609120000001) * dE_y)) + x27;
+        const ncgen_real x29 = R(0.5) * (x6 + dG_x * (R(0.018630753000000007) * dG_y)) + x28;
+        energy[0] = R(0.5) * (x3 - dH_x * (R(0.00378930407) * dH_y)) + x29;
         /* spring C-D */
         const ncgen_real D_x = q[8];
-        const ncgen_real x1 = D_x - R(0.014);
+        const ncgen_real x30 = D_x - R(0.014);
         const ncgen_real D_y = q[9];
-        const ncgen_real x2 = D_y - R(0.072);
-        const ncgen_real x3 = NCGEN_SQRT(x1 * x1 + x2 * x2) - R(0.07785);
-        energy[1] = R(2265.0) * (x3 * x3);
+        const ncgen_real x31 = D_y - R(0.072);
+        const ncgen_real x32 = NCGEN_SQRT(x30 * x30 + x31 * x31) - R(0.07785);
+        energy[1] = R(2265.0) * (x32 * x32);
         /* torque on beta */
         const ncgen_real dbeta = qd[10];
         energy[2] = R(0.033) * dbeta;
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   F.x, F.y, E.x, E.y, G.x, G.y, H.x, H.y */
-    for (int i = 0; i < 8; ++i) {
-        const ncgen_real x1 = andrews_number_12[i];
-        const ncgen_real dx = qd[i];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   F.x E.x, F.y E.y, E.x G.x, E.y G.y, E.x H.x, E.y H.y */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real dy = qd[i + 2];
-        const ncgen_real dx = qd[andrews_index_4[i]];
-        const ncgen_real m = andrews_number_13[i];
-        energy[0] += dy * (dx * m);
-    }
-
-    /* cross-product-body: kinetic energy of w = a x u */
-    /*   K2, K4, K6 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real mw = andrews_number_14[i];
-        const ncgen_real dr_x = qd[andrews_index_1[i]];
-        const ncgen_real da0_x = qd[2 * i + 2];
-        const ncgen_real x1 = dr_x - da0_x;
-        const ncgen_real da0_y = qd[2 * i + 3];
-        const ncgen_real dr_y = qd[andrews_index_1[i] + 1];
-        const ncgen_real x2 = da0_y - dr_y;
-        energy[0] += R(0.5) * (mw * (x1 * x1 + x2 * x2));
-    }
-
-    /* cross-product-body: kinetic energy of w = a x u */
-    /*   K3, K5, K7 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real mw = andrews_number_15[i];
-        const ncgen_real da0_x = qd[2 * i + 2];
-        const ncgen_real da0_y = qd[2 * i + 3];
-        const ncgen_real ma = andrews_number_16[i];
-        const ncgen_real x1 = mw * (da0_x * da0_x + da0_y * da0_y) + da0_y * (R(2.0) * (da0_x * ma));
-        energy[0] += R(0.5) * (x1 - da0_x * (R(2.0) * (da0_y * ma)));
     }
 
     return NCGEN_OK;
@@ -435,7 +372,7 @@ const ncgen_model *andrews_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "andrews",
-        .fingerprint = "d732ab9de6eea9e2",
+        .fingerprint = "1e3bea386ce7f068",
         .n_coordinates = 11,
         .n_rows = 10,
         .n_parameters = 0,

@@ -59,73 +59,20 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_index_1 = np.array([
-    0, 2, 2
-])
-_index_2 = np.array([
-    0, 4, 6
-])
-_index_3 = np.array([
-    0, 12, 18
-])
-_index_4 = np.array([
-    0, 1, 2, 3, 2, 3
-])
 _number_1 = np.array([
-    17.857142857142858, 24.999999999999986, 25.0
-])
-_number_2 = np.array([
-    0.0007840000000000001, 0.00040000000000000045, 0.0004
-])
-_number_3 = np.array([
-    14.285714285714285, 12.500000000000002, 12.5
-])
-_number_4 = np.array([
-    -0.03635, -0.06934, -0.06934
-])
-_number_5 = np.array([
-    0.03273, -0.00227, -0.00227
-])
-_number_6 = np.array([
-    0.0012250000000000002, 0.0015999999999999994, 0.0016
-])
-_number_7 = np.array([
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5142857142857142, 0.5714285714285714, 1.0,
     -0.5714285714285714, -0.5142857142857142, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0
 ])
-_number_8 = np.array([
-    35.714285714285715, 49.99999999999997, 50.0
-])
-_number_9 = np.array([
-    28.57142857142857, 25.000000000000004, 25.0
-])
-_number_10 = np.array([
+_number_2 = np.array([
     0.0473525781887755, 0.0003209024234693879, 0.0473525781887755, 0.0003209024234693879,
     0.0003209024234693879, 0.01839522579632653, 3.5419635000002634e-05, 3.541963499999992e-05,
     0.0003209024234693879, 0.01839522579632653, 3.5419635000002634e-05, 3.541963499999992e-05,
     3.5419635000002634e-05, 0.039455545365000004, 3.5419635000002634e-05, 0.039455545365000004,
     3.541963499999992e-05, 0.022805271821249994, 3.541963499999992e-05, 0.022805271821249994
 ])
-_number_11 = np.array([
+_number_3 = np.array([
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.033
-])
-_number_12 = np.array([
-    0.012341786543367346, 0.012341786543367346, 0.0062225044585714285, 0.0062225044585714285,
-    0.0156984774325, 0.0156984774325, 0.007714572692499999, 0.007714572692499999
-])
-_number_13 = np.array([
-    0.0006021524234693878, 0.0006021524234693878, 0.0007437946350000019, 0.0007437946350000019,
-    0.000743794635, 0.000743794635
-])
-_number_14 = np.array([
-    0.0002812499999999999, 0.0007083749999999993, 0.0007083750000000001
-])
-_number_15 = np.array([
-    0.004252216879183673, 0.007350215500000004, 0.006667751436249999
-])
-_number_16 = np.array([
-    -0.0037863045600000007, -0.009315376500000003, 0.001894652035
 ])
 
 
@@ -136,7 +83,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """10 numbers, 65 operations."""
+    """10 numbers, 64 operations."""
     t = np.asarray(t)
     phi = _output(10, t, q, p)
     # row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007
@@ -144,46 +91,52 @@ def phi(t, q, p):
     F_y = q[..., 1]
     x1 = 71.42857142857143 * (F_x * F_x + F_y * F_y - 4.9000000000000005e-05)
     phi[..., 0] = x1
+    # row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028
+    E_x = q[..., 2]
+    x2 = F_x - E_x
+    E_y = q[..., 3]
+    x3 = F_y - E_y
+    x4 = 17.857142857142858 * (x2 * x2 + x3 * x3 - 0.0007840000000000001)
+    phi[..., 1] = x4
+    # row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
+    x5 = -0.03635 - E_x
+    x6 = 0.03273 - E_y
+    x7 = 14.285714285714285 * (x5 * x5 + x6 * x6 - 0.0012250000000000002)
+    phi[..., 2] = x7
     # row 4: combination D.x (body K3): (e - c a x b).x = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429
     D_x = q[..., 8]
-    E_x = q[..., 2]
-    E_y = q[..., 3]
-    x2 = D_x + 0.01765571428571429 - 0.5142857142857142 * E_x - 0.5714285714285714 * (0.03273 - E_y)
-    phi[..., 3] = x2
+    x8 = D_x + 0.01765571428571429 - 0.5142857142857142 * E_x - 0.5714285714285714 * x6
+    phi[..., 3] = x8
     # row 5: combination D.y (body K3): (e - c a x b).y = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429
     D_y = q[..., 9]
-    x3 = D_y - 0.015897428571428573 - 0.5142857142857142 * E_y - 0.5714285714285714 * (E_x + 0.03635)
-    phi[..., 4] = x3
+    x9 = D_y - 0.015897428571428573 - 0.5142857142857142 * E_y - 0.5714285714285714 * (E_x + 0.03635)
+    phi[..., 4] = x9
+    # row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
+    G_x = q[..., 4]
+    x10 = E_x - G_x
+    G_y = q[..., 5]
+    x11 = E_y - G_y
+    x12 = 24.999999999999986 * (x10 * x10 + x11 * x11 - 0.00040000000000000045)
+    phi[..., 5] = x12
+    # row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04
+    x13 = -0.06934 - G_x
+    x14 = -0.00227 - G_y
+    x15 = 12.500000000000002 * (x13 * x13 + x14 * x14 - 0.0015999999999999994)
+    phi[..., 6] = x15
+    # row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02
+    H_x = q[..., 6]
+    x16 = E_x - H_x
+    H_y = q[..., 7]
+    x17 = E_y - H_y
+    phi[..., 7] = 25.0 * (x16 * x16 + x17 * x17 - 0.0004)
+    # row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04
+    x18 = -0.06934 - H_x
+    x19 = -0.00227 - H_y
+    phi[..., 8] = 12.5 * (x18 * x18 + x19 * x19 - 0.0016)
     # row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1
     beta = q[..., 10]
-    x4 = 142.85714285714286 * (F_x * np.sin(beta) - F_y * np.cos(beta))
-    phi[..., 9] = x4
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028
-    #   row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
-    #   row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02
-    scale = _number_1
-    a0_x = q[..., _index_1]
-    a1_x = q[..., 2:8:2]
-    x1 = a0_x - a1_x
-    a0_y = q[..., _index_1 + 1]
-    a1_y = q[..., 3:9:2]
-    x2 = a0_y - a1_y
-    x3 = _number_2
-    phi[..., _index_2 + 1] = scale * (x1 * x1 + x2 * x2 - x3)
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
-    #   row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04
-    #   row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04
-    scale = _number_3
-    a0_x = _number_4
-    a1_x = q[..., 2:8:2]
-    x1 = a0_x - a1_x
-    a0_y = _number_5
-    a1_y = q[..., 3:9:2]
-    x2 = a0_y - a1_y
-    x3 = _number_6
-    phi[..., _index_2 + 2] = scale * (x1 * x1 + x2 * x2 - x3)
+    x20 = 142.85714285714286 * (F_x * np.sin(beta) - F_y * np.cos(beta))
+    phi[..., 9] = x20
     return phi
 
 
@@ -192,46 +145,56 @@ def phi_q(t, q, p):
     t = np.asarray(t)
     phi_q = _output(29, t, q, p)
     # constant part
-    x1 = _number_7
+    x1 = _number_1
     phi_q[..., 0:29] = x1
     # row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007
     F_x = q[..., 0]
     phi_q[..., 0] = 142.85714285714286 * F_x
     F_y = q[..., 1]
     phi_q[..., 1] = 142.85714285714286 * F_y
+    # row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028
+    E_x = q[..., 2]
+    x1 = 35.714285714285715 * (F_x - E_x)
+    phi_q[..., 2] = x1
+    E_y = q[..., 3]
+    x2 = 35.714285714285715 * (F_y - E_y)
+    phi_q[..., 3] = x2
+    phi_q[..., 4] = -x1
+    phi_q[..., 5] = -x2
+    # row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
+    phi_q[..., 6] = -(28.57142857142857 * (-0.03635 - E_x))
+    phi_q[..., 7] = -(28.57142857142857 * (0.03273 - E_y))
+    # row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
+    G_x = q[..., 4]
+    x3 = 49.99999999999997 * (E_x - G_x)
+    phi_q[..., 14] = x3
+    G_y = q[..., 5]
+    x4 = 49.99999999999997 * (E_y - G_y)
+    phi_q[..., 15] = x4
+    phi_q[..., 16] = -x3
+    phi_q[..., 17] = -x4
+    # row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04
+    phi_q[..., 18] = -(25.000000000000004 * (-0.06934 - G_x))
+    phi_q[..., 19] = -(25.000000000000004 * (-0.00227 - G_y))
+    # row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02
+    H_x = q[..., 6]
+    x5 = 50.0 * (E_x - H_x)
+    phi_q[..., 20] = x5
+    H_y = q[..., 7]
+    x6 = 50.0 * (E_y - H_y)
+    phi_q[..., 21] = x6
+    phi_q[..., 22] = -x5
+    phi_q[..., 23] = -x6
+    # row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04
+    phi_q[..., 24] = -(25.0 * (-0.06934 - H_x))
+    phi_q[..., 25] = -(25.0 * (-0.00227 - H_y))
     # row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1
     beta = q[..., 10]
-    x1 = np.sin(beta)
-    phi_q[..., 26] = 142.85714285714286 * x1
-    x2 = np.cos(beta)
-    phi_q[..., 27] = -(142.85714285714286 * x2)
-    phi_q[..., 28] = 142.85714285714286 * (F_y * x1 + F_x * x2)
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028
-    #   row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
-    #   row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02
-    a0_x = q[..., _index_1]
-    a1_x = q[..., 2:8:2]
-    x1 = _number_8
-    x2 = (a0_x - a1_x) * x1
-    phi_q[..., _index_3 + 2] = x2
-    phi_q[..., _index_3 + 4] = -x2
-    a0_y = q[..., _index_1 + 1]
-    a1_y = q[..., 3:9:2]
-    x3 = x1 * (a0_y - a1_y)
-    phi_q[..., _index_3 + 3] = x3
-    phi_q[..., _index_3 + 5] = -x3
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
-    #   row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04
-    #   row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04
-    a0_x = _number_4
-    a1_x = q[..., 2:8:2]
-    x1 = _number_9
-    phi_q[..., _index_3 + 6] = -((a0_x - a1_x) * x1)
-    a0_y = _number_5
-    a1_y = q[..., 3:9:2]
-    phi_q[..., _index_3 + 7] = -(x1 * (a0_y - a1_y))
+    x7 = np.sin(beta)
+    phi_q[..., 26] = 142.85714285714286 * x7
+    x8 = np.cos(beta)
+    phi_q[..., 27] = -(142.85714285714286 * x8)
+    phi_q[..., 28] = 142.85714285714286 * (F_y * x7 + F_x * x8)
     return phi_q
 
 
@@ -245,37 +208,41 @@ def gamma(t, q, qd, p):
     dF_x = qd[..., 0]
     dF_y = qd[..., 1]
     gamma[..., 0] = -(142.85714285714286 * (dF_x * dF_x + dF_y * dF_y))
+    # row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028
+    dE_x = qd[..., 2]
+    x1 = dF_x - dE_x
+    dE_y = qd[..., 3]
+    x2 = dF_y - dE_y
+    gamma[..., 1] = -(35.714285714285715 * (x1 * x1 + x2 * x2))
+    # row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
+    gamma[..., 2] = -(28.57142857142857 * (dE_x * dE_x + dE_y * dE_y))
+    # row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
+    dG_x = qd[..., 4]
+    x3 = dE_x - dG_x
+    dG_y = qd[..., 5]
+    x4 = dE_y - dG_y
+    gamma[..., 5] = -(49.99999999999997 * (x3 * x3 + x4 * x4))
+    # row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04
+    gamma[..., 6] = -(25.000000000000004 * (dG_x * dG_x + dG_y * dG_y))
+    # row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02
+    dH_x = qd[..., 6]
+    x5 = dE_x - dH_x
+    dH_y = qd[..., 7]
+    x6 = dE_y - dH_y
+    gamma[..., 7] = -(50.0 * (x5 * x5 + x6 * x6))
+    # row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04
+    gamma[..., 8] = -(25.0 * (dH_x * dH_x + dH_y * dH_y))
     # row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1
     beta = q[..., 10]
-    x1 = np.sin(beta)
+    x7 = np.sin(beta)
     F_x = q[..., 0]
     dbeta = qd[..., 10]
-    x2 = dbeta * dbeta
-    x3 = np.cos(beta)
-    x4 = 2.0 * dbeta
+    x8 = dbeta * dbeta
+    x9 = np.cos(beta)
+    x10 = 2.0 * dbeta
     F_y = q[..., 1]
-    x5 = x1 * (F_x * x2) - x3 * (dF_x * x4) - x1 * (dF_y * x4) - x3 * (F_y * x2)
-    gamma[..., 9] = 142.85714285714286 * x5
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028
-    #   row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
-    #   row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02
-    x1 = _number_8
-    da0_x = qd[..., _index_1]
-    da1_x = qd[..., 2:8:2]
-    x2 = da0_x - da1_x
-    da0_y = qd[..., _index_1 + 1]
-    da1_y = qd[..., 3:9:2]
-    x3 = da0_y - da1_y
-    gamma[..., _index_2 + 1] = -(x1 * (x2 * x2 + x3 * x3))
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
-    #   row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04
-    #   row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04
-    x1 = _number_9
-    da1_x = qd[..., 2:8:2]
-    da1_y = qd[..., 3:9:2]
-    gamma[..., _index_2 + 2] = -(x1 * (da1_x * da1_x + da1_y * da1_y))
+    x11 = x7 * (F_x * x8) - x9 * (dF_x * x10) - x7 * (dF_y * x10) - x9 * (F_y * x8)
+    gamma[..., 9] = 142.85714285714286 * x11
     return gamma
 
 
@@ -284,7 +251,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(20, t, q, p)
     # constant part
-    x1 = _number_10
+    x1 = _number_2
     mass[..., 0:20] = x1
     return mass
 
@@ -294,7 +261,7 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(11, t, q, qd, p)
     # constant part
-    x1 = _number_11
+    x1 = _number_3
     force[..., 0:11] = x1
     # spring C-D
     D_x = q[..., 8]
@@ -309,52 +276,53 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 123 operations."""
+    """3 numbers, 105 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
-    # K1
+    # F.x; F.y; E.x; E.y; G.x; G.y; H.x; H.y; F.x E.x; F.y E.y; E.x G.x; E.y G.y; E.x H.x; E.y H.y; K1; K2; K4; K6; K3; K5; K7
+    dH_x = qd[..., 6]
+    x1 = dH_x * dH_x
+    dH_y = qd[..., 7]
+    x2 = dH_y * dH_y
+    x3 = 0.006667751436249999 * (x1 + x2) + dH_y * (0.00378930407 * dH_x)
+    dG_x = qd[..., 4]
+    x4 = dG_x * dG_x
+    dG_y = qd[..., 5]
+    x5 = dG_y * dG_y
+    x6 = 0.007350215500000004 * (x4 + x5) - dG_y * (0.018630753000000007 * dG_x)
+    dE_x = qd[..., 2]
+    x7 = dE_x * dE_x
+    dE_y = qd[..., 3]
+    x8 = dE_y * dE_y
+    x9 = 0.004252216879183673 * (x7 + x8) - dE_y * (0.007572609120000001 * dE_x)
+    x10 = dE_x - dH_x
+    x11 = dH_y - dE_y
+    x12 = dE_x - dG_x
+    x13 = dG_y - dE_y
     dF_x = qd[..., 0]
+    x14 = dF_x - dE_x
     dF_y = qd[..., 1]
-    energy[..., 0] += 0.011193877551020408 * (dF_x * dF_x + dF_y * dF_y)
+    x15 = dE_y - dF_y
+    x16 = dF_x * dF_x
+    x17 = dF_y * dF_y
+    x18 = 0.0062225044585714285 * x7 + (0.012341786543367346 * x16 + 0.012341786543367346 * x17)
+    x19 = 0.0156984774325 * x4 + (0.0062225044585714285 * x8 + x18)
+    x20 = 0.007714572692499999 * x2 + (0.007714572692499999 * x1 + (0.0156984774325 * x5 + x19))
+    x21 = dE_y * (0.0006021524234693878 * dF_y) + (dE_x * (0.0006021524234693878 * dF_x) + x20)
+    x22 = dG_y * (0.0007437946350000019 * dE_y) + (dG_x * (0.0007437946350000019 * dE_x) + x21)
+    x23 = dH_y * (0.000743794635 * dE_y) + (dH_x * (0.000743794635 * dE_x) + x22)
+    x24 = 0.00014062499999999996 * (x14 * x14 + x15 * x15) + (0.011193877551020408 * (x16 + x17) + x23)
+    x25 = 0.00035418750000000006 * (x10 * x10 + x11 * x11) + (0.00035418749999999963 * (x12 * x12 + x13 * x13) + x24)
+    x26 = 0.5 * (x6 + dG_x * (0.018630753000000007 * dG_y)) + (0.5 * (x9 + dE_x * (0.007572609120000001 * dE_y)) + x25)
+    energy[..., 0] = 0.5 * (x3 - dH_x * (0.00378930407 * dH_y)) + x26
     # spring C-D
     D_x = q[..., 8]
-    x1 = D_x - 0.014
+    x27 = D_x - 0.014
     D_y = q[..., 9]
-    x2 = D_y - 0.072
-    x3 = np.sqrt(x1 * x1 + x2 * x2) - 0.07785
-    energy[..., 1] = 2265.0 * (x3 * x3)
+    x28 = D_y - 0.072
+    x29 = np.sqrt(x27 * x27 + x28 * x28) - 0.07785
+    energy[..., 1] = 2265.0 * (x29 * x29)
     # torque on beta
     dbeta = qd[..., 10]
     energy[..., 2] = 0.033 * dbeta
-    # mass-diagonal: m v^2 / 2
-    #   F.x, F.y, E.x, E.y, G.x, G.y, H.x, H.y
-    x1 = _number_12
-    dx = qd[..., 0:8]
-    energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(8), axis=-1)
-    # mass-pair: m v w
-    #   F.x E.x, F.y E.y, E.x G.x, E.y G.y, E.x H.x, E.y H.y
-    dy = qd[..., 2:8]
-    dx = qd[..., _index_4]
-    m = _number_13
-    energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(6), axis=-1)
-    # cross-product-body: kinetic energy of w = a x u
-    #   K2, K4, K6
-    mw = _number_14
-    dr_x = qd[..., _index_1]
-    da0_x = qd[..., 2:8:2]
-    x1 = dr_x - da0_x
-    da0_y = qd[..., 3:9:2]
-    dr_y = qd[..., _index_1 + 1]
-    x2 = da0_y - dr_y
-    energy[..., 0] += np.sum(0.5 * (mw * (x1 * x1 + x2 * x2)) + np.zeros(3), axis=-1)
-    # cross-product-body: kinetic energy of w = a x u
-    #   K3, K5, K7
-    mw = _number_15
-    da0_x = qd[..., 2:8:2]
-    da0_y = qd[..., 3:9:2]
-    ma = _number_16
-    x1 = mw * (da0_x * da0_x + da0_y * da0_y) + da0_y * (2.0 * (da0_x * ma))
-    energy[..., 0] += np.sum(0.5 * (x1 - da0_x * (2.0 * (da0_y * ma))) + np.zeros(3), axis=-1)
     return energy

@@ -29,10 +29,6 @@ static const ncgen_scalar bennett_number_3[14] = {
 static const ncgen_scalar bennett_number_4[3] = {
     R(0.0), R(0.9810000000000001), R(0.0)
 };
-static const ncgen_scalar bennett_number_5[6] = {
-    R(0.3333333333333333), R(0.3333333333333333), R(0.3333333333333333), R(0.33333333333333337),
-    R(0.33333333333333337), R(0.33333333333333337)
-};
 
 /* phi: 139 operations, 4 of them elementary functions */
 int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
@@ -404,7 +400,7 @@ int bennett_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
     return NCGEN_OK;
 }
 
-/* energy: 31 operations */
+/* energy: 30 operations */
 int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -417,26 +413,22 @@ int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     }
 
     {
+        /* C.x; C.y; C.z; D.x; D.y; D.z; C.x D.x; C.y D.y; C.z D.z */
+        const ncgen_real dD_z = qd[5];
+        const ncgen_real dC_z = qd[2];
+        const ncgen_real dD_y = qd[4];
+        const ncgen_real dC_y = qd[1];
+        const ncgen_real dD_x = qd[3];
+        const ncgen_real dC_x = qd[0];
+        const ncgen_real x1 = R(0.3333333333333333) * (dC_x * dC_x) + R(0.3333333333333333) * (dC_y * dC_y);
+        const ncgen_real x2 = R(0.33333333333333337) * (dD_x * dD_x) + (R(0.3333333333333333) * (dC_z * dC_z) + x1);
+        const ncgen_real x3 = R(0.33333333333333337) * (dD_z * dD_z) + (R(0.33333333333333337) * (dD_y * dD_y) + x2);
+        const ncgen_real x4 = dD_y * (R(0.16666666666666666) * dC_y) + (dD_x * (R(0.16666666666666666) * dC_x) + x3);
+        energy[0] = dD_z * (R(0.16666666666666666) * dC_z) + x4;
         /* C.z; D.z */
         const ncgen_real D_z = q[5];
         const ncgen_real C_z = q[2];
         energy[1] = R(9.81) * D_z + (R(9.81) * C_z + R(0.9810000000000001));
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   C.x, C.y, C.z, D.x, D.y, D.z */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real x1 = bennett_number_5[i];
-        const ncgen_real dx = qd[i];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   C.x D.x, C.y D.y, C.z D.z */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real dy = qd[i + 3];
-        const ncgen_real dx = qd[i];
-        energy[0] += dy * (R(0.16666666666666666) * dx);
     }
 
     return NCGEN_OK;
@@ -509,7 +501,7 @@ const ncgen_model *bennett_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bennett",
-        .fingerprint = "907e2f2145971968",
+        .fingerprint = "5ff7452b5473aac9",
         .n_coordinates = 14,
         .n_rows = 16,
         .n_parameters = 0,

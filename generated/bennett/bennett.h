@@ -43,7 +43,7 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_
 int bennett_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 16 numbers, 154 operations */
 int bennett_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 12 numbers, 0 operations */
 int bennett_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 14 numbers, 0 operations */
-int bennett_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 31 operations */
+int bennett_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 30 operations */
 
 #ifdef __cplusplus
 }

@@ -5,21 +5,6 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int bricard_index_1[6] = {
-    0, 3, 3, 6, 6, 9
-};
-static const int bricard_index_2[6] = {
-    0, 0, 3, 3, 6, 6
-};
-static const int bricard_index_3[6] = {
-    0, 2, 5, 7, 10, 12
-};
-static const int bricard_index_4[4] = {
-    0, 25, 58, 91
-};
-static const int bricard_index_5[6] = {
-    0, 12, 33, 45, 66, 78
-};
 
 static const ncgen_scalar bricard_number_1[124] = {
     R(0.0), R(0.0), R(0.0), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
@@ -50,7 +35,7 @@ static const ncgen_scalar bricard_number_3[24] = {
     R(0.0)
 };
 
-/* phi: 148 operations */
+/* phi: 139 operations */
 int bricard_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -65,98 +50,101 @@ int bricard_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi[0] = x1;
         /* row 2: 1002 angle u1, P2-P1 (body rod1): u.a - L c = 0 with u = u1, a = P2-P1, L = 1, c = 0 */
         phi[1] = P2_y;
-        /* row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0 */
+        /* row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
         const ncgen_real u2_x = q[12];
         const ncgen_real u2_y = q[13];
         const ncgen_real u2_z = q[14];
+        const ncgen_real x2 = R(0.5) * (u2_x * u2_x + u2_y * u2_y + u2_z * u2_z - R(1.0));
+        phi[2] = x2;
+        /* row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0 */
         phi[3] = P2_x * u2_x + P2_y * u2_y + P2_z * u2_z;
         /* row 5: 1003 angle u2, u1 (body rod1): u.v - c = 0 with u = u2, v = u1, c = 0 */
         phi[4] = u2_y;
-        /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
+        /* row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
+        const ncgen_real P3_x = q[3];
+        const ncgen_real x3 = P2_x - P3_x;
+        const ncgen_real P3_y = q[4];
+        const ncgen_real x4 = P2_y - P3_y;
+        const ncgen_real P3_z = q[5];
+        const ncgen_real x5 = P2_z - P3_z;
+        phi[5] = R(0.5) * (x3 * x3 + x4 * x4 + x5 * x5 - R(1.0));
+        /* row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
+        const ncgen_real x6 = P3_x - P2_x;
+        const ncgen_real x7 = P3_y - P2_y;
+        const ncgen_real x8 = P3_z - P2_z;
+        phi[6] = u2_x * x6 + u2_y * x7 + u2_z * x8;
+        /* row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
+        const ncgen_real u3_x = q[15];
+        const ncgen_real u3_y = q[16];
+        const ncgen_real u3_z = q[17];
+        const ncgen_real x9 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
+        phi[7] = x9;
+        /* row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
+        phi[8] = u3_x * x6 + u3_y * x7 + u3_z * x8;
+        /* row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
+        phi[9] = u2_x * u3_x + u2_y * u3_y + u2_z * u3_z;
+        /* row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
+        const ncgen_real P4_x = q[6];
+        const ncgen_real x10 = P3_x - P4_x;
+        const ncgen_real P4_y = q[7];
+        const ncgen_real x11 = P3_y - P4_y;
+        const ncgen_real P4_z = q[8];
+        const ncgen_real x12 = P3_z - P4_z;
+        phi[10] = R(0.5) * (x10 * x10 + x11 * x11 + x12 * x12 - R(1.0));
+        /* row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
+        const ncgen_real x13 = P4_x - P3_x;
+        const ncgen_real x14 = P4_y - P3_y;
+        const ncgen_real x15 = P4_z - P3_z;
+        phi[11] = u3_x * x13 + u3_y * x14 + u3_z * x15;
+        /* row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
+        const ncgen_real u4_x = q[18];
+        const ncgen_real u4_y = q[19];
+        const ncgen_real u4_z = q[20];
+        const ncgen_real x16 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
+        phi[12] = x16;
+        /* row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
+        phi[13] = u4_x * x13 + u4_y * x14 + u4_z * x15;
+        /* row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
+        phi[14] = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z;
+        /* row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
         const ncgen_real P5_x = q[9];
+        const ncgen_real x17 = P4_x - P5_x;
         const ncgen_real P5_y = q[10];
+        const ncgen_real x18 = P4_y - P5_y;
         const ncgen_real P5_z = q[11];
-        const ncgen_real x2 = P5_z - R(1.0);
-        phi[20] = R(0.5) * (P5_x * P5_x + P5_y * P5_y + x2 * x2 - R(1.0));
-        /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
-        const ncgen_real u5_z = q[23];
+        const ncgen_real x19 = P4_z - P5_z;
+        phi[15] = R(0.5) * (x17 * x17 + x18 * x18 + x19 * x19 - R(1.0));
+        /* row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
+        const ncgen_real x20 = P5_x - P4_x;
+        const ncgen_real x21 = P5_y - P4_y;
+        const ncgen_real x22 = P5_z - P4_z;
+        phi[16] = u4_x * x20 + u4_y * x21 + u4_z * x22;
+        /* row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
         const ncgen_real u5_x = q[21];
         const ncgen_real u5_y = q[22];
-        phi[21] = u5_z * (R(1.0) - P5_z) - (P5_x * u5_x + P5_y * u5_y);
+        const ncgen_real u5_z = q[23];
+        const ncgen_real x23 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+        phi[17] = x23;
+        /* row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
+        phi[18] = u5_x * x20 + u5_y * x21 + u5_z * x22;
+        /* row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
+        phi[19] = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z;
+        /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
+        const ncgen_real x24 = P5_z - R(1.0);
+        const ncgen_real x25 = R(0.5) * (P5_x * P5_x + P5_y * P5_y + x24 * x24 - R(1.0));
+        phi[20] = x25;
+        /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
+        phi[21] = u5_z * (R(1.0) - P5_z) - (u5_x * P5_x + u5_y * P5_y);
         /* row 23: 1002 angle u6, P6-P5 (body rod5): u.a - L c = 0 with u = u6, a = P6-P5, L = 1, c = 0 */
         phi[22] = -P5_x;
         /* row 24: 1003 angle u6, u5 (body rod5): u.v - c = 0 with u = u6, v = u5, c = 0 */
         phi[23] = u5_x;
     }
 
-    /* unit: |u|^2 - 1 */
-    /*   row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
-    /*   row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
-    /*   row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
-    /*   row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real u_x = q[3 * i + 12];
-        const ncgen_real u_y = q[3 * i + 13];
-        const ncgen_real u_z = q[3 * i + 14];
-        phi[5 * i + 2] = R(0.5) * (u_x * u_x + u_y * u_y + u_z * u_z - R(1.0));
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
-    /*   row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
-    /*   row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a0_x = q[3 * i];
-        const ncgen_real a1_x = q[3 * i + 3];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[3 * i + 1];
-        const ncgen_real a1_y = q[3 * i + 4];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = q[3 * i + 2];
-        const ncgen_real a1_z = q[3 * i + 5];
-        const ncgen_real x3 = a0_z - a1_z;
-        phi[5 * i + 5] = R(0.5) * (x1 * x1 + x2 * x2 + x3 * x3 - R(1.0));
-    }
-
-    /* vector-segment: u.a - L c */
-    /*   row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
-    /*   row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
-    /*   row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
-    /*   row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
-    /*   row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
-    /*   row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real u_x = q[bricard_index_1[i] + 12];
-        const ncgen_real a0_x = q[bricard_index_2[i] + 3];
-        const ncgen_real a1_x = q[bricard_index_2[i]];
-        const ncgen_real u_y = q[bricard_index_1[i] + 13];
-        const ncgen_real a0_y = q[bricard_index_2[i] + 4];
-        const ncgen_real a1_y = q[bricard_index_2[i] + 1];
-        const ncgen_real u_z = q[bricard_index_1[i] + 14];
-        const ncgen_real a0_z = q[bricard_index_2[i] + 5];
-        const ncgen_real a1_z = q[bricard_index_2[i] + 2];
-        const ncgen_real x1 = u_x * (a0_x - a1_x) + u_y * (a0_y - a1_y) + u_z * (a0_z - a1_z);
-        phi[bricard_index_3[i] + 6] = x1;
-    }
-
-    /* vector-vector: u.v - c */
-    /*   row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
-    /*   row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
-    /*   row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real u_x = q[3 * i + 15];
-        const ncgen_real v_x = q[3 * i + 12];
-        const ncgen_real u_y = q[3 * i + 16];
-        const ncgen_real v_y = q[3 * i + 13];
-        const ncgen_real u_z = q[3 * i + 17];
-        const ncgen_real v_z = q[3 * i + 14];
-        phi[5 * i + 9] = u_x * v_x + u_y * v_y + u_z * v_z;
-    }
-
     return NCGEN_OK;
 }
 
-/* phi_q: 61 operations */
+/* phi_q: 34 operations */
 int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     (void)t;
@@ -176,119 +164,187 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[1] = P2_y;
         const ncgen_real P2_z = q[2];
         phi_q[2] = P2_z;
-        /* row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0 */
+        /* row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
         const ncgen_real u2_x = q[12];
-        phi_q[7] = u2_x;
+        phi_q[4] = u2_x;
         const ncgen_real u2_y = q[13];
-        phi_q[8] = u2_y;
+        phi_q[5] = u2_y;
         const ncgen_real u2_z = q[14];
+        phi_q[6] = u2_z;
+        /* row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0 */
+        phi_q[7] = u2_x;
+        phi_q[8] = u2_y;
         phi_q[9] = u2_z;
         phi_q[10] = P2_x;
         phi_q[11] = P2_y;
         phi_q[12] = P2_z;
-        /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
+        /* row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
+        const ncgen_real P3_x = q[3];
+        phi_q[14] = P2_x - P3_x;
+        const ncgen_real P3_y = q[4];
+        phi_q[15] = P2_y - P3_y;
+        const ncgen_real P3_z = q[5];
+        phi_q[16] = P2_z - P3_z;
+        const ncgen_real x1 = P3_x - P2_x;
+        phi_q[17] = x1;
+        const ncgen_real x2 = P3_y - P2_y;
+        phi_q[18] = x2;
+        const ncgen_real x3 = P3_z - P2_z;
+        phi_q[19] = x3;
+        /* row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
+        phi_q[20] = -u2_x;
+        phi_q[21] = -u2_y;
+        phi_q[22] = -u2_z;
+        phi_q[23] = u2_x;
+        phi_q[24] = u2_y;
+        phi_q[25] = u2_z;
+        phi_q[26] = x1;
+        phi_q[27] = x2;
+        phi_q[28] = x3;
+        /* row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
+        const ncgen_real u3_x = q[15];
+        phi_q[29] = u3_x;
+        const ncgen_real u3_y = q[16];
+        phi_q[30] = u3_y;
+        const ncgen_real u3_z = q[17];
+        phi_q[31] = u3_z;
+        /* row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
+        const ncgen_real x4 = -u3_x;
+        phi_q[32] = x4;
+        const ncgen_real x5 = -u3_y;
+        phi_q[33] = x5;
+        const ncgen_real x6 = -u3_z;
+        phi_q[34] = x6;
+        phi_q[35] = u3_x;
+        phi_q[36] = u3_y;
+        phi_q[37] = u3_z;
+        phi_q[38] = x1;
+        phi_q[39] = x2;
+        phi_q[40] = x3;
+        /* row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
+        phi_q[41] = u3_x;
+        phi_q[42] = u3_y;
+        phi_q[43] = u3_z;
+        phi_q[44] = u2_x;
+        phi_q[45] = u2_y;
+        phi_q[46] = u2_z;
+        /* row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
+        const ncgen_real P4_x = q[6];
+        phi_q[47] = P3_x - P4_x;
+        const ncgen_real P4_y = q[7];
+        phi_q[48] = P3_y - P4_y;
+        const ncgen_real P4_z = q[8];
+        phi_q[49] = P3_z - P4_z;
+        const ncgen_real x7 = P4_x - P3_x;
+        phi_q[50] = x7;
+        const ncgen_real x8 = P4_y - P3_y;
+        phi_q[51] = x8;
+        const ncgen_real x9 = P4_z - P3_z;
+        phi_q[52] = x9;
+        /* row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
+        phi_q[53] = x4;
+        phi_q[54] = x5;
+        phi_q[55] = x6;
+        phi_q[56] = u3_x;
+        phi_q[57] = u3_y;
+        phi_q[58] = u3_z;
+        phi_q[59] = x7;
+        phi_q[60] = x8;
+        phi_q[61] = x9;
+        /* row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
+        const ncgen_real u4_x = q[18];
+        phi_q[62] = u4_x;
+        const ncgen_real u4_y = q[19];
+        phi_q[63] = u4_y;
+        const ncgen_real u4_z = q[20];
+        phi_q[64] = u4_z;
+        /* row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
+        const ncgen_real x10 = -u4_x;
+        phi_q[65] = x10;
+        const ncgen_real x11 = -u4_y;
+        phi_q[66] = x11;
+        const ncgen_real x12 = -u4_z;
+        phi_q[67] = x12;
+        phi_q[68] = u4_x;
+        phi_q[69] = u4_y;
+        phi_q[70] = u4_z;
+        phi_q[71] = x7;
+        phi_q[72] = x8;
+        phi_q[73] = x9;
+        /* row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
+        phi_q[74] = u4_x;
+        phi_q[75] = u4_y;
+        phi_q[76] = u4_z;
+        phi_q[77] = u3_x;
+        phi_q[78] = u3_y;
+        phi_q[79] = u3_z;
+        /* row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
         const ncgen_real P5_x = q[9];
-        phi_q[113] = P5_x;
+        phi_q[80] = P4_x - P5_x;
         const ncgen_real P5_y = q[10];
-        phi_q[114] = P5_y;
+        phi_q[81] = P4_y - P5_y;
         const ncgen_real P5_z = q[11];
+        phi_q[82] = P4_z - P5_z;
+        const ncgen_real x13 = P5_x - P4_x;
+        phi_q[83] = x13;
+        const ncgen_real x14 = P5_y - P4_y;
+        phi_q[84] = x14;
+        const ncgen_real x15 = P5_z - P4_z;
+        phi_q[85] = x15;
+        /* row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
+        phi_q[86] = x10;
+        phi_q[87] = x11;
+        phi_q[88] = x12;
+        phi_q[89] = u4_x;
+        phi_q[90] = u4_y;
+        phi_q[91] = u4_z;
+        phi_q[92] = x13;
+        phi_q[93] = x14;
+        phi_q[94] = x15;
+        /* row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
+        const ncgen_real u5_x = q[21];
+        phi_q[95] = u5_x;
+        const ncgen_real u5_y = q[22];
+        phi_q[96] = u5_y;
+        const ncgen_real u5_z = q[23];
+        phi_q[97] = u5_z;
+        /* row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
+        const ncgen_real x16 = -u5_x;
+        phi_q[98] = x16;
+        const ncgen_real x17 = -u5_y;
+        phi_q[99] = x17;
+        const ncgen_real x18 = -u5_z;
+        phi_q[100] = x18;
+        phi_q[101] = u5_x;
+        phi_q[102] = u5_y;
+        phi_q[103] = u5_z;
+        phi_q[104] = x13;
+        phi_q[105] = x14;
+        phi_q[106] = x15;
+        /* row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
+        phi_q[107] = u5_x;
+        phi_q[108] = u5_y;
+        phi_q[109] = u5_z;
+        phi_q[110] = u4_x;
+        phi_q[111] = u4_y;
+        phi_q[112] = u4_z;
+        /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
+        phi_q[113] = P5_x;
+        phi_q[114] = P5_y;
         phi_q[115] = P5_z - R(1.0);
         /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
-        const ncgen_real u5_x = q[21];
-        phi_q[116] = -u5_x;
-        const ncgen_real u5_y = q[22];
-        phi_q[117] = -u5_y;
-        const ncgen_real u5_z = q[23];
-        phi_q[118] = -u5_z;
+        phi_q[116] = x16;
+        phi_q[117] = x17;
+        phi_q[118] = x18;
         phi_q[119] = -P5_x;
         phi_q[120] = -P5_y;
         phi_q[121] = R(1.0) - P5_z;
     }
 
-    /* unit: |u|^2 - 1 */
-    /*   row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
-    /*   row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
-    /*   row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
-    /*   row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real u_x = q[3 * i + 12];
-        phi_q[bricard_index_4[i] + 4] = u_x;
-        const ncgen_real u_y = q[3 * i + 13];
-        phi_q[bricard_index_4[i] + 5] = u_y;
-        const ncgen_real u_z = q[3 * i + 14];
-        phi_q[bricard_index_4[i] + 6] = u_z;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
-    /*   row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
-    /*   row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a0_x = q[3 * i];
-        const ncgen_real a1_x = q[3 * i + 3];
-        phi_q[33 * i + 14] = a0_x - a1_x;
-        phi_q[33 * i + 17] = a1_x - a0_x;
-        const ncgen_real a0_y = q[3 * i + 1];
-        const ncgen_real a1_y = q[3 * i + 4];
-        phi_q[33 * i + 15] = a0_y - a1_y;
-        phi_q[33 * i + 18] = a1_y - a0_y;
-        const ncgen_real a0_z = q[3 * i + 2];
-        const ncgen_real a1_z = q[3 * i + 5];
-        phi_q[33 * i + 16] = a0_z - a1_z;
-        phi_q[33 * i + 19] = a1_z - a0_z;
-    }
-
-    /* vector-segment: u.a - L c */
-    /*   row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
-    /*   row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
-    /*   row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
-    /*   row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
-    /*   row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
-    /*   row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real a0_x = q[bricard_index_2[i] + 3];
-        const ncgen_real a1_x = q[bricard_index_2[i]];
-        phi_q[bricard_index_5[i] + 26] = a0_x - a1_x;
-        const ncgen_real a0_y = q[bricard_index_2[i] + 4];
-        const ncgen_real a1_y = q[bricard_index_2[i] + 1];
-        phi_q[bricard_index_5[i] + 27] = a0_y - a1_y;
-        const ncgen_real a0_z = q[bricard_index_2[i] + 5];
-        const ncgen_real a1_z = q[bricard_index_2[i] + 2];
-        phi_q[bricard_index_5[i] + 28] = a0_z - a1_z;
-        const ncgen_real u_x = q[bricard_index_1[i] + 12];
-        phi_q[bricard_index_5[i] + 23] = u_x;
-        phi_q[bricard_index_5[i] + 20] = -u_x;
-        const ncgen_real u_y = q[bricard_index_1[i] + 13];
-        phi_q[bricard_index_5[i] + 24] = u_y;
-        phi_q[bricard_index_5[i] + 21] = -u_y;
-        const ncgen_real u_z = q[bricard_index_1[i] + 14];
-        phi_q[bricard_index_5[i] + 25] = u_z;
-        phi_q[bricard_index_5[i] + 22] = -u_z;
-    }
-
-    /* vector-vector: u.v - c */
-    /*   row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
-    /*   row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
-    /*   row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real v_x = q[3 * i + 12];
-        phi_q[33 * i + 44] = v_x;
-        const ncgen_real v_y = q[3 * i + 13];
-        phi_q[33 * i + 45] = v_y;
-        const ncgen_real v_z = q[3 * i + 14];
-        phi_q[33 * i + 46] = v_z;
-        const ncgen_real u_x = q[3 * i + 15];
-        phi_q[33 * i + 41] = u_x;
-        const ncgen_real u_y = q[3 * i + 16];
-        phi_q[33 * i + 42] = u_y;
-        const ncgen_real u_z = q[3 * i + 17];
-        phi_q[33 * i + 43] = u_z;
-    }
-
     return NCGEN_OK;
 }
 
-/* gamma: 157 operations */
+/* gamma: 148 operations */
 int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     (void)t;
@@ -306,86 +362,87 @@ int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dP2_y = qd[1];
         const ncgen_real dP2_z = qd[2];
         gamma[0] = -(dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z);
-        /* row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0 */
+        /* row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
         const ncgen_real du2_x = qd[12];
         const ncgen_real du2_y = qd[13];
         const ncgen_real du2_z = qd[14];
+        gamma[2] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z);
+        /* row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0 */
         const ncgen_real x1 = -(R(2.0) * (dP2_x * du2_x + dP2_y * du2_y + dP2_z * du2_z));
         gamma[3] = x1;
-        /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
+        /* row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
+        const ncgen_real dP3_x = qd[3];
+        const ncgen_real x2 = dP2_x - dP3_x;
+        const ncgen_real dP3_y = qd[4];
+        const ncgen_real x3 = dP2_y - dP3_y;
+        const ncgen_real dP3_z = qd[5];
+        const ncgen_real x4 = dP2_z - dP3_z;
+        gamma[5] = -(x2 * x2 + x3 * x3 + x4 * x4);
+        /* row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
+        const ncgen_real x5 = dP3_x - dP2_x;
+        const ncgen_real x6 = dP3_y - dP2_y;
+        const ncgen_real x7 = dP3_z - dP2_z;
+        gamma[6] = -(R(2.0) * (du2_x * x5 + du2_y * x6 + du2_z * x7));
+        /* row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
+        const ncgen_real du3_x = qd[15];
+        const ncgen_real du3_y = qd[16];
+        const ncgen_real du3_z = qd[17];
+        gamma[7] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
+        /* row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
+        gamma[8] = -(R(2.0) * (du3_x * x5 + du3_y * x6 + du3_z * x7));
+        /* row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
+        const ncgen_real x8 = -(R(2.0) * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z));
+        gamma[9] = x8;
+        /* row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
+        const ncgen_real dP4_x = qd[6];
+        const ncgen_real x9 = dP3_x - dP4_x;
+        const ncgen_real dP4_y = qd[7];
+        const ncgen_real x10 = dP3_y - dP4_y;
+        const ncgen_real dP4_z = qd[8];
+        const ncgen_real x11 = dP3_z - dP4_z;
+        gamma[10] = -(x9 * x9 + x10 * x10 + x11 * x11);
+        /* row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
+        const ncgen_real x12 = dP4_x - dP3_x;
+        const ncgen_real x13 = dP4_y - dP3_y;
+        const ncgen_real x14 = dP4_z - dP3_z;
+        gamma[11] = -(R(2.0) * (du3_x * x12 + du3_y * x13 + du3_z * x14));
+        /* row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
+        const ncgen_real du4_x = qd[18];
+        const ncgen_real du4_y = qd[19];
+        const ncgen_real du4_z = qd[20];
+        gamma[12] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
+        /* row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
+        gamma[13] = -(R(2.0) * (du4_x * x12 + du4_y * x13 + du4_z * x14));
+        /* row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
+        const ncgen_real x15 = -(R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+        gamma[14] = x15;
+        /* row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
         const ncgen_real dP5_x = qd[9];
+        const ncgen_real x16 = dP4_x - dP5_x;
         const ncgen_real dP5_y = qd[10];
+        const ncgen_real x17 = dP4_y - dP5_y;
         const ncgen_real dP5_z = qd[11];
-        gamma[20] = -(dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z);
-        /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
+        const ncgen_real x18 = dP4_z - dP5_z;
+        gamma[15] = -(x16 * x16 + x17 * x17 + x18 * x18);
+        /* row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
+        const ncgen_real x19 = dP5_x - dP4_x;
+        const ncgen_real x20 = dP5_y - dP4_y;
+        const ncgen_real x21 = dP5_z - dP4_z;
+        gamma[16] = -(R(2.0) * (du4_x * x19 + du4_y * x20 + du4_z * x21));
+        /* row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
         const ncgen_real du5_x = qd[21];
         const ncgen_real du5_y = qd[22];
         const ncgen_real du5_z = qd[23];
-        gamma[21] = R(2.0) * (dP5_x * du5_x + dP5_y * du5_y + dP5_z * du5_z);
-    }
-
-    /* unit: |u|^2 - 1 */
-    /*   row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
-    /*   row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
-    /*   row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
-    /*   row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real du_x = qd[3 * i + 12];
-        const ncgen_real du_y = qd[3 * i + 13];
-        const ncgen_real du_z = qd[3 * i + 14];
-        gamma[5 * i + 2] = -(du_x * du_x + du_y * du_y + du_z * du_z);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
-    /*   row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
-    /*   row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real da0_x = qd[3 * i];
-        const ncgen_real da1_x = qd[3 * i + 3];
-        const ncgen_real x1 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[3 * i + 1];
-        const ncgen_real da1_y = qd[3 * i + 4];
-        const ncgen_real x2 = da0_y - da1_y;
-        const ncgen_real da0_z = qd[3 * i + 2];
-        const ncgen_real da1_z = qd[3 * i + 5];
-        const ncgen_real x3 = da0_z - da1_z;
-        gamma[5 * i + 5] = -(x1 * x1 + x2 * x2 + x3 * x3);
-    }
-
-    /* vector-segment: u.a - L c */
-    /*   row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
-    /*   row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
-    /*   row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
-    /*   row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
-    /*   row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
-    /*   row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real du_x = qd[bricard_index_1[i] + 12];
-        const ncgen_real da0_x = qd[bricard_index_2[i] + 3];
-        const ncgen_real da1_x = qd[bricard_index_2[i]];
-        const ncgen_real du_y = qd[bricard_index_1[i] + 13];
-        const ncgen_real da0_y = qd[bricard_index_2[i] + 4];
-        const ncgen_real da1_y = qd[bricard_index_2[i] + 1];
-        const ncgen_real du_z = qd[bricard_index_1[i] + 14];
-        const ncgen_real da0_z = qd[bricard_index_2[i] + 5];
-        const ncgen_real da1_z = qd[bricard_index_2[i] + 2];
-        const ncgen_real x1 = du_x * (da0_x - da1_x) + du_y * (da0_y - da1_y) + du_z * (da0_z - da1_z);
-        gamma[bricard_index_3[i] + 6] = -(R(2.0) * x1);
-    }
-
-    /* vector-vector: u.v - c */
-    /*   row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
-    /*   row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
-    /*   row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real du_x = qd[3 * i + 15];
-        const ncgen_real dv_x = qd[3 * i + 12];
-        const ncgen_real du_y = qd[3 * i + 16];
-        const ncgen_real dv_y = qd[3 * i + 13];
-        const ncgen_real du_z = qd[3 * i + 17];
-        const ncgen_real dv_z = qd[3 * i + 14];
-        gamma[5 * i + 9] = -(R(2.0) * (du_x * dv_x + du_y * dv_y + du_z * dv_z));
+        gamma[17] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
+        /* row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
+        gamma[18] = -(R(2.0) * (du5_x * x19 + du5_y * x20 + du5_z * x21));
+        /* row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
+        const ncgen_real x22 = -(R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+        gamma[19] = x22;
+        /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
+        gamma[20] = -(dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z);
+        /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
+        gamma[21] = R(2.0) * (du5_x * dP5_x + du5_y * dP5_y + du5_z * dP5_z);
     }
 
     return NCGEN_OK;
@@ -424,7 +481,7 @@ int bricard_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
     return NCGEN_OK;
 }
 
-/* energy: 71 operations */
+/* energy: 69 operations */
 int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -435,27 +492,38 @@ int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         energy[i] = NCGEN_SPLAT(R(0.0));
     }
 
-    /* mass-diagonal: m v^2 / 2 */
-    /*   P2.x, P2.y, P2.z, P3.x, P3.y, P3.z, P4.x, P4.y, P4.z, P5.x, P5.y, P5.z */
-    for (int i = 0; i < 12; ++i) {
-        const ncgen_real dx = qd[i];
-        energy[0] += R(0.3333333333333333) * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   P2.x P3.x, P2.y P3.y, P2.z P3.z, P3.x P4.x, P3.y P4.y, P3.z P4.z, P4.x P5.x, P4.y P5.y, */
-    /*   P4.z P5.z */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real dy = qd[i + 3];
-        const ncgen_real dx = qd[i];
-        energy[0] += dy * (R(0.16666666666666669) * dx);
-    }
-
-    /* weight: -f x */
-    /*   P2.y, P3.y, P4.y, P5.y */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real x = q[3 * i + 1];
-        energy[1] += R(9.81) * x;
+    {
+        /* P2.x; P2.y; P2.z; P3.x; P3.y; P3.z; P4.x; P4.y; P4.z; P5.x; P5.y; P5.z; P2.x P3.x; P2.y P3.y; P2.z P3.z; P3.x P4.x; P3.y P4.y; P3.z P4.z; P4.x P5.x; P4.y P5.y; P4.z P5.z */
+        const ncgen_real dP5_z = qd[11];
+        const ncgen_real dP4_z = qd[8];
+        const ncgen_real dP5_y = qd[10];
+        const ncgen_real dP4_y = qd[7];
+        const ncgen_real dP5_x = qd[9];
+        const ncgen_real dP4_x = qd[6];
+        const ncgen_real dP3_z = qd[5];
+        const ncgen_real dP3_y = qd[4];
+        const ncgen_real dP3_x = qd[3];
+        const ncgen_real dP2_z = qd[2];
+        const ncgen_real dP2_y = qd[1];
+        const ncgen_real dP2_x = qd[0];
+        const ncgen_real x1 = R(0.3333333333333333) * (dP2_x * dP2_x) + R(0.3333333333333333) * (dP2_y * dP2_y);
+        const ncgen_real x2 = R(0.3333333333333333) * (dP3_x * dP3_x) + (R(0.3333333333333333) * (dP2_z * dP2_z) + x1);
+        const ncgen_real x3 = R(0.3333333333333333) * (dP3_z * dP3_z) + (R(0.3333333333333333) * (dP3_y * dP3_y) + x2);
+        const ncgen_real x4 = R(0.3333333333333333) * (dP4_y * dP4_y) + (R(0.3333333333333333) * (dP4_x * dP4_x) + x3);
+        const ncgen_real x5 = R(0.3333333333333333) * (dP5_x * dP5_x) + (R(0.3333333333333333) * (dP4_z * dP4_z) + x4);
+        const ncgen_real x6 = R(0.3333333333333333) * (dP5_z * dP5_z) + (R(0.3333333333333333) * (dP5_y * dP5_y) + x5);
+        const ncgen_real x7 = dP3_y * (R(0.16666666666666669) * dP2_y) + (dP3_x * (R(0.16666666666666669) * dP2_x) + x6);
+        const ncgen_real x8 = dP4_x * (R(0.16666666666666669) * dP3_x) + (dP3_z * (R(0.16666666666666669) * dP2_z) + x7);
+        const ncgen_real x9 = dP4_z * (R(0.16666666666666669) * dP3_z) + (dP4_y * (R(0.16666666666666669) * dP3_y) + x8);
+        const ncgen_real x10 = dP5_y * (R(0.16666666666666669) * dP4_y) + (dP5_x * (R(0.16666666666666669) * dP4_x) + x9);
+        energy[0] = dP5_z * (R(0.16666666666666669) * dP4_z) + x10;
+        /* P2.y; P3.y; P4.y; P5.y */
+        const ncgen_real P5_y = q[10];
+        const ncgen_real P4_y = q[7];
+        const ncgen_real P2_y = q[1];
+        const ncgen_real P3_y = q[4];
+        const ncgen_real x11 = R(9.81) * P5_y + (R(9.81) * P4_y + (R(9.81) * P2_y + R(9.81) * P3_y));
+        energy[1] = x11;
     }
 
     return NCGEN_OK;
@@ -549,7 +617,7 @@ const ncgen_model *bricard_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bricard",
-        .fingerprint = "b0a880a78ea4f310",
+        .fingerprint = "4cfa1091b0ddc8df",
         .n_coordinates = 24,
         .n_rows = 24,
         .n_parameters = 0,

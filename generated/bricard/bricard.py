@@ -89,21 +89,6 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_index_1 = np.array([
-    0, 3, 3, 6, 6, 9
-])
-_index_2 = np.array([
-    0, 0, 3, 3, 6, 6
-])
-_index_3 = np.array([
-    0, 2, 5, 7, 10, 12
-])
-_index_4 = np.array([
-    0, 25, 58, 91
-])
-_index_5 = np.array([
-    0, 12, 33, 45, 66, 78
-])
 _number_1 = np.array([
     0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
@@ -133,7 +118,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """24 numbers, 148 operations."""
+    """24 numbers, 139 operations."""
     t = np.asarray(t)
     phi = _output(24, t, q, p)
     # row 1: 1000 distance P1-P2 (body rod1): |a|^2 - L^2 = 0 with a = P1-P2, L = 1
@@ -143,85 +128,95 @@ def phi(t, q, p):
     phi[..., 0] = 0.5 * (P2_x * P2_x + P2_y * P2_y + P2_z * P2_z - 1.0)
     # row 2: 1002 angle u1, P2-P1 (body rod1): u.a - L c = 0 with u = u1, a = P2-P1, L = 1, c = 0
     phi[..., 1] = P2_y
-    # row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0
+    # row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
     u2_x = q[..., 12]
     u2_y = q[..., 13]
     u2_z = q[..., 14]
+    phi[..., 2] = 0.5 * (u2_x * u2_x + u2_y * u2_y + u2_z * u2_z - 1.0)
+    # row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0
     phi[..., 3] = P2_x * u2_x + P2_y * u2_y + P2_z * u2_z
     # row 5: 1003 angle u2, u1 (body rod1): u.v - c = 0 with u = u2, v = u1, c = 0
     phi[..., 4] = u2_y
-    # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
+    # row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
+    P3_x = q[..., 3]
+    x1 = P2_x - P3_x
+    P3_y = q[..., 4]
+    x2 = P2_y - P3_y
+    P3_z = q[..., 5]
+    x3 = P2_z - P3_z
+    phi[..., 5] = 0.5 * (x1 * x1 + x2 * x2 + x3 * x3 - 1.0)
+    # row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
+    x4 = P3_x - P2_x
+    x5 = P3_y - P2_y
+    x6 = P3_z - P2_z
+    phi[..., 6] = u2_x * x4 + u2_y * x5 + u2_z * x6
+    # row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
+    u3_x = q[..., 15]
+    u3_y = q[..., 16]
+    u3_z = q[..., 17]
+    phi[..., 7] = 0.5 * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - 1.0)
+    # row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
+    phi[..., 8] = u3_x * x4 + u3_y * x5 + u3_z * x6
+    # row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
+    phi[..., 9] = u2_x * u3_x + u2_y * u3_y + u2_z * u3_z
+    # row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
+    P4_x = q[..., 6]
+    x7 = P3_x - P4_x
+    P4_y = q[..., 7]
+    x8 = P3_y - P4_y
+    P4_z = q[..., 8]
+    x9 = P3_z - P4_z
+    phi[..., 10] = 0.5 * (x7 * x7 + x8 * x8 + x9 * x9 - 1.0)
+    # row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
+    x10 = P4_x - P3_x
+    x11 = P4_y - P3_y
+    x12 = P4_z - P3_z
+    phi[..., 11] = u3_x * x10 + u3_y * x11 + u3_z * x12
+    # row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
+    u4_x = q[..., 18]
+    u4_y = q[..., 19]
+    u4_z = q[..., 20]
+    phi[..., 12] = 0.5 * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - 1.0)
+    # row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
+    phi[..., 13] = u4_x * x10 + u4_y * x11 + u4_z * x12
+    # row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
+    phi[..., 14] = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z
+    # row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
     P5_x = q[..., 9]
+    x13 = P4_x - P5_x
     P5_y = q[..., 10]
+    x14 = P4_y - P5_y
     P5_z = q[..., 11]
-    x1 = P5_z - 1.0
-    phi[..., 20] = 0.5 * (P5_x * P5_x + P5_y * P5_y + x1 * x1 - 1.0)
-    # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
-    u5_z = q[..., 23]
+    x15 = P4_z - P5_z
+    phi[..., 15] = 0.5 * (x13 * x13 + x14 * x14 + x15 * x15 - 1.0)
+    # row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
+    x16 = P5_x - P4_x
+    x17 = P5_y - P4_y
+    x18 = P5_z - P4_z
+    phi[..., 16] = u4_x * x16 + u4_y * x17 + u4_z * x18
+    # row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
     u5_x = q[..., 21]
     u5_y = q[..., 22]
-    phi[..., 21] = u5_z * (1.0 - P5_z) - (P5_x * u5_x + P5_y * u5_y)
+    u5_z = q[..., 23]
+    phi[..., 17] = 0.5 * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - 1.0)
+    # row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
+    phi[..., 18] = u5_x * x16 + u5_y * x17 + u5_z * x18
+    # row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
+    phi[..., 19] = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z
+    # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
+    x19 = P5_z - 1.0
+    phi[..., 20] = 0.5 * (P5_x * P5_x + P5_y * P5_y + x19 * x19 - 1.0)
+    # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
+    phi[..., 21] = u5_z * (1.0 - P5_z) - (u5_x * P5_x + u5_y * P5_y)
     # row 23: 1002 angle u6, P6-P5 (body rod5): u.a - L c = 0 with u = u6, a = P6-P5, L = 1, c = 0
     phi[..., 22] = -P5_x
     # row 24: 1003 angle u6, u5 (body rod5): u.v - c = 0 with u = u6, v = u5, c = 0
     phi[..., 23] = u5_x
-    # unit: |u|^2 - 1
-    #   row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
-    #   row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
-    #   row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
-    #   row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
-    u_x = q[..., 12:24:3]
-    u_y = q[..., 13:25:3]
-    u_z = q[..., 14:26:3]
-    phi[..., 2:22:5] = 0.5 * (u_x * u_x + u_y * u_y + u_z * u_z - 1.0)
-    # distance: |a|^2 - L^2
-    #   row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
-    #   row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
-    #   row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
-    a0_x = q[..., 0:9:3]
-    a1_x = q[..., 3:12:3]
-    x1 = a0_x - a1_x
-    a0_y = q[..., 1:10:3]
-    a1_y = q[..., 4:13:3]
-    x2 = a0_y - a1_y
-    a0_z = q[..., 2:11:3]
-    a1_z = q[..., 5:14:3]
-    x3 = a0_z - a1_z
-    phi[..., 5:20:5] = 0.5 * (x1 * x1 + x2 * x2 + x3 * x3 - 1.0)
-    # vector-segment: u.a - L c
-    #   row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
-    #   row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
-    #   row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
-    #   row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
-    #   row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
-    #   row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
-    u_x = q[..., _index_1 + 12]
-    a0_x = q[..., _index_2 + 3]
-    a1_x = q[..., _index_2]
-    u_y = q[..., _index_1 + 13]
-    a0_y = q[..., _index_2 + 4]
-    a1_y = q[..., _index_2 + 1]
-    u_z = q[..., _index_1 + 14]
-    a0_z = q[..., _index_2 + 5]
-    a1_z = q[..., _index_2 + 2]
-    x1 = u_x * (a0_x - a1_x) + u_y * (a0_y - a1_y) + u_z * (a0_z - a1_z)
-    phi[..., _index_3 + 6] = x1
-    # vector-vector: u.v - c
-    #   row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
-    #   row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
-    #   row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
-    u_x = q[..., 15:24:3]
-    v_x = q[..., 12:21:3]
-    u_y = q[..., 16:25:3]
-    v_y = q[..., 13:22:3]
-    u_z = q[..., 17:26:3]
-    v_z = q[..., 14:23:3]
-    phi[..., 9:24:5] = u_x * v_x + u_y * v_y + u_z * v_z
     return phi
 
 
 def phi_q(t, q, p):
-    """124 numbers, 61 operations."""
+    """124 numbers, 34 operations."""
     t = np.asarray(t)
     phi_q = _output(124, t, q, p)
     # constant part
@@ -234,106 +229,186 @@ def phi_q(t, q, p):
     phi_q[..., 1] = P2_y
     P2_z = q[..., 2]
     phi_q[..., 2] = P2_z
-    # row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0
+    # row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
     u2_x = q[..., 12]
-    phi_q[..., 7] = u2_x
+    phi_q[..., 4] = u2_x
     u2_y = q[..., 13]
-    phi_q[..., 8] = u2_y
+    phi_q[..., 5] = u2_y
     u2_z = q[..., 14]
+    phi_q[..., 6] = u2_z
+    # row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0
+    phi_q[..., 7] = u2_x
+    phi_q[..., 8] = u2_y
     phi_q[..., 9] = u2_z
     phi_q[..., 10] = P2_x
     phi_q[..., 11] = P2_y
     phi_q[..., 12] = P2_z
-    # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
+    # row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
+    P3_x = q[..., 3]
+    phi_q[..., 14] = P2_x - P3_x
+    P3_y = q[..., 4]
+    phi_q[..., 15] = P2_y - P3_y
+    P3_z = q[..., 5]
+    phi_q[..., 16] = P2_z - P3_z
+    x1 = P3_x - P2_x
+    phi_q[..., 17] = x1
+    x2 = P3_y - P2_y
+    phi_q[..., 18] = x2
+    x3 = P3_z - P2_z
+    phi_q[..., 19] = x3
+    # row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
+    phi_q[..., 20] = -u2_x
+    phi_q[..., 21] = -u2_y
+    phi_q[..., 22] = -u2_z
+    phi_q[..., 23] = u2_x
+    phi_q[..., 24] = u2_y
+    phi_q[..., 25] = u2_z
+    phi_q[..., 26] = x1
+    phi_q[..., 27] = x2
+    phi_q[..., 28] = x3
+    # row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
+    u3_x = q[..., 15]
+    phi_q[..., 29] = u3_x
+    u3_y = q[..., 16]
+    phi_q[..., 30] = u3_y
+    u3_z = q[..., 17]
+    phi_q[..., 31] = u3_z
+    # row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
+    x4 = -u3_x
+    phi_q[..., 32] = x4
+    x5 = -u3_y
+    phi_q[..., 33] = x5
+    x6 = -u3_z
+    phi_q[..., 34] = x6
+    phi_q[..., 35] = u3_x
+    phi_q[..., 36] = u3_y
+    phi_q[..., 37] = u3_z
+    phi_q[..., 38] = x1
+    phi_q[..., 39] = x2
+    phi_q[..., 40] = x3
+    # row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
+    phi_q[..., 41] = u3_x
+    phi_q[..., 42] = u3_y
+    phi_q[..., 43] = u3_z
+    phi_q[..., 44] = u2_x
+    phi_q[..., 45] = u2_y
+    phi_q[..., 46] = u2_z
+    # row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
+    P4_x = q[..., 6]
+    phi_q[..., 47] = P3_x - P4_x
+    P4_y = q[..., 7]
+    phi_q[..., 48] = P3_y - P4_y
+    P4_z = q[..., 8]
+    phi_q[..., 49] = P3_z - P4_z
+    x7 = P4_x - P3_x
+    phi_q[..., 50] = x7
+    x8 = P4_y - P3_y
+    phi_q[..., 51] = x8
+    x9 = P4_z - P3_z
+    phi_q[..., 52] = x9
+    # row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
+    phi_q[..., 53] = x4
+    phi_q[..., 54] = x5
+    phi_q[..., 55] = x6
+    phi_q[..., 56] = u3_x
+    phi_q[..., 57] = u3_y
+    phi_q[..., 58] = u3_z
+    phi_q[..., 59] = x7
+    phi_q[..., 60] = x8
+    phi_q[..., 61] = x9
+    # row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
+    u4_x = q[..., 18]
+    phi_q[..., 62] = u4_x
+    u4_y = q[..., 19]
+    phi_q[..., 63] = u4_y
+    u4_z = q[..., 20]
+    phi_q[..., 64] = u4_z
+    # row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
+    x10 = -u4_x
+    phi_q[..., 65] = x10
+    x11 = -u4_y
+    phi_q[..., 66] = x11
+    x12 = -u4_z
+    phi_q[..., 67] = x12
+    phi_q[..., 68] = u4_x
+    phi_q[..., 69] = u4_y
+    phi_q[..., 70] = u4_z
+    phi_q[..., 71] = x7
+    phi_q[..., 72] = x8
+    phi_q[..., 73] = x9
+    # row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
+    phi_q[..., 74] = u4_x
+    phi_q[..., 75] = u4_y
+    phi_q[..., 76] = u4_z
+    phi_q[..., 77] = u3_x
+    phi_q[..., 78] = u3_y
+    phi_q[..., 79] = u3_z
+    # row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
     P5_x = q[..., 9]
-    phi_q[..., 113] = P5_x
+    phi_q[..., 80] = P4_x - P5_x
     P5_y = q[..., 10]
-    phi_q[..., 114] = P5_y
+    phi_q[..., 81] = P4_y - P5_y
     P5_z = q[..., 11]
+    phi_q[..., 82] = P4_z - P5_z
+    x13 = P5_x - P4_x
+    phi_q[..., 83] = x13
+    x14 = P5_y - P4_y
+    phi_q[..., 84] = x14
+    x15 = P5_z - P4_z
+    phi_q[..., 85] = x15
+    # row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
+    phi_q[..., 86] = x10
+    phi_q[..., 87] = x11
+    phi_q[..., 88] = x12
+    phi_q[..., 89] = u4_x
+    phi_q[..., 90] = u4_y
+    phi_q[..., 91] = u4_z
+    phi_q[..., 92] = x13
+    phi_q[..., 93] = x14
+    phi_q[..., 94] = x15
+    # row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
+    u5_x = q[..., 21]
+    phi_q[..., 95] = u5_x
+    u5_y = q[..., 22]
+    phi_q[..., 96] = u5_y
+    u5_z = q[..., 23]
+    phi_q[..., 97] = u5_z
+    # row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
+    x16 = -u5_x
+    phi_q[..., 98] = x16
+    x17 = -u5_y
+    phi_q[..., 99] = x17
+    x18 = -u5_z
+    phi_q[..., 100] = x18
+    phi_q[..., 101] = u5_x
+    phi_q[..., 102] = u5_y
+    phi_q[..., 103] = u5_z
+    phi_q[..., 104] = x13
+    phi_q[..., 105] = x14
+    phi_q[..., 106] = x15
+    # row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
+    phi_q[..., 107] = u5_x
+    phi_q[..., 108] = u5_y
+    phi_q[..., 109] = u5_z
+    phi_q[..., 110] = u4_x
+    phi_q[..., 111] = u4_y
+    phi_q[..., 112] = u4_z
+    # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
+    phi_q[..., 113] = P5_x
+    phi_q[..., 114] = P5_y
     phi_q[..., 115] = P5_z - 1.0
     # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
-    u5_x = q[..., 21]
-    phi_q[..., 116] = -u5_x
-    u5_y = q[..., 22]
-    phi_q[..., 117] = -u5_y
-    u5_z = q[..., 23]
-    phi_q[..., 118] = -u5_z
+    phi_q[..., 116] = x16
+    phi_q[..., 117] = x17
+    phi_q[..., 118] = x18
     phi_q[..., 119] = -P5_x
     phi_q[..., 120] = -P5_y
     phi_q[..., 121] = 1.0 - P5_z
-    # unit: |u|^2 - 1
-    #   row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
-    #   row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
-    #   row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
-    #   row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
-    u_x = q[..., 12:24:3]
-    phi_q[..., _index_4 + 4] = u_x
-    u_y = q[..., 13:25:3]
-    phi_q[..., _index_4 + 5] = u_y
-    u_z = q[..., 14:26:3]
-    phi_q[..., _index_4 + 6] = u_z
-    # distance: |a|^2 - L^2
-    #   row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
-    #   row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
-    #   row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
-    a0_x = q[..., 0:9:3]
-    a1_x = q[..., 3:12:3]
-    phi_q[..., 14:113:33] = a0_x - a1_x
-    phi_q[..., 17:116:33] = a1_x - a0_x
-    a0_y = q[..., 1:10:3]
-    a1_y = q[..., 4:13:3]
-    phi_q[..., 15:114:33] = a0_y - a1_y
-    phi_q[..., 18:117:33] = a1_y - a0_y
-    a0_z = q[..., 2:11:3]
-    a1_z = q[..., 5:14:3]
-    phi_q[..., 16:115:33] = a0_z - a1_z
-    phi_q[..., 19:118:33] = a1_z - a0_z
-    # vector-segment: u.a - L c
-    #   row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
-    #   row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
-    #   row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
-    #   row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
-    #   row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
-    #   row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
-    a0_x = q[..., _index_2 + 3]
-    a1_x = q[..., _index_2]
-    phi_q[..., _index_5 + 26] = a0_x - a1_x
-    a0_y = q[..., _index_2 + 4]
-    a1_y = q[..., _index_2 + 1]
-    phi_q[..., _index_5 + 27] = a0_y - a1_y
-    a0_z = q[..., _index_2 + 5]
-    a1_z = q[..., _index_2 + 2]
-    phi_q[..., _index_5 + 28] = a0_z - a1_z
-    u_x = q[..., _index_1 + 12]
-    phi_q[..., _index_5 + 23] = u_x
-    phi_q[..., _index_5 + 20] = -u_x
-    u_y = q[..., _index_1 + 13]
-    phi_q[..., _index_5 + 24] = u_y
-    phi_q[..., _index_5 + 21] = -u_y
-    u_z = q[..., _index_1 + 14]
-    phi_q[..., _index_5 + 25] = u_z
-    phi_q[..., _index_5 + 22] = -u_z
-    # vector-vector: u.v - c
-    #   row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
-    #   row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
-    #   row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
-    v_x = q[..., 12:21:3]
-    phi_q[..., 44:143:33] = v_x
-    v_y = q[..., 13:22:3]
-    phi_q[..., 45:144:33] = v_y
-    v_z = q[..., 14:23:3]
-    phi_q[..., 46:145:33] = v_z
-    u_x = q[..., 15:24:3]
-    phi_q[..., 41:140:33] = u_x
-    u_y = q[..., 16:25:3]
-    phi_q[..., 42:141:33] = u_y
-    u_z = q[..., 17:26:3]
-    phi_q[..., 43:142:33] = u_z
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """24 numbers, 157 operations."""
+    """24 numbers, 148 operations."""
     t = np.asarray(t)
     gamma = _output(24, t, q, qd, p)
     # constant part
@@ -343,73 +418,83 @@ def gamma(t, q, qd, p):
     dP2_y = qd[..., 1]
     dP2_z = qd[..., 2]
     gamma[..., 0] = -(dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z)
-    # row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0
+    # row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
     du2_x = qd[..., 12]
     du2_y = qd[..., 13]
     du2_z = qd[..., 14]
+    gamma[..., 2] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z)
+    # row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0
     gamma[..., 3] = -(2.0 * (dP2_x * du2_x + dP2_y * du2_y + dP2_z * du2_z))
-    # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
+    # row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
+    dP3_x = qd[..., 3]
+    x1 = dP2_x - dP3_x
+    dP3_y = qd[..., 4]
+    x2 = dP2_y - dP3_y
+    dP3_z = qd[..., 5]
+    x3 = dP2_z - dP3_z
+    gamma[..., 5] = -(x1 * x1 + x2 * x2 + x3 * x3)
+    # row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
+    x4 = dP3_x - dP2_x
+    x5 = dP3_y - dP2_y
+    x6 = dP3_z - dP2_z
+    gamma[..., 6] = -(2.0 * (du2_x * x4 + du2_y * x5 + du2_z * x6))
+    # row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
+    du3_x = qd[..., 15]
+    du3_y = qd[..., 16]
+    du3_z = qd[..., 17]
+    gamma[..., 7] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z)
+    # row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
+    gamma[..., 8] = -(2.0 * (du3_x * x4 + du3_y * x5 + du3_z * x6))
+    # row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
+    gamma[..., 9] = -(2.0 * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z))
+    # row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
+    dP4_x = qd[..., 6]
+    x7 = dP3_x - dP4_x
+    dP4_y = qd[..., 7]
+    x8 = dP3_y - dP4_y
+    dP4_z = qd[..., 8]
+    x9 = dP3_z - dP4_z
+    gamma[..., 10] = -(x7 * x7 + x8 * x8 + x9 * x9)
+    # row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
+    x10 = dP4_x - dP3_x
+    x11 = dP4_y - dP3_y
+    x12 = dP4_z - dP3_z
+    gamma[..., 11] = -(2.0 * (du3_x * x10 + du3_y * x11 + du3_z * x12))
+    # row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
+    du4_x = qd[..., 18]
+    du4_y = qd[..., 19]
+    du4_z = qd[..., 20]
+    gamma[..., 12] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z)
+    # row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
+    gamma[..., 13] = -(2.0 * (du4_x * x10 + du4_y * x11 + du4_z * x12))
+    # row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
+    gamma[..., 14] = -(2.0 * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z))
+    # row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
     dP5_x = qd[..., 9]
+    x13 = dP4_x - dP5_x
     dP5_y = qd[..., 10]
+    x14 = dP4_y - dP5_y
     dP5_z = qd[..., 11]
-    gamma[..., 20] = -(dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z)
-    # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
+    x15 = dP4_z - dP5_z
+    gamma[..., 15] = -(x13 * x13 + x14 * x14 + x15 * x15)
+    # row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
+    x16 = dP5_x - dP4_x
+    x17 = dP5_y - dP4_y
+    x18 = dP5_z - dP4_z
+    gamma[..., 16] = -(2.0 * (du4_x * x16 + du4_y * x17 + du4_z * x18))
+    # row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
     du5_x = qd[..., 21]
     du5_y = qd[..., 22]
     du5_z = qd[..., 23]
-    gamma[..., 21] = 2.0 * (dP5_x * du5_x + dP5_y * du5_y + dP5_z * du5_z)
-    # unit: |u|^2 - 1
-    #   row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
-    #   row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
-    #   row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
-    #   row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
-    du_x = qd[..., 12:24:3]
-    du_y = qd[..., 13:25:3]
-    du_z = qd[..., 14:26:3]
-    gamma[..., 2:22:5] = -(du_x * du_x + du_y * du_y + du_z * du_z)
-    # distance: |a|^2 - L^2
-    #   row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
-    #   row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
-    #   row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
-    da0_x = qd[..., 0:9:3]
-    da1_x = qd[..., 3:12:3]
-    x1 = da0_x - da1_x
-    da0_y = qd[..., 1:10:3]
-    da1_y = qd[..., 4:13:3]
-    x2 = da0_y - da1_y
-    da0_z = qd[..., 2:11:3]
-    da1_z = qd[..., 5:14:3]
-    x3 = da0_z - da1_z
-    gamma[..., 5:20:5] = -(x1 * x1 + x2 * x2 + x3 * x3)
-    # vector-segment: u.a - L c
-    #   row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
-    #   row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
-    #   row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
-    #   row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
-    #   row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
-    #   row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
-    du_x = qd[..., _index_1 + 12]
-    da0_x = qd[..., _index_2 + 3]
-    da1_x = qd[..., _index_2]
-    du_y = qd[..., _index_1 + 13]
-    da0_y = qd[..., _index_2 + 4]
-    da1_y = qd[..., _index_2 + 1]
-    du_z = qd[..., _index_1 + 14]
-    da0_z = qd[..., _index_2 + 5]
-    da1_z = qd[..., _index_2 + 2]
-    x1 = du_x * (da0_x - da1_x) + du_y * (da0_y - da1_y) + du_z * (da0_z - da1_z)
-    gamma[..., _index_3 + 6] = -(2.0 * x1)
-    # vector-vector: u.v - c
-    #   row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
-    #   row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
-    #   row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
-    du_x = qd[..., 15:24:3]
-    dv_x = qd[..., 12:21:3]
-    du_y = qd[..., 16:25:3]
-    dv_y = qd[..., 13:22:3]
-    du_z = qd[..., 17:26:3]
-    dv_z = qd[..., 14:23:3]
-    gamma[..., 9:24:5] = -(2.0 * (du_x * dv_x + du_y * dv_y + du_z * dv_z))
+    gamma[..., 17] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z)
+    # row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
+    gamma[..., 18] = -(2.0 * (du5_x * x16 + du5_y * x17 + du5_z * x18))
+    # row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
+    gamma[..., 19] = -(2.0 * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z))
+    # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
+    gamma[..., 20] = -(dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z)
+    # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
+    gamma[..., 21] = 2.0 * (du5_x * dP5_x + du5_y * dP5_y + du5_z * dP5_z)
     return gamma
 
 
@@ -434,23 +519,40 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 71 operations."""
+    """3 numbers, 69 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # constant part
     energy[..., 0:3] = 0.0
-    # mass-diagonal: m v^2 / 2
-    #   P2.x, P2.y, P2.z, P3.x, P3.y, P3.z, P4.x, P4.y, P4.z, P5.x, P5.y, P5.z
-    dx = qd[..., 0:12]
-    energy[..., 0] += np.sum(0.3333333333333333 * (dx * dx) + np.zeros(12), axis=-1)
-    # mass-pair: m v w
-    #   P2.x P3.x, P2.y P3.y, P2.z P3.z, P3.x P4.x, P3.y P4.y, P3.z P4.z, P4.x P5.x, P4.y P5.y,
-    #   P4.z P5.z
-    dy = qd[..., 3:12]
-    dx = qd[..., 0:9]
-    energy[..., 0] += np.sum(dy * (0.16666666666666669 * dx) + np.zeros(9), axis=-1)
-    # weight: -f x
-    #   P2.y, P3.y, P4.y, P5.y
-    x = q[..., 1:13:3]
-    energy[..., 1] += np.sum(9.81 * x + np.zeros(4), axis=-1)
+    # P2.x; P2.y; P2.z; P3.x; P3.y; P3.z; P4.x; P4.y; P4.z; P5.x; P5.y; P5.z; P2.x P3.x; P2.y P3.y; P2.z P3.z; P3.x P4.x; P3.y P4.y; P3.z P4.z; P4.x P5.x; P4.y P5.y; P4.z P5.z
+    dP5_z = qd[..., 11]
+    dP4_z = qd[..., 8]
+    dP5_y = qd[..., 10]
+    dP4_y = qd[..., 7]
+    dP5_x = qd[..., 9]
+    dP4_x = qd[..., 6]
+    dP3_z = qd[..., 5]
+    dP3_y = qd[..., 4]
+    dP3_x = qd[..., 3]
+    dP2_z = qd[..., 2]
+    dP2_y = qd[..., 1]
+    dP2_x = qd[..., 0]
+    x1 = 0.3333333333333333 * (dP2_x * dP2_x) + 0.3333333333333333 * (dP2_y * dP2_y)
+    x2 = 0.3333333333333333 * (dP3_x * dP3_x) + (0.3333333333333333 * (dP2_z * dP2_z) + x1)
+    x3 = 0.3333333333333333 * (dP3_z * dP3_z) + (0.3333333333333333 * (dP3_y * dP3_y) + x2)
+    x4 = 0.3333333333333333 * (dP4_y * dP4_y) + (0.3333333333333333 * (dP4_x * dP4_x) + x3)
+    x5 = 0.3333333333333333 * (dP5_x * dP5_x) + (0.3333333333333333 * (dP4_z * dP4_z) + x4)
+    x6 = 0.3333333333333333 * (dP5_z * dP5_z) + (0.3333333333333333 * (dP5_y * dP5_y) + x5)
+    x7 = dP3_y * (0.16666666666666669 * dP2_y) + (dP3_x * (0.16666666666666669 * dP2_x) + x6)
+    x8 = dP4_x * (0.16666666666666669 * dP3_x) + (dP3_z * (0.16666666666666669 * dP2_z) + x7)
+    x9 = dP4_z * (0.16666666666666669 * dP3_z) + (dP4_y * (0.16666666666666669 * dP3_y) + x8)
+    x10 = dP5_y * (0.16666666666666669 * dP4_y) + (dP5_x * (0.16666666666666669 * dP4_x) + x9)
+    energy[..., 0] = dP5_z * (0.16666666666666669 * dP4_z) + x10
+    # P2.y; P3.y; P4.y; P5.y
+    P5_y = q[..., 10]
+    P4_y = q[..., 7]
+    P2_y = q[..., 1]
+    P3_y = q[..., 4]
+    x11 = 9.81 * P5_y + (9.81 * P4_y + (9.81 * P2_y + 9.81 * P3_y))
+    energy[..., 1] = x11
     return energy

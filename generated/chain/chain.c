@@ -6,20 +6,7 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar chain_number_1[9] = {
-    R(5.000000000000001), R(5.0), R(5.0), R(5.0), R(5.000000000000001), R(5.0), R(5.0), R(5.0),
-    R(4.999999999999998)
-};
-static const ncgen_scalar chain_number_2[9] = {
-    R(0.009999999999999995), R(0.010000000000000002), R(0.009999999999999998),
-    R(0.009999999999999998), R(0.009999999999999995), R(0.009999999999999998),
-    R(0.010000000000000002), R(0.009999999999999998), R(0.010000000000000007)
-};
-static const ncgen_scalar chain_number_3[9] = {
-    R(10.000000000000002), R(10.0), R(10.0), R(10.0), R(10.000000000000002), R(10.0), R(10.0),
-    R(10.0), R(9.999999999999996)
-};
-static const ncgen_scalar chain_number_4[84] = {
+static const ncgen_scalar chain_number_1[84] = {
     R(0.06666666666666667), R(0.01666666666666667), R(0.06666666666666667), R(0.01666666666666667),
     R(0.06666666666666667), R(0.01666666666666667), R(0.01666666666666667), R(0.06666666666666668),
     R(0.016666666666666666), R(0.01666666666666667), R(0.06666666666666668),
@@ -44,14 +31,14 @@ static const ncgen_scalar chain_number_4[84] = {
     R(0.06666666666666665), R(0.01666666666666667), R(0.01666666666666667), R(0.03333333333333333),
     R(0.01666666666666667), R(0.03333333333333333), R(0.01666666666666667), R(0.03333333333333333)
 };
-static const ncgen_scalar chain_number_5[30] = {
+static const ncgen_scalar chain_number_2[30] = {
     R(0.0), R(0.0), -R(0.9810000000000001), R(0.0), R(0.0), -R(0.9810000000000002), R(0.0), R(0.0),
     -R(0.9810000000000001), R(0.0), R(0.0), -R(0.9810000000000002), R(0.0), R(0.0),
     -R(0.9809999999999999), R(0.0), R(0.0), -R(0.9810000000000004), R(0.0), R(0.0),
     -R(0.9809999999999997), R(0.0), R(0.0), -R(0.9810000000000004), R(0.0), R(0.0), -R(0.981),
     R(0.0), R(0.0), -R(0.49050000000000005)
 };
-static const ncgen_scalar chain_number_6[30] = {
+static const ncgen_scalar chain_number_3[30] = {
     R(0.03333333333333333), R(0.03333333333333333), R(0.03333333333333333), R(0.03333333333333334),
     R(0.03333333333333334), R(0.03333333333333334), R(0.03333333333333333), R(0.03333333333333333),
     R(0.03333333333333333), R(0.03333333333333334), R(0.03333333333333334), R(0.03333333333333334),
@@ -62,7 +49,7 @@ static const ncgen_scalar chain_number_6[30] = {
     R(0.033333333333333326), R(0.033333333333333326), R(0.033333333333333326),
     R(0.016666666666666666), R(0.016666666666666666), R(0.016666666666666666)
 };
-static const ncgen_scalar chain_number_7[27] = {
+static const ncgen_scalar chain_number_4[27] = {
     R(0.01666666666666667), R(0.01666666666666667), R(0.01666666666666667),
     R(0.016666666666666666), R(0.016666666666666666), R(0.016666666666666666),
     R(0.016666666666666666), R(0.016666666666666666), R(0.016666666666666666),
@@ -71,11 +58,6 @@ static const ncgen_scalar chain_number_7[27] = {
     R(0.01666666666666667), R(0.01666666666666667), R(0.01666666666666667), R(0.01666666666666667),
     R(0.01666666666666667), R(0.01666666666666667), R(0.01666666666666667), R(0.01666666666666667),
     R(0.01666666666666667), R(0.01666666666666667)
-};
-static const ncgen_scalar chain_number_8[10] = {
-    -R(0.9810000000000001), -R(0.9810000000000002), -R(0.9810000000000001), -R(0.9810000000000002),
-    -R(0.9809999999999999), -R(0.9810000000000004), -R(0.9809999999999997), -R(0.9810000000000004),
-    -R(0.981), -R(0.49050000000000005)
 };
 
 /* phi: 97 operations */
@@ -91,31 +73,87 @@ int chain_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real P1_z = q[2];
         const ncgen_real x1 = P1_x * P1_x + P1_y * P1_y + P1_z * P1_z - R(0.010000000000000002);
         phi[0] = R(5.0) * x1;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance P1-P2 (body link2): |a|^2 - L^2 = 0 with a = P1-P2, L = 0.1 */
-    /*   row 3: 1000 distance P2-P3 (body link3): |a|^2 - L^2 = 0 with a = P2-P3, L = 0.1 */
-    /*   row 4: 1000 distance P3-P4 (body link4): |a|^2 - L^2 = 0 with a = P3-P4, L = 0.1 */
-    /*   row 5: 1000 distance P4-P5 (body link5): |a|^2 - L^2 = 0 with a = P4-P5, L = 0.1 */
-    /*   row 6: 1000 distance P5-P6 (body link6): |a|^2 - L^2 = 0 with a = P5-P6, L = 0.1 */
-    /*   row 7: 1000 distance P6-P7 (body link7): |a|^2 - L^2 = 0 with a = P6-P7, L = 0.1 */
-    /*   row 8: 1000 distance P7-P8 (body link8): |a|^2 - L^2 = 0 with a = P7-P8, L = 0.1 */
-    /*   row 9: 1000 distance P8-P9 (body link9): |a|^2 - L^2 = 0 with a = P8-P9, L = 0.1 */
-    /*   row 10: 1000 distance P9-P10 (body link10): |a|^2 - L^2 = 0 with a = P9-P10, L = 0.1 */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real scale = chain_number_1[i];
-        const ncgen_real a0_x = q[3 * i];
-        const ncgen_real a1_x = q[3 * i + 3];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[3 * i + 1];
-        const ncgen_real a1_y = q[3 * i + 4];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = q[3 * i + 2];
-        const ncgen_real a1_z = q[3 * i + 5];
-        const ncgen_real x3 = a0_z - a1_z;
-        const ncgen_real x4 = chain_number_2[i];
-        phi[i + 1] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4);
+        /* row 2: 1000 distance P1-P2 (body link2): |a|^2 - L^2 = 0 with a = P1-P2, L = 0.1 */
+        const ncgen_real P2_x = q[3];
+        const ncgen_real x2 = P1_x - P2_x;
+        const ncgen_real P2_y = q[4];
+        const ncgen_real x3 = P1_y - P2_y;
+        const ncgen_real P2_z = q[5];
+        const ncgen_real x4 = P1_z - P2_z;
+        const ncgen_real x5 = R(5.000000000000001) * (x2 * x2 + x3 * x3 + x4 * x4 - R(0.009999999999999995));
+        phi[1] = x5;
+        /* row 3: 1000 distance P2-P3 (body link3): |a|^2 - L^2 = 0 with a = P2-P3, L = 0.1 */
+        const ncgen_real P3_x = q[6];
+        const ncgen_real x6 = P2_x - P3_x;
+        const ncgen_real P3_y = q[7];
+        const ncgen_real x7 = P2_y - P3_y;
+        const ncgen_real P3_z = q[8];
+        const ncgen_real x8 = P2_z - P3_z;
+        const ncgen_real x9 = R(5.0) * (x6 * x6 + x7 * x7 + x8 * x8 - R(0.010000000000000002));
+        phi[2] = x9;
+        /* row 4: 1000 distance P3-P4 (body link4): |a|^2 - L^2 = 0 with a = P3-P4, L = 0.1 */
+        const ncgen_real P4_x = q[9];
+        const ncgen_real x10 = P3_x - P4_x;
+        const ncgen_real P4_y = q[10];
+        const ncgen_real x11 = P3_y - P4_y;
+        const ncgen_real P4_z = q[11];
+        const ncgen_real x12 = P3_z - P4_z;
+        const ncgen_real x13 = x10 * x10 + x11 * x11 + x12 * x12 - R(0.009999999999999998);
+        phi[3] = R(5.0) * x13;
+        /* row 5: 1000 distance P4-P5 (body link5): |a|^2 - L^2 = 0 with a = P4-P5, L = 0.1 */
+        const ncgen_real P5_x = q[12];
+        const ncgen_real x14 = P4_x - P5_x;
+        const ncgen_real P5_y = q[13];
+        const ncgen_real x15 = P4_y - P5_y;
+        const ncgen_real P5_z = q[14];
+        const ncgen_real x16 = P4_z - P5_z;
+        const ncgen_real x17 = x14 * x14 + x15 * x15 + x16 * x16 - R(0.009999999999999998);
+        phi[4] = R(5.0) * x17;
+        /* row 6: 1000 distance P5-P6 (body link6): |a|^2 - L^2 = 0 with a = P5-P6, L = 0.1 */
+        const ncgen_real P6_x = q[15];
+        const ncgen_real x18 = P5_x - P6_x;
+        const ncgen_real P6_y = q[16];
+        const ncgen_real x19 = P5_y - P6_y;
+        const ncgen_real P6_z = q[17];
+        const ncgen_real x20 = P5_z - P6_z;
+        const ncgen_real x21 = x18 * x18 + x19 * x19 + x20 * x20 - R(0.009999999999999995);
+        phi[5] = R(5.000000000000001) * x21;
+        /* row 7: 1000 distance P6-P7 (body link7): |a|^2 - L^2 = 0 with a = P6-P7, L = 0.1 */
+        const ncgen_real P7_x = q[18];
+        const ncgen_real x22 = P6_x - P7_x;
+        const ncgen_real P7_y = q[19];
+        const ncgen_real x23 = P6_y - P7_y;
+        const ncgen_real P7_z = q[20];
+        const ncgen_real x24 = P6_z - P7_z;
+        const ncgen_real x25 = x22 * x22 + x23 * x23 + x24 * x24 - R(0.009999999999999998);
+        phi[6] = R(5.0) * x25;
+        /* row 8: 1000 distance P7-P8 (body link8): |a|^2 - L^2 = 0 with a = P7-P8, L = 0.1 */
+        const ncgen_real P8_x = q[21];
+        const ncgen_real x26 = P7_x - P8_x;
+        const ncgen_real P8_y = q[22];
+        const ncgen_real x27 = P7_y - P8_y;
+        const ncgen_real P8_z = q[23];
+        const ncgen_real x28 = P7_z - P8_z;
+        const ncgen_real x29 = x26 * x26 + x27 * x27 + x28 * x28 - R(0.010000000000000002);
+        phi[7] = R(5.0) * x29;
+        /* row 9: 1000 distance P8-P9 (body link9): |a|^2 - L^2 = 0 with a = P8-P9, L = 0.1 */
+        const ncgen_real P9_x = q[24];
+        const ncgen_real x30 = P8_x - P9_x;
+        const ncgen_real P9_y = q[25];
+        const ncgen_real x31 = P8_y - P9_y;
+        const ncgen_real P9_z = q[26];
+        const ncgen_real x32 = P8_z - P9_z;
+        const ncgen_real x33 = x30 * x30 + x31 * x31 + x32 * x32 - R(0.009999999999999998);
+        phi[8] = R(5.0) * x33;
+        /* row 10: 1000 distance P9-P10 (body link10): |a|^2 - L^2 = 0 with a = P9-P10, L = 0.1 */
+        const ncgen_real P10_x = q[27];
+        const ncgen_real x34 = P9_x - P10_x;
+        const ncgen_real P10_y = q[28];
+        const ncgen_real x35 = P9_y - P10_y;
+        const ncgen_real P10_z = q[29];
+        const ncgen_real x36 = P9_z - P10_z;
+        const ncgen_real x37 = x34 * x34 + x35 * x35 + x36 * x36 - R(0.010000000000000007);
+        phi[9] = R(4.999999999999998) * x37;
     }
 
     return NCGEN_OK;
@@ -135,35 +173,123 @@ int chain_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[1] = R(10.0) * P1_y;
         const ncgen_real P1_z = q[2];
         phi_q[2] = R(10.0) * P1_z;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance P1-P2 (body link2): |a|^2 - L^2 = 0 with a = P1-P2, L = 0.1 */
-    /*   row 3: 1000 distance P2-P3 (body link3): |a|^2 - L^2 = 0 with a = P2-P3, L = 0.1 */
-    /*   row 4: 1000 distance P3-P4 (body link4): |a|^2 - L^2 = 0 with a = P3-P4, L = 0.1 */
-    /*   row 5: 1000 distance P4-P5 (body link5): |a|^2 - L^2 = 0 with a = P4-P5, L = 0.1 */
-    /*   row 6: 1000 distance P5-P6 (body link6): |a|^2 - L^2 = 0 with a = P5-P6, L = 0.1 */
-    /*   row 7: 1000 distance P6-P7 (body link7): |a|^2 - L^2 = 0 with a = P6-P7, L = 0.1 */
-    /*   row 8: 1000 distance P7-P8 (body link8): |a|^2 - L^2 = 0 with a = P7-P8, L = 0.1 */
-    /*   row 9: 1000 distance P8-P9 (body link9): |a|^2 - L^2 = 0 with a = P8-P9, L = 0.1 */
-    /*   row 10: 1000 distance P9-P10 (body link10): |a|^2 - L^2 = 0 with a = P9-P10, L = 0.1 */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real a0_x = q[3 * i];
-        const ncgen_real a1_x = q[3 * i + 3];
-        const ncgen_real x1 = chain_number_3[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[6 * i + 3] = x2;
-        phi_q[6 * i + 6] = -x2;
-        const ncgen_real a0_y = q[3 * i + 1];
-        const ncgen_real a1_y = q[3 * i + 4];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[6 * i + 4] = x3;
-        phi_q[6 * i + 7] = -x3;
-        const ncgen_real a0_z = q[3 * i + 2];
-        const ncgen_real a1_z = q[3 * i + 5];
-        const ncgen_real x4 = x1 * (a0_z - a1_z);
-        phi_q[6 * i + 5] = x4;
-        phi_q[6 * i + 8] = -x4;
+        /* row 2: 1000 distance P1-P2 (body link2): |a|^2 - L^2 = 0 with a = P1-P2, L = 0.1 */
+        const ncgen_real P2_x = q[3];
+        const ncgen_real x1 = R(10.000000000000002) * (P1_x - P2_x);
+        phi_q[3] = x1;
+        const ncgen_real P2_y = q[4];
+        const ncgen_real x2 = R(10.000000000000002) * (P1_y - P2_y);
+        phi_q[4] = x2;
+        const ncgen_real P2_z = q[5];
+        const ncgen_real x3 = R(10.000000000000002) * (P1_z - P2_z);
+        phi_q[5] = x3;
+        phi_q[6] = -x1;
+        phi_q[7] = -x2;
+        phi_q[8] = -x3;
+        /* row 3: 1000 distance P2-P3 (body link3): |a|^2 - L^2 = 0 with a = P2-P3, L = 0.1 */
+        const ncgen_real P3_x = q[6];
+        const ncgen_real x4 = R(10.0) * (P2_x - P3_x);
+        phi_q[9] = x4;
+        const ncgen_real P3_y = q[7];
+        const ncgen_real x5 = R(10.0) * (P2_y - P3_y);
+        phi_q[10] = x5;
+        const ncgen_real P3_z = q[8];
+        const ncgen_real x6 = R(10.0) * (P2_z - P3_z);
+        phi_q[11] = x6;
+        phi_q[12] = -x4;
+        phi_q[13] = -x5;
+        phi_q[14] = -x6;
+        /* row 4: 1000 distance P3-P4 (body link4): |a|^2 - L^2 = 0 with a = P3-P4, L = 0.1 */
+        const ncgen_real P4_x = q[9];
+        const ncgen_real x7 = R(10.0) * (P3_x - P4_x);
+        phi_q[15] = x7;
+        const ncgen_real P4_y = q[10];
+        const ncgen_real x8 = R(10.0) * (P3_y - P4_y);
+        phi_q[16] = x8;
+        const ncgen_real P4_z = q[11];
+        const ncgen_real x9 = R(10.0) * (P3_z - P4_z);
+        phi_q[17] = x9;
+        phi_q[18] = -x7;
+        phi_q[19] = -x8;
+        phi_q[20] = -x9;
+        /* row 5: 1000 distance P4-P5 (body link5): |a|^2 - L^2 = 0 with a = P4-P5, L = 0.1 */
+        const ncgen_real P5_x = q[12];
+        const ncgen_real x10 = R(10.0) * (P4_x - P5_x);
+        phi_q[21] = x10;
+        const ncgen_real P5_y = q[13];
+        const ncgen_real x11 = R(10.0) * (P4_y - P5_y);
+        phi_q[22] = x11;
+        const ncgen_real P5_z = q[14];
+        const ncgen_real x12 = R(10.0) * (P4_z - P5_z);
+        phi_q[23] = x12;
+        phi_q[24] = -x10;
+        phi_q[25] = -x11;
+        phi_q[26] = -x12;
+        /* row 6: 1000 distance P5-P6 (body link6): |a|^2 - L^2 = 0 with a = P5-P6, L = 0.1 */
+        const ncgen_real P6_x = q[15];
+        const ncgen_real x13 = R(10.000000000000002) * (P5_x - P6_x);
+        phi_q[27] = x13;
+        const ncgen_real P6_y = q[16];
+        const ncgen_real x14 = R(10.000000000000002) * (P5_y - P6_y);
+        phi_q[28] = x14;
+        const ncgen_real P6_z = q[17];
+        const ncgen_real x15 = R(10.000000000000002) * (P5_z - P6_z);
+        phi_q[29] = x15;
+        phi_q[30] = -x13;
+        phi_q[31] = -x14;
+        phi_q[32] = -x15;
+        /* row 7: 1000 distance P6-P7 (body link7): |a|^2 - L^2 = 0 with a = P6-P7, L = 0.1 */
+        const ncgen_real P7_x = q[18];
+        const ncgen_real x16 = R(10.0) * (P6_x - P7_x);
+        phi_q[33] = x16;
+        const ncgen_real P7_y = q[19];
+        const ncgen_real x17 = R(10.0) * (P6_y - P7_y);
+        phi_q[34] = x17;
+        const ncgen_real P7_z = q[20];
+        const ncgen_real x18 = R(10.0) * (P6_z - P7_z);
+        phi_q[35] = x18;
+        phi_q[36] = -x16;
+        phi_q[37] = -x17;
+        phi_q[38] = -x18;
+        /* row 8: 1000 distance P7-P8 (body link8): |a|^2 - L^2 = 0 with a = P7-P8, L = 0.1 */
+        const ncgen_real P8_x = q[21];
+        const ncgen_real x19 = R(10.0) * (P7_x - P8_x);
+        phi_q[39] = x19;
+        const ncgen_real P8_y = q[22];
+        const ncgen_real x20 = R(10.0) * (P7_y - P8_y);
+        phi_q[40] = x20;
+        const ncgen_real P8_z = q[23];
+        const ncgen_real x21 = R(10.0) * (P7_z - P8_z);
+        phi_q[41] = x21;
+        phi_q[42] = -x19;
+        phi_q[43] = -x20;
+        phi_q[44] = -x21;
+        /* row 9: 1000 distance P8-P9 (body link9): |a|^2 - L^2 = 0 with a = P8-P9, L = 0.1 */
+        const ncgen_real P9_x = q[24];
+        const ncgen_real x22 = R(10.0) * (P8_x - P9_x);
+        phi_q[45] = x22;
+        const ncgen_real P9_y = q[25];
+        const ncgen_real x23 = R(10.0) * (P8_y - P9_y);
+        phi_q[46] = x23;
+        const ncgen_real P9_z = q[26];
+        const ncgen_real x24 = R(10.0) * (P8_z - P9_z);
+        phi_q[47] = x24;
+        phi_q[48] = -x22;
+        phi_q[49] = -x23;
+        phi_q[50] = -x24;
+        /* row 10: 1000 distance P9-P10 (body link10): |a|^2 - L^2 = 0 with a = P9-P10, L = 0.1 */
+        const ncgen_real P10_x = q[27];
+        const ncgen_real x25 = R(9.999999999999996) * (P9_x - P10_x);
+        phi_q[51] = x25;
+        const ncgen_real P10_y = q[28];
+        const ncgen_real x26 = R(9.999999999999996) * (P9_y - P10_y);
+        phi_q[52] = x26;
+        const ncgen_real P10_z = q[29];
+        const ncgen_real x27 = R(9.999999999999996) * (P9_z - P10_z);
+        phi_q[53] = x27;
+        phi_q[54] = -x25;
+        phi_q[55] = -x26;
+        phi_q[56] = -x27;
     }
 
     return NCGEN_OK;
@@ -183,30 +309,80 @@ int chain_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dP1_z = qd[2];
         const ncgen_real x1 = R(10.0) * (dP1_x * dP1_x + dP1_y * dP1_y + dP1_z * dP1_z);
         gamma[0] = -x1;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance P1-P2 (body link2): |a|^2 - L^2 = 0 with a = P1-P2, L = 0.1 */
-    /*   row 3: 1000 distance P2-P3 (body link3): |a|^2 - L^2 = 0 with a = P2-P3, L = 0.1 */
-    /*   row 4: 1000 distance P3-P4 (body link4): |a|^2 - L^2 = 0 with a = P3-P4, L = 0.1 */
-    /*   row 5: 1000 distance P4-P5 (body link5): |a|^2 - L^2 = 0 with a = P4-P5, L = 0.1 */
-    /*   row 6: 1000 distance P5-P6 (body link6): |a|^2 - L^2 = 0 with a = P5-P6, L = 0.1 */
-    /*   row 7: 1000 distance P6-P7 (body link7): |a|^2 - L^2 = 0 with a = P6-P7, L = 0.1 */
-    /*   row 8: 1000 distance P7-P8 (body link8): |a|^2 - L^2 = 0 with a = P7-P8, L = 0.1 */
-    /*   row 9: 1000 distance P8-P9 (body link9): |a|^2 - L^2 = 0 with a = P8-P9, L = 0.1 */
-    /*   row 10: 1000 distance P9-P10 (body link10): |a|^2 - L^2 = 0 with a = P9-P10, L = 0.1 */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real x1 = chain_number_3[i];
-        const ncgen_real da0_x = qd[3 * i];
-        const ncgen_real da1_x = qd[3 * i + 3];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[3 * i + 1];
-        const ncgen_real da1_y = qd[3 * i + 4];
-        const ncgen_real x3 = da0_y - da1_y;
-        const ncgen_real da0_z = qd[3 * i + 2];
-        const ncgen_real da1_z = qd[3 * i + 5];
-        const ncgen_real x4 = da0_z - da1_z;
-        gamma[i + 1] = -(x1 * (x2 * x2 + x3 * x3 + x4 * x4));
+        /* row 2: 1000 distance P1-P2 (body link2): |a|^2 - L^2 = 0 with a = P1-P2, L = 0.1 */
+        const ncgen_real dP2_x = qd[3];
+        const ncgen_real x2 = dP1_x - dP2_x;
+        const ncgen_real dP2_y = qd[4];
+        const ncgen_real x3 = dP1_y - dP2_y;
+        const ncgen_real dP2_z = qd[5];
+        const ncgen_real x4 = dP1_z - dP2_z;
+        gamma[1] = -(R(10.000000000000002) * (x2 * x2 + x3 * x3 + x4 * x4));
+        /* row 3: 1000 distance P2-P3 (body link3): |a|^2 - L^2 = 0 with a = P2-P3, L = 0.1 */
+        const ncgen_real dP3_x = qd[6];
+        const ncgen_real x5 = dP2_x - dP3_x;
+        const ncgen_real dP3_y = qd[7];
+        const ncgen_real x6 = dP2_y - dP3_y;
+        const ncgen_real dP3_z = qd[8];
+        const ncgen_real x7 = dP2_z - dP3_z;
+        gamma[2] = -(R(10.0) * (x5 * x5 + x6 * x6 + x7 * x7));
+        /* row 4: 1000 distance P3-P4 (body link4): |a|^2 - L^2 = 0 with a = P3-P4, L = 0.1 */
+        const ncgen_real dP4_x = qd[9];
+        const ncgen_real x8 = dP3_x - dP4_x;
+        const ncgen_real dP4_y = qd[10];
+        const ncgen_real x9 = dP3_y - dP4_y;
+        const ncgen_real dP4_z = qd[11];
+        const ncgen_real x10 = dP3_z - dP4_z;
+        gamma[3] = -(R(10.0) * (x8 * x8 + x9 * x9 + x10 * x10));
+        /* row 5: 1000 distance P4-P5 (body link5): |a|^2 - L^2 = 0 with a = P4-P5, L = 0.1 */
+        const ncgen_real dP5_x = qd[12];
+        const ncgen_real x11 = dP4_x - dP5_x;
+        const ncgen_real dP5_y = qd[13];
+        const ncgen_real x12 = dP4_y - dP5_y;
+        const ncgen_real dP5_z = qd[14];
+        const ncgen_real x13 = dP4_z - dP5_z;
+        gamma[4] = -(R(10.0) * (x11 * x11 + x12 * x12 + x13 * x13));
+        /* row 6: 1000 distance P5-P6 (body link6): |a|^2 - L^2 = 0 with a = P5-P6, L = 0.1 */
+        const ncgen_real dP6_x = qd[15];
+        const ncgen_real x14 = dP5_x - dP6_x;
+        const ncgen_real dP6_y = qd[16];
+        const ncgen_real x15 = dP5_y - dP6_y;
+        const ncgen_real dP6_z = qd[17];
+        const ncgen_real x16 = dP5_z - dP6_z;
+        const ncgen_real x17 = R(10.000000000000002) * (x14 * x14 + x15 * x15 + x16 * x16);
+        gamma[5] = -x17;
+        /* row 7: 1000 distance P6-P7 (body link7): |a|^2 - L^2 = 0 with a = P6-P7, L = 0.1 */
+        const ncgen_real dP7_x = qd[18];
+        const ncgen_real x18 = dP6_x - dP7_x;
+        const ncgen_real dP7_y = qd[19];
+        const ncgen_real x19 = dP6_y - dP7_y;
+        const ncgen_real dP7_z = qd[20];
+        const ncgen_real x20 = dP6_z - dP7_z;
+        gamma[6] = -(R(10.0) * (x18 * x18 + x19 * x19 + x20 * x20));
+        /* row 8: 1000 distance P7-P8 (body link8): |a|^2 - L^2 = 0 with a = P7-P8, L = 0.1 */
+        const ncgen_real dP8_x = qd[21];
+        const ncgen_real x21 = dP7_x - dP8_x;
+        const ncgen_real dP8_y = qd[22];
+        const ncgen_real x22 = dP7_y - dP8_y;
+        const ncgen_real dP8_z = qd[23];
+        const ncgen_real x23 = dP7_z - dP8_z;
+        gamma[7] = -(R(10.0) * (x21 * x21 + x22 * x22 + x23 * x23));
+        /* row 9: 1000 distance P8-P9 (body link9): |a|^2 - L^2 = 0 with a = P8-P9, L = 0.1 */
+        const ncgen_real dP9_x = qd[24];
+        const ncgen_real x24 = dP8_x - dP9_x;
+        const ncgen_real dP9_y = qd[25];
+        const ncgen_real x25 = dP8_y - dP9_y;
+        const ncgen_real dP9_z = qd[26];
+        const ncgen_real x26 = dP8_z - dP9_z;
+        gamma[8] = -(R(10.0) * (x24 * x24 + x25 * x25 + x26 * x26));
+        /* row 10: 1000 distance P9-P10 (body link10): |a|^2 - L^2 = 0 with a = P9-P10, L = 0.1 */
+        const ncgen_real dP10_x = qd[27];
+        const ncgen_real x27 = dP9_x - dP10_x;
+        const ncgen_real dP10_y = qd[28];
+        const ncgen_real x28 = dP9_y - dP10_y;
+        const ncgen_real dP10_z = qd[29];
+        const ncgen_real x29 = dP9_z - dP10_z;
+        const ncgen_real x30 = R(9.999999999999996) * (x27 * x27 + x28 * x28 + x29 * x29);
+        gamma[9] = -x30;
     }
 
     return NCGEN_OK;
@@ -221,7 +397,7 @@ int chain_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 84; ++i) {
-        const ncgen_real x1 = chain_number_4[i];
+        const ncgen_real x1 = chain_number_1[i];
         mass[i] = x1;
     }
 
@@ -238,14 +414,14 @@ int chain_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = chain_number_5[i];
+        const ncgen_real x1 = chain_number_2[i];
         force[i] = x1;
     }
 
     return NCGEN_OK;
 }
 
-/* energy: 201 operations */
+/* energy: 190 operations */
 int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -256,12 +432,31 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         energy[i] = NCGEN_SPLAT(R(0.0));
     }
 
+    {
+        /* P1.z; P2.z; P3.z; P4.z; P5.z; P6.z; P7.z; P8.z; P9.z; P10.z */
+        const ncgen_real P10_z = q[29];
+        const ncgen_real P9_z = q[26];
+        const ncgen_real P8_z = q[23];
+        const ncgen_real P7_z = q[20];
+        const ncgen_real P6_z = q[17];
+        const ncgen_real P5_z = q[14];
+        const ncgen_real P4_z = q[11];
+        const ncgen_real P3_z = q[8];
+        const ncgen_real P1_z = q[2];
+        const ncgen_real P2_z = q[5];
+        const ncgen_real x1 = R(0.9810000000000001) * P1_z + R(0.9810000000000002) * P2_z;
+        const ncgen_real x2 = R(0.9810000000000002) * P4_z + (R(0.9810000000000001) * P3_z + x1);
+        const ncgen_real x3 = R(0.9810000000000004) * P6_z + (R(0.9809999999999999) * P5_z + x2);
+        const ncgen_real x4 = R(0.9810000000000004) * P8_z + (R(0.9809999999999997) * P7_z + x3);
+        energy[1] = R(0.49050000000000005) * P10_z + (R(0.981) * P9_z + x4);
+    }
+
     /* mass-diagonal: m v^2 / 2 */
     /*   P1.x, P1.y, P1.z, P2.x, P2.y, P2.z, P3.x, P3.y, P3.z, P4.x, P4.y, P4.z, P5.x, P5.y, P5.z, */
     /*   P6.x, P6.y, P6.z, P7.x, P7.y, P7.z, P8.x, P8.y, P8.z, P9.x, P9.y, P9.z, P10.x, P10.y, */
     /*   P10.z */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = chain_number_6[i];
+        const ncgen_real x1 = chain_number_3[i];
         const ncgen_real dx = qd[i];
         energy[0] += x1 * (dx * dx);
     }
@@ -274,16 +469,8 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     for (int i = 0; i < 27; ++i) {
         const ncgen_real dy = qd[i + 3];
         const ncgen_real dx = qd[i];
-        const ncgen_real m = chain_number_7[i];
+        const ncgen_real m = chain_number_4[i];
         energy[0] += dy * (dx * m);
-    }
-
-    /* weight: -f x */
-    /*   P1.z, P2.z, P3.z, P4.z, P5.z, P6.z, P7.z, P8.z, P9.z, P10.z */
-    for (int i = 0; i < 10; ++i) {
-        const ncgen_real x = q[3 * i + 2];
-        const ncgen_real f = chain_number_8[i];
-        energy[1] += -(x * f);
     }
 
     return NCGEN_OK;
@@ -376,7 +563,7 @@ const ncgen_model *chain_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "chain",
-        .fingerprint = "ec12676dd5866d47",
+        .fingerprint = "6be67bdddecfcf7a",
         .n_coordinates = 30,
         .n_rows = 10,
         .n_parameters = 0,

@@ -5,45 +5,8 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int disc_index_1[3] = {
-    0, 1, 3
-};
-static const int disc_index_2[3] = {
-    0, 3, 3
-};
-static const int disc_index_3[3] = {
-    0, 0, 3
-};
-static const int disc_index_4[3] = {
-    0, 2, 3
-};
-static const int disc_index_5[4] = {
-    0, 3, 9, 12
-};
-static const int disc_index_6[3] = {
-    0, 3, 12
-};
-static const int disc_index_7[3] = {
-    0, 9, 15
-};
-static const int disc_index_8[9] = {
-    0, 1, 2, 12, 13, 14, 15, 16, 17
-};
-static const int disc_index_9[9] = {
-    0, 1, 2, 3, 4, 5, 3, 4, 5
-};
-static const int disc_index_10[9] = {
-    0, 1, 2, 0, 1, 2, 12, 13, 14
-};
 
-static const ncgen_scalar disc_number_1[4] = {
-    -R(0.15000000000000002), R(0.14999999999999994), R(0.15000000000000013),
-    -R(0.1499999999999998)
-};
-static const ncgen_scalar disc_number_2[4] = {
-    -R(0.2598076211353315), -R(0.2598076211353316), R(0.25980762113533146), R(0.25980762113533173)
-};
-static const ncgen_scalar disc_number_3[107] = {
+static const ncgen_scalar disc_number_1[107] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(1.0), R(0.0), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
@@ -60,7 +23,7 @@ static const ncgen_scalar disc_number_3[107] = {
     R(0.25980762113533173), R(1.0), -R(1.0), -R(0.1499999999999998), R(0.25980762113533173),
     R(1.0)
 };
-static const ncgen_scalar disc_number_4[27] = {
+static const ncgen_scalar disc_number_2[27] = {
     R(2.6666666666666665), -R(0.3333333333333333), -R(0.3333333333333333), R(2.6666666666666665),
     -R(0.3333333333333333), -R(0.3333333333333333), R(2.6666666666666665), -R(0.3333333333333333),
     -R(0.3333333333333333), -R(0.3333333333333333), R(0.6666666666666667), -R(0.3333333333333334),
@@ -69,23 +32,13 @@ static const ncgen_scalar disc_number_4[27] = {
     R(0.6666666666666667), -R(0.3333333333333333), -R(0.3333333333333334), R(0.6666666666666667),
     -R(0.3333333333333333), -R(0.3333333333333334), R(0.6666666666666667)
 };
-static const ncgen_scalar disc_number_5[30] = {
+static const ncgen_scalar disc_number_3[30] = {
     R(0.0), R(0.0), -R(19.62), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
 };
-static const ncgen_scalar disc_number_6[9] = {
-    R(1.3333333333333333), R(1.3333333333333333), R(1.3333333333333333), R(0.33333333333333337),
-    R(0.33333333333333337), R(0.33333333333333337), R(0.33333333333333337), R(0.33333333333333337),
-    R(0.33333333333333337)
-};
-static const ncgen_scalar disc_number_7[9] = {
-    -R(0.3333333333333333), -R(0.3333333333333333), -R(0.3333333333333333), -R(0.3333333333333333),
-    -R(0.3333333333333333), -R(0.3333333333333333), -R(0.3333333333333334), -R(0.3333333333333334),
-    -R(0.3333333333333334)
-};
 
-/* phi: 116 operations, 1 of them elementary functions */
+/* phi: 115 operations, 1 of them elementary functions */
 int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -97,106 +50,105 @@ int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
     }
 
     {
+        /* row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
+        const ncgen_real u_x = q[3];
+        const ncgen_real u_y = q[4];
+        const ncgen_real u_z = q[5];
+        const ncgen_real x1 = u_z * u_z;
+        phi[0] = R(0.5) * (u_x * u_x + u_y * u_y + x1 - R(1.0));
+        /* row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v */
+        const ncgen_real v_x = q[6];
+        const ncgen_real v_y = q[7];
+        const ncgen_real v_z = q[8];
+        phi[1] = R(0.5) * (v_x * v_x + v_y * v_y + v_z * v_z - R(1.0));
+        /* row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0 */
+        phi[2] = u_x * v_x + u_y * v_y + u_z * v_z;
+        /* row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux */
+        const ncgen_real x_disc_aux_x = q[9];
+        const ncgen_real x_disc_aux_y = q[10];
+        const ncgen_real x2 = x_disc_aux_x * x_disc_aux_x + x_disc_aux_y * x_disc_aux_y;
+        const ncgen_real x_disc_aux_z = q[11];
+        phi[3] = R(0.5) * (x2 + x_disc_aux_z * x_disc_aux_z - R(1.0));
+        /* row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0 */
+        const ncgen_real x3 = u_x * x_disc_aux_x + u_y * x_disc_aux_y + u_z * x_disc_aux_z;
+        phi[4] = x3;
+        /* row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0 */
+        const ncgen_real x4 = v_x * x_disc_aux_x + v_y * x_disc_aux_y + v_z * x_disc_aux_z;
+        phi[5] = x4;
         /* row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0 */
         const ncgen_real C_z = q[2];
-        const ncgen_real u_z = q[5];
-        phi[6] = C_z - R(0.3) * NCGEN_SQRT(R(1.0) - u_z * u_z);
+        phi[6] = C_z - R(0.3) * NCGEN_SQRT(R(1.0) - x1);
         /* row 10: combination P1.x (body disc): (e - c a x b).x = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0 */
         const ncgen_real P1_x = q[12];
         const ncgen_real C_x = q[0];
-        const ncgen_real v_x = q[6];
-        const ncgen_real x1 = R(0.3) * v_x;
-        phi[9] = P1_x - C_x - x1;
+        const ncgen_real x5 = R(0.3) * v_x;
+        phi[9] = P1_x - C_x - x5;
         /* row 11: combination P1.y (body disc): (e - c a x b).y = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0 */
         const ncgen_real P1_y = q[13];
         const ncgen_real C_y = q[1];
-        const ncgen_real v_y = q[7];
-        const ncgen_real x2 = R(0.3) * v_y;
-        phi[10] = P1_y - C_y - x2;
+        const ncgen_real x6 = R(0.3) * v_y;
+        phi[10] = P1_y - C_y - x6;
         /* row 12: combination P1.z (body disc): (e - c a x b).z = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0 */
         const ncgen_real P1_z = q[14];
-        const ncgen_real v_z = q[8];
-        const ncgen_real x3 = R(0.3) * v_z;
-        phi[11] = P1_z - C_z - x3;
+        const ncgen_real x7 = R(0.3) * v_z;
+        phi[11] = P1_z - C_z - x7;
+        /* row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P2_x = q[15];
+        const ncgen_real x8 = P2_x - C_x - R(0.15000000000000002) * v_x - R(0.2598076211353315) * x_disc_aux_x;
+        phi[12] = x8;
+        /* row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P2_y = q[16];
+        const ncgen_real x9 = P2_y - C_y - R(0.15000000000000002) * v_y - R(0.2598076211353315) * x_disc_aux_y;
+        phi[13] = x9;
+        /* row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P2_z = q[17];
+        const ncgen_real x10 = P2_z - C_z - R(0.15000000000000002) * v_z - R(0.2598076211353315) * x_disc_aux_z;
+        phi[14] = x10;
+        /* row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P3_x = q[18];
+        const ncgen_real x11 = P3_x - C_x + R(0.14999999999999994) * v_x - R(0.2598076211353316) * x_disc_aux_x;
+        phi[15] = x11;
+        /* row 17: combination P3.y (body disc): (e - c a x b).y = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P3_y = q[19];
+        const ncgen_real x12 = P3_y - C_y + R(0.14999999999999994) * v_y - R(0.2598076211353316) * x_disc_aux_y;
+        phi[16] = x12;
+        /* row 18: combination P3.z (body disc): (e - c a x b).z = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P3_z = q[20];
+        const ncgen_real x13 = P3_z - C_z + R(0.14999999999999994) * v_z - R(0.2598076211353316) * x_disc_aux_z;
+        phi[17] = x13;
         /* row 19: combination P4.x (body disc): (e - c a x b).x = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0 */
         const ncgen_real P4_x = q[21];
-        phi[18] = x1 + (P4_x - C_x);
+        phi[18] = x5 + (P4_x - C_x);
         /* row 20: combination P4.y (body disc): (e - c a x b).y = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0 */
         const ncgen_real P4_y = q[22];
-        phi[19] = x2 + (P4_y - C_y);
+        phi[19] = x6 + (P4_y - C_y);
         /* row 21: combination P4.z (body disc): (e - c a x b).z = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0 */
         const ncgen_real P4_z = q[23];
-        phi[20] = x3 + (P4_z - C_z);
-    }
-
-    /* unit: |u|^2 - 1 */
-    /*   row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
-    /*   row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v */
-    /*   row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real u_x = q[3 * i + 3];
-        const ncgen_real u_y = q[3 * i + 4];
-        const ncgen_real u_z = q[3 * i + 5];
-        phi[disc_index_1[i]] = R(0.5) * (u_x * u_x + u_y * u_y + u_z * u_z - R(1.0));
-    }
-
-    /* vector-vector: u.v - c */
-    /*   row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0 */
-    /*   row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0 */
-    /*   row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real u_x = q[disc_index_2[i] + 6];
-        const ncgen_real v_x = q[disc_index_3[i] + 3];
-        const ncgen_real u_y = q[disc_index_2[i] + 7];
-        const ncgen_real v_y = q[disc_index_3[i] + 4];
-        const ncgen_real u_z = q[disc_index_2[i] + 8];
-        const ncgen_real v_z = q[disc_index_3[i] + 5];
-        phi[disc_index_4[i] + 2] = u_x * v_x + u_y * v_y + u_z * v_z;
-    }
-
-    /* affine-x: (e - c a x b).x */
-    /*   row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
-    /*   row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
-    /*   row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
-    /*   row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real e0_x = q[disc_index_5[i] + 15];
-        const ncgen_real e1_x = q[0];
-        const ncgen_real weight_e2_x = disc_number_1[i];
-        const ncgen_real e2_x = q[6];
-        const ncgen_real weight_e3_x = disc_number_2[i];
-        const ncgen_real e3_x = q[9];
-        phi[disc_index_5[i] + 12] = e0_x - e1_x + weight_e2_x * e2_x + weight_e3_x * e3_x;
-    }
-
-    /* affine-y: (e - c a x b).y */
-    /*   row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
-    /*   row 17: combination P3.y (body disc): (e - c a x b).y = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
-    /*   row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
-    /*   row 26: combination P6.y (body disc): (e - c a x b).y = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real e0_y = q[disc_index_5[i] + 16];
-        const ncgen_real e1_y = q[1];
-        const ncgen_real weight_e2_y = disc_number_1[i];
-        const ncgen_real e2_y = q[7];
-        const ncgen_real weight_e3_y = disc_number_2[i];
-        const ncgen_real e3_y = q[10];
-        phi[disc_index_5[i] + 13] = e0_y - e1_y + weight_e2_y * e2_y + weight_e3_y * e3_y;
-    }
-
-    /* affine-z: (e - c a x b).z */
-    /*   row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
-    /*   row 18: combination P3.z (body disc): (e - c a x b).z = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
-    /*   row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
-    /*   row 27: combination P6.z (body disc): (e - c a x b).z = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real e0_z = q[disc_index_5[i] + 17];
-        const ncgen_real e1_z = q[2];
-        const ncgen_real weight_e2_z = disc_number_1[i];
-        const ncgen_real e2_z = q[8];
-        const ncgen_real weight_e3_z = disc_number_2[i];
-        const ncgen_real e3_z = q[11];
-        phi[disc_index_5[i] + 14] = e0_z - e1_z + weight_e2_z * e2_z + weight_e3_z * e3_z;
+        phi[20] = x7 + (P4_z - C_z);
+        /* row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P5_x = q[24];
+        const ncgen_real x14 = P5_x - C_x + R(0.15000000000000013) * v_x + R(0.25980762113533146) * x_disc_aux_x;
+        phi[21] = x14;
+        /* row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P5_y = q[25];
+        const ncgen_real x15 = P5_y - C_y + R(0.15000000000000013) * v_y + R(0.25980762113533146) * x_disc_aux_y;
+        phi[22] = x15;
+        /* row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P5_z = q[26];
+        const ncgen_real x16 = P5_z - C_z + R(0.15000000000000013) * v_z + R(0.25980762113533146) * x_disc_aux_z;
+        phi[23] = x16;
+        /* row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P6_x = q[27];
+        const ncgen_real x17 = P6_x - C_x - R(0.1499999999999998) * v_x + R(0.25980762113533173) * x_disc_aux_x;
+        phi[24] = x17;
+        /* row 26: combination P6.y (body disc): (e - c a x b).y = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P6_y = q[28];
+        const ncgen_real x18 = P6_y - C_y - R(0.1499999999999998) * v_y + R(0.25980762113533173) * x_disc_aux_y;
+        phi[25] = x18;
+        /* row 27: combination P6.z (body disc): (e - c a x b).z = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P6_z = q[29];
+        const ncgen_real x19 = P6_z - C_z - R(0.1499999999999998) * v_z + R(0.25980762113533173) * x_disc_aux_z;
+        phi[26] = x19;
     }
 
     return NCGEN_OK;
@@ -210,23 +162,59 @@ int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 107; ++i) {
-        const ncgen_real x1 = disc_number_3[i];
+        const ncgen_real x1 = disc_number_1[i];
         phi_q[i] = x1;
     }
 
     {
-        /* row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0 */
+        /* row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
+        const ncgen_real u_x = q[3];
+        phi_q[0] = u_x;
+        const ncgen_real u_y = q[4];
+        phi_q[1] = u_y;
         const ncgen_real u_z = q[5];
+        phi_q[2] = u_z;
+        /* row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v */
+        const ncgen_real v_x = q[6];
+        phi_q[3] = v_x;
+        const ncgen_real v_y = q[7];
+        phi_q[4] = v_y;
+        const ncgen_real v_z = q[8];
+        phi_q[5] = v_z;
+        /* row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0 */
+        phi_q[6] = v_x;
+        phi_q[7] = v_y;
+        phi_q[8] = v_z;
+        phi_q[9] = u_x;
+        phi_q[10] = u_y;
+        phi_q[11] = u_z;
+        /* row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux */
+        const ncgen_real x_disc_aux_x = q[9];
+        phi_q[12] = x_disc_aux_x;
+        const ncgen_real x_disc_aux_y = q[10];
+        phi_q[13] = x_disc_aux_y;
+        const ncgen_real x_disc_aux_z = q[11];
+        phi_q[14] = x_disc_aux_z;
+        /* row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0 */
+        phi_q[15] = x_disc_aux_x;
+        phi_q[16] = x_disc_aux_y;
+        phi_q[17] = x_disc_aux_z;
+        phi_q[18] = u_x;
+        phi_q[19] = u_y;
+        phi_q[20] = u_z;
+        /* row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0 */
+        phi_q[21] = x_disc_aux_x;
+        phi_q[22] = x_disc_aux_y;
+        phi_q[23] = x_disc_aux_z;
+        phi_q[24] = v_x;
+        phi_q[25] = v_y;
+        phi_q[26] = v_z;
+        /* row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0 */
         const ncgen_real x1 = u_z * u_z;
         const ncgen_real x2 = NCGEN_SQRT(R(1.0) - x1);
         phi_q[28] = R(0.3) * u_z / x2;
         /* row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0 */
-        const ncgen_real v_z = q[8];
         const ncgen_real x3 = x1 - R(1.0);
-        const ncgen_real u_x = q[3];
-        const ncgen_real v_y = q[7];
-        const ncgen_real u_y = q[4];
-        const ncgen_real v_x = q[6];
         const ncgen_real x4 = u_z * (R(0.3) * u_x);
         const ncgen_real x5 = R(0.3) * x3 * (u_x * v_y - u_y * v_x) / x2 + (u_y * v_z - u_z * v_y) * x4 / x2;
         const ncgen_real x6 = u_z * (R(0.3) * u_y);
@@ -247,42 +235,10 @@ int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[40] = -(u_y * x7);
     }
 
-    /* unit: |u|^2 - 1 */
-    /*   row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
-    /*   row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v */
-    /*   row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real u_x = q[3 * i + 3];
-        phi_q[disc_index_6[i]] = u_x;
-        const ncgen_real u_y = q[3 * i + 4];
-        phi_q[disc_index_6[i] + 1] = u_y;
-        const ncgen_real u_z = q[3 * i + 5];
-        phi_q[disc_index_6[i] + 2] = u_z;
-    }
-
-    /* vector-vector: u.v - c */
-    /*   row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0 */
-    /*   row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0 */
-    /*   row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real v_x = q[disc_index_3[i] + 3];
-        phi_q[disc_index_7[i] + 9] = v_x;
-        const ncgen_real v_y = q[disc_index_3[i] + 4];
-        phi_q[disc_index_7[i] + 10] = v_y;
-        const ncgen_real v_z = q[disc_index_3[i] + 5];
-        phi_q[disc_index_7[i] + 11] = v_z;
-        const ncgen_real u_x = q[disc_index_2[i] + 6];
-        phi_q[disc_index_7[i] + 6] = u_x;
-        const ncgen_real u_y = q[disc_index_2[i] + 7];
-        phi_q[disc_index_7[i] + 7] = u_y;
-        const ncgen_real u_z = q[disc_index_2[i] + 8];
-        phi_q[disc_index_7[i] + 8] = u_z;
-    }
-
     return NCGEN_OK;
 }
 
-/* gamma: 246 operations, 2 of them elementary functions */
+/* gamma: 245 operations, 2 of them elementary functions */
 int disc_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     (void)t;
@@ -294,89 +250,83 @@ int disc_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
     }
 
     {
-        /* row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0 */
-        const ncgen_real du_z = qd[5];
-        const ncgen_real u_z = q[5];
-        const ncgen_real x1 = u_z * u_z;
-        const ncgen_real x2 = R(1.0) - x1;
-        const ncgen_real x3 = NCGEN_SQRT(x2);
-        gamma[6] = -(R(0.3) * (du_z * du_z) * (R(1.0) + x1 / x2) / x3);
-        /* row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0 */
+        /* row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
         const ncgen_real du_x = qd[3];
-        const ncgen_real x4 = R(0.3) * u_z;
+        const ncgen_real du_y = qd[4];
+        const ncgen_real du_z = qd[5];
+        const ncgen_real x1 = du_z * du_z;
+        gamma[0] = -(du_x * du_x + du_y * du_y + x1);
+        /* row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v */
+        const ncgen_real dv_x = qd[6];
+        const ncgen_real dv_y = qd[7];
+        const ncgen_real dv_z = qd[8];
+        gamma[1] = -(dv_x * dv_x + dv_y * dv_y + dv_z * dv_z);
+        /* row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0 */
+        gamma[2] = -(R(2.0) * (du_x * dv_x + du_y * dv_y + du_z * dv_z));
+        /* row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux */
+        const ncgen_real ddisc_aux_x = qd[9];
+        const ncgen_real ddisc_aux_y = qd[10];
+        const ncgen_real ddisc_aux_z = qd[11];
+        const ncgen_real x2 = ddisc_aux_x * ddisc_aux_x + ddisc_aux_y * ddisc_aux_y + ddisc_aux_z * ddisc_aux_z;
+        gamma[3] = -x2;
+        /* row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0 */
+        const ncgen_real x3 = du_x * ddisc_aux_x + du_y * ddisc_aux_y + du_z * ddisc_aux_z;
+        gamma[4] = -(R(2.0) * x3);
+        /* row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0 */
+        const ncgen_real x4 = dv_x * ddisc_aux_x + dv_y * ddisc_aux_y + dv_z * ddisc_aux_z;
+        gamma[5] = -(R(2.0) * x4);
+        /* row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0 */
+        const ncgen_real u_z = q[5];
+        const ncgen_real x5 = u_z * u_z;
+        const ncgen_real x6 = R(1.0) - x5;
+        const ncgen_real x7 = NCGEN_SQRT(x6);
+        gamma[6] = -(R(0.3) * x1 * (R(1.0) + x5 / x6) / x7);
+        /* row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0 */
+        const ncgen_real x8 = R(0.3) * u_z;
         const ncgen_real u_y = q[4];
         const ncgen_real v_z = q[8];
         const ncgen_real v_y = q[7];
-        const ncgen_real x5 = u_y * v_z - u_z * v_y;
-        const ncgen_real x6 = x1 - R(1.0);
-        const ncgen_real x7 = R(0.3) * u_y;
-        const ncgen_real x8 = u_z * x7;
-        const ncgen_real x9 = x4 * x5 / x3 + R(0.3) * v_y * x6 / x3 - v_z * x8 / x3;
-        const ncgen_real v_x = q[6];
-        const ncgen_real dv_x = qd[6];
-        const ncgen_real u_x = q[3];
-        const ncgen_real dv_z = qd[8];
-        const ncgen_real x10 = du_z * v_x + u_z * dv_x - v_z * du_x - u_x * dv_z;
-        const ncgen_real dv_y = qd[7];
-        const ncgen_real x11 = R(0.3) * dv_y;
+        const ncgen_real x9 = u_y * v_z - u_z * v_y;
+        const ncgen_real x10 = x5 - R(1.0);
+        const ncgen_real x11 = R(0.3) * u_y;
         const ncgen_real x12 = u_z * x11;
-        const ncgen_real x13 = u_x * v_y - u_y * v_x;
-        const ncgen_real x14 = R(0.3) * u_x;
-        const ncgen_real x15 = u_z * x14;
-        const ncgen_real x16 = u_z * v_x - u_x * v_z;
-        const ncgen_real x17 = R(0.3) * x6 * x13 / x3 + x5 * x15 / x3 + x8 * x16 / x3;
-        const ncgen_real x18 = dv_z * x17;
-        const ncgen_real du_y = qd[4];
-        const ncgen_real x19 = x4 * x16 / x3 + v_z * x15 / x3 - x6 * (R(0.3) * v_x) / x3;
-        const ncgen_real x20 = du_x * (x9 * x10 + v_x * x12 / x3 - x18) + du_y * (x10 * x19 + v_y * x12 / x3);
-        const ncgen_real x21 = R(0.6) * u_z;
-        const ncgen_real x22 = x1 * x14;
-        const ncgen_real x23 = NCGEN_POW(x2, R(1.5));
-        const ncgen_real x24 = v_x * x14 / x3 + v_y * x7 / x3 + v_z * x21 / x3 + v_x * x22 / x23;
-        const ncgen_real x25 = x1 * x7;
-        const ncgen_real x26 = x24 + v_y * x25 / x23 + x6 * (v_z * x4) / x23;
-        const ncgen_real x27 = x5 * x14 / x3 + x7 * x16 / x3 + x13 * x21 / x3 + x5 * x22 / x23;
-        const ncgen_real x28 = x27 + v_x * x8 / x3 + x16 * x25 / x23 + x13 * (x4 * x6) / x23;
-        const ncgen_real x29 = x28 - v_y * x15 / x3;
-        const ncgen_real x30 = du_z * x17;
-        const ncgen_real x31 = x25 / x3 - x6 * x7 / x3;
-        const ncgen_real x32 = x20 + du_z * (dv_x * x17 + dv_y * x26 + x10 * x29) + dv_x * (x30 + x10 * x31 + u_z * (u_x * x11) / x3);
-        const ncgen_real x33 = x6 * x14 / x3 - x22 / x3;
-        const ncgen_real x34 = x32 + dv_y * (x10 * x33 + u_z * (u_y * x11) / x3) + dv_z * (x6 * x11 / x3 - du_x * x17);
-        gamma[7] = -x34;
+        const ncgen_real x13 = x8 * x9 / x7 + R(0.3) * v_y * x10 / x7 - v_z * x12 / x7;
+        const ncgen_real v_x = q[6];
+        const ncgen_real u_x = q[3];
+        const ncgen_real x14 = du_z * v_x + dv_x * u_z - du_x * v_z - dv_z * u_x;
+        const ncgen_real x15 = R(0.3) * dv_y;
+        const ncgen_real x16 = u_z * x15;
+        const ncgen_real x17 = u_x * v_y - u_y * v_x;
+        const ncgen_real x18 = R(0.3) * u_x;
+        const ncgen_real x19 = u_z * x18;
+        const ncgen_real x20 = u_z * v_x - u_x * v_z;
+        const ncgen_real x21 = R(0.3) * x10 * x17 / x7 + x9 * x19 / x7 + x12 * x20 / x7;
+        const ncgen_real x22 = dv_z * x21;
+        const ncgen_real x23 = x8 * x20 / x7 + v_z * x19 / x7 - x10 * (R(0.3) * v_x) / x7;
+        const ncgen_real x24 = du_x * (x13 * x14 + v_x * x16 / x7 - x22) + du_y * (x14 * x23 + v_y * x16 / x7);
+        const ncgen_real x25 = R(0.6) * u_z;
+        const ncgen_real x26 = x5 * x18;
+        const ncgen_real x27 = NCGEN_POW(x6, R(1.5));
+        const ncgen_real x28 = v_x * x18 / x7 + v_y * x11 / x7 + v_z * x25 / x7 + v_x * x26 / x27;
+        const ncgen_real x29 = x5 * x11;
+        const ncgen_real x30 = x28 + v_y * x29 / x27 + x10 * (v_z * x8) / x27;
+        const ncgen_real x31 = x9 * x18 / x7 + x11 * x20 / x7 + x17 * x25 / x7 + x9 * x26 / x27;
+        const ncgen_real x32 = x31 + v_x * x12 / x7 + x20 * x29 / x27 + x17 * (x8 * x10) / x27;
+        const ncgen_real x33 = x32 - v_y * x19 / x7;
+        const ncgen_real x34 = du_z * x21;
+        const ncgen_real x35 = x29 / x7 - x10 * x11 / x7;
+        const ncgen_real x36 = x24 + du_z * (dv_x * x21 + dv_y * x30 + x14 * x33) + dv_x * (x34 + x14 * x35 + u_z * (u_x * x15) / x7);
+        const ncgen_real x37 = x10 * x18 / x7 - x26 / x7;
+        const ncgen_real x38 = x36 + dv_y * (x14 * x37 + u_z * (u_y * x15) / x7) + dv_z * (x10 * x15 / x7 - du_x * x21);
+        gamma[7] = -x38;
         /* row 9: no slip of disc (joint rolling of disc): -1.0*rate(C.x) - 1.0*rate(v.x)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) - 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(rate(u.y)*v.z - rate(u.z)*v.y - rate(v.y)*u.z + rate(v.z)*u.y) = 0 */
-        const ncgen_real x35 = v_z * du_y + u_y * dv_z - du_z * v_y - u_z * dv_y;
-        const ncgen_real x36 = R(0.3) * dv_x;
-        const ncgen_real x37 = u_z * x36;
-        const ncgen_real x38 = du_x * (x9 * x35 + v_x * x37 / x3) + du_y * (x18 + x19 * x35 + v_y * x37 / x3);
-        const ncgen_real x39 = x38 - du_z * (dv_y * x17 - dv_x * x26 - x29 * x35) + dv_x * (x31 * x35 + u_z * (u_x * x36) / x3);
-        const ncgen_real x40 = x39 - dv_y * (x30 - x33 * x35 - u_z * (u_y * x36) / x3) + dv_z * (du_y * x17 + x6 * x36 / x3);
-        gamma[8] = x40;
-    }
-
-    /* unit: |u|^2 - 1 */
-    /*   row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
-    /*   row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v */
-    /*   row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real du_x = qd[3 * i + 3];
-        const ncgen_real du_y = qd[3 * i + 4];
-        const ncgen_real du_z = qd[3 * i + 5];
-        gamma[disc_index_1[i]] = -(du_x * du_x + du_y * du_y + du_z * du_z);
-    }
-
-    /* vector-vector: u.v - c */
-    /*   row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0 */
-    /*   row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0 */
-    /*   row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real du_x = qd[disc_index_2[i] + 6];
-        const ncgen_real dv_x = qd[disc_index_3[i] + 3];
-        const ncgen_real du_y = qd[disc_index_2[i] + 7];
-        const ncgen_real dv_y = qd[disc_index_3[i] + 4];
-        const ncgen_real du_z = qd[disc_index_2[i] + 8];
-        const ncgen_real dv_z = qd[disc_index_3[i] + 5];
-        gamma[disc_index_4[i] + 2] = -(R(2.0) * (du_x * dv_x + du_y * dv_y + du_z * dv_z));
+        const ncgen_real x39 = du_y * v_z + dv_z * u_y - du_z * v_y - dv_y * u_z;
+        const ncgen_real x40 = R(0.3) * dv_x;
+        const ncgen_real x41 = u_z * x40;
+        const ncgen_real x42 = du_x * (x13 * x39 + v_x * x41 / x7) + du_y * (x22 + x23 * x39 + v_y * x41 / x7);
+        const ncgen_real x43 = x42 - du_z * (dv_y * x21 - dv_x * x30 - x33 * x39) + dv_x * (x35 * x39 + u_z * (u_x * x40) / x7);
+        const ncgen_real x44 = x43 - dv_y * (x34 - x37 * x39 - u_z * (u_y * x40) / x7) + dv_z * (du_y * x21 + x10 * x40 / x7);
+        gamma[8] = x44;
     }
 
     return NCGEN_OK;
@@ -391,7 +341,7 @@ int disc_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = disc_number_4[i];
+        const ncgen_real x1 = disc_number_2[i];
         mass[i] = x1;
     }
 
@@ -408,14 +358,14 @@ int disc_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = disc_number_5[i];
+        const ncgen_real x1 = disc_number_3[i];
         force[i] = x1;
     }
 
     return NCGEN_OK;
 }
 
-/* energy: 55 operations */
+/* energy: 51 operations */
 int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -427,27 +377,30 @@ int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
     }
 
     {
+        /* C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; C.x P2.x; C.y P2.y; C.z P2.z; P1.x P2.x; P1.y P2.y; P1.z P2.z */
+        const ncgen_real dP2_z = qd[17];
+        const ncgen_real dP2_y = qd[16];
+        const ncgen_real dP2_x = qd[15];
+        const ncgen_real dP1_z = qd[14];
+        const ncgen_real dP1_y = qd[13];
+        const ncgen_real dP1_x = qd[12];
+        const ncgen_real dC_z = qd[2];
+        const ncgen_real dC_x = qd[0];
+        const ncgen_real dC_y = qd[1];
+        const ncgen_real x1 = R(1.3333333333333333) * (dC_x * dC_x) + R(1.3333333333333333) * (dC_y * dC_y);
+        const ncgen_real x2 = R(0.33333333333333337) * (dP1_x * dP1_x) + (R(1.3333333333333333) * (dC_z * dC_z) + x1);
+        const ncgen_real x3 = R(0.33333333333333337) * (dP1_z * dP1_z) + (R(0.33333333333333337) * (dP1_y * dP1_y) + x2);
+        const ncgen_real x4 = R(0.33333333333333337) * (dP2_y * dP2_y) + (R(0.33333333333333337) * (dP2_x * dP2_x) + x3);
+        const ncgen_real x5 = R(0.3333333333333333) * dC_x;
+        const ncgen_real x6 = R(0.33333333333333337) * (dP2_z * dP2_z) + x4 - dP1_x * x5;
+        const ncgen_real x7 = R(0.3333333333333333) * dC_y;
+        const ncgen_real x8 = R(0.3333333333333333) * dC_z;
+        const ncgen_real x9 = x6 - dP1_y * x7 - dP1_z * x8 - dP2_x * x5 - dP2_y * x7 - dP2_z * x8;
+        const ncgen_real x10 = x9 - dP2_x * (R(0.3333333333333334) * dP1_x) - dP2_y * (R(0.3333333333333334) * dP1_y);
+        energy[0] = x10 - dP2_z * (R(0.3333333333333334) * dP1_z);
         /* C.z */
         const ncgen_real C_z = q[2];
         energy[1] = R(19.62) * C_z;
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   C.x, C.y, C.z, P1.x, P1.y, P1.z, P2.x, P2.y, P2.z */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real x1 = disc_number_6[i];
-        const ncgen_real dx = qd[disc_index_8[i]];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   C.x P1.x, C.y P1.y, C.z P1.z, C.x P2.x, C.y P2.y, C.z P2.z, P1.x P2.x, P1.y P2.y, */
-    /*   P1.z P2.z */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real dy = qd[disc_index_9[i] + 12];
-        const ncgen_real dx = qd[disc_index_10[i]];
-        const ncgen_real m = disc_number_7[i];
-        energy[0] += dy * (dx * m);
     }
 
     return NCGEN_OK;
@@ -555,7 +508,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "56dc2f32d6c082fc",
+        .fingerprint = "fc37abfdf2b1343d",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,

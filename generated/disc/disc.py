@@ -103,43 +103,7 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_index_1 = np.array([
-    0, 1, 3
-])
-_index_2 = np.array([
-    0, 3, 3
-])
-_index_3 = np.array([
-    0, 0, 3
-])
-_index_4 = np.array([
-    0, 2, 3
-])
-_index_5 = np.array([
-    0, 3, 9, 12
-])
-_index_6 = np.array([
-    0, 3, 12
-])
-_index_7 = np.array([
-    0, 9, 15
-])
-_index_8 = np.array([
-    0, 1, 2, 12, 13, 14, 15, 16, 17
-])
-_index_9 = np.array([
-    0, 1, 2, 3, 4, 5, 3, 4, 5
-])
-_index_10 = np.array([
-    0, 1, 2, 0, 1, 2, 12, 13, 14
-])
 _number_1 = np.array([
-    -0.15000000000000002, 0.14999999999999994, 0.15000000000000013, -0.1499999999999998
-])
-_number_2 = np.array([
-    -0.2598076211353315, -0.2598076211353316, 0.25980762113533146, 0.25980762113533173
-])
-_number_3 = np.array([
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     -1.0, -0.3, 1.0, -1.0, -0.3, 1.0, -1.0, -0.3, 1.0, -1.0, -0.15000000000000002, -0.2598076211353315, 1.0,
@@ -150,7 +114,7 @@ _number_3 = np.array([
     -1.0, 0.15000000000000013, 0.25980762113533146, 1.0, -1.0, -0.1499999999999998, 0.25980762113533173, 1.0,
     -1.0, -0.1499999999999998, 0.25980762113533173, 1.0, -1.0, -0.1499999999999998, 0.25980762113533173, 1.0
 ])
-_number_4 = np.array([
+_number_2 = np.array([
     2.6666666666666665, -0.3333333333333333, -0.3333333333333333, 2.6666666666666665, -0.3333333333333333,
     -0.3333333333333333, 2.6666666666666665, -0.3333333333333333, -0.3333333333333333, -0.3333333333333333,
     0.6666666666666667, -0.3333333333333334, -0.3333333333333333, 0.6666666666666667, -0.3333333333333334,
@@ -158,17 +122,9 @@ _number_4 = np.array([
     0.6666666666666667, -0.3333333333333333, -0.3333333333333334, 0.6666666666666667, -0.3333333333333333,
     -0.3333333333333334, 0.6666666666666667
 ])
-_number_5 = np.array([
+_number_3 = np.array([
     0.0, 0.0, -19.62, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-])
-_number_6 = np.array([
-    1.3333333333333333, 1.3333333333333333, 1.3333333333333333, 0.33333333333333337, 0.33333333333333337,
-    0.33333333333333337, 0.33333333333333337, 0.33333333333333337, 0.33333333333333337
-])
-_number_7 = np.array([
-    -0.3333333333333333, -0.3333333333333333, -0.3333333333333333, -0.3333333333333333, -0.3333333333333333,
-    -0.3333333333333333, -0.3333333333333334, -0.3333333333333334, -0.3333333333333334
 ])
 
 
@@ -179,96 +135,108 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """27 numbers, 116 operations."""
+    """27 numbers, 115 operations."""
     t = np.asarray(t)
     phi = _output(27, t, q, p)
     # constant part
     phi[..., 0:27] = 0.0
+    # row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
+    u_x = q[..., 3]
+    u_y = q[..., 4]
+    u_z = q[..., 5]
+    x1 = u_z * u_z
+    phi[..., 0] = 0.5 * (u_x * u_x + u_y * u_y + x1 - 1.0)
+    # row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v
+    v_x = q[..., 6]
+    v_y = q[..., 7]
+    v_z = q[..., 8]
+    phi[..., 1] = 0.5 * (v_x * v_x + v_y * v_y + v_z * v_z - 1.0)
+    # row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0
+    phi[..., 2] = u_x * v_x + u_y * v_y + u_z * v_z
+    # row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux
+    disc_aux_x = q[..., 9]
+    disc_aux_y = q[..., 10]
+    disc_aux_z = q[..., 11]
+    x2 = disc_aux_x * disc_aux_x + disc_aux_y * disc_aux_y + disc_aux_z * disc_aux_z
+    phi[..., 3] = 0.5 * (x2 - 1.0)
+    # row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0
+    phi[..., 4] = u_x * disc_aux_x + u_y * disc_aux_y + u_z * disc_aux_z
+    # row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0
+    phi[..., 5] = v_x * disc_aux_x + v_y * disc_aux_y + v_z * disc_aux_z
     # row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0
     C_z = q[..., 2]
-    u_z = q[..., 5]
-    phi[..., 6] = C_z - 0.3 * np.sqrt(1.0 - u_z * u_z)
+    phi[..., 6] = C_z - 0.3 * np.sqrt(1.0 - x1)
     # row 10: combination P1.x (body disc): (e - c a x b).x = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0
     P1_x = q[..., 12]
     C_x = q[..., 0]
-    v_x = q[..., 6]
-    x1 = 0.3 * v_x
-    phi[..., 9] = P1_x - C_x - x1
+    x3 = 0.3 * v_x
+    phi[..., 9] = P1_x - C_x - x3
     # row 11: combination P1.y (body disc): (e - c a x b).y = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0
     P1_y = q[..., 13]
     C_y = q[..., 1]
-    v_y = q[..., 7]
-    x2 = 0.3 * v_y
-    phi[..., 10] = P1_y - C_y - x2
+    x4 = 0.3 * v_y
+    phi[..., 10] = P1_y - C_y - x4
     # row 12: combination P1.z (body disc): (e - c a x b).z = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0
     P1_z = q[..., 14]
-    v_z = q[..., 8]
-    x3 = 0.3 * v_z
-    phi[..., 11] = P1_z - C_z - x3
+    x5 = 0.3 * v_z
+    phi[..., 11] = P1_z - C_z - x5
+    # row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
+    P2_x = q[..., 15]
+    x6 = P2_x - C_x - 0.15000000000000002 * v_x - 0.2598076211353315 * disc_aux_x
+    phi[..., 12] = x6
+    # row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
+    P2_y = q[..., 16]
+    x7 = P2_y - C_y - 0.15000000000000002 * v_y - 0.2598076211353315 * disc_aux_y
+    phi[..., 13] = x7
+    # row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
+    P2_z = q[..., 17]
+    x8 = P2_z - C_z - 0.15000000000000002 * v_z - 0.2598076211353315 * disc_aux_z
+    phi[..., 14] = x8
+    # row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
+    P3_x = q[..., 18]
+    x9 = P3_x - C_x + 0.14999999999999994 * v_x - 0.2598076211353316 * disc_aux_x
+    phi[..., 15] = x9
+    # row 17: combination P3.y (body disc): (e - c a x b).y = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
+    P3_y = q[..., 19]
+    x10 = P3_y - C_y + 0.14999999999999994 * v_y - 0.2598076211353316 * disc_aux_y
+    phi[..., 16] = x10
+    # row 18: combination P3.z (body disc): (e - c a x b).z = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
+    P3_z = q[..., 20]
+    x11 = P3_z - C_z + 0.14999999999999994 * v_z - 0.2598076211353316 * disc_aux_z
+    phi[..., 17] = x11
     # row 19: combination P4.x (body disc): (e - c a x b).x = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0
     P4_x = q[..., 21]
-    phi[..., 18] = x1 + (P4_x - C_x)
+    phi[..., 18] = x3 + (P4_x - C_x)
     # row 20: combination P4.y (body disc): (e - c a x b).y = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0
     P4_y = q[..., 22]
-    phi[..., 19] = x2 + (P4_y - C_y)
+    phi[..., 19] = x4 + (P4_y - C_y)
     # row 21: combination P4.z (body disc): (e - c a x b).z = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0
     P4_z = q[..., 23]
-    phi[..., 20] = x3 + (P4_z - C_z)
-    # unit: |u|^2 - 1
-    #   row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
-    #   row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v
-    #   row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux
-    u_x = q[..., 3:12:3]
-    u_y = q[..., 4:13:3]
-    u_z = q[..., 5:14:3]
-    phi[..., _index_1] = 0.5 * (u_x * u_x + u_y * u_y + u_z * u_z - 1.0)
-    # vector-vector: u.v - c
-    #   row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0
-    #   row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0
-    #   row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0
-    u_x = q[..., _index_2 + 6]
-    v_x = q[..., _index_3 + 3]
-    u_y = q[..., _index_2 + 7]
-    v_y = q[..., _index_3 + 4]
-    u_z = q[..., _index_2 + 8]
-    v_z = q[..., _index_3 + 5]
-    phi[..., _index_4 + 2] = u_x * v_x + u_y * v_y + u_z * v_z
-    # affine-x: (e - c a x b).x
-    #   row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
-    #   row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
-    #   row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
-    #   row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
-    e0_x = q[..., _index_5 + 15]
-    e1_x = q[..., 0, None]
-    weight_e2_x = _number_1
-    e2_x = q[..., 6, None]
-    weight_e3_x = _number_2
-    e3_x = q[..., 9, None]
-    phi[..., _index_5 + 12] = e0_x - e1_x + weight_e2_x * e2_x + weight_e3_x * e3_x
-    # affine-y: (e - c a x b).y
-    #   row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
-    #   row 17: combination P3.y (body disc): (e - c a x b).y = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
-    #   row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
-    #   row 26: combination P6.y (body disc): (e - c a x b).y = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
-    e0_y = q[..., _index_5 + 16]
-    e1_y = q[..., 1, None]
-    weight_e2_y = _number_1
-    e2_y = q[..., 7, None]
-    weight_e3_y = _number_2
-    e3_y = q[..., 10, None]
-    phi[..., _index_5 + 13] = e0_y - e1_y + weight_e2_y * e2_y + weight_e3_y * e3_y
-    # affine-z: (e - c a x b).z
-    #   row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
-    #   row 18: combination P3.z (body disc): (e - c a x b).z = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
-    #   row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
-    #   row 27: combination P6.z (body disc): (e - c a x b).z = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
-    e0_z = q[..., _index_5 + 17]
-    e1_z = q[..., 2, None]
-    weight_e2_z = _number_1
-    e2_z = q[..., 8, None]
-    weight_e3_z = _number_2
-    e3_z = q[..., 11, None]
-    phi[..., _index_5 + 14] = e0_z - e1_z + weight_e2_z * e2_z + weight_e3_z * e3_z
+    phi[..., 20] = x5 + (P4_z - C_z)
+    # row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
+    P5_x = q[..., 24]
+    x12 = P5_x - C_x + 0.15000000000000013 * v_x + 0.25980762113533146 * disc_aux_x
+    phi[..., 21] = x12
+    # row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
+    P5_y = q[..., 25]
+    x13 = P5_y - C_y + 0.15000000000000013 * v_y + 0.25980762113533146 * disc_aux_y
+    phi[..., 22] = x13
+    # row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
+    P5_z = q[..., 26]
+    x14 = P5_z - C_z + 0.15000000000000013 * v_z + 0.25980762113533146 * disc_aux_z
+    phi[..., 23] = x14
+    # row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
+    P6_x = q[..., 27]
+    x15 = P6_x - C_x - 0.1499999999999998 * v_x + 0.25980762113533173 * disc_aux_x
+    phi[..., 24] = x15
+    # row 26: combination P6.y (body disc): (e - c a x b).y = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
+    P6_y = q[..., 28]
+    x16 = P6_y - C_y - 0.1499999999999998 * v_y + 0.25980762113533173 * disc_aux_y
+    phi[..., 25] = x16
+    # row 27: combination P6.z (body disc): (e - c a x b).z = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
+    P6_z = q[..., 29]
+    x17 = P6_z - C_z - 0.1499999999999998 * v_z + 0.25980762113533173 * disc_aux_z
+    phi[..., 26] = x17
     return phi
 
 
@@ -277,20 +245,56 @@ def phi_q(t, q, p):
     t = np.asarray(t)
     phi_q = _output(107, t, q, p)
     # constant part
-    x1 = _number_3
+    x1 = _number_1
     phi_q[..., 0:107] = x1
-    # row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0
+    # row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
+    u_x = q[..., 3]
+    phi_q[..., 0] = u_x
+    u_y = q[..., 4]
+    phi_q[..., 1] = u_y
     u_z = q[..., 5]
+    phi_q[..., 2] = u_z
+    # row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v
+    v_x = q[..., 6]
+    phi_q[..., 3] = v_x
+    v_y = q[..., 7]
+    phi_q[..., 4] = v_y
+    v_z = q[..., 8]
+    phi_q[..., 5] = v_z
+    # row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0
+    phi_q[..., 6] = v_x
+    phi_q[..., 7] = v_y
+    phi_q[..., 8] = v_z
+    phi_q[..., 9] = u_x
+    phi_q[..., 10] = u_y
+    phi_q[..., 11] = u_z
+    # row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux
+    disc_aux_x = q[..., 9]
+    phi_q[..., 12] = disc_aux_x
+    disc_aux_y = q[..., 10]
+    phi_q[..., 13] = disc_aux_y
+    disc_aux_z = q[..., 11]
+    phi_q[..., 14] = disc_aux_z
+    # row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0
+    phi_q[..., 15] = disc_aux_x
+    phi_q[..., 16] = disc_aux_y
+    phi_q[..., 17] = disc_aux_z
+    phi_q[..., 18] = u_x
+    phi_q[..., 19] = u_y
+    phi_q[..., 20] = u_z
+    # row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0
+    phi_q[..., 21] = disc_aux_x
+    phi_q[..., 22] = disc_aux_y
+    phi_q[..., 23] = disc_aux_z
+    phi_q[..., 24] = v_x
+    phi_q[..., 25] = v_y
+    phi_q[..., 26] = v_z
+    # row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0
     x1 = u_z * u_z
     x2 = np.sqrt(1.0 - x1)
     phi_q[..., 28] = 0.3 * u_z / x2
     # row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0
-    v_z = q[..., 8]
     x3 = x1 - 1.0
-    u_x = q[..., 3]
-    v_y = q[..., 7]
-    u_y = q[..., 4]
-    v_x = q[..., 6]
     x4 = u_z * (0.3 * u_x)
     x5 = 0.3 * x3 * (u_x * v_y - u_y * v_x) / x2 + (u_y * v_z - u_z * v_y) * x4 / x2
     x6 = u_z * (0.3 * u_y)
@@ -309,118 +313,92 @@ def phi_q(t, q, p):
     phi_q[..., 38] = -x10
     phi_q[..., 39] = x9
     phi_q[..., 40] = -(u_y * x7)
-    # unit: |u|^2 - 1
-    #   row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
-    #   row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v
-    #   row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux
-    u_x = q[..., 3:12:3]
-    phi_q[..., _index_6] = u_x
-    u_y = q[..., 4:13:3]
-    phi_q[..., _index_6 + 1] = u_y
-    u_z = q[..., 5:14:3]
-    phi_q[..., _index_6 + 2] = u_z
-    # vector-vector: u.v - c
-    #   row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0
-    #   row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0
-    #   row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0
-    v_x = q[..., _index_3 + 3]
-    phi_q[..., _index_7 + 9] = v_x
-    v_y = q[..., _index_3 + 4]
-    phi_q[..., _index_7 + 10] = v_y
-    v_z = q[..., _index_3 + 5]
-    phi_q[..., _index_7 + 11] = v_z
-    u_x = q[..., _index_2 + 6]
-    phi_q[..., _index_7 + 6] = u_x
-    u_y = q[..., _index_2 + 7]
-    phi_q[..., _index_7 + 7] = u_y
-    u_z = q[..., _index_2 + 8]
-    phi_q[..., _index_7 + 8] = u_z
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """27 numbers, 246 operations."""
+    """27 numbers, 245 operations."""
     t = np.asarray(t)
     gamma = _output(27, t, q, qd, p)
     # constant part
     gamma[..., 0:27] = 0.0
-    # row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0
-    du_z = qd[..., 5]
-    u_z = q[..., 5]
-    x1 = u_z * u_z
-    x2 = 1.0 - x1
-    x3 = np.sqrt(x2)
-    gamma[..., 6] = -(0.3 * (du_z * du_z) * (1.0 + x1 / x2) / x3)
-    # row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0
+    # row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
     du_x = qd[..., 3]
-    x4 = 0.3 * u_z
+    du_y = qd[..., 4]
+    du_z = qd[..., 5]
+    x1 = du_z * du_z
+    gamma[..., 0] = -(du_x * du_x + du_y * du_y + x1)
+    # row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v
+    dv_x = qd[..., 6]
+    dv_y = qd[..., 7]
+    dv_z = qd[..., 8]
+    gamma[..., 1] = -(dv_x * dv_x + dv_y * dv_y + dv_z * dv_z)
+    # row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0
+    gamma[..., 2] = -(2.0 * (du_x * dv_x + du_y * dv_y + du_z * dv_z))
+    # row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux
+    ddisc_aux_x = qd[..., 9]
+    ddisc_aux_y = qd[..., 10]
+    ddisc_aux_z = qd[..., 11]
+    x2 = ddisc_aux_x * ddisc_aux_x + ddisc_aux_y * ddisc_aux_y + ddisc_aux_z * ddisc_aux_z
+    gamma[..., 3] = -x2
+    # row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0
+    x3 = du_x * ddisc_aux_x + du_y * ddisc_aux_y + du_z * ddisc_aux_z
+    gamma[..., 4] = -(2.0 * x3)
+    # row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0
+    x4 = dv_x * ddisc_aux_x + dv_y * ddisc_aux_y + dv_z * ddisc_aux_z
+    gamma[..., 5] = -(2.0 * x4)
+    # row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0
+    u_z = q[..., 5]
+    x5 = u_z * u_z
+    x6 = 1.0 - x5
+    x7 = np.sqrt(x6)
+    gamma[..., 6] = -(0.3 * x1 * (1.0 + x5 / x6) / x7)
+    # row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0
+    x8 = 0.3 * u_z
     u_y = q[..., 4]
     v_z = q[..., 8]
     v_y = q[..., 7]
-    x5 = u_y * v_z - u_z * v_y
-    x6 = x1 - 1.0
-    x7 = 0.3 * u_y
-    x8 = u_z * x7
-    x9 = x4 * x5 / x3 + 0.3 * v_y * x6 / x3 - v_z * x8 / x3
-    v_x = q[..., 6]
-    dv_x = qd[..., 6]
-    u_x = q[..., 3]
-    dv_z = qd[..., 8]
-    x10 = du_z * v_x + u_z * dv_x - v_z * du_x - u_x * dv_z
-    dv_y = qd[..., 7]
-    x11 = 0.3 * dv_y
+    x9 = u_y * v_z - u_z * v_y
+    x10 = x5 - 1.0
+    x11 = 0.3 * u_y
     x12 = u_z * x11
-    x13 = u_x * v_y - u_y * v_x
-    x14 = 0.3 * u_x
-    x15 = u_z * x14
-    x16 = u_z * v_x - u_x * v_z
-    x17 = 0.3 * x6 * x13 / x3 + x5 * x15 / x3 + x8 * x16 / x3
-    x18 = dv_z * x17
-    du_y = qd[..., 4]
-    x19 = x4 * x16 / x3 + v_z * x15 / x3 - x6 * (0.3 * v_x) / x3
-    x20 = du_x * (x9 * x10 + v_x * x12 / x3 - x18) + du_y * (x10 * x19 + v_y * x12 / x3)
-    x21 = 0.6 * u_z
-    x22 = x1 * x14
-    x23 = np.power(x2, 1.5)
-    x24 = v_x * x14 / x3 + v_y * x7 / x3 + v_z * x21 / x3 + v_x * x22 / x23
-    x25 = x1 * x7
-    x26 = x24 + v_y * x25 / x23 + x6 * (v_z * x4) / x23
-    x27 = x5 * x14 / x3 + x7 * x16 / x3 + x13 * x21 / x3 + x5 * x22 / x23
-    x28 = x27 + v_x * x8 / x3 + x16 * x25 / x23 + x13 * (x4 * x6) / x23
-    x29 = x28 - v_y * x15 / x3
-    x30 = du_z * x17
-    x31 = x25 / x3 - x6 * x7 / x3
-    x32 = x20 + du_z * (dv_x * x17 + dv_y * x26 + x10 * x29) + dv_x * (x30 + x10 * x31 + u_z * (u_x * x11) / x3)
-    x33 = x6 * x14 / x3 - x22 / x3
-    x34 = x32 + dv_y * (x10 * x33 + u_z * (u_y * x11) / x3) + dv_z * (x6 * x11 / x3 - du_x * x17)
-    gamma[..., 7] = -x34
+    x13 = x8 * x9 / x7 + 0.3 * v_y * x10 / x7 - v_z * x12 / x7
+    v_x = q[..., 6]
+    u_x = q[..., 3]
+    x14 = du_z * v_x + dv_x * u_z - du_x * v_z - dv_z * u_x
+    x15 = 0.3 * dv_y
+    x16 = u_z * x15
+    x17 = u_x * v_y - u_y * v_x
+    x18 = 0.3 * u_x
+    x19 = u_z * x18
+    x20 = u_z * v_x - u_x * v_z
+    x21 = 0.3 * x10 * x17 / x7 + x9 * x19 / x7 + x12 * x20 / x7
+    x22 = dv_z * x21
+    x23 = x8 * x20 / x7 + v_z * x19 / x7 - x10 * (0.3 * v_x) / x7
+    x24 = du_x * (x13 * x14 + v_x * x16 / x7 - x22) + du_y * (x14 * x23 + v_y * x16 / x7)
+    x25 = 0.6 * u_z
+    x26 = x5 * x18
+    x27 = np.power(x6, 1.5)
+    x28 = v_x * x18 / x7 + v_y * x11 / x7 + v_z * x25 / x7 + v_x * x26 / x27
+    x29 = x5 * x11
+    x30 = x28 + v_y * x29 / x27 + x10 * (v_z * x8) / x27
+    x31 = x9 * x18 / x7 + x11 * x20 / x7 + x17 * x25 / x7 + x9 * x26 / x27
+    x32 = x31 + v_x * x12 / x7 + x20 * x29 / x27 + x17 * (x8 * x10) / x27
+    x33 = x32 - v_y * x19 / x7
+    x34 = du_z * x21
+    x35 = x29 / x7 - x10 * x11 / x7
+    x36 = x24 + du_z * (dv_x * x21 + dv_y * x30 + x14 * x33) + dv_x * (x34 + x14 * x35 + u_z * (u_x * x15) / x7)
+    x37 = x10 * x18 / x7 - x26 / x7
+    x38 = x36 + dv_y * (x14 * x37 + u_z * (u_y * x15) / x7) + dv_z * (x10 * x15 / x7 - du_x * x21)
+    gamma[..., 7] = -x38
     # row 9: no slip of disc (joint rolling of disc): -1.0*rate(C.x) - 1.0*rate(v.x)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) - 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(rate(u.y)*v.z - rate(u.z)*v.y - rate(v.y)*u.z + rate(v.z)*u.y) = 0
-    x35 = v_z * du_y + u_y * dv_z - du_z * v_y - u_z * dv_y
-    x36 = 0.3 * dv_x
-    x37 = u_z * x36
-    x38 = du_x * (x9 * x35 + v_x * x37 / x3) + du_y * (x18 + x19 * x35 + v_y * x37 / x3)
-    x39 = x38 - du_z * (dv_y * x17 - dv_x * x26 - x29 * x35) + dv_x * (x31 * x35 + u_z * (u_x * x36) / x3)
-    x40 = x39 - dv_y * (x30 - x33 * x35 - u_z * (u_y * x36) / x3) + dv_z * (du_y * x17 + x6 * x36 / x3)
-    gamma[..., 8] = x40
-    # unit: |u|^2 - 1
-    #   row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
-    #   row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v
-    #   row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux
-    du_x = qd[..., 3:12:3]
-    du_y = qd[..., 4:13:3]
-    du_z = qd[..., 5:14:3]
-    gamma[..., _index_1] = -(du_x * du_x + du_y * du_y + du_z * du_z)
-    # vector-vector: u.v - c
-    #   row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0
-    #   row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0
-    #   row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0
-    du_x = qd[..., _index_2 + 6]
-    dv_x = qd[..., _index_3 + 3]
-    du_y = qd[..., _index_2 + 7]
-    dv_y = qd[..., _index_3 + 4]
-    du_z = qd[..., _index_2 + 8]
-    dv_z = qd[..., _index_3 + 5]
-    gamma[..., _index_4 + 2] = -(2.0 * (du_x * dv_x + du_y * dv_y + du_z * dv_z))
+    x39 = du_y * v_z + dv_z * u_y - du_z * v_y - dv_y * u_z
+    x40 = 0.3 * dv_x
+    x41 = u_z * x40
+    x42 = du_x * (x13 * x39 + v_x * x41 / x7) + du_y * (x22 + x23 * x39 + v_y * x41 / x7)
+    x43 = x42 - du_z * (dv_y * x21 - dv_x * x30 - x33 * x39) + dv_x * (x35 * x39 + u_z * (u_x * x40) / x7)
+    x44 = x43 - dv_y * (x34 - x37 * x39 - u_z * (u_y * x40) / x7) + dv_z * (du_y * x21 + x10 * x40 / x7)
+    gamma[..., 8] = x44
     return gamma
 
 
@@ -429,7 +407,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(27, t, q, p)
     # constant part
-    x1 = _number_4
+    x1 = _number_2
     mass[..., 0:27] = x1
     return mass
 
@@ -439,30 +417,39 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(30, t, q, qd, p)
     # constant part
-    x1 = _number_5
+    x1 = _number_3
     force[..., 0:30] = x1
     return force
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 55 operations."""
+    """3 numbers, 51 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # constant part
     energy[..., 0:3] = 0.0
+    # C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; C.x P2.x; C.y P2.y; C.z P2.z; P1.x P2.x; P1.y P2.y; P1.z P2.z
+    dP2_z = qd[..., 17]
+    dP2_y = qd[..., 16]
+    dP2_x = qd[..., 15]
+    dP1_z = qd[..., 14]
+    dP1_y = qd[..., 13]
+    dP1_x = qd[..., 12]
+    dC_z = qd[..., 2]
+    dC_x = qd[..., 0]
+    dC_y = qd[..., 1]
+    x1 = 1.3333333333333333 * (dC_x * dC_x) + 1.3333333333333333 * (dC_y * dC_y)
+    x2 = 0.33333333333333337 * (dP1_x * dP1_x) + (1.3333333333333333 * (dC_z * dC_z) + x1)
+    x3 = 0.33333333333333337 * (dP1_z * dP1_z) + (0.33333333333333337 * (dP1_y * dP1_y) + x2)
+    x4 = 0.33333333333333337 * (dP2_y * dP2_y) + (0.33333333333333337 * (dP2_x * dP2_x) + x3)
+    x5 = 0.3333333333333333 * dC_x
+    x6 = 0.3333333333333333 * dC_y
+    x7 = 0.33333333333333337 * (dP2_z * dP2_z) + x4 - dP1_x * x5 - dP1_y * x6
+    x8 = 0.3333333333333333 * dC_z
+    x9 = x7 - dP1_z * x8 - dP2_x * x5 - dP2_y * x6 - dP2_z * x8 - dP2_x * (0.3333333333333334 * dP1_x)
+    x10 = x9 - dP2_y * (0.3333333333333334 * dP1_y) - dP2_z * (0.3333333333333334 * dP1_z)
+    energy[..., 0] = x10
     # C.z
     C_z = q[..., 2]
     energy[..., 1] = 19.62 * C_z
-    # mass-diagonal: m v^2 / 2
-    #   C.x, C.y, C.z, P1.x, P1.y, P1.z, P2.x, P2.y, P2.z
-    x1 = _number_6
-    dx = qd[..., _index_8]
-    energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(9), axis=-1)
-    # mass-pair: m v w
-    #   C.x P1.x, C.y P1.y, C.z P1.z, C.x P2.x, C.y P2.y, C.z P2.z, P1.x P2.x, P1.y P2.y,
-    #   P1.z P2.z
-    dy = qd[..., _index_9 + 12]
-    dx = qd[..., _index_10]
-    m = _number_7
-    energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(9), axis=-1)
     return energy

@@ -5,60 +5,8 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int excavator_index_1[4] = {
-    0, 8, 12, 10
-};
-static const int excavator_index_2[4] = {
-    0, 7, 10, 11
-};
-static const int excavator_index_3[4] = {
-    0, 2, 4, 8
-};
-static const int excavator_index_4[4] = {
-    0, 0, 0, 6
-};
-static const int excavator_index_5[4] = {
-    0, 0, 0, 8
-};
-static const int excavator_index_6[4] = {
-    0, 2, 4, 7
-};
-static const int excavator_index_7[4] = {
-    0, 34, 48, 54
-};
-static const int excavator_index_8[4] = {
-    0, 34, 48, 50
-};
-static const int excavator_index_9[6] = {
-    0, 1, 6, 7, 14, 15
-};
-static const int excavator_index_10[4] = {
-    0, 1, 8, 9
-};
-static const int excavator_index_11[4] = {
-    0, 1, 6, 7
-};
-static const int excavator_index_12[3] = {
-    0, 6, 14
-};
 
-static const ncgen_scalar excavator_number_1[4] = {
-    R(0.36996341061868976), R(0.8470742901093914), R(1.6666666666666659), R(1.7857142857142856)
-};
-static const ncgen_scalar excavator_number_2[4] = {
-    R(1.8265117052250008), R(0.34841513128899987), R(0.0900000000000001), R(0.07840000000000001)
-};
-static const ncgen_scalar excavator_number_3[4] = {
-    -R(1.2367765827959616), -R(0.8890109768143931), -R(0.1860804966388825), -R(0.8644681135824974)
-};
-static const ncgen_scalar excavator_number_4[4] = {
-    R(0.2367765827959615), -R(0.11098902318560692), -R(0.8139195033611175),
-    -R(0.13553188641750258)
-};
-static const ncgen_scalar excavator_number_5[4] = {
-    R(0.08879121854848554), R(0.1775824370969712), R(0.03699634106186897), R(0.33882971604375683)
-};
-static const ncgen_scalar excavator_number_6[83] = {
+static const ncgen_scalar excavator_number_1[83] = {
     R(0.0), R(0.0), -R(0.4203022814007834), -R(0.05253778517509788), R(1.0),
     R(0.05253778517509788), -R(0.4203022814007834), R(1.0), -R(0.47284006657588135),
     R(0.11558312738521555), R(1.0), -R(0.11558312738521555), -R(0.47284006657588135), R(1.0),
@@ -76,10 +24,7 @@ static const ncgen_scalar excavator_number_6[83] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
 };
-static const ncgen_scalar excavator_number_7[4] = {
-    R(0.7399268212373795), R(1.6941485802187828), R(3.3333333333333317), R(3.571428571428571)
-};
-static const ncgen_scalar excavator_number_8[22] = {
+static const ncgen_scalar excavator_number_2[22] = {
     R(128.93706527936538), R(22.25826342551656), -R(5.54945115928032), R(128.93706527936538),
     R(5.54945115928032), R(22.25826342551656), R(22.25826342551656), R(5.54945115928032),
     R(59.69610470482898), R(10.334831290169781), -R(9.487232049225142), -R(5.54945115928032),
@@ -87,24 +32,14 @@ static const ncgen_scalar excavator_number_8[22] = {
     R(10.334831290169781), R(9.487232049225142), R(22.87048088211835), -R(9.487232049225142),
     R(10.334831290169781), R(22.87048088211835)
 };
-static const ncgen_scalar excavator_number_9[23] = {
+static const ncgen_scalar excavator_number_3[23] = {
     R(2.9005486157687983), -R(1803.2714846397064), R(0.0), R(0.0), R(0.0), R(0.0),
     R(38.6296305303587), -R(905.3570463152554), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     -R(93.06974640289864), -R(325.7441124101466), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0)
 };
-static const ncgen_scalar excavator_number_10[6] = {
-    R(57.00520580734095), R(57.00520580734095), R(24.519153096927667), R(24.519153096927667),
-    R(9.333995879469809), R(9.333995879469809)
-};
-static const ncgen_scalar excavator_number_11[4] = {
-    R(28.713572813311476), R(28.713572813311476), R(14.537320413348516), R(14.537320413348516)
-};
-static const ncgen_scalar excavator_number_12[3] = {
-    -R(1803.2714846397064), -R(905.3570463152554), -R(325.7441124101466)
-};
 
-/* phi: 129 operations */
+/* phi: 123 operations */
 int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -132,83 +67,83 @@ int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real D_y = q[5];
         const ncgen_real x5 = D_y - R(0.47284006657588135) * B_y - R(0.11558312738521555) * B_x;
         phi[4] = x5;
-        /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
-        const ncgen_real x6 = L_x - R(0.3);
-        const ncgen_real x7 = L_y + R(0.3);
-        const ncgen_real lift = q[20];
-        const ncgen_real x8 = R(0.5887748958537457) * (x6 * x6 + x7 * x7 - lift * lift);
-        phi[17] = x8;
-        /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
+        /* row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
+        const ncgen_real C_x = q[6];
+        const ncgen_real x6 = B_x - C_x;
+        const ncgen_real C_y = q[7];
+        const ncgen_real x7 = B_y - C_y;
+        const ncgen_real x8 = R(0.36996341061868976) * (x6 * x6 + x7 * x7 - R(1.8265117052250008));
+        phi[5] = x8;
+        /* row 7: combination R.x (body stick): (e - c a x b).x = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
         const ncgen_real R_x = q[8];
-        const ncgen_real x9 = R_x - D_x;
+        const ncgen_real x9 = R_x - R(1.2367765827959616) * B_x + R(0.2367765827959615) * C_x;
+        phi[6] = x9 - R(0.08879121854848554) * x7;
+        /* row 8: combination R.y (body stick): (e - c a x b).y = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
         const ncgen_real R_y = q[9];
-        const ncgen_real x10 = R_y - D_y;
-        const ncgen_real crowd = q[21];
-        const ncgen_real x11 = R(0.4286331546435795) * (x9 * x9 + x10 * x10 - crowd * crowd);
-        phi[18] = x11;
-        /* row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl */
-        const ncgen_real E_x = q[18];
+        const ncgen_real x10 = R_y - R(1.2367765827959616) * B_y + R(0.2367765827959615) * C_y;
+        const ncgen_real x11 = C_x - B_x;
+        phi[7] = x10 - R(0.08879121854848554) * x11;
+        /* row 9: combination K.x (body stick): (e - c a x b).x = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
         const ncgen_real K_x = q[10];
-        const ncgen_real x12 = E_x - K_x;
-        const ncgen_real E_y = q[19];
+        const ncgen_real x12 = K_x - R(0.8890109768143931) * B_x - R(0.11098902318560692) * C_x;
+        phi[8] = x12 - R(0.1775824370969712) * x7;
+        /* row 10: combination K.y (body stick): (e - c a x b).y = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
         const ncgen_real K_y = q[11];
-        const ncgen_real x13 = E_y - K_y;
+        const ncgen_real x13 = K_y - R(0.8890109768143931) * B_y - R(0.11098902318560692) * C_y;
+        phi[9] = x13 - R(0.1775824370969712) * x11;
+        /* row 11: combination H.x (body stick): (e - c a x b).x = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
+        const ncgen_real H_x = q[12];
+        const ncgen_real x14 = H_x - R(0.1860804966388825) * B_x - R(0.8139195033611175) * C_x;
+        phi[10] = x14 - R(0.03699634106186897) * x7;
+        /* row 12: combination H.y (body stick): (e - c a x b).y = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
+        const ncgen_real H_y = q[13];
+        const ncgen_real x15 = H_y - R(0.1860804966388825) * B_y - R(0.8139195033611175) * C_y;
+        phi[11] = x15 - R(0.03699634106186897) * x11;
+        /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
+        const ncgen_real T_x = q[14];
+        const ncgen_real x16 = C_x - T_x;
+        const ncgen_real T_y = q[15];
+        const ncgen_real x17 = C_y - T_y;
+        const ncgen_real x18 = R(0.8470742901093914) * (x16 * x16 + x17 * x17 - R(0.34841513128899987));
+        phi[12] = x18;
+        /* row 14: combination F.x (body bucket): (e - c a x b).x = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
+        const ncgen_real F_x = q[16];
+        const ncgen_real x19 = F_x - R(0.8644681135824974) * C_x - R(0.13553188641750258) * T_x;
+        phi[13] = x19 - R(0.33882971604375683) * x17;
+        /* row 15: combination F.y (body bucket): (e - c a x b).y = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
+        const ncgen_real F_y = q[17];
+        const ncgen_real x20 = F_y - R(0.8644681135824974) * C_y - R(0.13553188641750258) * T_y;
+        phi[14] = x20 - R(0.33882971604375683) * (T_x - C_x);
+        /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
+        const ncgen_real E_x = q[18];
+        const ncgen_real x21 = H_x - E_x;
+        const ncgen_real E_y = q[19];
+        const ncgen_real x22 = H_y - E_y;
+        const ncgen_real x23 = R(1.6666666666666659) * (x21 * x21 + x22 * x22 - R(0.0900000000000001));
+        phi[15] = x23;
+        /* row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
+        const ncgen_real x24 = E_x - F_x;
+        const ncgen_real x25 = E_y - F_y;
+        const ncgen_real x26 = R(1.7857142857142856) * (x24 * x24 + x25 * x25 - R(0.07840000000000001));
+        phi[16] = x26;
+        /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
+        const ncgen_real x27 = L_x - R(0.3);
+        const ncgen_real x28 = L_y + R(0.3);
+        const ncgen_real lift = q[20];
+        const ncgen_real x29 = R(0.5887748958537457) * (x27 * x27 + x28 * x28 - lift * lift);
+        phi[17] = x29;
+        /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
+        const ncgen_real x30 = R_x - D_x;
+        const ncgen_real x31 = R_y - D_y;
+        const ncgen_real crowd = q[21];
+        const ncgen_real x32 = R(0.4286331546435795) * (x30 * x30 + x31 * x31 - crowd * crowd);
+        phi[18] = x32;
+        /* row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl */
+        const ncgen_real x33 = E_x - K_x;
+        const ncgen_real x34 = E_y - K_y;
         const ncgen_real curl = q[22];
-        const ncgen_real x14 = R(0.444449255892656) * (x12 * x12 + x13 * x13 - curl * curl);
-        phi[19] = x14;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
-    /*   row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
-    /*   row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
-    /*   row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real scale = excavator_number_1[i];
-        const ncgen_real a0_x = q[6 * i];
-        const ncgen_real a1_x = q[excavator_index_1[i] + 6];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[6 * i + 1];
-        const ncgen_real a1_y = q[excavator_index_1[i] + 7];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real x3 = excavator_number_2[i];
-        phi[excavator_index_2[i] + 5] = scale * (x1 * x1 + x2 * x2 - x3);
-    }
-
-    /* affine-x: (e - c a x b).x */
-    /*   row 7: combination R.x (body stick): (e - c a x b).x = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
-    /*   row 9: combination K.x (body stick): (e - c a x b).x = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
-    /*   row 11: combination H.x (body stick): (e - c a x b).x = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
-    /*   row 14: combination F.x (body bucket): (e - c a x b).x = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real e0_x = q[excavator_index_3[i] + 8];
-        const ncgen_real weight_e1_x = excavator_number_3[i];
-        const ncgen_real e1_x = q[excavator_index_4[i]];
-        const ncgen_real weight_e2_x = excavator_number_4[i];
-        const ncgen_real e2_x = q[excavator_index_5[i] + 6];
-        const ncgen_real c = excavator_number_5[i];
-        const ncgen_real e1_y = q[excavator_index_4[i] + 1];
-        const ncgen_real e2_y = q[excavator_index_5[i] + 7];
-        const ncgen_real x1 = e0_x + weight_e1_x * e1_x + weight_e2_x * e2_x - c * (e1_y - e2_y);
-        phi[excavator_index_6[i] + 6] = x1;
-    }
-
-    /* affine-y: (e - c a x b).y */
-    /*   row 8: combination R.y (body stick): (e - c a x b).y = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
-    /*   row 10: combination K.y (body stick): (e - c a x b).y = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
-    /*   row 12: combination H.y (body stick): (e - c a x b).y = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
-    /*   row 15: combination F.y (body bucket): (e - c a x b).y = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real e0_y = q[excavator_index_3[i] + 9];
-        const ncgen_real weight_e1_y = excavator_number_3[i];
-        const ncgen_real e1_y = q[excavator_index_4[i] + 1];
-        const ncgen_real weight_e2_y = excavator_number_4[i];
-        const ncgen_real e2_y = q[excavator_index_5[i] + 7];
-        const ncgen_real e2_x = q[excavator_index_5[i] + 6];
-        const ncgen_real e1_x = q[excavator_index_4[i]];
-        const ncgen_real c = excavator_number_5[i];
-        const ncgen_real x1 = e0_y + weight_e1_y * e1_y + weight_e2_y * e2_y - (e2_x - e1_x) * c;
-        phi[excavator_index_6[i] + 7] = x1;
+        const ncgen_real x35 = R(0.444449255892656) * (x33 * x33 + x34 * x34 - curl * curl);
+        phi[19] = x35;
     }
 
     return NCGEN_OK;
@@ -222,7 +157,7 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     /* constant part */
     for (int i = 0; i < 83; ++i) {
-        const ncgen_real x1 = excavator_number_6[i];
+        const ncgen_real x1 = excavator_number_1[i];
         phi_q[i] = x1;
     }
 
@@ -232,6 +167,44 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         phi_q[0] = R(0.5253778517509793) * B_x;
         const ncgen_real B_y = q[1];
         phi_q[1] = R(0.5253778517509793) * B_y;
+        /* row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
+        const ncgen_real C_x = q[6];
+        const ncgen_real x1 = R(0.7399268212373795) * (B_x - C_x);
+        phi_q[14] = x1;
+        const ncgen_real C_y = q[7];
+        const ncgen_real x2 = R(0.7399268212373795) * (B_y - C_y);
+        phi_q[15] = x2;
+        phi_q[16] = -x1;
+        phi_q[17] = -x2;
+        /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
+        const ncgen_real T_x = q[14];
+        const ncgen_real x3 = R(1.6941485802187828) * (C_x - T_x);
+        phi_q[48] = x3;
+        const ncgen_real T_y = q[15];
+        const ncgen_real x4 = R(1.6941485802187828) * (C_y - T_y);
+        phi_q[49] = x4;
+        phi_q[50] = -x3;
+        phi_q[51] = -x4;
+        /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
+        const ncgen_real H_x = q[12];
+        const ncgen_real E_x = q[18];
+        const ncgen_real x5 = R(3.3333333333333317) * (H_x - E_x);
+        phi_q[62] = x5;
+        const ncgen_real H_y = q[13];
+        const ncgen_real E_y = q[19];
+        const ncgen_real x6 = R(3.3333333333333317) * (H_y - E_y);
+        phi_q[63] = x6;
+        phi_q[64] = -x5;
+        phi_q[65] = -x6;
+        /* row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
+        const ncgen_real F_x = q[16];
+        const ncgen_real x7 = R(3.571428571428571) * (E_x - F_x);
+        phi_q[66] = -x7;
+        const ncgen_real F_y = q[17];
+        const ncgen_real x8 = R(3.571428571428571) * (E_y - F_y);
+        phi_q[67] = -x8;
+        phi_q[68] = x7;
+        phi_q[69] = x8;
         /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
         const ncgen_real L_x = q[2];
         phi_q[70] = R(1.1775497917074913) * (L_x - R(0.3));
@@ -242,48 +215,27 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
         const ncgen_real R_x = q[8];
         const ncgen_real D_x = q[4];
-        const ncgen_real x1 = R(0.857266309287159) * (R_x - D_x);
-        phi_q[73] = -x1;
+        const ncgen_real x9 = R(0.857266309287159) * (R_x - D_x);
+        phi_q[73] = -x9;
         const ncgen_real R_y = q[9];
         const ncgen_real D_y = q[5];
-        const ncgen_real x2 = R(0.857266309287159) * (R_y - D_y);
-        phi_q[74] = -x2;
-        phi_q[75] = x1;
-        phi_q[76] = x2;
+        const ncgen_real x10 = R(0.857266309287159) * (R_y - D_y);
+        phi_q[74] = -x10;
+        phi_q[75] = x9;
+        phi_q[76] = x10;
         const ncgen_real crowd = q[21];
         phi_q[77] = -(R(0.857266309287159) * crowd);
         /* row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl */
-        const ncgen_real E_x = q[18];
         const ncgen_real K_x = q[10];
-        const ncgen_real x3 = R(0.888898511785312) * (E_x - K_x);
-        phi_q[78] = -x3;
-        const ncgen_real E_y = q[19];
+        const ncgen_real x11 = R(0.888898511785312) * (E_x - K_x);
+        phi_q[78] = -x11;
         const ncgen_real K_y = q[11];
-        const ncgen_real x4 = R(0.888898511785312) * (E_y - K_y);
-        phi_q[79] = -x4;
-        phi_q[80] = x3;
-        phi_q[81] = x4;
+        const ncgen_real x12 = R(0.888898511785312) * (E_y - K_y);
+        phi_q[79] = -x12;
+        phi_q[80] = x11;
+        phi_q[81] = x12;
         const ncgen_real curl = q[22];
         phi_q[82] = -(R(0.888898511785312) * curl);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
-    /*   row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
-    /*   row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
-    /*   row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real a0_x = q[6 * i];
-        const ncgen_real a1_x = q[excavator_index_1[i] + 6];
-        const ncgen_real x1 = excavator_number_7[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[excavator_index_7[i] + 14] = x2;
-        phi_q[excavator_index_8[i] + 16] = -x2;
-        const ncgen_real a0_y = q[6 * i + 1];
-        const ncgen_real a1_y = q[excavator_index_1[i] + 7];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[excavator_index_7[i] + 15] = x3;
-        phi_q[excavator_index_8[i] + 17] = -x3;
     }
 
     return NCGEN_OK;
@@ -306,48 +258,56 @@ int excavator_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         const ncgen_real dB_x = qd[0];
         const ncgen_real dB_y = qd[1];
         gamma[0] = -(R(0.5253778517509793) * (dB_x * dB_x + dB_y * dB_y));
+        /* row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
+        const ncgen_real dC_x = qd[6];
+        const ncgen_real x1 = dB_x - dC_x;
+        const ncgen_real dC_y = qd[7];
+        const ncgen_real x2 = dB_y - dC_y;
+        gamma[5] = -(R(0.7399268212373795) * (x1 * x1 + x2 * x2));
+        /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
+        const ncgen_real dT_x = qd[14];
+        const ncgen_real x3 = dC_x - dT_x;
+        const ncgen_real dT_y = qd[15];
+        const ncgen_real x4 = dC_y - dT_y;
+        gamma[12] = -(R(1.6941485802187828) * (x3 * x3 + x4 * x4));
+        /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
+        const ncgen_real dH_x = qd[12];
+        const ncgen_real dE_x = qd[18];
+        const ncgen_real x5 = dH_x - dE_x;
+        const ncgen_real dH_y = qd[13];
+        const ncgen_real dE_y = qd[19];
+        const ncgen_real x6 = dH_y - dE_y;
+        gamma[15] = -(R(3.3333333333333317) * (x5 * x5 + x6 * x6));
+        /* row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
+        const ncgen_real dF_x = qd[16];
+        const ncgen_real x7 = dE_x - dF_x;
+        const ncgen_real dF_y = qd[17];
+        const ncgen_real x8 = dE_y - dF_y;
+        gamma[16] = -(R(3.571428571428571) * (x7 * x7 + x8 * x8));
         /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
         const ncgen_real dL_x = qd[2];
         const ncgen_real dL_y = qd[3];
         const ncgen_real dlift = qd[20];
-        const ncgen_real x1 = R(1.1775497917074913) * (dL_x * dL_x + dL_y * dL_y - dlift * dlift);
-        gamma[17] = -x1;
+        const ncgen_real x9 = R(1.1775497917074913) * (dL_x * dL_x + dL_y * dL_y - dlift * dlift);
+        gamma[17] = -x9;
         /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
         const ncgen_real dR_x = qd[8];
         const ncgen_real dD_x = qd[4];
-        const ncgen_real x2 = dR_x - dD_x;
+        const ncgen_real x10 = dR_x - dD_x;
         const ncgen_real dR_y = qd[9];
         const ncgen_real dD_y = qd[5];
-        const ncgen_real x3 = dR_y - dD_y;
+        const ncgen_real x11 = dR_y - dD_y;
         const ncgen_real dcrowd = qd[21];
-        const ncgen_real x4 = R(0.857266309287159) * (x2 * x2 + x3 * x3 - dcrowd * dcrowd);
-        gamma[18] = -x4;
+        const ncgen_real x12 = R(0.857266309287159) * (x10 * x10 + x11 * x11 - dcrowd * dcrowd);
+        gamma[18] = -x12;
         /* row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl */
-        const ncgen_real dE_x = qd[18];
         const ncgen_real dK_x = qd[10];
-        const ncgen_real x5 = dE_x - dK_x;
-        const ncgen_real dE_y = qd[19];
+        const ncgen_real x13 = dE_x - dK_x;
         const ncgen_real dK_y = qd[11];
-        const ncgen_real x6 = dE_y - dK_y;
+        const ncgen_real x14 = dE_y - dK_y;
         const ncgen_real dcurl = qd[22];
-        const ncgen_real x7 = R(0.888898511785312) * (x5 * x5 + x6 * x6 - dcurl * dcurl);
-        gamma[19] = -x7;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
-    /*   row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
-    /*   row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
-    /*   row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real x1 = excavator_number_7[i];
-        const ncgen_real da0_x = qd[6 * i];
-        const ncgen_real da1_x = qd[excavator_index_1[i] + 6];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[6 * i + 1];
-        const ncgen_real da1_y = qd[excavator_index_1[i] + 7];
-        const ncgen_real x3 = da0_y - da1_y;
-        gamma[excavator_index_2[i] + 5] = -(x1 * (x2 * x2 + x3 * x3));
+        const ncgen_real x15 = R(0.888898511785312) * (x13 * x13 + x14 * x14 - dcurl * dcurl);
+        gamma[19] = -x15;
     }
 
     return NCGEN_OK;
@@ -362,7 +322,7 @@ int excavator_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 22; ++i) {
-        const ncgen_real x1 = excavator_number_8[i];
+        const ncgen_real x1 = excavator_number_2[i];
         mass[i] = x1;
     }
 
@@ -376,7 +336,7 @@ int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     /* constant part */
     for (int i = 0; i < 23; ++i) {
-        const ncgen_real x1 = excavator_number_9[i];
+        const ncgen_real x1 = excavator_number_3[i];
         force[i] = x1;
     }
 
@@ -403,18 +363,13 @@ int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
     return NCGEN_OK;
 }
 
-/* energy: 126 operations, 1 of them elementary functions */
+/* energy: 119 operations, 1 of them elementary functions */
 int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
-        /* boom; stick; bucket */
+        /* B.x; B.y; C.x; C.y; T.x; T.y; B.x C.x; B.y C.y; C.x T.x; C.y T.y; boom; stick; bucket */
         const ncgen_real dC_x = qd[6];
         const ncgen_real dT_x = qd[14];
         const ncgen_real x1 = dC_x - dT_x;
@@ -425,59 +380,47 @@ int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x4 = R(4.202489123178735) * (x1 * x1 + x2 * x2) - x2 * (R(2.0) * x3);
         const ncgen_real x5 = R(2.0) * (R(4.500378597792253) * x2 + R(9.487232049225142) * dC_y);
         const ncgen_real dB_x = qd[0];
+        const ncgen_real x6 = dB_x - dC_x;
         const ncgen_real dB_y = qd[1];
-        const ncgen_real x6 = R(8.471344276888573) * (dB_x * dB_x + dB_y * dB_y) - dB_y * (R(4.692372080878064) * dB_x);
-        const ncgen_real x7 = dB_x - dC_x;
-        const ncgen_real x8 = dC_y - dB_y;
-        const ncgen_real x9 = R(2.053093877949189) * (dC_x - dB_x) + R(5.54945115928032) * dB_x;
-        const ncgen_real x10 = R(6.455309387794916) * (x7 * x7 + x8 * x8) - x8 * (R(2.0) * x9);
-        const ncgen_real x11 = R(2.0) * (R(2.053093877949189) * x8 + R(5.54945115928032) * dB_y);
-        const ncgen_real x12 = R(0.5) * (x6 + dB_x * (R(4.692372080878064) * dB_y)) + R(0.5) * (x10 - x7 * x11);
-        energy[0] += R(0.5) * (x4 - x1 * x5) + x12;
+        const ncgen_real x7 = dC_y - dB_y;
+        const ncgen_real x8 = R(2.053093877949189) * (dC_x - dB_x) + R(5.54945115928032) * dB_x;
+        const ncgen_real x9 = R(6.455309387794916) * (x6 * x6 + x7 * x7) - x7 * (R(2.0) * x8);
+        const ncgen_real x10 = R(2.0) * (R(2.053093877949189) * x7 + R(5.54945115928032) * dB_y);
+        const ncgen_real x11 = dB_x * dB_x;
+        const ncgen_real x12 = dB_y * dB_y;
+        const ncgen_real x13 = R(8.471344276888573) * (x11 + x12) - dB_y * (R(4.692372080878064) * dB_x);
+        const ncgen_real x14 = R(24.519153096927667) * (dC_x * dC_x) + (R(57.00520580734095) * x11 + R(57.00520580734095) * x12);
+        const ncgen_real x15 = R(9.333995879469809) * (dT_x * dT_x) + (R(24.519153096927667) * (dC_y * dC_y) + x14);
+        const ncgen_real x16 = dC_x * (R(28.713572813311476) * dB_x) + (R(9.333995879469809) * (dT_y * dT_y) + x15);
+        const ncgen_real x17 = dT_x * (R(14.537320413348516) * dC_x) + (dC_y * (R(28.713572813311476) * dB_y) + x16);
+        const ncgen_real x18 = R(0.5) * (x13 + dB_x * (R(4.692372080878064) * dB_y)) + (dT_y * (R(14.537320413348516) * dC_y) + x17);
+        const ncgen_real x19 = R(0.5) * (x4 - x1 * x5) + (R(0.5) * (x9 - x6 * x10) + x18);
+        energy[0] = x19;
+        /* boom; stick; bucket; B.y; C.y; T.y */
+        const ncgen_real T_y = q[15];
+        const ncgen_real C_y = q[7];
+        const ncgen_real B_y = q[1];
         const ncgen_real B_x = q[0];
         const ncgen_real C_x = q[6];
-        const ncgen_real x13 = R(51.53956725677114) * B_x - R(54.44011587253994) * (B_x - C_x);
+        const ncgen_real x20 = R(51.53956725677114) * B_x - R(54.44011587253994) * (B_x - C_x);
         const ncgen_real T_x = q[14];
-        energy[1] += x13 - R(93.06974640289864) * (C_x - T_x);
+        const ncgen_real x21 = R(1803.2714846397064) * B_y + (x20 - R(93.06974640289864) * (C_x - T_x));
+        const ncgen_real x22 = R(325.7441124101466) * T_y + (R(905.3570463152554) * C_y + x21);
+        energy[1] = x22;
         /* cylinder lift; cylinder crowd; cylinder curl */
         const ncgen_real dcurl = qd[22];
         const ncgen_real curl = q[22];
-        const ncgen_real x14 = R(1164987.8211535597) - R(1000000.0) * curl - R(6000.0) * dcurl;
+        const ncgen_real x23 = R(1164987.8211535597) - R(1000000.0) * curl - R(6000.0) * dcurl;
         const ncgen_real t_ = t;
-        const ncgen_real x15 = NCGEN_COS(R(1.5707963267948966) * t_);
+        const ncgen_real x24 = NCGEN_COS(R(1.5707963267948966) * t_);
         const ncgen_real dlift = qd[20];
         const ncgen_real lift = q[20];
-        const ncgen_real x16 = R(799220.9900950027) + R(50000.0) * x15 - R(1000000.0) * lift;
+        const ncgen_real x25 = R(799220.9900950027) + R(50000.0) * x24 - R(1000000.0) * lift;
         const ncgen_real dcrowd = qd[21];
         const ncgen_real crowd = q[21];
-        const ncgen_real x17 = R(1226498.6587791233) - R(1000000.0) * crowd - R(30000.0) * dcrowd;
-        const ncgen_real x18 = dlift * (x16 - R(80000.0) * dlift) + dcrowd * (x17 - R(60000.0) * x15);
-        energy[2] = dcurl * (x14 - R(40000.0) * x15) + x18;
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   B.x, B.y, C.x, C.y, T.x, T.y */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real x1 = excavator_number_10[i];
-        const ncgen_real dx = qd[excavator_index_9[i]];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   B.x C.x, B.y C.y, C.x T.x, C.y T.y */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real dy = qd[excavator_index_10[i] + 6];
-        const ncgen_real dx = qd[excavator_index_11[i]];
-        const ncgen_real m = excavator_number_11[i];
-        energy[0] += dy * (dx * m);
-    }
-
-    /* weight: -f x */
-    /*   B.y, C.y, T.y */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x = q[excavator_index_12[i] + 1];
-        const ncgen_real f = excavator_number_12[i];
-        energy[1] += -(x * f);
+        const ncgen_real x26 = R(1226498.6587791233) - R(1000000.0) * crowd - R(30000.0) * dcrowd;
+        const ncgen_real x27 = dlift * (x25 - R(80000.0) * dlift) + dcrowd * (x26 - R(60000.0) * x24);
+        energy[2] = dcurl * (x23 - R(40000.0) * x24) + x27;
     }
 
     return NCGEN_OK;
@@ -566,7 +509,7 @@ const ncgen_model *excavator_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "excavator",
-        .fingerprint = "39cb1d8f81dbb0b0",
+        .fingerprint = "8cd5e2fce67b4842",
         .n_coordinates = 23,
         .n_rows = 20,
         .n_parameters = 0,

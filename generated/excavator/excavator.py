@@ -85,58 +85,7 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_index_1 = np.array([
-    0, 8, 12, 10
-])
-_index_2 = np.array([
-    0, 7, 10, 11
-])
-_index_3 = np.array([
-    0, 2, 4, 8
-])
-_index_4 = np.array([
-    0, 0, 0, 6
-])
-_index_5 = np.array([
-    0, 0, 0, 8
-])
-_index_6 = np.array([
-    0, 2, 4, 7
-])
-_index_7 = np.array([
-    0, 34, 48, 54
-])
-_index_8 = np.array([
-    0, 34, 48, 50
-])
-_index_9 = np.array([
-    0, 1, 6, 7, 14, 15
-])
-_index_10 = np.array([
-    0, 1, 8, 9
-])
-_index_11 = np.array([
-    0, 1, 6, 7
-])
-_index_12 = np.array([
-    0, 6, 14
-])
 _number_1 = np.array([
-    0.36996341061868976, 0.8470742901093914, 1.6666666666666659, 1.7857142857142856
-])
-_number_2 = np.array([
-    1.8265117052250008, 0.34841513128899987, 0.0900000000000001, 0.07840000000000001
-])
-_number_3 = np.array([
-    -1.2367765827959616, -0.8890109768143931, -0.1860804966388825, -0.8644681135824974
-])
-_number_4 = np.array([
-    0.2367765827959615, -0.11098902318560692, -0.8139195033611175, -0.13553188641750258
-])
-_number_5 = np.array([
-    0.08879121854848554, 0.1775824370969712, 0.03699634106186897, 0.33882971604375683
-])
-_number_6 = np.array([
     0.0, 0.0, -0.4203022814007834, -0.05253778517509788, 1.0, 0.05253778517509788, -0.4203022814007834, 1.0,
     -0.47284006657588135, 0.11558312738521555, 1.0, -0.11558312738521555, -0.47284006657588135, 1.0, 0.0,
     0.0, 0.0, 0.0, -1.2367765827959616, -0.08879121854848554, 0.2367765827959615, 0.08879121854848554, 1.0,
@@ -149,29 +98,16 @@ _number_6 = np.array([
     0.33882971604375683, -0.8644681135824974, -0.33882971604375683, -0.13553188641750258, 1.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 ])
-_number_7 = np.array([
-    0.7399268212373795, 1.6941485802187828, 3.3333333333333317, 3.571428571428571
-])
-_number_8 = np.array([
+_number_2 = np.array([
     128.93706527936538, 22.25826342551656, -5.54945115928032, 128.93706527936538, 5.54945115928032,
     22.25826342551656, 22.25826342551656, 5.54945115928032, 59.69610470482898, 10.334831290169781,
     -9.487232049225142, -5.54945115928032, 22.25826342551656, 59.69610470482898, 9.487232049225142,
     10.334831290169781, 10.334831290169781, 9.487232049225142, 22.87048088211835, -9.487232049225142,
     10.334831290169781, 22.87048088211835
 ])
-_number_9 = np.array([
+_number_3 = np.array([
     2.9005486157687983, -1803.2714846397064, 0.0, 0.0, 0.0, 0.0, 38.6296305303587, -905.3570463152554, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, -93.06974640289864, -325.7441124101466, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-])
-_number_10 = np.array([
-    57.00520580734095, 57.00520580734095, 24.519153096927667, 24.519153096927667, 9.333995879469809,
-    9.333995879469809
-])
-_number_11 = np.array([
-    28.713572813311476, 28.713572813311476, 14.537320413348516, 14.537320413348516
-])
-_number_12 = np.array([
-    -1803.2714846397064, -905.3570463152554, -325.7441124101466
 ])
 
 
@@ -182,7 +118,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """20 numbers, 129 operations."""
+    """20 numbers, 123 operations."""
     t = np.asarray(t)
     phi = _output(20, t, q, p)
     # row 1: 1000 distance O-B (body boom): |a|^2 - L^2 = 0 with a = O-B, L = 1.90339
@@ -206,72 +142,83 @@ def phi(t, q, p):
     D_y = q[..., 5]
     x5 = D_y - 0.47284006657588135 * B_y - 0.11558312738521555 * B_x
     phi[..., 4] = x5
-    # row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift
-    x6 = L_x - 0.3
-    x7 = L_y + 0.3
-    lift = q[..., 20]
-    phi[..., 17] = 0.5887748958537457 * (x6 * x6 + x7 * x7 - lift * lift)
-    # row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd
+    # row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149
+    C_x = q[..., 6]
+    x6 = B_x - C_x
+    C_y = q[..., 7]
+    x7 = B_y - C_y
+    x8 = 0.36996341061868976 * (x6 * x6 + x7 * x7 - 1.8265117052250008)
+    phi[..., 5] = x8
+    # row 7: combination R.x (body stick): (e - c a x b).x = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912
     R_x = q[..., 8]
-    x8 = R_x - D_x
+    x9 = R_x - 1.2367765827959616 * B_x + 0.2367765827959615 * C_x
+    phi[..., 6] = x9 - 0.08879121854848554 * x7
+    # row 8: combination R.y (body stick): (e - c a x b).y = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912
     R_y = q[..., 9]
-    x9 = R_y - D_y
-    crowd = q[..., 21]
-    phi[..., 18] = 0.4286331546435795 * (x8 * x8 + x9 * x9 - crowd * crowd)
-    # row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl
-    E_x = q[..., 18]
+    x10 = R_y - 1.2367765827959616 * B_y + 0.2367765827959615 * C_y
+    x11 = C_x - B_x
+    phi[..., 7] = x10 - 0.08879121854848554 * x11
+    # row 9: combination K.x (body stick): (e - c a x b).x = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582
     K_x = q[..., 10]
-    x10 = E_x - K_x
-    E_y = q[..., 19]
+    x12 = K_x - 0.8890109768143931 * B_x - 0.11098902318560692 * C_x
+    phi[..., 8] = x12 - 0.1775824370969712 * x7
+    # row 10: combination K.y (body stick): (e - c a x b).y = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582
     K_y = q[..., 11]
-    x11 = E_y - K_y
+    x13 = K_y - 0.8890109768143931 * B_y - 0.11098902318560692 * C_y
+    phi[..., 9] = x13 - 0.1775824370969712 * x11
+    # row 11: combination H.x (body stick): (e - c a x b).x = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963
+    H_x = q[..., 12]
+    x14 = H_x - 0.1860804966388825 * B_x - 0.8139195033611175 * C_x
+    phi[..., 10] = x14 - 0.03699634106186897 * x7
+    # row 12: combination H.y (body stick): (e - c a x b).y = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963
+    H_y = q[..., 13]
+    x15 = H_y - 0.1860804966388825 * B_y - 0.8139195033611175 * C_y
+    phi[..., 11] = x15 - 0.03699634106186897 * x11
+    # row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267
+    T_x = q[..., 14]
+    x16 = C_x - T_x
+    T_y = q[..., 15]
+    x17 = C_y - T_y
+    x18 = 0.8470742901093914 * (x16 * x16 + x17 * x17 - 0.34841513128899987)
+    phi[..., 12] = x18
+    # row 14: combination F.x (body bucket): (e - c a x b).x = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883
+    F_x = q[..., 16]
+    x19 = F_x - 0.8644681135824974 * C_x - 0.13553188641750258 * T_x
+    phi[..., 13] = x19 - 0.33882971604375683 * x17
+    # row 15: combination F.y (body bucket): (e - c a x b).y = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883
+    F_y = q[..., 17]
+    x20 = F_y - 0.8644681135824974 * C_y - 0.13553188641750258 * T_y
+    phi[..., 14] = x20 - 0.33882971604375683 * (T_x - C_x)
+    # row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3
+    E_x = q[..., 18]
+    x21 = H_x - E_x
+    E_y = q[..., 19]
+    x22 = H_y - E_y
+    x23 = 1.6666666666666659 * (x21 * x21 + x22 * x22 - 0.0900000000000001)
+    phi[..., 15] = x23
+    # row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28
+    x24 = E_x - F_x
+    x25 = E_y - F_y
+    x26 = 1.7857142857142856 * (x24 * x24 + x25 * x25 - 0.07840000000000001)
+    phi[..., 16] = x26
+    # row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift
+    x27 = L_x - 0.3
+    x28 = L_y + 0.3
+    lift = q[..., 20]
+    x29 = 0.5887748958537457 * (x27 * x27 + x28 * x28 - lift * lift)
+    phi[..., 17] = x29
+    # row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd
+    x30 = R_x - D_x
+    x31 = R_y - D_y
+    crowd = q[..., 21]
+    x32 = 0.4286331546435795 * (x30 * x30 + x31 * x31 - crowd * crowd)
+    phi[..., 18] = x32
+    # row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl
+    x33 = E_x - K_x
+    x34 = E_y - K_y
     curl = q[..., 22]
-    x12 = 0.444449255892656 * (x10 * x10 + x11 * x11 - curl * curl)
-    phi[..., 19] = x12
-    # distance: |a|^2 - L^2
-    #   row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149
-    #   row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267
-    #   row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3
-    #   row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28
-    scale = _number_1
-    a0_x = q[..., 0:24:6]
-    a1_x = q[..., _index_1 + 6]
-    x1 = a0_x - a1_x
-    a0_y = q[..., 1:25:6]
-    a1_y = q[..., _index_1 + 7]
-    x2 = a0_y - a1_y
-    x3 = _number_2
-    phi[..., _index_2 + 5] = scale * (x1 * x1 + x2 * x2 - x3)
-    # affine-x: (e - c a x b).x
-    #   row 7: combination R.x (body stick): (e - c a x b).x = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912
-    #   row 9: combination K.x (body stick): (e - c a x b).x = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582
-    #   row 11: combination H.x (body stick): (e - c a x b).x = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963
-    #   row 14: combination F.x (body bucket): (e - c a x b).x = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883
-    e0_x = q[..., _index_3 + 8]
-    weight_e1_x = _number_3
-    e1_x = q[..., _index_4]
-    weight_e2_x = _number_4
-    e2_x = q[..., _index_5 + 6]
-    c = _number_5
-    e1_y = q[..., _index_4 + 1]
-    e2_y = q[..., _index_5 + 7]
-    x1 = e0_x + weight_e1_x * e1_x + weight_e2_x * e2_x - c * (e1_y - e2_y)
-    phi[..., _index_6 + 6] = x1
-    # affine-y: (e - c a x b).y
-    #   row 8: combination R.y (body stick): (e - c a x b).y = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912
-    #   row 10: combination K.y (body stick): (e - c a x b).y = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582
-    #   row 12: combination H.y (body stick): (e - c a x b).y = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963
-    #   row 15: combination F.y (body bucket): (e - c a x b).y = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883
-    e0_y = q[..., _index_3 + 9]
-    weight_e1_y = _number_3
-    e1_y = q[..., _index_4 + 1]
-    weight_e2_y = _number_4
-    e2_y = q[..., _index_5 + 7]
-    e2_x = q[..., _index_5 + 6]
-    e1_x = q[..., _index_4]
-    c = _number_5
-    x1 = e0_y + weight_e1_y * e1_y + weight_e2_y * e2_y - (e2_x - e1_x) * c
-    phi[..., _index_6 + 7] = x1
+    x35 = 0.444449255892656 * (x33 * x33 + x34 * x34 - curl * curl)
+    phi[..., 19] = x35
     return phi
 
 
@@ -280,13 +227,51 @@ def phi_q(t, q, p):
     t = np.asarray(t)
     phi_q = _output(83, t, q, p)
     # constant part
-    x1 = _number_6
+    x1 = _number_1
     phi_q[..., 0:83] = x1
     # row 1: 1000 distance O-B (body boom): |a|^2 - L^2 = 0 with a = O-B, L = 1.90339
     B_x = q[..., 0]
     phi_q[..., 0] = 0.5253778517509793 * B_x
     B_y = q[..., 1]
     phi_q[..., 1] = 0.5253778517509793 * B_y
+    # row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149
+    C_x = q[..., 6]
+    x1 = 0.7399268212373795 * (B_x - C_x)
+    phi_q[..., 14] = x1
+    C_y = q[..., 7]
+    x2 = 0.7399268212373795 * (B_y - C_y)
+    phi_q[..., 15] = x2
+    phi_q[..., 16] = -x1
+    phi_q[..., 17] = -x2
+    # row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267
+    T_x = q[..., 14]
+    x3 = 1.6941485802187828 * (C_x - T_x)
+    phi_q[..., 48] = x3
+    T_y = q[..., 15]
+    x4 = 1.6941485802187828 * (C_y - T_y)
+    phi_q[..., 49] = x4
+    phi_q[..., 50] = -x3
+    phi_q[..., 51] = -x4
+    # row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3
+    H_x = q[..., 12]
+    E_x = q[..., 18]
+    x5 = 3.3333333333333317 * (H_x - E_x)
+    phi_q[..., 62] = x5
+    H_y = q[..., 13]
+    E_y = q[..., 19]
+    x6 = 3.3333333333333317 * (H_y - E_y)
+    phi_q[..., 63] = x6
+    phi_q[..., 64] = -x5
+    phi_q[..., 65] = -x6
+    # row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28
+    F_x = q[..., 16]
+    x7 = 3.571428571428571 * (E_x - F_x)
+    phi_q[..., 66] = -x7
+    F_y = q[..., 17]
+    x8 = 3.571428571428571 * (E_y - F_y)
+    phi_q[..., 67] = -x8
+    phi_q[..., 68] = x7
+    phi_q[..., 69] = x8
     # row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift
     L_x = q[..., 2]
     phi_q[..., 70] = 1.1775497917074913 * (L_x - 0.3)
@@ -297,45 +282,27 @@ def phi_q(t, q, p):
     # row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd
     R_x = q[..., 8]
     D_x = q[..., 4]
-    x1 = 0.857266309287159 * (R_x - D_x)
-    phi_q[..., 73] = -x1
+    x9 = 0.857266309287159 * (R_x - D_x)
+    phi_q[..., 73] = -x9
     R_y = q[..., 9]
     D_y = q[..., 5]
-    x2 = 0.857266309287159 * (R_y - D_y)
-    phi_q[..., 74] = -x2
-    phi_q[..., 75] = x1
-    phi_q[..., 76] = x2
+    x10 = 0.857266309287159 * (R_y - D_y)
+    phi_q[..., 74] = -x10
+    phi_q[..., 75] = x9
+    phi_q[..., 76] = x10
     crowd = q[..., 21]
     phi_q[..., 77] = -(0.857266309287159 * crowd)
     # row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl
-    E_x = q[..., 18]
     K_x = q[..., 10]
-    x3 = 0.888898511785312 * (E_x - K_x)
-    phi_q[..., 78] = -x3
-    E_y = q[..., 19]
+    x11 = 0.888898511785312 * (E_x - K_x)
+    phi_q[..., 78] = -x11
     K_y = q[..., 11]
-    x4 = 0.888898511785312 * (E_y - K_y)
-    phi_q[..., 79] = -x4
-    phi_q[..., 80] = x3
-    phi_q[..., 81] = x4
+    x12 = 0.888898511785312 * (E_y - K_y)
+    phi_q[..., 79] = -x12
+    phi_q[..., 80] = x11
+    phi_q[..., 81] = x12
     curl = q[..., 22]
     phi_q[..., 82] = -(0.888898511785312 * curl)
-    # distance: |a|^2 - L^2
-    #   row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149
-    #   row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267
-    #   row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3
-    #   row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28
-    a0_x = q[..., 0:24:6]
-    a1_x = q[..., _index_1 + 6]
-    x1 = _number_7
-    x2 = (a0_x - a1_x) * x1
-    phi_q[..., _index_7 + 14] = x2
-    phi_q[..., _index_8 + 16] = -x2
-    a0_y = q[..., 1:25:6]
-    a1_y = q[..., _index_1 + 7]
-    x3 = x1 * (a0_y - a1_y)
-    phi_q[..., _index_7 + 15] = x3
-    phi_q[..., _index_8 + 17] = -x3
     return phi_q
 
 
@@ -349,45 +316,56 @@ def gamma(t, q, qd, p):
     dB_x = qd[..., 0]
     dB_y = qd[..., 1]
     gamma[..., 0] = -(0.5253778517509793 * (dB_x * dB_x + dB_y * dB_y))
+    # row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149
+    dC_x = qd[..., 6]
+    x1 = dB_x - dC_x
+    dC_y = qd[..., 7]
+    x2 = dB_y - dC_y
+    gamma[..., 5] = -(0.7399268212373795 * (x1 * x1 + x2 * x2))
+    # row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267
+    dT_x = qd[..., 14]
+    x3 = dC_x - dT_x
+    dT_y = qd[..., 15]
+    x4 = dC_y - dT_y
+    gamma[..., 12] = -(1.6941485802187828 * (x3 * x3 + x4 * x4))
+    # row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3
+    dH_x = qd[..., 12]
+    dE_x = qd[..., 18]
+    x5 = dH_x - dE_x
+    dH_y = qd[..., 13]
+    dE_y = qd[..., 19]
+    x6 = dH_y - dE_y
+    gamma[..., 15] = -(3.3333333333333317 * (x5 * x5 + x6 * x6))
+    # row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28
+    dF_x = qd[..., 16]
+    x7 = dE_x - dF_x
+    dF_y = qd[..., 17]
+    x8 = dE_y - dF_y
+    gamma[..., 16] = -(3.571428571428571 * (x7 * x7 + x8 * x8))
     # row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift
     dL_x = qd[..., 2]
     dL_y = qd[..., 3]
     dlift = qd[..., 20]
-    x1 = 1.1775497917074913 * (dL_x * dL_x + dL_y * dL_y - dlift * dlift)
-    gamma[..., 17] = -x1
+    x9 = 1.1775497917074913 * (dL_x * dL_x + dL_y * dL_y - dlift * dlift)
+    gamma[..., 17] = -x9
     # row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd
     dR_x = qd[..., 8]
     dD_x = qd[..., 4]
-    x2 = dR_x - dD_x
+    x10 = dR_x - dD_x
     dR_y = qd[..., 9]
     dD_y = qd[..., 5]
-    x3 = dR_y - dD_y
+    x11 = dR_y - dD_y
     dcrowd = qd[..., 21]
-    x4 = 0.857266309287159 * (x2 * x2 + x3 * x3 - dcrowd * dcrowd)
-    gamma[..., 18] = -x4
+    x12 = 0.857266309287159 * (x10 * x10 + x11 * x11 - dcrowd * dcrowd)
+    gamma[..., 18] = -x12
     # row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl
-    dE_x = qd[..., 18]
     dK_x = qd[..., 10]
-    x5 = dE_x - dK_x
-    dE_y = qd[..., 19]
+    x13 = dE_x - dK_x
     dK_y = qd[..., 11]
-    x6 = dE_y - dK_y
+    x14 = dE_y - dK_y
     dcurl = qd[..., 22]
-    x7 = -(0.888898511785312 * (x5 * x5 + x6 * x6 - dcurl * dcurl))
-    gamma[..., 19] = x7
-    # distance: |a|^2 - L^2
-    #   row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149
-    #   row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267
-    #   row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3
-    #   row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28
-    x1 = _number_7
-    da0_x = qd[..., 0:24:6]
-    da1_x = qd[..., _index_1 + 6]
-    x2 = da0_x - da1_x
-    da0_y = qd[..., 1:25:6]
-    da1_y = qd[..., _index_1 + 7]
-    x3 = da0_y - da1_y
-    gamma[..., _index_2 + 5] = -(x1 * (x2 * x2 + x3 * x3))
+    x15 = 0.888898511785312 * (x13 * x13 + x14 * x14 - dcurl * dcurl)
+    gamma[..., 19] = -x15
     return gamma
 
 
@@ -396,7 +374,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(22, t, q, p)
     # constant part
-    x1 = _number_8
+    x1 = _number_2
     mass[..., 0:22] = x1
     return mass
 
@@ -406,7 +384,7 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(23, t, q, qd, p)
     # constant part
-    x1 = _number_9
+    x1 = _number_3
     force[..., 0:23] = x1
     # cylinder lift
     t_ = t
@@ -429,12 +407,10 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 126 operations."""
+    """3 numbers, 119 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
-    # boom; stick; bucket
+    # B.x; B.y; C.x; C.y; T.x; T.y; B.x C.x; B.y C.y; C.x T.x; C.y T.y; boom; stick; bucket
     dC_x = qd[..., 6]
     dT_x = qd[..., 14]
     x1 = dC_x - dT_x
@@ -445,48 +421,44 @@ def energy(t, q, qd, p):
     x4 = 4.202489123178735 * (x1 * x1 + x2 * x2) - x2 * (2.0 * x3)
     x5 = 2.0 * (4.500378597792253 * x2 + 9.487232049225142 * dC_y)
     dB_x = qd[..., 0]
+    x6 = dB_x - dC_x
     dB_y = qd[..., 1]
-    x6 = 8.471344276888573 * (dB_x * dB_x + dB_y * dB_y) - dB_y * (4.692372080878064 * dB_x)
-    x7 = dB_x - dC_x
-    x8 = dC_y - dB_y
-    x9 = 2.053093877949189 * (dC_x - dB_x) + 5.54945115928032 * dB_x
-    x10 = 6.455309387794916 * (x7 * x7 + x8 * x8) - x8 * (2.0 * x9)
-    x11 = x7 * (2.0 * (2.053093877949189 * x8 + 5.54945115928032 * dB_y))
-    x12 = 0.5 * (x6 + dB_x * (4.692372080878064 * dB_y)) + 0.5 * (x10 - x11)
-    energy[..., 0] += 0.5 * (x4 - x1 * x5) + x12
+    x7 = dC_y - dB_y
+    x8 = 2.053093877949189 * (dC_x - dB_x) + 5.54945115928032 * dB_x
+    x9 = 6.455309387794916 * (x6 * x6 + x7 * x7) - x7 * (2.0 * x8)
+    x10 = x6 * (2.0 * (2.053093877949189 * x7 + 5.54945115928032 * dB_y))
+    x11 = dB_x * dB_x
+    x12 = dB_y * dB_y
+    x13 = 8.471344276888573 * (x11 + x12) - dB_y * (4.692372080878064 * dB_x)
+    x14 = 24.519153096927667 * (dC_x * dC_x) + (57.00520580734095 * x11 + 57.00520580734095 * x12)
+    x15 = 9.333995879469809 * (dT_x * dT_x) + (24.519153096927667 * (dC_y * dC_y) + x14)
+    x16 = dC_x * (28.713572813311476 * dB_x) + (9.333995879469809 * (dT_y * dT_y) + x15)
+    x17 = dT_x * (14.537320413348516 * dC_x) + (dC_y * (28.713572813311476 * dB_y) + x16)
+    x18 = 0.5 * (x13 + dB_x * (4.692372080878064 * dB_y)) + (dT_y * (14.537320413348516 * dC_y) + x17)
+    energy[..., 0] = 0.5 * (x4 - x1 * x5) + (0.5 * (x9 - x10) + x18)
+    # boom; stick; bucket; B.y; C.y; T.y
+    T_y = q[..., 15]
+    C_y = q[..., 7]
+    B_y = q[..., 1]
     B_x = q[..., 0]
     C_x = q[..., 6]
-    x13 = 51.53956725677114 * B_x - 54.44011587253994 * (B_x - C_x)
+    x19 = 51.53956725677114 * B_x - 54.44011587253994 * (B_x - C_x)
     T_x = q[..., 14]
-    energy[..., 1] += x13 - 93.06974640289864 * (C_x - T_x)
+    x20 = 1803.2714846397064 * B_y + (x19 - 93.06974640289864 * (C_x - T_x))
+    x21 = 325.7441124101466 * T_y + (905.3570463152554 * C_y + x20)
+    energy[..., 1] = x21
     # cylinder lift; cylinder crowd; cylinder curl
     dcurl = qd[..., 22]
     curl = q[..., 22]
     t_ = t
-    x14 = np.cos(1.5707963267948966 * t_)
-    x15 = 1164987.8211535597 - 1000000.0 * curl - 6000.0 * dcurl - 40000.0 * x14
+    x22 = np.cos(1.5707963267948966 * t_)
+    x23 = 1164987.8211535597 - 1000000.0 * curl - 6000.0 * dcurl - 40000.0 * x22
     dlift = qd[..., 20]
     lift = q[..., 20]
-    x16 = 799220.9900950027 + 50000.0 * x14 - 1000000.0 * lift - 80000.0 * dlift
+    x24 = 799220.9900950027 + 50000.0 * x22 - 1000000.0 * lift - 80000.0 * dlift
     dcrowd = qd[..., 21]
     crowd = q[..., 21]
-    x17 = 1226498.6587791233 - 1000000.0 * crowd - 30000.0 * dcrowd
-    x18 = dcurl * x15 + (dlift * x16 + dcrowd * (x17 - 60000.0 * x14))
-    energy[..., 2] = x18
-    # mass-diagonal: m v^2 / 2
-    #   B.x, B.y, C.x, C.y, T.x, T.y
-    x1 = _number_10
-    dx = qd[..., _index_9]
-    energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(6), axis=-1)
-    # mass-pair: m v w
-    #   B.x C.x, B.y C.y, C.x T.x, C.y T.y
-    dy = qd[..., _index_10 + 6]
-    dx = qd[..., _index_11]
-    m = _number_11
-    energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(4), axis=-1)
-    # weight: -f x
-    #   B.y, C.y, T.y
-    x = q[..., _index_12 + 1]
-    f = _number_12
-    energy[..., 1] += np.sum(-(x * f) + np.zeros(3), axis=-1)
+    x25 = 1226498.6587791233 - 1000000.0 * crowd - 30000.0 * dcrowd
+    x26 = dcurl * x23 + (dlift * x24 + dcrowd * (x25 - 60000.0 * x22))
+    energy[..., 2] = x26
     return energy

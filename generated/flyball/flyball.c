@@ -8,12 +8,6 @@
 static const int flyball_index_1[17] = {
     1, 2, 3, 4, 0, 6, 7, 8, 12, 13, 14, 19, 20, 21, 25, 26, 27
 };
-static const int flyball_index_2[6] = {
-    0, 1, 2, 13, 14, 15
-};
-static const int flyball_index_3[5] = {
-    0, 8, 14, 21, 27
-};
 
 static const ncgen_scalar flyball_number_1[97] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
@@ -55,9 +49,6 @@ static const ncgen_scalar flyball_number_5[17] = {
     R(0.0012537499999999988), R(2.0), R(0.049999999999999996), R(0.049999999999999996),
     R(0.049999999999999996), R(2.55), R(2.55), R(2.55), R(0.049999999999999996),
     R(0.049999999999999996), R(0.049999999999999996), R(2.55), R(2.55), R(2.55)
-};
-static const ncgen_scalar flyball_number_6[5] = {
-    -R(29.43), -R(1.4715), -R(50.5215), -R(1.4715), -R(50.5215)
 };
 
 /* phi: 117 operations, 6 of them elementary functions */
@@ -761,7 +752,7 @@ int flyball_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
     return NCGEN_OK;
 }
 
-/* energy: 197 operations, 2 of them elementary functions */
+/* energy: 192 operations, 2 of them elementary functions */
 int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -774,7 +765,7 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     }
 
     {
-        /* S.z K1.z; rod1; rod2 */
+        /* S.z K1.z; K1.x; K1.y; K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2 */
         const ncgen_real df_y = qd[4];
         const ncgen_real B2_x = q[25];
         const ncgen_real H2_x = q[19];
@@ -817,48 +808,56 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real x12 = x10 * df_x + f_x * x11;
         const ncgen_real x13 = x10 * df_y + f_y * x11;
         const ncgen_real x14 = R(1.2499999999992486e-06) * (x9 * x9 + x12 * x12 + x13 * x13);
-        const ncgen_real dS_z = qd[0];
         const ncgen_real dK1_z = qd[11];
-        energy[0] += x7 + (x14 - dS_z * dK1_z);
-        /* spring K1-M1; spring K2-M2 */
-        const ncgen_real M1_x = q[15];
-        const ncgen_real K1_x = q[9];
-        const ncgen_real x15 = M1_x - K1_x;
-        const ncgen_real M1_y = q[16];
-        const ncgen_real K1_y = q[10];
-        const ncgen_real x16 = M1_y - K1_y;
-        const ncgen_real M1_z = q[17];
-        const ncgen_real K1_z = q[11];
-        const ncgen_real x17 = M1_z - K1_z;
-        const ncgen_real x18 = x15 * x15 + x16 * x16 + x17 * x17;
-        const ncgen_real x19 = NCGEN_SQRT(x18) - R(0.5);
+        const ncgen_real dK1_y = qd[10];
+        const ncgen_real dK1_x = qd[9];
+        const ncgen_real dS_z = qd[0];
+        const ncgen_real x15 = R(0.5) * (dK1_y * dK1_y) + (R(0.5) * (dK1_x * dK1_x) - dS_z * dK1_z);
+        const ncgen_real x16 = dB1_x * (R(0.05) * dH1_x) + (R(0.5) * (dK1_z * dK1_z) + x15);
+        const ncgen_real x17 = dB1_z * (R(0.05) * dH1_z) + (dB1_y * (R(0.05) * dH1_y) + x16);
+        const ncgen_real x18 = dB2_y * (R(0.05) * dH2_y) + (dB2_x * (R(0.05) * dH2_x) + x17);
+        energy[0] += x7 + (x14 + (dB2_z * (R(0.05) * dH2_z) + x18));
+        /* S.z; H1.z; B1.z; H2.z; B2.z; spring K1-M1; spring K2-M2 */
         const ncgen_real M2_x = q[28];
         const ncgen_real K2_x = q[22];
-        const ncgen_real x20 = M2_x - K2_x;
+        const ncgen_real x19 = M2_x - K2_x;
         const ncgen_real M2_y = q[29];
         const ncgen_real K2_y = q[23];
-        const ncgen_real x21 = M2_y - K2_y;
+        const ncgen_real x20 = M2_y - K2_y;
         const ncgen_real M2_z = q[30];
         const ncgen_real K2_z = q[24];
-        const ncgen_real x22 = M2_z - K2_z;
-        const ncgen_real x23 = x20 * x20 + x21 * x21 + x22 * x22;
-        const ncgen_real x24 = NCGEN_SQRT(x23) - R(0.5);
-        energy[1] += R(400000.0) * (x19 * x19) + R(400000.0) * (x24 * x24);
+        const ncgen_real x21 = M2_z - K2_z;
+        const ncgen_real x22 = x19 * x19 + x20 * x20 + x21 * x21;
+        const ncgen_real x23 = NCGEN_SQRT(x22) - R(0.5);
+        const ncgen_real M1_x = q[15];
+        const ncgen_real K1_x = q[9];
+        const ncgen_real x24 = M1_x - K1_x;
+        const ncgen_real M1_y = q[16];
+        const ncgen_real K1_y = q[10];
+        const ncgen_real x25 = M1_y - K1_y;
+        const ncgen_real M1_z = q[17];
+        const ncgen_real K1_z = q[11];
+        const ncgen_real x26 = M1_z - K1_z;
+        const ncgen_real x27 = x24 * x24 + x25 * x25 + x26 * x26;
+        const ncgen_real x28 = NCGEN_SQRT(x27) - R(0.5);
+        const ncgen_real S_z = q[0];
+        const ncgen_real x29 = R(50.5215) * B1_z + (R(1.4715) * H1_z + (R(29.43) * S_z + R(1.4715)));
+        const ncgen_real x30 = R(400000.0) * (x28 * x28) + (R(50.5215) * B2_z + (R(1.4715) * H2_z + x29));
+        energy[1] = R(400000.0) * (x23 * x23) + x30;
+        /* spring K1-M1; spring K2-M2 */
         const ncgen_real dM1_x = qd[15];
-        const ncgen_real dK1_x = qd[9];
         const ncgen_real dM1_y = qd[16];
-        const ncgen_real dK1_y = qd[10];
         const ncgen_real dM1_z = qd[17];
-        const ncgen_real x25 = x15 * (dM1_x - dK1_x) + x16 * (dM1_y - dK1_y) + x17 * (dM1_z - dK1_z);
+        const ncgen_real x31 = x24 * (dM1_x - dK1_x) + x25 * (dM1_y - dK1_y) + x26 * (dM1_z - dK1_z);
         const ncgen_real dM2_x = qd[28];
         const ncgen_real dK2_x = qd[22];
         const ncgen_real dM2_y = qd[29];
         const ncgen_real dK2_y = qd[23];
         const ncgen_real dM2_z = qd[30];
         const ncgen_real dK2_z = qd[24];
-        const ncgen_real x26 = x20 * (dM2_x - dK2_x) + x21 * (dM2_y - dK2_y) + x22 * (dM2_z - dK2_z);
-        const ncgen_real x27 = R(40000.0) * (x25 * x25) / x18 + R(40000.0) * (x26 * x26) / x23;
-        energy[2] = -x27;
+        const ncgen_real x32 = x19 * (dM2_x - dK2_x) + x20 * (dM2_y - dK2_y) + x21 * (dM2_z - dK2_z);
+        const ncgen_real x33 = R(40000.0) * (x31 * x31) / x27 + R(40000.0) * (x32 * x32) / x22;
+        energy[2] = -x33;
     }
 
     /* mass-diagonal: m v^2 / 2 */
@@ -868,29 +867,6 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real x1 = flyball_number_5[i];
         const ncgen_real dx = qd[flyball_index_1[i]];
         energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   K1.x, K1.y, K1.z */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real dx = qd[i + 9];
-        energy[0] += R(0.5) * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   H1.x B1.x, H1.y B1.y, H1.z B1.z, H2.x B2.x, H2.y B2.y, H2.z B2.z */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real dy = qd[flyball_index_2[i] + 12];
-        const ncgen_real dx = qd[flyball_index_2[i] + 6];
-        energy[0] += dy * (R(0.05) * dx);
-    }
-
-    /* weight: -f x */
-    /*   S.z, H1.z, B1.z, H2.z, B2.z */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real x = q[flyball_index_3[i]];
-        const ncgen_real f = flyball_number_6[i];
-        energy[1] += -(x * f);
     }
 
     return NCGEN_OK;
@@ -1001,7 +977,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "3961de5e7f710f58",
+        .fingerprint = "1566438f06a09221",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

@@ -57,7 +57,7 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_
 int flyball_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 28 numbers, 190 operations */
 int flyball_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 100 numbers, 80 operations */
 int flyball_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 32 numbers, 123 operations */
-int flyball_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 197 operations */
+int flyball_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 192 operations */
 
 #ifdef __cplusplus
 }

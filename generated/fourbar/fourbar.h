@@ -31,7 +31,7 @@ int fourbar_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_
 int fourbar_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 4 numbers, 33 operations */
 int fourbar_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 8 numbers, 0 operations */
 int fourbar_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 5 numbers, 0 operations */
-int fourbar_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 38 operations */
+int fourbar_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 33 operations */
 
 #ifdef __cplusplus
 }

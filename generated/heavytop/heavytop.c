@@ -5,41 +5,8 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int heavytop_index_1[3] = {
-    0, 1, 3
-};
-static const int heavytop_index_2[3] = {
-    0, 3, 3
-};
-static const int heavytop_index_3[3] = {
-    0, 0, 3
-};
-static const int heavytop_index_4[3] = {
-    0, 2, 3
-};
-static const int heavytop_index_5[3] = {
-    0, 3, 12
-};
-static const int heavytop_index_6[3] = {
-    0, 9, 15
-};
-static const int heavytop_index_7[9] = {
-    0, 1, 2, 3, 4, 5, 3, 4, 5
-};
-static const int heavytop_index_8[9] = {
-    0, 1, 2, 0, 1, 2, 3, 4, 5
-};
 
-static const ncgen_scalar heavytop_number_1[3] = {
-    R(1.1547005383792517), R(1.1547005383792512), R(1.1547005383792517)
-};
-static const ncgen_scalar heavytop_number_2[3] = {
-    R(0.18749999999999997), R(0.18750000000000008), R(0.18749999999999992)
-};
-static const ncgen_scalar heavytop_number_3[3] = {
-    R(2.3094010767585034), R(2.3094010767585025), R(2.3094010767585034)
-};
-static const ncgen_scalar heavytop_number_4[27] = {
+static const ncgen_scalar heavytop_number_1[27] = {
     R(3.333333333333334), R(0.8333333333333337), R(0.8333333333333343), R(3.333333333333334),
     R(0.8333333333333337), R(0.8333333333333343), R(3.333333333333334), R(0.8333333333333337),
     R(0.8333333333333343), R(0.8333333333333337), R(3.333333333333333), R(0.8333333333333321),
@@ -48,22 +15,9 @@ static const ncgen_scalar heavytop_number_4[27] = {
     R(3.333333333333333), R(0.8333333333333343), R(0.8333333333333321), R(3.333333333333333),
     R(0.8333333333333343), R(0.8333333333333321), R(3.333333333333333)
 };
-static const ncgen_scalar heavytop_number_5[9] = {
+static const ncgen_scalar heavytop_number_2[9] = {
     R(0.0), R(0.0), -R(49.05000000000002), R(0.0), R(0.0), -R(49.04999999999999), R(0.0), R(0.0),
     -R(49.05)
-};
-static const ncgen_scalar heavytop_number_6[9] = {
-    R(1.666666666666667), R(1.666666666666667), R(1.666666666666667), R(1.6666666666666665),
-    R(1.6666666666666665), R(1.6666666666666665), R(1.6666666666666665), R(1.6666666666666665),
-    R(1.6666666666666665)
-};
-static const ncgen_scalar heavytop_number_7[9] = {
-    R(0.8333333333333337), R(0.8333333333333337), R(0.8333333333333337), R(0.8333333333333343),
-    R(0.8333333333333343), R(0.8333333333333343), R(0.8333333333333321), R(0.8333333333333321),
-    R(0.8333333333333321)
-};
-static const ncgen_scalar heavytop_number_8[3] = {
-    -R(49.05000000000002), -R(49.04999999999999), -R(49.05)
 };
 
 /* phi: 51 operations */
@@ -72,35 +26,43 @@ int heavytop_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     (void)t;
     (void)p;
 
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078 */
-    /*   row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078 */
-    /*   row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a1_x = q[3 * i];
-        const ncgen_real a1_y = q[3 * i + 1];
-        const ncgen_real a1_z = q[3 * i + 2];
-        const ncgen_real x1 = R(0.48507125007266594) * (a1_x * a1_x + a1_y * a1_y + a1_z * a1_z - R(1.0625));
-        phi[heavytop_index_1[i]] = x1;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013 */
-    /*   row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013 */
-    /*   row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real scale = heavytop_number_1[i];
-        const ncgen_real a0_x = q[heavytop_index_2[i] + 3];
-        const ncgen_real a1_x = q[heavytop_index_3[i]];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[heavytop_index_2[i] + 4];
-        const ncgen_real a1_y = q[heavytop_index_3[i] + 1];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = q[heavytop_index_2[i] + 5];
-        const ncgen_real a1_z = q[heavytop_index_3[i] + 2];
-        const ncgen_real x3 = a0_z - a1_z;
-        const ncgen_real x4 = heavytop_number_2[i];
-        phi[heavytop_index_4[i] + 2] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4);
+    {
+        /* row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078 */
+        const ncgen_real P_x = q[0];
+        const ncgen_real P_y = q[1];
+        const ncgen_real P_z = q[2];
+        const ncgen_real x1 = R(0.48507125007266594) * (P_x * P_x + P_y * P_y + P_z * P_z - R(1.0625));
+        phi[0] = x1;
+        /* row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078 */
+        const ncgen_real Q_x = q[3];
+        const ncgen_real Q_y = q[4];
+        const ncgen_real Q_z = q[5];
+        const ncgen_real x2 = R(0.48507125007266594) * (Q_x * Q_x + Q_y * Q_y + Q_z * Q_z - R(1.0625));
+        phi[1] = x2;
+        /* row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013 */
+        const ncgen_real x3 = Q_x - P_x;
+        const ncgen_real x4 = Q_y - P_y;
+        const ncgen_real x5 = Q_z - P_z;
+        const ncgen_real x6 = R(1.1547005383792517) * (x3 * x3 + x4 * x4 + x5 * x5 - R(0.18749999999999997));
+        phi[2] = x6;
+        /* row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078 */
+        const ncgen_real R_x = q[6];
+        const ncgen_real R_y = q[7];
+        const ncgen_real R_z = q[8];
+        const ncgen_real x7 = R(0.48507125007266594) * (R_x * R_x + R_y * R_y + R_z * R_z - R(1.0625));
+        phi[3] = x7;
+        /* row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013 */
+        const ncgen_real x8 = R_x - P_x;
+        const ncgen_real x9 = R_y - P_y;
+        const ncgen_real x10 = R_z - P_z;
+        const ncgen_real x11 = R(1.1547005383792512) * (x8 * x8 + x9 * x9 + x10 * x10 - R(0.18750000000000008));
+        phi[4] = x11;
+        /* row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013 */
+        const ncgen_real x12 = R_x - Q_x;
+        const ncgen_real x13 = R_y - Q_y;
+        const ncgen_real x14 = R_z - Q_z;
+        const ncgen_real x15 = x12 * x12 + x13 * x13 + x14 * x14 - R(0.18749999999999992);
+        phi[5] = R(1.1547005383792517) * x15;
     }
 
     return NCGEN_OK;
@@ -112,40 +74,58 @@ int heavytop_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     (void)t;
     (void)p;
 
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078 */
-    /*   row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078 */
-    /*   row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a1_x = q[3 * i];
-        phi_q[heavytop_index_5[i]] = R(0.9701425001453319) * a1_x;
-        const ncgen_real a1_y = q[3 * i + 1];
-        phi_q[heavytop_index_5[i] + 1] = R(0.9701425001453319) * a1_y;
-        const ncgen_real a1_z = q[3 * i + 2];
-        phi_q[heavytop_index_5[i] + 2] = R(0.9701425001453319) * a1_z;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013 */
-    /*   row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013 */
-    /*   row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a0_x = q[heavytop_index_2[i] + 3];
-        const ncgen_real a1_x = q[heavytop_index_3[i]];
-        const ncgen_real x1 = heavytop_number_3[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[heavytop_index_6[i] + 9] = x2;
-        phi_q[heavytop_index_6[i] + 6] = -x2;
-        const ncgen_real a0_y = q[heavytop_index_2[i] + 4];
-        const ncgen_real a1_y = q[heavytop_index_3[i] + 1];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[heavytop_index_6[i] + 10] = x3;
-        phi_q[heavytop_index_6[i] + 7] = -x3;
-        const ncgen_real a0_z = q[heavytop_index_2[i] + 5];
-        const ncgen_real a1_z = q[heavytop_index_3[i] + 2];
-        const ncgen_real x4 = x1 * (a0_z - a1_z);
-        phi_q[heavytop_index_6[i] + 11] = x4;
-        phi_q[heavytop_index_6[i] + 8] = -x4;
+    {
+        /* row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078 */
+        const ncgen_real P_x = q[0];
+        phi_q[0] = R(0.9701425001453319) * P_x;
+        const ncgen_real P_y = q[1];
+        phi_q[1] = R(0.9701425001453319) * P_y;
+        const ncgen_real P_z = q[2];
+        phi_q[2] = R(0.9701425001453319) * P_z;
+        /* row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078 */
+        const ncgen_real Q_x = q[3];
+        phi_q[3] = R(0.9701425001453319) * Q_x;
+        const ncgen_real Q_y = q[4];
+        phi_q[4] = R(0.9701425001453319) * Q_y;
+        const ncgen_real Q_z = q[5];
+        phi_q[5] = R(0.9701425001453319) * Q_z;
+        /* row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013 */
+        const ncgen_real x1 = R(2.3094010767585034) * (Q_x - P_x);
+        phi_q[6] = -x1;
+        const ncgen_real x2 = R(2.3094010767585034) * (Q_y - P_y);
+        phi_q[7] = -x2;
+        const ncgen_real x3 = R(2.3094010767585034) * (Q_z - P_z);
+        phi_q[8] = -x3;
+        phi_q[9] = x1;
+        phi_q[10] = x2;
+        phi_q[11] = x3;
+        /* row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078 */
+        const ncgen_real R_x = q[6];
+        phi_q[12] = R(0.9701425001453319) * R_x;
+        const ncgen_real R_y = q[7];
+        phi_q[13] = R(0.9701425001453319) * R_y;
+        const ncgen_real R_z = q[8];
+        phi_q[14] = R(0.9701425001453319) * R_z;
+        /* row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013 */
+        const ncgen_real x4 = R(2.3094010767585025) * (R_x - P_x);
+        phi_q[15] = -x4;
+        const ncgen_real x5 = R(2.3094010767585025) * (R_y - P_y);
+        phi_q[16] = -x5;
+        const ncgen_real x6 = R(2.3094010767585025) * (R_z - P_z);
+        phi_q[17] = -x6;
+        phi_q[18] = x4;
+        phi_q[19] = x5;
+        phi_q[20] = x6;
+        /* row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013 */
+        const ncgen_real x7 = R(2.3094010767585034) * (R_x - Q_x);
+        phi_q[21] = -x7;
+        const ncgen_real x8 = R(2.3094010767585034) * (R_y - Q_y);
+        phi_q[22] = -x8;
+        const ncgen_real x9 = R(2.3094010767585034) * (R_z - Q_z);
+        phi_q[23] = -x9;
+        phi_q[24] = x7;
+        phi_q[25] = x8;
+        phi_q[26] = x9;
     }
 
     return NCGEN_OK;
@@ -158,34 +138,41 @@ int heavytop_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     (void)q;
     (void)p;
 
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078 */
-    /*   row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078 */
-    /*   row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real da1_x = qd[3 * i];
-        const ncgen_real da1_y = qd[3 * i + 1];
-        const ncgen_real da1_z = qd[3 * i + 2];
-        const ncgen_real x1 = R(0.9701425001453319) * (da1_x * da1_x + da1_y * da1_y + da1_z * da1_z);
-        gamma[heavytop_index_1[i]] = -x1;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013 */
-    /*   row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013 */
-    /*   row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = heavytop_number_3[i];
-        const ncgen_real da0_x = qd[heavytop_index_2[i] + 3];
-        const ncgen_real da1_x = qd[heavytop_index_3[i]];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[heavytop_index_2[i] + 4];
-        const ncgen_real da1_y = qd[heavytop_index_3[i] + 1];
-        const ncgen_real x3 = da0_y - da1_y;
-        const ncgen_real da0_z = qd[heavytop_index_2[i] + 5];
-        const ncgen_real da1_z = qd[heavytop_index_3[i] + 2];
-        const ncgen_real x4 = da0_z - da1_z;
-        gamma[heavytop_index_4[i] + 2] = -(x1 * (x2 * x2 + x3 * x3 + x4 * x4));
+    {
+        /* row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078 */
+        const ncgen_real dP_x = qd[0];
+        const ncgen_real dP_y = qd[1];
+        const ncgen_real dP_z = qd[2];
+        const ncgen_real x1 = R(0.9701425001453319) * (dP_x * dP_x + dP_y * dP_y + dP_z * dP_z);
+        gamma[0] = -x1;
+        /* row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078 */
+        const ncgen_real dQ_x = qd[3];
+        const ncgen_real dQ_y = qd[4];
+        const ncgen_real dQ_z = qd[5];
+        const ncgen_real x2 = R(0.9701425001453319) * (dQ_x * dQ_x + dQ_y * dQ_y + dQ_z * dQ_z);
+        gamma[1] = -x2;
+        /* row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013 */
+        const ncgen_real x3 = dQ_x - dP_x;
+        const ncgen_real x4 = dQ_y - dP_y;
+        const ncgen_real x5 = dQ_z - dP_z;
+        gamma[2] = -(R(2.3094010767585034) * (x3 * x3 + x4 * x4 + x5 * x5));
+        /* row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078 */
+        const ncgen_real dR_x = qd[6];
+        const ncgen_real dR_y = qd[7];
+        const ncgen_real dR_z = qd[8];
+        const ncgen_real x6 = R(0.9701425001453319) * (dR_x * dR_x + dR_y * dR_y + dR_z * dR_z);
+        gamma[3] = -x6;
+        /* row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013 */
+        const ncgen_real x7 = dR_x - dP_x;
+        const ncgen_real x8 = dR_y - dP_y;
+        const ncgen_real x9 = dR_z - dP_z;
+        gamma[4] = -(R(2.3094010767585025) * (x7 * x7 + x8 * x8 + x9 * x9));
+        /* row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013 */
+        const ncgen_real x10 = dR_x - dQ_x;
+        const ncgen_real x11 = dR_y - dQ_y;
+        const ncgen_real x12 = dR_z - dQ_z;
+        const ncgen_real x13 = R(2.3094010767585034) * (x10 * x10 + x11 * x11 + x12 * x12);
+        gamma[5] = -x13;
     }
 
     return NCGEN_OK;
@@ -200,7 +187,7 @@ int heavytop_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = heavytop_number_4[i];
+        const ncgen_real x1 = heavytop_number_1[i];
         mass[i] = x1;
     }
 
@@ -217,14 +204,14 @@ int heavytop_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 9; ++i) {
-        const ncgen_real x1 = heavytop_number_5[i];
+        const ncgen_real x1 = heavytop_number_2[i];
         force[i] = x1;
     }
 
     return NCGEN_OK;
 }
 
-/* energy: 63 operations */
+/* energy: 58 operations */
 int heavytop_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -235,29 +222,33 @@ int heavytop_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         energy[i] = NCGEN_SPLAT(R(0.0));
     }
 
-    /* mass-diagonal: m v^2 / 2 */
-    /*   P.x, P.y, P.z, Q.x, Q.y, Q.z, R.x, R.y, R.z */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real x1 = heavytop_number_6[i];
-        const ncgen_real dx = qd[i];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   P.x Q.x, P.y Q.y, P.z Q.z, P.x R.x, P.y R.y, P.z R.z, Q.x R.x, Q.y R.y, Q.z R.z */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real dy = qd[heavytop_index_7[i] + 3];
-        const ncgen_real dx = qd[heavytop_index_8[i]];
-        const ncgen_real m = heavytop_number_7[i];
-        energy[0] += dy * (dx * m);
-    }
-
-    /* weight: -f x */
-    /*   P.z, Q.z, R.z */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x = q[3 * i + 2];
-        const ncgen_real f = heavytop_number_8[i];
-        energy[1] += -(x * f);
+    {
+        /* P.x; P.y; P.z; Q.x; Q.y; Q.z; R.x; R.y; R.z; P.x Q.x; P.y Q.y; P.z Q.z; P.x R.x; P.y R.y; P.z R.z; Q.x R.x; Q.y R.y; Q.z R.z */
+        const ncgen_real dR_z = qd[8];
+        const ncgen_real dQ_z = qd[5];
+        const ncgen_real dR_y = qd[7];
+        const ncgen_real dQ_y = qd[4];
+        const ncgen_real dR_x = qd[6];
+        const ncgen_real dQ_x = qd[3];
+        const ncgen_real dP_z = qd[2];
+        const ncgen_real dP_y = qd[1];
+        const ncgen_real dP_x = qd[0];
+        const ncgen_real x1 = R(1.666666666666667) * (dP_x * dP_x) + R(1.666666666666667) * (dP_y * dP_y);
+        const ncgen_real x2 = R(1.6666666666666665) * (dQ_x * dQ_x) + (R(1.666666666666667) * (dP_z * dP_z) + x1);
+        const ncgen_real x3 = R(1.6666666666666665) * (dQ_z * dQ_z) + (R(1.6666666666666665) * (dQ_y * dQ_y) + x2);
+        const ncgen_real x4 = R(1.6666666666666665) * (dR_y * dR_y) + (R(1.6666666666666665) * (dR_x * dR_x) + x3);
+        const ncgen_real x5 = dQ_x * (R(0.8333333333333337) * dP_x) + (R(1.6666666666666665) * (dR_z * dR_z) + x4);
+        const ncgen_real x6 = dQ_z * (R(0.8333333333333337) * dP_z) + (dQ_y * (R(0.8333333333333337) * dP_y) + x5);
+        const ncgen_real x7 = dR_y * (R(0.8333333333333343) * dP_y) + (dR_x * (R(0.8333333333333343) * dP_x) + x6);
+        const ncgen_real x8 = dR_x * (R(0.8333333333333321) * dQ_x) + (dR_z * (R(0.8333333333333343) * dP_z) + x7);
+        const ncgen_real x9 = dR_z * (R(0.8333333333333321) * dQ_z) + (dR_y * (R(0.8333333333333321) * dQ_y) + x8);
+        energy[0] = x9;
+        /* P.z; Q.z; R.z */
+        const ncgen_real R_z = q[8];
+        const ncgen_real P_z = q[2];
+        const ncgen_real Q_z = q[5];
+        const ncgen_real x10 = R(49.05) * R_z + (R(49.05000000000002) * P_z + R(49.04999999999999) * Q_z);
+        energy[1] = x10;
     }
 
     return NCGEN_OK;
@@ -312,7 +303,7 @@ const ncgen_model *heavytop_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "heavytop",
-        .fingerprint = "3fdb3f09bfd35518",
+        .fingerprint = "720d999db978927d",
         .n_coordinates = 9,
         .n_rows = 6,
         .n_parameters = 0,

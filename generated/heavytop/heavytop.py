@@ -52,40 +52,7 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_index_1 = np.array([
-    0, 1, 3
-])
-_index_2 = np.array([
-    0, 3, 3
-])
-_index_3 = np.array([
-    0, 0, 3
-])
-_index_4 = np.array([
-    0, 2, 3
-])
-_index_5 = np.array([
-    0, 3, 12
-])
-_index_6 = np.array([
-    0, 9, 15
-])
-_index_7 = np.array([
-    0, 1, 2, 3, 4, 5, 3, 4, 5
-])
-_index_8 = np.array([
-    0, 1, 2, 0, 1, 2, 3, 4, 5
-])
 _number_1 = np.array([
-    1.1547005383792517, 1.1547005383792512, 1.1547005383792517
-])
-_number_2 = np.array([
-    0.18749999999999997, 0.18750000000000008, 0.18749999999999992
-])
-_number_3 = np.array([
-    2.3094010767585034, 2.3094010767585025, 2.3094010767585034
-])
-_number_4 = np.array([
     3.333333333333334, 0.8333333333333337, 0.8333333333333343, 3.333333333333334, 0.8333333333333337,
     0.8333333333333343, 3.333333333333334, 0.8333333333333337, 0.8333333333333343, 0.8333333333333337,
     3.333333333333333, 0.8333333333333321, 0.8333333333333337, 3.333333333333333, 0.8333333333333321,
@@ -93,19 +60,8 @@ _number_4 = np.array([
     3.333333333333333, 0.8333333333333343, 0.8333333333333321, 3.333333333333333, 0.8333333333333343,
     0.8333333333333321, 3.333333333333333
 ])
-_number_5 = np.array([
+_number_2 = np.array([
     0.0, 0.0, -49.05000000000002, 0.0, 0.0, -49.04999999999999, 0.0, 0.0, -49.05
-])
-_number_6 = np.array([
-    1.666666666666667, 1.666666666666667, 1.666666666666667, 1.6666666666666665, 1.6666666666666665,
-    1.6666666666666665, 1.6666666666666665, 1.6666666666666665, 1.6666666666666665
-])
-_number_7 = np.array([
-    0.8333333333333337, 0.8333333333333337, 0.8333333333333337, 0.8333333333333343, 0.8333333333333343,
-    0.8333333333333343, 0.8333333333333321, 0.8333333333333321, 0.8333333333333321
-])
-_number_8 = np.array([
-    -49.05000000000002, -49.04999999999999, -49.05
 ])
 
 
@@ -119,31 +75,42 @@ def phi(t, q, p):
     """6 numbers, 51 operations."""
     t = np.asarray(t)
     phi = _output(6, t, q, p)
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078
-    #   row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078
-    #   row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078
-    a1_x = q[..., 0:9:3]
-    a1_y = q[..., 1:10:3]
-    a1_z = q[..., 2:11:3]
-    x1 = 0.48507125007266594 * (a1_x * a1_x + a1_y * a1_y + a1_z * a1_z - 1.0625)
-    phi[..., _index_1] = x1
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013
-    #   row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013
-    #   row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013
-    scale = _number_1
-    a0_x = q[..., _index_2 + 3]
-    a1_x = q[..., _index_3]
-    x1 = a0_x - a1_x
-    a0_y = q[..., _index_2 + 4]
-    a1_y = q[..., _index_3 + 1]
-    x2 = a0_y - a1_y
-    a0_z = q[..., _index_2 + 5]
-    a1_z = q[..., _index_3 + 2]
-    x3 = a0_z - a1_z
-    x4 = _number_2
-    phi[..., _index_4 + 2] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4)
+    # row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078
+    P_x = q[..., 0]
+    P_y = q[..., 1]
+    P_z = q[..., 2]
+    x1 = 0.48507125007266594 * (P_x * P_x + P_y * P_y + P_z * P_z - 1.0625)
+    phi[..., 0] = x1
+    # row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078
+    Q_x = q[..., 3]
+    Q_y = q[..., 4]
+    Q_z = q[..., 5]
+    x2 = 0.48507125007266594 * (Q_x * Q_x + Q_y * Q_y + Q_z * Q_z - 1.0625)
+    phi[..., 1] = x2
+    # row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013
+    x3 = Q_x - P_x
+    x4 = Q_y - P_y
+    x5 = Q_z - P_z
+    x6 = 1.1547005383792517 * (x3 * x3 + x4 * x4 + x5 * x5 - 0.18749999999999997)
+    phi[..., 2] = x6
+    # row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078
+    R_x = q[..., 6]
+    R_y = q[..., 7]
+    R_z = q[..., 8]
+    x7 = 0.48507125007266594 * (R_x * R_x + R_y * R_y + R_z * R_z - 1.0625)
+    phi[..., 3] = x7
+    # row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013
+    x8 = R_x - P_x
+    x9 = R_y - P_y
+    x10 = R_z - P_z
+    x11 = 1.1547005383792512 * (x8 * x8 + x9 * x9 + x10 * x10 - 0.18750000000000008)
+    phi[..., 4] = x11
+    # row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013
+    x12 = R_x - Q_x
+    x13 = R_y - Q_y
+    x14 = R_z - Q_z
+    x15 = 1.1547005383792517 * (x12 * x12 + x13 * x13 + x14 * x14 - 0.18749999999999992)
+    phi[..., 5] = x15
     return phi
 
 
@@ -151,36 +118,57 @@ def phi_q(t, q, p):
     """27 numbers, 36 operations."""
     t = np.asarray(t)
     phi_q = _output(27, t, q, p)
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078
-    #   row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078
-    #   row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078
-    a1_x = q[..., 0:9:3]
-    phi_q[..., _index_5] = 0.9701425001453319 * a1_x
-    a1_y = q[..., 1:10:3]
-    phi_q[..., _index_5 + 1] = 0.9701425001453319 * a1_y
-    a1_z = q[..., 2:11:3]
-    phi_q[..., _index_5 + 2] = 0.9701425001453319 * a1_z
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013
-    #   row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013
-    #   row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013
-    a0_x = q[..., _index_2 + 3]
-    a1_x = q[..., _index_3]
-    x1 = _number_3
-    x2 = (a0_x - a1_x) * x1
-    phi_q[..., _index_6 + 9] = x2
-    phi_q[..., _index_6 + 6] = -x2
-    a0_y = q[..., _index_2 + 4]
-    a1_y = q[..., _index_3 + 1]
-    x3 = x1 * (a0_y - a1_y)
-    phi_q[..., _index_6 + 10] = x3
-    phi_q[..., _index_6 + 7] = -x3
-    a0_z = q[..., _index_2 + 5]
-    a1_z = q[..., _index_3 + 2]
-    x4 = x1 * (a0_z - a1_z)
-    phi_q[..., _index_6 + 11] = x4
-    phi_q[..., _index_6 + 8] = -x4
+    # row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078
+    P_x = q[..., 0]
+    phi_q[..., 0] = 0.9701425001453319 * P_x
+    P_y = q[..., 1]
+    phi_q[..., 1] = 0.9701425001453319 * P_y
+    P_z = q[..., 2]
+    phi_q[..., 2] = 0.9701425001453319 * P_z
+    # row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078
+    Q_x = q[..., 3]
+    phi_q[..., 3] = 0.9701425001453319 * Q_x
+    Q_y = q[..., 4]
+    phi_q[..., 4] = 0.9701425001453319 * Q_y
+    Q_z = q[..., 5]
+    phi_q[..., 5] = 0.9701425001453319 * Q_z
+    # row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013
+    x1 = 2.3094010767585034 * (Q_x - P_x)
+    phi_q[..., 6] = -x1
+    x2 = 2.3094010767585034 * (Q_y - P_y)
+    phi_q[..., 7] = -x2
+    x3 = 2.3094010767585034 * (Q_z - P_z)
+    phi_q[..., 8] = -x3
+    phi_q[..., 9] = x1
+    phi_q[..., 10] = x2
+    phi_q[..., 11] = x3
+    # row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078
+    R_x = q[..., 6]
+    phi_q[..., 12] = 0.9701425001453319 * R_x
+    R_y = q[..., 7]
+    phi_q[..., 13] = 0.9701425001453319 * R_y
+    R_z = q[..., 8]
+    phi_q[..., 14] = 0.9701425001453319 * R_z
+    # row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013
+    x4 = 2.3094010767585025 * (R_x - P_x)
+    phi_q[..., 15] = -x4
+    x5 = 2.3094010767585025 * (R_y - P_y)
+    phi_q[..., 16] = -x5
+    x6 = 2.3094010767585025 * (R_z - P_z)
+    phi_q[..., 17] = -x6
+    phi_q[..., 18] = x4
+    phi_q[..., 19] = x5
+    phi_q[..., 20] = x6
+    # row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013
+    x7 = 2.3094010767585034 * (R_x - Q_x)
+    phi_q[..., 21] = -x7
+    x8 = 2.3094010767585034 * (R_y - Q_y)
+    phi_q[..., 22] = -x8
+    x9 = 2.3094010767585034 * (R_z - Q_z)
+    phi_q[..., 23] = -x9
+    phi_q[..., 24] = x7
+    phi_q[..., 25] = x8
+    phi_q[..., 26] = x9
     return phi_q
 
 
@@ -188,30 +176,40 @@ def gamma(t, q, qd, p):
     """6 numbers, 51 operations."""
     t = np.asarray(t)
     gamma = _output(6, t, q, qd, p)
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078
-    #   row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078
-    #   row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078
-    da1_x = qd[..., 0:9:3]
-    da1_y = qd[..., 1:10:3]
-    da1_z = qd[..., 2:11:3]
-    x1 = 0.9701425001453319 * (da1_x * da1_x + da1_y * da1_y + da1_z * da1_z)
-    gamma[..., _index_1] = -x1
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013
-    #   row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013
-    #   row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013
-    x1 = _number_3
-    da0_x = qd[..., _index_2 + 3]
-    da1_x = qd[..., _index_3]
-    x2 = da0_x - da1_x
-    da0_y = qd[..., _index_2 + 4]
-    da1_y = qd[..., _index_3 + 1]
-    x3 = da0_y - da1_y
-    da0_z = qd[..., _index_2 + 5]
-    da1_z = qd[..., _index_3 + 2]
-    x4 = da0_z - da1_z
-    gamma[..., _index_4 + 2] = -(x1 * (x2 * x2 + x3 * x3 + x4 * x4))
+    # row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078
+    dP_x = qd[..., 0]
+    dP_y = qd[..., 1]
+    dP_z = qd[..., 2]
+    x1 = 0.9701425001453319 * (dP_x * dP_x + dP_y * dP_y + dP_z * dP_z)
+    gamma[..., 0] = -x1
+    # row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078
+    dQ_x = qd[..., 3]
+    dQ_y = qd[..., 4]
+    dQ_z = qd[..., 5]
+    x2 = 0.9701425001453319 * (dQ_x * dQ_x + dQ_y * dQ_y + dQ_z * dQ_z)
+    gamma[..., 1] = -x2
+    # row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013
+    x3 = dQ_x - dP_x
+    x4 = dQ_y - dP_y
+    x5 = dQ_z - dP_z
+    gamma[..., 2] = -(2.3094010767585034 * (x3 * x3 + x4 * x4 + x5 * x5))
+    # row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078
+    dR_x = qd[..., 6]
+    dR_y = qd[..., 7]
+    dR_z = qd[..., 8]
+    x6 = 0.9701425001453319 * (dR_x * dR_x + dR_y * dR_y + dR_z * dR_z)
+    gamma[..., 3] = -x6
+    # row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013
+    x7 = dR_x - dP_x
+    x8 = dR_y - dP_y
+    x9 = dR_z - dP_z
+    gamma[..., 4] = -(2.3094010767585025 * (x7 * x7 + x8 * x8 + x9 * x9))
+    # row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013
+    x10 = dR_x - dQ_x
+    x11 = dR_y - dQ_y
+    x12 = dR_z - dQ_z
+    x13 = -(2.3094010767585034 * (x10 * x10 + x11 * x11 + x12 * x12))
+    gamma[..., 5] = x13
     return gamma
 
 
@@ -220,7 +218,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(27, t, q, p)
     # constant part
-    x1 = _number_4
+    x1 = _number_1
     mass[..., 0:27] = x1
     return mass
 
@@ -230,31 +228,41 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(9, t, q, qd, p)
     # constant part
-    x1 = _number_5
+    x1 = _number_2
     force[..., 0:9] = x1
     return force
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 63 operations."""
+    """3 numbers, 58 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # constant part
     energy[..., 0:3] = 0.0
-    # mass-diagonal: m v^2 / 2
-    #   P.x, P.y, P.z, Q.x, Q.y, Q.z, R.x, R.y, R.z
-    x1 = _number_6
-    dx = qd[..., 0:9]
-    energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(9), axis=-1)
-    # mass-pair: m v w
-    #   P.x Q.x, P.y Q.y, P.z Q.z, P.x R.x, P.y R.y, P.z R.z, Q.x R.x, Q.y R.y, Q.z R.z
-    dy = qd[..., _index_7 + 3]
-    dx = qd[..., _index_8]
-    m = _number_7
-    energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(9), axis=-1)
-    # weight: -f x
-    #   P.z, Q.z, R.z
-    x = q[..., 2:11:3]
-    f = _number_8
-    energy[..., 1] += np.sum(-(x * f) + np.zeros(3), axis=-1)
+    # P.x; P.y; P.z; Q.x; Q.y; Q.z; R.x; R.y; R.z; P.x Q.x; P.y Q.y; P.z Q.z; P.x R.x; P.y R.y; P.z R.z; Q.x R.x; Q.y R.y; Q.z R.z
+    dR_z = qd[..., 8]
+    dQ_z = qd[..., 5]
+    dR_y = qd[..., 7]
+    dQ_y = qd[..., 4]
+    dR_x = qd[..., 6]
+    dQ_x = qd[..., 3]
+    dP_z = qd[..., 2]
+    dP_y = qd[..., 1]
+    dP_x = qd[..., 0]
+    x1 = 1.666666666666667 * (dP_x * dP_x) + 1.666666666666667 * (dP_y * dP_y)
+    x2 = 1.6666666666666665 * (dQ_x * dQ_x) + (1.666666666666667 * (dP_z * dP_z) + x1)
+    x3 = 1.6666666666666665 * (dQ_z * dQ_z) + (1.6666666666666665 * (dQ_y * dQ_y) + x2)
+    x4 = 1.6666666666666665 * (dR_y * dR_y) + (1.6666666666666665 * (dR_x * dR_x) + x3)
+    x5 = dQ_x * (0.8333333333333337 * dP_x) + (1.6666666666666665 * (dR_z * dR_z) + x4)
+    x6 = dQ_z * (0.8333333333333337 * dP_z) + (dQ_y * (0.8333333333333337 * dP_y) + x5)
+    x7 = dR_y * (0.8333333333333343 * dP_y) + (dR_x * (0.8333333333333343 * dP_x) + x6)
+    x8 = dR_x * (0.8333333333333321 * dQ_x) + (dR_z * (0.8333333333333343 * dP_z) + x7)
+    x9 = dR_z * (0.8333333333333321 * dQ_z) + (dR_y * (0.8333333333333321 * dQ_y) + x8)
+    energy[..., 0] = x9
+    # P.z; Q.z; R.z
+    R_z = q[..., 8]
+    P_z = q[..., 2]
+    Q_z = q[..., 5]
+    x10 = 49.05 * R_z + (49.05000000000002 * P_z + 49.04999999999999 * Q_z)
+    energy[..., 1] = x10
     return energy

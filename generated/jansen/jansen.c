@@ -5,57 +5,18 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int jansen_index_1[7] = {
-    0, 2, 0, 4, 6, 8, 6
-};
-static const int jansen_index_2[7] = {
-    0, 2, 4, 6, 6, 8, 8
-};
-static const int jansen_index_3[7] = {
-    0, 2, 4, 6, 7, 8, 9
-};
-static const int jansen_index_4[7] = {
-    0, 6, 12, 18, 22, 26, 30
-};
-static const int jansen_index_5[14] = {
-    0, 1, 2, 3, 4, 5, 6, 7, 6, 7, 8, 9, 8, 9
-};
-static const int jansen_index_6[14] = {
-    0, 1, 2, 3, 0, 1, 4, 5, 6, 7, 8, 9, 6, 7
-};
 
-static const ncgen_scalar jansen_number_1[7] = {
-    R(1.0000000000000002), R(0.896057347670251), R(0.8077544426494346), R(1.2690355329949239),
-    R(1.3623978201634874), R(0.76103500761035), R(1.0204081632653061)
-};
-static const ncgen_scalar jansen_number_2[7] = {
-    R(0.2499999999999999), R(0.3113639999999999), R(0.383161), R(0.15523599999999996),
-    R(0.1346890000000001), R(0.43164900000000006), R(0.24009999999999998)
-};
-static const ncgen_scalar jansen_number_3[3] = {
-    R(1.2048192771084338), R(1.2468827930174562), R(1.272264631043257)
-};
-static const ncgen_scalar jansen_number_4[3] = {
-    R(0.172225), R(0.16080100000000003), R(0.15444899999999998)
-};
-static const ncgen_scalar jansen_number_5[40] = {
+static const ncgen_scalar jansen_number_1[40] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(1.0)
 };
-static const ncgen_scalar jansen_number_6[7] = {
-    R(2.0000000000000004), R(1.792114695340502), R(1.6155088852988693), R(2.5380710659898478),
-    R(2.724795640326975), R(1.5220700152207), R(2.0408163265306123)
-};
-static const ncgen_scalar jansen_number_7[3] = {
-    R(2.4096385542168677), R(2.4937655860349124), R(2.544529262086514)
-};
-static const ncgen_scalar jansen_number_8[13] = {
+static const ncgen_scalar jansen_number_2[13] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(6.283185307179586)
 };
-static const ncgen_scalar jansen_number_9[40] = {
+static const ncgen_scalar jansen_number_3[40] = {
     R(0.21149999999999997), R(0.04166666666666666), R(0.05158333333333334), R(0.21149999999999997),
     R(0.04166666666666666), R(0.05158333333333334), R(0.04166666666666666), R(0.24549999999999997),
     R(0.046499999999999986), R(0.04166666666666666), R(0.24549999999999997),
@@ -67,34 +28,12 @@ static const ncgen_scalar jansen_number_9[40] = {
     R(0.030583333333333344), R(0.2363333333333333), R(0.05475), R(0.04083333333333333), R(0.05475),
     R(0.1911666666666667), R(0.04083333333333333), R(0.05475), R(0.1911666666666667)
 };
-static const ncgen_scalar jansen_number_10[13] = {
+static const ncgen_scalar jansen_number_4[13] = {
     R(0.0), -R(3.1122225), R(0.0), -R(3.6125325), R(0.0), -R(3.3182325), R(0.0), -R(4.5837225),
     R(0.0), -R(3.4776450000000003), R(0.0), -R(2.8130175000000004), R(0.0)
 };
-static const ncgen_scalar jansen_number_11[3] = {
+static const ncgen_scalar jansen_number_5[3] = {
     R(0.0), -R(0.231275655), R(0.0)
-};
-static const ncgen_scalar jansen_number_12[12] = {
-    R(0.09253125), R(0.09253125), R(0.10740625), R(0.10740625), R(0.09865625), R(0.09865625),
-    R(0.13628125), R(0.13628125), R(0.10339583333333333), R(0.10339583333333333),
-    R(0.08363541666666668), R(0.08363541666666668)
-};
-static const ncgen_scalar jansen_number_13[14] = {
-    R(0.05208333333333333), R(0.05208333333333333), R(0.05812499999999999), R(0.05812499999999999),
-    R(0.06447916666666667), R(0.06447916666666667), R(0.041041666666666664),
-    R(0.041041666666666664), R(0.038229166666666675), R(0.038229166666666675), R(0.0684375),
-    R(0.0684375), R(0.051041666666666666), R(0.051041666666666666)
-};
-static const ncgen_scalar jansen_number_14[7] = {
-    R(0.01041666666666667), R(0.011625000000000002), R(0.012895833333333332),
-    R(0.008208333333333333), R(0.007645833333333333), R(0.0136875), R(0.010208333333333335)
-};
-static const ncgen_scalar jansen_number_15[3] = {
-    R(0.008645833333333333), R(0.00835416666666667), R(0.0081875)
-};
-static const ncgen_scalar jansen_number_16[6] = {
-    -R(3.1122225), -R(3.6125325), -R(3.3182325), -R(4.5837225), -R(3.4776450000000003),
-    -R(2.8130175000000004)
 };
 
 /* phi: 83 operations, 2 of them elementary functions */
@@ -108,47 +47,73 @@ int jansen_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real M_y = q[1];
         const ncgen_real x1 = R(3.3333333333333335) * (M_x * M_x + M_y * M_y - R(0.0225));
         phi[0] = x1;
+        /* row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5 */
+        const ncgen_real U_x = q[2];
+        const ncgen_real x2 = M_x - U_x;
+        const ncgen_real U_y = q[3];
+        const ncgen_real x3 = M_y - U_y;
+        const ncgen_real x4 = R(1.0000000000000002) * (x2 * x2 + x3 * x3 - R(0.2499999999999999));
+        phi[1] = x4;
+        /* row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415 */
+        const ncgen_real x5 = -R(0.38) - U_x;
+        const ncgen_real x6 = -R(0.078) - U_y;
+        const ncgen_real x7 = R(1.2048192771084338) * (x5 * x5 + x6 * x6 - R(0.172225));
+        phi[2] = x7;
+        /* row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558 */
+        const ncgen_real W_x = q[4];
+        const ncgen_real x8 = U_x - W_x;
+        const ncgen_real W_y = q[5];
+        const ncgen_real x9 = U_y - W_y;
+        const ncgen_real x10 = R(0.896057347670251) * (x8 * x8 + x9 * x9 - R(0.3113639999999999));
+        phi[3] = x10;
+        /* row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401 */
+        const ncgen_real x11 = -R(0.38) - W_x;
+        const ncgen_real x12 = -R(0.078) - W_y;
+        const ncgen_real x13 = R(1.2468827930174562) * (x11 * x11 + x12 * x12 - R(0.16080100000000003));
+        phi[4] = x13;
+        /* row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619 */
+        const ncgen_real L_x = q[6];
+        const ncgen_real x14 = M_x - L_x;
+        const ncgen_real L_y = q[7];
+        const ncgen_real x15 = M_y - L_y;
+        const ncgen_real x16 = R(0.8077544426494346) * (x14 * x14 + x15 * x15 - R(0.383161));
+        phi[5] = x16;
+        /* row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393 */
+        const ncgen_real x17 = -R(0.38) - L_x;
+        const ncgen_real x18 = -R(0.078) - L_y;
+        const ncgen_real x19 = R(1.272264631043257) * (x17 * x17 + x18 * x18 - R(0.15444899999999998));
+        phi[6] = x19;
+        /* row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394 */
+        const ncgen_real K_x = q[8];
+        const ncgen_real x20 = W_x - K_x;
+        const ncgen_real K_y = q[9];
+        const ncgen_real x21 = W_y - K_y;
+        const ncgen_real x22 = R(1.2690355329949239) * (x20 * x20 + x21 * x21 - R(0.15523599999999996));
+        phi[7] = x22;
+        /* row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367 */
+        const ncgen_real x23 = L_x - K_x;
+        const ncgen_real x24 = L_y - K_y;
+        const ncgen_real x25 = R(1.3623978201634874) * (x23 * x23 + x24 * x24 - R(0.1346890000000001));
+        phi[8] = x25;
+        /* row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657 */
+        const ncgen_real T_x = q[10];
+        const ncgen_real x26 = K_x - T_x;
+        const ncgen_real T_y = q[11];
+        const ncgen_real x27 = K_y - T_y;
+        const ncgen_real x28 = R(0.76103500761035) * (x26 * x26 + x27 * x27 - R(0.43164900000000006));
+        phi[9] = x28;
+        /* row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49 */
+        const ncgen_real x29 = L_x - T_x;
+        const ncgen_real x30 = L_y - T_y;
+        const ncgen_real x31 = R(1.0204081632653061) * (x29 * x29 + x30 * x30 - R(0.24009999999999998));
+        phi[10] = x31;
         /* row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1 */
         const ncgen_real psi = q[12];
-        const ncgen_real x2 = R(6.666666666666667) * (M_x * NCGEN_SIN(psi) - M_y * NCGEN_COS(psi));
-        phi[11] = x2;
+        const ncgen_real x32 = R(6.666666666666667) * (M_x * NCGEN_SIN(psi) - M_y * NCGEN_COS(psi));
+        phi[11] = x32;
         /* row 13: driver of psi (driver psi): psi - 6.28318530717959*t = 0 */
         const ncgen_real t_ = t;
         phi[12] = psi - R(6.283185307179586) * t_;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5 */
-    /*   row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558 */
-    /*   row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619 */
-    /*   row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394 */
-    /*   row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367 */
-    /*   row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657 */
-    /*   row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49 */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real scale = jansen_number_1[i];
-        const ncgen_real a0_x = q[jansen_index_1[i]];
-        const ncgen_real a1_x = q[jansen_index_2[i] + 2];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[jansen_index_1[i] + 1];
-        const ncgen_real a1_y = q[jansen_index_2[i] + 3];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real x3 = jansen_number_2[i];
-        phi[jansen_index_3[i] + 1] = scale * (x1 * x1 + x2 * x2 - x3);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415 */
-    /*   row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401 */
-    /*   row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real scale = jansen_number_3[i];
-        const ncgen_real a1_x = q[2 * i + 2];
-        const ncgen_real x1 = -R(0.38) - a1_x;
-        const ncgen_real a1_y = q[2 * i + 3];
-        const ncgen_real x2 = -R(0.078) - a1_y;
-        const ncgen_real x3 = jansen_number_4[i];
-        phi[2 * i + 2] = scale * (x1 * x1 + x2 * x2 - x3);
     }
 
     return NCGEN_OK;
@@ -162,7 +127,7 @@ int jansen_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 40; ++i) {
-        const ncgen_real x1 = jansen_number_5[i];
+        const ncgen_real x1 = jansen_number_1[i];
         phi_q[i] = x1;
     }
 
@@ -172,47 +137,81 @@ int jansen_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         phi_q[0] = R(6.666666666666667) * M_x;
         const ncgen_real M_y = q[1];
         phi_q[1] = R(6.666666666666667) * M_y;
+        /* row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5 */
+        const ncgen_real U_x = q[2];
+        const ncgen_real x1 = R(2.0000000000000004) * (M_x - U_x);
+        phi_q[2] = x1;
+        const ncgen_real U_y = q[3];
+        const ncgen_real x2 = R(2.0000000000000004) * (M_y - U_y);
+        phi_q[3] = x2;
+        phi_q[4] = -x1;
+        phi_q[5] = -x2;
+        /* row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415 */
+        phi_q[6] = -(R(2.4096385542168677) * (-R(0.38) - U_x));
+        phi_q[7] = -(R(2.4096385542168677) * (-R(0.078) - U_y));
+        /* row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558 */
+        const ncgen_real W_x = q[4];
+        const ncgen_real x3 = R(1.792114695340502) * (U_x - W_x);
+        phi_q[8] = x3;
+        const ncgen_real W_y = q[5];
+        const ncgen_real x4 = R(1.792114695340502) * (U_y - W_y);
+        phi_q[9] = x4;
+        phi_q[10] = -x3;
+        phi_q[11] = -x4;
+        /* row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401 */
+        phi_q[12] = -(R(2.4937655860349124) * (-R(0.38) - W_x));
+        phi_q[13] = -(R(2.4937655860349124) * (-R(0.078) - W_y));
+        /* row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619 */
+        const ncgen_real L_x = q[6];
+        const ncgen_real x5 = R(1.6155088852988693) * (M_x - L_x);
+        phi_q[14] = x5;
+        const ncgen_real L_y = q[7];
+        const ncgen_real x6 = R(1.6155088852988693) * (M_y - L_y);
+        phi_q[15] = x6;
+        phi_q[16] = -x5;
+        phi_q[17] = -x6;
+        /* row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393 */
+        phi_q[18] = -(R(2.544529262086514) * (-R(0.38) - L_x));
+        phi_q[19] = -(R(2.544529262086514) * (-R(0.078) - L_y));
+        /* row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394 */
+        const ncgen_real K_x = q[8];
+        const ncgen_real x7 = R(2.5380710659898478) * (W_x - K_x);
+        phi_q[20] = x7;
+        const ncgen_real K_y = q[9];
+        const ncgen_real x8 = R(2.5380710659898478) * (W_y - K_y);
+        phi_q[21] = x8;
+        phi_q[22] = -x7;
+        phi_q[23] = -x8;
+        /* row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367 */
+        const ncgen_real x9 = R(2.724795640326975) * (L_x - K_x);
+        phi_q[24] = x9;
+        const ncgen_real x10 = R(2.724795640326975) * (L_y - K_y);
+        phi_q[25] = x10;
+        phi_q[26] = -x9;
+        phi_q[27] = -x10;
+        /* row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657 */
+        const ncgen_real T_x = q[10];
+        const ncgen_real x11 = R(1.5220700152207) * (K_x - T_x);
+        phi_q[28] = x11;
+        const ncgen_real T_y = q[11];
+        const ncgen_real x12 = R(1.5220700152207) * (K_y - T_y);
+        phi_q[29] = x12;
+        phi_q[30] = -x11;
+        phi_q[31] = -x12;
+        /* row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49 */
+        const ncgen_real x13 = R(2.0408163265306123) * (L_x - T_x);
+        phi_q[32] = x13;
+        const ncgen_real x14 = R(2.0408163265306123) * (L_y - T_y);
+        phi_q[33] = x14;
+        phi_q[34] = -x13;
+        phi_q[35] = -x14;
         /* row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1 */
         const ncgen_real psi = q[12];
-        const ncgen_real x1 = NCGEN_SIN(psi);
-        phi_q[36] = R(6.666666666666667) * x1;
-        const ncgen_real x2 = NCGEN_COS(psi);
-        phi_q[37] = -(R(6.666666666666667) * x2);
-        phi_q[38] = R(6.666666666666667) * (M_y * x1 + M_x * x2);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5 */
-    /*   row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558 */
-    /*   row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619 */
-    /*   row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394 */
-    /*   row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367 */
-    /*   row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657 */
-    /*   row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49 */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real a0_x = q[jansen_index_1[i]];
-        const ncgen_real a1_x = q[jansen_index_2[i] + 2];
-        const ncgen_real x1 = jansen_number_6[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[jansen_index_4[i] + 2] = x2;
-        phi_q[jansen_index_4[i] + 4] = -x2;
-        const ncgen_real a0_y = q[jansen_index_1[i] + 1];
-        const ncgen_real a1_y = q[jansen_index_2[i] + 3];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[jansen_index_4[i] + 3] = x3;
-        phi_q[jansen_index_4[i] + 5] = -x3;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415 */
-    /*   row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401 */
-    /*   row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a1_x = q[2 * i + 2];
-        const ncgen_real x1 = jansen_number_7[i];
-        phi_q[6 * i + 6] = -((-R(0.38) - a1_x) * x1);
-        const ncgen_real a1_y = q[2 * i + 3];
-        phi_q[6 * i + 7] = -(x1 * (-R(0.078) - a1_y));
+        const ncgen_real x15 = NCGEN_SIN(psi);
+        phi_q[36] = R(6.666666666666667) * x15;
+        const ncgen_real x16 = NCGEN_COS(psi);
+        phi_q[37] = -(R(6.666666666666667) * x16);
+        phi_q[38] = R(6.666666666666667) * (M_y * x15 + M_x * x16);
     }
 
     return NCGEN_OK;
@@ -227,7 +226,7 @@ int jansen_nu(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     /* constant part */
     for (int i = 0; i < 13; ++i) {
-        const ncgen_real x1 = jansen_number_8[i];
+        const ncgen_real x1 = jansen_number_2[i];
         nu[i] = x1;
     }
 
@@ -250,47 +249,61 @@ int jansen_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real dM_x = qd[0];
         const ncgen_real dM_y = qd[1];
         gamma[0] = -(R(6.666666666666667) * (dM_x * dM_x + dM_y * dM_y));
+        /* row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5 */
+        const ncgen_real dU_x = qd[2];
+        const ncgen_real x1 = dM_x - dU_x;
+        const ncgen_real dU_y = qd[3];
+        const ncgen_real x2 = dM_y - dU_y;
+        gamma[1] = -(R(2.0000000000000004) * (x1 * x1 + x2 * x2));
+        /* row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415 */
+        gamma[2] = -(R(2.4096385542168677) * (dU_x * dU_x + dU_y * dU_y));
+        /* row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558 */
+        const ncgen_real dW_x = qd[4];
+        const ncgen_real x3 = dU_x - dW_x;
+        const ncgen_real dW_y = qd[5];
+        const ncgen_real x4 = dU_y - dW_y;
+        gamma[3] = -(R(1.792114695340502) * (x3 * x3 + x4 * x4));
+        /* row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401 */
+        gamma[4] = -(R(2.4937655860349124) * (dW_x * dW_x + dW_y * dW_y));
+        /* row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619 */
+        const ncgen_real dL_x = qd[6];
+        const ncgen_real x5 = dM_x - dL_x;
+        const ncgen_real dL_y = qd[7];
+        const ncgen_real x6 = dM_y - dL_y;
+        gamma[5] = -(R(1.6155088852988693) * (x5 * x5 + x6 * x6));
+        /* row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393 */
+        gamma[6] = -(R(2.544529262086514) * (dL_x * dL_x + dL_y * dL_y));
+        /* row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394 */
+        const ncgen_real dK_x = qd[8];
+        const ncgen_real x7 = dW_x - dK_x;
+        const ncgen_real dK_y = qd[9];
+        const ncgen_real x8 = dW_y - dK_y;
+        gamma[7] = -(R(2.5380710659898478) * (x7 * x7 + x8 * x8));
+        /* row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367 */
+        const ncgen_real x9 = dL_x - dK_x;
+        const ncgen_real x10 = dL_y - dK_y;
+        gamma[8] = -(R(2.724795640326975) * (x9 * x9 + x10 * x10));
+        /* row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657 */
+        const ncgen_real dT_x = qd[10];
+        const ncgen_real x11 = dK_x - dT_x;
+        const ncgen_real dT_y = qd[11];
+        const ncgen_real x12 = dK_y - dT_y;
+        gamma[9] = -(R(1.5220700152207) * (x11 * x11 + x12 * x12));
+        /* row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49 */
+        const ncgen_real x13 = dL_x - dT_x;
+        const ncgen_real x14 = dL_y - dT_y;
+        gamma[10] = -(R(2.0408163265306123) * (x13 * x13 + x14 * x14));
         /* row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1 */
         const ncgen_real psi = q[12];
-        const ncgen_real x1 = NCGEN_SIN(psi);
+        const ncgen_real x15 = NCGEN_SIN(psi);
         const ncgen_real M_x = q[0];
         const ncgen_real dpsi = qd[12];
-        const ncgen_real x2 = dpsi * dpsi;
-        const ncgen_real x3 = NCGEN_COS(psi);
-        const ncgen_real x4 = R(2.0) * dpsi;
+        const ncgen_real x16 = dpsi * dpsi;
+        const ncgen_real x17 = NCGEN_COS(psi);
+        const ncgen_real x18 = R(2.0) * dpsi;
+        const ncgen_real x19 = x15 * (M_x * x16) - x17 * (dM_x * x18) - x15 * (dM_y * x18);
         const ncgen_real M_y = q[1];
-        const ncgen_real x5 = x1 * (M_x * x2) - x3 * (dM_x * x4) - x1 * (dM_y * x4) - x3 * (M_y * x2);
-        gamma[11] = R(6.666666666666667) * x5;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5 */
-    /*   row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558 */
-    /*   row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619 */
-    /*   row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394 */
-    /*   row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367 */
-    /*   row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657 */
-    /*   row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49 */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real x1 = jansen_number_6[i];
-        const ncgen_real da0_x = qd[jansen_index_1[i]];
-        const ncgen_real da1_x = qd[jansen_index_2[i] + 2];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[jansen_index_1[i] + 1];
-        const ncgen_real da1_y = qd[jansen_index_2[i] + 3];
-        const ncgen_real x3 = da0_y - da1_y;
-        gamma[jansen_index_3[i] + 1] = -(x1 * (x2 * x2 + x3 * x3));
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415 */
-    /*   row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401 */
-    /*   row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = jansen_number_7[i];
-        const ncgen_real da1_x = qd[2 * i + 2];
-        const ncgen_real da1_y = qd[2 * i + 3];
-        gamma[2 * i + 2] = -(x1 * (da1_x * da1_x + da1_y * da1_y));
+        gamma[11] = R(6.666666666666667) * (x19 - x17 * (M_y * x16));
     }
 
     return NCGEN_OK;
@@ -305,7 +318,7 @@ int jansen_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 40; ++i) {
-        const ncgen_real x1 = jansen_number_9[i];
+        const ncgen_real x1 = jansen_number_3[i];
         mass[i] = x1;
     }
 
@@ -322,14 +335,14 @@ int jansen_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 13; ++i) {
-        const ncgen_real x1 = jansen_number_10[i];
+        const ncgen_real x1 = jansen_number_4[i];
         force[i] = x1;
     }
 
     return NCGEN_OK;
 }
 
-/* energy: 175 operations */
+/* energy: 150 operations */
 int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -337,63 +350,74 @@ int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = jansen_number_11[i];
+        const ncgen_real x1 = jansen_number_5[i];
         energy[i] = x1;
     }
 
     {
-        /* m */
+        /* M.x; M.y; U.x; U.y; W.x; W.y; L.x; L.y; K.x; K.y; T.x; T.y; M.x U.x; M.y U.y; U.x W.x; U.y W.y; M.x L.x; M.y L.y; W.x K.x; W.y K.y; L.x K.x; L.y K.y; K.x T.x; K.y T.y; L.x T.x; L.y T.y; m; j; e; k; f; g; h; i; b; d; c */
+        const ncgen_real dL_x = qd[6];
+        const ncgen_real x1 = dL_x * dL_x;
+        const ncgen_real dL_y = qd[7];
+        const ncgen_real x2 = dL_y * dL_y;
+        const ncgen_real dW_x = qd[4];
+        const ncgen_real x3 = dW_x * dW_x;
+        const ncgen_real dW_y = qd[5];
+        const ncgen_real x4 = dW_y * dW_y;
+        const ncgen_real dU_x = qd[2];
+        const ncgen_real x5 = dU_x * dU_x;
+        const ncgen_real dU_y = qd[3];
+        const ncgen_real x6 = dU_y * dU_y;
+        const ncgen_real dT_x = qd[10];
+        const ncgen_real x7 = dL_x - dT_x;
+        const ncgen_real dT_y = qd[11];
+        const ncgen_real x8 = dT_y - dL_y;
+        const ncgen_real dK_x = qd[8];
+        const ncgen_real x9 = dK_x - dT_x;
+        const ncgen_real dK_y = qd[9];
+        const ncgen_real x10 = dT_y - dK_y;
+        const ncgen_real x11 = dL_x - dK_x;
+        const ncgen_real x12 = dK_y - dL_y;
+        const ncgen_real x13 = dW_x - dK_x;
+        const ncgen_real x14 = dK_y - dW_y;
         const ncgen_real dM_x = qd[0];
+        const ncgen_real x15 = dM_x - dL_x;
         const ncgen_real dM_y = qd[1];
-        energy[0] += R(0.0015625) * (dM_x * dM_x + dM_y * dM_y);
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   M.x, M.y, U.x, U.y, W.x, W.y, L.x, L.y, K.x, K.y, T.x, T.y */
-    for (int i = 0; i < 12; ++i) {
-        const ncgen_real x1 = jansen_number_12[i];
-        const ncgen_real dx = qd[i];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   M.x U.x, M.y U.y, U.x W.x, U.y W.y, M.x L.x, M.y L.y, W.x K.x, W.y K.y, L.x K.x, L.y K.y, */
-    /*   K.x T.x, K.y T.y, L.x T.x, L.y T.y */
-    for (int i = 0; i < 14; ++i) {
-        const ncgen_real dy = qd[jansen_index_5[i] + 2];
-        const ncgen_real dx = qd[jansen_index_6[i]];
-        const ncgen_real m = jansen_number_13[i];
-        energy[0] += dy * (dx * m);
-    }
-
-    /* cross-product-body: kinetic energy of w = a x u */
-    /*   j, e, k, f, g, h, i */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real mw = jansen_number_14[i];
-        const ncgen_real dr_x = qd[jansen_index_1[i]];
-        const ncgen_real da0_x = qd[jansen_index_2[i] + 2];
-        const ncgen_real x1 = dr_x - da0_x;
-        const ncgen_real da0_y = qd[jansen_index_2[i] + 3];
-        const ncgen_real dr_y = qd[jansen_index_1[i] + 1];
-        const ncgen_real x2 = da0_y - dr_y;
-        energy[0] += R(0.5) * (mw * (x1 * x1 + x2 * x2));
-    }
-
-    /* cross-product-body: kinetic energy of w = a x u */
-    /*   b, d, c */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real mw = jansen_number_15[i];
-        const ncgen_real da0_x = qd[2 * i + 2];
-        const ncgen_real da0_y = qd[2 * i + 3];
-        energy[0] += R(0.5) * (mw * (da0_x * da0_x + da0_y * da0_y));
-    }
-
-    /* weight: -f x */
-    /*   M.y, U.y, W.y, L.y, K.y, T.y */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real x = q[2 * i + 1];
-        const ncgen_real f = jansen_number_16[i];
-        energy[1] += -(x * f);
+        const ncgen_real x16 = dL_y - dM_y;
+        const ncgen_real x17 = dU_x - dW_x;
+        const ncgen_real x18 = dW_y - dU_y;
+        const ncgen_real x19 = dM_x - dU_x;
+        const ncgen_real x20 = dU_y - dM_y;
+        const ncgen_real x21 = dM_x * dM_x;
+        const ncgen_real x22 = dM_y * dM_y;
+        const ncgen_real x23 = R(0.10740625) * x5 + (R(0.09253125) * x21 + R(0.09253125) * x22);
+        const ncgen_real x24 = R(0.09865625) * x4 + (R(0.09865625) * x3 + (R(0.10740625) * x6 + x23));
+        const ncgen_real x25 = R(0.10339583333333333) * (dK_x * dK_x) + (R(0.13628125) * x2 + (R(0.13628125) * x1 + x24));
+        const ncgen_real x26 = R(0.08363541666666668) * (dT_x * dT_x) + (R(0.10339583333333333) * (dK_y * dK_y) + x25);
+        const ncgen_real x27 = dU_x * (R(0.05208333333333333) * dM_x) + (R(0.08363541666666668) * (dT_y * dT_y) + x26);
+        const ncgen_real x28 = dW_x * (R(0.05812499999999999) * dU_x) + (dU_y * (R(0.05208333333333333) * dM_y) + x27);
+        const ncgen_real x29 = dL_x * (R(0.06447916666666667) * dM_x) + (dW_y * (R(0.05812499999999999) * dU_y) + x28);
+        const ncgen_real x30 = dK_x * (R(0.041041666666666664) * dW_x) + (dL_y * (R(0.06447916666666667) * dM_y) + x29);
+        const ncgen_real x31 = dK_x * (R(0.038229166666666675) * dL_x) + (dK_y * (R(0.041041666666666664) * dW_y) + x30);
+        const ncgen_real x32 = dT_x * (R(0.0684375) * dK_x) + (dK_y * (R(0.038229166666666675) * dL_y) + x31);
+        const ncgen_real x33 = dT_x * (R(0.051041666666666666) * dL_x) + (dT_y * (R(0.0684375) * dK_y) + x32);
+        const ncgen_real x34 = R(0.0015625) * (x21 + x22) + (dT_y * (R(0.051041666666666666) * dL_y) + x33);
+        const ncgen_real x35 = R(0.005812500000000001) * (x17 * x17 + x18 * x18) + (R(0.005208333333333335) * (x19 * x19 + x20 * x20) + x34);
+        const ncgen_real x36 = R(0.0041041666666666666) * (x13 * x13 + x14 * x14) + (R(0.006447916666666666) * (x15 * x15 + x16 * x16) + x35);
+        const ncgen_real x37 = R(0.00684375) * (x9 * x9 + x10 * x10) + (R(0.0038229166666666663) * (x11 * x11 + x12 * x12) + x36);
+        const ncgen_real x38 = R(0.004322916666666667) * (x5 + x6) + (R(0.0051041666666666674) * (x7 * x7 + x8 * x8) + x37);
+        const ncgen_real x39 = R(0.00409375) * (x1 + x2) + (R(0.004177083333333335) * (x3 + x4) + x38);
+        energy[0] = x39;
+        /* M.y; U.y; W.y; L.y; K.y; T.y */
+        const ncgen_real T_y = q[11];
+        const ncgen_real K_y = q[9];
+        const ncgen_real L_y = q[7];
+        const ncgen_real W_y = q[5];
+        const ncgen_real U_y = q[3];
+        const ncgen_real M_y = q[1];
+        const ncgen_real x40 = R(3.6125325) * U_y + (R(3.1122225) * M_y - R(0.231275655));
+        const ncgen_real x41 = R(3.4776450000000003) * K_y + (R(4.5837225) * L_y + (R(3.3182325) * W_y + x40));
+        energy[1] = R(2.8130175000000004) * T_y + x41;
     }
 
     return NCGEN_OK;
@@ -463,7 +487,7 @@ const ncgen_model *jansen_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "jansen",
-        .fingerprint = "432bd757c4672df6",
+        .fingerprint = "83ed0a597959f28d",
         .n_coordinates = 13,
         .n_rows = 13,
         .n_parameters = 0,

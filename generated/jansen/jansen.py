@@ -66,53 +66,14 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_index_1 = np.array([
-    0, 2, 0, 4, 6, 8, 6
-])
-_index_2 = np.array([
-    0, 2, 4, 6, 6, 8, 8
-])
-_index_3 = np.array([
-    0, 2, 4, 6, 7, 8, 9
-])
-_index_4 = np.array([
-    0, 6, 12, 18, 22, 26, 30
-])
-_index_5 = np.array([
-    0, 1, 2, 3, 4, 5, 6, 7, 6, 7, 8, 9, 8, 9
-])
-_index_6 = np.array([
-    0, 1, 2, 3, 0, 1, 4, 5, 6, 7, 8, 9, 6, 7
-])
 _number_1 = np.array([
-    1.0000000000000002, 0.896057347670251, 0.8077544426494346, 1.2690355329949239, 1.3623978201634874,
-    0.76103500761035, 1.0204081632653061
-])
-_number_2 = np.array([
-    0.2499999999999999, 0.3113639999999999, 0.383161, 0.15523599999999996, 0.1346890000000001,
-    0.43164900000000006, 0.24009999999999998
-])
-_number_3 = np.array([
-    1.2048192771084338, 1.2468827930174562, 1.272264631043257
-])
-_number_4 = np.array([
-    0.172225, 0.16080100000000003, 0.15444899999999998
-])
-_number_5 = np.array([
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
 ])
-_number_6 = np.array([
-    2.0000000000000004, 1.792114695340502, 1.6155088852988693, 2.5380710659898478, 2.724795640326975,
-    1.5220700152207, 2.0408163265306123
-])
-_number_7 = np.array([
-    2.4096385542168677, 2.4937655860349124, 2.544529262086514
-])
-_number_8 = np.array([
+_number_2 = np.array([
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 6.283185307179586
 ])
-_number_9 = np.array([
+_number_3 = np.array([
     0.21149999999999997, 0.04166666666666666, 0.05158333333333334, 0.21149999999999997, 0.04166666666666666,
     0.05158333333333334, 0.04166666666666666, 0.24549999999999997, 0.046499999999999986, 0.04166666666666666,
     0.24549999999999997, 0.046499999999999986, 0.046499999999999986, 0.2255, 0.03283333333333333,
@@ -122,31 +83,12 @@ _number_9 = np.array([
     0.030583333333333344, 0.2363333333333333, 0.05475, 0.04083333333333333, 0.05475, 0.1911666666666667,
     0.04083333333333333, 0.05475, 0.1911666666666667
 ])
-_number_10 = np.array([
+_number_4 = np.array([
     0.0, -3.1122225, 0.0, -3.6125325, 0.0, -3.3182325, 0.0, -4.5837225, 0.0, -3.4776450000000003, 0.0,
     -2.8130175000000004, 0.0
 ])
-_number_11 = np.array([
+_number_5 = np.array([
     0.0, -0.231275655, 0.0
-])
-_number_12 = np.array([
-    0.09253125, 0.09253125, 0.10740625, 0.10740625, 0.09865625, 0.09865625, 0.13628125, 0.13628125,
-    0.10339583333333333, 0.10339583333333333, 0.08363541666666668, 0.08363541666666668
-])
-_number_13 = np.array([
-    0.05208333333333333, 0.05208333333333333, 0.05812499999999999, 0.05812499999999999, 0.06447916666666667,
-    0.06447916666666667, 0.041041666666666664, 0.041041666666666664, 0.038229166666666675,
-    0.038229166666666675, 0.0684375, 0.0684375, 0.051041666666666666, 0.051041666666666666
-])
-_number_14 = np.array([
-    0.01041666666666667, 0.011625000000000002, 0.012895833333333332, 0.008208333333333333,
-    0.007645833333333333, 0.0136875, 0.010208333333333335
-])
-_number_15 = np.array([
-    0.008645833333333333, 0.00835416666666667, 0.0081875
-])
-_number_16 = np.array([
-    -3.1122225, -3.6125325, -3.3182325, -4.5837225, -3.4776450000000003, -2.8130175000000004
 ])
 
 
@@ -164,41 +106,71 @@ def phi(t, q, p):
     M_x = q[..., 0]
     M_y = q[..., 1]
     phi[..., 0] = 3.3333333333333335 * (M_x * M_x + M_y * M_y - 0.0225)
+    # row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5
+    U_x = q[..., 2]
+    x1 = M_x - U_x
+    U_y = q[..., 3]
+    x2 = M_y - U_y
+    x3 = 1.0000000000000002 * (x1 * x1 + x2 * x2 - 0.2499999999999999)
+    phi[..., 1] = x3
+    # row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415
+    x4 = -0.38 - U_x
+    x5 = -0.078 - U_y
+    phi[..., 2] = 1.2048192771084338 * (x4 * x4 + x5 * x5 - 0.172225)
+    # row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558
+    W_x = q[..., 4]
+    x6 = U_x - W_x
+    W_y = q[..., 5]
+    x7 = U_y - W_y
+    x8 = 0.896057347670251 * (x6 * x6 + x7 * x7 - 0.3113639999999999)
+    phi[..., 3] = x8
+    # row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401
+    x9 = -0.38 - W_x
+    x10 = -0.078 - W_y
+    x11 = 1.2468827930174562 * (x9 * x9 + x10 * x10 - 0.16080100000000003)
+    phi[..., 4] = x11
+    # row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619
+    L_x = q[..., 6]
+    x12 = M_x - L_x
+    L_y = q[..., 7]
+    x13 = M_y - L_y
+    phi[..., 5] = 0.8077544426494346 * (x12 * x12 + x13 * x13 - 0.383161)
+    # row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393
+    x14 = -0.38 - L_x
+    x15 = -0.078 - L_y
+    x16 = 1.272264631043257 * (x14 * x14 + x15 * x15 - 0.15444899999999998)
+    phi[..., 6] = x16
+    # row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394
+    K_x = q[..., 8]
+    x17 = W_x - K_x
+    K_y = q[..., 9]
+    x18 = W_y - K_y
+    x19 = 1.2690355329949239 * (x17 * x17 + x18 * x18 - 0.15523599999999996)
+    phi[..., 7] = x19
+    # row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367
+    x20 = L_x - K_x
+    x21 = L_y - K_y
+    x22 = 1.3623978201634874 * (x20 * x20 + x21 * x21 - 0.1346890000000001)
+    phi[..., 8] = x22
+    # row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657
+    T_x = q[..., 10]
+    x23 = K_x - T_x
+    T_y = q[..., 11]
+    x24 = K_y - T_y
+    x25 = 0.76103500761035 * (x23 * x23 + x24 * x24 - 0.43164900000000006)
+    phi[..., 9] = x25
+    # row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49
+    x26 = L_x - T_x
+    x27 = L_y - T_y
+    x28 = 1.0204081632653061 * (x26 * x26 + x27 * x27 - 0.24009999999999998)
+    phi[..., 10] = x28
     # row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1
     psi = q[..., 12]
-    x1 = 6.666666666666667 * (M_x * np.sin(psi) - M_y * np.cos(psi))
-    phi[..., 11] = x1
+    x29 = 6.666666666666667 * (M_x * np.sin(psi) - M_y * np.cos(psi))
+    phi[..., 11] = x29
     # row 13: driver of psi (driver psi): psi - 6.28318530717959*t = 0
     t_ = t
     phi[..., 12] = psi - 6.283185307179586 * t_
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5
-    #   row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558
-    #   row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619
-    #   row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394
-    #   row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367
-    #   row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657
-    #   row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49
-    scale = _number_1
-    a0_x = q[..., _index_1]
-    a1_x = q[..., _index_2 + 2]
-    x1 = a0_x - a1_x
-    a0_y = q[..., _index_1 + 1]
-    a1_y = q[..., _index_2 + 3]
-    x2 = a0_y - a1_y
-    x3 = _number_2
-    phi[..., _index_3 + 1] = scale * (x1 * x1 + x2 * x2 - x3)
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415
-    #   row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401
-    #   row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393
-    scale = _number_3
-    a1_x = q[..., 2:8:2]
-    x1 = -0.38 - a1_x
-    a1_y = q[..., 3:9:2]
-    x2 = -0.078 - a1_y
-    x3 = _number_4
-    phi[..., 2:8:2] = scale * (x1 * x1 + x2 * x2 - x3)
     return phi
 
 
@@ -207,48 +179,88 @@ def phi_q(t, q, p):
     t = np.asarray(t)
     phi_q = _output(40, t, q, p)
     # constant part
-    x1 = _number_5
+    x1 = _number_1
     phi_q[..., 0:40] = x1
     # row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15
     M_x = q[..., 0]
     phi_q[..., 0] = 6.666666666666667 * M_x
     M_y = q[..., 1]
     phi_q[..., 1] = 6.666666666666667 * M_y
+    # row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5
+    U_x = q[..., 2]
+    x1 = 2.0000000000000004 * (M_x - U_x)
+    phi_q[..., 2] = x1
+    U_y = q[..., 3]
+    x2 = 2.0000000000000004 * (M_y - U_y)
+    phi_q[..., 3] = x2
+    phi_q[..., 4] = -x1
+    phi_q[..., 5] = -x2
+    # row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415
+    phi_q[..., 6] = -(2.4096385542168677 * (-0.38 - U_x))
+    phi_q[..., 7] = -(2.4096385542168677 * (-0.078 - U_y))
+    # row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558
+    W_x = q[..., 4]
+    x3 = 1.792114695340502 * (U_x - W_x)
+    phi_q[..., 8] = x3
+    W_y = q[..., 5]
+    x4 = 1.792114695340502 * (U_y - W_y)
+    phi_q[..., 9] = x4
+    phi_q[..., 10] = -x3
+    phi_q[..., 11] = -x4
+    # row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401
+    phi_q[..., 12] = -(2.4937655860349124 * (-0.38 - W_x))
+    phi_q[..., 13] = -(2.4937655860349124 * (-0.078 - W_y))
+    # row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619
+    L_x = q[..., 6]
+    x5 = 1.6155088852988693 * (M_x - L_x)
+    phi_q[..., 14] = x5
+    L_y = q[..., 7]
+    x6 = 1.6155088852988693 * (M_y - L_y)
+    phi_q[..., 15] = x6
+    phi_q[..., 16] = -x5
+    phi_q[..., 17] = -x6
+    # row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393
+    phi_q[..., 18] = -(2.544529262086514 * (-0.38 - L_x))
+    phi_q[..., 19] = -(2.544529262086514 * (-0.078 - L_y))
+    # row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394
+    K_x = q[..., 8]
+    x7 = 2.5380710659898478 * (W_x - K_x)
+    phi_q[..., 20] = x7
+    K_y = q[..., 9]
+    x8 = 2.5380710659898478 * (W_y - K_y)
+    phi_q[..., 21] = x8
+    phi_q[..., 22] = -x7
+    phi_q[..., 23] = -x8
+    # row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367
+    x9 = 2.724795640326975 * (L_x - K_x)
+    phi_q[..., 24] = x9
+    x10 = 2.724795640326975 * (L_y - K_y)
+    phi_q[..., 25] = x10
+    phi_q[..., 26] = -x9
+    phi_q[..., 27] = -x10
+    # row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657
+    T_x = q[..., 10]
+    x11 = 1.5220700152207 * (K_x - T_x)
+    phi_q[..., 28] = x11
+    T_y = q[..., 11]
+    x12 = 1.5220700152207 * (K_y - T_y)
+    phi_q[..., 29] = x12
+    phi_q[..., 30] = -x11
+    phi_q[..., 31] = -x12
+    # row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49
+    x13 = 2.0408163265306123 * (L_x - T_x)
+    phi_q[..., 32] = x13
+    x14 = 2.0408163265306123 * (L_y - T_y)
+    phi_q[..., 33] = x14
+    phi_q[..., 34] = -x13
+    phi_q[..., 35] = -x14
     # row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1
     psi = q[..., 12]
-    x1 = np.sin(psi)
-    phi_q[..., 36] = 6.666666666666667 * x1
-    x2 = np.cos(psi)
-    phi_q[..., 37] = -(6.666666666666667 * x2)
-    phi_q[..., 38] = 6.666666666666667 * (M_y * x1 + M_x * x2)
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5
-    #   row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558
-    #   row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619
-    #   row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394
-    #   row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367
-    #   row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657
-    #   row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49
-    a0_x = q[..., _index_1]
-    a1_x = q[..., _index_2 + 2]
-    x1 = _number_6
-    x2 = (a0_x - a1_x) * x1
-    phi_q[..., _index_4 + 2] = x2
-    phi_q[..., _index_4 + 4] = -x2
-    a0_y = q[..., _index_1 + 1]
-    a1_y = q[..., _index_2 + 3]
-    x3 = x1 * (a0_y - a1_y)
-    phi_q[..., _index_4 + 3] = x3
-    phi_q[..., _index_4 + 5] = -x3
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415
-    #   row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401
-    #   row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393
-    a1_x = q[..., 2:8:2]
-    x1 = _number_7
-    phi_q[..., 6:24:6] = -((-0.38 - a1_x) * x1)
-    a1_y = q[..., 3:9:2]
-    phi_q[..., 7:25:6] = -(x1 * (-0.078 - a1_y))
+    x15 = np.sin(psi)
+    phi_q[..., 36] = 6.666666666666667 * x15
+    x16 = np.cos(psi)
+    phi_q[..., 37] = -(6.666666666666667 * x16)
+    phi_q[..., 38] = 6.666666666666667 * (M_y * x15 + M_x * x16)
     return phi_q
 
 
@@ -257,7 +269,7 @@ def nu(t, q, p):
     t = np.asarray(t)
     nu = _output(13, t, q, p)
     # constant part
-    x1 = _number_8
+    x1 = _number_2
     nu[..., 0:13] = x1
     return nu
 
@@ -272,41 +284,61 @@ def gamma(t, q, qd, p):
     dM_x = qd[..., 0]
     dM_y = qd[..., 1]
     gamma[..., 0] = -(6.666666666666667 * (dM_x * dM_x + dM_y * dM_y))
+    # row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5
+    dU_x = qd[..., 2]
+    x1 = dM_x - dU_x
+    dU_y = qd[..., 3]
+    x2 = dM_y - dU_y
+    gamma[..., 1] = -(2.0000000000000004 * (x1 * x1 + x2 * x2))
+    # row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415
+    gamma[..., 2] = -(2.4096385542168677 * (dU_x * dU_x + dU_y * dU_y))
+    # row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558
+    dW_x = qd[..., 4]
+    x3 = dU_x - dW_x
+    dW_y = qd[..., 5]
+    x4 = dU_y - dW_y
+    gamma[..., 3] = -(1.792114695340502 * (x3 * x3 + x4 * x4))
+    # row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401
+    gamma[..., 4] = -(2.4937655860349124 * (dW_x * dW_x + dW_y * dW_y))
+    # row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619
+    dL_x = qd[..., 6]
+    x5 = dM_x - dL_x
+    dL_y = qd[..., 7]
+    x6 = dM_y - dL_y
+    gamma[..., 5] = -(1.6155088852988693 * (x5 * x5 + x6 * x6))
+    # row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393
+    gamma[..., 6] = -(2.544529262086514 * (dL_x * dL_x + dL_y * dL_y))
+    # row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394
+    dK_x = qd[..., 8]
+    x7 = dW_x - dK_x
+    dK_y = qd[..., 9]
+    x8 = dW_y - dK_y
+    gamma[..., 7] = -(2.5380710659898478 * (x7 * x7 + x8 * x8))
+    # row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367
+    x9 = dL_x - dK_x
+    x10 = dL_y - dK_y
+    gamma[..., 8] = -(2.724795640326975 * (x9 * x9 + x10 * x10))
+    # row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657
+    dT_x = qd[..., 10]
+    x11 = dK_x - dT_x
+    dT_y = qd[..., 11]
+    x12 = dK_y - dT_y
+    gamma[..., 9] = -(1.5220700152207 * (x11 * x11 + x12 * x12))
+    # row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49
+    x13 = dL_x - dT_x
+    x14 = dL_y - dT_y
+    gamma[..., 10] = -(2.0408163265306123 * (x13 * x13 + x14 * x14))
     # row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1
     psi = q[..., 12]
-    x1 = np.sin(psi)
+    x15 = np.sin(psi)
     M_x = q[..., 0]
     dpsi = qd[..., 12]
-    x2 = dpsi * dpsi
-    x3 = np.cos(psi)
-    x4 = 2.0 * dpsi
+    x16 = dpsi * dpsi
+    x17 = np.cos(psi)
+    x18 = 2.0 * dpsi
+    x19 = x15 * (M_x * x16) - x17 * (dM_x * x18) - x15 * (dM_y * x18)
     M_y = q[..., 1]
-    x5 = x1 * (M_x * x2) - x3 * (dM_x * x4) - x1 * (dM_y * x4) - x3 * (M_y * x2)
-    gamma[..., 11] = 6.666666666666667 * x5
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5
-    #   row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558
-    #   row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619
-    #   row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394
-    #   row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367
-    #   row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657
-    #   row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49
-    x1 = _number_6
-    da0_x = qd[..., _index_1]
-    da1_x = qd[..., _index_2 + 2]
-    x2 = da0_x - da1_x
-    da0_y = qd[..., _index_1 + 1]
-    da1_y = qd[..., _index_2 + 3]
-    x3 = da0_y - da1_y
-    gamma[..., _index_3 + 1] = -(x1 * (x2 * x2 + x3 * x3))
-    # distance: |a|^2 - L^2
-    #   row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415
-    #   row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401
-    #   row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393
-    x1 = _number_7
-    da1_x = qd[..., 2:8:2]
-    da1_y = qd[..., 3:9:2]
-    gamma[..., 2:8:2] = -(x1 * (da1_x * da1_x + da1_y * da1_y))
+    gamma[..., 11] = 6.666666666666667 * (x19 - x17 * (M_y * x16))
     return gamma
 
 
@@ -315,7 +347,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(40, t, q, p)
     # constant part
-    x1 = _number_9
+    x1 = _number_3
     mass[..., 0:40] = x1
     return mass
 
@@ -325,53 +357,79 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(13, t, q, qd, p)
     # constant part
-    x1 = _number_10
+    x1 = _number_4
     force[..., 0:13] = x1
     return force
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 175 operations."""
+    """3 numbers, 150 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # constant part
-    x1 = _number_11
+    x1 = _number_5
     energy[..., 0:3] = x1
-    # m
+    # M.x; M.y; U.x; U.y; W.x; W.y; L.x; L.y; K.x; K.y; T.x; T.y; M.x U.x; M.y U.y; U.x W.x; U.y W.y; M.x L.x; M.y L.y; W.x K.x; W.y K.y; L.x K.x; L.y K.y; K.x T.x; K.y T.y; L.x T.x; L.y T.y; m; j; e; k; f; g; h; i; b; d; c
+    dL_x = qd[..., 6]
+    x1 = dL_x * dL_x
+    dL_y = qd[..., 7]
+    x2 = dL_y * dL_y
+    dW_x = qd[..., 4]
+    x3 = dW_x * dW_x
+    dW_y = qd[..., 5]
+    x4 = dW_y * dW_y
+    dU_x = qd[..., 2]
+    x5 = dU_x * dU_x
+    dU_y = qd[..., 3]
+    x6 = dU_y * dU_y
+    dT_x = qd[..., 10]
+    x7 = dL_x - dT_x
+    dT_y = qd[..., 11]
+    x8 = dT_y - dL_y
+    dK_x = qd[..., 8]
+    x9 = dK_x - dT_x
+    dK_y = qd[..., 9]
+    x10 = dT_y - dK_y
+    x11 = dL_x - dK_x
+    x12 = dK_y - dL_y
+    x13 = dW_x - dK_x
+    x14 = dK_y - dW_y
     dM_x = qd[..., 0]
+    x15 = dM_x - dL_x
     dM_y = qd[..., 1]
-    energy[..., 0] += 0.0015625 * (dM_x * dM_x + dM_y * dM_y)
-    # mass-diagonal: m v^2 / 2
-    #   M.x, M.y, U.x, U.y, W.x, W.y, L.x, L.y, K.x, K.y, T.x, T.y
-    x1 = _number_12
-    dx = qd[..., 0:12]
-    energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(12), axis=-1)
-    # mass-pair: m v w
-    #   M.x U.x, M.y U.y, U.x W.x, U.y W.y, M.x L.x, M.y L.y, W.x K.x, W.y K.y, L.x K.x, L.y K.y,
-    #   K.x T.x, K.y T.y, L.x T.x, L.y T.y
-    dy = qd[..., _index_5 + 2]
-    dx = qd[..., _index_6]
-    m = _number_13
-    energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(14), axis=-1)
-    # cross-product-body: kinetic energy of w = a x u
-    #   j, e, k, f, g, h, i
-    mw = _number_14
-    dr_x = qd[..., _index_1]
-    da0_x = qd[..., _index_2 + 2]
-    x1 = dr_x - da0_x
-    da0_y = qd[..., _index_2 + 3]
-    dr_y = qd[..., _index_1 + 1]
-    x2 = da0_y - dr_y
-    energy[..., 0] += np.sum(0.5 * (mw * (x1 * x1 + x2 * x2)) + np.zeros(7), axis=-1)
-    # cross-product-body: kinetic energy of w = a x u
-    #   b, d, c
-    mw = _number_15
-    da0_x = qd[..., 2:8:2]
-    da0_y = qd[..., 3:9:2]
-    energy[..., 0] += np.sum(0.5 * (mw * (da0_x * da0_x + da0_y * da0_y)) + np.zeros(3), axis=-1)
-    # weight: -f x
-    #   M.y, U.y, W.y, L.y, K.y, T.y
-    x = q[..., 1:13:2]
-    f = _number_16
-    energy[..., 1] += np.sum(-(x * f) + np.zeros(6), axis=-1)
+    x16 = dL_y - dM_y
+    x17 = dU_x - dW_x
+    x18 = dW_y - dU_y
+    x19 = dM_x - dU_x
+    x20 = dU_y - dM_y
+    x21 = dM_x * dM_x
+    x22 = dM_y * dM_y
+    x23 = 0.10740625 * x6 + (0.10740625 * x5 + (0.09253125 * x21 + 0.09253125 * x22))
+    x24 = 0.13628125 * x1 + (0.09865625 * x4 + (0.09865625 * x3 + x23))
+    x25 = 0.10339583333333333 * (dK_x * dK_x) + (0.13628125 * x2 + x24)
+    x26 = 0.08363541666666668 * (dT_x * dT_x) + (0.10339583333333333 * (dK_y * dK_y) + x25)
+    x27 = dU_x * (0.05208333333333333 * dM_x) + (0.08363541666666668 * (dT_y * dT_y) + x26)
+    x28 = dW_x * (0.05812499999999999 * dU_x) + (dU_y * (0.05208333333333333 * dM_y) + x27)
+    x29 = dL_x * (0.06447916666666667 * dM_x) + (dW_y * (0.05812499999999999 * dU_y) + x28)
+    x30 = dK_x * (0.041041666666666664 * dW_x) + (dL_y * (0.06447916666666667 * dM_y) + x29)
+    x31 = dK_x * (0.038229166666666675 * dL_x) + (dK_y * (0.041041666666666664 * dW_y) + x30)
+    x32 = dT_x * (0.0684375 * dK_x) + (dK_y * (0.038229166666666675 * dL_y) + x31)
+    x33 = dT_x * (0.051041666666666666 * dL_x) + (dT_y * (0.0684375 * dK_y) + x32)
+    x34 = 0.0015625 * (x21 + x22) + (dT_y * (0.051041666666666666 * dL_y) + x33)
+    x35 = 0.005812500000000001 * (x17 * x17 + x18 * x18) + (0.005208333333333335 * (x19 * x19 + x20 * x20) + x34)
+    x36 = 0.0041041666666666666 * (x13 * x13 + x14 * x14) + (0.006447916666666666 * (x15 * x15 + x16 * x16) + x35)
+    x37 = 0.00684375 * (x9 * x9 + x10 * x10) + (0.0038229166666666663 * (x11 * x11 + x12 * x12) + x36)
+    x38 = 0.004322916666666667 * (x5 + x6) + (0.0051041666666666674 * (x7 * x7 + x8 * x8) + x37)
+    x39 = 0.00409375 * (x1 + x2) + (0.004177083333333335 * (x3 + x4) + x38)
+    energy[..., 0] = x39
+    # M.y; U.y; W.y; L.y; K.y; T.y
+    T_y = q[..., 11]
+    K_y = q[..., 9]
+    L_y = q[..., 7]
+    W_y = q[..., 5]
+    U_y = q[..., 3]
+    M_y = q[..., 1]
+    x40 = 3.3182325 * W_y + (3.6125325 * U_y + (3.1122225 * M_y - 0.231275655))
+    x41 = 2.8130175000000004 * T_y + (3.4776450000000003 * K_y + (4.5837225 * L_y + x40))
+    energy[..., 1] = x41
     return energy

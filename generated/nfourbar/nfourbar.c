@@ -15,13 +15,6 @@ static const ncgen_scalar nfourbar_number_1[14] = {
 static const ncgen_scalar nfourbar_number_2[6] = {
     R(0.0), -R(9.81), R(0.0), -R(14.715), R(0.0), -R(9.81)
 };
-static const ncgen_scalar nfourbar_number_3[6] = {
-    R(0.2916666666666667), R(0.2916666666666667), R(0.4375), R(0.4375), R(0.2916666666666667),
-    R(0.2916666666666667)
-};
-static const ncgen_scalar nfourbar_number_4[3] = {
-    -R(9.81), -R(14.715), -R(9.81)
-};
 
 /* phi: 31 operations */
 int nfourbar_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
@@ -160,7 +153,7 @@ int nfourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     return NCGEN_OK;
 }
 
-/* energy: 68 operations */
+/* energy: 57 operations */
 int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -172,7 +165,7 @@ int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
     }
 
     {
-        /* A0B0; A1B1; A2B2; B0B1; B1B2 */
+        /* B0.x; B0.y; B1.x; B1.y; B2.x; B2.y; B0.x B1.x; B0.y B1.y; B1.x B2.x; B1.y B2.y; A0B0; A1B1; A2B2; B0B1; B1B2 */
         const ncgen_real dB1_x = qd[2];
         const ncgen_real dB2_x = qd[4];
         const ncgen_real x1 = dB1_x - dB2_x;
@@ -183,35 +176,24 @@ int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         const ncgen_real x3 = dB0_x - dB1_x;
         const ncgen_real dB0_y = qd[1];
         const ncgen_real x4 = dB1_y - dB0_y;
-        const ncgen_real x5 = R(0.020833333333333332) * (dB2_x * dB2_x + dB2_y * dB2_y);
-        const ncgen_real x6 = R(0.020833333333333332) * (dB0_x * dB0_x + dB0_y * dB0_y);
-        const ncgen_real x7 = R(0.020833333333333332) * (dB1_x * dB1_x + dB1_y * dB1_y);
-        const ncgen_real x8 = R(0.020833333333333332) * (x3 * x3 + x4 * x4) + (x5 + (x6 + x7));
-        energy[0] += R(0.020833333333333332) * (x1 * x1 + x2 * x2) + x8;
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   B0.x, B0.y, B1.x, B1.y, B2.x, B2.y */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real x1 = nfourbar_number_3[i];
-        const ncgen_real dx = qd[i];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   B0.x B1.x, B0.y B1.y, B1.x B2.x, B1.y B2.y */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real dy = qd[i + 2];
-        const ncgen_real dx = qd[i];
-        energy[0] += dy * (R(0.20833333333333334) * dx);
-    }
-
-    /* weight: -f x */
-    /*   B0.y, B1.y, B2.y */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x = q[2 * i + 1];
-        const ncgen_real f = nfourbar_number_4[i];
-        energy[1] += -(x * f);
+        const ncgen_real x5 = dB2_x * dB2_x;
+        const ncgen_real x6 = dB2_y * dB2_y;
+        const ncgen_real x7 = dB1_x * dB1_x;
+        const ncgen_real x8 = dB1_y * dB1_y;
+        const ncgen_real x9 = dB0_x * dB0_x;
+        const ncgen_real x10 = dB0_y * dB0_y;
+        const ncgen_real x11 = R(0.4375) * x7 + (R(0.2916666666666667) * x9 + R(0.2916666666666667) * x10);
+        const ncgen_real x12 = R(0.2916666666666667) * x6 + (R(0.2916666666666667) * x5 + (R(0.4375) * x8 + x11));
+        const ncgen_real x13 = dB1_y * (R(0.20833333333333334) * dB0_y) + (dB1_x * (R(0.20833333333333334) * dB0_x) + x12);
+        const ncgen_real x14 = dB2_y * (R(0.20833333333333334) * dB1_y) + (dB2_x * (R(0.20833333333333334) * dB1_x) + x13);
+        const ncgen_real x15 = R(0.020833333333333332) * (x7 + x8) + (R(0.020833333333333332) * (x9 + x10) + x14);
+        const ncgen_real x16 = R(0.020833333333333332) * (x3 * x3 + x4 * x4) + (R(0.020833333333333332) * (x5 + x6) + x15);
+        energy[0] = R(0.020833333333333332) * (x1 * x1 + x2 * x2) + x16;
+        /* B0.y; B1.y; B2.y */
+        const ncgen_real B2_y = q[5];
+        const ncgen_real B0_y = q[1];
+        const ncgen_real B1_y = q[3];
+        energy[1] = R(9.81) * B2_y + (R(9.81) * B0_y + R(14.715) * B1_y);
     }
 
     return NCGEN_OK;
@@ -261,7 +243,7 @@ const ncgen_model *nfourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "nfourbar",
-        .fingerprint = "a5eff636d726c810",
+        .fingerprint = "1936c076a3dc4edb",
         .n_coordinates = 6,
         .n_rows = 5,
         .n_parameters = 0,

@@ -55,12 +55,6 @@ _number_1 = np.array([
 _number_2 = np.array([
     0.0, -9.81, 0.0, -14.715, 0.0, -9.81
 ])
-_number_3 = np.array([
-    0.2916666666666667, 0.2916666666666667, 0.4375, 0.4375, 0.2916666666666667, 0.2916666666666667
-])
-_number_4 = np.array([
-    -9.81, -14.715, -9.81
-])
 
 
 def _output(size, t, *arrays):
@@ -178,12 +172,12 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 68 operations."""
+    """3 numbers, 57 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # constant part
     energy[..., 0:3] = 0.0
-    # A0B0; A1B1; A2B2; B0B1; B1B2
+    # B0.x; B0.y; B1.x; B1.y; B2.x; B2.y; B0.x B1.x; B0.y B1.y; B1.x B2.x; B1.y B2.y; A0B0; A1B1; A2B2; B0B1; B1B2
     dB1_x = qd[..., 2]
     dB2_x = qd[..., 4]
     x1 = dB1_x - dB2_x
@@ -194,23 +188,22 @@ def energy(t, q, qd, p):
     x3 = dB0_x - dB1_x
     dB0_y = qd[..., 1]
     x4 = dB1_y - dB0_y
-    x5 = 0.020833333333333332 * (dB0_x * dB0_x + dB0_y * dB0_y) + 0.020833333333333332 * (dB1_x * dB1_x + dB1_y * dB1_y)
-    x6 = 0.020833333333333332 * (dB2_x * dB2_x + dB2_y * dB2_y) + x5
-    x7 = 0.020833333333333332 * (x1 * x1 + x2 * x2) + (0.020833333333333332 * (x3 * x3 + x4 * x4) + x6)
-    energy[..., 0] += x7
-    # mass-diagonal: m v^2 / 2
-    #   B0.x, B0.y, B1.x, B1.y, B2.x, B2.y
-    x1 = _number_3
-    dx = qd[..., 0:6]
-    energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(6), axis=-1)
-    # mass-pair: m v w
-    #   B0.x B1.x, B0.y B1.y, B1.x B2.x, B1.y B2.y
-    dy = qd[..., 2:6]
-    dx = qd[..., 0:4]
-    energy[..., 0] += np.sum(dy * (0.20833333333333334 * dx) + np.zeros(4), axis=-1)
-    # weight: -f x
-    #   B0.y, B1.y, B2.y
-    x = q[..., 1:7:2]
-    f = _number_4
-    energy[..., 1] += np.sum(-(x * f) + np.zeros(3), axis=-1)
+    x5 = dB2_x * dB2_x
+    x6 = dB2_y * dB2_y
+    x7 = dB1_x * dB1_x
+    x8 = dB1_y * dB1_y
+    x9 = dB0_x * dB0_x
+    x10 = dB0_y * dB0_y
+    x11 = 0.4375 * x7 + (0.2916666666666667 * x9 + 0.2916666666666667 * x10)
+    x12 = 0.2916666666666667 * x6 + (0.2916666666666667 * x5 + (0.4375 * x8 + x11))
+    x13 = dB1_y * (0.20833333333333334 * dB0_y) + (dB1_x * (0.20833333333333334 * dB0_x) + x12)
+    x14 = dB2_y * (0.20833333333333334 * dB1_y) + (dB2_x * (0.20833333333333334 * dB1_x) + x13)
+    x15 = 0.020833333333333332 * (x7 + x8) + (0.020833333333333332 * (x9 + x10) + x14)
+    x16 = 0.020833333333333332 * (x3 * x3 + x4 * x4) + (0.020833333333333332 * (x5 + x6) + x15)
+    energy[..., 0] = 0.020833333333333332 * (x1 * x1 + x2 * x2) + x16
+    # B0.y; B1.y; B2.y
+    B2_y = q[..., 5]
+    B0_y = q[..., 1]
+    B1_y = q[..., 3]
+    energy[..., 1] = 9.81 * B2_y + (9.81 * B0_y + 14.715 * B1_y)
     return energy

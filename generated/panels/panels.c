@@ -5,45 +5,8 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int panels_index_1[5] = {
-    0, 2, 12, 14, 16
-};
-static const int panels_index_2[5] = {
-    0, 10, 12, 14, 16
-};
-static const int panels_index_3[5] = {
-    0, 9, 10, 11, 12
-};
-static const int panels_index_4[4] = {
-    0, 10, 12, 14
-};
-static const int panels_index_5[4] = {
-    0, 2, 12, 14
-};
-static const int panels_index_6[5] = {
-    0, 40, 44, 48, 52
-};
-static const int panels_index_7[12] = {
-    0, 1, 2, 3, 12, 13, 14, 15, 16, 17, 18, 19
-};
-static const int panels_index_8[10] = {
-    0, 1, 10, 11, 12, 13, 14, 15, 16, 17
-};
-static const int panels_index_9[10] = {
-    0, 1, 2, 3, 12, 13, 14, 15, 16, 17
-};
 
-static const ncgen_scalar panels_number_1[5] = {
-    R(0.625), R(0.625), R(0.3125), R(0.3125), R(0.3125)
-};
-static const ncgen_scalar panels_number_2[5] = {
-    R(0.6400000000000001), R(0.6400000000000001), R(2.5600000000000005), R(2.5600000000000005),
-    R(2.5600000000000005)
-};
-static const ncgen_scalar panels_number_3[4] = {
-    R(1.5624999999999998), R(0.7812499999999999), R(0.39062499999999994), R(0.39062499999999994)
-};
-static const ncgen_scalar panels_number_4[90] = {
+static const ncgen_scalar panels_number_1[90] = {
     R(0.0), R(0.0), R(0.0), R(0.0), -R(1.0), -R(1.0), R(1.0), R(1.0), R(1.0), -R(1.0), -R(1.0),
     R(1.0), -R(2.0), -R(1.0), R(1.0), R(1.0), R(1.0), R(1.0), -R(2.0), -R(1.0), R(1.0), R(1.0),
     -R(2.0), R(1.0), R(1.0), -R(1.0), R(1.0), -R(1.0), -R(2.0), R(1.0), R(1.0), R(1.0), R(1.0),
@@ -53,125 +16,120 @@ static const ncgen_scalar panels_number_4[90] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(2.0), R(1.0), R(1.0), R(1.0), R(1.0), R(1.0)
 };
-static const ncgen_scalar panels_number_5[5] = {
-    R(1.25), R(1.25), R(0.625), R(0.625), R(0.625)
-};
-static const ncgen_scalar panels_number_6[32] = {
+static const ncgen_scalar panels_number_2[32] = {
     R(833.3333333333333), -R(333.33333333333337), R(833.3333333333333), -R(333.33333333333337),
     -R(333.33333333333337), R(334.6666666666667), R(0.6666666666666667), -R(333.33333333333337),
     R(334.6666666666667), R(0.6666666666666667), R(0.6666666666666667), R(5.333333333333334),
     R(2.0), R(0.6666666666666667), R(5.333333333333334), R(2.0), R(2.0), R(8.0), R(2.0), R(2.0),
     R(8.0), R(2.0), R(2.0), R(8.0), R(2.0), R(2.0), R(8.0), R(2.0), R(2.0), R(4.0), R(2.0), R(4.0)
 };
-static const ncgen_scalar panels_number_7[12] = {
-    R(333.3333333333333), R(333.3333333333333), R(83.91666666666667), R(83.91666666666667),
-    R(2.3333333333333335), R(2.3333333333333335), R(3.5), R(3.5), R(3.5), R(3.5), R(1.75), R(1.75)
-};
-static const ncgen_scalar panels_number_8[10] = {
-    -R(166.66666666666669), -R(166.66666666666669), R(0.8333333333333334), R(0.8333333333333334),
-    R(2.5), R(2.5), R(2.5), R(2.5), R(2.5), R(2.5)
-};
-static const ncgen_scalar panels_number_9[5] = {
-    R(166.66666666666669), R(0.16666666666666669), R(0.5), R(0.5), R(0.5)
-};
 
-/* phi: 129 operations, 8 of them elementary functions */
+/* phi: 119 operations, 8 of them elementary functions */
 int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
     (void)p;
 
     {
-        /* row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
-        const ncgen_real K1_x = q[4];
+        /* row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
+        const ncgen_real H_x = q[0];
         const ncgen_real A_x = q[2];
+        const ncgen_real x1 = H_x - A_x;
         const ncgen_real H_y = q[1];
         const ncgen_real A_y = q[3];
-        const ncgen_real x1 = H_y - A_y;
-        phi[1] = K1_x - A_x - x1;
+        const ncgen_real x2 = H_y - A_y;
+        phi[0] = R(0.625) * (x1 * x1 + x2 * x2 - R(0.6400000000000001));
+        /* row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
+        const ncgen_real K1_x = q[4];
+        phi[1] = K1_x - A_x - x2;
         /* row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
         const ncgen_real K1_y = q[5];
-        const ncgen_real H_x = q[0];
-        const ncgen_real x2 = A_x - H_x;
-        phi[2] = K1_y - A_y - x2;
+        const ncgen_real x3 = A_x - H_x;
+        phi[2] = K1_y - A_y - x3;
         /* row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
         const ncgen_real K2_x = q[6];
-        const ncgen_real x3 = R(2.0) * H_x;
-        phi[3] = A_x + (K2_x - x3) - x1;
+        const ncgen_real x4 = R(2.0) * H_x;
+        phi[3] = A_x + (K2_x - x4) - x2;
         /* row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
         const ncgen_real K2_y = q[7];
-        const ncgen_real x4 = R(2.0) * H_y;
-        phi[4] = A_y + (K2_y - x4) - x2;
+        const ncgen_real x5 = R(2.0) * H_y;
+        phi[4] = A_y + (K2_y - x5) - x3;
         /* row 6: combination K3.x (body hub): (e - c a x b).x = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1 */
         const ncgen_real K3_x = q[8];
-        const ncgen_real x5 = A_y - H_y;
-        phi[5] = A_x + (K3_x - x3) - x5;
+        const ncgen_real x6 = A_y - H_y;
+        phi[5] = A_x + (K3_x - x4) - x6;
         /* row 7: combination K3.y (body hub): (e - c a x b).y = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1 */
         const ncgen_real K3_y = q[9];
-        const ncgen_real x6 = H_x - A_x;
-        phi[6] = A_y + (K3_y - x4) - x6;
+        phi[6] = A_y + (K3_y - x5) - x1;
         /* row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
         const ncgen_real K4_x = q[10];
-        phi[7] = K4_x - A_x - x5;
+        phi[7] = K4_x - A_x - x6;
         /* row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
         const ncgen_real K4_y = q[11];
-        phi[8] = K4_y - A_y - x6;
-        /* row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0 */
-        const ncgen_real psi1 = q[21];
+        phi[8] = K4_y - A_y - x1;
+        /* row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
+        const ncgen_real P0_x = q[12];
+        const ncgen_real x7 = A_x - P0_x;
+        const ncgen_real P0_y = q[13];
+        const ncgen_real x8 = A_y - P0_y;
+        phi[9] = R(0.625) * (x7 * x7 + x8 * x8 - R(0.6400000000000001));
+        /* row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
+        const ncgen_real P1_x = q[14];
+        const ncgen_real x9 = P0_x - P1_x;
+        const ncgen_real P1_y = q[15];
+        const ncgen_real x10 = P0_y - P1_y;
+        const ncgen_real x11 = R(0.3125) * (x9 * x9 + x10 * x10 - R(2.5600000000000005));
+        phi[10] = x11;
+        /* row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
+        const ncgen_real P2_x = q[16];
+        const ncgen_real x12 = P1_x - P2_x;
+        const ncgen_real P2_y = q[17];
+        const ncgen_real x13 = P1_y - P2_y;
+        const ncgen_real x14 = R(0.3125) * (x12 * x12 + x13 * x13 - R(2.5600000000000005));
+        phi[11] = x14;
+        /* row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
+        const ncgen_real P3_x = q[18];
+        const ncgen_real x15 = P2_x - P3_x;
+        const ncgen_real P3_y = q[19];
+        const ncgen_real x16 = P2_y - P3_y;
+        const ncgen_real x17 = R(0.3125) * (x15 * x15 + x16 * x16 - R(2.5600000000000005));
+        phi[12] = x17;
+        /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
+        const ncgen_real x18 = P0_x - A_x;
+        const ncgen_real x19 = P0_y - A_y;
         const ncgen_real psi0 = q[20];
+        const ncgen_real x20 = (x3 * x18 + x6 * x19) * NCGEN_SIN(psi0) - (x3 * x19 - x6 * x18) * NCGEN_COS(psi0);
+        phi[13] = R(1.5624999999999998) * x20;
+        /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
+        const ncgen_real x21 = P1_x - P0_x;
+        const ncgen_real x22 = P1_y - P0_y;
+        const ncgen_real psi1 = q[21];
+        const ncgen_real x23 = (x18 * x21 + x19 * x22) * NCGEN_SIN(psi1) - (x18 * x22 - x19 * x21) * NCGEN_COS(psi1);
+        phi[14] = R(0.7812499999999999) * x23;
+        /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
+        const ncgen_real x24 = P2_x - P1_x;
+        const ncgen_real x25 = P2_y - P1_y;
+        const ncgen_real psi2 = q[22];
+        const ncgen_real x26 = (x21 * x24 + x22 * x25) * NCGEN_SIN(psi2) - (x21 * x25 - x22 * x24) * NCGEN_COS(psi2);
+        phi[15] = R(0.39062499999999994) * x26;
+        /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
+        const ncgen_real x27 = P3_x - P2_x;
+        const ncgen_real x28 = P3_y - P2_y;
+        const ncgen_real psi3 = q[23];
+        const ncgen_real x29 = (x24 * x27 + x25 * x28) * NCGEN_SIN(psi3) - (x24 * x28 - x25 * x27) * NCGEN_COS(psi3);
+        phi[16] = R(0.39062499999999994) * x29;
+        /* row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0 */
         phi[17] = psi1 + R(2.0) * psi0;
         /* row 19: gear psi1, psi2 (joint gear psi1-psi2): psi1 + psi2 = 0 */
-        const ncgen_real psi2 = q[22];
         phi[18] = psi1 + psi2;
         /* row 20: gear psi2, psi3 (joint gear psi2-psi3): psi2 + psi3 = 0 */
-        const ncgen_real psi3 = q[23];
         phi[19] = psi2 + psi3;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
-    /*   row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
-    /*   row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
-    /*   row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
-    /*   row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real scale = panels_number_1[i];
-        const ncgen_real a0_x = q[panels_index_1[i]];
-        const ncgen_real a1_x = q[panels_index_2[i] + 2];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[panels_index_1[i] + 1];
-        const ncgen_real a1_y = q[panels_index_2[i] + 3];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real x3 = panels_number_2[i];
-        phi[panels_index_3[i]] = scale * (x1 * x1 + x2 * x2 - x3);
-    }
-
-    /* angle-smooth: sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln */
-    /*   row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
-    /*   row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-    /*   row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-    /*   row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real scale = panels_number_3[i];
-        const ncgen_real a0_x = q[panels_index_4[i] + 2];
-        const ncgen_real a1_x = q[panels_index_5[i]];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real b0_x = q[2 * i + 12];
-        const ncgen_real x2 = b0_x - a0_x;
-        const ncgen_real a0_y = q[panels_index_4[i] + 3];
-        const ncgen_real a1_y = q[panels_index_5[i] + 1];
-        const ncgen_real x3 = a0_y - a1_y;
-        const ncgen_real b0_y = q[2 * i + 13];
-        const ncgen_real x4 = b0_y - a0_y;
-        const ncgen_real psi = q[i + 20];
-        const ncgen_real x5 = (x1 * x2 + x3 * x4) * NCGEN_SIN(psi) - (x1 * x4 - x3 * x2) * NCGEN_COS(psi);
-        phi[i + 13] = scale * x5;
     }
 
     return NCGEN_OK;
 }
 
-/* phi_q: 182 operations, 8 of them elementary functions */
+/* phi_q: 168 operations, 8 of them elementary functions */
 int panels_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     (void)t;
@@ -179,68 +137,146 @@ int panels_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 90; ++i) {
-        const ncgen_real x1 = panels_number_4[i];
+        const ncgen_real x1 = panels_number_1[i];
         phi_q[i] = x1;
     }
 
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
-    /*   row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
-    /*   row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
-    /*   row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
-    /*   row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real a0_x = q[panels_index_1[i]];
-        const ncgen_real a1_x = q[panels_index_2[i] + 2];
-        const ncgen_real x1 = panels_number_5[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[panels_index_6[i]] = x2;
-        phi_q[panels_index_6[i] + 2] = -x2;
-        const ncgen_real a0_y = q[panels_index_1[i] + 1];
-        const ncgen_real a1_y = q[panels_index_2[i] + 3];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[panels_index_6[i] + 1] = x3;
-        phi_q[panels_index_6[i] + 3] = -x3;
-    }
-
-    /* angle-smooth: sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln */
-    /*   row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
-    /*   row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-    /*   row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-    /*   row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real scale = panels_number_3[i];
-        const ncgen_real b0_x = q[2 * i + 12];
-        const ncgen_real a0_x = q[panels_index_4[i] + 2];
-        const ncgen_real x1 = b0_x - a0_x;
-        const ncgen_real psi = q[i + 20];
-        const ncgen_real x2 = NCGEN_SIN(psi);
-        const ncgen_real b0_y = q[2 * i + 13];
-        const ncgen_real a0_y = q[panels_index_4[i] + 3];
-        const ncgen_real x3 = b0_y - a0_y;
-        const ncgen_real x4 = NCGEN_COS(psi);
-        const ncgen_real x5 = scale * (x1 * x2 - x3 * x4);
-        const ncgen_real a1_x = q[panels_index_5[i]];
-        const ncgen_real x6 = a0_x - a1_x;
-        const ncgen_real a1_y = q[panels_index_5[i] + 1];
-        const ncgen_real x7 = scale * (x2 * x6 - x4 * (a1_y - a0_y));
-        phi_q[7 * i + 58] = x5 - x7;
-        phi_q[7 * i + 56] = -x5;
-        const ncgen_real x8 = scale * (x3 * x2 - x4 * (a0_x - b0_x));
-        const ncgen_real x9 = a0_y - a1_y;
-        const ncgen_real x10 = scale * (x2 * x9 - x4 * x6);
-        phi_q[7 * i + 59] = x8 - x10;
-        phi_q[7 * i + 57] = -x8;
-        phi_q[7 * i + 60] = x7;
-        phi_q[7 * i + 61] = x10;
-        const ncgen_real x11 = scale * (x4 * (x1 * x6 + x3 * x9) + x2 * (x3 * x6 - x1 * x9));
-        phi_q[7 * i + 62] = x11;
+    {
+        /* row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
+        const ncgen_real H_x = q[0];
+        const ncgen_real A_x = q[2];
+        const ncgen_real x1 = R(1.25) * (H_x - A_x);
+        phi_q[0] = x1;
+        const ncgen_real H_y = q[1];
+        const ncgen_real A_y = q[3];
+        const ncgen_real x2 = H_y - A_y;
+        const ncgen_real x3 = R(1.25) * x2;
+        phi_q[1] = x3;
+        phi_q[2] = -x1;
+        phi_q[3] = -x3;
+        /* row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
+        const ncgen_real P0_x = q[12];
+        const ncgen_real x4 = A_x - P0_x;
+        const ncgen_real x5 = R(1.25) * x4;
+        phi_q[40] = x5;
+        const ncgen_real P0_y = q[13];
+        const ncgen_real x6 = A_y - P0_y;
+        const ncgen_real x7 = R(1.25) * x6;
+        phi_q[41] = x7;
+        phi_q[42] = -x5;
+        phi_q[43] = -x7;
+        /* row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
+        const ncgen_real P1_x = q[14];
+        const ncgen_real x8 = P0_x - P1_x;
+        const ncgen_real x9 = R(0.625) * x8;
+        phi_q[44] = x9;
+        const ncgen_real P1_y = q[15];
+        const ncgen_real x10 = P0_y - P1_y;
+        const ncgen_real x11 = R(0.625) * x10;
+        phi_q[45] = x11;
+        phi_q[46] = -x9;
+        phi_q[47] = -x11;
+        /* row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
+        const ncgen_real P2_x = q[16];
+        const ncgen_real x12 = P1_x - P2_x;
+        const ncgen_real x13 = R(0.625) * x12;
+        phi_q[48] = x13;
+        const ncgen_real P2_y = q[17];
+        const ncgen_real x14 = P1_y - P2_y;
+        const ncgen_real x15 = R(0.625) * x14;
+        phi_q[49] = x15;
+        phi_q[50] = -x13;
+        phi_q[51] = -x15;
+        /* row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
+        const ncgen_real P3_x = q[18];
+        const ncgen_real x16 = P2_x - P3_x;
+        const ncgen_real x17 = R(0.625) * x16;
+        phi_q[52] = x17;
+        const ncgen_real P3_y = q[19];
+        const ncgen_real x18 = R(0.625) * (P2_y - P3_y);
+        phi_q[53] = x18;
+        phi_q[54] = -x17;
+        phi_q[55] = -x18;
+        /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
+        const ncgen_real x19 = P0_x - A_x;
+        const ncgen_real psi0 = q[20];
+        const ncgen_real x20 = NCGEN_SIN(psi0);
+        const ncgen_real x21 = P0_y - A_y;
+        const ncgen_real x22 = NCGEN_COS(psi0);
+        const ncgen_real x23 = R(1.5624999999999998) * (x19 * x20 - x21 * x22);
+        phi_q[56] = -x23;
+        const ncgen_real x24 = R(1.5624999999999998) * (x21 * x20 - x4 * x22);
+        phi_q[57] = -x24;
+        const ncgen_real x25 = A_x - H_x;
+        const ncgen_real x26 = R(1.5624999999999998) * (x20 * x25 - x2 * x22);
+        phi_q[58] = x23 - x26;
+        const ncgen_real x27 = A_y - H_y;
+        const ncgen_real x28 = R(1.5624999999999998) * (x20 * x27 - x22 * x25);
+        phi_q[59] = x24 - x28;
+        phi_q[60] = x26;
+        phi_q[61] = x28;
+        const ncgen_real x29 = x22 * (x19 * x25 + x21 * x27) + x20 * (x21 * x25 - x19 * x27);
+        phi_q[62] = R(1.5624999999999998) * x29;
+        /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
+        const ncgen_real x30 = P1_x - P0_x;
+        const ncgen_real psi1 = q[21];
+        const ncgen_real x31 = NCGEN_SIN(psi1);
+        const ncgen_real x32 = P1_y - P0_y;
+        const ncgen_real x33 = NCGEN_COS(psi1);
+        const ncgen_real x34 = R(0.7812499999999999) * (x30 * x31 - x32 * x33);
+        phi_q[63] = -x34;
+        const ncgen_real x35 = R(0.7812499999999999) * (x32 * x31 - x8 * x33);
+        phi_q[64] = -x35;
+        const ncgen_real x36 = R(0.7812499999999999) * (x19 * x31 - x6 * x33);
+        phi_q[65] = x34 - x36;
+        const ncgen_real x37 = R(0.7812499999999999) * (x21 * x31 - x19 * x33);
+        phi_q[66] = x35 - x37;
+        phi_q[67] = x36;
+        phi_q[68] = x37;
+        const ncgen_real x38 = x33 * (x19 * x30 + x21 * x32) + x31 * (x19 * x32 - x21 * x30);
+        phi_q[69] = R(0.7812499999999999) * x38;
+        /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
+        const ncgen_real x39 = P2_x - P1_x;
+        const ncgen_real psi2 = q[22];
+        const ncgen_real x40 = NCGEN_SIN(psi2);
+        const ncgen_real x41 = P2_y - P1_y;
+        const ncgen_real x42 = NCGEN_COS(psi2);
+        const ncgen_real x43 = R(0.39062499999999994) * (x39 * x40 - x41 * x42);
+        phi_q[70] = -x43;
+        const ncgen_real x44 = R(0.39062499999999994) * (x41 * x40 - x12 * x42);
+        phi_q[71] = -x44;
+        const ncgen_real x45 = R(0.39062499999999994) * (x30 * x40 - x10 * x42);
+        phi_q[72] = x43 - x45;
+        const ncgen_real x46 = R(0.39062499999999994) * (x32 * x40 - x30 * x42);
+        phi_q[73] = x44 - x46;
+        phi_q[74] = x45;
+        phi_q[75] = x46;
+        const ncgen_real x47 = x42 * (x30 * x39 + x32 * x41) + x40 * (x30 * x41 - x32 * x39);
+        phi_q[76] = R(0.39062499999999994) * x47;
+        /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
+        const ncgen_real x48 = P3_x - P2_x;
+        const ncgen_real psi3 = q[23];
+        const ncgen_real x49 = NCGEN_SIN(psi3);
+        const ncgen_real x50 = P3_y - P2_y;
+        const ncgen_real x51 = NCGEN_COS(psi3);
+        const ncgen_real x52 = R(0.39062499999999994) * (x48 * x49 - x50 * x51);
+        phi_q[77] = -x52;
+        const ncgen_real x53 = R(0.39062499999999994) * (x50 * x49 - x16 * x51);
+        phi_q[78] = -x53;
+        const ncgen_real x54 = R(0.39062499999999994) * (x39 * x49 - x14 * x51);
+        phi_q[79] = x52 - x54;
+        const ncgen_real x55 = R(0.39062499999999994) * (x41 * x49 - x39 * x51);
+        phi_q[80] = x53 - x55;
+        phi_q[81] = x54;
+        phi_q[82] = x55;
+        const ncgen_real x56 = x51 * (x39 * x48 + x41 * x50) + x49 * (x39 * x50 - x41 * x48);
+        phi_q[83] = R(0.39062499999999994) * x56;
     }
 
     return NCGEN_OK;
 }
 
-/* gamma: 259 operations, 8 of them elementary functions */
+/* gamma: 247 operations, 8 of them elementary functions */
 int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     (void)t;
@@ -251,60 +287,123 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         gamma[i] = NCGEN_SPLAT(R(0.0));
     }
 
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
-    /*   row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
-    /*   row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
-    /*   row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
-    /*   row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real x1 = panels_number_5[i];
-        const ncgen_real da0_x = qd[panels_index_1[i]];
-        const ncgen_real da1_x = qd[panels_index_2[i] + 2];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[panels_index_1[i] + 1];
-        const ncgen_real da1_y = qd[panels_index_2[i] + 3];
-        const ncgen_real x3 = da0_y - da1_y;
-        gamma[panels_index_3[i]] = -(x1 * (x2 * x2 + x3 * x3));
-    }
-
-    /* angle-smooth: sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln */
-    /*   row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
-    /*   row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-    /*   row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-    /*   row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real scale = panels_number_3[i];
-        const ncgen_real psi = q[i + 20];
-        const ncgen_real x1 = NCGEN_COS(psi);
-        const ncgen_real da0_x = qd[panels_index_4[i] + 2];
-        const ncgen_real da1_x = qd[panels_index_5[i]];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real db0_y = qd[2 * i + 13];
-        const ncgen_real da0_y = qd[panels_index_4[i] + 3];
-        const ncgen_real x3 = db0_y - da0_y;
-        const ncgen_real da1_y = qd[panels_index_5[i] + 1];
-        const ncgen_real x4 = da0_y - da1_y;
-        const ncgen_real db0_x = qd[2 * i + 12];
-        const ncgen_real x5 = db0_x - da0_x;
-        const ncgen_real x6 = NCGEN_SIN(psi);
-        const ncgen_real a0_x = q[panels_index_4[i] + 2];
-        const ncgen_real a1_x = q[panels_index_5[i]];
-        const ncgen_real x7 = a0_x - a1_x;
-        const ncgen_real b0_x = q[2 * i + 12];
-        const ncgen_real x8 = b0_x - a0_x;
-        const ncgen_real a0_y = q[panels_index_4[i] + 3];
-        const ncgen_real a1_y = q[panels_index_5[i] + 1];
-        const ncgen_real x9 = a0_y - a1_y;
-        const ncgen_real b0_y = q[2 * i + 13];
-        const ncgen_real x10 = b0_y - a0_y;
-        const ncgen_real dpsi = qd[i + 20];
-        const ncgen_real x11 = dpsi * dpsi;
-        const ncgen_real x12 = x1 * (R(2.0) * (x2 * x3 - x4 * x5)) + x6 * ((x7 * x8 + x9 * x10) * x11);
-        const ncgen_real x13 = R(2.0) * dpsi;
-        const ncgen_real x14 = x12 - x6 * (R(2.0) * (x2 * x5 + x4 * x3)) - x1 * (x13 * (x7 * x5 + x9 * x3 + x8 * x2 + x10 * x4));
-        const ncgen_real x15 = x14 - x6 * ((x7 * x3 + x10 * x2 - x9 * x5 - x8 * x4) * x13);
-        gamma[i + 13] = scale * (x15 - x1 * ((x7 * x10 - x9 * x8) * x11));
+    {
+        /* row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
+        const ncgen_real dH_x = qd[0];
+        const ncgen_real dA_x = qd[2];
+        const ncgen_real x1 = dH_x - dA_x;
+        const ncgen_real dH_y = qd[1];
+        const ncgen_real dA_y = qd[3];
+        const ncgen_real x2 = dH_y - dA_y;
+        gamma[0] = -(R(1.25) * (x1 * x1 + x2 * x2));
+        /* row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
+        const ncgen_real dP0_x = qd[12];
+        const ncgen_real x3 = dA_x - dP0_x;
+        const ncgen_real dP0_y = qd[13];
+        const ncgen_real x4 = dA_y - dP0_y;
+        gamma[9] = -(R(1.25) * (x3 * x3 + x4 * x4));
+        /* row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
+        const ncgen_real dP1_x = qd[14];
+        const ncgen_real x5 = dP0_x - dP1_x;
+        const ncgen_real dP1_y = qd[15];
+        const ncgen_real x6 = dP0_y - dP1_y;
+        gamma[10] = -(R(0.625) * (x5 * x5 + x6 * x6));
+        /* row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
+        const ncgen_real dP2_x = qd[16];
+        const ncgen_real x7 = dP1_x - dP2_x;
+        const ncgen_real dP2_y = qd[17];
+        const ncgen_real x8 = dP1_y - dP2_y;
+        gamma[11] = -(R(0.625) * (x7 * x7 + x8 * x8));
+        /* row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
+        const ncgen_real dP3_x = qd[18];
+        const ncgen_real x9 = dP2_x - dP3_x;
+        const ncgen_real dP3_y = qd[19];
+        const ncgen_real x10 = dP2_y - dP3_y;
+        gamma[12] = -(R(0.625) * (x9 * x9 + x10 * x10));
+        /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
+        const ncgen_real psi0 = q[20];
+        const ncgen_real x11 = NCGEN_COS(psi0);
+        const ncgen_real x12 = dA_x - dH_x;
+        const ncgen_real x13 = dP0_y - dA_y;
+        const ncgen_real x14 = dA_y - dH_y;
+        const ncgen_real x15 = dP0_x - dA_x;
+        const ncgen_real x16 = NCGEN_SIN(psi0);
+        const ncgen_real A_x = q[2];
+        const ncgen_real H_x = q[0];
+        const ncgen_real x17 = A_x - H_x;
+        const ncgen_real P0_x = q[12];
+        const ncgen_real x18 = P0_x - A_x;
+        const ncgen_real A_y = q[3];
+        const ncgen_real H_y = q[1];
+        const ncgen_real x19 = A_y - H_y;
+        const ncgen_real P0_y = q[13];
+        const ncgen_real x20 = P0_y - A_y;
+        const ncgen_real dpsi0 = qd[20];
+        const ncgen_real x21 = dpsi0 * dpsi0;
+        const ncgen_real x22 = x11 * (R(2.0) * (x12 * x13 - x14 * x15)) + x16 * ((x17 * x18 + x19 * x20) * x21);
+        const ncgen_real x23 = R(2.0) * dpsi0;
+        const ncgen_real x24 = x11 * (x23 * (x17 * x15 + x19 * x13 + x18 * x12 + x20 * x14));
+        const ncgen_real x25 = x16 * ((x17 * x13 + x20 * x12 - x19 * x15 - x18 * x14) * x23);
+        const ncgen_real x26 = x22 - x16 * (R(2.0) * (x12 * x15 + x14 * x13)) - x24 - x25;
+        const ncgen_real x27 = R(1.5624999999999998) * (x26 - x11 * ((x17 * x20 - x19 * x18) * x21));
+        gamma[13] = x27;
+        /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
+        const ncgen_real psi1 = q[21];
+        const ncgen_real x28 = NCGEN_COS(psi1);
+        const ncgen_real x29 = dP1_y - dP0_y;
+        const ncgen_real x30 = dP1_x - dP0_x;
+        const ncgen_real x31 = NCGEN_SIN(psi1);
+        const ncgen_real P1_x = q[14];
+        const ncgen_real x32 = P1_x - P0_x;
+        const ncgen_real P1_y = q[15];
+        const ncgen_real x33 = P1_y - P0_y;
+        const ncgen_real dpsi1 = qd[21];
+        const ncgen_real x34 = dpsi1 * dpsi1;
+        const ncgen_real x35 = x28 * (R(2.0) * (x15 * x29 - x13 * x30)) + x31 * ((x18 * x32 + x20 * x33) * x34);
+        const ncgen_real x36 = R(2.0) * dpsi1;
+        const ncgen_real x37 = x28 * (x36 * (x18 * x30 + x20 * x29 + x15 * x32 + x13 * x33));
+        const ncgen_real x38 = x31 * ((x18 * x29 + x15 * x33 - x20 * x30 - x13 * x32) * x36);
+        const ncgen_real x39 = x35 - x31 * (R(2.0) * (x15 * x30 + x13 * x29)) - x37 - x38;
+        const ncgen_real x40 = R(0.7812499999999999) * (x39 - x28 * ((x18 * x33 - x20 * x32) * x34));
+        gamma[14] = x40;
+        /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
+        const ncgen_real psi2 = q[22];
+        const ncgen_real x41 = NCGEN_COS(psi2);
+        const ncgen_real x42 = dP2_y - dP1_y;
+        const ncgen_real x43 = dP2_x - dP1_x;
+        const ncgen_real x44 = NCGEN_SIN(psi2);
+        const ncgen_real P2_x = q[16];
+        const ncgen_real x45 = P2_x - P1_x;
+        const ncgen_real P2_y = q[17];
+        const ncgen_real x46 = P2_y - P1_y;
+        const ncgen_real dpsi2 = qd[22];
+        const ncgen_real x47 = dpsi2 * dpsi2;
+        const ncgen_real x48 = x41 * (R(2.0) * (x30 * x42 - x29 * x43)) + x44 * ((x32 * x45 + x33 * x46) * x47);
+        const ncgen_real x49 = R(2.0) * dpsi2;
+        const ncgen_real x50 = x41 * (x49 * (x32 * x43 + x33 * x42 + x30 * x45 + x29 * x46));
+        const ncgen_real x51 = x44 * ((x32 * x42 + x30 * x46 - x33 * x43 - x29 * x45) * x49);
+        const ncgen_real x52 = x48 - x44 * (R(2.0) * (x30 * x43 + x29 * x42)) - x50 - x51;
+        const ncgen_real x53 = R(0.39062499999999994) * (x52 - x41 * ((x32 * x46 - x33 * x45) * x47));
+        gamma[15] = x53;
+        /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
+        const ncgen_real psi3 = q[23];
+        const ncgen_real x54 = NCGEN_COS(psi3);
+        const ncgen_real x55 = dP3_y - dP2_y;
+        const ncgen_real x56 = dP3_x - dP2_x;
+        const ncgen_real x57 = NCGEN_SIN(psi3);
+        const ncgen_real P3_x = q[18];
+        const ncgen_real x58 = P3_x - P2_x;
+        const ncgen_real P3_y = q[19];
+        const ncgen_real x59 = P3_y - P2_y;
+        const ncgen_real dpsi3 = qd[23];
+        const ncgen_real x60 = dpsi3 * dpsi3;
+        const ncgen_real x61 = x54 * (R(2.0) * (x43 * x55 - x42 * x56)) + x57 * ((x45 * x58 + x46 * x59) * x60);
+        const ncgen_real x62 = R(2.0) * dpsi3;
+        const ncgen_real x63 = x54 * (x62 * (x45 * x56 + x46 * x55 + x43 * x58 + x42 * x59));
+        const ncgen_real x64 = x57 * ((x45 * x55 + x43 * x59 - x46 * x56 - x42 * x58) * x62);
+        const ncgen_real x65 = x61 - x57 * (R(2.0) * (x43 * x56 + x42 * x55)) - x63 - x64;
+        const ncgen_real x66 = R(0.39062499999999994) * (x65 - x54 * ((x45 * x59 - x46 * x58) * x60));
+        gamma[16] = x66;
     }
 
     return NCGEN_OK;
@@ -319,7 +418,7 @@ int panels_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 32; ++i) {
-        const ncgen_real x1 = panels_number_6[i];
+        const ncgen_real x1 = panels_number_2[i];
         mass[i] = x1;
     }
 
@@ -337,66 +436,85 @@ int panels_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         force[i] = NCGEN_SPLAT(R(0.0));
     }
 
-    /* torsion-spring: k (x - x0)^2 / 2, damper c */
-    /*   spring of psi0, spring of psi1, spring of psi2, spring of psi3 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real dx = qd[i + 20];
-        const ncgen_real x = q[i + 20];
-        force[i + 20] = -(R(4.0) * dx + R(1.5) * x);
+    {
+        /* spring of psi0 */
+        const ncgen_real dpsi0 = qd[20];
+        const ncgen_real psi0 = q[20];
+        force[20] = -(R(4.0) * dpsi0 + R(1.5) * psi0);
+        /* spring of psi1 */
+        const ncgen_real dpsi1 = qd[21];
+        const ncgen_real psi1 = q[21];
+        force[21] = -(R(4.0) * dpsi1 + R(1.5) * psi1);
+        /* spring of psi2 */
+        const ncgen_real dpsi2 = qd[22];
+        const ncgen_real psi2 = q[22];
+        force[22] = -(R(4.0) * dpsi2 + R(1.5) * psi2);
+        /* spring of psi3 */
+        const ncgen_real dpsi3 = qd[23];
+        const ncgen_real psi3 = q[23];
+        force[23] = -(R(4.0) * dpsi3 + R(1.5) * psi3);
     }
 
     return NCGEN_OK;
 }
 
-/* energy: 134 operations */
+/* energy: 123 operations */
 int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   H.x, H.y, A.x, A.y, P0.x, P0.y, P1.x, P1.y, P2.x, P2.y, P3.x, P3.y */
-    for (int i = 0; i < 12; ++i) {
-        const ncgen_real x1 = panels_number_7[i];
-        const ncgen_real dx = qd[panels_index_7[i]];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   H.x A.x, H.y A.y, A.x P0.x, A.y P0.y, P0.x P1.x, P0.y P1.y, P1.x P2.x, P1.y P2.y, */
-    /*   P2.x P3.x, P2.y P3.y */
-    for (int i = 0; i < 10; ++i) {
-        const ncgen_real dy = qd[panels_index_8[i] + 2];
-        const ncgen_real dx = qd[panels_index_9[i]];
-        const ncgen_real m = panels_number_8[i];
-        energy[0] += dy * (dx * m);
-    }
-
-    /* cross-product-body: kinetic energy of w = a x u */
-    /*   hub, yoke, panel1, panel2, panel3 */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real mw = panels_number_9[i];
-        const ncgen_real dr_x = qd[panels_index_1[i]];
-        const ncgen_real da0_x = qd[panels_index_2[i] + 2];
-        const ncgen_real x1 = dr_x - da0_x;
-        const ncgen_real da0_y = qd[panels_index_2[i] + 3];
-        const ncgen_real dr_y = qd[panels_index_1[i] + 1];
-        const ncgen_real x2 = da0_y - dr_y;
-        energy[0] += R(0.5) * (mw * (x1 * x1 + x2 * x2));
-    }
-
-    /* torsion-spring: k (x - x0)^2 / 2, damper c */
-    /*   spring of psi0, spring of psi1, spring of psi2, spring of psi3 */
-    for (int i = 0; i < 4; ++i) {
-        const ncgen_real x = q[i + 20];
-        energy[1] += R(0.75) * (x * x);
-        const ncgen_real dx = qd[i + 20];
-        energy[2] += -(R(4.0) * (dx * dx));
+    {
+        /* H.x; H.y; A.x; A.y; P0.x; P0.y; P1.x; P1.y; P2.x; P2.y; P3.x; P3.y; H.x A.x; H.y A.y; A.x P0.x; A.y P0.y; P0.x P1.x; P0.y P1.y; P1.x P2.x; P1.y P2.y; P2.x P3.x; P2.y P3.y; hub; yoke; panel1; panel2; panel3 */
+        const ncgen_real dP2_x = qd[16];
+        const ncgen_real dP3_x = qd[18];
+        const ncgen_real x1 = dP2_x - dP3_x;
+        const ncgen_real dP3_y = qd[19];
+        const ncgen_real dP2_y = qd[17];
+        const ncgen_real x2 = dP3_y - dP2_y;
+        const ncgen_real dP1_x = qd[14];
+        const ncgen_real x3 = dP1_x - dP2_x;
+        const ncgen_real dP1_y = qd[15];
+        const ncgen_real x4 = dP2_y - dP1_y;
+        const ncgen_real dP0_x = qd[12];
+        const ncgen_real x5 = dP0_x - dP1_x;
+        const ncgen_real dP0_y = qd[13];
+        const ncgen_real x6 = dP1_y - dP0_y;
+        const ncgen_real dA_x = qd[2];
+        const ncgen_real x7 = dA_x - dP0_x;
+        const ncgen_real dA_y = qd[3];
+        const ncgen_real x8 = dP0_y - dA_y;
+        const ncgen_real dH_x = qd[0];
+        const ncgen_real x9 = dH_x - dA_x;
+        const ncgen_real dH_y = qd[1];
+        const ncgen_real x10 = dA_y - dH_y;
+        const ncgen_real x11 = R(333.3333333333333) * (dH_x * dH_x) + R(333.3333333333333) * (dH_y * dH_y);
+        const ncgen_real x12 = R(83.91666666666667) * (dA_y * dA_y) + (R(83.91666666666667) * (dA_x * dA_x) + x11);
+        const ncgen_real x13 = R(2.3333333333333335) * (dP0_y * dP0_y) + (R(2.3333333333333335) * (dP0_x * dP0_x) + x12);
+        const ncgen_real x14 = R(3.5) * (dP1_y * dP1_y) + (R(3.5) * (dP1_x * dP1_x) + x13);
+        const ncgen_real x15 = R(3.5) * (dP2_y * dP2_y) + (R(3.5) * (dP2_x * dP2_x) + x14);
+        const ncgen_real x16 = R(1.75) * (dP3_y * dP3_y) + (R(1.75) * (dP3_x * dP3_x) + x15);
+        const ncgen_real x17 = x16 - dA_x * (R(166.66666666666669) * dH_x) - dA_y * (R(166.66666666666669) * dH_y);
+        const ncgen_real x18 = dP0_y * (R(0.8333333333333334) * dA_y) + (dP0_x * (R(0.8333333333333334) * dA_x) + x17);
+        const ncgen_real x19 = dP1_y * (R(2.5) * dP0_y) + (dP1_x * (R(2.5) * dP0_x) + x18);
+        const ncgen_real x20 = dP2_y * (R(2.5) * dP1_y) + (dP2_x * (R(2.5) * dP1_x) + x19);
+        const ncgen_real x21 = dP3_y * (R(2.5) * dP2_y) + (dP3_x * (R(2.5) * dP2_x) + x20);
+        const ncgen_real x22 = R(0.08333333333333334) * (x7 * x7 + x8 * x8) + (R(83.33333333333334) * (x9 * x9 + x10 * x10) + x21);
+        const ncgen_real x23 = R(0.25) * (x3 * x3 + x4 * x4) + (R(0.25) * (x5 * x5 + x6 * x6) + x22);
+        energy[0] = R(0.25) * (x1 * x1 + x2 * x2) + x23;
+        /* spring of psi0; spring of psi1; spring of psi2; spring of psi3 */
+        const ncgen_real psi3 = q[23];
+        const ncgen_real psi2 = q[22];
+        const ncgen_real psi0 = q[20];
+        const ncgen_real psi1 = q[21];
+        const ncgen_real x24 = R(0.75) * (psi2 * psi2) + (R(0.75) * (psi0 * psi0) + R(0.75) * (psi1 * psi1));
+        energy[1] = R(0.75) * (psi3 * psi3) + x24;
+        const ncgen_real dpsi3 = qd[23];
+        const ncgen_real dpsi2 = qd[22];
+        const ncgen_real dpsi0 = qd[20];
+        const ncgen_real dpsi1 = qd[21];
+        const ncgen_real x25 = R(4.0) * (dpsi2 * dpsi2) + (R(4.0) * (dpsi0 * dpsi0) + R(4.0) * (dpsi1 * dpsi1));
+        energy[2] = -(R(4.0) * (dpsi3 * dpsi3) + x25);
     }
 
     return NCGEN_OK;
@@ -485,7 +603,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "17881333a88667b4",
+        .fingerprint = "0aec7d54a417a2f4",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,

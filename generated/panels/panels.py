@@ -85,68 +85,18 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_index_1 = np.array([
-    0, 2, 12, 14, 16
-])
-_index_2 = np.array([
-    0, 10, 12, 14, 16
-])
-_index_3 = np.array([
-    0, 9, 10, 11, 12
-])
-_index_4 = np.array([
-    0, 10, 12, 14
-])
-_index_5 = np.array([
-    0, 2, 12, 14
-])
-_index_6 = np.array([
-    0, 40, 44, 48, 52
-])
-_index_7 = np.array([
-    0, 1, 2, 3, 12, 13, 14, 15, 16, 17, 18, 19
-])
-_index_8 = np.array([
-    0, 1, 10, 11, 12, 13, 14, 15, 16, 17
-])
-_index_9 = np.array([
-    0, 1, 2, 3, 12, 13, 14, 15, 16, 17
-])
 _number_1 = np.array([
-    0.625, 0.625, 0.3125, 0.3125, 0.3125
-])
-_number_2 = np.array([
-    0.6400000000000001, 0.6400000000000001, 2.5600000000000005, 2.5600000000000005, 2.5600000000000005
-])
-_number_3 = np.array([
-    1.5624999999999998, 0.7812499999999999, 0.39062499999999994, 0.39062499999999994
-])
-_number_4 = np.array([
     0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -2.0, -1.0, 1.0, 1.0, 1.0, 1.0, -2.0,
     -1.0, 1.0, 1.0, -2.0, 1.0, 1.0, -1.0, 1.0, -1.0, -2.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0,
     -1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0
 ])
-_number_5 = np.array([
-    1.25, 1.25, 0.625, 0.625, 0.625
-])
-_number_6 = np.array([
+_number_2 = np.array([
     833.3333333333333, -333.33333333333337, 833.3333333333333, -333.33333333333337, -333.33333333333337,
     334.6666666666667, 0.6666666666666667, -333.33333333333337, 334.6666666666667, 0.6666666666666667,
     0.6666666666666667, 5.333333333333334, 2.0, 0.6666666666666667, 5.333333333333334, 2.0, 2.0, 8.0, 2.0,
     2.0, 8.0, 2.0, 2.0, 8.0, 2.0, 2.0, 8.0, 2.0, 2.0, 4.0, 2.0, 4.0
-])
-_number_7 = np.array([
-    333.3333333333333, 333.3333333333333, 83.91666666666667, 83.91666666666667, 2.3333333333333335,
-    2.3333333333333335, 3.5, 3.5, 3.5, 3.5, 1.75, 1.75
-])
-_number_8 = np.array([
-    -166.66666666666669, -166.66666666666669, 0.8333333333333334, 0.8333333333333334, 2.5, 2.5, 2.5, 2.5,
-    2.5, 2.5
-])
-_number_9 = np.array([
-    166.66666666666669, 0.16666666666666669, 0.5, 0.5, 0.5
 ])
 
 
@@ -157,204 +107,359 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """20 numbers, 129 operations."""
+    """20 numbers, 119 operations."""
     t = np.asarray(t)
     phi = _output(20, t, q, p)
-    # row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
-    K1_x = q[..., 4]
+    # row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
+    H_x = q[..., 0]
     A_x = q[..., 2]
+    x1 = H_x - A_x
     H_y = q[..., 1]
     A_y = q[..., 3]
-    x1 = H_y - A_y
-    phi[..., 1] = K1_x - A_x - x1
+    x2 = H_y - A_y
+    phi[..., 0] = 0.625 * (x1 * x1 + x2 * x2 - 0.6400000000000001)
+    # row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
+    K1_x = q[..., 4]
+    phi[..., 1] = K1_x - A_x - x2
     # row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
     K1_y = q[..., 5]
-    H_x = q[..., 0]
-    x2 = A_x - H_x
-    phi[..., 2] = K1_y - A_y - x2
+    x3 = A_x - H_x
+    phi[..., 2] = K1_y - A_y - x3
     # row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
     K2_x = q[..., 6]
-    x3 = 2.0 * H_x
-    phi[..., 3] = A_x + (K2_x - x3) - x1
+    x4 = 2.0 * H_x
+    phi[..., 3] = A_x + (K2_x - x4) - x2
     # row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
     K2_y = q[..., 7]
-    x4 = 2.0 * H_y
-    phi[..., 4] = A_y + (K2_y - x4) - x2
+    x5 = 2.0 * H_y
+    phi[..., 4] = A_y + (K2_y - x5) - x3
     # row 6: combination K3.x (body hub): (e - c a x b).x = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1
     K3_x = q[..., 8]
-    x5 = A_y - H_y
-    phi[..., 5] = A_x + (K3_x - x3) - x5
+    x6 = A_y - H_y
+    phi[..., 5] = A_x + (K3_x - x4) - x6
     # row 7: combination K3.y (body hub): (e - c a x b).y = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1
     K3_y = q[..., 9]
-    x6 = H_x - A_x
-    phi[..., 6] = A_y + (K3_y - x4) - x6
+    phi[..., 6] = A_y + (K3_y - x5) - x1
     # row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
     K4_x = q[..., 10]
-    phi[..., 7] = K4_x - A_x - x5
+    phi[..., 7] = K4_x - A_x - x6
     # row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
     K4_y = q[..., 11]
-    phi[..., 8] = K4_y - A_y - x6
-    # row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0
-    psi1 = q[..., 21]
+    phi[..., 8] = K4_y - A_y - x1
+    # row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
+    P0_x = q[..., 12]
+    x7 = A_x - P0_x
+    P0_y = q[..., 13]
+    x8 = A_y - P0_y
+    phi[..., 9] = 0.625 * (x7 * x7 + x8 * x8 - 0.6400000000000001)
+    # row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
+    P1_x = q[..., 14]
+    x9 = P0_x - P1_x
+    P1_y = q[..., 15]
+    x10 = P0_y - P1_y
+    phi[..., 10] = 0.3125 * (x9 * x9 + x10 * x10 - 2.5600000000000005)
+    # row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
+    P2_x = q[..., 16]
+    x11 = P1_x - P2_x
+    P2_y = q[..., 17]
+    x12 = P1_y - P2_y
+    phi[..., 11] = 0.3125 * (x11 * x11 + x12 * x12 - 2.5600000000000005)
+    # row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
+    P3_x = q[..., 18]
+    x13 = P2_x - P3_x
+    P3_y = q[..., 19]
+    x14 = P2_y - P3_y
+    phi[..., 12] = 0.3125 * (x13 * x13 + x14 * x14 - 2.5600000000000005)
+    # row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
+    x15 = P0_x - A_x
+    x16 = P0_y - A_y
     psi0 = q[..., 20]
+    x17 = (x3 * x15 + x6 * x16) * np.sin(psi0) - (x3 * x16 - x6 * x15) * np.cos(psi0)
+    phi[..., 13] = 1.5624999999999998 * x17
+    # row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
+    x18 = P1_x - P0_x
+    x19 = P1_y - P0_y
+    psi1 = q[..., 21]
+    x20 = (x15 * x18 + x16 * x19) * np.sin(psi1) - (x15 * x19 - x16 * x18) * np.cos(psi1)
+    phi[..., 14] = 0.7812499999999999 * x20
+    # row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
+    x21 = P2_x - P1_x
+    x22 = P2_y - P1_y
+    psi2 = q[..., 22]
+    x23 = (x18 * x21 + x19 * x22) * np.sin(psi2) - (x18 * x22 - x19 * x21) * np.cos(psi2)
+    phi[..., 15] = 0.39062499999999994 * x23
+    # row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
+    x24 = P3_x - P2_x
+    x25 = P3_y - P2_y
+    psi3 = q[..., 23]
+    x26 = (x21 * x24 + x22 * x25) * np.sin(psi3) - (x21 * x25 - x22 * x24) * np.cos(psi3)
+    phi[..., 16] = 0.39062499999999994 * x26
+    # row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0
     phi[..., 17] = psi1 + 2.0 * psi0
     # row 19: gear psi1, psi2 (joint gear psi1-psi2): psi1 + psi2 = 0
-    psi2 = q[..., 22]
     phi[..., 18] = psi1 + psi2
     # row 20: gear psi2, psi3 (joint gear psi2-psi3): psi2 + psi3 = 0
-    psi3 = q[..., 23]
     phi[..., 19] = psi2 + psi3
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
-    #   row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
-    #   row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
-    #   row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
-    #   row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
-    scale = _number_1
-    a0_x = q[..., _index_1]
-    a1_x = q[..., _index_2 + 2]
-    x1 = a0_x - a1_x
-    a0_y = q[..., _index_1 + 1]
-    a1_y = q[..., _index_2 + 3]
-    x2 = a0_y - a1_y
-    x3 = _number_2
-    phi[..., _index_3] = scale * (x1 * x1 + x2 * x2 - x3)
-    # angle-smooth: sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln
-    #   row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
-    #   row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
-    #   row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
-    #   row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
-    scale = _number_3
-    a0_x = q[..., _index_4 + 2]
-    a1_x = q[..., _index_5]
-    x1 = a0_x - a1_x
-    b0_x = q[..., 12:20:2]
-    x2 = b0_x - a0_x
-    a0_y = q[..., _index_4 + 3]
-    a1_y = q[..., _index_5 + 1]
-    x3 = a0_y - a1_y
-    b0_y = q[..., 13:21:2]
-    x4 = b0_y - a0_y
-    psi = q[..., 20:24]
-    x5 = (x1 * x2 + x3 * x4) * np.sin(psi) - (x1 * x4 - x3 * x2) * np.cos(psi)
-    phi[..., 13:17] = scale * x5
     return phi
 
 
 def phi_q(t, q, p):
-    """90 numbers, 182 operations."""
+    """90 numbers, 168 operations."""
     t = np.asarray(t)
     phi_q = _output(90, t, q, p)
     # constant part
-    x1 = _number_4
+    x1 = _number_1
     phi_q[..., 0:90] = x1
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
-    #   row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
-    #   row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
-    #   row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
-    #   row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
-    a0_x = q[..., _index_1]
-    a1_x = q[..., _index_2 + 2]
-    x1 = _number_5
-    x2 = (a0_x - a1_x) * x1
-    phi_q[..., _index_6] = x2
-    phi_q[..., _index_6 + 2] = -x2
-    a0_y = q[..., _index_1 + 1]
-    a1_y = q[..., _index_2 + 3]
-    x3 = x1 * (a0_y - a1_y)
-    phi_q[..., _index_6 + 1] = x3
-    phi_q[..., _index_6 + 3] = -x3
-    # angle-smooth: sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln
-    #   row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
-    #   row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
-    #   row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
-    #   row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
-    scale = _number_3
-    b0_x = q[..., 12:20:2]
-    a0_x = q[..., _index_4 + 2]
-    x1 = b0_x - a0_x
-    psi = q[..., 20:24]
-    x2 = np.sin(psi)
-    b0_y = q[..., 13:21:2]
-    a0_y = q[..., _index_4 + 3]
-    x3 = b0_y - a0_y
-    x4 = np.cos(psi)
-    x5 = scale * (x1 * x2 - x3 * x4)
-    a1_x = q[..., _index_5]
-    x6 = a0_x - a1_x
-    a1_y = q[..., _index_5 + 1]
-    x7 = scale * (x2 * x6 - x4 * (a1_y - a0_y))
-    phi_q[..., 58:86:7] = x5 - x7
-    phi_q[..., 56:84:7] = -x5
-    x8 = scale * (x3 * x2 - x4 * (a0_x - b0_x))
-    x9 = a0_y - a1_y
-    x10 = scale * (x2 * x9 - x4 * x6)
-    phi_q[..., 59:87:7] = x8 - x10
-    phi_q[..., 57:85:7] = -x8
-    phi_q[..., 60:88:7] = x7
-    phi_q[..., 61:89:7] = x10
-    x11 = scale * (x4 * (x1 * x6 + x3 * x9) + x2 * (x3 * x6 - x1 * x9))
-    phi_q[..., 62:90:7] = x11
+    # row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
+    H_x = q[..., 0]
+    A_x = q[..., 2]
+    x1 = 1.25 * (H_x - A_x)
+    phi_q[..., 0] = x1
+    H_y = q[..., 1]
+    A_y = q[..., 3]
+    x2 = H_y - A_y
+    x3 = 1.25 * x2
+    phi_q[..., 1] = x3
+    phi_q[..., 2] = -x1
+    phi_q[..., 3] = -x3
+    # row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
+    P0_x = q[..., 12]
+    x4 = A_x - P0_x
+    x5 = 1.25 * x4
+    phi_q[..., 40] = x5
+    P0_y = q[..., 13]
+    x6 = A_y - P0_y
+    x7 = 1.25 * x6
+    phi_q[..., 41] = x7
+    phi_q[..., 42] = -x5
+    phi_q[..., 43] = -x7
+    # row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
+    P1_x = q[..., 14]
+    x8 = P0_x - P1_x
+    x9 = 0.625 * x8
+    phi_q[..., 44] = x9
+    P1_y = q[..., 15]
+    x10 = P0_y - P1_y
+    x11 = 0.625 * x10
+    phi_q[..., 45] = x11
+    phi_q[..., 46] = -x9
+    phi_q[..., 47] = -x11
+    # row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
+    P2_x = q[..., 16]
+    x12 = P1_x - P2_x
+    x13 = 0.625 * x12
+    phi_q[..., 48] = x13
+    P2_y = q[..., 17]
+    x14 = P1_y - P2_y
+    x15 = 0.625 * x14
+    phi_q[..., 49] = x15
+    phi_q[..., 50] = -x13
+    phi_q[..., 51] = -x15
+    # row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
+    P3_x = q[..., 18]
+    x16 = P2_x - P3_x
+    x17 = 0.625 * x16
+    phi_q[..., 52] = x17
+    P3_y = q[..., 19]
+    x18 = 0.625 * (P2_y - P3_y)
+    phi_q[..., 53] = x18
+    phi_q[..., 54] = -x17
+    phi_q[..., 55] = -x18
+    # row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
+    x19 = P0_x - A_x
+    psi0 = q[..., 20]
+    x20 = np.sin(psi0)
+    x21 = P0_y - A_y
+    x22 = np.cos(psi0)
+    x23 = 1.5624999999999998 * (x19 * x20 - x21 * x22)
+    phi_q[..., 56] = -x23
+    x24 = 1.5624999999999998 * (x21 * x20 - x4 * x22)
+    phi_q[..., 57] = -x24
+    x25 = A_x - H_x
+    x26 = 1.5624999999999998 * (x20 * x25 - x2 * x22)
+    phi_q[..., 58] = x23 - x26
+    x27 = A_y - H_y
+    x28 = 1.5624999999999998 * (x20 * x27 - x22 * x25)
+    phi_q[..., 59] = x24 - x28
+    phi_q[..., 60] = x26
+    phi_q[..., 61] = x28
+    x29 = x22 * (x19 * x25 + x21 * x27) + x20 * (x21 * x25 - x19 * x27)
+    phi_q[..., 62] = 1.5624999999999998 * x29
+    # row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
+    x30 = P1_x - P0_x
+    psi1 = q[..., 21]
+    x31 = np.sin(psi1)
+    x32 = P1_y - P0_y
+    x33 = np.cos(psi1)
+    x34 = 0.7812499999999999 * (x30 * x31 - x32 * x33)
+    phi_q[..., 63] = -x34
+    x35 = 0.7812499999999999 * (x32 * x31 - x8 * x33)
+    phi_q[..., 64] = -x35
+    x36 = 0.7812499999999999 * (x19 * x31 - x6 * x33)
+    phi_q[..., 65] = x34 - x36
+    x37 = 0.7812499999999999 * (x21 * x31 - x19 * x33)
+    phi_q[..., 66] = x35 - x37
+    phi_q[..., 67] = x36
+    phi_q[..., 68] = x37
+    x38 = x33 * (x19 * x30 + x21 * x32) + x31 * (x19 * x32 - x21 * x30)
+    phi_q[..., 69] = 0.7812499999999999 * x38
+    # row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
+    x39 = P2_x - P1_x
+    psi2 = q[..., 22]
+    x40 = np.sin(psi2)
+    x41 = P2_y - P1_y
+    x42 = np.cos(psi2)
+    x43 = 0.39062499999999994 * (x39 * x40 - x41 * x42)
+    phi_q[..., 70] = -x43
+    x44 = 0.39062499999999994 * (x41 * x40 - x12 * x42)
+    phi_q[..., 71] = -x44
+    x45 = 0.39062499999999994 * (x30 * x40 - x10 * x42)
+    phi_q[..., 72] = x43 - x45
+    x46 = 0.39062499999999994 * (x32 * x40 - x30 * x42)
+    phi_q[..., 73] = x44 - x46
+    phi_q[..., 74] = x45
+    phi_q[..., 75] = x46
+    x47 = x42 * (x30 * x39 + x32 * x41) + x40 * (x30 * x41 - x32 * x39)
+    phi_q[..., 76] = 0.39062499999999994 * x47
+    # row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
+    x48 = P3_x - P2_x
+    psi3 = q[..., 23]
+    x49 = np.sin(psi3)
+    x50 = P3_y - P2_y
+    x51 = np.cos(psi3)
+    x52 = 0.39062499999999994 * (x48 * x49 - x50 * x51)
+    phi_q[..., 77] = -x52
+    x53 = 0.39062499999999994 * (x50 * x49 - x16 * x51)
+    phi_q[..., 78] = -x53
+    x54 = 0.39062499999999994 * (x39 * x49 - x14 * x51)
+    phi_q[..., 79] = x52 - x54
+    x55 = 0.39062499999999994 * (x41 * x49 - x39 * x51)
+    phi_q[..., 80] = x53 - x55
+    phi_q[..., 81] = x54
+    phi_q[..., 82] = x55
+    x56 = x51 * (x39 * x48 + x41 * x50) + x49 * (x39 * x50 - x41 * x48)
+    phi_q[..., 83] = 0.39062499999999994 * x56
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """20 numbers, 259 operations."""
+    """20 numbers, 247 operations."""
     t = np.asarray(t)
     gamma = _output(20, t, q, qd, p)
     # constant part
     gamma[..., 0:20] = 0.0
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
-    #   row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
-    #   row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
-    #   row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
-    #   row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
-    x1 = _number_5
-    da0_x = qd[..., _index_1]
-    da1_x = qd[..., _index_2 + 2]
-    x2 = da0_x - da1_x
-    da0_y = qd[..., _index_1 + 1]
-    da1_y = qd[..., _index_2 + 3]
-    x3 = da0_y - da1_y
-    gamma[..., _index_3] = -(x1 * (x2 * x2 + x3 * x3))
-    # angle-smooth: sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln
-    #   row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
-    #   row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
-    #   row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
-    #   row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
-    scale = _number_3
-    psi = q[..., 20:24]
-    x1 = np.cos(psi)
-    da0_x = qd[..., _index_4 + 2]
-    da1_x = qd[..., _index_5]
-    x2 = da0_x - da1_x
-    db0_y = qd[..., 13:21:2]
-    da0_y = qd[..., _index_4 + 3]
-    x3 = db0_y - da0_y
-    da1_y = qd[..., _index_5 + 1]
-    x4 = da0_y - da1_y
-    db0_x = qd[..., 12:20:2]
-    x5 = db0_x - da0_x
-    x6 = np.sin(psi)
-    a0_x = q[..., _index_4 + 2]
-    a1_x = q[..., _index_5]
-    x7 = a0_x - a1_x
-    b0_x = q[..., 12:20:2]
-    x8 = b0_x - a0_x
-    a0_y = q[..., _index_4 + 3]
-    a1_y = q[..., _index_5 + 1]
-    x9 = a0_y - a1_y
-    b0_y = q[..., 13:21:2]
-    x10 = b0_y - a0_y
-    dpsi = qd[..., 20:24]
-    x11 = dpsi * dpsi
-    x12 = x1 * (2.0 * (x2 * x3 - x4 * x5)) + x6 * ((x7 * x8 + x9 * x10) * x11)
-    x13 = 2.0 * dpsi
-    x14 = x12 - x6 * (2.0 * (x2 * x5 + x4 * x3)) - x1 * (x13 * (x7 * x5 + x9 * x3 + x8 * x2 + x10 * x4))
-    x15 = x14 - x6 * ((x7 * x3 + x10 * x2 - x9 * x5 - x8 * x4) * x13)
-    gamma[..., 13:17] = scale * (x15 - x1 * ((x7 * x10 - x9 * x8) * x11))
+    # row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
+    dH_x = qd[..., 0]
+    dA_x = qd[..., 2]
+    x1 = dH_x - dA_x
+    dH_y = qd[..., 1]
+    dA_y = qd[..., 3]
+    x2 = dH_y - dA_y
+    gamma[..., 0] = -(1.25 * (x1 * x1 + x2 * x2))
+    # row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
+    dP0_x = qd[..., 12]
+    x3 = dA_x - dP0_x
+    dP0_y = qd[..., 13]
+    x4 = dA_y - dP0_y
+    gamma[..., 9] = -(1.25 * (x3 * x3 + x4 * x4))
+    # row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
+    dP1_x = qd[..., 14]
+    x5 = dP0_x - dP1_x
+    dP1_y = qd[..., 15]
+    x6 = dP0_y - dP1_y
+    gamma[..., 10] = -(0.625 * (x5 * x5 + x6 * x6))
+    # row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
+    dP2_x = qd[..., 16]
+    x7 = dP1_x - dP2_x
+    dP2_y = qd[..., 17]
+    x8 = dP1_y - dP2_y
+    gamma[..., 11] = -(0.625 * (x7 * x7 + x8 * x8))
+    # row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
+    dP3_x = qd[..., 18]
+    x9 = dP2_x - dP3_x
+    dP3_y = qd[..., 19]
+    x10 = dP2_y - dP3_y
+    gamma[..., 12] = -(0.625 * (x9 * x9 + x10 * x10))
+    # row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
+    psi0 = q[..., 20]
+    x11 = np.cos(psi0)
+    x12 = dA_x - dH_x
+    x13 = dP0_y - dA_y
+    x14 = dA_y - dH_y
+    x15 = dP0_x - dA_x
+    x16 = np.sin(psi0)
+    A_x = q[..., 2]
+    H_x = q[..., 0]
+    x17 = A_x - H_x
+    P0_x = q[..., 12]
+    x18 = P0_x - A_x
+    A_y = q[..., 3]
+    H_y = q[..., 1]
+    x19 = A_y - H_y
+    P0_y = q[..., 13]
+    x20 = P0_y - A_y
+    dpsi0 = qd[..., 20]
+    x21 = dpsi0 * dpsi0
+    x22 = x11 * (2.0 * (x12 * x13 - x14 * x15)) + x16 * ((x17 * x18 + x19 * x20) * x21)
+    x23 = 2.0 * dpsi0
+    x24 = x11 * (x23 * (x17 * x15 + x19 * x13 + x18 * x12 + x20 * x14))
+    x25 = x16 * ((x17 * x13 + x20 * x12 - x19 * x15 - x18 * x14) * x23)
+    x26 = x22 - x16 * (2.0 * (x12 * x15 + x14 * x13)) - x24 - x25 - x11 * ((x17 * x20 - x19 * x18) * x21)
+    gamma[..., 13] = 1.5624999999999998 * x26
+    # row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
+    psi1 = q[..., 21]
+    x27 = np.cos(psi1)
+    x28 = dP1_y - dP0_y
+    x29 = dP1_x - dP0_x
+    x30 = np.sin(psi1)
+    P1_x = q[..., 14]
+    x31 = P1_x - P0_x
+    P1_y = q[..., 15]
+    x32 = P1_y - P0_y
+    dpsi1 = qd[..., 21]
+    x33 = dpsi1 * dpsi1
+    x34 = x27 * (2.0 * (x15 * x28 - x13 * x29)) + x30 * ((x18 * x31 + x20 * x32) * x33)
+    x35 = 2.0 * dpsi1
+    x36 = x27 * (x35 * (x18 * x29 + x20 * x28 + x15 * x31 + x13 * x32))
+    x37 = x30 * ((x18 * x28 + x15 * x32 - x20 * x29 - x13 * x31) * x35)
+    x38 = x34 - x30 * (2.0 * (x15 * x29 + x13 * x28)) - x36 - x37 - x27 * ((x18 * x32 - x20 * x31) * x33)
+    gamma[..., 14] = 0.7812499999999999 * x38
+    # row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
+    psi2 = q[..., 22]
+    x39 = np.cos(psi2)
+    x40 = dP2_y - dP1_y
+    x41 = dP2_x - dP1_x
+    x42 = np.sin(psi2)
+    P2_x = q[..., 16]
+    x43 = P2_x - P1_x
+    P2_y = q[..., 17]
+    x44 = P2_y - P1_y
+    dpsi2 = qd[..., 22]
+    x45 = dpsi2 * dpsi2
+    x46 = x39 * (2.0 * (x29 * x40 - x28 * x41)) + x42 * ((x31 * x43 + x32 * x44) * x45)
+    x47 = 2.0 * dpsi2
+    x48 = x39 * (x47 * (x31 * x41 + x32 * x40 + x29 * x43 + x28 * x44))
+    x49 = x42 * ((x31 * x40 + x29 * x44 - x32 * x41 - x28 * x43) * x47)
+    x50 = x46 - x42 * (2.0 * (x29 * x41 + x28 * x40)) - x48 - x49 - x39 * ((x31 * x44 - x32 * x43) * x45)
+    gamma[..., 15] = 0.39062499999999994 * x50
+    # row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
+    psi3 = q[..., 23]
+    x51 = np.cos(psi3)
+    x52 = dP3_y - dP2_y
+    x53 = dP3_x - dP2_x
+    x54 = np.sin(psi3)
+    P3_x = q[..., 18]
+    x55 = P3_x - P2_x
+    P3_y = q[..., 19]
+    x56 = P3_y - P2_y
+    dpsi3 = qd[..., 23]
+    x57 = dpsi3 * dpsi3
+    x58 = x51 * (2.0 * (x41 * x52 - x40 * x53)) + x54 * ((x43 * x55 + x44 * x56) * x57)
+    x59 = 2.0 * dpsi3
+    x60 = x51 * (x59 * (x43 * x53 + x44 * x52 + x41 * x55 + x40 * x56))
+    x61 = x54 * ((x43 * x52 + x41 * x56 - x44 * x53 - x40 * x55) * x59)
+    x62 = x58 - x54 * (2.0 * (x41 * x53 + x40 * x52)) - x60 - x61 - x51 * ((x43 * x56 - x44 * x55) * x57)
+    gamma[..., 16] = 0.39062499999999994 * x62
     return gamma
 
 
@@ -363,7 +468,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(32, t, q, p)
     # constant part
-    x1 = _number_6
+    x1 = _number_2
     mass[..., 0:32] = x1
     return mass
 
@@ -374,46 +479,75 @@ def force(t, q, qd, p):
     force = _output(24, t, q, qd, p)
     # constant part
     force[..., 0:24] = 0.0
-    # torsion-spring: k (x - x0)^2 / 2, damper c
-    #   spring of psi0, spring of psi1, spring of psi2, spring of psi3
-    dx = qd[..., 20:24]
-    x = q[..., 20:24]
-    force[..., 20:24] = -(4.0 * dx + 1.5 * x)
+    # spring of psi0
+    dpsi0 = qd[..., 20]
+    psi0 = q[..., 20]
+    force[..., 20] = -(4.0 * dpsi0 + 1.5 * psi0)
+    # spring of psi1
+    dpsi1 = qd[..., 21]
+    psi1 = q[..., 21]
+    force[..., 21] = -(4.0 * dpsi1 + 1.5 * psi1)
+    # spring of psi2
+    dpsi2 = qd[..., 22]
+    psi2 = q[..., 22]
+    force[..., 22] = -(4.0 * dpsi2 + 1.5 * psi2)
+    # spring of psi3
+    dpsi3 = qd[..., 23]
+    psi3 = q[..., 23]
+    force[..., 23] = -(4.0 * dpsi3 + 1.5 * psi3)
     return force
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 134 operations."""
+    """3 numbers, 123 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
-    # mass-diagonal: m v^2 / 2
-    #   H.x, H.y, A.x, A.y, P0.x, P0.y, P1.x, P1.y, P2.x, P2.y, P3.x, P3.y
-    x1 = _number_7
-    dx = qd[..., _index_7]
-    energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(12), axis=-1)
-    # mass-pair: m v w
-    #   H.x A.x, H.y A.y, A.x P0.x, A.y P0.y, P0.x P1.x, P0.y P1.y, P1.x P2.x, P1.y P2.y,
-    #   P2.x P3.x, P2.y P3.y
-    dy = qd[..., _index_8 + 2]
-    dx = qd[..., _index_9]
-    m = _number_8
-    energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(10), axis=-1)
-    # cross-product-body: kinetic energy of w = a x u
-    #   hub, yoke, panel1, panel2, panel3
-    mw = _number_9
-    dr_x = qd[..., _index_1]
-    da0_x = qd[..., _index_2 + 2]
-    x1 = dr_x - da0_x
-    da0_y = qd[..., _index_2 + 3]
-    dr_y = qd[..., _index_1 + 1]
-    x2 = da0_y - dr_y
-    energy[..., 0] += np.sum(0.5 * (mw * (x1 * x1 + x2 * x2)) + np.zeros(5), axis=-1)
-    # torsion-spring: k (x - x0)^2 / 2, damper c
-    #   spring of psi0, spring of psi1, spring of psi2, spring of psi3
-    x = q[..., 20:24]
-    energy[..., 1] += np.sum(0.75 * (x * x) + np.zeros(4), axis=-1)
-    dx = qd[..., 20:24]
-    energy[..., 2] += np.sum(-(4.0 * (dx * dx)) + np.zeros(4), axis=-1)
+    # H.x; H.y; A.x; A.y; P0.x; P0.y; P1.x; P1.y; P2.x; P2.y; P3.x; P3.y; H.x A.x; H.y A.y; A.x P0.x; A.y P0.y; P0.x P1.x; P0.y P1.y; P1.x P2.x; P1.y P2.y; P2.x P3.x; P2.y P3.y; hub; yoke; panel1; panel2; panel3
+    dP2_x = qd[..., 16]
+    dP3_x = qd[..., 18]
+    x1 = dP2_x - dP3_x
+    dP3_y = qd[..., 19]
+    dP2_y = qd[..., 17]
+    x2 = dP3_y - dP2_y
+    dP1_x = qd[..., 14]
+    x3 = dP1_x - dP2_x
+    dP1_y = qd[..., 15]
+    x4 = dP2_y - dP1_y
+    dP0_x = qd[..., 12]
+    x5 = dP0_x - dP1_x
+    dP0_y = qd[..., 13]
+    x6 = dP1_y - dP0_y
+    dA_x = qd[..., 2]
+    x7 = dA_x - dP0_x
+    dA_y = qd[..., 3]
+    x8 = dP0_y - dA_y
+    dH_x = qd[..., 0]
+    x9 = dH_x - dA_x
+    dH_y = qd[..., 1]
+    x10 = dA_y - dH_y
+    x11 = 333.3333333333333 * (dH_x * dH_x) + 333.3333333333333 * (dH_y * dH_y)
+    x12 = 83.91666666666667 * (dA_y * dA_y) + (83.91666666666667 * (dA_x * dA_x) + x11)
+    x13 = 2.3333333333333335 * (dP0_y * dP0_y) + (2.3333333333333335 * (dP0_x * dP0_x) + x12)
+    x14 = 3.5 * (dP2_x * dP2_x) + (3.5 * (dP1_y * dP1_y) + (3.5 * (dP1_x * dP1_x) + x13))
+    x15 = 1.75 * (dP3_y * dP3_y) + (1.75 * (dP3_x * dP3_x) + (3.5 * (dP2_y * dP2_y) + x14))
+    x16 = x15 - dA_x * (166.66666666666669 * dH_x) - dA_y * (166.66666666666669 * dH_y)
+    x17 = dP0_y * (0.8333333333333334 * dA_y) + (dP0_x * (0.8333333333333334 * dA_x) + x16)
+    x18 = dP2_x * (2.5 * dP1_x) + (dP1_y * (2.5 * dP0_y) + (dP1_x * (2.5 * dP0_x) + x17))
+    x19 = dP3_y * (2.5 * dP2_y) + (dP3_x * (2.5 * dP2_x) + (dP2_y * (2.5 * dP1_y) + x18))
+    x20 = 0.08333333333333334 * (x7 * x7 + x8 * x8) + (83.33333333333334 * (x9 * x9 + x10 * x10) + x19)
+    x21 = 0.25 * (x3 * x3 + x4 * x4) + (0.25 * (x5 * x5 + x6 * x6) + x20)
+    energy[..., 0] = 0.25 * (x1 * x1 + x2 * x2) + x21
+    # spring of psi0; spring of psi1; spring of psi2; spring of psi3
+    psi3 = q[..., 23]
+    psi2 = q[..., 22]
+    psi0 = q[..., 20]
+    psi1 = q[..., 21]
+    x22 = 0.75 * (psi2 * psi2) + (0.75 * (psi0 * psi0) + 0.75 * (psi1 * psi1))
+    energy[..., 1] = 0.75 * (psi3 * psi3) + x22
+    dpsi3 = qd[..., 23]
+    dpsi2 = qd[..., 22]
+    dpsi0 = qd[..., 20]
+    dpsi1 = qd[..., 21]
+    x23 = 4.0 * (dpsi2 * dpsi2) + (4.0 * (dpsi0 * dpsi0) + 4.0 * (dpsi1 * dpsi1))
+    energy[..., 2] = -(4.0 * (dpsi3 * dpsi3) + x23)
     return energy

@@ -5,169 +5,18 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int robot_index_1[8] = {
-    0, 0, 6, 9, 12, 15, 15, 18
-};
-static const int robot_index_2[8] = {
-    0, 3, 6, 6, 9, 3, 12, 18
-};
-static const int robot_index_3[8] = {
-    0, 7, 9, 11, 12, 13, 16, 20
-};
-static const int robot_index_4[3] = {
-    0, 18, 24
-};
-static const int robot_index_5[3] = {
-    0, 17, 21
-};
-static const int robot_index_6[9] = {
-    0, 0, 0, 0, 0, 0, 18, 18, 24
-};
-static const int robot_index_7[9] = {
-    0, 0, 6, 9, 9, 15, 15, 18, 18
-};
-static const int robot_index_8[9] = {
-    0, 3, 6, 6, 9, 12, 12, 18, 18
-};
-static const int robot_index_9[9] = {
-    0, 4, 6, 10, 11, 13, 14, 17, 18
-};
-static const int robot_index_10[8] = {
-    0, 29, 44, 59, 65, 74, 95, 122
-};
-static const int robot_index_11[8] = {
-    0, 29, 44, 59, 65, 68, 95, 122
-};
-static const int robot_index_12[3] = {
-    0, 110, 137
-};
-static const int robot_index_13[9] = {
-    0, 17, 29, 56, 65, 80, 95, 110, 122
-};
-static const int robot_index_14[9] = {
-    0, 17, 35, 62, 71, 86, 92, 110, 119
-};
-static const int robot_index_15[9] = {
-    0, 17, 32, 59, 68, 83, 89, 110, 116
-};
-static const int robot_index_16[5] = {
-    0, 0, 0, 18, 24
-};
-static const int robot_index_17[5] = {
-    0, 3, 9, 15, 15
-};
-static const int robot_index_18[5] = {
-    0, 6, 15, 18, 18
-};
-static const int robot_index_19[5] = {
-    0, 93, 188, 231, 231
-};
-static const int robot_index_20[5] = {
-    0, 90, 185, 231, 231
-};
-static const int robot_index_21[5] = {
-    0, 87, 180, 231, 237
-};
-static const int robot_index_22[5] = {
-    0, 93, 193, 240, 240
-};
-static const int robot_index_23[5] = {
-    0, 90, 190, 240, 240
-};
-static const int robot_index_24[5] = {
-    0, 87, 185, 240, 246
-};
-static const int robot_index_25[5] = {
-    0, 93, 198, 249, 249
-};
-static const int robot_index_26[5] = {
-    0, 90, 195, 249, 249
-};
-static const int robot_index_27[5] = {
-    0, 87, 190, 249, 255
-};
-static const int robot_index_28[5] = {
-    0, 36, 111, 198, 198
-};
-static const int robot_index_29[5] = {
-    0, 34, 108, 198, 198
-};
-static const int robot_index_30[5] = {
-    0, 30, 105, 198, 204
-};
-static const int robot_index_31[5] = {
-    0, 36, 118, 199, 199
-};
-static const int robot_index_32[5] = {
-    0, 34, 115, 199, 199
-};
-static const int robot_index_33[5] = {
-    0, 30, 112, 199, 205
-};
-static const int robot_index_34[5] = {
-    0, 36, 125, 200, 200
-};
-static const int robot_index_35[5] = {
-    0, 34, 122, 200, 200
-};
-static const int robot_index_36[5] = {
-    0, 30, 119, 200, 206
-};
-static const int robot_index_37[5] = {
-    0, 6, 15, 255, 324
-};
-static const int robot_index_38[5] = {
-    0, 3, 9, 252, 318
-};
-static const int robot_index_39[5] = {
-    0, 0, 0, 255, 327
-};
-static const int robot_index_40[5] = {
-    0, 6, 15, 246, 312
-};
-static const int robot_index_41[5] = {
-    0, 3, 9, 243, 306
-};
-static const int robot_index_42[5] = {
-    0, 0, 0, 246, 315
-};
-static const int robot_index_43[5] = {
-    0, 6, 15, 237, 300
-};
-static const int robot_index_44[5] = {
-    0, 3, 9, 234, 294
-};
-static const int robot_index_45[5] = {
-    0, 0, 0, 237, 303
-};
-static const int robot_index_46[30] = {
+static const int robot_index_1[30] = {
     0, 1, 2, 3, 4, 5, 9, 10, 11, 6, 7, 8, 12, 13, 14, 15, 16, 17, 18, 19, 20, 21, 22, 23, 24, 25,
     26, 27, 28, 29
 };
-static const int robot_index_47[21] = {
+static const int robot_index_2[21] = {
     0, 1, 2, 3, 4, 5, 6, 7, 8, 3, 4, 5, 6, 7, 8, 9, 10, 11, 15, 16, 17
 };
-static const int robot_index_48[21] = {
+static const int robot_index_3[21] = {
     0, 1, 2, 6, 7, 8, 9, 10, 11, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20
 };
-static const int robot_index_49[7] = {
-    0, 9, 6, 12, 15, 18, 24
-};
 
-static const ncgen_scalar robot_number_1[8] = {
-    R(1.2636298470388545), R(0.45603794235680406), R(0.45603794235680406), R(1.2636298470388545),
-    R(0.9765233868018295), R(1.8349162552129328), R(0.3845982248626067), R(2.1767522855898997)
-};
-static const ncgen_scalar robot_number_2[8] = {
-    R(0.15656700999999998), R(1.20209296), R(1.20209296), R(0.15656700999999998), R(0.262165),
-    R(0.07425189000000008), R(1.6901508100000002), R(0.052762090000000005)
-};
-static const ncgen_scalar robot_number_3[9] = {
-    R(2.527259694077709), R(0.9120758847136081), R(0.9120758847136081), R(2.527259694077709),
-    R(3.6698325104258656), R(0.7691964497252134), R(0.7691964497252134), R(4.3535045711797995),
-    R(4.3535045711797995)
-};
-static const ncgen_scalar robot_number_4[216] = {
+static const ncgen_scalar robot_number_1[216] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(1.0), -R(1.4282474426101013), R(0.0), R(0.0),
@@ -188,16 +37,7 @@ static const ncgen_scalar robot_number_4[216] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0)
 };
-static const ncgen_scalar robot_number_5[8] = {
-    R(2.527259694077709), R(0.9120758847136081), R(0.9120758847136081), R(2.527259694077709),
-    R(1.953046773603659), R(3.6698325104258656), R(0.7691964497252134), R(4.3535045711797995)
-};
-static const ncgen_scalar robot_number_6[9] = {
-    R(5.054519388155418), R(1.8241517694272162), R(1.8241517694272162), R(5.054519388155418),
-    R(7.339665020851731), R(1.5383928994504268), R(1.5383928994504268), R(8.707009142359599),
-    R(8.707009142359599)
-};
-static const ncgen_scalar robot_number_7[378] = {
+static const ncgen_scalar robot_number_2[378] = {
     R(287.3780041982022), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(41.682142452610314), R(0.0),
     R(0.0), R(0.0), R(287.3780041982022), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(41.682142452610314), R(0.0), R(0.0), R(0.0), R(287.3780041982022), R(0.0), R(0.0), R(0.0),
@@ -243,25 +83,17 @@ static const ncgen_scalar robot_number_7[378] = {
     R(0.015), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.015),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.015)
 };
-static const ncgen_scalar robot_number_8[5] = {
-    R(0.9308764273937684), R(0.010398530243451389), R(0.17749895348096184), R(0.3790600410256682),
-    R(0.14214751538462556)
-};
-static const ncgen_scalar robot_number_9[5] = {
-    R(1.8617528547875368), R(0.020797060486902778), R(0.3549979069619237), R(0.7581200820513364),
-    R(0.2842950307692511)
-};
-static const ncgen_scalar robot_number_10[36] = {
+static const ncgen_scalar robot_number_3[36] = {
     R(0.0), R(0.0), -R(1226.2500000000002), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     -R(98.10000000000001), R(0.0), R(0.0), -R(1310.6732996537553), R(0.0), R(0.0),
     -R(427.56738109219026), R(0.0), R(0.0), -R(1312.6693192540542), R(0.0), R(0.0),
     -R(532.7509055289509), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), -R(144.1390944710492), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
 };
-static const ncgen_scalar robot_number_11[3] = {
+static const ncgen_scalar robot_number_4[3] = {
     R(0.0), R(882.9000000000001), R(0.0)
 };
-static const ncgen_scalar robot_number_12[30] = {
+static const ncgen_scalar robot_number_5[30] = {
     R(143.6890020991011), R(143.6890020991011), R(143.6890020991011), R(6.47975), R(6.47975),
     R(6.47975), R(80.46240172998415), R(80.46240172998415), R(80.46240172998415),
     R(3.3214838892326597), R(3.3214838892326597), R(3.3214838892326597), R(16.446761180072347),
@@ -270,7 +102,7 @@ static const ncgen_scalar robot_number_12[30] = {
     R(0.145), R(0.145), R(0.145), R(6.036768065859409), R(6.036768065859409), R(6.036768065859409),
     R(0.0075), R(0.0075), R(0.0075)
 };
-static const ncgen_scalar robot_number_13[21] = {
+static const ncgen_scalar robot_number_6[21] = {
     R(41.682142452610314), R(41.682142452610314), R(41.682142452610314), R(3.3570322215346806),
     R(3.3570322215346806), R(3.3570322215346806), -R(48.42165808256183), -R(48.42165808256183),
     -R(48.42165808256183), -R(20.5794468867186), -R(20.5794468867186), -R(20.5794468867186),
@@ -278,12 +110,8 @@ static const ncgen_scalar robot_number_13[21] = {
     R(19.039782247140735), R(19.039782247140735), R(2.619541796013006), R(2.619541796013006),
     R(2.619541796013006)
 };
-static const ncgen_scalar robot_number_14[7] = {
-    -R(1226.2500000000002), -R(1310.6732996537553), -R(98.10000000000001), -R(427.56738109219026),
-    -R(1312.6693192540542), -R(532.7509055289509), -R(144.1390944710492)
-};
 
-/* phi: 334 operations, 12 of them elementary functions */
+/* phi: 303 operations, 12 of them elementary functions */
 int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -296,148 +124,171 @@ int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real r2_z = q[2];
         const ncgen_real x1 = r2_x * r2_x + r2_y * r2_y + r2_z * r2_z - R(0.49022233000000004);
         phi[0] = R(0.7141237213050506) * x1;
-        /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
+        /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
         const ncgen_real r3_x = q[6];
+        const ncgen_real x2 = r2_x - r3_x;
         const ncgen_real r3_y = q[7];
+        const ncgen_real x3 = r2_y - r3_y;
         const ncgen_real r3_z = q[8];
-        const ncgen_real x2 = r3_x * r3_x + r3_y * r3_y + r3_z * r3_z - R(0.5600197800000001);
-        phi[2] = R(0.6681413050325653) * x2;
-        /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
+        const ncgen_real x4 = r2_z - r3_z;
+        const ncgen_real x5 = R(1.2636298470388545) * (x2 * x2 + x3 * x3 + x4 * x4 - R(0.15656700999999998));
+        phi[1] = x5;
+        /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
+        const ncgen_real x6 = r3_x * r3_x + r3_y * r3_y + r3_z * r3_z - R(0.5600197800000001);
+        phi[2] = R(0.6681413050325653) * x6;
+        /* row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
         const ncgen_real u3_x = q[3];
         const ncgen_real u3_y = q[4];
         const ncgen_real u3_z = q[5];
-        const ncgen_real x3 = R(1.4282474426101013) * (r2_x * u3_x + r2_y * u3_y + r2_z * u3_z);
-        phi[4] = -x3;
+        const ncgen_real x7 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
+        phi[3] = x7;
+        /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
+        const ncgen_real x8 = R(1.4282474426101013) * (r2_x * u3_x + r2_y * u3_y + r2_z * u3_z);
+        phi[4] = -x8;
+        /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+        const ncgen_real x9 = R(2.527259694077709) * (x2 * u3_x + x3 * u3_y + x4 * u3_z);
+        phi[5] = x9;
         /* row 7: 1003 angle u1, u3 (body2): u.v - c = 0 with u = u1, v = u3, c = 0 */
         phi[6] = u3_z;
         /* row 8: 1002 angle u1, r1-r2 (body2): u.a - L c = 0 with u = u1, a = r1-r2, L = 0.700159, c = -0.954498 */
         phi[7] = R(1.4282474426101013) * (R(0.6683) - r2_z);
+        /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
+        const ncgen_real r4_x = q[9];
+        const ncgen_real x10 = r2_x - r4_x;
+        const ncgen_real r4_y = q[10];
+        const ncgen_real x11 = r2_y - r4_y;
+        const ncgen_real r4_z = q[11];
+        const ncgen_real x12 = r2_z - r4_z;
+        const ncgen_real x13 = R(0.45603794235680406) * (x10 * x10 + x11 * x11 + x12 * x12 - R(1.20209296));
+        phi[8] = x13;
+        /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+        const ncgen_real x14 = R(0.9120758847136081) * (x10 * u3_x + x11 * u3_y + x12 * u3_z);
+        phi[9] = x14;
+        /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
+        const ncgen_real r5_x = q[12];
+        const ncgen_real x15 = r3_x - r5_x;
+        const ncgen_real r5_y = q[13];
+        const ncgen_real x16 = r3_y - r5_y;
+        const ncgen_real r5_z = q[14];
+        const ncgen_real x17 = r3_z - r5_z;
+        const ncgen_real x18 = R(0.45603794235680406) * (x15 * x15 + x16 * x16 + x17 * x17 - R(1.20209296));
+        phi[10] = x18;
+        /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+        const ncgen_real x19 = R(0.9120758847136081) * (x15 * u3_x + x16 * u3_y + x17 * u3_z);
+        phi[11] = x19;
+        /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
+        const ncgen_real x20 = r4_x - r5_x;
+        const ncgen_real x21 = r4_y - r5_y;
+        const ncgen_real x22 = r4_z - r5_z;
+        const ncgen_real x23 = x20 * x20 + x21 * x21 + x22 * x22 - R(0.15656700999999998);
+        phi[12] = R(1.2636298470388545) * x23;
+        /* row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
+        const ncgen_real r6_x = q[15];
+        const ncgen_real x24 = r5_x - r6_x;
+        const ncgen_real r6_y = q[16];
+        const ncgen_real x25 = r5_y - r6_y;
+        const ncgen_real r6_z = q[17];
+        const ncgen_real x26 = r5_z - r6_z;
+        const ncgen_real x27 = R(0.9765233868018295) * (x24 * x24 + x25 * x25 + x26 * x26 - R(0.262165));
+        phi[13] = x27;
+        /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+        const ncgen_real x28 = r6_x - r4_x;
+        const ncgen_real x29 = r6_y - r4_y;
+        const ncgen_real x30 = r6_z - r4_z;
+        const ncgen_real x31 = x28 * x28 + x29 * x29 + x30 * x30 - R(0.07425189000000008);
+        phi[14] = R(1.8349162552129328) * x31;
+        /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+        const ncgen_real x32 = R(2.527259694077709) * (x20 * u3_x + x21 * u3_y + x22 * u3_z);
+        phi[15] = x32;
+        /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
+        const ncgen_real x33 = r4_x - r6_x;
+        const ncgen_real x34 = r4_y - r6_y;
+        const ncgen_real x35 = r4_z - r6_z;
+        const ncgen_real x36 = R(3.6698325104258656) * (u3_x * x33 + u3_y * x34 + u3_z * x35);
+        phi[16] = x36;
+        /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
+        const ncgen_real r7_x = q[18];
+        const ncgen_real x37 = r6_x - r7_x;
+        const ncgen_real r7_y = q[19];
+        const ncgen_real x38 = r6_y - r7_y;
+        const ncgen_real r7_z = q[20];
+        const ncgen_real x39 = r6_z - r7_z;
+        const ncgen_real x40 = x37 * x37 + x38 * x38 + x39 * x39 - R(1.6901508100000002);
+        phi[17] = R(0.3845982248626067) * x40;
+        /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
+        const ncgen_real x41 = R(0.7691964497252134) * (x37 * u3_x + x38 * u3_y + x39 * u3_z);
+        phi[18] = x41;
+        /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
+        const ncgen_real u4_x = q[21];
+        const ncgen_real u4_y = q[22];
+        const ncgen_real u4_z = q[23];
+        const ncgen_real x42 = R(0.7691964497252134) * (x37 * u4_x + x38 * u4_y + x39 * u4_z);
+        phi[19] = x42;
+        /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
+        const ncgen_real x43 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
+        phi[20] = x43;
+        /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
+        const ncgen_real r8_x = q[24];
+        const ncgen_real x44 = r7_x - r8_x;
+        const ncgen_real r8_y = q[25];
+        const ncgen_real x45 = r7_y - r8_y;
+        const ncgen_real r8_z = q[26];
+        const ncgen_real x46 = r7_z - r8_z;
+        const ncgen_real x47 = x44 * x44 + x45 * x45 + x46 * x46 - R(0.052762090000000005);
+        phi[21] = R(2.1767522855898997) * x47;
+        /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
+        const ncgen_real x48 = R(4.3535045711797995) * (x44 * u4_x + x45 * u4_y + x46 * u4_z);
+        phi[22] = x48;
+        /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
+        const ncgen_real u5_x = q[27];
+        const ncgen_real u5_y = q[28];
+        const ncgen_real u5_z = q[29];
+        const ncgen_real x49 = R(4.3535045711797995) * (x44 * u5_x + x45 * u5_y + x46 * u5_z);
+        phi[23] = x49;
+        /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
+        const ncgen_real x50 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+        phi[24] = x50;
         /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
         const ncgen_real psi1 = q[30];
         phi[25] = u3_y * NCGEN_SIN(psi1) + u3_x * NCGEN_COS(psi1);
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
-        const ncgen_real r4_z = q[11];
         const ncgen_real psi2 = q[31];
-        const ncgen_real r4_y = q[10];
-        const ncgen_real r4_x = q[9];
-        const ncgen_real x4 = (u3_x * (r2_y - r4_y) + u3_y * (r4_x - r2_x)) * NCGEN_COS(psi2);
-        const ncgen_real x5 = R(0.9120758847136081) * ((r4_z - r2_z) * NCGEN_SIN(psi2) + x4);
-        phi[26] = x5;
+        const ncgen_real x51 = (r4_z - r2_z) * NCGEN_SIN(psi2) + (x11 * u3_x + u3_y * (r4_x - r2_x)) * NCGEN_COS(psi2);
+        phi[26] = R(0.9120758847136081) * x51;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
-        const ncgen_real r6_x = q[15];
-        const ncgen_real x6 = r4_x - r6_x;
-        const ncgen_real r7_x = q[18];
-        const ncgen_real x7 = r7_x - r6_x;
-        const ncgen_real r6_y = q[16];
-        const ncgen_real x8 = r4_y - r6_y;
-        const ncgen_real r7_y = q[19];
-        const ncgen_real x9 = r7_y - r6_y;
-        const ncgen_real r6_z = q[17];
-        const ncgen_real x10 = r4_z - r6_z;
-        const ncgen_real r7_z = q[20];
-        const ncgen_real x11 = r7_z - r6_z;
+        const ncgen_real x52 = r7_x - r6_x;
+        const ncgen_real x53 = r7_y - r6_y;
+        const ncgen_real x54 = r7_z - r6_z;
         const ncgen_real psi3 = q[32];
-        const ncgen_real x12 = u3_x * (x8 * x11 - x10 * x9) + u3_y * (x10 * x7 - x6 * x11);
-        const ncgen_real x13 = (x6 * x7 + x8 * x9 + x10 * x11) * NCGEN_SIN(psi3) - (x12 + u3_z * (x6 * x9 - x8 * x7)) * NCGEN_COS(psi3);
-        phi[27] = R(2.822822138105743) * x13;
+        const ncgen_real x55 = u3_x * (x34 * x54 - x35 * x53) + u3_y * (x35 * x52 - x33 * x54);
+        const ncgen_real x56 = (x33 * x52 + x34 * x53 + x35 * x54) * NCGEN_SIN(psi3) - (x55 + u3_z * (x33 * x53 - x34 * x52)) * NCGEN_COS(psi3);
+        phi[27] = R(2.822822138105743) * x56;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
-        const ncgen_real u4_x = q[21];
-        const ncgen_real u4_y = q[22];
-        const ncgen_real u4_z = q[23];
         const ncgen_real psi4 = q[33];
-        const ncgen_real x14 = (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * NCGEN_SIN(psi4);
-        const ncgen_real x15 = x7 * (u3_y * u4_z - u3_z * u4_y) + x9 * (u3_z * u4_x - u3_x * u4_z);
-        const ncgen_real x16 = R(0.7691964497252134) * (x15 + x11 * (u3_x * u4_y - u3_y * u4_x));
-        phi[28] = x14 - x16 * NCGEN_COS(psi4);
+        const ncgen_real x57 = (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * NCGEN_SIN(psi4);
+        const ncgen_real x58 = x52 * (u3_y * u4_z - u3_z * u4_y) + x53 * (u3_z * u4_x - u3_x * u4_z);
+        const ncgen_real x59 = R(0.7691964497252134) * (x58 + x54 * (u3_x * u4_y - u3_y * u4_x));
+        phi[28] = x57 - x59 * NCGEN_COS(psi4);
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real x17 = r6_x - r7_x;
-        const ncgen_real r8_x = q[24];
-        const ncgen_real x18 = r8_x - r7_x;
-        const ncgen_real x19 = r6_y - r7_y;
-        const ncgen_real r8_y = q[25];
-        const ncgen_real x20 = r8_y - r7_y;
-        const ncgen_real x21 = r6_z - r7_z;
-        const ncgen_real r8_z = q[26];
-        const ncgen_real x22 = r8_z - r7_z;
+        const ncgen_real x60 = r8_x - r7_x;
+        const ncgen_real x61 = r8_y - r7_y;
+        const ncgen_real x62 = r8_z - r7_z;
         const ncgen_real psi5 = q[34];
-        const ncgen_real x23 = u4_x * (x19 * x22 - x21 * x20) + u4_y * (x21 * x18 - x17 * x22);
-        const ncgen_real x24 = (x17 * x18 + x19 * x20 + x21 * x22) * NCGEN_SIN(psi5) - (x23 + u4_z * (x17 * x20 - x19 * x18)) * NCGEN_COS(psi5);
-        phi[29] = R(3.3487002600139895) * x24;
+        const ncgen_real x63 = u4_x * (x38 * x62 - x39 * x61) + u4_y * (x39 * x60 - x37 * x62);
+        const ncgen_real x64 = (x37 * x60 + x38 * x61 + x39 * x62) * NCGEN_SIN(psi5) - (x63 + u4_z * (x37 * x61 - x38 * x60)) * NCGEN_COS(psi5);
+        phi[29] = R(3.3487002600139895) * x64;
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
-        const ncgen_real u5_x = q[27];
-        const ncgen_real u5_y = q[28];
-        const ncgen_real u5_z = q[29];
         const ncgen_real psi6 = q[35];
-        const ncgen_real x25 = (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * NCGEN_SIN(psi6);
-        const ncgen_real x26 = x18 * (u4_y * u5_z - u4_z * u5_y) + x20 * (u4_z * u5_x - u4_x * u5_z);
-        const ncgen_real x27 = R(4.3535045711797995) * (x26 + x22 * (u4_x * u5_y - u4_y * u5_x));
-        phi[30] = x25 - x27 * NCGEN_COS(psi6);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
-    /*   row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
-    /*   row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
-    /*   row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
-    /*   row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
-    /*   row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
-    /*   row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
-    /*   row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
-    for (int i = 0; i < 8; ++i) {
-        const ncgen_real scale = robot_number_1[i];
-        const ncgen_real a0_x = q[robot_index_1[i]];
-        const ncgen_real a1_x = q[robot_index_2[i] + 6];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[robot_index_1[i] + 1];
-        const ncgen_real a1_y = q[robot_index_2[i] + 7];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = q[robot_index_1[i] + 2];
-        const ncgen_real a1_z = q[robot_index_2[i] + 8];
-        const ncgen_real x3 = a0_z - a1_z;
-        const ncgen_real x4 = robot_number_2[i];
-        phi[robot_index_3[i] + 1] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4);
-    }
-
-    /* unit: |u|^2 - 1 */
-    /*   row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
-    /*   row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
-    /*   row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real u_x = q[robot_index_4[i] + 3];
-        const ncgen_real u_y = q[robot_index_4[i] + 4];
-        const ncgen_real u_z = q[robot_index_4[i] + 5];
-        phi[robot_index_5[i] + 3] = R(0.5) * (u_x * u_x + u_y * u_y + u_z * u_z - R(1.0));
-    }
-
-    /* vector-segment: u.a - L c */
-    /*   row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
-    /*   row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
-    /*   row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
-    /*   row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
-    /*   row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-    /*   row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
-    /*   row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
-    /*   row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
-    /*   row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real scale = robot_number_3[i];
-        const ncgen_real u_x = q[robot_index_6[i] + 3];
-        const ncgen_real a0_x = q[robot_index_7[i]];
-        const ncgen_real a1_x = q[robot_index_8[i] + 6];
-        const ncgen_real u_y = q[robot_index_6[i] + 4];
-        const ncgen_real a0_y = q[robot_index_7[i] + 1];
-        const ncgen_real a1_y = q[robot_index_8[i] + 7];
-        const ncgen_real u_z = q[robot_index_6[i] + 5];
-        const ncgen_real a0_z = q[robot_index_7[i] + 2];
-        const ncgen_real a1_z = q[robot_index_8[i] + 8];
-        const ncgen_real x1 = u_x * (a0_x - a1_x) + u_y * (a0_y - a1_y) + u_z * (a0_z - a1_z);
-        phi[robot_index_9[i] + 5] = scale * x1;
+        const ncgen_real x65 = (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * NCGEN_SIN(psi6);
+        const ncgen_real x66 = x60 * (u4_y * u5_z - u4_z * u5_y) + x61 * (u4_z * u5_x - u4_x * u5_z);
+        const ncgen_real x67 = R(4.3535045711797995) * (x66 + x62 * (u4_x * u5_y - u4_y * u5_x));
+        phi[30] = x65 - x67 * NCGEN_COS(psi6);
     }
 
     return NCGEN_OK;
 }
 
-/* phi_q: 534 operations, 12 of them elementary functions */
+/* phi_q: 466 operations, 12 of them elementary functions */
 int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     (void)t;
@@ -445,7 +296,7 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 216; ++i) {
-        const ncgen_real x1 = robot_number_4[i];
+        const ncgen_real x1 = robot_number_1[i];
         phi_q[i] = x1;
     }
 
@@ -460,277 +311,413 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real r2_z = q[2];
         const ncgen_real x3 = R(1.4282474426101013) * r2_z;
         phi_q[2] = x3;
-        /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
+        /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
         const ncgen_real r3_x = q[6];
-        phi_q[9] = R(1.3362826100651306) * r3_x;
+        const ncgen_real x4 = R(2.527259694077709) * (r2_x - r3_x);
+        phi_q[3] = x4;
         const ncgen_real r3_y = q[7];
-        phi_q[10] = R(1.3362826100651306) * r3_y;
+        const ncgen_real x5 = R(2.527259694077709) * (r2_y - r3_y);
+        phi_q[4] = x5;
         const ncgen_real r3_z = q[8];
+        const ncgen_real x6 = R(2.527259694077709) * (r2_z - r3_z);
+        phi_q[5] = x6;
+        phi_q[6] = -x4;
+        phi_q[7] = -x5;
+        phi_q[8] = -x6;
+        /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
+        phi_q[9] = R(1.3362826100651306) * r3_x;
+        phi_q[10] = R(1.3362826100651306) * r3_y;
         phi_q[11] = R(1.3362826100651306) * r3_z;
-        /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
+        /* row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
         const ncgen_real u3_x = q[3];
-        phi_q[15] = -(R(1.4282474426101013) * u3_x);
+        phi_q[12] = u3_x;
         const ncgen_real u3_y = q[4];
-        phi_q[16] = -(R(1.4282474426101013) * u3_y);
+        phi_q[13] = u3_y;
         const ncgen_real u3_z = q[5];
+        phi_q[14] = u3_z;
+        /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
+        phi_q[15] = -(R(1.4282474426101013) * u3_x);
+        phi_q[16] = -(R(1.4282474426101013) * u3_y);
         phi_q[17] = -(R(1.4282474426101013) * u3_z);
         phi_q[18] = -x1;
         phi_q[19] = -x2;
         phi_q[20] = -x3;
+        /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+        const ncgen_real x7 = R(2.527259694077709) * u3_x;
+        phi_q[21] = x7;
+        const ncgen_real x8 = R(2.527259694077709) * u3_y;
+        phi_q[22] = x8;
+        const ncgen_real x9 = R(2.527259694077709) * u3_z;
+        phi_q[23] = x9;
+        phi_q[24] = x4;
+        phi_q[25] = x5;
+        phi_q[26] = x6;
+        const ncgen_real x10 = -x7;
+        phi_q[27] = x10;
+        const ncgen_real x11 = -x8;
+        phi_q[28] = x11;
+        const ncgen_real x12 = -x9;
+        phi_q[29] = x12;
+        /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
+        const ncgen_real r4_x = q[9];
+        const ncgen_real x13 = R(0.9120758847136081) * (r2_x - r4_x);
+        phi_q[32] = x13;
+        const ncgen_real r4_y = q[10];
+        const ncgen_real x14 = r2_y - r4_y;
+        const ncgen_real x15 = R(0.9120758847136081) * x14;
+        phi_q[33] = x15;
+        const ncgen_real r4_z = q[11];
+        const ncgen_real x16 = R(0.9120758847136081) * (r2_z - r4_z);
+        phi_q[34] = x16;
+        phi_q[35] = -x13;
+        phi_q[36] = -x15;
+        phi_q[37] = -x16;
+        /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+        const ncgen_real x17 = R(0.9120758847136081) * u3_x;
+        phi_q[38] = x17;
+        const ncgen_real x18 = R(0.9120758847136081) * u3_y;
+        phi_q[39] = x18;
+        const ncgen_real x19 = R(0.9120758847136081) * u3_z;
+        phi_q[40] = x19;
+        phi_q[41] = x13;
+        phi_q[42] = x15;
+        phi_q[43] = x16;
+        const ncgen_real x20 = -x17;
+        phi_q[44] = x20;
+        const ncgen_real x21 = -x18;
+        phi_q[45] = x21;
+        const ncgen_real x22 = -x19;
+        phi_q[46] = x22;
+        /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
+        const ncgen_real r5_x = q[12];
+        const ncgen_real x23 = R(0.9120758847136081) * (r3_x - r5_x);
+        phi_q[47] = x23;
+        const ncgen_real r5_y = q[13];
+        const ncgen_real x24 = R(0.9120758847136081) * (r3_y - r5_y);
+        phi_q[48] = x24;
+        const ncgen_real r5_z = q[14];
+        const ncgen_real x25 = R(0.9120758847136081) * (r3_z - r5_z);
+        phi_q[49] = x25;
+        phi_q[50] = -x23;
+        phi_q[51] = -x24;
+        phi_q[52] = -x25;
+        /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+        phi_q[53] = x23;
+        phi_q[54] = x24;
+        phi_q[55] = x25;
+        phi_q[56] = x17;
+        phi_q[57] = x18;
+        phi_q[58] = x19;
+        phi_q[59] = x20;
+        phi_q[60] = x21;
+        phi_q[61] = x22;
+        /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
+        const ncgen_real x26 = R(2.527259694077709) * (r4_x - r5_x);
+        phi_q[62] = x26;
+        const ncgen_real x27 = R(2.527259694077709) * (r4_y - r5_y);
+        phi_q[63] = x27;
+        const ncgen_real x28 = R(2.527259694077709) * (r4_z - r5_z);
+        phi_q[64] = x28;
+        phi_q[65] = -x26;
+        phi_q[66] = -x27;
+        phi_q[67] = -x28;
+        /* row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
+        const ncgen_real r6_x = q[15];
+        const ncgen_real x29 = R(1.953046773603659) * (r5_x - r6_x);
+        phi_q[68] = x29;
+        const ncgen_real r6_y = q[16];
+        const ncgen_real x30 = R(1.953046773603659) * (r5_y - r6_y);
+        phi_q[69] = x30;
+        const ncgen_real r6_z = q[17];
+        const ncgen_real x31 = R(1.953046773603659) * (r5_z - r6_z);
+        phi_q[70] = x31;
+        phi_q[71] = -x29;
+        phi_q[72] = -x30;
+        phi_q[73] = -x31;
+        /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+        const ncgen_real x32 = R(3.6698325104258656) * (r6_x - r4_x);
+        phi_q[74] = -x32;
+        const ncgen_real x33 = R(3.6698325104258656) * (r6_y - r4_y);
+        phi_q[75] = -x33;
+        const ncgen_real x34 = R(3.6698325104258656) * (r6_z - r4_z);
+        phi_q[76] = -x34;
+        phi_q[77] = x32;
+        phi_q[78] = x33;
+        phi_q[79] = x34;
+        /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+        phi_q[80] = x26;
+        phi_q[81] = x27;
+        phi_q[82] = x28;
+        phi_q[83] = x7;
+        phi_q[84] = x8;
+        phi_q[85] = x9;
+        phi_q[86] = x10;
+        phi_q[87] = x11;
+        phi_q[88] = x12;
+        /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
+        const ncgen_real x35 = r4_x - r6_x;
+        phi_q[89] = R(3.6698325104258656) * x35;
+        const ncgen_real x36 = r4_y - r6_y;
+        phi_q[90] = R(3.6698325104258656) * x36;
+        const ncgen_real x37 = r4_z - r6_z;
+        phi_q[91] = R(3.6698325104258656) * x37;
+        const ncgen_real x38 = R(3.6698325104258656) * u3_x;
+        phi_q[92] = x38;
+        const ncgen_real x39 = R(3.6698325104258656) * u3_y;
+        phi_q[93] = x39;
+        const ncgen_real x40 = R(3.6698325104258656) * u3_z;
+        phi_q[94] = x40;
+        phi_q[95] = -x38;
+        phi_q[96] = -x39;
+        phi_q[97] = -x40;
+        /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
+        const ncgen_real r7_x = q[18];
+        const ncgen_real x41 = r6_x - r7_x;
+        const ncgen_real x42 = R(0.7691964497252134) * x41;
+        phi_q[98] = x42;
+        const ncgen_real r7_y = q[19];
+        const ncgen_real x43 = r6_y - r7_y;
+        const ncgen_real x44 = R(0.7691964497252134) * x43;
+        phi_q[99] = x44;
+        const ncgen_real r7_z = q[20];
+        const ncgen_real x45 = r6_z - r7_z;
+        const ncgen_real x46 = R(0.7691964497252134) * x45;
+        phi_q[100] = x46;
+        phi_q[101] = -x42;
+        phi_q[102] = -x44;
+        phi_q[103] = -x46;
+        /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
+        phi_q[104] = x42;
+        phi_q[105] = x44;
+        phi_q[106] = x46;
+        const ncgen_real x47 = R(0.7691964497252134) * u3_x;
+        phi_q[107] = x47;
+        const ncgen_real x48 = R(0.7691964497252134) * u3_y;
+        phi_q[108] = x48;
+        const ncgen_real x49 = R(0.7691964497252134) * u3_z;
+        phi_q[109] = x49;
+        phi_q[110] = -x47;
+        phi_q[111] = -x48;
+        phi_q[112] = -x49;
+        /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
+        const ncgen_real u4_x = q[21];
+        const ncgen_real x50 = R(0.7691964497252134) * u4_x;
+        phi_q[113] = x50;
+        const ncgen_real u4_y = q[22];
+        const ncgen_real x51 = R(0.7691964497252134) * u4_y;
+        phi_q[114] = x51;
+        const ncgen_real u4_z = q[23];
+        const ncgen_real x52 = R(0.7691964497252134) * u4_z;
+        phi_q[115] = x52;
+        phi_q[116] = -x50;
+        phi_q[117] = -x51;
+        phi_q[118] = -x52;
+        phi_q[119] = x42;
+        phi_q[120] = x44;
+        phi_q[121] = x46;
+        /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
+        phi_q[122] = u4_x;
+        phi_q[123] = u4_y;
+        phi_q[124] = u4_z;
+        /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
+        const ncgen_real r8_x = q[24];
+        const ncgen_real x53 = R(4.3535045711797995) * (r7_x - r8_x);
+        phi_q[125] = x53;
+        const ncgen_real r8_y = q[25];
+        const ncgen_real x54 = R(4.3535045711797995) * (r7_y - r8_y);
+        phi_q[126] = x54;
+        const ncgen_real r8_z = q[26];
+        const ncgen_real x55 = R(4.3535045711797995) * (r7_z - r8_z);
+        phi_q[127] = x55;
+        phi_q[128] = -x53;
+        phi_q[129] = -x54;
+        phi_q[130] = -x55;
+        /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
+        const ncgen_real x56 = R(4.3535045711797995) * u4_x;
+        phi_q[131] = x56;
+        const ncgen_real x57 = R(4.3535045711797995) * u4_y;
+        phi_q[132] = x57;
+        const ncgen_real x58 = R(4.3535045711797995) * u4_z;
+        phi_q[133] = x58;
+        phi_q[134] = x53;
+        phi_q[135] = x54;
+        phi_q[136] = x55;
+        phi_q[137] = -x56;
+        phi_q[138] = -x57;
+        phi_q[139] = -x58;
+        /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
+        const ncgen_real u5_x = q[27];
+        const ncgen_real x59 = R(4.3535045711797995) * u5_x;
+        phi_q[140] = x59;
+        const ncgen_real u5_y = q[28];
+        const ncgen_real x60 = R(4.3535045711797995) * u5_y;
+        phi_q[141] = x60;
+        const ncgen_real u5_z = q[29];
+        const ncgen_real x61 = R(4.3535045711797995) * u5_z;
+        phi_q[142] = x61;
+        phi_q[143] = -x59;
+        phi_q[144] = -x60;
+        phi_q[145] = -x61;
+        phi_q[146] = x53;
+        phi_q[147] = x54;
+        phi_q[148] = x55;
+        /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
+        phi_q[149] = u5_x;
+        phi_q[150] = u5_y;
+        phi_q[151] = u5_z;
         /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
         const ncgen_real psi1 = q[30];
-        const ncgen_real x4 = NCGEN_COS(psi1);
-        phi_q[152] = x4;
-        const ncgen_real x5 = NCGEN_SIN(psi1);
-        phi_q[153] = x5;
-        phi_q[154] = u3_y * x4 - u3_x * x5;
+        const ncgen_real x62 = NCGEN_COS(psi1);
+        phi_q[152] = x62;
+        const ncgen_real x63 = NCGEN_SIN(psi1);
+        phi_q[153] = x63;
+        phi_q[154] = u3_y * x62 - u3_x * x63;
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
         const ncgen_real psi2 = q[31];
-        const ncgen_real x6 = NCGEN_COS(psi2);
-        const ncgen_real x7 = R(0.9120758847136081) * (u3_y * x6);
-        phi_q[155] = -x7;
-        const ncgen_real x8 = R(0.9120758847136081) * (u3_x * x6);
-        phi_q[156] = x8;
-        const ncgen_real x9 = NCGEN_SIN(psi2);
-        const ncgen_real x10 = R(0.9120758847136081) * x9;
-        phi_q[157] = -x10;
-        const ncgen_real r4_y = q[10];
-        const ncgen_real x11 = r2_y - r4_y;
-        phi_q[158] = x6 * (R(0.9120758847136081) * x11);
-        const ncgen_real r4_x = q[9];
-        const ncgen_real x12 = r4_x - r2_x;
-        phi_q[159] = x6 * (R(0.9120758847136081) * x12);
-        phi_q[160] = x7;
-        phi_q[161] = -x8;
-        phi_q[162] = x10;
-        const ncgen_real r4_z = q[11];
-        const ncgen_real x13 = R(0.9120758847136081) * ((r4_z - r2_z) * x6 - x9 * (u3_y * x12 + u3_x * x11));
-        phi_q[163] = x13;
+        const ncgen_real x64 = NCGEN_COS(psi2);
+        const ncgen_real x65 = R(0.9120758847136081) * (u3_y * x64);
+        phi_q[155] = -x65;
+        const ncgen_real x66 = R(0.9120758847136081) * (u3_x * x64);
+        phi_q[156] = x66;
+        const ncgen_real x67 = NCGEN_SIN(psi2);
+        const ncgen_real x68 = R(0.9120758847136081) * x67;
+        phi_q[157] = -x68;
+        phi_q[158] = x15 * x64;
+        const ncgen_real x69 = r4_x - r2_x;
+        phi_q[159] = x64 * (R(0.9120758847136081) * x69);
+        phi_q[160] = x65;
+        phi_q[161] = -x66;
+        phi_q[162] = x68;
+        const ncgen_real x70 = R(0.9120758847136081) * ((r4_z - r2_z) * x64 - x67 * (u3_y * x69 + x14 * u3_x));
+        phi_q[163] = x70;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
         const ncgen_real psi3 = q[32];
-        const ncgen_real x14 = NCGEN_COS(psi3);
-        const ncgen_real r7_z = q[20];
-        const ncgen_real r6_z = q[17];
-        const ncgen_real x15 = r7_z - r6_z;
-        const ncgen_real r6_y = q[16];
-        const ncgen_real x16 = r4_y - r6_y;
-        const ncgen_real r7_y = q[19];
-        const ncgen_real x17 = r7_y - r6_y;
-        const ncgen_real x18 = r4_z - r6_z;
-        const ncgen_real x19 = x15 * x16 - x17 * x18;
-        phi_q[164] = -(x14 * (R(2.822822138105743) * x19));
-        const ncgen_real r7_x = q[18];
-        const ncgen_real r6_x = q[15];
-        const ncgen_real x20 = r7_x - r6_x;
-        const ncgen_real x21 = r4_x - r6_x;
-        const ncgen_real x22 = x20 * x18 - x15 * x21;
-        phi_q[165] = -(x14 * (R(2.822822138105743) * x22));
-        const ncgen_real x23 = x17 * x21 - x20 * x16;
-        phi_q[166] = -(x14 * (R(2.822822138105743) * x23));
-        const ncgen_real x24 = NCGEN_SIN(psi3);
-        const ncgen_real x25 = u3_z * x17 - u3_y * x15;
-        const ncgen_real x26 = R(2.822822138105743) * (x20 * x24 - x14 * x25);
-        phi_q[167] = x26;
-        const ncgen_real x27 = u3_x * x15 - u3_z * x20;
-        const ncgen_real x28 = R(2.822822138105743) * (x17 * x24 - x14 * x27);
-        phi_q[168] = x28;
-        const ncgen_real x29 = u3_y * x20 - u3_x * x17;
-        const ncgen_real x30 = R(2.822822138105743) * (x15 * x24 - x14 * x29);
-        phi_q[169] = x30;
-        const ncgen_real x31 = R(2.822822138105743) * (x24 * x21 - x14 * (u3_y * x18 - u3_z * x16));
-        phi_q[170] = -(x26 + x31);
-        const ncgen_real x32 = R(2.822822138105743) * (x24 * x16 - x14 * (u3_z * x21 - u3_x * x18));
-        phi_q[171] = -(x28 + x32);
-        const ncgen_real x33 = R(2.822822138105743) * (x24 * x18 - x14 * (u3_x * x16 - u3_y * x21));
-        phi_q[172] = -(x30 + x33);
-        phi_q[173] = x31;
-        phi_q[174] = x32;
-        phi_q[175] = x33;
-        const ncgen_real x34 = x14 * (x20 * x21 + x17 * x16 + x15 * x18) + x24 * (u3_x * x19 + u3_y * x22 + u3_z * x23);
-        phi_q[176] = R(2.822822138105743) * x34;
+        const ncgen_real x71 = NCGEN_COS(psi3);
+        const ncgen_real x72 = r7_z - r6_z;
+        const ncgen_real x73 = r7_y - r6_y;
+        const ncgen_real x74 = x36 * x72 - x37 * x73;
+        phi_q[164] = -(x71 * (R(2.822822138105743) * x74));
+        const ncgen_real x75 = r7_x - r6_x;
+        const ncgen_real x76 = x37 * x75 - x35 * x72;
+        phi_q[165] = -(x71 * (R(2.822822138105743) * x76));
+        const ncgen_real x77 = x35 * x73 - x36 * x75;
+        phi_q[166] = -(x71 * (R(2.822822138105743) * x77));
+        const ncgen_real x78 = NCGEN_SIN(psi3);
+        const ncgen_real x79 = u3_z * x73 - u3_y * x72;
+        const ncgen_real x80 = R(2.822822138105743) * (x75 * x78 - x71 * x79);
+        phi_q[167] = x80;
+        const ncgen_real x81 = u3_x * x72 - u3_z * x75;
+        const ncgen_real x82 = R(2.822822138105743) * (x73 * x78 - x71 * x81);
+        phi_q[168] = x82;
+        const ncgen_real x83 = u3_y * x75 - u3_x * x73;
+        const ncgen_real x84 = R(2.822822138105743) * (x72 * x78 - x71 * x83);
+        phi_q[169] = x84;
+        const ncgen_real x85 = R(2.822822138105743) * (x35 * x78 - x71 * (u3_y * x37 - u3_z * x36));
+        phi_q[170] = -(x80 + x85);
+        const ncgen_real x86 = R(2.822822138105743) * (x36 * x78 - x71 * (u3_z * x35 - u3_x * x37));
+        phi_q[171] = -(x82 + x86);
+        const ncgen_real x87 = R(2.822822138105743) * (x37 * x78 - x71 * (u3_x * x36 - u3_y * x35));
+        phi_q[172] = -(x84 + x87);
+        phi_q[173] = x85;
+        phi_q[174] = x86;
+        phi_q[175] = x87;
+        const ncgen_real x88 = x71 * (x35 * x75 + x36 * x73 + x37 * x72) + x78 * (u3_x * x74 + u3_y * x76 + u3_z * x77);
+        phi_q[176] = R(2.822822138105743) * x88;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
-        const ncgen_real u4_x = q[21];
         const ncgen_real psi4 = q[33];
-        const ncgen_real x35 = NCGEN_SIN(psi4);
-        const ncgen_real x36 = NCGEN_COS(psi4);
-        const ncgen_real u4_y = q[22];
-        const ncgen_real u4_z = q[23];
-        const ncgen_real x37 = x36 * (R(0.7691964497252134) * (x15 * u4_y - x17 * u4_z));
-        phi_q[177] = u4_x * x35 - x37;
-        const ncgen_real x38 = x36 * (R(0.7691964497252134) * (x20 * u4_z - x15 * u4_x));
-        phi_q[178] = u4_y * x35 - x38;
-        const ncgen_real x39 = x36 * (R(0.7691964497252134) * (x17 * u4_x - x20 * u4_y));
-        phi_q[179] = u4_z * x35 - x39;
-        const ncgen_real x40 = u3_y * u4_z - u3_z * u4_y;
-        const ncgen_real x41 = x36 * (R(0.7691964497252134) * x40);
-        phi_q[180] = x41;
-        const ncgen_real x42 = u3_z * u4_x - u3_x * u4_z;
-        const ncgen_real x43 = x36 * (R(0.7691964497252134) * x42);
-        phi_q[181] = x43;
-        const ncgen_real x44 = u3_x * u4_y - u3_y * u4_x;
-        const ncgen_real x45 = x36 * (R(0.7691964497252134) * x44);
-        phi_q[182] = x45;
-        phi_q[183] = -x41;
-        phi_q[184] = -x43;
-        phi_q[185] = -x45;
-        phi_q[186] = u3_x * x35 - x36 * (R(0.7691964497252134) * x25);
-        phi_q[187] = u3_y * x35 - x36 * (R(0.7691964497252134) * x27);
-        phi_q[188] = u3_z * x35 - x36 * (R(0.7691964497252134) * x29);
-        const ncgen_real x46 = R(0.7691964497252134) * (x20 * x40 + x17 * x42 + x15 * x44);
-        const ncgen_real x47 = x36 * (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) + x35 * x46;
-        phi_q[189] = x47;
+        const ncgen_real x89 = NCGEN_SIN(psi4);
+        const ncgen_real x90 = NCGEN_COS(psi4);
+        const ncgen_real x91 = x90 * (R(0.7691964497252134) * (u4_y * x72 - u4_z * x73));
+        phi_q[177] = u4_x * x89 - x91;
+        const ncgen_real x92 = x90 * (R(0.7691964497252134) * (u4_z * x75 - u4_x * x72));
+        phi_q[178] = u4_y * x89 - x92;
+        const ncgen_real x93 = x90 * (R(0.7691964497252134) * (u4_x * x73 - u4_y * x75));
+        phi_q[179] = u4_z * x89 - x93;
+        const ncgen_real x94 = u3_y * u4_z - u3_z * u4_y;
+        const ncgen_real x95 = x90 * (R(0.7691964497252134) * x94);
+        phi_q[180] = x95;
+        const ncgen_real x96 = u3_z * u4_x - u3_x * u4_z;
+        const ncgen_real x97 = x90 * (R(0.7691964497252134) * x96);
+        phi_q[181] = x97;
+        const ncgen_real x98 = u3_x * u4_y - u3_y * u4_x;
+        const ncgen_real x99 = x90 * (R(0.7691964497252134) * x98);
+        phi_q[182] = x99;
+        phi_q[183] = -x95;
+        phi_q[184] = -x97;
+        phi_q[185] = -x99;
+        phi_q[186] = u3_x * x89 - x90 * (R(0.7691964497252134) * x79);
+        phi_q[187] = u3_y * x89 - x90 * (R(0.7691964497252134) * x81);
+        phi_q[188] = u3_z * x89 - x90 * (R(0.7691964497252134) * x83);
+        const ncgen_real x100 = R(0.7691964497252134) * (x75 * x94 + x73 * x96 + x72 * x98);
+        const ncgen_real x101 = x90 * (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) + x89 * x100;
+        phi_q[189] = x101;
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real r8_x = q[24];
-        const ncgen_real x48 = r8_x - r7_x;
+        const ncgen_real x102 = r8_x - r7_x;
         const ncgen_real psi5 = q[34];
-        const ncgen_real x49 = NCGEN_SIN(psi5);
-        const ncgen_real x50 = NCGEN_COS(psi5);
-        const ncgen_real r8_y = q[25];
-        const ncgen_real x51 = r8_y - r7_y;
-        const ncgen_real r8_z = q[26];
-        const ncgen_real x52 = r8_z - r7_z;
-        const ncgen_real x53 = x51 * u4_z - x52 * u4_y;
-        const ncgen_real x54 = R(3.3487002600139895) * (x48 * x49 - x50 * x53);
-        phi_q[190] = x54;
-        const ncgen_real x55 = x52 * u4_x - x48 * u4_z;
-        const ncgen_real x56 = R(3.3487002600139895) * (x51 * x49 - x50 * x55);
-        phi_q[191] = x56;
-        const ncgen_real x57 = x48 * u4_y - x51 * u4_x;
-        const ncgen_real x58 = R(3.3487002600139895) * (x52 * x49 - x50 * x57);
-        phi_q[192] = x58;
-        const ncgen_real x59 = r6_x - r7_x;
-        const ncgen_real x60 = r6_z - r7_z;
-        const ncgen_real x61 = r6_y - r7_y;
-        const ncgen_real x62 = R(3.3487002600139895) * (x49 * x59 - x50 * (u4_y * x60 - u4_z * x61));
-        phi_q[193] = -(x54 + x62);
-        const ncgen_real x63 = R(3.3487002600139895) * (x49 * x61 - x50 * (u4_z * x59 - u4_x * x60));
-        phi_q[194] = -(x56 + x63);
-        const ncgen_real x64 = R(3.3487002600139895) * (x49 * x60 - x50 * (u4_x * x61 - u4_y * x59));
-        phi_q[195] = -(x58 + x64);
-        const ncgen_real x65 = x52 * x61 - x51 * x60;
-        phi_q[196] = -(x50 * (R(3.3487002600139895) * x65));
-        const ncgen_real x66 = x48 * x60 - x52 * x59;
-        phi_q[197] = -(x50 * (R(3.3487002600139895) * x66));
-        const ncgen_real x67 = x51 * x59 - x48 * x61;
-        phi_q[198] = -(x50 * (R(3.3487002600139895) * x67));
-        phi_q[199] = x62;
-        phi_q[200] = x63;
-        phi_q[201] = x64;
-        const ncgen_real x68 = x50 * (x48 * x59 + x51 * x61 + x52 * x60) + x49 * (u4_x * x65 + u4_y * x66 + u4_z * x67);
-        phi_q[202] = R(3.3487002600139895) * x68;
+        const ncgen_real x103 = NCGEN_SIN(psi5);
+        const ncgen_real x104 = NCGEN_COS(psi5);
+        const ncgen_real x105 = r8_y - r7_y;
+        const ncgen_real x106 = r8_z - r7_z;
+        const ncgen_real x107 = u4_z * x105 - u4_y * x106;
+        const ncgen_real x108 = R(3.3487002600139895) * (x102 * x103 - x104 * x107);
+        phi_q[190] = x108;
+        const ncgen_real x109 = u4_x * x106 - u4_z * x102;
+        const ncgen_real x110 = R(3.3487002600139895) * (x105 * x103 - x104 * x109);
+        phi_q[191] = x110;
+        const ncgen_real x111 = u4_y * x102 - u4_x * x105;
+        const ncgen_real x112 = R(3.3487002600139895) * (x106 * x103 - x104 * x111);
+        phi_q[192] = x112;
+        const ncgen_real x113 = R(3.3487002600139895) * (x41 * x103 - x104 * (x45 * u4_y - x43 * u4_z));
+        phi_q[193] = -(x108 + x113);
+        const ncgen_real x114 = R(3.3487002600139895) * (x43 * x103 - x104 * (x41 * u4_z - x45 * u4_x));
+        phi_q[194] = -(x110 + x114);
+        const ncgen_real x115 = R(3.3487002600139895) * (x45 * x103 - x104 * (x43 * u4_x - x41 * u4_y));
+        phi_q[195] = -(x112 + x115);
+        const ncgen_real x116 = x43 * x106 - x45 * x105;
+        phi_q[196] = -(x104 * (R(3.3487002600139895) * x116));
+        const ncgen_real x117 = x45 * x102 - x41 * x106;
+        phi_q[197] = -(x104 * (R(3.3487002600139895) * x117));
+        const ncgen_real x118 = x41 * x105 - x43 * x102;
+        phi_q[198] = -(x104 * (R(3.3487002600139895) * x118));
+        phi_q[199] = x113;
+        phi_q[200] = x114;
+        phi_q[201] = x115;
+        const ncgen_real x119 = x104 * (x41 * x102 + x43 * x105 + x45 * x106) + x103 * (u4_x * x116 + u4_y * x117 + u4_z * x118);
+        phi_q[202] = R(3.3487002600139895) * x119;
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
         const ncgen_real psi6 = q[35];
-        const ncgen_real x69 = NCGEN_COS(psi6);
-        const ncgen_real u5_z = q[29];
-        const ncgen_real u5_y = q[28];
-        const ncgen_real x70 = u4_y * u5_z - u4_z * u5_y;
-        const ncgen_real x71 = x69 * (R(4.3535045711797995) * x70);
-        phi_q[203] = x71;
-        const ncgen_real u5_x = q[27];
-        const ncgen_real x72 = u4_z * u5_x - u4_x * u5_z;
-        const ncgen_real x73 = x69 * (R(4.3535045711797995) * x72);
-        phi_q[204] = x73;
-        const ncgen_real x74 = u4_x * u5_y - u4_y * u5_x;
-        const ncgen_real x75 = x69 * (R(4.3535045711797995) * x74);
-        phi_q[205] = x75;
-        const ncgen_real x76 = NCGEN_SIN(psi6);
-        const ncgen_real x77 = x69 * (R(4.3535045711797995) * (x52 * u5_y - x51 * u5_z));
-        phi_q[206] = u5_x * x76 - x77;
-        const ncgen_real x78 = x69 * (R(4.3535045711797995) * (x48 * u5_z - x52 * u5_x));
-        phi_q[207] = u5_y * x76 - x78;
-        const ncgen_real x79 = x69 * (R(4.3535045711797995) * (x51 * u5_x - x48 * u5_y));
-        phi_q[208] = u5_z * x76 - x79;
-        phi_q[209] = -x71;
-        phi_q[210] = -x73;
-        phi_q[211] = -x75;
-        phi_q[212] = u4_x * x76 - x69 * (R(4.3535045711797995) * x53);
-        phi_q[213] = u4_y * x76 - x69 * (R(4.3535045711797995) * x55);
-        phi_q[214] = u4_z * x76 - x69 * (R(4.3535045711797995) * x57);
-        const ncgen_real x80 = R(4.3535045711797995) * (x48 * x70 + x51 * x72 + x52 * x74);
-        const ncgen_real x81 = x69 * (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) + x76 * x80;
-        phi_q[215] = x81;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
-    /*   row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
-    /*   row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
-    /*   row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
-    /*   row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
-    /*   row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
-    /*   row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
-    /*   row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
-    for (int i = 0; i < 8; ++i) {
-        const ncgen_real a0_x = q[robot_index_1[i]];
-        const ncgen_real a1_x = q[robot_index_2[i] + 6];
-        const ncgen_real x1 = robot_number_5[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[robot_index_10[i] + 3] = x2;
-        phi_q[robot_index_11[i] + 6] = -x2;
-        const ncgen_real a0_y = q[robot_index_1[i] + 1];
-        const ncgen_real a1_y = q[robot_index_2[i] + 7];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[robot_index_10[i] + 4] = x3;
-        phi_q[robot_index_11[i] + 7] = -x3;
-        const ncgen_real a0_z = q[robot_index_1[i] + 2];
-        const ncgen_real a1_z = q[robot_index_2[i] + 8];
-        const ncgen_real x4 = x1 * (a0_z - a1_z);
-        phi_q[robot_index_10[i] + 5] = x4;
-        phi_q[robot_index_11[i] + 8] = -x4;
-    }
-
-    /* unit: |u|^2 - 1 */
-    /*   row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
-    /*   row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
-    /*   row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real u_x = q[robot_index_4[i] + 3];
-        phi_q[robot_index_12[i] + 12] = u_x;
-        const ncgen_real u_y = q[robot_index_4[i] + 4];
-        phi_q[robot_index_12[i] + 13] = u_y;
-        const ncgen_real u_z = q[robot_index_4[i] + 5];
-        phi_q[robot_index_12[i] + 14] = u_z;
-    }
-
-    /* vector-segment: u.a - L c */
-    /*   row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
-    /*   row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
-    /*   row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
-    /*   row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
-    /*   row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-    /*   row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
-    /*   row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
-    /*   row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
-    /*   row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real a0_x = q[robot_index_7[i]];
-        const ncgen_real a1_x = q[robot_index_8[i] + 6];
-        const ncgen_real scale = robot_number_3[i];
-        phi_q[robot_index_13[i] + 24] = (a0_x - a1_x) * scale;
-        const ncgen_real a0_y = q[robot_index_7[i] + 1];
-        const ncgen_real a1_y = q[robot_index_8[i] + 7];
-        phi_q[robot_index_13[i] + 25] = scale * (a0_y - a1_y);
-        const ncgen_real a0_z = q[robot_index_7[i] + 2];
-        const ncgen_real a1_z = q[robot_index_8[i] + 8];
-        phi_q[robot_index_13[i] + 26] = scale * (a0_z - a1_z);
-        const ncgen_real u_x = q[robot_index_6[i] + 3];
-        const ncgen_real x1 = scale * u_x;
-        phi_q[robot_index_14[i] + 21] = x1;
-        phi_q[robot_index_15[i] + 27] = -x1;
-        const ncgen_real u_y = q[robot_index_6[i] + 4];
-        const ncgen_real x2 = scale * u_y;
-        phi_q[robot_index_14[i] + 22] = x2;
-        phi_q[robot_index_15[i] + 28] = -x2;
-        const ncgen_real u_z = q[robot_index_6[i] + 5];
-        const ncgen_real x3 = scale * u_z;
-        phi_q[robot_index_14[i] + 23] = x3;
-        phi_q[robot_index_15[i] + 29] = -x3;
+        const ncgen_real x120 = NCGEN_COS(psi6);
+        const ncgen_real x121 = u4_y * u5_z - u4_z * u5_y;
+        const ncgen_real x122 = x120 * (R(4.3535045711797995) * x121);
+        phi_q[203] = x122;
+        const ncgen_real x123 = u4_z * u5_x - u4_x * u5_z;
+        const ncgen_real x124 = x120 * (R(4.3535045711797995) * x123);
+        phi_q[204] = x124;
+        const ncgen_real x125 = u4_x * u5_y - u4_y * u5_x;
+        const ncgen_real x126 = x120 * (R(4.3535045711797995) * x125);
+        phi_q[205] = x126;
+        const ncgen_real x127 = NCGEN_SIN(psi6);
+        const ncgen_real x128 = x120 * (R(4.3535045711797995) * (u5_y * x106 - u5_z * x105));
+        phi_q[206] = u5_x * x127 - x128;
+        const ncgen_real x129 = x120 * (R(4.3535045711797995) * (u5_z * x102 - u5_x * x106));
+        phi_q[207] = u5_y * x127 - x129;
+        const ncgen_real x130 = x120 * (R(4.3535045711797995) * (u5_x * x105 - u5_y * x102));
+        phi_q[208] = u5_z * x127 - x130;
+        phi_q[209] = -x122;
+        phi_q[210] = -x124;
+        phi_q[211] = -x126;
+        phi_q[212] = u4_x * x127 - x120 * (R(4.3535045711797995) * x107);
+        phi_q[213] = u4_y * x127 - x120 * (R(4.3535045711797995) * x109);
+        phi_q[214] = u4_z * x127 - x120 * (R(4.3535045711797995) * x111);
+        const ncgen_real x131 = R(4.3535045711797995) * (x102 * x121 + x105 * x123 + x106 * x125);
+        const ncgen_real x132 = x120 * (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) + x127 * x131;
+        phi_q[215] = x132;
     }
 
     return NCGEN_OK;
 }
 
-/* gamma: 723 operations, 12 of them elementary functions */
+/* gamma: 691 operations, 12 of them elementary functions */
 int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     (void)t;
@@ -748,262 +735,281 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dr2_z = qd[2];
         const ncgen_real x1 = R(1.4282474426101013) * (dr2_x * dr2_x + dr2_y * dr2_y + dr2_z * dr2_z);
         gamma[0] = -x1;
-        /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
+        /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
         const ncgen_real dr3_x = qd[6];
+        const ncgen_real x2 = dr2_x - dr3_x;
         const ncgen_real dr3_y = qd[7];
+        const ncgen_real x3 = dr2_y - dr3_y;
         const ncgen_real dr3_z = qd[8];
-        const ncgen_real x2 = R(1.3362826100651306) * (dr3_x * dr3_x + dr3_y * dr3_y + dr3_z * dr3_z);
-        gamma[2] = -x2;
-        /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
+        const ncgen_real x4 = dr2_z - dr3_z;
+        gamma[1] = -(R(2.527259694077709) * (x2 * x2 + x3 * x3 + x4 * x4));
+        /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
+        const ncgen_real x5 = R(1.3362826100651306) * (dr3_x * dr3_x + dr3_y * dr3_y + dr3_z * dr3_z);
+        gamma[2] = -x5;
+        /* row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
         const ncgen_real du3_x = qd[3];
         const ncgen_real du3_y = qd[4];
         const ncgen_real du3_z = qd[5];
-        const ncgen_real x3 = R(2.8564948852202026) * (dr2_x * du3_x + dr2_y * du3_y + dr2_z * du3_z);
-        gamma[4] = x3;
+        gamma[3] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
+        /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
+        const ncgen_real x6 = R(2.8564948852202026) * (dr2_x * du3_x + dr2_y * du3_y + dr2_z * du3_z);
+        gamma[4] = x6;
+        /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+        const ncgen_real x7 = R(5.054519388155418) * (x2 * du3_x + x3 * du3_y + x4 * du3_z);
+        gamma[5] = -x7;
+        /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
+        const ncgen_real dr4_x = qd[9];
+        const ncgen_real x8 = dr2_x - dr4_x;
+        const ncgen_real dr4_y = qd[10];
+        const ncgen_real x9 = dr2_y - dr4_y;
+        const ncgen_real dr4_z = qd[11];
+        const ncgen_real x10 = dr2_z - dr4_z;
+        const ncgen_real x11 = -(R(0.9120758847136081) * (x8 * x8 + x9 * x9 + x10 * x10));
+        gamma[8] = x11;
+        /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+        const ncgen_real x12 = R(1.8241517694272162) * (x8 * du3_x + x9 * du3_y + x10 * du3_z);
+        gamma[9] = -x12;
+        /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
+        const ncgen_real dr5_x = qd[12];
+        const ncgen_real x13 = dr3_x - dr5_x;
+        const ncgen_real dr5_y = qd[13];
+        const ncgen_real x14 = dr3_y - dr5_y;
+        const ncgen_real dr5_z = qd[14];
+        const ncgen_real x15 = dr3_z - dr5_z;
+        const ncgen_real x16 = R(0.9120758847136081) * (x13 * x13 + x14 * x14 + x15 * x15);
+        gamma[10] = -x16;
+        /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+        const ncgen_real x17 = R(1.8241517694272162) * (x13 * du3_x + x14 * du3_y + x15 * du3_z);
+        gamma[11] = -x17;
+        /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
+        const ncgen_real x18 = dr4_x - dr5_x;
+        const ncgen_real x19 = dr4_y - dr5_y;
+        const ncgen_real x20 = dr4_z - dr5_z;
+        const ncgen_real x21 = R(2.527259694077709) * (x18 * x18 + x19 * x19 + x20 * x20);
+        gamma[12] = -x21;
+        /* row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
+        const ncgen_real dr6_x = qd[15];
+        const ncgen_real x22 = dr5_x - dr6_x;
+        const ncgen_real dr6_y = qd[16];
+        const ncgen_real x23 = dr5_y - dr6_y;
+        const ncgen_real dr6_z = qd[17];
+        const ncgen_real x24 = dr5_z - dr6_z;
+        const ncgen_real x25 = R(1.953046773603659) * (x22 * x22 + x23 * x23 + x24 * x24);
+        gamma[13] = -x25;
+        /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+        const ncgen_real x26 = dr6_x - dr4_x;
+        const ncgen_real x27 = dr6_y - dr4_y;
+        const ncgen_real x28 = dr6_z - dr4_z;
+        const ncgen_real x29 = R(3.6698325104258656) * (x26 * x26 + x27 * x27 + x28 * x28);
+        gamma[14] = -x29;
+        /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+        const ncgen_real x30 = R(5.054519388155418) * (x18 * du3_x + x19 * du3_y + x20 * du3_z);
+        gamma[15] = -x30;
+        /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
+        const ncgen_real x31 = dr4_x - dr6_x;
+        const ncgen_real x32 = dr4_y - dr6_y;
+        const ncgen_real x33 = dr4_z - dr6_z;
+        const ncgen_real x34 = R(7.339665020851731) * (du3_x * x31 + du3_y * x32 + du3_z * x33);
+        gamma[16] = -x34;
+        /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
+        const ncgen_real dr7_x = qd[18];
+        const ncgen_real x35 = dr6_x - dr7_x;
+        const ncgen_real dr7_y = qd[19];
+        const ncgen_real x36 = dr6_y - dr7_y;
+        const ncgen_real dr7_z = qd[20];
+        const ncgen_real x37 = dr6_z - dr7_z;
+        const ncgen_real x38 = R(0.7691964497252134) * (x35 * x35 + x36 * x36 + x37 * x37);
+        gamma[17] = -x38;
+        /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
+        const ncgen_real x39 = R(1.5383928994504268) * (x35 * du3_x + x36 * du3_y + x37 * du3_z);
+        gamma[18] = -x39;
+        /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
+        const ncgen_real du4_x = qd[21];
+        const ncgen_real du4_y = qd[22];
+        const ncgen_real du4_z = qd[23];
+        const ncgen_real x40 = R(1.5383928994504268) * (x35 * du4_x + x36 * du4_y + x37 * du4_z);
+        gamma[19] = -x40;
+        /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
+        gamma[20] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
+        /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
+        const ncgen_real dr8_x = qd[24];
+        const ncgen_real x41 = dr7_x - dr8_x;
+        const ncgen_real dr8_y = qd[25];
+        const ncgen_real x42 = dr7_y - dr8_y;
+        const ncgen_real dr8_z = qd[26];
+        const ncgen_real x43 = dr7_z - dr8_z;
+        const ncgen_real x44 = R(4.3535045711797995) * (x41 * x41 + x42 * x42 + x43 * x43);
+        gamma[21] = -x44;
+        /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
+        const ncgen_real x45 = R(8.707009142359599) * (x41 * du4_x + x42 * du4_y + x43 * du4_z);
+        gamma[22] = -x45;
+        /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
+        const ncgen_real du5_x = qd[27];
+        const ncgen_real du5_y = qd[28];
+        const ncgen_real du5_z = qd[29];
+        const ncgen_real x46 = R(8.707009142359599) * (x41 * du5_x + x42 * du5_y + x43 * du5_z);
+        gamma[23] = -x46;
+        /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
+        gamma[24] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
         /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
         const ncgen_real psi1 = q[30];
-        const ncgen_real x4 = NCGEN_SIN(psi1);
+        const ncgen_real x47 = NCGEN_SIN(psi1);
         const ncgen_real u3_y = q[4];
         const ncgen_real dpsi1 = qd[30];
-        const ncgen_real x5 = dpsi1 * dpsi1;
-        const ncgen_real x6 = NCGEN_COS(psi1);
-        const ncgen_real x7 = R(2.0) * dpsi1;
+        const ncgen_real x48 = dpsi1 * dpsi1;
+        const ncgen_real x49 = NCGEN_COS(psi1);
+        const ncgen_real x50 = R(2.0) * dpsi1;
+        const ncgen_real x51 = x47 * (u3_y * x48) - x49 * (du3_y * x50) + x47 * (du3_x * x50);
         const ncgen_real u3_x = q[3];
-        const ncgen_real x8 = x4 * (u3_y * x5) - x6 * (du3_y * x7) + x4 * (du3_x * x7) + x6 * (u3_x * x5);
-        gamma[25] = x8;
+        gamma[25] = x51 + x49 * (u3_x * x48);
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
         const ncgen_real psi2 = q[31];
-        const ncgen_real x9 = NCGEN_COS(psi2);
-        const ncgen_real dr4_x = qd[9];
-        const ncgen_real x10 = dr2_x - dr4_x;
-        const ncgen_real dr4_y = qd[10];
-        const ncgen_real x11 = dr2_y - dr4_y;
-        const ncgen_real x12 = NCGEN_SIN(psi2);
+        const ncgen_real x52 = NCGEN_COS(psi2);
+        const ncgen_real x53 = NCGEN_SIN(psi2);
         const ncgen_real r4_z = q[11];
         const ncgen_real r2_z = q[2];
         const ncgen_real dpsi2 = qd[31];
-        const ncgen_real x13 = dpsi2 * dpsi2;
-        const ncgen_real x14 = x9 * (R(2.0) * (du3_y * x10 - du3_x * x11)) + x12 * ((r4_z - r2_z) * x13);
-        const ncgen_real dr4_z = qd[11];
-        const ncgen_real x15 = R(2.0) * dpsi2;
+        const ncgen_real x54 = dpsi2 * dpsi2;
+        const ncgen_real x55 = x52 * (R(2.0) * (x8 * du3_y - x9 * du3_x)) + x53 * ((r4_z - r2_z) * x54);
+        const ncgen_real x56 = R(2.0) * dpsi2;
         const ncgen_real r2_y = q[1];
         const ncgen_real r4_y = q[10];
-        const ncgen_real x16 = r2_y - r4_y;
+        const ncgen_real x57 = r2_y - r4_y;
         const ncgen_real r2_x = q[0];
         const ncgen_real r4_x = q[9];
-        const ncgen_real x17 = r2_x - r4_x;
-        const ncgen_real x18 = x15 * (u3_y * x10 - (u3_x * x11 + du3_x * x16) + du3_y * x17);
-        const ncgen_real x19 = x14 - x9 * ((dr4_z - dr2_z) * x15) - x12 * x18 - x9 * (x13 * (u3_y * x17 - u3_x * x16));
-        gamma[26] = R(0.9120758847136081) * x19;
+        const ncgen_real x58 = r2_x - r4_x;
+        const ncgen_real x59 = x56 * (x8 * u3_y - (x9 * u3_x + du3_x * x57) + du3_y * x58);
+        const ncgen_real x60 = x55 - x52 * ((dr4_z - dr2_z) * x56) - x53 * x59 - x52 * (x54 * (u3_y * x58 - u3_x * x57));
+        gamma[26] = R(0.9120758847136081) * x60;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
         const ncgen_real psi3 = q[32];
-        const ncgen_real x20 = NCGEN_COS(psi3);
-        const ncgen_real dr6_y = qd[16];
-        const ncgen_real x21 = dr4_y - dr6_y;
-        const ncgen_real dr7_z = qd[20];
-        const ncgen_real dr6_z = qd[17];
-        const ncgen_real x22 = dr7_z - dr6_z;
-        const ncgen_real x23 = dr4_z - dr6_z;
-        const ncgen_real dr7_y = qd[19];
-        const ncgen_real x24 = dr7_y - dr6_y;
+        const ncgen_real x61 = NCGEN_COS(psi3);
+        const ncgen_real x62 = dr7_z - dr6_z;
+        const ncgen_real x63 = dr7_y - dr6_y;
         const ncgen_real u3_z = q[5];
-        const ncgen_real dr6_x = qd[15];
-        const ncgen_real x25 = dr4_x - dr6_x;
-        const ncgen_real dr7_x = qd[18];
-        const ncgen_real x26 = dr7_x - dr6_x;
-        const ncgen_real x27 = u3_x * (x21 * x22 - x23 * x24) + u3_z * (x25 * x24 - x21 * x26);
+        const ncgen_real x64 = dr7_x - dr6_x;
+        const ncgen_real x65 = u3_x * (x32 * x62 - x33 * x63) + u3_z * (x31 * x63 - x32 * x64);
         const ncgen_real r6_y = q[16];
-        const ncgen_real x28 = r4_y - r6_y;
+        const ncgen_real x66 = r4_y - r6_y;
         const ncgen_real r7_z = q[20];
         const ncgen_real r6_z = q[17];
-        const ncgen_real x29 = r7_z - r6_z;
-        const ncgen_real x30 = r4_z - r6_z;
+        const ncgen_real x67 = r7_z - r6_z;
+        const ncgen_real x68 = r4_z - r6_z;
         const ncgen_real r7_y = q[19];
-        const ncgen_real x31 = r7_y - r6_y;
-        const ncgen_real x32 = x28 * x22 + x29 * x21 - x30 * x24 - x31 * x23;
+        const ncgen_real x69 = r7_y - r6_y;
+        const ncgen_real x70 = x66 * x62 + x32 * x67 - x68 * x63 - x33 * x69;
         const ncgen_real r6_x = q[15];
-        const ncgen_real x33 = r4_x - r6_x;
+        const ncgen_real x71 = r4_x - r6_x;
         const ncgen_real r7_x = q[18];
-        const ncgen_real x34 = r7_x - r6_x;
-        const ncgen_real x35 = x33 * x24 + x31 * x25 - x28 * x26 - x34 * x21;
-        const ncgen_real x36 = x27 + du3_x * x32 + du3_z * x35 - u3_y * (x25 * x22 - x23 * x26);
-        const ncgen_real x37 = x33 * x22 + x29 * x25 - x30 * x26 - x34 * x23;
-        const ncgen_real x38 = NCGEN_SIN(psi3);
+        const ncgen_real x72 = r7_x - r6_x;
+        const ncgen_real x73 = x71 * x63 + x31 * x69 - x66 * x64 - x32 * x72;
+        const ncgen_real x74 = x65 + du3_x * x70 + du3_z * x73 - u3_y * (x31 * x62 - x33 * x64);
+        const ncgen_real x75 = x71 * x62 + x31 * x67 - x68 * x64 - x33 * x72;
+        const ncgen_real x76 = NCGEN_SIN(psi3);
         const ncgen_real dpsi3 = qd[32];
-        const ncgen_real x39 = dpsi3 * dpsi3;
-        const ncgen_real x40 = x20 * (R(2.0) * (x36 - du3_y * x37)) + x38 * ((x33 * x34 + x28 * x31 + x30 * x29) * x39);
-        const ncgen_real x41 = x40 - x38 * (R(2.0) * (x25 * x26 + x21 * x24 + x23 * x22));
-        const ncgen_real x42 = R(2.0) * dpsi3;
-        const ncgen_real x43 = x33 * x26 + x28 * x24 + x30 * x22 + x34 * x25 + x31 * x21;
-        const ncgen_real x44 = x28 * x29 - x30 * x31;
-        const ncgen_real x45 = x33 * x31 - x28 * x34;
-        const ncgen_real x46 = u3_x * x32 + u3_z * x35 + du3_x * x44 + du3_z * x45 - u3_y * x37;
-        const ncgen_real x47 = x33 * x29 - x30 * x34;
-        const ncgen_real x48 = x41 - x20 * (x42 * (x43 + x29 * x23)) - x38 * (x42 * (x46 - du3_y * x47));
-        const ncgen_real x49 = x48 - x20 * (x39 * (u3_x * x44 + u3_z * x45 - u3_y * x47));
-        gamma[27] = R(2.822822138105743) * x49;
+        const ncgen_real x77 = dpsi3 * dpsi3;
+        const ncgen_real x78 = x61 * (R(2.0) * (x74 - du3_y * x75)) + x76 * ((x71 * x72 + x66 * x69 + x68 * x67) * x77);
+        const ncgen_real x79 = x78 - x76 * (R(2.0) * (x31 * x64 + x32 * x63 + x33 * x62));
+        const ncgen_real x80 = R(2.0) * dpsi3;
+        const ncgen_real x81 = x71 * x64 + x66 * x63 + x68 * x62 + x31 * x72 + x32 * x69;
+        const ncgen_real x82 = x66 * x67 - x68 * x69;
+        const ncgen_real x83 = x71 * x69 - x66 * x72;
+        const ncgen_real x84 = u3_x * x70 + u3_z * x73 + du3_x * x82 + du3_z * x83 - u3_y * x75;
+        const ncgen_real x85 = x71 * x67 - x68 * x72;
+        const ncgen_real x86 = x79 - x61 * (x80 * (x81 + x33 * x67)) - x76 * (x80 * (x84 - du3_y * x85));
+        const ncgen_real x87 = x86 - x61 * (x77 * (u3_x * x82 + u3_z * x83 - u3_y * x85));
+        gamma[27] = R(2.822822138105743) * x87;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real psi4 = q[33];
-        const ncgen_real x50 = NCGEN_COS(psi4);
-        const ncgen_real du4_z = qd[23];
-        const ncgen_real du4_y = qd[22];
-        const ncgen_real du4_x = qd[21];
-        const ncgen_real x51 = x34 * (du3_y * du4_z - du3_z * du4_y) + x29 * (du3_x * du4_y - du3_y * du4_x);
+        const ncgen_real x88 = NCGEN_COS(psi4);
+        const ncgen_real x89 = x72 * (du3_y * du4_z - du3_z * du4_y) + x67 * (du3_x * du4_y - du3_y * du4_x);
         const ncgen_real u4_z = q[23];
         const ncgen_real u4_y = q[22];
-        const ncgen_real x52 = u3_y * du4_z + du3_y * u4_z - u3_z * du4_y - du3_z * u4_y;
+        const ncgen_real x90 = du4_z * u3_y + du3_y * u4_z - du4_y * u3_z - du3_z * u4_y;
         const ncgen_real u4_x = q[21];
-        const ncgen_real x53 = u3_x * du4_y + du3_x * u4_y - u3_y * du4_x - du3_y * u4_x;
-        const ncgen_real x54 = x51 + x26 * x52 + x22 * x53 - x31 * (du3_x * du4_z - du3_z * du4_x);
-        const ncgen_real x55 = u3_x * du4_z + du3_x * u4_z - u3_z * du4_x - du3_z * u4_x;
-        const ncgen_real x56 = NCGEN_SIN(psi4);
+        const ncgen_real x91 = du4_y * u3_x + du3_x * u4_y - du4_x * u3_y - du3_y * u4_x;
+        const ncgen_real x92 = x89 + x64 * x90 + x62 * x91 - x69 * (du3_x * du4_z - du3_z * du4_x);
+        const ncgen_real x93 = du4_z * u3_x + du3_x * u4_z - du4_x * u3_z - du3_z * u4_x;
+        const ncgen_real x94 = NCGEN_SIN(psi4);
         const ncgen_real dpsi4 = qd[33];
-        const ncgen_real x57 = dpsi4 * dpsi4;
-        const ncgen_real x58 = x50 * (R(1.5383928994504268) * (x54 - x24 * x55)) + x56 * ((u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * x57);
-        const ncgen_real x59 = x56 * (R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
-        const ncgen_real x60 = u3_x * du4_x + u3_y * du4_y + u3_z * du4_z + du3_x * u4_x;
-        const ncgen_real x61 = x50 * (R(2.0) * dpsi4 * (x60 + du3_y * u4_y + du3_z * u4_z));
-        const ncgen_real x62 = u3_y * u4_z - u3_z * u4_y;
-        const ncgen_real x63 = u3_x * u4_y - u3_y * u4_x;
-        const ncgen_real x64 = x34 * x52 + x29 * x53 + x26 * x62 + x22 * x63 - x31 * x55;
-        const ncgen_real x65 = u3_x * u4_z - u3_z * u4_x;
-        const ncgen_real x66 = x56 * (R(1.5383928994504268) * dpsi4 * (x64 - x24 * x65));
-        const ncgen_real x67 = R(0.7691964497252134) * x57 * (x34 * x62 + x29 * x63 - x31 * x65);
-        gamma[28] = x58 - x59 - x61 - x66 - x50 * x67;
+        const ncgen_real x95 = dpsi4 * dpsi4;
+        const ncgen_real x96 = x88 * (R(1.5383928994504268) * (x92 - x63 * x93)) + x94 * ((u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * x95);
+        const ncgen_real x97 = x94 * (R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+        const ncgen_real x98 = du4_x * u3_x + du4_y * u3_y + du4_z * u3_z + du3_x * u4_x;
+        const ncgen_real x99 = x88 * (R(2.0) * dpsi4 * (x98 + du3_y * u4_y + du3_z * u4_z));
+        const ncgen_real x100 = u3_y * u4_z - u3_z * u4_y;
+        const ncgen_real x101 = u3_x * u4_y - u3_y * u4_x;
+        const ncgen_real x102 = x72 * x90 + x67 * x91 + x64 * x100 + x62 * x101 - x69 * x93;
+        const ncgen_real x103 = u3_x * u4_z - u3_z * u4_x;
+        const ncgen_real x104 = x94 * (R(1.5383928994504268) * dpsi4 * (x102 - x63 * x103));
+        const ncgen_real x105 = R(0.7691964497252134) * x95 * (x72 * x100 + x67 * x101 - x69 * x103);
+        gamma[28] = x96 - x97 - x99 - x104 - x88 * x105;
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
         const ncgen_real psi5 = q[34];
-        const ncgen_real x68 = NCGEN_COS(psi5);
-        const ncgen_real x69 = dr6_y - dr7_y;
-        const ncgen_real dr8_z = qd[26];
-        const ncgen_real x70 = dr8_z - dr7_z;
-        const ncgen_real x71 = dr6_z - dr7_z;
-        const ncgen_real dr8_y = qd[25];
-        const ncgen_real x72 = dr8_y - dr7_y;
-        const ncgen_real x73 = dr6_x - dr7_x;
-        const ncgen_real dr8_x = qd[24];
-        const ncgen_real x74 = dr8_x - dr7_x;
-        const ncgen_real x75 = u4_x * (x69 * x70 - x71 * x72) + u4_z * (x73 * x72 - x69 * x74);
-        const ncgen_real x76 = r6_y - r7_y;
+        const ncgen_real x106 = NCGEN_COS(psi5);
+        const ncgen_real x107 = dr8_z - dr7_z;
+        const ncgen_real x108 = dr8_y - dr7_y;
+        const ncgen_real x109 = dr8_x - dr7_x;
+        const ncgen_real x110 = u4_x * (x36 * x107 - x37 * x108) + u4_z * (x35 * x108 - x36 * x109);
+        const ncgen_real x111 = r6_y - r7_y;
         const ncgen_real r8_z = q[26];
-        const ncgen_real x77 = r8_z - r7_z;
-        const ncgen_real x78 = r6_z - r7_z;
+        const ncgen_real x112 = r8_z - r7_z;
+        const ncgen_real x113 = r6_z - r7_z;
         const ncgen_real r8_y = q[25];
-        const ncgen_real x79 = r8_y - r7_y;
-        const ncgen_real x80 = x76 * x70 + x77 * x69 - x78 * x72 - x79 * x71;
-        const ncgen_real x81 = r6_x - r7_x;
+        const ncgen_real x114 = r8_y - r7_y;
+        const ncgen_real x115 = x111 * x107 + x36 * x112 - x113 * x108 - x37 * x114;
+        const ncgen_real x116 = r6_x - r7_x;
         const ncgen_real r8_x = q[24];
-        const ncgen_real x82 = r8_x - r7_x;
-        const ncgen_real x83 = x81 * x72 + x79 * x73 - x76 * x74 - x82 * x69;
-        const ncgen_real x84 = x75 + du4_x * x80 + du4_z * x83 - u4_y * (x73 * x70 - x71 * x74);
-        const ncgen_real x85 = x81 * x70 + x77 * x73 - x78 * x74 - x82 * x71;
-        const ncgen_real x86 = NCGEN_SIN(psi5);
+        const ncgen_real x117 = r8_x - r7_x;
+        const ncgen_real x118 = x116 * x108 + x35 * x114 - x111 * x109 - x36 * x117;
+        const ncgen_real x119 = x110 + du4_x * x115 + du4_z * x118 - u4_y * (x35 * x107 - x37 * x109);
+        const ncgen_real x120 = x116 * x107 + x35 * x112 - x113 * x109 - x37 * x117;
+        const ncgen_real x121 = NCGEN_SIN(psi5);
         const ncgen_real dpsi5 = qd[34];
-        const ncgen_real x87 = dpsi5 * dpsi5;
-        const ncgen_real x88 = x68 * (R(2.0) * (x84 - du4_y * x85)) + x86 * ((x81 * x82 + x76 * x79 + x78 * x77) * x87);
-        const ncgen_real x89 = x88 - x86 * (R(2.0) * (x73 * x74 + x69 * x72 + x71 * x70));
-        const ncgen_real x90 = R(2.0) * dpsi5;
-        const ncgen_real x91 = x81 * x74 + x76 * x72 + x78 * x70 + x82 * x73 + x79 * x69;
-        const ncgen_real x92 = x76 * x77 - x78 * x79;
-        const ncgen_real x93 = x81 * x79 - x76 * x82;
-        const ncgen_real x94 = u4_x * x80 + u4_z * x83 + du4_x * x92 + du4_z * x93 - u4_y * x85;
-        const ncgen_real x95 = x81 * x77 - x78 * x82;
-        const ncgen_real x96 = x89 - x68 * (x90 * (x91 + x77 * x71)) - x86 * (x90 * (x94 - du4_y * x95));
-        const ncgen_real x97 = x96 - x68 * (x87 * (u4_x * x92 + u4_z * x93 - u4_y * x95));
-        gamma[29] = R(3.3487002600139895) * x97;
+        const ncgen_real x122 = dpsi5 * dpsi5;
+        const ncgen_real x123 = x121 * ((x116 * x117 + x111 * x114 + x113 * x112) * x122);
+        const ncgen_real x124 = x106 * (R(2.0) * (x119 - du4_y * x120)) + x123 - x121 * (R(2.0) * (x35 * x109 + x36 * x108 + x37 * x107));
+        const ncgen_real x125 = R(2.0) * dpsi5;
+        const ncgen_real x126 = x116 * x109 + x111 * x108 + x113 * x107 + x35 * x117 + x36 * x114;
+        const ncgen_real x127 = x111 * x112 - x113 * x114;
+        const ncgen_real x128 = x116 * x114 - x111 * x117;
+        const ncgen_real x129 = u4_x * x115 + u4_z * x118 + du4_x * x127 + du4_z * x128 - u4_y * x120;
+        const ncgen_real x130 = x116 * x112 - x113 * x117;
+        const ncgen_real x131 = x124 - x106 * (x125 * (x126 + x37 * x112)) - x121 * (x125 * (x129 - du4_y * x130));
+        const ncgen_real x132 = x106 * (x122 * (u4_x * x127 + u4_z * x128 - u4_y * x130));
+        gamma[29] = R(3.3487002600139895) * (x131 - x132);
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
         const ncgen_real psi6 = q[35];
-        const ncgen_real x98 = NCGEN_COS(psi6);
-        const ncgen_real du5_z = qd[29];
-        const ncgen_real du5_y = qd[28];
-        const ncgen_real du5_x = qd[27];
-        const ncgen_real x99 = x82 * (du4_y * du5_z - du4_z * du5_y) + x77 * (du4_x * du5_y - du4_y * du5_x);
+        const ncgen_real x133 = NCGEN_COS(psi6);
+        const ncgen_real x134 = x117 * (du4_y * du5_z - du4_z * du5_y) + x112 * (du4_x * du5_y - du4_y * du5_x);
         const ncgen_real u5_z = q[29];
         const ncgen_real u5_y = q[28];
-        const ncgen_real x100 = u4_y * du5_z + du4_y * u5_z - u4_z * du5_y - du4_z * u5_y;
+        const ncgen_real x135 = du5_z * u4_y + du4_y * u5_z - du5_y * u4_z - du4_z * u5_y;
         const ncgen_real u5_x = q[27];
-        const ncgen_real x101 = u4_x * du5_y + du4_x * u5_y - u4_y * du5_x - du4_y * u5_x;
-        const ncgen_real x102 = x99 + x74 * x100 + x70 * x101 - x79 * (du4_x * du5_z - du4_z * du5_x);
-        const ncgen_real x103 = u4_x * du5_z + du4_x * u5_z - u4_z * du5_x - du4_z * u5_x;
-        const ncgen_real x104 = NCGEN_SIN(psi6);
+        const ncgen_real x136 = du5_y * u4_x + du4_x * u5_y - du5_x * u4_y - du4_y * u5_x;
+        const ncgen_real x137 = x134 + x109 * x135 + x107 * x136 - x114 * (du4_x * du5_z - du4_z * du5_x);
+        const ncgen_real x138 = du5_z * u4_x + du4_x * u5_z - du5_x * u4_z - du4_z * u5_x;
+        const ncgen_real x139 = NCGEN_SIN(psi6);
         const ncgen_real dpsi6 = qd[35];
-        const ncgen_real x105 = dpsi6 * dpsi6;
-        const ncgen_real x106 = x104 * ((u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * x105);
-        const ncgen_real x107 = x98 * (R(8.707009142359599) * (x102 - x72 * x103)) + x106;
-        const ncgen_real x108 = x104 * (R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
-        const ncgen_real x109 = u4_x * du5_x + u4_y * du5_y + u4_z * du5_z + du4_x * u5_x;
-        const ncgen_real x110 = x98 * (R(2.0) * dpsi6 * (x109 + du4_y * u5_y + du4_z * u5_z));
-        const ncgen_real x111 = u4_y * u5_z - u4_z * u5_y;
-        const ncgen_real x112 = u4_x * u5_y - u4_y * u5_x;
-        const ncgen_real x113 = x82 * x100 + x77 * x101 + x74 * x111 + x70 * x112 - x79 * x103;
-        const ncgen_real x114 = u4_x * u5_z - u4_z * u5_x;
-        const ncgen_real x115 = x104 * (R(8.707009142359599) * dpsi6 * (x113 - x72 * x114));
-        const ncgen_real x116 = R(4.3535045711797995) * x105 * (x82 * x111 + x77 * x112 - x79 * x114);
-        gamma[30] = x107 - x108 - x110 - x115 - x98 * x116;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
-    /*   row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
-    /*   row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
-    /*   row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
-    /*   row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
-    /*   row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
-    /*   row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
-    /*   row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
-    for (int i = 0; i < 8; ++i) {
-        const ncgen_real x1 = robot_number_5[i];
-        const ncgen_real da0_x = qd[robot_index_1[i]];
-        const ncgen_real da1_x = qd[robot_index_2[i] + 6];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[robot_index_1[i] + 1];
-        const ncgen_real da1_y = qd[robot_index_2[i] + 7];
-        const ncgen_real x3 = da0_y - da1_y;
-        const ncgen_real da0_z = qd[robot_index_1[i] + 2];
-        const ncgen_real da1_z = qd[robot_index_2[i] + 8];
-        const ncgen_real x4 = da0_z - da1_z;
-        gamma[robot_index_3[i] + 1] = -(x1 * (x2 * x2 + x3 * x3 + x4 * x4));
-    }
-
-    /* unit: |u|^2 - 1 */
-    /*   row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
-    /*   row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
-    /*   row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real du_x = qd[robot_index_4[i] + 3];
-        const ncgen_real du_y = qd[robot_index_4[i] + 4];
-        const ncgen_real du_z = qd[robot_index_4[i] + 5];
-        gamma[robot_index_5[i] + 3] = -(du_x * du_x + du_y * du_y + du_z * du_z);
-    }
-
-    /* vector-segment: u.a - L c */
-    /*   row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
-    /*   row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
-    /*   row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
-    /*   row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
-    /*   row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-    /*   row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
-    /*   row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
-    /*   row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
-    /*   row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real x1 = robot_number_6[i];
-        const ncgen_real du_x = qd[robot_index_6[i] + 3];
-        const ncgen_real da0_x = qd[robot_index_7[i]];
-        const ncgen_real da1_x = qd[robot_index_8[i] + 6];
-        const ncgen_real du_y = qd[robot_index_6[i] + 4];
-        const ncgen_real da0_y = qd[robot_index_7[i] + 1];
-        const ncgen_real da1_y = qd[robot_index_8[i] + 7];
-        const ncgen_real du_z = qd[robot_index_6[i] + 5];
-        const ncgen_real da0_z = qd[robot_index_7[i] + 2];
-        const ncgen_real da1_z = qd[robot_index_8[i] + 8];
-        const ncgen_real x2 = du_x * (da0_x - da1_x) + du_y * (da0_y - da1_y) + du_z * (da0_z - da1_z);
-        gamma[robot_index_9[i] + 5] = -(x1 * x2);
+        const ncgen_real x140 = dpsi6 * dpsi6;
+        const ncgen_real x141 = x139 * ((u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * x140);
+        const ncgen_real x142 = x133 * (R(8.707009142359599) * (x137 - x108 * x138)) + x141;
+        const ncgen_real x143 = x139 * (R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+        const ncgen_real x144 = du5_x * u4_x + du5_y * u4_y + du5_z * u4_z + du4_x * u5_x;
+        const ncgen_real x145 = x133 * (R(2.0) * dpsi6 * (x144 + du4_y * u5_y + du4_z * u5_z));
+        const ncgen_real x146 = u4_y * u5_z - u4_z * u5_y;
+        const ncgen_real x147 = u4_x * u5_y - u4_y * u5_x;
+        const ncgen_real x148 = x117 * x135 + x112 * x136 + x109 * x146 + x107 * x147 - x114 * x138;
+        const ncgen_real x149 = u4_x * u5_z - u4_z * u5_x;
+        const ncgen_real x150 = x139 * (R(8.707009142359599) * dpsi6 * (x148 - x108 * x149));
+        const ncgen_real x151 = R(4.3535045711797995) * x140 * (x117 * x146 + x112 * x147 - x114 * x149);
+        gamma[30] = x142 - x143 - x145 - x150 - x133 * x151;
     }
 
     return NCGEN_OK;
 }
 
-/* mass: 912 operations */
+/* mass: 429 operations */
 int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
     (void)t;
@@ -1011,309 +1017,758 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 378; ++i) {
-        const ncgen_real x1 = robot_number_7[i];
+        const ncgen_real x1 = robot_number_2[i];
         mass[i] = x1;
     }
 
     {
-        /* body7 */
-        const ncgen_real u4_y = q[22];
-        const ncgen_real x1 = u4_y * u4_y;
-        const ncgen_real u4_z = q[23];
-        const ncgen_real x2 = u4_z * u4_z;
-        const ncgen_real x3 = R(0.9614328671821492) * (x1 + x2);
-        mass[188] += x3;
-        const ncgen_real u4_x = q[21];
-        const ncgen_real x4 = R(0.9614328671821492) * u4_x;
-        const ncgen_real x5 = u4_y * x4;
-        const ncgen_real x6 = -x5;
-        mass[189] += x6;
-        const ncgen_real x7 = u4_z * x4;
-        const ncgen_real x8 = -x7;
-        mass[190] += x8;
-        const ncgen_real x9 = -x3;
-        mass[191] += x9;
-        mass[192] += x5;
-        mass[193] += x7;
+        /* body3 */
+        const ncgen_real u3_y = q[4];
+        const ncgen_real x1 = u3_y * u3_y;
+        const ncgen_real u3_z = q[5];
+        const ncgen_real x2 = u3_z * u3_z;
+        const ncgen_real x3 = x1 + x2;
+        const ncgen_real x4 = R(1.8617528547875368) * x3;
+        mass[0] = x4 + R(287.3780041982022);
+        const ncgen_real u3_x = q[3];
+        const ncgen_real x5 = R(1.8617528547875368) * u3_x;
+        const ncgen_real x6 = u3_y * x5;
+        const ncgen_real x7 = -x6;
+        mass[1] = x7;
+        const ncgen_real x8 = u3_z * x5;
+        const ncgen_real x9 = -x8;
+        mass[2] = x9;
+        const ncgen_real r4_y = q[10];
+        const ncgen_real r2_y = q[1];
+        const ncgen_real x10 = r4_y - r2_y;
+        const ncgen_real x11 = u3_y * x10;
+        const ncgen_real r4_z = q[11];
+        const ncgen_real r2_z = q[2];
+        const ncgen_real x12 = r4_z - r2_z;
+        const ncgen_real x13 = u3_z * x12;
+        const ncgen_real x14 = R(1.8617528547875368) * (x11 + x13);
+        mass[3] = x14;
+        const ncgen_real r4_x = q[9];
+        const ncgen_real r2_x = q[0];
+        const ncgen_real x15 = r4_x - r2_x;
+        const ncgen_real x16 = R(1.8617528547875368) * x15;
+        const ncgen_real x17 = u3_y * x16;
+        const ncgen_real x18 = -x17;
+        mass[4] = x18;
+        const ncgen_real x19 = u3_z * x16;
+        const ncgen_real x20 = -x19;
+        mass[5] = x20;
+        const ncgen_real x21 = R(41.682142452610314) - x4;
+        mass[6] = x21;
+        mass[7] = x6;
+        mass[8] = x8;
+        mass[9] = x7;
+        const ncgen_real x22 = u3_x * u3_x;
+        const ncgen_real x23 = x2 + x22;
+        const ncgen_real x24 = R(1.8617528547875368) * x23;
+        mass[10] = x24 + R(287.3780041982022);
+        const ncgen_real x25 = u3_z * (R(1.8617528547875368) * u3_y);
+        const ncgen_real x26 = -x25;
+        mass[11] = x26;
+        const ncgen_real x27 = R(1.8617528547875368) * x10;
+        const ncgen_real x28 = u3_x * x27;
+        const ncgen_real x29 = -x28;
+        mass[12] = x29;
+        const ncgen_real x30 = u3_x * x15;
+        const ncgen_real x31 = R(1.8617528547875368) * (x13 + x30);
+        mass[13] = x31;
+        const ncgen_real x32 = u3_z * x27;
+        const ncgen_real x33 = -x32;
+        mass[14] = x33;
+        mass[15] = x6;
+        const ncgen_real x34 = R(41.682142452610314) - x24;
+        mass[16] = x34;
+        mass[17] = x25;
+        mass[18] = x9;
+        mass[19] = x26;
+        const ncgen_real x35 = x1 + x22;
+        const ncgen_real x36 = R(1.8617528547875368) * x35;
+        mass[20] = x36 + R(287.3780041982022);
+        const ncgen_real x37 = R(1.8617528547875368) * x12;
+        const ncgen_real x38 = u3_x * x37;
+        const ncgen_real x39 = -x38;
+        mass[21] = x39;
+        const ncgen_real x40 = u3_y * x37;
+        const ncgen_real x41 = -x40;
+        mass[22] = x41;
+        const ncgen_real x42 = R(1.8617528547875368) * (x11 + x30);
+        mass[23] = x42;
+        mass[24] = x8;
+        mass[25] = x25;
+        const ncgen_real x43 = R(41.682142452610314) - x36;
+        mass[26] = x43;
+        mass[27] = x14;
+        mass[28] = x29;
+        mass[29] = x39;
+        /* body3; body4; body6 */
         const ncgen_real r7_y = q[19];
         const ncgen_real r6_y = q[16];
-        const ncgen_real x10 = r7_y - r6_y;
-        const ncgen_real x11 = u4_y * x10;
+        const ncgen_real x44 = r7_y - r6_y;
+        const ncgen_real x45 = x44 * x44;
         const ncgen_real r7_z = q[20];
         const ncgen_real r6_z = q[17];
-        const ncgen_real x12 = r7_z - r6_z;
-        const ncgen_real x13 = u4_z * x12;
-        const ncgen_real x14 = R(0.9614328671821492) * (x11 + x13);
-        mass[194] = x14;
+        const ncgen_real x46 = r7_z - r6_z;
+        const ncgen_real x47 = x46 * x46;
+        const ncgen_real x48 = x45 + x47;
+        const ncgen_real r5_y = q[13];
+        const ncgen_real r3_y = q[7];
+        const ncgen_real x49 = r5_y - r3_y;
+        const ncgen_real x50 = x49 * x49;
+        const ncgen_real r5_z = q[14];
+        const ncgen_real r3_z = q[8];
+        const ncgen_real x51 = r5_z - r3_z;
+        const ncgen_real x52 = x51 * x51;
+        const ncgen_real x53 = x10 * x10;
+        const ncgen_real x54 = x12 * x12;
+        const ncgen_real x55 = R(0.020797060486902778) * (x50 + x52) + (R(1.8617528547875368) * (x53 + x54) + R(12.9595));
+        mass[30] = R(0.3549979069619237) * x48 + x55;
         const ncgen_real r7_x = q[18];
         const ncgen_real r6_x = q[15];
-        const ncgen_real x15 = r7_x - r6_x;
-        const ncgen_real x16 = R(0.9614328671821492) * x15;
-        const ncgen_real x17 = R(0.38428507637356846) * x12;
-        const ncgen_real x18 = u4_y * x16 + x17;
-        const ncgen_real x19 = -x18;
-        mass[195] = x19;
-        const ncgen_real x20 = R(0.38428507637356846) * x10;
-        const ncgen_real x21 = u4_z * x16;
-        const ncgen_real x22 = x20 - x21;
-        mass[196] = x22;
-        mass[202] += x6;
-        const ncgen_real x23 = u4_x * u4_x;
-        const ncgen_real x24 = R(0.9614328671821492) * (x2 + x23);
-        mass[203] += x24;
-        const ncgen_real x25 = u4_z * (R(0.9614328671821492) * u4_y);
-        const ncgen_real x26 = -x25;
-        mass[204] += x26;
-        mass[205] += x5;
-        const ncgen_real x27 = -x24;
-        mass[206] += x27;
-        mass[207] += x25;
-        const ncgen_real x28 = R(0.9614328671821492) * x10;
-        const ncgen_real x29 = u4_x * x28;
-        const ncgen_real x30 = x17 - x29;
-        mass[208] = x30;
-        const ncgen_real x31 = u4_x * x15;
-        const ncgen_real x32 = R(0.9614328671821492) * (x13 + x31);
-        mass[209] = x32;
-        const ncgen_real x33 = R(0.38428507637356846) * x15;
-        const ncgen_real x34 = u4_z * x28 + x33;
-        const ncgen_real x35 = -x34;
-        mass[210] = x35;
-        mass[216] += x8;
-        mass[217] += x26;
-        const ncgen_real x36 = R(0.9614328671821492) * (x1 + x23);
-        mass[218] += x36;
-        mass[219] += x7;
-        mass[220] += x25;
-        const ncgen_real x37 = -x36;
-        mass[221] += x37;
-        const ncgen_real x38 = R(0.9614328671821492) * x12;
-        const ncgen_real x39 = x20 + u4_x * x38;
-        const ncgen_real x40 = -x39;
-        mass[222] = x40;
-        const ncgen_real x41 = u4_y * x38;
-        const ncgen_real x42 = x33 - x41;
-        mass[223] = x42;
-        const ncgen_real x43 = R(0.9614328671821492) * (x11 + x31);
-        mass[224] = x43;
-        mass[228] += x9;
-        mass[229] += x5;
-        mass[230] += x7;
-        mass[231] += x3;
-        mass[232] += x6;
-        mass[233] += x8;
-        const ncgen_real x44 = -x14;
-        mass[234] += x44;
-        mass[235] += x18;
-        const ncgen_real x45 = x21 - x20;
-        mass[236] += x45;
-        mass[246] += x5;
-        mass[247] += x27;
-        mass[248] += x25;
-        mass[249] += x6;
-        mass[250] += x24;
-        mass[251] += x26;
-        const ncgen_real x46 = x29 - x17;
-        mass[252] += x46;
-        const ncgen_real x47 = -x32;
-        mass[253] += x47;
-        mass[254] += x34;
-        mass[264] += x7;
-        mass[265] += x25;
-        mass[266] += x37;
-        mass[267] += x8;
-        mass[268] += x26;
-        mass[269] += x36;
-        mass[270] += x39;
-        const ncgen_real x48 = x41 - x33;
-        mass[271] += x48;
-        const ncgen_real x49 = -x43;
-        mass[272] += x49;
-        mass[279] = x14;
-        mass[280] = x30;
-        mass[281] = x40;
-        mass[282] += x44;
-        mass[283] += x46;
-        mass[284] += x39;
-        const ncgen_real x50 = x10 * x10;
-        const ncgen_real x51 = x12 * x12;
-        mass[285] += R(0.9614328671821492) * (x50 + x51);
-        const ncgen_real x52 = -(x10 * x16);
-        mass[286] += x52;
-        const ncgen_real x53 = -(x12 * x16);
-        mass[287] += x53;
-        mass[291] = x19;
-        mass[292] = x32;
-        mass[293] = x42;
-        mass[294] += x18;
-        mass[295] += x47;
-        mass[296] += x48;
-        mass[297] += x52;
-        const ncgen_real x54 = x15 * x15;
-        mass[298] += R(0.9614328671821492) * (x51 + x54);
-        const ncgen_real x55 = -(x12 * x28);
-        mass[299] += x55;
-        mass[303] = x22;
-        mass[304] = x35;
-        mass[305] = x43;
-        mass[306] += x45;
-        mass[307] += x34;
-        mass[308] += x49;
-        mass[309] += x53;
-        mass[310] += x55;
-        mass[311] += R(0.9614328671821492) * (x50 + x54);
-    }
-
-    /* cross-product-body: kinetic energy of w = a x u */
-    /*   body3, body4, body6, body8, body9 */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real x1 = robot_number_8[i];
-        const ncgen_real u_y = q[robot_index_16[i] + 4];
-        const ncgen_real x2 = u_y * u_y;
-        const ncgen_real u_z = q[robot_index_16[i] + 5];
-        const ncgen_real x3 = u_z * u_z;
-        const ncgen_real x4 = x1 * (R(2.0) * (x2 + x3));
-        mass[robot_index_19[i]] += x4;
-        const ncgen_real u_x = q[robot_index_16[i] + 3];
-        const ncgen_real mw = robot_number_9[i];
-        const ncgen_real x5 = u_x * mw;
-        const ncgen_real x6 = u_y * x5;
-        const ncgen_real x7 = -x6;
-        mass[robot_index_19[i] + 1] += x7;
-        const ncgen_real x8 = u_z * x5;
-        const ncgen_real x9 = -x8;
-        mass[robot_index_19[i] + 2] += x9;
-        const ncgen_real x10 = -x4;
-        mass[robot_index_20[i] + 6] += x10;
-        mass[robot_index_20[i] + 7] += x6;
-        mass[robot_index_20[i] + 8] += x8;
-        const ncgen_real a0_y = q[robot_index_17[i] + 10];
-        const ncgen_real r_y = q[robot_index_18[i] + 1];
-        const ncgen_real x11 = a0_y - r_y;
-        const ncgen_real x12 = u_y * x11;
-        const ncgen_real a0_z = q[robot_index_17[i] + 11];
-        const ncgen_real r_z = q[robot_index_18[i] + 2];
-        const ncgen_real x13 = a0_z - r_z;
-        const ncgen_real x14 = u_z * x13;
-        const ncgen_real x15 = x1 * (R(2.0) * (x12 + x14));
-        mass[robot_index_21[i] + 3] += x15;
-        const ncgen_real a0_x = q[robot_index_17[i] + 9];
-        const ncgen_real r_x = q[robot_index_18[i]];
-        const ncgen_real x16 = a0_x - r_x;
-        const ncgen_real x17 = x16 * mw;
-        const ncgen_real x18 = u_y * x17;
-        const ncgen_real x19 = -x18;
-        mass[robot_index_21[i] + 4] += x19;
-        const ncgen_real x20 = u_z * x17;
-        const ncgen_real x21 = -x20;
-        mass[robot_index_21[i] + 5] += x21;
-        mass[robot_index_22[i] + 9] += x7;
-        const ncgen_real x22 = u_x * u_x;
-        const ncgen_real x23 = x1 * (R(2.0) * (x3 + x22));
-        mass[robot_index_22[i] + 10] += x23;
-        const ncgen_real x24 = u_z * (u_y * mw);
-        const ncgen_real x25 = -x24;
-        mass[robot_index_22[i] + 11] += x25;
-        mass[robot_index_23[i] + 15] += x6;
-        const ncgen_real x26 = -x23;
-        mass[robot_index_23[i] + 16] += x26;
-        mass[robot_index_23[i] + 17] += x24;
-        const ncgen_real x27 = x11 * mw;
-        const ncgen_real x28 = u_x * x27;
-        const ncgen_real x29 = -x28;
-        mass[robot_index_24[i] + 12] += x29;
-        const ncgen_real x30 = u_x * x16;
-        const ncgen_real x31 = x1 * (R(2.0) * (x14 + x30));
-        mass[robot_index_24[i] + 13] += x31;
-        const ncgen_real x32 = u_z * x27;
-        const ncgen_real x33 = -x32;
-        mass[robot_index_24[i] + 14] += x33;
-        mass[robot_index_25[i] + 18] += x9;
-        mass[robot_index_25[i] + 19] += x25;
-        const ncgen_real x34 = x1 * (R(2.0) * (x2 + x22));
-        mass[robot_index_25[i] + 20] += x34;
-        mass[robot_index_26[i] + 24] += x8;
-        mass[robot_index_26[i] + 25] += x24;
-        const ncgen_real x35 = -x34;
-        mass[robot_index_26[i] + 26] += x35;
-        const ncgen_real x36 = x13 * mw;
-        const ncgen_real x37 = u_x * x36;
-        const ncgen_real x38 = -x37;
-        mass[robot_index_27[i] + 21] += x38;
-        const ncgen_real x39 = u_y * x36;
-        const ncgen_real x40 = -x39;
-        mass[robot_index_27[i] + 22] += x40;
-        const ncgen_real x41 = x1 * (R(2.0) * (x12 + x30));
-        mass[robot_index_27[i] + 23] += x41;
-        mass[robot_index_28[i] + 117] += x10;
-        mass[robot_index_28[i] + 118] += x6;
-        mass[robot_index_28[i] + 119] += x8;
-        mass[robot_index_29[i] + 123] += x4;
-        mass[robot_index_29[i] + 124] += x7;
-        mass[robot_index_29[i] + 125] += x9;
-        const ncgen_real x42 = -x15;
-        mass[robot_index_30[i] + 120] += x42;
-        mass[robot_index_30[i] + 121] += x18;
-        mass[robot_index_30[i] + 122] += x20;
-        mass[robot_index_31[i] + 128] += x6;
-        mass[robot_index_31[i] + 129] += x26;
-        mass[robot_index_31[i] + 130] += x24;
-        mass[robot_index_32[i] + 134] += x7;
-        mass[robot_index_32[i] + 135] += x23;
-        mass[robot_index_32[i] + 136] += x25;
-        mass[robot_index_33[i] + 131] += x28;
-        const ncgen_real x43 = -x31;
-        mass[robot_index_33[i] + 132] += x43;
-        mass[robot_index_33[i] + 133] += x32;
-        mass[robot_index_34[i] + 139] += x8;
-        mass[robot_index_34[i] + 140] += x24;
-        mass[robot_index_34[i] + 141] += x35;
-        mass[robot_index_35[i] + 145] += x9;
-        mass[robot_index_35[i] + 146] += x25;
-        mass[robot_index_35[i] + 147] += x34;
-        mass[robot_index_36[i] + 142] += x37;
-        mass[robot_index_36[i] + 143] += x39;
-        const ncgen_real x44 = -x41;
-        mass[robot_index_36[i] + 144] += x44;
-        mass[robot_index_37[i] + 27] += x15;
-        mass[robot_index_37[i] + 28] += x29;
-        mass[robot_index_37[i] + 29] += x38;
-        mass[robot_index_38[i] + 36] += x42;
-        mass[robot_index_38[i] + 37] += x28;
-        mass[robot_index_38[i] + 38] += x37;
-        const ncgen_real x45 = x11 * x11;
-        const ncgen_real x46 = x13 * x13;
-        mass[robot_index_39[i] + 30] += x1 * (R(2.0) * (x45 + x46));
-        const ncgen_real x47 = -(x11 * x17);
-        mass[robot_index_39[i] + 31] += x47;
-        const ncgen_real x48 = -(x13 * x17);
-        mass[robot_index_39[i] + 32] += x48;
-        mass[robot_index_40[i] + 48] += x19;
-        mass[robot_index_40[i] + 49] += x31;
-        mass[robot_index_40[i] + 50] += x40;
-        mass[robot_index_41[i] + 57] += x18;
-        mass[robot_index_41[i] + 58] += x43;
-        mass[robot_index_41[i] + 59] += x39;
-        mass[robot_index_42[i] + 51] += x47;
-        const ncgen_real x49 = x16 * x16;
-        mass[robot_index_42[i] + 52] += x1 * (R(2.0) * (x46 + x49));
-        const ncgen_real x50 = -(x13 * x27);
-        mass[robot_index_42[i] + 53] += x50;
-        mass[robot_index_43[i] + 69] += x21;
-        mass[robot_index_43[i] + 70] += x33;
-        mass[robot_index_43[i] + 71] += x41;
-        mass[robot_index_44[i] + 78] += x20;
-        mass[robot_index_44[i] + 79] += x32;
-        mass[robot_index_44[i] + 80] += x44;
-        mass[robot_index_45[i] + 72] += x48;
-        mass[robot_index_45[i] + 73] += x50;
-        mass[robot_index_45[i] + 74] += x1 * (R(2.0) * (x45 + x49));
+        const ncgen_real x56 = r7_x - r6_x;
+        const ncgen_real x57 = R(0.3549979069619237) * x56;
+        const ncgen_real r5_x = q[12];
+        const ncgen_real r3_x = q[6];
+        const ncgen_real x58 = r5_x - r3_x;
+        const ncgen_real x59 = R(0.020797060486902778) * x58;
+        const ncgen_real x60 = -(x44 * x57 + (x10 * x16 + x49 * x59));
+        mass[31] = x60;
+        const ncgen_real x61 = -(x46 * x57 + (x12 * x16 + x51 * x59));
+        mass[32] = x61;
+        /* body4 */
+        const ncgen_real x62 = u3_y * x49;
+        const ncgen_real x63 = u3_z * x51;
+        const ncgen_real x64 = R(0.020797060486902778) * (x62 + x63);
+        mass[33] = x64;
+        const ncgen_real x65 = R(0.020797060486902778) * x49;
+        const ncgen_real x66 = u3_x * x65;
+        const ncgen_real x67 = -x66;
+        mass[34] = x67;
+        const ncgen_real x68 = R(0.020797060486902778) * x51;
+        const ncgen_real x69 = u3_x * x68;
+        const ncgen_real x70 = -x69;
+        mass[35] = x70;
+        /* body3 */
+        const ncgen_real x71 = -x14;
+        mass[36] = x71;
+        mass[37] = x28;
+        mass[38] = x38;
+        /* body4 */
+        const ncgen_real x72 = -x64;
+        mass[39] = x72;
+        mass[40] = x66;
+        mass[41] = x69;
+        /* body6 */
+        const ncgen_real x73 = u3_y * x44;
+        const ncgen_real x74 = u3_z * x46;
+        const ncgen_real x75 = R(0.3549979069619237) * (x73 + x74);
+        mass[42] = x75;
+        const ncgen_real x76 = R(0.3549979069619237) * x44;
+        const ncgen_real x77 = u3_x * x76;
+        const ncgen_real x78 = -x77;
+        mass[43] = x78;
+        const ncgen_real x79 = R(0.3549979069619237) * x46;
+        const ncgen_real x80 = u3_x * x79;
+        const ncgen_real x81 = -x80;
+        mass[44] = x81;
+        const ncgen_real x82 = -x75;
+        mass[45] = x82;
+        mass[46] = x77;
+        mass[47] = x80;
+        /* body3 */
+        mass[48] = x18;
+        mass[49] = x31;
+        mass[50] = x41;
+        /* body3; body4; body6 */
+        mass[51] = x60;
+        const ncgen_real x83 = x56 * x56;
+        const ncgen_real x84 = x47 + x83;
+        const ncgen_real x85 = x58 * x58;
+        const ncgen_real x86 = x15 * x15;
+        const ncgen_real x87 = R(0.020797060486902778) * (x52 + x85) + (R(1.8617528547875368) * (x54 + x86) + R(12.9595));
+        mass[52] = R(0.3549979069619237) * x84 + x87;
+        const ncgen_real x88 = -(x46 * x76 + (x12 * x27 + x51 * x65));
+        mass[53] = x88;
+        /* body4 */
+        const ncgen_real x89 = u3_y * x59;
+        const ncgen_real x90 = -x89;
+        mass[54] = x90;
+        const ncgen_real x91 = u3_x * x58;
+        const ncgen_real x92 = R(0.020797060486902778) * (x63 + x91);
+        mass[55] = x92;
+        const ncgen_real x93 = u3_y * x68;
+        const ncgen_real x94 = -x93;
+        mass[56] = x94;
+        /* body3 */
+        mass[57] = x17;
+        const ncgen_real x95 = -x31;
+        mass[58] = x95;
+        mass[59] = x40;
+        /* body4 */
+        mass[60] = x89;
+        const ncgen_real x96 = -x92;
+        mass[61] = x96;
+        mass[62] = x93;
+        /* body6 */
+        const ncgen_real x97 = u3_y * x57;
+        const ncgen_real x98 = -x97;
+        mass[63] = x98;
+        const ncgen_real x99 = u3_x * x56;
+        const ncgen_real x100 = R(0.3549979069619237) * (x74 + x99);
+        mass[64] = x100;
+        const ncgen_real x101 = u3_y * x79;
+        const ncgen_real x102 = -x101;
+        mass[65] = x102;
+        mass[66] = x97;
+        const ncgen_real x103 = -x100;
+        mass[67] = x103;
+        mass[68] = x101;
+        /* body3 */
+        mass[69] = x20;
+        mass[70] = x33;
+        mass[71] = x42;
+        /* body3; body4; body6 */
+        mass[72] = x61;
+        mass[73] = x88;
+        const ncgen_real x104 = x45 + x83;
+        const ncgen_real x105 = R(0.020797060486902778) * (x50 + x85) + (R(1.8617528547875368) * (x53 + x86) + R(12.9595));
+        mass[74] = R(0.3549979069619237) * x104 + x105;
+        /* body4 */
+        const ncgen_real x106 = u3_z * x59;
+        const ncgen_real x107 = -x106;
+        mass[75] = x107;
+        const ncgen_real x108 = u3_z * x65;
+        const ncgen_real x109 = -x108;
+        mass[76] = x109;
+        const ncgen_real x110 = R(0.020797060486902778) * (x62 + x91);
+        mass[77] = x110;
+        /* body3 */
+        mass[78] = x19;
+        mass[79] = x32;
+        const ncgen_real x111 = -x42;
+        mass[80] = x111;
+        /* body4 */
+        mass[81] = x106;
+        mass[82] = x108;
+        const ncgen_real x112 = -x110;
+        mass[83] = x112;
+        /* body6 */
+        const ncgen_real x113 = u3_z * x57;
+        const ncgen_real x114 = -x113;
+        mass[84] = x114;
+        const ncgen_real x115 = u3_z * x76;
+        const ncgen_real x116 = -x115;
+        mass[85] = x116;
+        const ncgen_real x117 = R(0.3549979069619237) * (x73 + x99);
+        mass[86] = x117;
+        mass[87] = x113;
+        mass[88] = x115;
+        const ncgen_real x118 = -x117;
+        mass[89] = x118;
+        /* body4 */
+        mass[90] = x64;
+        mass[91] = x90;
+        mass[92] = x107;
+        const ncgen_real x119 = R(0.020797060486902778) * x3;
+        mass[93] = x119 + R(6.642967778465319);
+        const ncgen_real x120 = R(0.020797060486902778) * u3_x;
+        const ncgen_real x121 = u3_y * x120;
+        const ncgen_real x122 = -x121;
+        mass[94] = x122;
+        const ncgen_real x123 = u3_z * x120;
+        const ncgen_real x124 = -x123;
+        mass[95] = x124;
+        const ncgen_real x125 = R(3.3570322215346806) - x119;
+        mass[96] = x125;
+        mass[97] = x121;
+        mass[98] = x123;
+        mass[99] = x67;
+        mass[100] = x92;
+        mass[101] = x109;
+        mass[102] = x122;
+        const ncgen_real x126 = R(0.020797060486902778) * x23;
+        mass[103] = x126 + R(6.642967778465319);
+        const ncgen_real x127 = u3_z * (R(0.020797060486902778) * u3_y);
+        const ncgen_real x128 = -x127;
+        mass[104] = x128;
+        mass[105] = x121;
+        const ncgen_real x129 = R(3.3570322215346806) - x126;
+        mass[106] = x129;
+        mass[107] = x127;
+        mass[108] = x70;
+        mass[109] = x94;
+        mass[110] = x110;
+        mass[111] = x124;
+        mass[112] = x128;
+        const ncgen_real x130 = R(0.020797060486902778) * x35;
+        mass[113] = x130 + R(6.642967778465319);
+        mass[114] = x123;
+        mass[115] = x127;
+        const ncgen_real x131 = R(3.3570322215346806) - x130;
+        mass[116] = x131;
+        /* body3 */
+        mass[117] = x21;
+        mass[118] = x6;
+        mass[119] = x8;
+        mass[120] = x71;
+        mass[121] = x17;
+        mass[122] = x19;
+        mass[123] = x4 + R(160.9248034599683);
+        mass[124] = x7;
+        mass[125] = x9;
+        mass[128] = x6;
+        mass[129] = x34;
+        mass[130] = x25;
+        mass[131] = x28;
+        mass[132] = x95;
+        mass[133] = x32;
+        mass[134] = x7;
+        mass[135] = x24 + R(160.9248034599683);
+        mass[136] = x26;
+        mass[139] = x8;
+        mass[140] = x25;
+        mass[141] = x43;
+        mass[142] = x38;
+        mass[143] = x40;
+        mass[144] = x111;
+        mass[145] = x9;
+        mass[146] = x26;
+        mass[147] = x36 + R(160.9248034599683);
+        /* body4 */
+        mass[150] = x72;
+        mass[151] = x89;
+        mass[152] = x106;
+        mass[153] = x125;
+        mass[154] = x121;
+        mass[155] = x123;
+        mass[157] = x119 + R(32.89352236014469);
+        mass[158] = x122;
+        mass[159] = x124;
+        mass[161] = x66;
+        mass[162] = x96;
+        mass[163] = x108;
+        mass[164] = x121;
+        mass[165] = x129;
+        mass[166] = x127;
+        mass[168] = x122;
+        mass[169] = x126 + R(32.89352236014469);
+        mass[170] = x128;
+        mass[172] = x69;
+        mass[173] = x93;
+        mass[174] = x112;
+        mass[175] = x123;
+        mass[176] = x127;
+        mass[177] = x131;
+        mass[179] = x124;
+        mass[180] = x128;
+        mass[181] = x130 + R(32.89352236014469);
+        /* body6 */
+        mass[183] = x75;
+        mass[184] = x98;
+        mass[185] = x114;
+        /* body6; body7 */
+        const ncgen_real u4_y = q[22];
+        const ncgen_real x132 = u4_y * u4_y;
+        const ncgen_real u4_z = q[23];
+        const ncgen_real x133 = u4_z * u4_z;
+        const ncgen_real x134 = x132 + x133;
+        const ncgen_real x135 = R(0.9614328671821492) * x134;
+        const ncgen_real x136 = R(0.3549979069619237) * x3;
+        mass[188] = x135 + (x136 + R(135.2774420586045));
+        const ncgen_real x137 = R(0.3549979069619237) * u3_x;
+        const ncgen_real x138 = u3_y * x137;
+        const ncgen_real u4_x = q[21];
+        const ncgen_real x139 = R(0.9614328671821492) * u4_x;
+        const ncgen_real x140 = u4_y * x139;
+        const ncgen_real x141 = x138 + x140;
+        const ncgen_real x142 = -x141;
+        mass[189] = x142;
+        const ncgen_real x143 = u3_z * x137;
+        const ncgen_real x144 = u4_z * x139;
+        const ncgen_real x145 = x143 + x144;
+        const ncgen_real x146 = -x145;
+        mass[190] = x146;
+        const ncgen_real x147 = R(19.039782247140735) - x136 - x135;
+        mass[191] = x147;
+        mass[192] = x141;
+        mass[193] = x145;
+        /* body7 */
+        const ncgen_real x148 = x44 * u4_y;
+        const ncgen_real x149 = x46 * u4_z;
+        const ncgen_real x150 = R(0.9614328671821492) * (x148 + x149);
+        mass[194] = x150;
+        const ncgen_real x151 = R(0.9614328671821492) * x56;
+        const ncgen_real x152 = R(0.38428507637356846) * x46;
+        const ncgen_real x153 = u4_y * x151 + x152;
+        const ncgen_real x154 = -x153;
+        mass[195] = x154;
+        const ncgen_real x155 = R(0.38428507637356846) * x44;
+        const ncgen_real x156 = u4_z * x151;
+        const ncgen_real x157 = x155 - x156;
+        mass[196] = x157;
+        /* body6 */
+        mass[197] = x78;
+        mass[198] = x100;
+        mass[199] = x116;
+        /* body6; body7 */
+        mass[202] = x142;
+        const ncgen_real x158 = u4_x * u4_x;
+        const ncgen_real x159 = x133 + x158;
+        const ncgen_real x160 = R(0.9614328671821492) * x159;
+        const ncgen_real x161 = R(0.3549979069619237) * x23;
+        mass[203] = x160 + (x161 + R(135.2774420586045));
+        const ncgen_real x162 = u3_z * (R(0.3549979069619237) * u3_y);
+        const ncgen_real x163 = u4_z * (R(0.9614328671821492) * u4_y);
+        const ncgen_real x164 = x162 + x163;
+        const ncgen_real x165 = -x164;
+        mass[204] = x165;
+        mass[205] = x141;
+        const ncgen_real x166 = R(19.039782247140735) - x161 - x160;
+        mass[206] = x166;
+        mass[207] = x164;
+        /* body7 */
+        const ncgen_real x167 = R(0.9614328671821492) * x44;
+        const ncgen_real x168 = u4_x * x167;
+        const ncgen_real x169 = x152 - x168;
+        mass[208] = x169;
+        const ncgen_real x170 = x56 * u4_x;
+        const ncgen_real x171 = R(0.9614328671821492) * (x149 + x170);
+        mass[209] = x171;
+        const ncgen_real x172 = R(0.38428507637356846) * x56;
+        const ncgen_real x173 = u4_z * x167 + x172;
+        const ncgen_real x174 = -x173;
+        mass[210] = x174;
+        /* body6 */
+        mass[211] = x81;
+        mass[212] = x102;
+        mass[213] = x117;
+        /* body6; body7 */
+        mass[216] = x146;
+        mass[217] = x165;
+        const ncgen_real x175 = x132 + x158;
+        const ncgen_real x176 = R(0.9614328671821492) * x175;
+        const ncgen_real x177 = R(0.3549979069619237) * x35;
+        mass[218] = x176 + (x177 + R(135.2774420586045));
+        mass[219] = x145;
+        mass[220] = x164;
+        const ncgen_real x178 = R(19.039782247140735) - x177 - x176;
+        mass[221] = x178;
+        /* body7 */
+        const ncgen_real x179 = R(0.9614328671821492) * x46;
+        const ncgen_real x180 = x155 + u4_x * x179;
+        const ncgen_real x181 = -x180;
+        mass[222] = x181;
+        const ncgen_real x182 = u4_y * x179;
+        const ncgen_real x183 = x172 - x182;
+        mass[223] = x183;
+        const ncgen_real x184 = R(0.9614328671821492) * (x148 + x170);
+        mass[224] = x184;
+        /* body6 */
+        mass[225] = x82;
+        mass[226] = x97;
+        mass[227] = x113;
+        /* body6; body7 */
+        mass[228] = x147;
+        mass[229] = x141;
+        mass[230] = x145;
+        /* body6; body8; body9; body7 */
+        const ncgen_real u5_y = q[28];
+        const ncgen_real x185 = u5_y * u5_y;
+        const ncgen_real u5_z = q[29];
+        const ncgen_real x186 = u5_z * u5_z;
+        const ncgen_real x187 = R(0.2842950307692511) * (x185 + x186);
+        const ncgen_real x188 = R(0.7581200820513364) * x134;
+        mass[231] = x135 + (x187 + (x188 + (x136 + R(32.64759802911444))));
+        const ncgen_real u5_x = q[27];
+        const ncgen_real x189 = R(0.2842950307692511) * u5_x;
+        const ncgen_real x190 = u5_y * x189;
+        const ncgen_real x191 = R(0.7581200820513364) * u4_x;
+        const ncgen_real x192 = u4_y * x191;
+        const ncgen_real x193 = -(x140 + (x190 + (x138 + x192)));
+        mass[232] = x193;
+        const ncgen_real x194 = u5_z * x189;
+        const ncgen_real x195 = u4_z * x191;
+        const ncgen_real x196 = -(x144 + (x194 + (x143 + x195)));
+        mass[233] = x196;
+        /* body8; body7 */
+        const ncgen_real r8_y = q[25];
+        const ncgen_real x197 = r8_y - r7_y;
+        const ncgen_real x198 = u4_y * x197;
+        const ncgen_real r8_z = q[26];
+        const ncgen_real x199 = r8_z - r7_z;
+        const ncgen_real x200 = u4_z * x199;
+        const ncgen_real x201 = R(0.7581200820513364) * (x198 + x200);
+        const ncgen_real x202 = x201 - x150;
+        mass[234] = x202;
+        const ncgen_real r8_x = q[24];
+        const ncgen_real x203 = r8_x - r7_x;
+        const ncgen_real x204 = R(0.7581200820513364) * x203;
+        const ncgen_real x205 = u4_y * x204;
+        const ncgen_real x206 = x153 - x205;
+        mass[235] = x206;
+        const ncgen_real x207 = u4_z * x204;
+        const ncgen_real x208 = x156 - x155 - x207;
+        mass[236] = x208;
+        /* body8; body9 */
+        const ncgen_real x209 = R(2.619541796013006) - x188 - x187;
+        mass[237] = x209;
+        const ncgen_real x210 = x192 + x190;
+        mass[238] = x210;
+        const ncgen_real x211 = x195 + x194;
+        mass[239] = x211;
+        /* body9 */
+        const ncgen_real x212 = x197 * u5_y;
+        const ncgen_real x213 = x199 * u5_z;
+        const ncgen_real x214 = R(0.2842950307692511) * (x212 + x213);
+        mass[240] = x214;
+        const ncgen_real x215 = R(0.2842950307692511) * x203;
+        const ncgen_real x216 = u5_y * x215;
+        const ncgen_real x217 = -x216;
+        mass[241] = x217;
+        const ncgen_real x218 = u5_z * x215;
+        const ncgen_real x219 = -x218;
+        mass[242] = x219;
+        /* body6 */
+        mass[243] = x77;
+        mass[244] = x103;
+        mass[245] = x115;
+        /* body6; body7 */
+        mass[246] = x141;
+        mass[247] = x166;
+        mass[248] = x164;
+        /* body6; body8; body9; body7 */
+        mass[249] = x193;
+        const ncgen_real x220 = u5_x * u5_x;
+        const ncgen_real x221 = R(0.2842950307692511) * (x186 + x220);
+        const ncgen_real x222 = R(0.7581200820513364) * x159;
+        mass[250] = x160 + (x221 + (x222 + (x161 + R(32.64759802911444))));
+        const ncgen_real x223 = u5_z * (R(0.2842950307692511) * u5_y);
+        const ncgen_real x224 = u4_z * (R(0.7581200820513364) * u4_y);
+        const ncgen_real x225 = -(x163 + (x223 + (x162 + x224)));
+        mass[251] = x225;
+        /* body8; body7 */
+        const ncgen_real x226 = R(0.7581200820513364) * x197;
+        const ncgen_real x227 = u4_x * x226;
+        const ncgen_real x228 = x168 - x152 - x227;
+        mass[252] = x228;
+        const ncgen_real x229 = u4_x * x203;
+        const ncgen_real x230 = R(0.7581200820513364) * (x200 + x229);
+        const ncgen_real x231 = x230 - x171;
+        mass[253] = x231;
+        const ncgen_real x232 = u4_z * x226;
+        const ncgen_real x233 = x173 - x232;
+        mass[254] = x233;
+        /* body8; body9 */
+        mass[255] = x210;
+        const ncgen_real x234 = R(2.619541796013006) - x222 - x221;
+        mass[256] = x234;
+        const ncgen_real x235 = x224 + x223;
+        mass[257] = x235;
+        /* body9 */
+        const ncgen_real x236 = R(0.2842950307692511) * x197;
+        const ncgen_real x237 = u5_x * x236;
+        const ncgen_real x238 = -x237;
+        mass[258] = x238;
+        const ncgen_real x239 = x203 * u5_x;
+        const ncgen_real x240 = R(0.2842950307692511) * (x213 + x239);
+        mass[259] = x240;
+        const ncgen_real x241 = u5_z * x236;
+        const ncgen_real x242 = -x241;
+        mass[260] = x242;
+        /* body6 */
+        mass[261] = x80;
+        mass[262] = x101;
+        mass[263] = x118;
+        /* body6; body7 */
+        mass[264] = x145;
+        mass[265] = x164;
+        mass[266] = x178;
+        /* body6; body8; body9; body7 */
+        mass[267] = x196;
+        mass[268] = x225;
+        const ncgen_real x243 = R(0.2842950307692511) * (x185 + x220);
+        const ncgen_real x244 = R(0.7581200820513364) * x175;
+        mass[269] = x176 + (x243 + (x244 + (x177 + R(32.64759802911444))));
+        /* body8; body7 */
+        const ncgen_real x245 = R(0.7581200820513364) * x199;
+        const ncgen_real x246 = u4_x * x245;
+        const ncgen_real x247 = x180 - x246;
+        mass[270] = x247;
+        const ncgen_real x248 = u4_y * x245;
+        const ncgen_real x249 = x182 - x172 - x248;
+        mass[271] = x249;
+        const ncgen_real x250 = R(0.7581200820513364) * (x198 + x229);
+        const ncgen_real x251 = x250 - x184;
+        mass[272] = x251;
+        /* body8; body9 */
+        mass[273] = x211;
+        mass[274] = x235;
+        const ncgen_real x252 = R(2.619541796013006) - x244 - x243;
+        mass[275] = x252;
+        /* body9 */
+        const ncgen_real x253 = R(0.2842950307692511) * x199;
+        const ncgen_real x254 = u5_x * x253;
+        const ncgen_real x255 = -x254;
+        mass[276] = x255;
+        const ncgen_real x256 = u5_y * x253;
+        const ncgen_real x257 = -x256;
+        mass[277] = x257;
+        const ncgen_real x258 = R(0.2842950307692511) * (x212 + x239);
+        mass[278] = x258;
+        /* body7 */
+        mass[279] = x150;
+        mass[280] = x169;
+        mass[281] = x181;
+        /* body8; body7 */
+        mass[282] = x202;
+        mass[283] = x228;
+        mass[284] = x247;
+        const ncgen_real x259 = x197 * x197;
+        const ncgen_real x260 = x199 * x199;
+        const ncgen_real x261 = x259 + x260;
+        const ncgen_real x262 = R(0.9614328671821492) * x48 + (R(0.7581200820513364) * x261 + R(0.29));
+        mass[285] = x262;
+        const ncgen_real x263 = -(x197 * x204 + x44 * x151);
+        mass[286] = x263;
+        const ncgen_real x264 = -(x199 * x204 + x46 * x151);
+        mass[287] = x264;
+        /* body8 */
+        const ncgen_real x265 = -x201;
+        mass[288] = x265;
+        mass[289] = x227;
+        mass[290] = x246;
+        /* body7 */
+        mass[291] = x154;
+        mass[292] = x171;
+        mass[293] = x183;
+        /* body8; body7 */
+        mass[294] = x206;
+        mass[295] = x231;
+        mass[296] = x249;
+        mass[297] = x263;
+        const ncgen_real x266 = x203 * x203;
+        const ncgen_real x267 = x260 + x266;
+        const ncgen_real x268 = R(0.9614328671821492) * x84 + (R(0.7581200820513364) * x267 + R(0.29));
+        mass[298] = x268;
+        const ncgen_real x269 = -(x199 * x226 + x46 * x167);
+        mass[299] = x269;
+        /* body8 */
+        mass[300] = x205;
+        const ncgen_real x270 = -x230;
+        mass[301] = x270;
+        mass[302] = x248;
+        /* body7 */
+        mass[303] = x157;
+        mass[304] = x174;
+        mass[305] = x184;
+        /* body8; body7 */
+        mass[306] = x208;
+        mass[307] = x233;
+        mass[308] = x251;
+        mass[309] = x264;
+        mass[310] = x269;
+        const ncgen_real x271 = x259 + x266;
+        const ncgen_real x272 = R(0.9614328671821492) * x104 + (R(0.7581200820513364) * x271 + R(0.29));
+        mass[311] = x272;
+        /* body8 */
+        mass[312] = x207;
+        mass[313] = x232;
+        const ncgen_real x273 = -x250;
+        mass[314] = x273;
+        /* body8; body9 */
+        mass[315] = x209;
+        mass[316] = x210;
+        mass[317] = x211;
+        /* body8 */
+        mass[318] = x265;
+        mass[319] = x205;
+        mass[320] = x207;
+        /* body8; body9 */
+        mass[321] = x187 + (x188 + R(12.073536131718818));
+        const ncgen_real x274 = -x210;
+        mass[322] = x274;
+        const ncgen_real x275 = -x211;
+        mass[323] = x275;
+        /* body9 */
+        const ncgen_real x276 = -x214;
+        mass[324] = x276;
+        mass[325] = x216;
+        mass[326] = x218;
+        /* body8; body9 */
+        mass[327] = x210;
+        mass[328] = x234;
+        mass[329] = x235;
+        /* body8 */
+        mass[330] = x227;
+        mass[331] = x270;
+        mass[332] = x232;
+        /* body8; body9 */
+        mass[333] = x274;
+        mass[334] = x221 + (x222 + R(12.073536131718818));
+        const ncgen_real x277 = -x235;
+        mass[335] = x277;
+        /* body9 */
+        mass[336] = x237;
+        const ncgen_real x278 = -x240;
+        mass[337] = x278;
+        mass[338] = x241;
+        /* body8; body9 */
+        mass[339] = x211;
+        mass[340] = x235;
+        mass[341] = x252;
+        /* body8 */
+        mass[342] = x246;
+        mass[343] = x248;
+        mass[344] = x273;
+        /* body8; body9 */
+        mass[345] = x275;
+        mass[346] = x277;
+        mass[347] = x243 + (x244 + R(12.073536131718818));
+        /* body9 */
+        mass[348] = x254;
+        mass[349] = x256;
+        const ncgen_real x279 = -x258;
+        mass[350] = x279;
+        mass[351] = x214;
+        mass[352] = x238;
+        mass[353] = x255;
+        mass[354] = x276;
+        mass[355] = x237;
+        mass[356] = x254;
+        mass[357] = R(0.2842950307692511) * x261 + R(0.015);
+        const ncgen_real x280 = -(x197 * x215);
+        mass[358] = x280;
+        const ncgen_real x281 = -(x199 * x215);
+        mass[359] = x281;
+        mass[360] = x217;
+        mass[361] = x240;
+        mass[362] = x257;
+        mass[363] = x216;
+        mass[364] = x278;
+        mass[365] = x256;
+        mass[366] = x280;
+        mass[367] = R(0.2842950307692511) * x267 + R(0.015);
+        const ncgen_real x282 = -(x199 * x236);
+        mass[368] = x282;
+        mass[369] = x219;
+        mass[370] = x242;
+        mass[371] = x258;
+        mass[372] = x218;
+        mass[373] = x241;
+        mass[374] = x279;
+        mass[375] = x281;
+        mass[376] = x282;
+        mass[377] = R(0.2842950307692511) * x271 + R(0.015);
     }
 
     return NCGEN_OK;
 }
 
-/* force: 309 operations */
+/* force: 256 operations */
 int robot_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
     (void)t;
@@ -1321,108 +1776,199 @@ int robot_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 36; ++i) {
-        const ncgen_real x1 = robot_number_10[i];
+        const ncgen_real x1 = robot_number_3[i];
         force[i] = x1;
     }
 
     {
-        /* body7 */
-        const ncgen_real dr7_y = qd[19];
-        const ncgen_real dr6_y = qd[16];
-        const ncgen_real x1 = dr7_y - dr6_y;
-        const ncgen_real du4_z = qd[23];
-        const ncgen_real dr7_z = qd[20];
-        const ncgen_real dr6_z = qd[17];
-        const ncgen_real x2 = dr7_z - dr6_z;
-        const ncgen_real du4_y = qd[22];
-        const ncgen_real x3 = x1 * du4_z - x2 * du4_y;
-        const ncgen_real u4_y = q[22];
+        /* body3 */
+        const ncgen_real u3_y = q[4];
+        const ncgen_real du3_y = qd[4];
+        const ncgen_real dr4_x = qd[9];
+        const ncgen_real dr2_x = qd[0];
+        const ncgen_real x1 = dr4_x - dr2_x;
+        const ncgen_real dr4_y = qd[10];
+        const ncgen_real dr2_y = qd[1];
+        const ncgen_real x2 = dr4_y - dr2_y;
+        const ncgen_real du3_x = qd[3];
+        const ncgen_real x3 = R(3.7235057095750737) * (du3_y * x1 - x2 * du3_x);
+        const ncgen_real x4 = u3_y * x3;
+        const ncgen_real u3_z = q[5];
+        const ncgen_real dr4_z = qd[11];
+        const ncgen_real dr2_z = qd[2];
+        const ncgen_real x5 = dr4_z - dr2_z;
+        const ncgen_real du3_z = qd[5];
+        const ncgen_real x6 = R(3.7235057095750737) * (x5 * du3_x - du3_z * x1);
+        const ncgen_real x7 = u3_z * x6;
+        force[0] = x4 - x7;
+        const ncgen_real x8 = R(3.7235057095750737) * (x2 * du3_z - x5 * du3_y);
+        const ncgen_real x9 = u3_z * x8;
+        const ncgen_real u3_x = q[3];
+        const ncgen_real x10 = x3 * u3_x;
+        force[1] = x9 - x10;
+        const ncgen_real x11 = x6 * u3_x;
+        const ncgen_real x12 = u3_y * x8;
+        force[2] = x11 - x12 - R(1226.2500000000002);
+        /* body3; body4; body6 */
         const ncgen_real dr7_x = qd[18];
         const ncgen_real dr6_x = qd[15];
-        const ncgen_real x4 = dr7_x - dr6_x;
-        const ncgen_real du4_x = qd[21];
-        const ncgen_real x5 = du4_y * x4 - x1 * du4_x;
-        const ncgen_real x6 = R(1.9228657343642983) * x5;
-        const ncgen_real u4_z = q[23];
-        const ncgen_real x7 = x2 * du4_x - du4_z * x4;
-        const ncgen_real x8 = R(1.9228657343642983) * x7;
-        const ncgen_real x9 = R(0.7685701527471369) * x3 - u4_y * x6 + u4_z * x8;
-        force[15] += -x9;
-        const ncgen_real x10 = R(1.9228657343642983) * x3;
-        const ncgen_real u4_x = q[21];
-        const ncgen_real x11 = R(0.7685701527471369) * x7 - u4_z * x10 + x6 * u4_x;
-        force[16] += -x11;
-        const ncgen_real x12 = R(0.7685701527471369) * x5 - x8 * u4_x + u4_y * x10;
-        force[17] += -x12;
-        force[18] += x9;
-        force[19] += x11;
-        force[20] += x12;
+        const ncgen_real x13 = dr7_x - dr6_x;
+        const ncgen_real dr7_y = qd[19];
+        const ncgen_real dr6_y = qd[16];
+        const ncgen_real x14 = dr7_y - dr6_y;
+        const ncgen_real x15 = R(0.7099958139238474) * (du3_y * x13 - du3_x * x14);
         const ncgen_real r7_y = q[19];
         const ncgen_real r6_y = q[16];
-        const ncgen_real x13 = r7_y - r6_y;
+        const ncgen_real x16 = r7_y - r6_y;
+        const ncgen_real dr7_z = qd[20];
+        const ncgen_real dr6_z = qd[17];
+        const ncgen_real x17 = dr7_z - dr6_z;
+        const ncgen_real x18 = R(0.7099958139238474) * (du3_x * x17 - du3_z * x13);
         const ncgen_real r7_z = q[20];
         const ncgen_real r6_z = q[17];
-        const ncgen_real x14 = r7_z - r6_z;
-        force[21] += x6 * x13 - x8 * x14;
+        const ncgen_real x19 = r7_z - r6_z;
+        const ncgen_real r4_y = q[10];
+        const ncgen_real r2_y = q[1];
+        const ncgen_real x20 = r4_y - r2_y;
+        const ncgen_real r4_z = q[11];
+        const ncgen_real r2_z = q[2];
+        const ncgen_real x21 = r4_z - r2_z;
+        const ncgen_real dr5_x = qd[12];
+        const ncgen_real dr3_x = qd[6];
+        const ncgen_real x22 = dr5_x - dr3_x;
+        const ncgen_real dr5_y = qd[13];
+        const ncgen_real dr3_y = qd[7];
+        const ncgen_real x23 = dr5_y - dr3_y;
+        const ncgen_real x24 = R(0.041594120973805555) * (du3_y * x22 - du3_x * x23);
+        const ncgen_real r5_y = q[13];
+        const ncgen_real r3_y = q[7];
+        const ncgen_real x25 = r5_y - r3_y;
+        const ncgen_real dr5_z = qd[14];
+        const ncgen_real dr3_z = qd[8];
+        const ncgen_real x26 = dr5_z - dr3_z;
+        const ncgen_real x27 = R(0.041594120973805555) * (du3_x * x26 - du3_z * x22);
+        const ncgen_real r5_z = q[14];
+        const ncgen_real r3_z = q[8];
+        const ncgen_real x28 = r5_z - r3_z;
+        const ncgen_real x29 = x15 * x16 - x18 * x19 + (x3 * x20 - x6 * x21 + (x24 * x25 - x27 * x28));
+        force[3] = x29;
+        const ncgen_real x30 = R(0.7099958139238474) * (du3_z * x14 - du3_y * x17);
         const ncgen_real r7_x = q[18];
         const ncgen_real r6_x = q[15];
-        const ncgen_real x15 = r7_x - r6_x;
-        force[22] += x10 * x14 - x6 * x15;
-        force[23] += x8 * x15 - x10 * x13;
-    }
-
-    /* cross-product-body: kinetic energy of w = a x u */
-    /*   body3, body4, body6, body8, body9 */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real u_y = q[robot_index_16[i] + 4];
-        const ncgen_real du_y = qd[robot_index_16[i] + 4];
-        const ncgen_real da0_x = qd[robot_index_17[i] + 9];
-        const ncgen_real dr_x = qd[robot_index_18[i]];
-        const ncgen_real x1 = da0_x - dr_x;
-        const ncgen_real da0_y = qd[robot_index_17[i] + 10];
-        const ncgen_real dr_y = qd[robot_index_18[i] + 1];
-        const ncgen_real x2 = da0_y - dr_y;
-        const ncgen_real du_x = qd[robot_index_16[i] + 3];
-        const ncgen_real mw = robot_number_9[i];
-        const ncgen_real x3 = R(2.0) * (du_y * x1 - x2 * du_x) * mw;
-        const ncgen_real x4 = u_y * x3;
-        const ncgen_real u_z = q[robot_index_16[i] + 5];
-        const ncgen_real da0_z = qd[robot_index_17[i] + 11];
-        const ncgen_real dr_z = qd[robot_index_18[i] + 2];
-        const ncgen_real x5 = da0_z - dr_z;
-        const ncgen_real du_z = qd[robot_index_16[i] + 5];
-        const ncgen_real x6 = R(2.0) * (x5 * du_x - du_z * x1) * mw;
-        const ncgen_real x7 = u_z * x6;
-        force[robot_index_18[i]] += x4 - x7;
-        const ncgen_real x8 = R(2.0) * (x2 * du_z - x5 * du_y) * mw;
-        const ncgen_real x9 = u_z * x8;
-        const ncgen_real u_x = q[robot_index_16[i] + 3];
-        const ncgen_real x10 = x3 * u_x;
-        force[robot_index_18[i] + 1] += x9 - x10;
-        const ncgen_real x11 = x6 * u_x;
-        const ncgen_real x12 = u_y * x8;
-        force[robot_index_18[i] + 2] += x11 - x12;
-        force[robot_index_17[i] + 9] += x7 - x4;
-        force[robot_index_17[i] + 10] += x10 - x9;
-        force[robot_index_17[i] + 11] += x12 - x11;
-        const ncgen_real a0_y = q[robot_index_17[i] + 10];
-        const ncgen_real r_y = q[robot_index_18[i] + 1];
-        const ncgen_real x13 = a0_y - r_y;
-        const ncgen_real a0_z = q[robot_index_17[i] + 11];
-        const ncgen_real r_z = q[robot_index_18[i] + 2];
-        const ncgen_real x14 = a0_z - r_z;
-        force[robot_index_16[i] + 3] += x3 * x13 - x6 * x14;
-        const ncgen_real a0_x = q[robot_index_17[i] + 9];
-        const ncgen_real r_x = q[robot_index_18[i]];
-        const ncgen_real x15 = a0_x - r_x;
-        force[robot_index_16[i] + 4] += x8 * x14 - x3 * x15;
-        force[robot_index_16[i] + 5] += x6 * x15 - x8 * x13;
+        const ncgen_real x31 = r7_x - r6_x;
+        const ncgen_real r4_x = q[9];
+        const ncgen_real r2_x = q[0];
+        const ncgen_real x32 = r4_x - r2_x;
+        const ncgen_real x33 = R(0.041594120973805555) * (du3_z * x23 - du3_y * x26);
+        const ncgen_real r5_x = q[12];
+        const ncgen_real r3_x = q[6];
+        const ncgen_real x34 = r5_x - r3_x;
+        const ncgen_real x35 = x30 * x19 - x15 * x31 + (x8 * x21 - x3 * x32 + (x33 * x28 - x24 * x34));
+        force[4] = x35;
+        const ncgen_real x36 = x18 * x31 - x30 * x16 + (x6 * x32 - x8 * x20 + (x27 * x34 - x33 * x25));
+        force[5] = x36;
+        /* body4 */
+        const ncgen_real x37 = u3_y * x24;
+        const ncgen_real x38 = u3_z * x27;
+        force[6] = x37 - x38;
+        const ncgen_real x39 = u3_z * x33;
+        const ncgen_real x40 = u3_x * x24;
+        force[7] = x39 - x40;
+        const ncgen_real x41 = u3_x * x27;
+        const ncgen_real x42 = u3_y * x33;
+        force[8] = x41 - x42 - R(98.10000000000001);
+        /* body3 */
+        force[9] = x7 - x4;
+        force[10] = x10 - x9;
+        force[11] = x12 - x11 - R(1310.6732996537553);
+        /* body4 */
+        force[12] = x38 - x37;
+        force[13] = x40 - x39;
+        force[14] = x42 - x41 - R(427.56738109219026);
+        /* body6; body7 */
+        const ncgen_real x43 = u3_y * x15;
+        const ncgen_real x44 = u3_z * x18;
+        const ncgen_real du4_z = qd[23];
+        const ncgen_real du4_y = qd[22];
+        const ncgen_real x45 = x14 * du4_z - x17 * du4_y;
+        const ncgen_real u4_y = q[22];
+        const ncgen_real du4_x = qd[21];
+        const ncgen_real x46 = x13 * du4_y - x14 * du4_x;
+        const ncgen_real x47 = R(1.9228657343642983) * x46;
+        const ncgen_real u4_z = q[23];
+        const ncgen_real x48 = x17 * du4_x - x13 * du4_z;
+        const ncgen_real x49 = R(1.9228657343642983) * x48;
+        const ncgen_real x50 = R(0.7685701527471369) * x45 - u4_y * x47 + u4_z * x49;
+        force[15] = x43 - x44 - x50;
+        const ncgen_real x51 = u3_z * x30;
+        const ncgen_real x52 = u3_x * x15;
+        const ncgen_real x53 = R(1.9228657343642983) * x45;
+        const ncgen_real u4_x = q[21];
+        const ncgen_real x54 = R(0.7685701527471369) * x48 - u4_z * x53 + u4_x * x47;
+        force[16] = x51 - x52 - x54;
+        const ncgen_real x55 = u3_x * x18;
+        const ncgen_real x56 = u3_y * x30;
+        const ncgen_real x57 = R(0.7685701527471369) * x46 - u4_x * x49 + u4_y * x53;
+        force[17] = x55 - x56 - R(1312.6693192540542) - x57;
+        /* body6; body8; body9; body7 */
+        const ncgen_real u5_y = q[28];
+        const ncgen_real dr8_x = qd[24];
+        const ncgen_real x58 = dr8_x - dr7_x;
+        const ncgen_real du5_y = qd[28];
+        const ncgen_real dr8_y = qd[25];
+        const ncgen_real x59 = dr8_y - dr7_y;
+        const ncgen_real du5_x = qd[27];
+        const ncgen_real x60 = R(0.5685900615385022) * (x58 * du5_y - x59 * du5_x);
+        const ncgen_real x61 = u5_y * x60;
+        const ncgen_real u5_z = q[29];
+        const ncgen_real dr8_z = qd[26];
+        const ncgen_real x62 = dr8_z - dr7_z;
+        const ncgen_real du5_z = qd[29];
+        const ncgen_real x63 = R(0.5685900615385022) * (x62 * du5_x - x58 * du5_z);
+        const ncgen_real x64 = u5_z * x63;
+        const ncgen_real x65 = R(1.5162401641026728) * (du4_y * x58 - x59 * du4_x);
+        const ncgen_real x66 = u4_y * x65;
+        const ncgen_real x67 = R(1.5162401641026728) * (x62 * du4_x - du4_z * x58);
+        const ncgen_real x68 = u4_z * x67;
+        force[18] = x50 + (x61 - x64 + (x44 - x43 + (x66 - x68)));
+        const ncgen_real x69 = R(0.5685900615385022) * (x59 * du5_z - x62 * du5_y);
+        const ncgen_real x70 = u5_z * x69;
+        const ncgen_real u5_x = q[27];
+        const ncgen_real x71 = x60 * u5_x;
+        const ncgen_real x72 = R(1.5162401641026728) * (x59 * du4_z - x62 * du4_y);
+        const ncgen_real x73 = u4_z * x72;
+        const ncgen_real x74 = x65 * u4_x;
+        force[19] = x54 + (x70 - x71 + (x52 - x51 + (x73 - x74)));
+        const ncgen_real x75 = x63 * u5_x;
+        const ncgen_real x76 = u5_y * x69;
+        const ncgen_real x77 = x67 * u4_x;
+        const ncgen_real x78 = u4_y * x72;
+        const ncgen_real x79 = x75 - x76 + (x77 - x78 + (x56 - x55 - R(532.7509055289509)));
+        force[20] = x57 + x79;
+        /* body8; body7 */
+        const ncgen_real r8_y = q[25];
+        const ncgen_real x80 = r8_y - r7_y;
+        const ncgen_real r8_z = q[26];
+        const ncgen_real x81 = r8_z - r7_z;
+        force[21] = x65 * x80 - x67 * x81 + (x16 * x47 - x19 * x49);
+        const ncgen_real r8_x = q[24];
+        const ncgen_real x82 = r8_x - r7_x;
+        force[22] = x72 * x81 - x65 * x82 + (x19 * x53 - x31 * x47);
+        force[23] = x67 * x82 - x72 * x80 + (x31 * x49 - x16 * x53);
+        /* body8; body9 */
+        force[24] = x68 - x66 + (x64 - x61);
+        force[25] = x74 - x73 + (x71 - x70);
+        force[26] = x76 - x75 + (x78 - x77 - R(144.1390944710492));
+        /* body9 */
+        force[27] = x80 * x60 - x81 * x63;
+        force[28] = x81 * x69 - x82 * x60;
+        force[29] = x82 * x63 - x80 * x69;
     }
 
     return NCGEN_OK;
 }
 
-/* energy: 393 operations */
+/* energy: 369 operations */
 int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -1430,29 +1976,29 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = robot_number_11[i];
+        const ncgen_real x1 = robot_number_4[i];
         energy[i] = x1;
     }
 
     {
-        /* body7 */
+        /* body3; body4; body6; body8; body9; body7 */
         const ncgen_real r7_x = q[18];
         const ncgen_real r6_x = q[15];
         const ncgen_real x1 = r7_x - r6_x;
         const ncgen_real du4_y = qd[22];
-        const ncgen_real u4_y = q[22];
         const ncgen_real dr7_x = qd[18];
         const ncgen_real dr6_x = qd[15];
         const ncgen_real x2 = dr7_x - dr6_x;
+        const ncgen_real u4_y = q[22];
         const ncgen_real r7_y = q[19];
         const ncgen_real r6_y = q[16];
         const ncgen_real x3 = r7_y - r6_y;
         const ncgen_real du4_x = qd[21];
-        const ncgen_real u4_x = q[21];
         const ncgen_real dr7_y = qd[19];
         const ncgen_real dr6_y = qd[16];
         const ncgen_real x4 = dr7_y - dr6_y;
-        const ncgen_real x5 = x1 * du4_y + u4_y * x2 - x3 * du4_x - u4_x * x4;
+        const ncgen_real u4_x = q[21];
+        const ncgen_real x5 = x1 * du4_y + x2 * u4_y - x3 * du4_x - x4 * u4_x;
         const ncgen_real r7_z = q[20];
         const ncgen_real r6_z = q[17];
         const ncgen_real x6 = r7_z - r6_z;
@@ -1461,19 +2007,104 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real x7 = dr7_z - dr6_z;
         const ncgen_real du4_z = qd[23];
         const ncgen_real u4_z = q[23];
-        const ncgen_real x8 = x6 * du4_x + u4_x * x7 - x1 * du4_z - u4_z * x2;
-        const ncgen_real x9 = x3 * du4_z + u4_z * x4 - x6 * du4_y - u4_y * x7;
+        const ncgen_real x8 = x6 * du4_x + x7 * u4_x - x1 * du4_z - x2 * u4_z;
+        const ncgen_real x9 = x3 * du4_z + x4 * u4_z - x6 * du4_y - x7 * u4_y;
         const ncgen_real x10 = R(0.9614328671821492) * (x5 * x5 + x8 * x8 + x9 * x9) - x9 * (R(0.7685701527471369) * x2);
         const ncgen_real x11 = x10 - x8 * (R(0.7685701527471369) * x4) - x5 * (R(0.7685701527471369) * x7);
-        energy[0] += R(0.5) * x11;
+        const ncgen_real r8_x = q[24];
+        const ncgen_real x12 = r8_x - r7_x;
+        const ncgen_real du5_y = qd[28];
+        const ncgen_real dr8_x = qd[24];
+        const ncgen_real x13 = dr8_x - dr7_x;
+        const ncgen_real u5_y = q[28];
+        const ncgen_real r8_y = q[25];
+        const ncgen_real x14 = r8_y - r7_y;
+        const ncgen_real du5_x = qd[27];
+        const ncgen_real dr8_y = qd[25];
+        const ncgen_real x15 = dr8_y - dr7_y;
+        const ncgen_real u5_x = q[27];
+        const ncgen_real x16 = x12 * du5_y + x13 * u5_y - x14 * du5_x - x15 * u5_x;
+        const ncgen_real r8_z = q[26];
+        const ncgen_real x17 = r8_z - r7_z;
+        const ncgen_real dr8_z = qd[26];
+        const ncgen_real x18 = dr8_z - dr7_z;
+        const ncgen_real du5_z = qd[29];
+        const ncgen_real u5_z = q[29];
+        const ncgen_real x19 = x17 * du5_x + x18 * u5_x - x12 * du5_z - x13 * u5_z;
+        const ncgen_real x20 = x14 * du5_z + x15 * u5_z - x17 * du5_y - x18 * u5_y;
+        const ncgen_real x21 = R(0.14214751538462556) * (x16 * x16 + x19 * x19 + x20 * x20);
+        const ncgen_real x22 = x12 * du4_y + u4_y * x13 - x14 * du4_x - u4_x * x15;
+        const ncgen_real x23 = x17 * du4_x + u4_x * x18 - x12 * du4_z - u4_z * x13;
+        const ncgen_real x24 = x14 * du4_z + u4_z * x15 - x17 * du4_y - u4_y * x18;
+        const ncgen_real x25 = R(0.3790600410256682) * (x22 * x22 + x23 * x23 + x24 * x24);
+        const ncgen_real du3_y = qd[4];
+        const ncgen_real u3_y = q[4];
+        const ncgen_real du3_x = qd[3];
+        const ncgen_real u3_x = q[3];
+        const ncgen_real x26 = du3_y * x1 + u3_y * x2 - du3_x * x3 - u3_x * x4;
+        const ncgen_real du3_z = qd[5];
+        const ncgen_real u3_z = q[5];
+        const ncgen_real x27 = du3_x * x6 + u3_x * x7 - du3_z * x1 - u3_z * x2;
+        const ncgen_real x28 = du3_z * x3 + u3_z * x4 - du3_y * x6 - u3_y * x7;
+        const ncgen_real x29 = R(0.17749895348096184) * (x26 * x26 + x27 * x27 + x28 * x28);
+        const ncgen_real r4_x = q[9];
+        const ncgen_real r2_x = q[0];
+        const ncgen_real x30 = r4_x - r2_x;
+        const ncgen_real dr4_x = qd[9];
+        const ncgen_real dr2_x = qd[0];
+        const ncgen_real x31 = dr4_x - dr2_x;
+        const ncgen_real r4_y = q[10];
+        const ncgen_real r2_y = q[1];
+        const ncgen_real x32 = r4_y - r2_y;
+        const ncgen_real dr4_y = qd[10];
+        const ncgen_real dr2_y = qd[1];
+        const ncgen_real x33 = dr4_y - dr2_y;
+        const ncgen_real x34 = x30 * du3_y + u3_y * x31 - x32 * du3_x - u3_x * x33;
+        const ncgen_real r4_z = q[11];
+        const ncgen_real r2_z = q[2];
+        const ncgen_real x35 = r4_z - r2_z;
+        const ncgen_real dr4_z = qd[11];
+        const ncgen_real dr2_z = qd[2];
+        const ncgen_real x36 = dr4_z - dr2_z;
+        const ncgen_real x37 = x35 * du3_x + u3_x * x36 - x30 * du3_z - u3_z * x31;
+        const ncgen_real x38 = x32 * du3_z + u3_z * x33 - x35 * du3_y - u3_y * x36;
+        const ncgen_real x39 = R(0.9308764273937684) * (x34 * x34 + x37 * x37 + x38 * x38);
+        const ncgen_real r5_x = q[12];
+        const ncgen_real r3_x = q[6];
+        const ncgen_real x40 = r5_x - r3_x;
+        const ncgen_real dr5_x = qd[12];
+        const ncgen_real dr3_x = qd[6];
+        const ncgen_real x41 = dr5_x - dr3_x;
+        const ncgen_real r5_y = q[13];
+        const ncgen_real r3_y = q[7];
+        const ncgen_real x42 = r5_y - r3_y;
+        const ncgen_real dr5_y = qd[13];
+        const ncgen_real dr3_y = qd[7];
+        const ncgen_real x43 = dr5_y - dr3_y;
+        const ncgen_real x44 = du3_y * x40 + u3_y * x41 - du3_x * x42 - u3_x * x43;
+        const ncgen_real r5_z = q[14];
+        const ncgen_real r3_z = q[8];
+        const ncgen_real x45 = r5_z - r3_z;
+        const ncgen_real dr5_z = qd[14];
+        const ncgen_real dr3_z = qd[8];
+        const ncgen_real x46 = dr5_z - dr3_z;
+        const ncgen_real x47 = du3_x * x45 + u3_x * x46 - du3_z * x40 - u3_z * x41;
+        const ncgen_real x48 = du3_z * x42 + u3_z * x43 - du3_y * x45 - u3_y * x46;
+        const ncgen_real x49 = R(0.010398530243451389) * (x44 * x44 + x47 * x47 + x48 * x48);
+        energy[0] += R(0.5) * x11 + (x21 + (x25 + (x29 + (x39 + x49))));
+        /* r2.z; r4.z; r3.z; r5.z; r6.z; r7.z; r8.z */
+        const ncgen_real x50 = R(1310.6732996537553) * r4_z + (R(1226.2500000000002) * r2_z + R(882.9000000000001));
+        const ncgen_real x51 = R(427.56738109219026) * r5_z + (R(98.10000000000001) * r3_z + x50);
+        const ncgen_real x52 = R(532.7509055289509) * r7_z + (R(1312.6693192540542) * r6_z + x51);
+        energy[1] = R(144.1390944710492) * r8_z + x52;
     }
 
     /* mass-diagonal: m v^2 / 2 */
     /*   r2.x, r2.y, r2.z, u3.x, u3.y, u3.z, r4.x, r4.y, r4.z, r3.x, r3.y, r3.z, r5.x, r5.y, r5.z, */
     /*   r6.x, r6.y, r6.z, r7.x, r7.y, r7.z, u4.x, u4.y, u4.z, r8.x, r8.y, r8.z, u5.x, u5.y, u5.z */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = robot_number_12[i];
-        const ncgen_real dx = qd[robot_index_46[i]];
+        const ncgen_real x1 = robot_number_5[i];
+        const ncgen_real dx = qd[robot_index_1[i]];
         energy[0] += x1 * (dx * dx);
     }
 
@@ -1482,52 +2113,10 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   r4.z r6.z, r4.x r5.x, r4.y r5.y, r4.z r5.z, r5.x r6.x, r5.y r6.y, r5.z r6.z, r6.x r7.x, */
     /*   r6.y r7.y, r6.z r7.z, r7.x r8.x, r7.y r8.y, r7.z r8.z */
     for (int i = 0; i < 21; ++i) {
-        const ncgen_real dy = qd[robot_index_47[i] + 9];
-        const ncgen_real dx = qd[robot_index_48[i]];
-        const ncgen_real m = robot_number_13[i];
+        const ncgen_real dy = qd[robot_index_2[i] + 9];
+        const ncgen_real dx = qd[robot_index_3[i]];
+        const ncgen_real m = robot_number_6[i];
         energy[0] += dy * (dx * m);
-    }
-
-    /* cross-product-body: kinetic energy of w = a x u */
-    /*   body3, body4, body6, body8, body9 */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real mw = robot_number_9[i];
-        const ncgen_real a0_x = q[robot_index_17[i] + 9];
-        const ncgen_real r_x = q[robot_index_18[i]];
-        const ncgen_real x1 = a0_x - r_x;
-        const ncgen_real du_y = qd[robot_index_16[i] + 4];
-        const ncgen_real u_y = q[robot_index_16[i] + 4];
-        const ncgen_real da0_x = qd[robot_index_17[i] + 9];
-        const ncgen_real dr_x = qd[robot_index_18[i]];
-        const ncgen_real x2 = da0_x - dr_x;
-        const ncgen_real a0_y = q[robot_index_17[i] + 10];
-        const ncgen_real r_y = q[robot_index_18[i] + 1];
-        const ncgen_real x3 = a0_y - r_y;
-        const ncgen_real du_x = qd[robot_index_16[i] + 3];
-        const ncgen_real u_x = q[robot_index_16[i] + 3];
-        const ncgen_real da0_y = qd[robot_index_17[i] + 10];
-        const ncgen_real dr_y = qd[robot_index_18[i] + 1];
-        const ncgen_real x4 = da0_y - dr_y;
-        const ncgen_real x5 = x1 * du_y + u_y * x2 - x3 * du_x - u_x * x4;
-        const ncgen_real a0_z = q[robot_index_17[i] + 11];
-        const ncgen_real r_z = q[robot_index_18[i] + 2];
-        const ncgen_real x6 = a0_z - r_z;
-        const ncgen_real da0_z = qd[robot_index_17[i] + 11];
-        const ncgen_real dr_z = qd[robot_index_18[i] + 2];
-        const ncgen_real x7 = da0_z - dr_z;
-        const ncgen_real du_z = qd[robot_index_16[i] + 5];
-        const ncgen_real u_z = q[robot_index_16[i] + 5];
-        const ncgen_real x8 = x6 * du_x + u_x * x7 - x1 * du_z - u_z * x2;
-        const ncgen_real x9 = x3 * du_z + u_z * x4 - x6 * du_y - u_y * x7;
-        energy[0] += R(0.5) * (mw * (x5 * x5 + x8 * x8 + x9 * x9));
-    }
-
-    /* weight: -f x */
-    /*   r2.z, r4.z, r3.z, r5.z, r6.z, r7.z, r8.z */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real x = q[robot_index_49[i] + 2];
-        const ncgen_real f = robot_number_14[i];
-        energy[1] += -(x * f);
     }
 
     return NCGEN_OK;
@@ -1661,7 +2250,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "2aea3f2810cdb0a6",
+        .fingerprint = "f9cc69796ceeffb0",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,

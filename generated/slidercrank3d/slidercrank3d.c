@@ -16,10 +16,6 @@ static const ncgen_scalar slidercrank3d_number_2[8] = {
 static const ncgen_scalar slidercrank3d_number_3[3] = {
     R(0.0), R(0.070632), R(0.0)
 };
-static const ncgen_scalar slidercrank3d_number_4[7] = {
-    R(0.1060329861111111), R(0.1060329861111111), R(0.1060329861111111), R(1.083611111111111),
-    R(9.999999999999988e-05), R(9.999999999999988e-05), R(9.999999999999988e-05)
-};
 
 /* phi: 39 operations, 2 of them elementary functions */
 int slidercrank3d_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
@@ -324,7 +320,7 @@ int slidercrank3d_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
     return NCGEN_OK;
 }
 
-/* energy: 61 operations */
+/* energy: 58 operations */
 int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
@@ -337,39 +333,36 @@ int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
     }
 
     {
-        /* B.x C.x; crank; rod */
+        /* B.x; B.y; B.z; C.x; h.x; h.y; h.z; B.x C.x; crank; rod */
+        const ncgen_real dh_y = qd[5];
         const ncgen_real C_x = q[3];
         const ncgen_real B_x = q[0];
         const ncgen_real x1 = C_x - B_x;
-        const ncgen_real dh_y = qd[5];
         const ncgen_real h_y = q[5];
         const ncgen_real dC_x = qd[3];
         const ncgen_real dB_x = qd[0];
         const ncgen_real x2 = dC_x - dB_x;
-        const ncgen_real B_y = q[1];
         const ncgen_real dh_x = qd[4];
+        const ncgen_real B_y = q[1];
         const ncgen_real dB_y = qd[1];
         const ncgen_real h_x = q[4];
-        const ncgen_real x3 = x1 * dh_y + h_y * x2 + B_y * dh_x + dB_y * h_x;
+        const ncgen_real x3 = dh_y * x1 + h_y * x2 + dh_x * B_y + dB_y * h_x;
         const ncgen_real B_z = q[2];
         const ncgen_real dB_z = qd[2];
         const ncgen_real dh_z = qd[6];
         const ncgen_real h_z = q[6];
-        const ncgen_real x4 = B_z * dh_x + dB_z * h_x + x1 * dh_z + h_z * x2;
-        const ncgen_real x5 = B_z * dh_y - (B_y * dh_z + dB_y * h_z) + dB_z * h_y;
-        const ncgen_real x6 = dC_x * (R(0.08277777777777778) * dB_x) + R(0.00039062499999999986) * (dB_y * dB_y + dB_z * dB_z);
-        const ncgen_real x7 = R(0.0011111111111111092) * (x3 * x3 + x4 * x4 + x5 * x5) + x6;
-        energy[0] += x7;
+        const ncgen_real x4 = dh_x * B_z + dB_z * h_x + dh_z * x1 + h_z * x2;
+        const ncgen_real x5 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y;
+        const ncgen_real x6 = dB_y * dB_y;
+        const ncgen_real x7 = dB_z * dB_z;
+        const ncgen_real x8 = R(0.1060329861111111) * (dB_x * dB_x) + R(0.1060329861111111) * x6;
+        const ncgen_real x9 = R(1.083611111111111) * (dC_x * dC_x) + (R(0.1060329861111111) * x7 + x8);
+        const ncgen_real x10 = R(9.999999999999988e-05) * (dh_y * dh_y) + (R(9.999999999999988e-05) * (dh_x * dh_x) + x9);
+        const ncgen_real x11 = dC_x * (R(0.08277777777777778) * dB_x) + (R(9.999999999999988e-05) * (dh_z * dh_z) + x10);
+        const ncgen_real x12 = R(0.0011111111111111092) * (x3 * x3 + x4 * x4 + x5 * x5) + (R(0.00039062499999999986) * (x6 + x7) + x11);
+        energy[0] = x12;
         /* B.z */
         energy[1] = R(3.0411) * B_z + R(0.070632);
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   B.x, B.y, B.z, C.x, h.x, h.y, h.z */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real x1 = slidercrank3d_number_4[i];
-        const ncgen_real dx = qd[i];
-        energy[0] += x1 * (dx * dx);
     }
 
     return NCGEN_OK;
@@ -424,7 +417,7 @@ const ncgen_model *slidercrank3d_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank3d",
-        .fingerprint = "184d8158908c0dc0",
+        .fingerprint = "7c004bc1159fce92",
         .n_coordinates = 8,
         .n_rows = 7,
         .n_parameters = 0,

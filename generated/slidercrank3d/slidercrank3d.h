@@ -35,7 +35,7 @@ int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, 
 int slidercrank3d_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 7 numbers, 45 operations */
 int slidercrank3d_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 49 numbers, 60 operations */
 int slidercrank3d_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 8 numbers, 36 operations */
-int slidercrank3d_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 61 operations */
+int slidercrank3d_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 58 operations */
 
 #ifdef __cplusplus
 }

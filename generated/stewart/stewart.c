@@ -5,55 +5,8 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int stewart_index_1[3] = {
-    0, 0, 9
-};
-static const int stewart_index_2[3] = {
-    0, 6, 0
-};
-static const int stewart_index_3[3] = {
-    0, 6, 9
-};
-static const int stewart_index_4[3] = {
-    0, 6, 15
-};
-static const int stewart_index_5[9] = {
-    0, 1, 2, 3, 4, 5, 9, 10, 11
-};
-static const int stewart_index_6[9] = {
-    0, 1, 2, 6, 7, 8, 6, 7, 8
-};
-static const int stewart_index_7[9] = {
-    0, 1, 2, 0, 1, 2, 3, 4, 5
-};
-static const int stewart_index_8[3] = {
-    0, 3, 9
-};
 
-static const ncgen_scalar stewart_number_1[3] = {
-    R(0.32635182233306964), R(0.26604444311897807), R(0.2886751345948129)
-};
-static const ncgen_scalar stewart_number_2[3] = {
-    R(2.3472963553338606), R(3.5320888862379554), R(2.9999999999999996)
-};
-static const ncgen_scalar stewart_number_3[3] = {
-    R(0.18479253090409548), -R(0.22668159690567757), -R(1.041889066001582)
-};
-static const ncgen_scalar stewart_number_4[3] = {
-    -R(0.9999999999999997), R(0.22668159690567746), R(0.22668159690567724)
-};
-static const ncgen_scalar stewart_number_5[3] = {
-    -R(0.1847925309040958), -R(0.9999999999999999), -R(0.1847925309040952)
-};
-static const ncgen_scalar stewart_number_6[6] = {
-    R(2.9971446647455733), R(2.9971446647455733), -R(1.3852458397051013), -R(1.611898825040472),
-    -R(1.6118988250404727), -R(1.385245839705103)
-};
-static const ncgen_scalar stewart_number_7[6] = {
-    -R(0.130858162096008), R(0.130858162096008), R(2.6610324995346657), R(2.5301743374386567),
-    -R(2.5301743374386563), -R(2.6610324995346644)
-};
-static const ncgen_scalar stewart_number_8[99] = {
+static const ncgen_scalar stewart_number_1[99] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
@@ -70,10 +23,7 @@ static const ncgen_scalar stewart_number_8[99] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0)
 };
-static const ncgen_scalar stewart_number_9[3] = {
-    R(0.6527036446661393), R(0.5320888862379561), R(0.5773502691896258)
-};
-static const ncgen_scalar stewart_number_10[27] = {
+static const ncgen_scalar stewart_number_2[27] = {
     R(241.22951685636644), R(5.398930937909347), R(100.66790753958487), R(241.22951685636644),
     R(5.398930937909347), R(100.66790753958487), R(241.22951685636644), R(5.398930937909347),
     R(100.66790753958487), R(5.398930937909347), R(208.45416620508206), R(43.91970388844943),
@@ -82,27 +32,10 @@ static const ncgen_scalar stewart_number_10[27] = {
     R(250.34323220666417), R(100.66790753958487), R(43.91970388844943), R(250.34323220666417),
     R(100.66790753958487), R(43.91970388844943), R(250.34323220666417)
 };
-static const ncgen_scalar stewart_number_11[27] = {
+static const ncgen_scalar stewart_number_3[27] = {
     R(0.0), R(0.0), -R(3406.977245825173), R(0.0), R(0.0), -R(2528.751178118435), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), -R(3874.2715760563924), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar stewart_number_12[6] = {
-    R(3.1666918442810728), R(3.1666918442810728), R(3.1666918442810728), R(3.1666918442810728),
-    R(3.1666918442810723), R(3.1666918442810728)
-};
-static const ncgen_scalar stewart_number_13[9] = {
-    R(120.61475842818322), R(120.61475842818322), R(120.61475842818322), R(104.22708310254103),
-    R(104.22708310254103), R(104.22708310254103), R(125.17161610333208), R(125.17161610333208),
-    R(125.17161610333208)
-};
-static const ncgen_scalar stewart_number_14[9] = {
-    R(5.398930937909347), R(5.398930937909347), R(5.398930937909347), R(100.66790753958487),
-    R(100.66790753958487), R(100.66790753958487), R(43.91970388844943), R(43.91970388844943),
-    R(43.91970388844943)
-};
-static const ncgen_scalar stewart_number_15[3] = {
-    -R(3406.977245825173), -R(2528.751178118435), -R(3874.2715760563924)
 };
 
 /* phi: 169 operations */
@@ -112,113 +45,116 @@ int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
     (void)p;
 
     {
+        /* row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
+        const ncgen_real P1_x = q[0];
+        const ncgen_real P2_x = q[3];
+        const ncgen_real x1 = P1_x - P2_x;
+        const ncgen_real P1_y = q[1];
+        const ncgen_real P2_y = q[4];
+        const ncgen_real x2 = P1_y - P2_y;
+        const ncgen_real P1_z = q[2];
+        const ncgen_real P2_z = q[5];
+        const ncgen_real x3 = P1_z - P2_z;
+        const ncgen_real x4 = R(0.32635182233306964) * (x1 * x1 + x2 * x2 + x3 * x3 - R(2.3472963553338606));
+        phi[0] = x4;
+        /* row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939 */
+        const ncgen_real P4_x = q[9];
+        const ncgen_real x5 = P1_x - P4_x;
+        const ncgen_real P4_y = q[10];
+        const ncgen_real x6 = P1_y - P4_y;
+        const ncgen_real P4_z = q[11];
+        const ncgen_real x7 = P1_z - P4_z;
+        const ncgen_real x8 = R(0.26604444311897807) * (x5 * x5 + x6 * x6 + x7 * x7 - R(3.5320888862379554));
+        phi[1] = x8;
+        /* row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205 */
+        const ncgen_real x9 = P4_x - P2_x;
+        const ncgen_real x10 = P4_y - P2_y;
+        const ncgen_real x11 = P4_z - P2_z;
+        const ncgen_real x12 = R(0.2886751345948129) * (x9 * x9 + x10 * x10 + x11 * x11 - R(2.9999999999999996));
+        phi[2] = x12;
         /* row 4: 1001 unit n (body platform): |u|^2 - 1 = 0 with u = n */
         const ncgen_real n_x = q[18];
         const ncgen_real n_y = q[19];
         const ncgen_real n_z = q[20];
         phi[3] = R(0.5) * (n_x * n_x + n_y * n_y + n_z * n_z - R(1.0));
         /* row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0 */
-        const ncgen_real P2_x = q[3];
-        const ncgen_real P1_x = q[0];
-        const ncgen_real P2_y = q[4];
-        const ncgen_real P1_y = q[1];
-        const ncgen_real P2_z = q[5];
-        const ncgen_real P1_z = q[2];
-        const ncgen_real x1 = n_x * (P2_x - P1_x) + n_y * (P2_y - P1_y) + n_z * (P2_z - P1_z);
-        phi[4] = R(0.6527036446661393) * x1;
+        const ncgen_real x13 = n_x * (P2_x - P1_x) + n_y * (P2_y - P1_y) + n_z * (P2_z - P1_z);
+        phi[4] = R(0.6527036446661393) * x13;
         /* row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0 */
-        const ncgen_real P4_x = q[9];
-        const ncgen_real P4_y = q[10];
-        const ncgen_real P4_z = q[11];
-        const ncgen_real x2 = n_x * (P4_x - P1_x) + n_y * (P4_y - P1_y) + n_z * (P4_z - P1_z);
-        phi[5] = R(0.5320888862379561) * x2;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
-    /*   row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939 */
-    /*   row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real scale = stewart_number_1[i];
-        const ncgen_real a0_x = q[stewart_index_1[i]];
-        const ncgen_real a1_x = q[stewart_index_2[i] + 3];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[stewart_index_1[i] + 1];
-        const ncgen_real a1_y = q[stewart_index_2[i] + 4];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = q[stewart_index_1[i] + 2];
-        const ncgen_real a1_z = q[stewart_index_2[i] + 5];
-        const ncgen_real x3 = a0_z - a1_z;
-        const ncgen_real x4 = stewart_number_2[i];
-        phi[i] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4);
-    }
-
-    /* affine-x: (e - c a x b).x */
-    /*   row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
-    /*   row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
-    /*   row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real e0_x = q[stewart_index_3[i] + 6];
-        const ncgen_real weight_e1_x = stewart_number_3[i];
-        const ncgen_real e1_x = q[0];
-        const ncgen_real weight_e2_x = stewart_number_4[i];
-        const ncgen_real e2_x = q[3];
-        const ncgen_real weight_e3_x = stewart_number_5[i];
-        const ncgen_real e3_x = q[9];
-        const ncgen_real x1 = e0_x + weight_e1_x * e1_x + weight_e2_x * e2_x + weight_e3_x * e3_x;
-        phi[3 * i + 6] = x1;
-    }
-
-    /* affine-y: (e - c a x b).y */
-    /*   row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
-    /*   row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
-    /*   row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real e0_y = q[stewart_index_3[i] + 7];
-        const ncgen_real weight_e1_y = stewart_number_3[i];
-        const ncgen_real e1_y = q[1];
-        const ncgen_real weight_e2_y = stewart_number_4[i];
-        const ncgen_real e2_y = q[4];
-        const ncgen_real weight_e3_y = stewart_number_5[i];
-        const ncgen_real e3_y = q[10];
-        const ncgen_real x1 = e0_y + weight_e1_y * e1_y + weight_e2_y * e2_y + weight_e3_y * e3_y;
-        phi[3 * i + 7] = x1;
-    }
-
-    /* affine-z: (e - c a x b).z */
-    /*   row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
-    /*   row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
-    /*   row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real e0_z = q[stewart_index_3[i] + 8];
-        const ncgen_real weight_e1_z = stewart_number_3[i];
-        const ncgen_real e1_z = q[2];
-        const ncgen_real weight_e2_z = stewart_number_4[i];
-        const ncgen_real e2_z = q[5];
-        const ncgen_real weight_e3_z = stewart_number_5[i];
-        const ncgen_real e3_z = q[11];
-        const ncgen_real x1 = e0_z + weight_e1_z * e1_z + weight_e2_z * e2_z + weight_e3_z * e3_z;
-        phi[3 * i + 8] = x1;
-    }
-
-    /* length: |a|^2 - s^2 */
-    /*   row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
-    /*   row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
-    /*   row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
-    /*   row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
-    /*   row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
-    /*   row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real a0_x = q[3 * i];
-        const ncgen_real a1_x = stewart_number_6[i];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[3 * i + 1];
-        const ncgen_real a1_y = stewart_number_7[i];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = q[3 * i + 2];
-        const ncgen_real s = q[i + 21];
-        const ncgen_real x3 = R(0.15853887106403242) * (x1 * x1 + x2 * x2 + a0_z * a0_z - s * s);
-        phi[i + 15] = x3;
+        const ncgen_real x14 = n_x * (P4_x - P1_x) + n_y * (P4_y - P1_y) + n_z * (P4_z - P1_z);
+        phi[5] = R(0.5320888862379561) * x14;
+        /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        const ncgen_real P3_x = q[6];
+        const ncgen_real x15 = P3_x + R(0.18479253090409548) * P1_x - R(0.9999999999999997) * P2_x;
+        phi[6] = x15 - R(0.1847925309040958) * P4_x;
+        /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        const ncgen_real P3_y = q[7];
+        const ncgen_real x16 = P3_y + R(0.18479253090409548) * P1_y - R(0.9999999999999997) * P2_y;
+        phi[7] = x16 - R(0.1847925309040958) * P4_y;
+        /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        const ncgen_real P3_z = q[8];
+        const ncgen_real x17 = P3_z + R(0.18479253090409548) * P1_z - R(0.9999999999999997) * P2_z;
+        phi[8] = x17 - R(0.1847925309040958) * P4_z;
+        /* row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real P5_x = q[12];
+        const ncgen_real x18 = P5_x - R(0.22668159690567757) * P1_x + R(0.22668159690567746) * P2_x;
+        phi[9] = x18 - R(0.9999999999999999) * P4_x;
+        /* row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real P5_y = q[13];
+        const ncgen_real x19 = P5_y - R(0.22668159690567757) * P1_y + R(0.22668159690567746) * P2_y;
+        phi[10] = x19 - R(0.9999999999999999) * P4_y;
+        /* row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real P5_z = q[14];
+        const ncgen_real x20 = P5_z - R(0.22668159690567757) * P1_z + R(0.22668159690567746) * P2_z;
+        phi[11] = x20 - R(0.9999999999999999) * P4_z;
+        /* row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
+        const ncgen_real P6_x = q[15];
+        const ncgen_real x21 = P6_x - R(1.041889066001582) * P1_x + R(0.22668159690567724) * P2_x;
+        phi[12] = x21 - R(0.1847925309040952) * P4_x;
+        /* row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
+        const ncgen_real P6_y = q[16];
+        const ncgen_real x22 = P6_y - R(1.041889066001582) * P1_y + R(0.22668159690567724) * P2_y;
+        phi[13] = x22 - R(0.1847925309040952) * P4_y;
+        /* row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
+        const ncgen_real P6_z = q[17];
+        const ncgen_real x23 = P6_z - R(1.041889066001582) * P1_z + R(0.22668159690567724) * P2_z;
+        phi[14] = x23 - R(0.1847925309040952) * P4_z;
+        /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
+        const ncgen_real x24 = P1_x - R(2.9971446647455733);
+        const ncgen_real x25 = P1_y + R(0.130858162096008);
+        const ncgen_real s1 = q[21];
+        const ncgen_real x26 = R(0.15853887106403242) * (x24 * x24 + x25 * x25 + P1_z * P1_z - s1 * s1);
+        phi[15] = x26;
+        /* row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
+        const ncgen_real x27 = P2_x - R(2.9971446647455733);
+        const ncgen_real x28 = P2_y - R(0.130858162096008);
+        const ncgen_real s2 = q[22];
+        const ncgen_real x29 = R(0.15853887106403242) * (x27 * x27 + x28 * x28 + P2_z * P2_z - s2 * s2);
+        phi[16] = x29;
+        /* row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
+        const ncgen_real x30 = P3_x + R(1.3852458397051013);
+        const ncgen_real x31 = P3_y - R(2.6610324995346657);
+        const ncgen_real s3 = q[23];
+        const ncgen_real x32 = R(0.15853887106403242) * (x30 * x30 + x31 * x31 + P3_z * P3_z - s3 * s3);
+        phi[17] = x32;
+        /* row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
+        const ncgen_real x33 = P4_x + R(1.611898825040472);
+        const ncgen_real x34 = P4_y - R(2.5301743374386567);
+        const ncgen_real s4 = q[24];
+        const ncgen_real x35 = R(0.15853887106403242) * (x33 * x33 + x34 * x34 + P4_z * P4_z - s4 * s4);
+        phi[18] = x35;
+        /* row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
+        const ncgen_real x36 = P5_x + R(1.6118988250404727);
+        const ncgen_real x37 = P5_y + R(2.5301743374386563);
+        const ncgen_real s5 = q[25];
+        const ncgen_real x38 = R(0.15853887106403242) * (x36 * x36 + x37 * x37 + P5_z * P5_z - s5 * s5);
+        phi[19] = x38;
+        /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
+        const ncgen_real x39 = P6_x + R(1.385245839705103);
+        const ncgen_real x40 = P6_y + R(2.6610324995346644);
+        const ncgen_real s6 = q[26];
+        const ncgen_real x41 = R(0.15853887106403242) * (x39 * x39 + x40 * x40 + P6_z * P6_z - s6 * s6);
+        phi[20] = x41;
     }
 
     return NCGEN_OK;
@@ -232,11 +168,50 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 99; ++i) {
-        const ncgen_real x1 = stewart_number_8[i];
+        const ncgen_real x1 = stewart_number_1[i];
         phi_q[i] = x1;
     }
 
     {
+        /* row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
+        const ncgen_real P1_x = q[0];
+        const ncgen_real P2_x = q[3];
+        const ncgen_real x1 = R(0.6527036446661393) * (P1_x - P2_x);
+        phi_q[0] = x1;
+        const ncgen_real P1_y = q[1];
+        const ncgen_real P2_y = q[4];
+        const ncgen_real x2 = R(0.6527036446661393) * (P1_y - P2_y);
+        phi_q[1] = x2;
+        const ncgen_real P1_z = q[2];
+        const ncgen_real P2_z = q[5];
+        const ncgen_real x3 = R(0.6527036446661393) * (P1_z - P2_z);
+        phi_q[2] = x3;
+        phi_q[3] = -x1;
+        phi_q[4] = -x2;
+        phi_q[5] = -x3;
+        /* row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939 */
+        const ncgen_real P4_x = q[9];
+        const ncgen_real x4 = R(0.5320888862379561) * (P1_x - P4_x);
+        phi_q[6] = x4;
+        const ncgen_real P4_y = q[10];
+        const ncgen_real x5 = R(0.5320888862379561) * (P1_y - P4_y);
+        phi_q[7] = x5;
+        const ncgen_real P4_z = q[11];
+        const ncgen_real x6 = R(0.5320888862379561) * (P1_z - P4_z);
+        phi_q[8] = x6;
+        phi_q[9] = -x4;
+        phi_q[10] = -x5;
+        phi_q[11] = -x6;
+        /* row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205 */
+        const ncgen_real x7 = R(0.5773502691896258) * (P4_x - P2_x);
+        phi_q[12] = -x7;
+        const ncgen_real x8 = R(0.5773502691896258) * (P4_y - P2_y);
+        phi_q[13] = -x8;
+        const ncgen_real x9 = R(0.5773502691896258) * (P4_z - P2_z);
+        phi_q[14] = -x9;
+        phi_q[15] = x7;
+        phi_q[16] = x8;
+        phi_q[17] = x9;
         /* row 4: 1001 unit n (body platform): |u|^2 - 1 = 0 with u = n */
         const ncgen_real n_x = q[18];
         phi_q[18] = n_x;
@@ -245,83 +220,76 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real n_z = q[20];
         phi_q[20] = n_z;
         /* row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0 */
-        const ncgen_real x1 = R(0.6527036446661393) * n_x;
-        phi_q[21] = -x1;
-        const ncgen_real x2 = R(0.6527036446661393) * n_y;
-        phi_q[22] = -x2;
-        const ncgen_real x3 = R(0.6527036446661393) * n_z;
-        phi_q[23] = -x3;
-        phi_q[24] = x1;
-        phi_q[25] = x2;
-        phi_q[26] = x3;
-        const ncgen_real P2_x = q[3];
-        const ncgen_real P1_x = q[0];
+        const ncgen_real x10 = R(0.6527036446661393) * n_x;
+        phi_q[21] = -x10;
+        const ncgen_real x11 = R(0.6527036446661393) * n_y;
+        phi_q[22] = -x11;
+        const ncgen_real x12 = R(0.6527036446661393) * n_z;
+        phi_q[23] = -x12;
+        phi_q[24] = x10;
+        phi_q[25] = x11;
+        phi_q[26] = x12;
         phi_q[27] = R(0.6527036446661393) * (P2_x - P1_x);
-        const ncgen_real P2_y = q[4];
-        const ncgen_real P1_y = q[1];
         phi_q[28] = R(0.6527036446661393) * (P2_y - P1_y);
-        const ncgen_real P2_z = q[5];
-        const ncgen_real P1_z = q[2];
         phi_q[29] = R(0.6527036446661393) * (P2_z - P1_z);
         /* row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0 */
-        const ncgen_real x4 = R(0.5320888862379561) * n_x;
-        phi_q[30] = -x4;
-        const ncgen_real x5 = R(0.5320888862379561) * n_y;
-        phi_q[31] = -x5;
-        const ncgen_real x6 = R(0.5320888862379561) * n_z;
-        phi_q[32] = -x6;
-        phi_q[33] = x4;
-        phi_q[34] = x5;
-        phi_q[35] = x6;
-        const ncgen_real P4_x = q[9];
+        const ncgen_real x13 = R(0.5320888862379561) * n_x;
+        phi_q[30] = -x13;
+        const ncgen_real x14 = R(0.5320888862379561) * n_y;
+        phi_q[31] = -x14;
+        const ncgen_real x15 = R(0.5320888862379561) * n_z;
+        phi_q[32] = -x15;
+        phi_q[33] = x13;
+        phi_q[34] = x14;
+        phi_q[35] = x15;
         phi_q[36] = R(0.5320888862379561) * (P4_x - P1_x);
-        const ncgen_real P4_y = q[10];
         phi_q[37] = R(0.5320888862379561) * (P4_y - P1_y);
-        const ncgen_real P4_z = q[11];
         phi_q[38] = R(0.5320888862379561) * (P4_z - P1_z);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
-    /*   row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939 */
-    /*   row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a0_x = q[stewart_index_1[i]];
-        const ncgen_real a1_x = q[stewart_index_2[i] + 3];
-        const ncgen_real x1 = stewart_number_9[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[stewart_index_4[i]] = x2;
-        phi_q[stewart_index_3[i] + 3] = -x2;
-        const ncgen_real a0_y = q[stewart_index_1[i] + 1];
-        const ncgen_real a1_y = q[stewart_index_2[i] + 4];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[stewart_index_4[i] + 1] = x3;
-        phi_q[stewart_index_3[i] + 4] = -x3;
-        const ncgen_real a0_z = q[stewart_index_1[i] + 2];
-        const ncgen_real a1_z = q[stewart_index_2[i] + 5];
-        const ncgen_real x4 = x1 * (a0_z - a1_z);
-        phi_q[stewart_index_4[i] + 2] = x4;
-        phi_q[stewart_index_3[i] + 5] = -x4;
-    }
-
-    /* length: |a|^2 - s^2 */
-    /*   row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
-    /*   row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
-    /*   row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
-    /*   row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
-    /*   row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
-    /*   row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real a0_x = q[3 * i];
-        const ncgen_real a1_x = stewart_number_6[i];
-        phi_q[4 * i + 75] = R(0.31707774212806483) * (a0_x - a1_x);
-        const ncgen_real a0_y = q[3 * i + 1];
-        const ncgen_real a1_y = stewart_number_7[i];
-        phi_q[4 * i + 76] = R(0.31707774212806483) * (a0_y - a1_y);
-        const ncgen_real a0_z = q[3 * i + 2];
-        phi_q[4 * i + 77] = R(0.31707774212806483) * a0_z;
-        const ncgen_real s = q[i + 21];
-        phi_q[4 * i + 78] = -(R(0.31707774212806483) * s);
+        /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
+        phi_q[75] = R(0.31707774212806483) * (P1_x - R(2.9971446647455733));
+        phi_q[76] = R(0.31707774212806483) * (P1_y + R(0.130858162096008));
+        phi_q[77] = R(0.31707774212806483) * P1_z;
+        const ncgen_real s1 = q[21];
+        phi_q[78] = -(R(0.31707774212806483) * s1);
+        /* row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
+        phi_q[79] = R(0.31707774212806483) * (P2_x - R(2.9971446647455733));
+        phi_q[80] = R(0.31707774212806483) * (P2_y - R(0.130858162096008));
+        phi_q[81] = R(0.31707774212806483) * P2_z;
+        const ncgen_real s2 = q[22];
+        phi_q[82] = -(R(0.31707774212806483) * s2);
+        /* row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
+        const ncgen_real P3_x = q[6];
+        phi_q[83] = R(0.31707774212806483) * (P3_x + R(1.3852458397051013));
+        const ncgen_real P3_y = q[7];
+        phi_q[84] = R(0.31707774212806483) * (P3_y - R(2.6610324995346657));
+        const ncgen_real P3_z = q[8];
+        phi_q[85] = R(0.31707774212806483) * P3_z;
+        const ncgen_real s3 = q[23];
+        phi_q[86] = -(R(0.31707774212806483) * s3);
+        /* row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
+        phi_q[87] = R(0.31707774212806483) * (P4_x + R(1.611898825040472));
+        phi_q[88] = R(0.31707774212806483) * (P4_y - R(2.5301743374386567));
+        phi_q[89] = R(0.31707774212806483) * P4_z;
+        const ncgen_real s4 = q[24];
+        phi_q[90] = -(R(0.31707774212806483) * s4);
+        /* row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
+        const ncgen_real P5_x = q[12];
+        phi_q[91] = R(0.31707774212806483) * (P5_x + R(1.6118988250404727));
+        const ncgen_real P5_y = q[13];
+        phi_q[92] = R(0.31707774212806483) * (P5_y + R(2.5301743374386563));
+        const ncgen_real P5_z = q[14];
+        phi_q[93] = R(0.31707774212806483) * P5_z;
+        const ncgen_real s5 = q[25];
+        phi_q[94] = -(R(0.31707774212806483) * s5);
+        /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
+        const ncgen_real P6_x = q[15];
+        phi_q[95] = R(0.31707774212806483) * (P6_x + R(1.385245839705103));
+        const ncgen_real P6_y = q[16];
+        phi_q[96] = R(0.31707774212806483) * (P6_y + R(2.6610324995346644));
+        const ncgen_real P6_z = q[17];
+        phi_q[97] = R(0.31707774212806483) * P6_z;
+        const ncgen_real s6 = q[26];
+        phi_q[98] = -(R(0.31707774212806483) * s6);
     }
 
     return NCGEN_OK;
@@ -340,60 +308,74 @@ int stewart_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
     }
 
     {
+        /* row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
+        const ncgen_real dP1_x = qd[0];
+        const ncgen_real dP2_x = qd[3];
+        const ncgen_real x1 = dP1_x - dP2_x;
+        const ncgen_real dP1_y = qd[1];
+        const ncgen_real dP2_y = qd[4];
+        const ncgen_real x2 = dP1_y - dP2_y;
+        const ncgen_real dP1_z = qd[2];
+        const ncgen_real dP2_z = qd[5];
+        const ncgen_real x3 = dP1_z - dP2_z;
+        gamma[0] = -(R(0.6527036446661393) * (x1 * x1 + x2 * x2 + x3 * x3));
+        /* row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939 */
+        const ncgen_real dP4_x = qd[9];
+        const ncgen_real x4 = dP1_x - dP4_x;
+        const ncgen_real dP4_y = qd[10];
+        const ncgen_real x5 = dP1_y - dP4_y;
+        const ncgen_real dP4_z = qd[11];
+        const ncgen_real x6 = dP1_z - dP4_z;
+        gamma[1] = -(R(0.5320888862379561) * (x4 * x4 + x5 * x5 + x6 * x6));
+        /* row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205 */
+        const ncgen_real x7 = dP4_x - dP2_x;
+        const ncgen_real x8 = dP4_y - dP2_y;
+        const ncgen_real x9 = dP4_z - dP2_z;
+        gamma[2] = -(R(0.5773502691896258) * (x7 * x7 + x8 * x8 + x9 * x9));
         /* row 4: 1001 unit n (body platform): |u|^2 - 1 = 0 with u = n */
         const ncgen_real dn_x = qd[18];
         const ncgen_real dn_y = qd[19];
         const ncgen_real dn_z = qd[20];
         gamma[3] = -(dn_x * dn_x + dn_y * dn_y + dn_z * dn_z);
         /* row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0 */
-        const ncgen_real dP2_x = qd[3];
-        const ncgen_real dP1_x = qd[0];
-        const ncgen_real dP2_y = qd[4];
-        const ncgen_real dP1_y = qd[1];
-        const ncgen_real dP2_z = qd[5];
-        const ncgen_real dP1_z = qd[2];
-        const ncgen_real x1 = dn_x * (dP2_x - dP1_x) + dn_y * (dP2_y - dP1_y) + dn_z * (dP2_z - dP1_z);
-        gamma[4] = -(R(1.3054072893322786) * x1);
+        const ncgen_real x10 = dn_x * (dP2_x - dP1_x) + dn_y * (dP2_y - dP1_y) + dn_z * (dP2_z - dP1_z);
+        gamma[4] = -(R(1.3054072893322786) * x10);
         /* row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0 */
-        const ncgen_real dP4_x = qd[9];
-        const ncgen_real dP4_y = qd[10];
-        const ncgen_real dP4_z = qd[11];
-        const ncgen_real x2 = dn_x * (dP4_x - dP1_x) + dn_y * (dP4_y - dP1_y) + dn_z * (dP4_z - dP1_z);
-        gamma[5] = -(R(1.0641777724759123) * x2);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
-    /*   row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939 */
-    /*   row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = stewart_number_9[i];
-        const ncgen_real da0_x = qd[stewart_index_1[i]];
-        const ncgen_real da1_x = qd[stewart_index_2[i] + 3];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[stewart_index_1[i] + 1];
-        const ncgen_real da1_y = qd[stewart_index_2[i] + 4];
-        const ncgen_real x3 = da0_y - da1_y;
-        const ncgen_real da0_z = qd[stewart_index_1[i] + 2];
-        const ncgen_real da1_z = qd[stewart_index_2[i] + 5];
-        const ncgen_real x4 = da0_z - da1_z;
-        gamma[i] = -(x1 * (x2 * x2 + x3 * x3 + x4 * x4));
-    }
-
-    /* length: |a|^2 - s^2 */
-    /*   row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
-    /*   row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
-    /*   row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
-    /*   row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
-    /*   row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
-    /*   row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real da0_x = qd[3 * i];
-        const ncgen_real da0_y = qd[3 * i + 1];
-        const ncgen_real da0_z = qd[3 * i + 2];
-        const ncgen_real ds = qd[i + 21];
-        const ncgen_real x1 = R(0.31707774212806483) * (da0_x * da0_x + da0_y * da0_y + da0_z * da0_z - ds * ds);
-        gamma[i + 15] = -x1;
+        const ncgen_real x11 = dn_x * (dP4_x - dP1_x) + dn_y * (dP4_y - dP1_y) + dn_z * (dP4_z - dP1_z);
+        gamma[5] = -(R(1.0641777724759123) * x11);
+        /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
+        const ncgen_real ds1 = qd[21];
+        const ncgen_real x12 = dP1_x * dP1_x + dP1_y * dP1_y + dP1_z * dP1_z - ds1 * ds1;
+        gamma[15] = -(R(0.31707774212806483) * x12);
+        /* row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
+        const ncgen_real ds2 = qd[22];
+        const ncgen_real x13 = dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z - ds2 * ds2;
+        gamma[16] = -(R(0.31707774212806483) * x13);
+        /* row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
+        const ncgen_real dP3_x = qd[6];
+        const ncgen_real dP3_y = qd[7];
+        const ncgen_real dP3_z = qd[8];
+        const ncgen_real ds3 = qd[23];
+        const ncgen_real x14 = dP3_x * dP3_x + dP3_y * dP3_y + dP3_z * dP3_z - ds3 * ds3;
+        gamma[17] = -(R(0.31707774212806483) * x14);
+        /* row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
+        const ncgen_real ds4 = qd[24];
+        const ncgen_real x15 = dP4_x * dP4_x + dP4_y * dP4_y + dP4_z * dP4_z - ds4 * ds4;
+        gamma[18] = -(R(0.31707774212806483) * x15);
+        /* row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
+        const ncgen_real dP5_x = qd[12];
+        const ncgen_real dP5_y = qd[13];
+        const ncgen_real dP5_z = qd[14];
+        const ncgen_real ds5 = qd[25];
+        const ncgen_real x16 = dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z - ds5 * ds5;
+        gamma[19] = -(R(0.31707774212806483) * x16);
+        /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
+        const ncgen_real dP6_x = qd[15];
+        const ncgen_real dP6_y = qd[16];
+        const ncgen_real dP6_z = qd[17];
+        const ncgen_real ds6 = qd[26];
+        const ncgen_real x17 = dP6_x * dP6_x + dP6_y * dP6_y + dP6_z * dP6_z - ds6 * ds6;
+        gamma[20] = -(R(0.31707774212806483) * x17);
     }
 
     return NCGEN_OK;
@@ -408,7 +390,7 @@ int stewart_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = stewart_number_10[i];
+        const ncgen_real x1 = stewart_number_2[i];
         mass[i] = x1;
     }
 
@@ -423,68 +405,104 @@ int stewart_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = stewart_number_11[i];
+        const ncgen_real x1 = stewart_number_3[i];
         force[i] = x1;
     }
 
-    /* torsion-spring: k (x - x0)^2 / 2, damper c */
-    /*   spring of s1, spring of s2, spring of s3, spring of s4, spring of s5, spring of s6 */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real dx = qd[i + 21];
-        const ncgen_real x = q[i + 21];
-        const ncgen_real L0 = stewart_number_12[i];
-        force[i + 21] = -(R(4000.0) * dx + R(200000.0) * (x - L0));
+    {
+        /* spring of s1 */
+        const ncgen_real ds1 = qd[21];
+        const ncgen_real s1 = q[21];
+        const ncgen_real x1 = R(4000.0) * ds1 + R(200000.0) * (s1 - R(3.1666918442810728));
+        force[21] = -x1;
+        /* spring of s2 */
+        const ncgen_real ds2 = qd[22];
+        const ncgen_real s2 = q[22];
+        const ncgen_real x2 = R(4000.0) * ds2 + R(200000.0) * (s2 - R(3.1666918442810728));
+        force[22] = -x2;
+        /* spring of s3 */
+        const ncgen_real ds3 = qd[23];
+        const ncgen_real s3 = q[23];
+        const ncgen_real x3 = R(4000.0) * ds3 + R(200000.0) * (s3 - R(3.1666918442810728));
+        force[23] = -x3;
+        /* spring of s4 */
+        const ncgen_real ds4 = qd[24];
+        const ncgen_real s4 = q[24];
+        const ncgen_real x4 = R(4000.0) * ds4 + R(200000.0) * (s4 - R(3.1666918442810728));
+        force[24] = -x4;
+        /* spring of s5 */
+        const ncgen_real ds5 = qd[25];
+        const ncgen_real s5 = q[25];
+        const ncgen_real x5 = R(4000.0) * ds5 + R(200000.0) * (s5 - R(3.1666918442810723));
+        force[25] = -x5;
+        /* spring of s6 */
+        const ncgen_real ds6 = qd[26];
+        const ncgen_real s6 = q[26];
+        const ncgen_real x6 = R(4000.0) * ds6 + R(200000.0) * (s6 - R(3.1666918442810728));
+        force[26] = -x6;
     }
 
     return NCGEN_OK;
 }
 
-/* energy: 111 operations */
+/* energy: 100 operations */
 int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
-    /* mass-diagonal: m v^2 / 2 */
-    /*   P1.x, P1.y, P1.z, P2.x, P2.y, P2.z, P4.x, P4.y, P4.z */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real x1 = stewart_number_13[i];
-        const ncgen_real dx = qd[stewart_index_5[i]];
-        energy[0] += x1 * (dx * dx);
-    }
-
-    /* mass-pair: m v w */
-    /*   P1.x P2.x, P1.y P2.y, P1.z P2.z, P1.x P4.x, P1.y P4.y, P1.z P4.z, P2.x P4.x, P2.y P4.y, */
-    /*   P2.z P4.z */
-    for (int i = 0; i < 9; ++i) {
-        const ncgen_real dy = qd[stewart_index_6[i] + 3];
-        const ncgen_real dx = qd[stewart_index_7[i]];
-        const ncgen_real m = stewart_number_14[i];
-        energy[0] += dy * (dx * m);
-    }
-
-    /* weight: -f x */
-    /*   P1.z, P2.z, P4.z */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x = q[stewart_index_8[i] + 2];
-        const ncgen_real f = stewart_number_15[i];
-        energy[1] += -(x * f);
-    }
-
-    /* torsion-spring: k (x - x0)^2 / 2, damper c */
-    /*   spring of s1, spring of s2, spring of s3, spring of s4, spring of s5, spring of s6 */
-    for (int i = 0; i < 6; ++i) {
-        const ncgen_real x = q[i + 21];
-        const ncgen_real L0 = stewart_number_12[i];
-        const ncgen_real x1 = x - L0;
-        energy[1] += R(100000.0) * (x1 * x1);
-        const ncgen_real dx = qd[i + 21];
-        energy[2] += -(R(4000.0) * (dx * dx));
+    {
+        /* P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; P4.x; P4.y; P4.z; P1.x P2.x; P1.y P2.y; P1.z P2.z; P1.x P4.x; P1.y P4.y; P1.z P4.z; P2.x P4.x; P2.y P4.y; P2.z P4.z */
+        const ncgen_real dP4_z = qd[11];
+        const ncgen_real dP2_z = qd[5];
+        const ncgen_real dP4_y = qd[10];
+        const ncgen_real dP2_y = qd[4];
+        const ncgen_real dP4_x = qd[9];
+        const ncgen_real dP2_x = qd[3];
+        const ncgen_real dP1_z = qd[2];
+        const ncgen_real dP1_y = qd[1];
+        const ncgen_real dP1_x = qd[0];
+        const ncgen_real x1 = R(120.61475842818322) * (dP1_x * dP1_x) + R(120.61475842818322) * (dP1_y * dP1_y);
+        const ncgen_real x2 = R(104.22708310254103) * (dP2_x * dP2_x) + (R(120.61475842818322) * (dP1_z * dP1_z) + x1);
+        const ncgen_real x3 = R(104.22708310254103) * (dP2_z * dP2_z) + (R(104.22708310254103) * (dP2_y * dP2_y) + x2);
+        const ncgen_real x4 = R(125.17161610333208) * (dP4_y * dP4_y) + (R(125.17161610333208) * (dP4_x * dP4_x) + x3);
+        const ncgen_real x5 = dP2_x * (R(5.398930937909347) * dP1_x) + (R(125.17161610333208) * (dP4_z * dP4_z) + x4);
+        const ncgen_real x6 = dP2_z * (R(5.398930937909347) * dP1_z) + (dP2_y * (R(5.398930937909347) * dP1_y) + x5);
+        const ncgen_real x7 = dP4_y * (R(100.66790753958487) * dP1_y) + (dP4_x * (R(100.66790753958487) * dP1_x) + x6);
+        const ncgen_real x8 = dP4_x * (R(43.91970388844943) * dP2_x) + (dP4_z * (R(100.66790753958487) * dP1_z) + x7);
+        const ncgen_real x9 = dP4_z * (R(43.91970388844943) * dP2_z) + (dP4_y * (R(43.91970388844943) * dP2_y) + x8);
+        energy[0] = x9;
+        /* P1.z; P2.z; P4.z; spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6 */
+        const ncgen_real s6 = q[26];
+        const ncgen_real x10 = s6 - R(3.1666918442810728);
+        const ncgen_real s5 = q[25];
+        const ncgen_real x11 = s5 - R(3.1666918442810723);
+        const ncgen_real s4 = q[24];
+        const ncgen_real x12 = s4 - R(3.1666918442810728);
+        const ncgen_real s3 = q[23];
+        const ncgen_real x13 = s3 - R(3.1666918442810728);
+        const ncgen_real s2 = q[22];
+        const ncgen_real x14 = s2 - R(3.1666918442810728);
+        const ncgen_real s1 = q[21];
+        const ncgen_real x15 = s1 - R(3.1666918442810728);
+        const ncgen_real P4_z = q[11];
+        const ncgen_real P1_z = q[2];
+        const ncgen_real P2_z = q[5];
+        const ncgen_real x16 = R(3406.977245825173) * P1_z + R(2528.751178118435) * P2_z;
+        const ncgen_real x17 = R(100000.0) * (x15 * x15) + (R(3874.2715760563924) * P4_z + x16);
+        const ncgen_real x18 = R(100000.0) * (x13 * x13) + (R(100000.0) * (x14 * x14) + x17);
+        const ncgen_real x19 = R(100000.0) * (x11 * x11) + (R(100000.0) * (x12 * x12) + x18);
+        energy[1] = R(100000.0) * (x10 * x10) + x19;
+        /* spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6 */
+        const ncgen_real ds6 = qd[26];
+        const ncgen_real ds5 = qd[25];
+        const ncgen_real ds4 = qd[24];
+        const ncgen_real ds3 = qd[23];
+        const ncgen_real ds1 = qd[21];
+        const ncgen_real ds2 = qd[22];
+        const ncgen_real x20 = R(4000.0) * (ds3 * ds3) + (R(4000.0) * (ds1 * ds1) + R(4000.0) * (ds2 * ds2));
+        const ncgen_real x21 = R(4000.0) * (ds5 * ds5) + (R(4000.0) * (ds4 * ds4) + x20);
+        energy[2] = -(R(4000.0) * (ds6 * ds6) + x21);
     }
 
     return NCGEN_OK;
@@ -580,7 +598,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "85879c1ed1c949c2",
+        .fingerprint = "2a28a5fe09b0123a",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,

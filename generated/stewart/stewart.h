@@ -48,7 +48,7 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_
 int stewart_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 21 numbers, 110 operations */
 int stewart_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 27 numbers, 0 operations */
 int stewart_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 27 numbers, 30 operations */
-int stewart_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 111 operations */
+int stewart_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 100 operations */
 
 #ifdef __cplusplus
 }

@@ -92,54 +92,7 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_index_1 = np.array([
-    0, 0, 9
-])
-_index_2 = np.array([
-    0, 6, 0
-])
-_index_3 = np.array([
-    0, 6, 9
-])
-_index_4 = np.array([
-    0, 6, 15
-])
-_index_5 = np.array([
-    0, 1, 2, 3, 4, 5, 9, 10, 11
-])
-_index_6 = np.array([
-    0, 1, 2, 6, 7, 8, 6, 7, 8
-])
-_index_7 = np.array([
-    0, 1, 2, 0, 1, 2, 3, 4, 5
-])
-_index_8 = np.array([
-    0, 3, 9
-])
 _number_1 = np.array([
-    0.32635182233306964, 0.26604444311897807, 0.2886751345948129
-])
-_number_2 = np.array([
-    2.3472963553338606, 3.5320888862379554, 2.9999999999999996
-])
-_number_3 = np.array([
-    0.18479253090409548, -0.22668159690567757, -1.041889066001582
-])
-_number_4 = np.array([
-    -0.9999999999999997, 0.22668159690567746, 0.22668159690567724
-])
-_number_5 = np.array([
-    -0.1847925309040958, -0.9999999999999999, -0.1847925309040952
-])
-_number_6 = np.array([
-    2.9971446647455733, 2.9971446647455733, -1.3852458397051013, -1.611898825040472, -1.6118988250404727,
-    -1.385245839705103
-])
-_number_7 = np.array([
-    -0.130858162096008, 0.130858162096008, 2.6610324995346657, 2.5301743374386567, -2.5301743374386563,
-    -2.6610324995346644
-])
-_number_8 = np.array([
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.18479253090409548, -0.9999999999999997, 1.0, -0.1847925309040958, 0.18479253090409548,
@@ -151,10 +104,7 @@ _number_8 = np.array([
     -1.041889066001582, 0.22668159690567724, -0.1847925309040952, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 ])
-_number_9 = np.array([
-    0.6527036446661393, 0.5320888862379561, 0.5773502691896258
-])
-_number_10 = np.array([
+_number_2 = np.array([
     241.22951685636644, 5.398930937909347, 100.66790753958487, 241.22951685636644, 5.398930937909347,
     100.66790753958487, 241.22951685636644, 5.398930937909347, 100.66790753958487, 5.398930937909347,
     208.45416620508206, 43.91970388844943, 5.398930937909347, 208.45416620508206, 43.91970388844943,
@@ -162,24 +112,9 @@ _number_10 = np.array([
     250.34323220666417, 100.66790753958487, 43.91970388844943, 250.34323220666417, 100.66790753958487,
     43.91970388844943, 250.34323220666417
 ])
-_number_11 = np.array([
+_number_3 = np.array([
     0.0, 0.0, -3406.977245825173, 0.0, 0.0, -2528.751178118435, 0.0, 0.0, 0.0, 0.0, 0.0, -3874.2715760563924,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-])
-_number_12 = np.array([
-    3.1666918442810728, 3.1666918442810728, 3.1666918442810728, 3.1666918442810728, 3.1666918442810723,
-    3.1666918442810728
-])
-_number_13 = np.array([
-    120.61475842818322, 120.61475842818322, 120.61475842818322, 104.22708310254103, 104.22708310254103,
-    104.22708310254103, 125.17161610333208, 125.17161610333208, 125.17161610333208
-])
-_number_14 = np.array([
-    5.398930937909347, 5.398930937909347, 5.398930937909347, 100.66790753958487, 100.66790753958487,
-    100.66790753958487, 43.91970388844943, 43.91970388844943, 43.91970388844943
-])
-_number_15 = np.array([
-    -3406.977245825173, -2528.751178118435, -3874.2715760563924
 ])
 
 
@@ -193,98 +128,116 @@ def phi(t, q, p):
     """21 numbers, 169 operations."""
     t = np.asarray(t)
     phi = _output(21, t, q, p)
+    # row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209
+    P1_x = q[..., 0]
+    P2_x = q[..., 3]
+    x1 = P1_x - P2_x
+    P1_y = q[..., 1]
+    P2_y = q[..., 4]
+    x2 = P1_y - P2_y
+    P1_z = q[..., 2]
+    P2_z = q[..., 5]
+    x3 = P1_z - P2_z
+    x4 = 0.32635182233306964 * (x1 * x1 + x2 * x2 + x3 * x3 - 2.3472963553338606)
+    phi[..., 0] = x4
+    # row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939
+    P4_x = q[..., 9]
+    x5 = P1_x - P4_x
+    P4_y = q[..., 10]
+    x6 = P1_y - P4_y
+    P4_z = q[..., 11]
+    x7 = P1_z - P4_z
+    x8 = 0.26604444311897807 * (x5 * x5 + x6 * x6 + x7 * x7 - 3.5320888862379554)
+    phi[..., 1] = x8
+    # row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205
+    x9 = P4_x - P2_x
+    x10 = P4_y - P2_y
+    x11 = P4_z - P2_z
+    x12 = 0.2886751345948129 * (x9 * x9 + x10 * x10 + x11 * x11 - 2.9999999999999996)
+    phi[..., 2] = x12
     # row 4: 1001 unit n (body platform): |u|^2 - 1 = 0 with u = n
     n_x = q[..., 18]
     n_y = q[..., 19]
     n_z = q[..., 20]
     phi[..., 3] = 0.5 * (n_x * n_x + n_y * n_y + n_z * n_z - 1.0)
     # row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0
-    P2_x = q[..., 3]
-    P1_x = q[..., 0]
-    P2_y = q[..., 4]
-    P1_y = q[..., 1]
-    P2_z = q[..., 5]
-    P1_z = q[..., 2]
-    x1 = n_x * (P2_x - P1_x) + n_y * (P2_y - P1_y) + n_z * (P2_z - P1_z)
-    phi[..., 4] = 0.6527036446661393 * x1
+    x13 = n_x * (P2_x - P1_x) + n_y * (P2_y - P1_y) + n_z * (P2_z - P1_z)
+    phi[..., 4] = 0.6527036446661393 * x13
     # row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0
-    P4_x = q[..., 9]
-    P4_y = q[..., 10]
-    P4_z = q[..., 11]
-    x2 = n_x * (P4_x - P1_x) + n_y * (P4_y - P1_y) + n_z * (P4_z - P1_z)
-    phi[..., 5] = 0.5320888862379561 * x2
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209
-    #   row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939
-    #   row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205
-    scale = _number_1
-    a0_x = q[..., _index_1]
-    a1_x = q[..., _index_2 + 3]
-    x1 = a0_x - a1_x
-    a0_y = q[..., _index_1 + 1]
-    a1_y = q[..., _index_2 + 4]
-    x2 = a0_y - a1_y
-    a0_z = q[..., _index_1 + 2]
-    a1_z = q[..., _index_2 + 5]
-    x3 = a0_z - a1_z
-    x4 = _number_2
-    phi[..., 0:3] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4)
-    # affine-x: (e - c a x b).x
-    #   row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0
-    #   row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0
-    #   row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0
-    e0_x = q[..., _index_3 + 6]
-    weight_e1_x = _number_3
-    e1_x = q[..., 0, None]
-    weight_e2_x = _number_4
-    e2_x = q[..., 3, None]
-    weight_e3_x = _number_5
-    e3_x = q[..., 9, None]
-    x1 = e0_x + weight_e1_x * e1_x + weight_e2_x * e2_x + weight_e3_x * e3_x
-    phi[..., 6:15:3] = x1
-    # affine-y: (e - c a x b).y
-    #   row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0
-    #   row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0
-    #   row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0
-    e0_y = q[..., _index_3 + 7]
-    weight_e1_y = _number_3
-    e1_y = q[..., 1, None]
-    weight_e2_y = _number_4
-    e2_y = q[..., 4, None]
-    weight_e3_y = _number_5
-    e3_y = q[..., 10, None]
-    x1 = e0_y + weight_e1_y * e1_y + weight_e2_y * e2_y + weight_e3_y * e3_y
-    phi[..., 7:16:3] = x1
-    # affine-z: (e - c a x b).z
-    #   row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0
-    #   row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0
-    #   row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0
-    e0_z = q[..., _index_3 + 8]
-    weight_e1_z = _number_3
-    e1_z = q[..., 2, None]
-    weight_e2_z = _number_4
-    e2_z = q[..., 5, None]
-    weight_e3_z = _number_5
-    e3_z = q[..., 11, None]
-    x1 = e0_z + weight_e1_z * e1_z + weight_e2_z * e2_z + weight_e3_z * e3_z
-    phi[..., 8:17:3] = x1
-    # length: |a|^2 - s^2
-    #   row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1
-    #   row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2
-    #   row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3
-    #   row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4
-    #   row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5
-    #   row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6
-    a0_x = q[..., 0:18:3]
-    a1_x = _number_6
-    x1 = a0_x - a1_x
-    a0_y = q[..., 1:19:3]
-    a1_y = _number_7
-    x2 = a0_y - a1_y
-    a0_z = q[..., 2:20:3]
-    s = q[..., 21:27]
-    x3 = 0.15853887106403242 * (x1 * x1 + x2 * x2 + a0_z * a0_z - s * s)
-    phi[..., 15:21] = x3
+    x14 = n_x * (P4_x - P1_x) + n_y * (P4_y - P1_y) + n_z * (P4_z - P1_z)
+    phi[..., 5] = 0.5320888862379561 * x14
+    # row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0
+    P3_x = q[..., 6]
+    x15 = P3_x + 0.18479253090409548 * P1_x - 0.9999999999999997 * P2_x
+    phi[..., 6] = x15 - 0.1847925309040958 * P4_x
+    # row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0
+    P3_y = q[..., 7]
+    x16 = P3_y + 0.18479253090409548 * P1_y - 0.9999999999999997 * P2_y
+    phi[..., 7] = x16 - 0.1847925309040958 * P4_y
+    # row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0
+    P3_z = q[..., 8]
+    x17 = P3_z + 0.18479253090409548 * P1_z - 0.9999999999999997 * P2_z
+    phi[..., 8] = x17 - 0.1847925309040958 * P4_z
+    # row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0
+    P5_x = q[..., 12]
+    x18 = P5_x - 0.22668159690567757 * P1_x + 0.22668159690567746 * P2_x
+    phi[..., 9] = x18 - 0.9999999999999999 * P4_x
+    # row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0
+    P5_y = q[..., 13]
+    x19 = P5_y - 0.22668159690567757 * P1_y + 0.22668159690567746 * P2_y
+    phi[..., 10] = x19 - 0.9999999999999999 * P4_y
+    # row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0
+    P5_z = q[..., 14]
+    x20 = P5_z - 0.22668159690567757 * P1_z + 0.22668159690567746 * P2_z
+    phi[..., 11] = x20 - 0.9999999999999999 * P4_z
+    # row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0
+    P6_x = q[..., 15]
+    x21 = P6_x - 1.041889066001582 * P1_x + 0.22668159690567724 * P2_x
+    phi[..., 12] = x21 - 0.1847925309040952 * P4_x
+    # row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0
+    P6_y = q[..., 16]
+    x22 = P6_y - 1.041889066001582 * P1_y + 0.22668159690567724 * P2_y
+    phi[..., 13] = x22 - 0.1847925309040952 * P4_y
+    # row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0
+    P6_z = q[..., 17]
+    x23 = P6_z - 1.041889066001582 * P1_z + 0.22668159690567724 * P2_z
+    phi[..., 14] = x23 - 0.1847925309040952 * P4_z
+    # row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1
+    x24 = P1_x - 2.9971446647455733
+    x25 = P1_y + 0.130858162096008
+    s1 = q[..., 21]
+    x26 = 0.15853887106403242 * (x24 * x24 + x25 * x25 + P1_z * P1_z - s1 * s1)
+    phi[..., 15] = x26
+    # row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2
+    x27 = P2_x - 2.9971446647455733
+    x28 = P2_y - 0.130858162096008
+    s2 = q[..., 22]
+    x29 = 0.15853887106403242 * (x27 * x27 + x28 * x28 + P2_z * P2_z - s2 * s2)
+    phi[..., 16] = x29
+    # row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3
+    x30 = P3_x + 1.3852458397051013
+    x31 = P3_y - 2.6610324995346657
+    s3 = q[..., 23]
+    x32 = 0.15853887106403242 * (x30 * x30 + x31 * x31 + P3_z * P3_z - s3 * s3)
+    phi[..., 17] = x32
+    # row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4
+    x33 = P4_x + 1.611898825040472
+    x34 = P4_y - 2.5301743374386567
+    s4 = q[..., 24]
+    x35 = 0.15853887106403242 * (x33 * x33 + x34 * x34 + P4_z * P4_z - s4 * s4)
+    phi[..., 18] = x35
+    # row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5
+    x36 = P5_x + 1.6118988250404727
+    x37 = P5_y + 2.5301743374386563
+    s5 = q[..., 25]
+    x38 = 0.15853887106403242 * (x36 * x36 + x37 * x37 + P5_z * P5_z - s5 * s5)
+    phi[..., 19] = x38
+    # row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6
+    x39 = P6_x + 1.385245839705103
+    x40 = P6_y + 2.6610324995346644
+    s6 = q[..., 26]
+    x41 = 0.15853887106403242 * (x39 * x39 + x40 * x40 + P6_z * P6_z - s6 * s6)
+    phi[..., 20] = x41
     return phi
 
 
@@ -293,8 +246,47 @@ def phi_q(t, q, p):
     t = np.asarray(t)
     phi_q = _output(99, t, q, p)
     # constant part
-    x1 = _number_8
+    x1 = _number_1
     phi_q[..., 0:99] = x1
+    # row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209
+    P1_x = q[..., 0]
+    P2_x = q[..., 3]
+    x1 = 0.6527036446661393 * (P1_x - P2_x)
+    phi_q[..., 0] = x1
+    P1_y = q[..., 1]
+    P2_y = q[..., 4]
+    x2 = 0.6527036446661393 * (P1_y - P2_y)
+    phi_q[..., 1] = x2
+    P1_z = q[..., 2]
+    P2_z = q[..., 5]
+    x3 = 0.6527036446661393 * (P1_z - P2_z)
+    phi_q[..., 2] = x3
+    phi_q[..., 3] = -x1
+    phi_q[..., 4] = -x2
+    phi_q[..., 5] = -x3
+    # row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939
+    P4_x = q[..., 9]
+    x4 = 0.5320888862379561 * (P1_x - P4_x)
+    phi_q[..., 6] = x4
+    P4_y = q[..., 10]
+    x5 = 0.5320888862379561 * (P1_y - P4_y)
+    phi_q[..., 7] = x5
+    P4_z = q[..., 11]
+    x6 = 0.5320888862379561 * (P1_z - P4_z)
+    phi_q[..., 8] = x6
+    phi_q[..., 9] = -x4
+    phi_q[..., 10] = -x5
+    phi_q[..., 11] = -x6
+    # row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205
+    x7 = 0.5773502691896258 * (P4_x - P2_x)
+    phi_q[..., 12] = -x7
+    x8 = 0.5773502691896258 * (P4_y - P2_y)
+    phi_q[..., 13] = -x8
+    x9 = 0.5773502691896258 * (P4_z - P2_z)
+    phi_q[..., 14] = -x9
+    phi_q[..., 15] = x7
+    phi_q[..., 16] = x8
+    phi_q[..., 17] = x9
     # row 4: 1001 unit n (body platform): |u|^2 - 1 = 0 with u = n
     n_x = q[..., 18]
     phi_q[..., 18] = n_x
@@ -303,77 +295,76 @@ def phi_q(t, q, p):
     n_z = q[..., 20]
     phi_q[..., 20] = n_z
     # row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0
-    x1 = 0.6527036446661393 * n_x
-    phi_q[..., 21] = -x1
-    x2 = 0.6527036446661393 * n_y
-    phi_q[..., 22] = -x2
-    x3 = 0.6527036446661393 * n_z
-    phi_q[..., 23] = -x3
-    phi_q[..., 24] = x1
-    phi_q[..., 25] = x2
-    phi_q[..., 26] = x3
-    P2_x = q[..., 3]
-    P1_x = q[..., 0]
+    x10 = 0.6527036446661393 * n_x
+    phi_q[..., 21] = -x10
+    x11 = 0.6527036446661393 * n_y
+    phi_q[..., 22] = -x11
+    x12 = 0.6527036446661393 * n_z
+    phi_q[..., 23] = -x12
+    phi_q[..., 24] = x10
+    phi_q[..., 25] = x11
+    phi_q[..., 26] = x12
     phi_q[..., 27] = 0.6527036446661393 * (P2_x - P1_x)
-    P2_y = q[..., 4]
-    P1_y = q[..., 1]
     phi_q[..., 28] = 0.6527036446661393 * (P2_y - P1_y)
-    P2_z = q[..., 5]
-    P1_z = q[..., 2]
     phi_q[..., 29] = 0.6527036446661393 * (P2_z - P1_z)
     # row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0
-    x4 = 0.5320888862379561 * n_x
-    phi_q[..., 30] = -x4
-    x5 = 0.5320888862379561 * n_y
-    phi_q[..., 31] = -x5
-    x6 = 0.5320888862379561 * n_z
-    phi_q[..., 32] = -x6
-    phi_q[..., 33] = x4
-    phi_q[..., 34] = x5
-    phi_q[..., 35] = x6
-    P4_x = q[..., 9]
+    x13 = 0.5320888862379561 * n_x
+    phi_q[..., 30] = -x13
+    x14 = 0.5320888862379561 * n_y
+    phi_q[..., 31] = -x14
+    x15 = 0.5320888862379561 * n_z
+    phi_q[..., 32] = -x15
+    phi_q[..., 33] = x13
+    phi_q[..., 34] = x14
+    phi_q[..., 35] = x15
     phi_q[..., 36] = 0.5320888862379561 * (P4_x - P1_x)
-    P4_y = q[..., 10]
     phi_q[..., 37] = 0.5320888862379561 * (P4_y - P1_y)
-    P4_z = q[..., 11]
     phi_q[..., 38] = 0.5320888862379561 * (P4_z - P1_z)
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209
-    #   row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939
-    #   row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205
-    a0_x = q[..., _index_1]
-    a1_x = q[..., _index_2 + 3]
-    x1 = _number_9
-    x2 = (a0_x - a1_x) * x1
-    phi_q[..., _index_4] = x2
-    phi_q[..., _index_3 + 3] = -x2
-    a0_y = q[..., _index_1 + 1]
-    a1_y = q[..., _index_2 + 4]
-    x3 = x1 * (a0_y - a1_y)
-    phi_q[..., _index_4 + 1] = x3
-    phi_q[..., _index_3 + 4] = -x3
-    a0_z = q[..., _index_1 + 2]
-    a1_z = q[..., _index_2 + 5]
-    x4 = x1 * (a0_z - a1_z)
-    phi_q[..., _index_4 + 2] = x4
-    phi_q[..., _index_3 + 5] = -x4
-    # length: |a|^2 - s^2
-    #   row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1
-    #   row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2
-    #   row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3
-    #   row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4
-    #   row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5
-    #   row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6
-    a0_x = q[..., 0:18:3]
-    a1_x = _number_6
-    phi_q[..., 75:99:4] = 0.31707774212806483 * (a0_x - a1_x)
-    a0_y = q[..., 1:19:3]
-    a1_y = _number_7
-    phi_q[..., 76:100:4] = 0.31707774212806483 * (a0_y - a1_y)
-    a0_z = q[..., 2:20:3]
-    phi_q[..., 77:101:4] = 0.31707774212806483 * a0_z
-    s = q[..., 21:27]
-    phi_q[..., 78:102:4] = -(0.31707774212806483 * s)
+    # row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1
+    phi_q[..., 75] = 0.31707774212806483 * (P1_x - 2.9971446647455733)
+    phi_q[..., 76] = 0.31707774212806483 * (P1_y + 0.130858162096008)
+    phi_q[..., 77] = 0.31707774212806483 * P1_z
+    s1 = q[..., 21]
+    phi_q[..., 78] = -(0.31707774212806483 * s1)
+    # row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2
+    phi_q[..., 79] = 0.31707774212806483 * (P2_x - 2.9971446647455733)
+    phi_q[..., 80] = 0.31707774212806483 * (P2_y - 0.130858162096008)
+    phi_q[..., 81] = 0.31707774212806483 * P2_z
+    s2 = q[..., 22]
+    phi_q[..., 82] = -(0.31707774212806483 * s2)
+    # row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3
+    P3_x = q[..., 6]
+    phi_q[..., 83] = 0.31707774212806483 * (P3_x + 1.3852458397051013)
+    P3_y = q[..., 7]
+    phi_q[..., 84] = 0.31707774212806483 * (P3_y - 2.6610324995346657)
+    P3_z = q[..., 8]
+    phi_q[..., 85] = 0.31707774212806483 * P3_z
+    s3 = q[..., 23]
+    phi_q[..., 86] = -(0.31707774212806483 * s3)
+    # row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4
+    phi_q[..., 87] = 0.31707774212806483 * (P4_x + 1.611898825040472)
+    phi_q[..., 88] = 0.31707774212806483 * (P4_y - 2.5301743374386567)
+    phi_q[..., 89] = 0.31707774212806483 * P4_z
+    s4 = q[..., 24]
+    phi_q[..., 90] = -(0.31707774212806483 * s4)
+    # row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5
+    P5_x = q[..., 12]
+    phi_q[..., 91] = 0.31707774212806483 * (P5_x + 1.6118988250404727)
+    P5_y = q[..., 13]
+    phi_q[..., 92] = 0.31707774212806483 * (P5_y + 2.5301743374386563)
+    P5_z = q[..., 14]
+    phi_q[..., 93] = 0.31707774212806483 * P5_z
+    s5 = q[..., 25]
+    phi_q[..., 94] = -(0.31707774212806483 * s5)
+    # row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6
+    P6_x = q[..., 15]
+    phi_q[..., 95] = 0.31707774212806483 * (P6_x + 1.385245839705103)
+    P6_y = q[..., 16]
+    phi_q[..., 96] = 0.31707774212806483 * (P6_y + 2.6610324995346644)
+    P6_z = q[..., 17]
+    phi_q[..., 97] = 0.31707774212806483 * P6_z
+    s6 = q[..., 26]
+    phi_q[..., 98] = -(0.31707774212806483 * s6)
     return phi_q
 
 
@@ -383,54 +374,74 @@ def gamma(t, q, qd, p):
     gamma = _output(21, t, q, qd, p)
     # constant part
     gamma[..., 0:21] = 0.0
+    # row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209
+    dP1_x = qd[..., 0]
+    dP2_x = qd[..., 3]
+    x1 = dP1_x - dP2_x
+    dP1_y = qd[..., 1]
+    dP2_y = qd[..., 4]
+    x2 = dP1_y - dP2_y
+    dP1_z = qd[..., 2]
+    dP2_z = qd[..., 5]
+    x3 = dP1_z - dP2_z
+    gamma[..., 0] = -(0.6527036446661393 * (x1 * x1 + x2 * x2 + x3 * x3))
+    # row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939
+    dP4_x = qd[..., 9]
+    x4 = dP1_x - dP4_x
+    dP4_y = qd[..., 10]
+    x5 = dP1_y - dP4_y
+    dP4_z = qd[..., 11]
+    x6 = dP1_z - dP4_z
+    gamma[..., 1] = -(0.5320888862379561 * (x4 * x4 + x5 * x5 + x6 * x6))
+    # row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205
+    x7 = dP4_x - dP2_x
+    x8 = dP4_y - dP2_y
+    x9 = dP4_z - dP2_z
+    gamma[..., 2] = -(0.5773502691896258 * (x7 * x7 + x8 * x8 + x9 * x9))
     # row 4: 1001 unit n (body platform): |u|^2 - 1 = 0 with u = n
     dn_x = qd[..., 18]
     dn_y = qd[..., 19]
     dn_z = qd[..., 20]
     gamma[..., 3] = -(dn_x * dn_x + dn_y * dn_y + dn_z * dn_z)
     # row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0
-    dP2_x = qd[..., 3]
-    dP1_x = qd[..., 0]
-    dP2_y = qd[..., 4]
-    dP1_y = qd[..., 1]
-    dP2_z = qd[..., 5]
-    dP1_z = qd[..., 2]
-    x1 = dn_x * (dP2_x - dP1_x) + dn_y * (dP2_y - dP1_y) + dn_z * (dP2_z - dP1_z)
-    gamma[..., 4] = -(1.3054072893322786 * x1)
+    x10 = dn_x * (dP2_x - dP1_x) + dn_y * (dP2_y - dP1_y) + dn_z * (dP2_z - dP1_z)
+    gamma[..., 4] = -(1.3054072893322786 * x10)
     # row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0
-    dP4_x = qd[..., 9]
-    dP4_y = qd[..., 10]
-    dP4_z = qd[..., 11]
-    x2 = dn_x * (dP4_x - dP1_x) + dn_y * (dP4_y - dP1_y) + dn_z * (dP4_z - dP1_z)
-    gamma[..., 5] = -(1.0641777724759123 * x2)
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209
-    #   row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939
-    #   row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205
-    x1 = _number_9
-    da0_x = qd[..., _index_1]
-    da1_x = qd[..., _index_2 + 3]
-    x2 = da0_x - da1_x
-    da0_y = qd[..., _index_1 + 1]
-    da1_y = qd[..., _index_2 + 4]
-    x3 = da0_y - da1_y
-    da0_z = qd[..., _index_1 + 2]
-    da1_z = qd[..., _index_2 + 5]
-    x4 = da0_z - da1_z
-    gamma[..., 0:3] = -(x1 * (x2 * x2 + x3 * x3 + x4 * x4))
-    # length: |a|^2 - s^2
-    #   row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1
-    #   row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2
-    #   row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3
-    #   row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4
-    #   row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5
-    #   row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6
-    da0_x = qd[..., 0:18:3]
-    da0_y = qd[..., 1:19:3]
-    da0_z = qd[..., 2:20:3]
-    ds = qd[..., 21:27]
-    x1 = 0.31707774212806483 * (da0_x * da0_x + da0_y * da0_y + da0_z * da0_z - ds * ds)
-    gamma[..., 15:21] = -x1
+    x11 = dn_x * (dP4_x - dP1_x) + dn_y * (dP4_y - dP1_y) + dn_z * (dP4_z - dP1_z)
+    gamma[..., 5] = -(1.0641777724759123 * x11)
+    # row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1
+    ds1 = qd[..., 21]
+    x12 = dP1_x * dP1_x + dP1_y * dP1_y + dP1_z * dP1_z - ds1 * ds1
+    gamma[..., 15] = -(0.31707774212806483 * x12)
+    # row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2
+    ds2 = qd[..., 22]
+    x13 = dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z - ds2 * ds2
+    gamma[..., 16] = -(0.31707774212806483 * x13)
+    # row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3
+    dP3_x = qd[..., 6]
+    dP3_y = qd[..., 7]
+    dP3_z = qd[..., 8]
+    ds3 = qd[..., 23]
+    x14 = dP3_x * dP3_x + dP3_y * dP3_y + dP3_z * dP3_z - ds3 * ds3
+    gamma[..., 17] = -(0.31707774212806483 * x14)
+    # row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4
+    ds4 = qd[..., 24]
+    x15 = dP4_x * dP4_x + dP4_y * dP4_y + dP4_z * dP4_z - ds4 * ds4
+    gamma[..., 18] = -(0.31707774212806483 * x15)
+    # row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5
+    dP5_x = qd[..., 12]
+    dP5_y = qd[..., 13]
+    dP5_z = qd[..., 14]
+    ds5 = qd[..., 25]
+    x16 = dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z - ds5 * ds5
+    gamma[..., 19] = -(0.31707774212806483 * x16)
+    # row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6
+    dP6_x = qd[..., 15]
+    dP6_y = qd[..., 16]
+    dP6_z = qd[..., 17]
+    ds6 = qd[..., 26]
+    x17 = dP6_x * dP6_x + dP6_y * dP6_y + dP6_z * dP6_z - ds6 * ds6
+    gamma[..., 20] = -(0.31707774212806483 * x17)
     return gamma
 
 
@@ -439,7 +450,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(27, t, q, p)
     # constant part
-    x1 = _number_10
+    x1 = _number_2
     mass[..., 0:27] = x1
     return mass
 
@@ -449,46 +460,87 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(27, t, q, qd, p)
     # constant part
-    x1 = _number_11
+    x1 = _number_3
     force[..., 0:27] = x1
-    # torsion-spring: k (x - x0)^2 / 2, damper c
-    #   spring of s1, spring of s2, spring of s3, spring of s4, spring of s5, spring of s6
-    dx = qd[..., 21:27]
-    x = q[..., 21:27]
-    L0 = _number_12
-    force[..., 21:27] = -(4000.0 * dx + 200000.0 * (x - L0))
+    # spring of s1
+    ds1 = qd[..., 21]
+    s1 = q[..., 21]
+    force[..., 21] = -(4000.0 * ds1 + 200000.0 * (s1 - 3.1666918442810728))
+    # spring of s2
+    ds2 = qd[..., 22]
+    s2 = q[..., 22]
+    force[..., 22] = -(4000.0 * ds2 + 200000.0 * (s2 - 3.1666918442810728))
+    # spring of s3
+    ds3 = qd[..., 23]
+    s3 = q[..., 23]
+    force[..., 23] = -(4000.0 * ds3 + 200000.0 * (s3 - 3.1666918442810728))
+    # spring of s4
+    ds4 = qd[..., 24]
+    s4 = q[..., 24]
+    force[..., 24] = -(4000.0 * ds4 + 200000.0 * (s4 - 3.1666918442810728))
+    # spring of s5
+    ds5 = qd[..., 25]
+    s5 = q[..., 25]
+    force[..., 25] = -(4000.0 * ds5 + 200000.0 * (s5 - 3.1666918442810723))
+    # spring of s6
+    ds6 = qd[..., 26]
+    s6 = q[..., 26]
+    force[..., 26] = -(4000.0 * ds6 + 200000.0 * (s6 - 3.1666918442810728))
     return force
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 111 operations."""
+    """3 numbers, 100 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
-    # mass-diagonal: m v^2 / 2
-    #   P1.x, P1.y, P1.z, P2.x, P2.y, P2.z, P4.x, P4.y, P4.z
-    x1 = _number_13
-    dx = qd[..., _index_5]
-    energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(9), axis=-1)
-    # mass-pair: m v w
-    #   P1.x P2.x, P1.y P2.y, P1.z P2.z, P1.x P4.x, P1.y P4.y, P1.z P4.z, P2.x P4.x, P2.y P4.y,
-    #   P2.z P4.z
-    dy = qd[..., _index_6 + 3]
-    dx = qd[..., _index_7]
-    m = _number_14
-    energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(9), axis=-1)
-    # weight: -f x
-    #   P1.z, P2.z, P4.z
-    x = q[..., _index_8 + 2]
-    f = _number_15
-    energy[..., 1] += np.sum(-(x * f) + np.zeros(3), axis=-1)
-    # torsion-spring: k (x - x0)^2 / 2, damper c
-    #   spring of s1, spring of s2, spring of s3, spring of s4, spring of s5, spring of s6
-    x = q[..., 21:27]
-    L0 = _number_12
-    x1 = x - L0
-    energy[..., 1] += np.sum(100000.0 * (x1 * x1) + np.zeros(6), axis=-1)
-    dx = qd[..., 21:27]
-    energy[..., 2] += np.sum(-(4000.0 * (dx * dx)) + np.zeros(6), axis=-1)
+    # P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; P4.x; P4.y; P4.z; P1.x P2.x; P1.y P2.y; P1.z P2.z; P1.x P4.x; P1.y P4.y; P1.z P4.z; P2.x P4.x; P2.y P4.y; P2.z P4.z
+    dP4_z = qd[..., 11]
+    dP2_z = qd[..., 5]
+    dP4_y = qd[..., 10]
+    dP2_y = qd[..., 4]
+    dP4_x = qd[..., 9]
+    dP2_x = qd[..., 3]
+    dP1_z = qd[..., 2]
+    dP1_y = qd[..., 1]
+    dP1_x = qd[..., 0]
+    x1 = 120.61475842818322 * (dP1_x * dP1_x) + 120.61475842818322 * (dP1_y * dP1_y)
+    x2 = 104.22708310254103 * (dP2_x * dP2_x) + (120.61475842818322 * (dP1_z * dP1_z) + x1)
+    x3 = 104.22708310254103 * (dP2_z * dP2_z) + (104.22708310254103 * (dP2_y * dP2_y) + x2)
+    x4 = 125.17161610333208 * (dP4_y * dP4_y) + (125.17161610333208 * (dP4_x * dP4_x) + x3)
+    x5 = dP2_x * (5.398930937909347 * dP1_x) + (125.17161610333208 * (dP4_z * dP4_z) + x4)
+    x6 = dP2_z * (5.398930937909347 * dP1_z) + (dP2_y * (5.398930937909347 * dP1_y) + x5)
+    x7 = dP4_y * (100.66790753958487 * dP1_y) + (dP4_x * (100.66790753958487 * dP1_x) + x6)
+    x8 = dP4_x * (43.91970388844943 * dP2_x) + (dP4_z * (100.66790753958487 * dP1_z) + x7)
+    x9 = dP4_z * (43.91970388844943 * dP2_z) + (dP4_y * (43.91970388844943 * dP2_y) + x8)
+    energy[..., 0] = x9
+    # P1.z; P2.z; P4.z; spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6
+    s6 = q[..., 26]
+    x10 = s6 - 3.1666918442810728
+    s5 = q[..., 25]
+    x11 = s5 - 3.1666918442810723
+    s4 = q[..., 24]
+    x12 = s4 - 3.1666918442810728
+    s3 = q[..., 23]
+    x13 = s3 - 3.1666918442810728
+    s2 = q[..., 22]
+    x14 = s2 - 3.1666918442810728
+    s1 = q[..., 21]
+    x15 = s1 - 3.1666918442810728
+    P4_z = q[..., 11]
+    P1_z = q[..., 2]
+    P2_z = q[..., 5]
+    x16 = 3874.2715760563924 * P4_z + (3406.977245825173 * P1_z + 2528.751178118435 * P2_z)
+    x17 = 100000.0 * (x13 * x13) + (100000.0 * (x14 * x14) + (100000.0 * (x15 * x15) + x16))
+    x18 = 100000.0 * (x10 * x10) + (100000.0 * (x11 * x11) + (100000.0 * (x12 * x12) + x17))
+    energy[..., 1] = x18
+    # spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6
+    ds6 = qd[..., 26]
+    ds5 = qd[..., 25]
+    ds4 = qd[..., 24]
+    ds3 = qd[..., 23]
+    ds1 = qd[..., 21]
+    ds2 = qd[..., 22]
+    x19 = 4000.0 * (ds3 * ds3) + (4000.0 * (ds1 * ds1) + 4000.0 * (ds2 * ds2))
+    x20 = 4000.0 * (ds6 * ds6) + (4000.0 * (ds5 * ds5) + (4000.0 * (ds4 * ds4) + x19))
+    energy[..., 2] = -x20
     return energy

@@ -5,64 +5,14 @@
 
 #define R(x) ((ncgen_scalar)(x))
 
-static const int suspension_index_1[7] = {
-    3, 0, 0, 6, 0, 9, 9
-};
-static const int suspension_index_2[7] = {
-    3, 0, 9, 0, 12, 0, 9
-};
-static const int suspension_index_3[7] = {
-    0, 6, 9, 18, 21, 30, 36
-};
-static const int suspension_index_4[7] = {
-    0, 6, 15, 18, 27, 30, 36
-};
-static const int suspension_index_5[21] = {
+static const int suspension_index_1[21] = {
     3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 6, 7, 8, 9, 10, 11, 9, 10, 11
 };
-static const int suspension_index_6[21] = {
+static const int suspension_index_2[21] = {
     3, 4, 5, 3, 4, 5, 3, 4, 5, 0, 1, 2, 0, 1, 2, 0, 1, 2, 9, 10, 11
 };
 
-static const ncgen_scalar suspension_number_1[3] = {
-    R(1.366584476674092), R(1.0288784614795394), R(1.4793028895116056)
-};
-static const ncgen_scalar suspension_number_2[3] = {
-    R(0.16), R(0.199), R(0.199)
-};
-static const ncgen_scalar suspension_number_3[3] = {
-    R(0.539), R(0.479), R(0.479)
-};
-static const ncgen_scalar suspension_number_4[3] = {
-    R(0.243), -R(0.206), -R(0.206)
-};
-static const ncgen_scalar suspension_number_5[3] = {
-    R(0.133865), R(0.2361630000000001), R(0.11424200000000001)
-};
-static const ncgen_scalar suspension_number_6[3] = {
-    R(1.4948501429547532), R(1.1463940541694713), R(1.6741425939759988)
-};
-static const ncgen_scalar suspension_number_7[3] = {
-    -R(0.339), -R(0.279), -R(0.279)
-};
-static const ncgen_scalar suspension_number_8[3] = {
-    R(0.587), R(0.539), R(0.539)
-};
-static const ncgen_scalar suspension_number_9[3] = {
-    R(0.249), -R(0.2), -R(0.2)
-};
-static const ncgen_scalar suspension_number_10[3] = {
-    R(0.11187800000000005), R(0.19022700000000003), R(0.08919799999999997)
-};
-static const ncgen_scalar suspension_number_11[7] = {
-    R(2.639597663065129), R(0.9649920614289611), R(1.671119634519684), R(1.598129365689615),
-    R(1.5978029337062902), R(1.250277436087613), R(1.8480026861995205)
-};
-static const ncgen_scalar suspension_number_12[7] = {
-    R(0.03588100000000002), R(0.268468), R(0.08952099999999999), R(0.09788500000000001),
-    R(0.09792500000000004), R(0.15992900000000004), R(0.07320400000000002)
-};
-static const ncgen_scalar suspension_number_13[79] = {
+static const ncgen_scalar suspension_number_1[79] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
@@ -73,17 +23,7 @@ static const ncgen_scalar suspension_number_13[79] = {
     -R(3.9933412353230904), R(1.0), R(2.148278560719281), R(2.4179369574622847),
     -R(0.5728742828584754), -R(3.9933412353230904), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0)
 };
-static const ncgen_scalar suspension_number_14[3] = {
-    R(2.733168953348184), R(2.057756922959079), R(2.958605779023211)
-};
-static const ncgen_scalar suspension_number_15[3] = {
-    R(2.9897002859095063), R(2.2927881083389425), R(3.3482851879519977)
-};
-static const ncgen_scalar suspension_number_16[7] = {
-    R(5.279195326130258), R(1.9299841228579222), R(3.342239269039368), R(3.19625873137923),
-    R(3.1956058674125805), R(2.500554872175226), R(3.696005372399041)
-};
-static const ncgen_scalar suspension_number_17[64] = {
+static const ncgen_scalar suspension_number_2[64] = {
     R(6.4889841093843454), R(3.459251069891988e-05), R(4.324063837364995e-06),
     R(4.6726448668333465), -R(2.427998755810148), R(1.4839732753106647), R(3.459251069891988e-05),
     R(6.489340399824054), -R(4.159420124118626e-07), R(4.6726448668333465), -R(2.427998755810148),
@@ -102,31 +42,27 @@ static const ncgen_scalar suspension_number_17[64] = {
     R(15.399705549282567), R(1.4839732753106647), R(1.012149831373607), -R(0.8283358019143554),
     R(15.399705549282567), R(3.0)
 };
-static const ncgen_scalar suspension_number_18[19] = {
+static const ncgen_scalar suspension_number_3[19] = {
     R(0.03148939134291106), R(0.3273584641690133), -R(106.87445133585945), R(0.0), R(0.0),
     -R(181.23238627954686), R(0.0), R(0.0), R(2.173313107454838), R(0.0), R(0.0),
     R(24.047538042807375), R(0.0), R(0.0), -R(167.43210489825486), R(0.0), R(0.0), R(0.0), R(0.0)
 };
-static const ncgen_scalar suspension_number_19[3] = {
+static const ncgen_scalar suspension_number_4[3] = {
     R(0.0), -R(22.750512064619567), R(0.0)
 };
-static const ncgen_scalar suspension_number_20[16] = {
+static const ncgen_scalar suspension_number_5[16] = {
     R(3.2444903649277474), R(3.2444903649277474), R(3.2444903649277474), R(4.907468363234813),
     R(4.907468363234813), R(4.907468363234813), R(6.4370460196534065), R(6.4370460196534065),
     R(6.4370460196534065), R(1.5719455944388325), R(1.5719455944388325), R(1.5719455944388325),
     R(7.6998527746412835), R(7.6998527746412835), R(7.6998527746412835), R(1.5)
 };
-static const ncgen_scalar suspension_number_21[21] = {
+static const ncgen_scalar suspension_number_6[21] = {
     -R(0.7951643668754178), -R(0.7951643668754178), -R(0.7951643668754178), -R(2.338885687504576),
     -R(2.338885687504576), -R(2.338885687504576), R(1.012149831373607), R(1.012149831373607),
     R(1.012149831373607), R(4.6726448668333465), R(4.6726448668333465), R(4.6726448668333465),
     -R(2.427998755810148), -R(2.427998755810148), -R(2.427998755810148), R(1.4839732753106647),
     R(1.4839732753106647), R(1.4839732753106647), -R(0.8283358019143554), -R(0.8283358019143554),
     -R(0.8283358019143554)
-};
-static const ncgen_scalar suspension_number_22[5] = {
-    -R(106.87445133585945), -R(181.23238627954686), R(2.173313107454838), R(24.047538042807375),
-    -R(167.43210489825486)
 };
 
 /* phi: 164 operations */
@@ -136,101 +72,121 @@ int suspension_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     (void)p;
 
     {
+        /* row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
+        const ncgen_real U_x = q[0];
+        const ncgen_real x1 = R(0.16) - U_x;
+        const ncgen_real U_y = q[1];
+        const ncgen_real x2 = R(0.539) - U_y;
+        const ncgen_real U_z = q[2];
+        const ncgen_real x3 = R(0.243) - U_z;
+        const ncgen_real x4 = R(1.366584476674092) * (x1 * x1 + x2 * x2 + x3 * x3 - R(0.133865));
+        phi[0] = x4;
+        /* row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482 */
+        const ncgen_real x5 = U_x + R(0.339);
+        const ncgen_real x6 = U_y - R(0.587);
+        const ncgen_real x7 = U_z - R(0.249);
+        const ncgen_real x8 = R(1.4948501429547532) * (x5 * x5 + x6 * x6 + x7 * x7 - R(0.11187800000000005));
+        phi[1] = x8;
+        /* row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966 */
+        const ncgen_real L_x = q[3];
+        const ncgen_real x9 = R(0.199) - L_x;
+        const ncgen_real L_y = q[4];
+        const ncgen_real x10 = R(0.479) - L_y;
+        const ncgen_real L_z = q[5];
+        const ncgen_real x11 = -R(0.206) - L_z;
+        const ncgen_real x12 = R(1.0288784614795394) * (x9 * x9 + x10 * x10 + x11 * x11 - R(0.2361630000000001));
+        phi[2] = x12;
+        /* row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
+        const ncgen_real x13 = L_x + R(0.279);
+        const ncgen_real x14 = L_y - R(0.539);
+        const ncgen_real x15 = L_z + R(0.2);
+        const ncgen_real x16 = x13 * x13 + x14 * x14 + x15 * x15 - R(0.19022700000000003);
+        phi[3] = R(1.1463940541694713) * x16;
+        /* row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997 */
+        const ncgen_real S_x = q[6];
+        const ncgen_real x17 = R(0.199) - S_x;
+        const ncgen_real S_y = q[7];
+        const ncgen_real x18 = R(0.479) - S_y;
+        const ncgen_real S_z = q[8];
+        const ncgen_real x19 = -R(0.206) - S_z;
+        const ncgen_real x20 = x17 * x17 + x18 * x18 + x19 * x19 - R(0.11424200000000001);
+        phi[4] = R(1.4793028895116056) * x20;
+        /* row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866 */
+        const ncgen_real x21 = S_x + R(0.279);
+        const ncgen_real x22 = S_y - R(0.539);
+        const ncgen_real x23 = S_z + R(0.2);
+        const ncgen_real x24 = x21 * x21 + x22 * x22 + x23 * x23 - R(0.08919799999999997);
+        phi[5] = R(1.6741425939759988) * x24;
+        /* row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423 */
+        const ncgen_real x25 = S_x - L_x;
+        const ncgen_real x26 = S_y - L_y;
+        const ncgen_real x27 = S_z - L_z;
+        const ncgen_real x28 = x25 * x25 + x26 * x26 + x27 * x27 - R(0.03588100000000002);
+        phi[6] = R(2.639597663065129) * x28;
+        /* row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139 */
+        const ncgen_real x29 = L_x - U_x;
+        const ncgen_real x30 = L_y - U_y;
+        const ncgen_real x31 = L_z - U_z;
+        const ncgen_real x32 = R(0.9649920614289611) * (x29 * x29 + x30 * x30 + x31 * x31 - R(0.268468));
+        phi[7] = x32;
+        /* row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201 */
+        const ncgen_real T_x = q[9];
+        const ncgen_real x33 = L_x - T_x;
+        const ncgen_real T_y = q[10];
+        const ncgen_real x34 = L_y - T_y;
+        const ncgen_real T_z = q[11];
+        const ncgen_real x35 = L_z - T_z;
+        const ncgen_real x36 = x33 * x33 + x34 * x34 + x35 * x35 - R(0.08952099999999999);
+        phi[8] = R(1.671119634519684) * x36;
+        /* row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
+        const ncgen_real x37 = T_x - U_x;
+        const ncgen_real x38 = T_y - U_y;
+        const ncgen_real x39 = T_z - U_z;
+        const ncgen_real x40 = x37 * x37 + x38 * x38 + x39 * x39 - R(0.09788500000000001);
+        phi[9] = R(1.598129365689615) * x40;
+        /* row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
+        const ncgen_real W_x = q[12];
+        const ncgen_real x41 = L_x - W_x;
+        const ncgen_real W_y = q[13];
+        const ncgen_real x42 = L_y - W_y;
+        const ncgen_real W_z = q[14];
+        const ncgen_real x43 = L_z - W_z;
+        const ncgen_real x44 = x41 * x41 + x42 * x42 + x43 * x43 - R(0.09792500000000004);
+        phi[10] = R(1.5978029337062902) * x44;
+        /* row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911 */
+        const ncgen_real x45 = W_x - U_x;
+        const ncgen_real x46 = W_y - U_y;
+        const ncgen_real x47 = W_z - U_z;
+        const ncgen_real x48 = x45 * x45 + x46 * x46 + x47 * x47 - R(0.15992900000000004);
+        phi[11] = R(1.250277436087613) * x48;
+        /* row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562 */
+        const ncgen_real x49 = W_x - T_x;
+        const ncgen_real x50 = W_y - T_y;
+        const ncgen_real x51 = W_z - T_z;
+        const ncgen_real x52 = x49 * x49 + x50 * x50 + x51 * x51 - R(0.07320400000000002);
+        phi[12] = R(1.8480026861995205) * x52;
         /* row 14: combination axis.x (body upright): (e - c a x b).x = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_x = q[16];
-        const ncgen_real U_x = q[0];
-        const ncgen_real L_x = q[3];
-        const ncgen_real x1 = axis_x + R(2.148278560719281) * U_x + R(2.4179369574622847) * L_x;
-        const ncgen_real T_x = q[9];
-        const ncgen_real W_x = q[12];
-        const ncgen_real x2 = x1 - R(0.5728742828584754) * T_x - R(3.9933412353230904) * W_x;
-        phi[13] = x2;
+        const ncgen_real x53 = axis_x + R(2.148278560719281) * U_x + R(2.4179369574622847) * L_x;
+        const ncgen_real x54 = x53 - R(0.5728742828584754) * T_x - R(3.9933412353230904) * W_x;
+        phi[13] = x54;
         /* row 15: combination axis.y (body upright): (e - c a x b).y = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_y = q[17];
-        const ncgen_real U_y = q[1];
-        const ncgen_real L_y = q[4];
-        const ncgen_real x3 = axis_y + R(2.148278560719281) * U_y + R(2.4179369574622847) * L_y;
-        const ncgen_real T_y = q[10];
-        const ncgen_real W_y = q[13];
-        const ncgen_real x4 = x3 - R(0.5728742828584754) * T_y - R(3.9933412353230904) * W_y;
-        phi[14] = x4;
+        const ncgen_real x55 = axis_y + R(2.148278560719281) * U_y + R(2.4179369574622847) * L_y;
+        const ncgen_real x56 = x55 - R(0.5728742828584754) * T_y - R(3.9933412353230904) * W_y;
+        phi[14] = x56;
         /* row 16: combination axis.z (body upright): (e - c a x b).z = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_z = q[18];
-        const ncgen_real U_z = q[2];
-        const ncgen_real L_z = q[5];
-        const ncgen_real x5 = axis_z + R(2.148278560719281) * U_z + R(2.4179369574622847) * L_z;
-        const ncgen_real T_z = q[11];
-        const ncgen_real W_z = q[14];
-        const ncgen_real x6 = x5 - R(0.5728742828584754) * T_z - R(3.9933412353230904) * W_z;
-        phi[15] = x6;
+        const ncgen_real x57 = axis_z + R(2.148278560719281) * U_z + R(2.4179369574622847) * L_z;
+        const ncgen_real x58 = x57 - R(0.5728742828584754) * T_z - R(3.9933412353230904) * W_z;
+        phi[15] = x58;
         /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
-        const ncgen_real x7 = -R(0.279) - T_x;
+        const ncgen_real x59 = -R(0.279) - T_x;
         const ncgen_real R_y = q[15];
-        const ncgen_real x8 = R_y - T_y;
-        const ncgen_real x9 = -R(0.026) - T_z;
-        const ncgen_real x10 = R(1.1816600257428533) * (x7 * x7 + x8 * x8 + x9 * x9 - R(0.17904200000000006));
-        phi[16] = x10;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
-    /*   row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966 */
-    /*   row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real scale = suspension_number_1[i];
-        const ncgen_real a0_x = suspension_number_2[i];
-        const ncgen_real a1_x = q[3 * i];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = suspension_number_3[i];
-        const ncgen_real a1_y = q[3 * i + 1];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = suspension_number_4[i];
-        const ncgen_real a1_z = q[3 * i + 2];
-        const ncgen_real x3 = a0_z - a1_z;
-        const ncgen_real x4 = suspension_number_5[i];
-        phi[2 * i] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482 */
-    /*   row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
-    /*   row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real scale = suspension_number_6[i];
-        const ncgen_real a0_x = q[3 * i];
-        const ncgen_real a1_x = suspension_number_7[i];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[3 * i + 1];
-        const ncgen_real a1_y = suspension_number_8[i];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = q[3 * i + 2];
-        const ncgen_real a1_z = suspension_number_9[i];
-        const ncgen_real x3 = a0_z - a1_z;
-        const ncgen_real x4 = suspension_number_10[i];
-        phi[2 * i + 1] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423 */
-    /*   row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139 */
-    /*   row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201 */
-    /*   row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
-    /*   row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
-    /*   row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911 */
-    /*   row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562 */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real scale = suspension_number_11[i];
-        const ncgen_real a0_x = q[suspension_index_1[i] + 3];
-        const ncgen_real a1_x = q[suspension_index_2[i]];
-        const ncgen_real x1 = a0_x - a1_x;
-        const ncgen_real a0_y = q[suspension_index_1[i] + 4];
-        const ncgen_real a1_y = q[suspension_index_2[i] + 1];
-        const ncgen_real x2 = a0_y - a1_y;
-        const ncgen_real a0_z = q[suspension_index_1[i] + 5];
-        const ncgen_real a1_z = q[suspension_index_2[i] + 2];
-        const ncgen_real x3 = a0_z - a1_z;
-        const ncgen_real x4 = suspension_number_12[i];
-        phi[i + 6] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4);
+        const ncgen_real x60 = R_y - T_y;
+        const ncgen_real x61 = -R(0.026) - T_z;
+        const ncgen_real x62 = x59 * x59 + x60 * x60 + x61 * x61 - R(0.17904200000000006);
+        phi[16] = R(1.1816600257428533) * x62;
     }
 
     return NCGEN_OK;
@@ -244,88 +200,133 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     /* constant part */
     for (int i = 0; i < 79; ++i) {
-        const ncgen_real x1 = suspension_number_13[i];
+        const ncgen_real x1 = suspension_number_1[i];
         phi_q[i] = x1;
     }
 
     {
-        /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
+        /* row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
+        const ncgen_real U_x = q[0];
+        phi_q[0] = -(R(2.733168953348184) * (R(0.16) - U_x));
+        const ncgen_real U_y = q[1];
+        phi_q[1] = -(R(2.733168953348184) * (R(0.539) - U_y));
+        const ncgen_real U_z = q[2];
+        phi_q[2] = -(R(2.733168953348184) * (R(0.243) - U_z));
+        /* row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482 */
+        phi_q[3] = R(2.9897002859095063) * (U_x + R(0.339));
+        phi_q[4] = R(2.9897002859095063) * (U_y - R(0.587));
+        phi_q[5] = R(2.9897002859095063) * (U_z - R(0.249));
+        /* row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966 */
+        const ncgen_real L_x = q[3];
+        phi_q[6] = -(R(2.057756922959079) * (R(0.199) - L_x));
+        const ncgen_real L_y = q[4];
+        phi_q[7] = -(R(2.057756922959079) * (R(0.479) - L_y));
+        const ncgen_real L_z = q[5];
+        phi_q[8] = -(R(2.057756922959079) * (-R(0.206) - L_z));
+        /* row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
+        phi_q[9] = R(2.2927881083389425) * (L_x + R(0.279));
+        phi_q[10] = R(2.2927881083389425) * (L_y - R(0.539));
+        phi_q[11] = R(2.2927881083389425) * (L_z + R(0.2));
+        /* row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997 */
+        const ncgen_real S_x = q[6];
+        phi_q[12] = -(R(2.958605779023211) * (R(0.199) - S_x));
+        const ncgen_real S_y = q[7];
+        phi_q[13] = -(R(2.958605779023211) * (R(0.479) - S_y));
+        const ncgen_real S_z = q[8];
+        phi_q[14] = -(R(2.958605779023211) * (-R(0.206) - S_z));
+        /* row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866 */
+        phi_q[15] = R(3.3482851879519977) * (S_x + R(0.279));
+        phi_q[16] = R(3.3482851879519977) * (S_y - R(0.539));
+        phi_q[17] = R(3.3482851879519977) * (S_z + R(0.2));
+        /* row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423 */
+        const ncgen_real x1 = R(5.279195326130258) * (S_x - L_x);
+        phi_q[18] = -x1;
+        const ncgen_real x2 = R(5.279195326130258) * (S_y - L_y);
+        phi_q[19] = -x2;
+        const ncgen_real x3 = R(5.279195326130258) * (S_z - L_z);
+        phi_q[20] = -x3;
+        phi_q[21] = x1;
+        phi_q[22] = x2;
+        phi_q[23] = x3;
+        /* row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139 */
+        const ncgen_real x4 = R(1.9299841228579222) * (L_x - U_x);
+        phi_q[24] = -x4;
+        const ncgen_real x5 = R(1.9299841228579222) * (L_y - U_y);
+        phi_q[25] = -x5;
+        const ncgen_real x6 = R(1.9299841228579222) * (L_z - U_z);
+        phi_q[26] = -x6;
+        phi_q[27] = x4;
+        phi_q[28] = x5;
+        phi_q[29] = x6;
+        /* row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201 */
         const ncgen_real T_x = q[9];
+        const ncgen_real x7 = R(3.342239269039368) * (L_x - T_x);
+        phi_q[30] = x7;
+        const ncgen_real T_y = q[10];
+        const ncgen_real x8 = R(3.342239269039368) * (L_y - T_y);
+        phi_q[31] = x8;
+        const ncgen_real T_z = q[11];
+        const ncgen_real x9 = R(3.342239269039368) * (L_z - T_z);
+        phi_q[32] = x9;
+        phi_q[33] = -x7;
+        phi_q[34] = -x8;
+        phi_q[35] = -x9;
+        /* row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
+        const ncgen_real x10 = R(3.19625873137923) * (T_x - U_x);
+        phi_q[36] = -x10;
+        const ncgen_real x11 = R(3.19625873137923) * (T_y - U_y);
+        phi_q[37] = -x11;
+        const ncgen_real x12 = R(3.19625873137923) * (T_z - U_z);
+        phi_q[38] = -x12;
+        phi_q[39] = x10;
+        phi_q[40] = x11;
+        phi_q[41] = x12;
+        /* row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
+        const ncgen_real W_x = q[12];
+        const ncgen_real x13 = R(3.1956058674125805) * (L_x - W_x);
+        phi_q[42] = x13;
+        const ncgen_real W_y = q[13];
+        const ncgen_real x14 = R(3.1956058674125805) * (L_y - W_y);
+        phi_q[43] = x14;
+        const ncgen_real W_z = q[14];
+        const ncgen_real x15 = R(3.1956058674125805) * (L_z - W_z);
+        phi_q[44] = x15;
+        phi_q[45] = -x13;
+        phi_q[46] = -x14;
+        phi_q[47] = -x15;
+        /* row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911 */
+        const ncgen_real x16 = R(2.500554872175226) * (W_x - U_x);
+        phi_q[48] = -x16;
+        const ncgen_real x17 = R(2.500554872175226) * (W_y - U_y);
+        phi_q[49] = -x17;
+        const ncgen_real x18 = R(2.500554872175226) * (W_z - U_z);
+        phi_q[50] = -x18;
+        phi_q[51] = x16;
+        phi_q[52] = x17;
+        phi_q[53] = x18;
+        /* row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562 */
+        const ncgen_real x19 = R(3.696005372399041) * (W_x - T_x);
+        phi_q[54] = -x19;
+        const ncgen_real x20 = R(3.696005372399041) * (W_y - T_y);
+        phi_q[55] = -x20;
+        const ncgen_real x21 = R(3.696005372399041) * (W_z - T_z);
+        phi_q[56] = -x21;
+        phi_q[57] = x19;
+        phi_q[58] = x20;
+        phi_q[59] = x21;
+        /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
         phi_q[75] = -(R(2.3633200514857067) * (-R(0.279) - T_x));
         const ncgen_real R_y = q[15];
-        const ncgen_real T_y = q[10];
-        const ncgen_real x1 = R(2.3633200514857067) * (R_y - T_y);
-        phi_q[76] = -x1;
-        const ncgen_real T_z = q[11];
+        const ncgen_real x22 = R(2.3633200514857067) * (R_y - T_y);
+        phi_q[76] = -x22;
         phi_q[77] = -(R(2.3633200514857067) * (-R(0.026) - T_z));
-        phi_q[78] = x1;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
-    /*   row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966 */
-    /*   row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a0_x = suspension_number_2[i];
-        const ncgen_real a1_x = q[3 * i];
-        const ncgen_real x1 = suspension_number_14[i];
-        phi_q[6 * i] = -((a0_x - a1_x) * x1);
-        const ncgen_real a0_y = suspension_number_3[i];
-        const ncgen_real a1_y = q[3 * i + 1];
-        phi_q[6 * i + 1] = -(x1 * (a0_y - a1_y));
-        const ncgen_real a0_z = suspension_number_4[i];
-        const ncgen_real a1_z = q[3 * i + 2];
-        phi_q[6 * i + 2] = -(x1 * (a0_z - a1_z));
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482 */
-    /*   row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
-    /*   row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real a0_x = q[3 * i];
-        const ncgen_real a1_x = suspension_number_7[i];
-        const ncgen_real x1 = suspension_number_15[i];
-        phi_q[6 * i + 3] = (a0_x - a1_x) * x1;
-        const ncgen_real a0_y = q[3 * i + 1];
-        const ncgen_real a1_y = suspension_number_8[i];
-        phi_q[6 * i + 4] = x1 * (a0_y - a1_y);
-        const ncgen_real a0_z = q[3 * i + 2];
-        const ncgen_real a1_z = suspension_number_9[i];
-        phi_q[6 * i + 5] = x1 * (a0_z - a1_z);
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423 */
-    /*   row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139 */
-    /*   row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201 */
-    /*   row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
-    /*   row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
-    /*   row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911 */
-    /*   row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562 */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real a0_x = q[suspension_index_1[i] + 3];
-        const ncgen_real a1_x = q[suspension_index_2[i]];
-        const ncgen_real x1 = suspension_number_16[i];
-        const ncgen_real x2 = (a0_x - a1_x) * x1;
-        phi_q[suspension_index_3[i] + 21] = x2;
-        phi_q[suspension_index_4[i] + 18] = -x2;
-        const ncgen_real a0_y = q[suspension_index_1[i] + 4];
-        const ncgen_real a1_y = q[suspension_index_2[i] + 1];
-        const ncgen_real x3 = x1 * (a0_y - a1_y);
-        phi_q[suspension_index_3[i] + 22] = x3;
-        phi_q[suspension_index_4[i] + 19] = -x3;
-        const ncgen_real a0_z = q[suspension_index_1[i] + 5];
-        const ncgen_real a1_z = q[suspension_index_2[i] + 2];
-        const ncgen_real x4 = x1 * (a0_z - a1_z);
-        phi_q[suspension_index_3[i] + 23] = x4;
-        phi_q[suspension_index_4[i] + 20] = -x4;
+        phi_q[78] = x22;
     }
 
     return NCGEN_OK;
 }
 
-/* gamma: 120 operations */
+/* gamma: 105 operations */
 int suspension_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     (void)t;
@@ -338,60 +339,81 @@ int suspension_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
     }
 
     {
-        /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
+        /* row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
+        const ncgen_real dU_x = qd[0];
+        const ncgen_real dU_y = qd[1];
+        const ncgen_real dU_z = qd[2];
+        const ncgen_real x1 = dU_x * dU_x + dU_y * dU_y + dU_z * dU_z;
+        gamma[0] = -(R(2.733168953348184) * x1);
+        /* row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482 */
+        gamma[1] = -(R(2.9897002859095063) * x1);
+        /* row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966 */
+        const ncgen_real dL_x = qd[3];
+        const ncgen_real dL_y = qd[4];
+        const ncgen_real dL_z = qd[5];
+        const ncgen_real x2 = dL_x * dL_x + dL_y * dL_y + dL_z * dL_z;
+        gamma[2] = -(R(2.057756922959079) * x2);
+        /* row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
+        gamma[3] = -(R(2.2927881083389425) * x2);
+        /* row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997 */
+        const ncgen_real dS_x = qd[6];
+        const ncgen_real dS_y = qd[7];
+        const ncgen_real dS_z = qd[8];
+        const ncgen_real x3 = dS_x * dS_x + dS_y * dS_y + dS_z * dS_z;
+        gamma[4] = -(R(2.958605779023211) * x3);
+        /* row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866 */
+        gamma[5] = -(R(3.3482851879519977) * x3);
+        /* row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423 */
+        const ncgen_real x4 = dS_x - dL_x;
+        const ncgen_real x5 = dS_y - dL_y;
+        const ncgen_real x6 = dS_z - dL_z;
+        gamma[6] = -(R(5.279195326130258) * (x4 * x4 + x5 * x5 + x6 * x6));
+        /* row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139 */
+        const ncgen_real x7 = dL_x - dU_x;
+        const ncgen_real x8 = dL_y - dU_y;
+        const ncgen_real x9 = dL_z - dU_z;
+        gamma[7] = -(R(1.9299841228579222) * (x7 * x7 + x8 * x8 + x9 * x9));
+        /* row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201 */
         const ncgen_real dT_x = qd[9];
-        const ncgen_real dR_y = qd[15];
+        const ncgen_real x10 = dL_x - dT_x;
         const ncgen_real dT_y = qd[10];
-        const ncgen_real x1 = dR_y - dT_y;
+        const ncgen_real x11 = dL_y - dT_y;
         const ncgen_real dT_z = qd[11];
-        const ncgen_real x2 = R(2.3633200514857067) * (dT_x * dT_x + x1 * x1 + dT_z * dT_z);
-        gamma[16] = -x2;
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
-    /*   row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966 */
-    /*   row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = suspension_number_14[i];
-        const ncgen_real da1_x = qd[3 * i];
-        const ncgen_real da1_y = qd[3 * i + 1];
-        const ncgen_real da1_z = qd[3 * i + 2];
-        gamma[2 * i] = -(x1 * (da1_x * da1_x + da1_y * da1_y + da1_z * da1_z));
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482 */
-    /*   row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
-    /*   row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866 */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = suspension_number_15[i];
-        const ncgen_real da0_x = qd[3 * i];
-        const ncgen_real da0_y = qd[3 * i + 1];
-        const ncgen_real da0_z = qd[3 * i + 2];
-        gamma[2 * i + 1] = -(x1 * (da0_x * da0_x + da0_y * da0_y + da0_z * da0_z));
-    }
-
-    /* distance: |a|^2 - L^2 */
-    /*   row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423 */
-    /*   row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139 */
-    /*   row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201 */
-    /*   row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
-    /*   row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
-    /*   row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911 */
-    /*   row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562 */
-    for (int i = 0; i < 7; ++i) {
-        const ncgen_real x1 = suspension_number_16[i];
-        const ncgen_real da0_x = qd[suspension_index_1[i] + 3];
-        const ncgen_real da1_x = qd[suspension_index_2[i]];
-        const ncgen_real x2 = da0_x - da1_x;
-        const ncgen_real da0_y = qd[suspension_index_1[i] + 4];
-        const ncgen_real da1_y = qd[suspension_index_2[i] + 1];
-        const ncgen_real x3 = da0_y - da1_y;
-        const ncgen_real da0_z = qd[suspension_index_1[i] + 5];
-        const ncgen_real da1_z = qd[suspension_index_2[i] + 2];
-        const ncgen_real x4 = da0_z - da1_z;
-        gamma[i + 6] = -(x1 * (x2 * x2 + x3 * x3 + x4 * x4));
+        const ncgen_real x12 = dL_z - dT_z;
+        const ncgen_real x13 = R(3.342239269039368) * (x10 * x10 + x11 * x11 + x12 * x12);
+        gamma[8] = -x13;
+        /* row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
+        const ncgen_real x14 = dT_x - dU_x;
+        const ncgen_real x15 = dT_y - dU_y;
+        const ncgen_real x16 = dT_z - dU_z;
+        const ncgen_real x17 = R(3.19625873137923) * (x14 * x14 + x15 * x15 + x16 * x16);
+        gamma[9] = -x17;
+        /* row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
+        const ncgen_real dW_x = qd[12];
+        const ncgen_real x18 = dL_x - dW_x;
+        const ncgen_real dW_y = qd[13];
+        const ncgen_real x19 = dL_y - dW_y;
+        const ncgen_real dW_z = qd[14];
+        const ncgen_real x20 = dL_z - dW_z;
+        const ncgen_real x21 = R(3.1956058674125805) * (x18 * x18 + x19 * x19 + x20 * x20);
+        gamma[10] = -x21;
+        /* row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911 */
+        const ncgen_real x22 = dW_x - dU_x;
+        const ncgen_real x23 = dW_y - dU_y;
+        const ncgen_real x24 = dW_z - dU_z;
+        const ncgen_real x25 = R(2.500554872175226) * (x22 * x22 + x23 * x23 + x24 * x24);
+        gamma[11] = -x25;
+        /* row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562 */
+        const ncgen_real x26 = dW_x - dT_x;
+        const ncgen_real x27 = dW_y - dT_y;
+        const ncgen_real x28 = dW_z - dT_z;
+        const ncgen_real x29 = R(3.696005372399041) * (x26 * x26 + x27 * x27 + x28 * x28);
+        gamma[12] = -x29;
+        /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
+        const ncgen_real dR_y = qd[15];
+        const ncgen_real x30 = dR_y - dT_y;
+        const ncgen_real x31 = R(2.3633200514857067) * (dT_x * dT_x + x30 * x30 + dT_z * dT_z);
+        gamma[16] = -x31;
     }
 
     return NCGEN_OK;
@@ -406,7 +428,7 @@ int suspension_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     /* constant part */
     for (int i = 0; i < 64; ++i) {
-        const ncgen_real x1 = suspension_number_17[i];
+        const ncgen_real x1 = suspension_number_2[i];
         mass[i] = x1;
     }
 
@@ -420,7 +442,7 @@ int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     /* constant part */
     for (int i = 0; i < 19; ++i) {
-        const ncgen_real x1 = suspension_number_18[i];
+        const ncgen_real x1 = suspension_number_3[i];
         force[i] = x1;
     }
 
@@ -462,14 +484,14 @@ int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
     return NCGEN_OK;
 }
 
-/* energy: 206 operations, 2 of them elementary functions */
+/* energy: 201 operations, 2 of them elementary functions */
 int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)p;
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = suspension_number_19[i];
+        const ncgen_real x1 = suspension_number_4[i];
         energy[i] = x1;
     }
 
@@ -484,7 +506,7 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real x4 = R(0.0014442430986523016) * (x1 * x1 + x2 * x2 + x3 * x3) + x3 * (R(0.01106321156842674) * dU_x);
         const ncgen_real x5 = x4 + x2 * (R(0.01106321156842674) * dU_y) - x1 * (R(0.01106321156842674) * dU_z);
         energy[0] += R(0.5) * x5;
-        /* upper; spring C-S */
+        /* upper; U.z; L.z; S.z; T.z; W.z; spring C-S */
         const ncgen_real S_x = q[6];
         const ncgen_real x6 = S_x + R(0.064);
         const ncgen_real S_y = q[7];
@@ -492,35 +514,41 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real S_z = q[8];
         const ncgen_real x8 = S_z - R(0.094);
         const ncgen_real x9 = NCGEN_SQRT(x6 * x6 + x7 * x7 + x8 * x8) - R(0.339);
+        const ncgen_real W_z = q[14];
+        const ncgen_real L_z = q[5];
+        const ncgen_real U_z = q[2];
         const ncgen_real U_y = q[1];
         const ncgen_real U_x = q[0];
         const ncgen_real x10 = R(0.499) * (U_y - R(0.539)) + R(0.04799999999999993) * (U_x - R(0.16));
-        energy[1] += R(184574.5) * (x9 * x9) - R(0.656028986310648) * x10;
+        const ncgen_real x11 = R(106.87445133585945) * U_z + (-R(22.750512064619567) - R(0.656028986310648) * x10);
+        const ncgen_real x12 = R(181.23238627954686) * L_z + x11 - R(2.173313107454838) * S_z;
+        const ncgen_real T_z = q[11];
+        const ncgen_real x13 = R(167.43210489825486) * W_z + (x12 - R(24.047538042807375) * T_z);
+        energy[1] = R(184574.5) * (x9 * x9) + x13;
         /* tyre; rack; spring D-S */
         const ncgen_real dW_z = qd[14];
         const ncgen_real t_ = t;
-        const ncgen_real x11 = NCGEN_SIN(R(12.566370614359172) * t_);
-        const ncgen_real x12 = x11 * x11;
-        const ncgen_real W_z = q[14];
-        const ncgen_real x13 = dW_z * (R(1175.0) + R(10000.0) * x12 - R(200000.0) * W_z);
+        const ncgen_real x14 = NCGEN_SIN(R(12.566370614359172) * t_);
+        const ncgen_real x15 = x14 * x14;
+        const ncgen_real x16 = dW_z * (R(1175.0) + R(10000.0) * x15 - R(200000.0) * W_z);
         const ncgen_real dR_y = qd[15];
         const ncgen_real R_y = q[15];
-        const ncgen_real x14 = R(95800.0) + R(8000.0) * (x11 * x12) - R(200000.0) * R_y - R(2000.0) * dR_y;
-        const ncgen_real x15 = S_x + R(0.088);
+        const ncgen_real x17 = R(95800.0) + R(8000.0) * (x14 * x15) - R(200000.0) * R_y - R(2000.0) * dR_y;
+        const ncgen_real x18 = S_x + R(0.088);
         const ncgen_real dS_x = qd[6];
-        const ncgen_real x16 = S_y - R(0.599);
+        const ncgen_real x19 = S_y - R(0.599);
         const ncgen_real dS_y = qd[7];
-        const ncgen_real x17 = S_z - R(0.393);
+        const ncgen_real x20 = S_z - R(0.393);
         const ncgen_real dS_z = qd[8];
-        const ncgen_real x18 = x15 * dS_x + x16 * dS_y + x17 * dS_z;
-        const ncgen_real x19 = R(22459.0) * (x18 * x18) / (x15 * x15 + x16 * x16 + x17 * x17);
-        energy[2] = x13 + dR_y * x14 - x19;
+        const ncgen_real x21 = x18 * dS_x + x19 * dS_y + x20 * dS_z;
+        const ncgen_real x22 = R(22459.0) * (x21 * x21) / (x18 * x18 + x19 * x19 + x20 * x20);
+        energy[2] = x16 + dR_y * x17 - x22;
     }
 
     /* mass-diagonal: m v^2 / 2 */
     /*   U.x, U.y, U.z, L.x, L.y, L.z, S.x, S.y, S.z, T.x, T.y, T.z, W.x, W.y, W.z, R.y */
     for (int i = 0; i < 16; ++i) {
-        const ncgen_real x1 = suspension_number_20[i];
+        const ncgen_real x1 = suspension_number_5[i];
         const ncgen_real dx = qd[i];
         energy[0] += x1 * (dx * dx);
     }
@@ -530,18 +558,10 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
     /*   U.y L.y, U.z L.z, U.x T.x, U.y T.y, U.z T.z, U.x W.x, U.y W.y, U.z W.z, T.x W.x, T.y W.y, */
     /*   T.z W.z */
     for (int i = 0; i < 21; ++i) {
-        const ncgen_real dy = qd[suspension_index_5[i] + 3];
-        const ncgen_real dx = qd[suspension_index_6[i]];
-        const ncgen_real m = suspension_number_21[i];
+        const ncgen_real dy = qd[suspension_index_1[i] + 3];
+        const ncgen_real dx = qd[suspension_index_2[i]];
+        const ncgen_real m = suspension_number_6[i];
         energy[0] += dy * (dx * m);
-    }
-
-    /* weight: -f x */
-    /*   U.z, L.z, S.z, T.z, W.z */
-    for (int i = 0; i < 5; ++i) {
-        const ncgen_real x = q[3 * i + 2];
-        const ncgen_real f = suspension_number_22[i];
-        energy[1] += -(x * f);
     }
 
     return NCGEN_OK;
@@ -621,7 +641,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "d599c4a53533395e",
+        .fingerprint = "ec829f1b9c0a2ded",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,

@@ -41,10 +41,10 @@ const ncgen_model *suspension_model(void);
 
 int suspension_phi(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi); /* 17 numbers, 164 operations */
 int suspension_phi_q(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *phi_q); /* 79 numbers, 117 operations */
-int suspension_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 17 numbers, 120 operations */
+int suspension_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *gamma); /* 17 numbers, 105 operations */
 int suspension_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 64 numbers, 0 operations */
 int suspension_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 19 numbers, 60 operations */
-int suspension_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 206 operations */
+int suspension_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 201 operations */
 
 #ifdef __cplusplus
 }

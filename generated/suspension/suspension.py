@@ -78,62 +78,12 @@ MASS_PATTERN = (
 )
 
 _index_1 = np.array([
-    3, 0, 0, 6, 0, 9, 9
-])
-_index_2 = np.array([
-    3, 0, 9, 0, 12, 0, 9
-])
-_index_3 = np.array([
-    0, 6, 9, 18, 21, 30, 36
-])
-_index_4 = np.array([
-    0, 6, 15, 18, 27, 30, 36
-])
-_index_5 = np.array([
     3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 6, 7, 8, 9, 10, 11, 9, 10, 11
 ])
-_index_6 = np.array([
+_index_2 = np.array([
     3, 4, 5, 3, 4, 5, 3, 4, 5, 0, 1, 2, 0, 1, 2, 0, 1, 2, 9, 10, 11
 ])
 _number_1 = np.array([
-    1.366584476674092, 1.0288784614795394, 1.4793028895116056
-])
-_number_2 = np.array([
-    0.16, 0.199, 0.199
-])
-_number_3 = np.array([
-    0.539, 0.479, 0.479
-])
-_number_4 = np.array([
-    0.243, -0.206, -0.206
-])
-_number_5 = np.array([
-    0.133865, 0.2361630000000001, 0.11424200000000001
-])
-_number_6 = np.array([
-    1.4948501429547532, 1.1463940541694713, 1.6741425939759988
-])
-_number_7 = np.array([
-    -0.339, -0.279, -0.279
-])
-_number_8 = np.array([
-    0.587, 0.539, 0.539
-])
-_number_9 = np.array([
-    0.249, -0.2, -0.2
-])
-_number_10 = np.array([
-    0.11187800000000005, 0.19022700000000003, 0.08919799999999997
-])
-_number_11 = np.array([
-    2.639597663065129, 0.9649920614289611, 1.671119634519684, 1.598129365689615, 1.5978029337062902,
-    1.250277436087613, 1.8480026861995205
-])
-_number_12 = np.array([
-    0.03588100000000002, 0.268468, 0.08952099999999999, 0.09788500000000001, 0.09792500000000004,
-    0.15992900000000004, 0.07320400000000002
-])
-_number_13 = np.array([
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
@@ -141,17 +91,7 @@ _number_13 = np.array([
     2.4179369574622847, -0.5728742828584754, -3.9933412353230904, 1.0, 2.148278560719281, 2.4179369574622847,
     -0.5728742828584754, -3.9933412353230904, 1.0, 0.0, 0.0, 0.0, 0.0
 ])
-_number_14 = np.array([
-    2.733168953348184, 2.057756922959079, 2.958605779023211
-])
-_number_15 = np.array([
-    2.9897002859095063, 2.2927881083389425, 3.3482851879519977
-])
-_number_16 = np.array([
-    5.279195326130258, 1.9299841228579222, 3.342239269039368, 3.19625873137923, 3.1956058674125805,
-    2.500554872175226, 3.696005372399041
-])
-_number_17 = np.array([
+_number_2 = np.array([
     6.4889841093843454, 3.459251069891988e-05, 4.324063837364995e-06, 4.6726448668333465, -2.427998755810148,
     1.4839732753106647, 3.459251069891988e-05, 6.489340399824054, -4.159420124118626e-07, 4.6726448668333465,
     -2.427998755810148, 1.4839732753106647, 4.324063837364995e-06, -4.159420124118626e-07, 6.489343675367402,
@@ -166,27 +106,24 @@ _number_17 = np.array([
     1.4839732753106647, 1.012149831373607, -0.8283358019143554, 15.399705549282567, 1.4839732753106647,
     1.012149831373607, -0.8283358019143554, 15.399705549282567, 3.0
 ])
-_number_18 = np.array([
+_number_3 = np.array([
     0.03148939134291106, 0.3273584641690133, -106.87445133585945, 0.0, 0.0, -181.23238627954686, 0.0, 0.0,
     2.173313107454838, 0.0, 0.0, 24.047538042807375, 0.0, 0.0, -167.43210489825486, 0.0, 0.0, 0.0, 0.0
 ])
-_number_19 = np.array([
+_number_4 = np.array([
     0.0, -22.750512064619567, 0.0
 ])
-_number_20 = np.array([
+_number_5 = np.array([
     3.2444903649277474, 3.2444903649277474, 3.2444903649277474, 4.907468363234813, 4.907468363234813,
     4.907468363234813, 6.4370460196534065, 6.4370460196534065, 6.4370460196534065, 1.5719455944388325,
     1.5719455944388325, 1.5719455944388325, 7.6998527746412835, 7.6998527746412835, 7.6998527746412835, 1.5
 ])
-_number_21 = np.array([
+_number_6 = np.array([
     -0.7951643668754178, -0.7951643668754178, -0.7951643668754178, -2.338885687504576, -2.338885687504576,
     -2.338885687504576, 1.012149831373607, 1.012149831373607, 1.012149831373607, 4.6726448668333465,
     4.6726448668333465, 4.6726448668333465, -2.427998755810148, -2.427998755810148, -2.427998755810148,
     1.4839732753106647, 1.4839732753106647, 1.4839732753106647, -0.8283358019143554, -0.8283358019143554,
     -0.8283358019143554
-])
-_number_22 = np.array([
-    -106.87445133585945, -181.23238627954686, 2.173313107454838, 24.047538042807375, -167.43210489825486
 ])
 
 
@@ -200,89 +137,121 @@ def phi(t, q, p):
     """17 numbers, 164 operations."""
     t = np.asarray(t)
     phi = _output(17, t, q, p)
+    # row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876
+    U_x = q[..., 0]
+    x1 = 0.16 - U_x
+    U_y = q[..., 1]
+    x2 = 0.539 - U_y
+    U_z = q[..., 2]
+    x3 = 0.243 - U_z
+    x4 = 1.366584476674092 * (x1 * x1 + x2 * x2 + x3 * x3 - 0.133865)
+    phi[..., 0] = x4
+    # row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482
+    x5 = U_x + 0.339
+    x6 = U_y - 0.587
+    x7 = U_z - 0.249
+    x8 = 1.4948501429547532 * (x5 * x5 + x6 * x6 + x7 * x7 - 0.11187800000000005)
+    phi[..., 1] = x8
+    # row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966
+    L_x = q[..., 3]
+    x9 = 0.199 - L_x
+    L_y = q[..., 4]
+    x10 = 0.479 - L_y
+    L_z = q[..., 5]
+    x11 = -0.206 - L_z
+    x12 = 1.0288784614795394 * (x9 * x9 + x10 * x10 + x11 * x11 - 0.2361630000000001)
+    phi[..., 2] = x12
+    # row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615
+    x13 = L_x + 0.279
+    x14 = L_y - 0.539
+    x15 = L_z + 0.2
+    x16 = 1.1463940541694713 * (x13 * x13 + x14 * x14 + x15 * x15 - 0.19022700000000003)
+    phi[..., 3] = x16
+    # row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997
+    S_x = q[..., 6]
+    x17 = 0.199 - S_x
+    S_y = q[..., 7]
+    x18 = 0.479 - S_y
+    S_z = q[..., 8]
+    x19 = -0.206 - S_z
+    x20 = 1.4793028895116056 * (x17 * x17 + x18 * x18 + x19 * x19 - 0.11424200000000001)
+    phi[..., 4] = x20
+    # row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866
+    x21 = S_x + 0.279
+    x22 = S_y - 0.539
+    x23 = S_z + 0.2
+    x24 = 1.6741425939759988 * (x21 * x21 + x22 * x22 + x23 * x23 - 0.08919799999999997)
+    phi[..., 5] = x24
+    # row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423
+    x25 = S_x - L_x
+    x26 = S_y - L_y
+    x27 = S_z - L_z
+    x28 = 2.639597663065129 * (x25 * x25 + x26 * x26 + x27 * x27 - 0.03588100000000002)
+    phi[..., 6] = x28
+    # row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139
+    x29 = L_x - U_x
+    x30 = L_y - U_y
+    x31 = L_z - U_z
+    x32 = 0.9649920614289611 * (x29 * x29 + x30 * x30 + x31 * x31 - 0.268468)
+    phi[..., 7] = x32
+    # row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201
+    T_x = q[..., 9]
+    x33 = L_x - T_x
+    T_y = q[..., 10]
+    x34 = L_y - T_y
+    T_z = q[..., 11]
+    x35 = L_z - T_z
+    x36 = 1.671119634519684 * (x33 * x33 + x34 * x34 + x35 * x35 - 0.08952099999999999)
+    phi[..., 8] = x36
+    # row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866
+    x37 = T_x - U_x
+    x38 = T_y - U_y
+    x39 = T_z - U_z
+    x40 = 1.598129365689615 * (x37 * x37 + x38 * x38 + x39 * x39 - 0.09788500000000001)
+    phi[..., 9] = x40
+    # row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293
+    W_x = q[..., 12]
+    x41 = L_x - W_x
+    W_y = q[..., 13]
+    x42 = L_y - W_y
+    W_z = q[..., 14]
+    x43 = L_z - W_z
+    x44 = 1.5978029337062902 * (x41 * x41 + x42 * x42 + x43 * x43 - 0.09792500000000004)
+    phi[..., 10] = x44
+    # row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911
+    x45 = W_x - U_x
+    x46 = W_y - U_y
+    x47 = W_z - U_z
+    x48 = 1.250277436087613 * (x45 * x45 + x46 * x46 + x47 * x47 - 0.15992900000000004)
+    phi[..., 11] = x48
+    # row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562
+    x49 = W_x - T_x
+    x50 = W_y - T_y
+    x51 = W_z - T_z
+    x52 = 1.8480026861995205 * (x49 * x49 + x50 * x50 + x51 * x51 - 0.07320400000000002)
+    phi[..., 12] = x52
     # row 14: combination axis.x (body upright): (e - c a x b).x = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0
     axis_x = q[..., 16]
-    U_x = q[..., 0]
-    L_x = q[..., 3]
-    x1 = axis_x + 2.148278560719281 * U_x + 2.4179369574622847 * L_x
-    T_x = q[..., 9]
-    W_x = q[..., 12]
-    phi[..., 13] = x1 - 0.5728742828584754 * T_x - 3.9933412353230904 * W_x
+    x53 = axis_x + 2.148278560719281 * U_x + 2.4179369574622847 * L_x
+    x54 = x53 - 0.5728742828584754 * T_x - 3.9933412353230904 * W_x
+    phi[..., 13] = x54
     # row 15: combination axis.y (body upright): (e - c a x b).y = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0
     axis_y = q[..., 17]
-    U_y = q[..., 1]
-    L_y = q[..., 4]
-    x2 = axis_y + 2.148278560719281 * U_y + 2.4179369574622847 * L_y
-    T_y = q[..., 10]
-    W_y = q[..., 13]
-    phi[..., 14] = x2 - 0.5728742828584754 * T_y - 3.9933412353230904 * W_y
+    x55 = axis_y + 2.148278560719281 * U_y + 2.4179369574622847 * L_y
+    x56 = x55 - 0.5728742828584754 * T_y - 3.9933412353230904 * W_y
+    phi[..., 14] = x56
     # row 16: combination axis.z (body upright): (e - c a x b).z = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0
     axis_z = q[..., 18]
-    U_z = q[..., 2]
-    L_z = q[..., 5]
-    x3 = axis_z + 2.148278560719281 * U_z + 2.4179369574622847 * L_z
-    T_z = q[..., 11]
-    W_z = q[..., 14]
-    phi[..., 15] = x3 - 0.5728742828584754 * T_z - 3.9933412353230904 * W_z
+    x57 = axis_z + 2.148278560719281 * U_z + 2.4179369574622847 * L_z
+    x58 = x57 - 0.5728742828584754 * T_z - 3.9933412353230904 * W_z
+    phi[..., 15] = x58
     # row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134
-    x4 = -0.279 - T_x
+    x59 = -0.279 - T_x
     R_y = q[..., 15]
-    x5 = R_y - T_y
-    x6 = -0.026 - T_z
-    x7 = 1.1816600257428533 * (x4 * x4 + x5 * x5 + x6 * x6 - 0.17904200000000006)
-    phi[..., 16] = x7
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876
-    #   row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966
-    #   row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997
-    scale = _number_1
-    a0_x = _number_2
-    a1_x = q[..., 0:9:3]
-    x1 = a0_x - a1_x
-    a0_y = _number_3
-    a1_y = q[..., 1:10:3]
-    x2 = a0_y - a1_y
-    a0_z = _number_4
-    a1_z = q[..., 2:11:3]
-    x3 = a0_z - a1_z
-    x4 = _number_5
-    phi[..., 0:6:2] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4)
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482
-    #   row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615
-    #   row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866
-    scale = _number_6
-    a0_x = q[..., 0:9:3]
-    a1_x = _number_7
-    x1 = a0_x - a1_x
-    a0_y = q[..., 1:10:3]
-    a1_y = _number_8
-    x2 = a0_y - a1_y
-    a0_z = q[..., 2:11:3]
-    a1_z = _number_9
-    x3 = a0_z - a1_z
-    x4 = _number_10
-    phi[..., 1:7:2] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4)
-    # distance: |a|^2 - L^2
-    #   row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423
-    #   row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139
-    #   row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201
-    #   row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866
-    #   row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293
-    #   row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911
-    #   row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562
-    scale = _number_11
-    a0_x = q[..., _index_1 + 3]
-    a1_x = q[..., _index_2]
-    x1 = a0_x - a1_x
-    a0_y = q[..., _index_1 + 4]
-    a1_y = q[..., _index_2 + 1]
-    x2 = a0_y - a1_y
-    a0_z = q[..., _index_1 + 5]
-    a1_z = q[..., _index_2 + 2]
-    x3 = a0_z - a1_z
-    x4 = _number_12
-    phi[..., 6:13] = scale * (x1 * x1 + x2 * x2 + x3 * x3 - x4)
+    x60 = R_y - T_y
+    x61 = -0.026 - T_z
+    x62 = 1.1816600257428533 * (x59 * x59 + x60 * x60 + x61 * x61 - 0.17904200000000006)
+    phi[..., 16] = x62
     return phi
 
 
@@ -291,124 +260,208 @@ def phi_q(t, q, p):
     t = np.asarray(t)
     phi_q = _output(79, t, q, p)
     # constant part
-    x1 = _number_13
+    x1 = _number_1
     phi_q[..., 0:79] = x1
-    # row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134
+    # row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876
+    U_x = q[..., 0]
+    phi_q[..., 0] = -(2.733168953348184 * (0.16 - U_x))
+    U_y = q[..., 1]
+    phi_q[..., 1] = -(2.733168953348184 * (0.539 - U_y))
+    U_z = q[..., 2]
+    phi_q[..., 2] = -(2.733168953348184 * (0.243 - U_z))
+    # row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482
+    phi_q[..., 3] = 2.9897002859095063 * (U_x + 0.339)
+    phi_q[..., 4] = 2.9897002859095063 * (U_y - 0.587)
+    phi_q[..., 5] = 2.9897002859095063 * (U_z - 0.249)
+    # row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966
+    L_x = q[..., 3]
+    phi_q[..., 6] = -(2.057756922959079 * (0.199 - L_x))
+    L_y = q[..., 4]
+    phi_q[..., 7] = -(2.057756922959079 * (0.479 - L_y))
+    L_z = q[..., 5]
+    phi_q[..., 8] = -(2.057756922959079 * (-0.206 - L_z))
+    # row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615
+    phi_q[..., 9] = 2.2927881083389425 * (L_x + 0.279)
+    phi_q[..., 10] = 2.2927881083389425 * (L_y - 0.539)
+    phi_q[..., 11] = 2.2927881083389425 * (L_z + 0.2)
+    # row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997
+    S_x = q[..., 6]
+    phi_q[..., 12] = -(2.958605779023211 * (0.199 - S_x))
+    S_y = q[..., 7]
+    phi_q[..., 13] = -(2.958605779023211 * (0.479 - S_y))
+    S_z = q[..., 8]
+    phi_q[..., 14] = -(2.958605779023211 * (-0.206 - S_z))
+    # row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866
+    phi_q[..., 15] = 3.3482851879519977 * (S_x + 0.279)
+    phi_q[..., 16] = 3.3482851879519977 * (S_y - 0.539)
+    phi_q[..., 17] = 3.3482851879519977 * (S_z + 0.2)
+    # row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423
+    x1 = 5.279195326130258 * (S_x - L_x)
+    phi_q[..., 18] = -x1
+    x2 = 5.279195326130258 * (S_y - L_y)
+    phi_q[..., 19] = -x2
+    x3 = 5.279195326130258 * (S_z - L_z)
+    phi_q[..., 20] = -x3
+    phi_q[..., 21] = x1
+    phi_q[..., 22] = x2
+    phi_q[..., 23] = x3
+    # row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139
+    x4 = 1.9299841228579222 * (L_x - U_x)
+    phi_q[..., 24] = -x4
+    x5 = 1.9299841228579222 * (L_y - U_y)
+    phi_q[..., 25] = -x5
+    x6 = 1.9299841228579222 * (L_z - U_z)
+    phi_q[..., 26] = -x6
+    phi_q[..., 27] = x4
+    phi_q[..., 28] = x5
+    phi_q[..., 29] = x6
+    # row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201
     T_x = q[..., 9]
+    x7 = 3.342239269039368 * (L_x - T_x)
+    phi_q[..., 30] = x7
+    T_y = q[..., 10]
+    x8 = 3.342239269039368 * (L_y - T_y)
+    phi_q[..., 31] = x8
+    T_z = q[..., 11]
+    x9 = 3.342239269039368 * (L_z - T_z)
+    phi_q[..., 32] = x9
+    phi_q[..., 33] = -x7
+    phi_q[..., 34] = -x8
+    phi_q[..., 35] = -x9
+    # row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866
+    x10 = 3.19625873137923 * (T_x - U_x)
+    phi_q[..., 36] = -x10
+    x11 = 3.19625873137923 * (T_y - U_y)
+    phi_q[..., 37] = -x11
+    x12 = 3.19625873137923 * (T_z - U_z)
+    phi_q[..., 38] = -x12
+    phi_q[..., 39] = x10
+    phi_q[..., 40] = x11
+    phi_q[..., 41] = x12
+    # row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293
+    W_x = q[..., 12]
+    x13 = 3.1956058674125805 * (L_x - W_x)
+    phi_q[..., 42] = x13
+    W_y = q[..., 13]
+    x14 = 3.1956058674125805 * (L_y - W_y)
+    phi_q[..., 43] = x14
+    W_z = q[..., 14]
+    x15 = 3.1956058674125805 * (L_z - W_z)
+    phi_q[..., 44] = x15
+    phi_q[..., 45] = -x13
+    phi_q[..., 46] = -x14
+    phi_q[..., 47] = -x15
+    # row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911
+    x16 = 2.500554872175226 * (W_x - U_x)
+    phi_q[..., 48] = -x16
+    x17 = 2.500554872175226 * (W_y - U_y)
+    phi_q[..., 49] = -x17
+    x18 = 2.500554872175226 * (W_z - U_z)
+    phi_q[..., 50] = -x18
+    phi_q[..., 51] = x16
+    phi_q[..., 52] = x17
+    phi_q[..., 53] = x18
+    # row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562
+    x19 = 3.696005372399041 * (W_x - T_x)
+    phi_q[..., 54] = -x19
+    x20 = 3.696005372399041 * (W_y - T_y)
+    phi_q[..., 55] = -x20
+    x21 = 3.696005372399041 * (W_z - T_z)
+    phi_q[..., 56] = -x21
+    phi_q[..., 57] = x19
+    phi_q[..., 58] = x20
+    phi_q[..., 59] = x21
+    # row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134
     phi_q[..., 75] = -(2.3633200514857067 * (-0.279 - T_x))
     R_y = q[..., 15]
-    T_y = q[..., 10]
-    x1 = 2.3633200514857067 * (R_y - T_y)
-    phi_q[..., 76] = -x1
-    T_z = q[..., 11]
+    x22 = 2.3633200514857067 * (R_y - T_y)
+    phi_q[..., 76] = -x22
     phi_q[..., 77] = -(2.3633200514857067 * (-0.026 - T_z))
-    phi_q[..., 78] = x1
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876
-    #   row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966
-    #   row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997
-    a0_x = _number_2
-    a1_x = q[..., 0:9:3]
-    x1 = _number_14
-    phi_q[..., 0:18:6] = -((a0_x - a1_x) * x1)
-    a0_y = _number_3
-    a1_y = q[..., 1:10:3]
-    phi_q[..., 1:19:6] = -(x1 * (a0_y - a1_y))
-    a0_z = _number_4
-    a1_z = q[..., 2:11:3]
-    phi_q[..., 2:20:6] = -(x1 * (a0_z - a1_z))
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482
-    #   row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615
-    #   row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866
-    a0_x = q[..., 0:9:3]
-    a1_x = _number_7
-    x1 = _number_15
-    phi_q[..., 3:21:6] = (a0_x - a1_x) * x1
-    a0_y = q[..., 1:10:3]
-    a1_y = _number_8
-    phi_q[..., 4:22:6] = x1 * (a0_y - a1_y)
-    a0_z = q[..., 2:11:3]
-    a1_z = _number_9
-    phi_q[..., 5:23:6] = x1 * (a0_z - a1_z)
-    # distance: |a|^2 - L^2
-    #   row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423
-    #   row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139
-    #   row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201
-    #   row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866
-    #   row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293
-    #   row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911
-    #   row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562
-    a0_x = q[..., _index_1 + 3]
-    a1_x = q[..., _index_2]
-    x1 = _number_16
-    x2 = (a0_x - a1_x) * x1
-    phi_q[..., _index_3 + 21] = x2
-    phi_q[..., _index_4 + 18] = -x2
-    a0_y = q[..., _index_1 + 4]
-    a1_y = q[..., _index_2 + 1]
-    x3 = x1 * (a0_y - a1_y)
-    phi_q[..., _index_3 + 22] = x3
-    phi_q[..., _index_4 + 19] = -x3
-    a0_z = q[..., _index_1 + 5]
-    a1_z = q[..., _index_2 + 2]
-    x4 = x1 * (a0_z - a1_z)
-    phi_q[..., _index_3 + 23] = x4
-    phi_q[..., _index_4 + 20] = -x4
+    phi_q[..., 78] = x22
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """17 numbers, 120 operations."""
+    """17 numbers, 105 operations."""
     t = np.asarray(t)
     gamma = _output(17, t, q, qd, p)
     # constant part
     gamma[..., 0:17] = 0.0
-    # row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134
+    # row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876
+    dU_x = qd[..., 0]
+    dU_y = qd[..., 1]
+    dU_z = qd[..., 2]
+    x1 = dU_x * dU_x + dU_y * dU_y + dU_z * dU_z
+    gamma[..., 0] = -(2.733168953348184 * x1)
+    # row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482
+    gamma[..., 1] = -(2.9897002859095063 * x1)
+    # row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966
+    dL_x = qd[..., 3]
+    dL_y = qd[..., 4]
+    dL_z = qd[..., 5]
+    x2 = dL_x * dL_x + dL_y * dL_y + dL_z * dL_z
+    gamma[..., 2] = -(2.057756922959079 * x2)
+    # row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615
+    gamma[..., 3] = -(2.2927881083389425 * x2)
+    # row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997
+    dS_x = qd[..., 6]
+    dS_y = qd[..., 7]
+    dS_z = qd[..., 8]
+    x3 = dS_x * dS_x + dS_y * dS_y + dS_z * dS_z
+    gamma[..., 4] = -(2.958605779023211 * x3)
+    # row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866
+    gamma[..., 5] = -(3.3482851879519977 * x3)
+    # row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423
+    x4 = dS_x - dL_x
+    x5 = dS_y - dL_y
+    x6 = dS_z - dL_z
+    gamma[..., 6] = -(5.279195326130258 * (x4 * x4 + x5 * x5 + x6 * x6))
+    # row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139
+    x7 = dL_x - dU_x
+    x8 = dL_y - dU_y
+    x9 = dL_z - dU_z
+    gamma[..., 7] = -(1.9299841228579222 * (x7 * x7 + x8 * x8 + x9 * x9))
+    # row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201
     dT_x = qd[..., 9]
-    dR_y = qd[..., 15]
+    x10 = dL_x - dT_x
     dT_y = qd[..., 10]
-    x1 = dR_y - dT_y
+    x11 = dL_y - dT_y
     dT_z = qd[..., 11]
-    x2 = 2.3633200514857067 * (dT_x * dT_x + x1 * x1 + dT_z * dT_z)
-    gamma[..., 16] = -x2
-    # distance: |a|^2 - L^2
-    #   row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876
-    #   row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966
-    #   row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997
-    x1 = _number_14
-    da1_x = qd[..., 0:9:3]
-    da1_y = qd[..., 1:10:3]
-    da1_z = qd[..., 2:11:3]
-    gamma[..., 0:6:2] = -(x1 * (da1_x * da1_x + da1_y * da1_y + da1_z * da1_z))
-    # distance: |a|^2 - L^2
-    #   row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482
-    #   row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615
-    #   row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866
-    x1 = _number_15
-    da0_x = qd[..., 0:9:3]
-    da0_y = qd[..., 1:10:3]
-    da0_z = qd[..., 2:11:3]
-    gamma[..., 1:7:2] = -(x1 * (da0_x * da0_x + da0_y * da0_y + da0_z * da0_z))
-    # distance: |a|^2 - L^2
-    #   row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423
-    #   row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139
-    #   row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201
-    #   row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866
-    #   row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293
-    #   row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911
-    #   row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562
-    x1 = _number_16
-    da0_x = qd[..., _index_1 + 3]
-    da1_x = qd[..., _index_2]
-    x2 = da0_x - da1_x
-    da0_y = qd[..., _index_1 + 4]
-    da1_y = qd[..., _index_2 + 1]
-    x3 = da0_y - da1_y
-    da0_z = qd[..., _index_1 + 5]
-    da1_z = qd[..., _index_2 + 2]
-    x4 = da0_z - da1_z
-    gamma[..., 6:13] = -(x1 * (x2 * x2 + x3 * x3 + x4 * x4))
+    x12 = dL_z - dT_z
+    x13 = -(3.342239269039368 * (x10 * x10 + x11 * x11 + x12 * x12))
+    gamma[..., 8] = x13
+    # row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866
+    x14 = dT_x - dU_x
+    x15 = dT_y - dU_y
+    x16 = dT_z - dU_z
+    x17 = -(3.19625873137923 * (x14 * x14 + x15 * x15 + x16 * x16))
+    gamma[..., 9] = x17
+    # row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293
+    dW_x = qd[..., 12]
+    x18 = dL_x - dW_x
+    dW_y = qd[..., 13]
+    x19 = dL_y - dW_y
+    dW_z = qd[..., 14]
+    x20 = dL_z - dW_z
+    x21 = -(3.1956058674125805 * (x18 * x18 + x19 * x19 + x20 * x20))
+    gamma[..., 10] = x21
+    # row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911
+    x22 = dW_x - dU_x
+    x23 = dW_y - dU_y
+    x24 = dW_z - dU_z
+    x25 = -(2.500554872175226 * (x22 * x22 + x23 * x23 + x24 * x24))
+    gamma[..., 11] = x25
+    # row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562
+    x26 = dW_x - dT_x
+    x27 = dW_y - dT_y
+    x28 = dW_z - dT_z
+    x29 = -(3.696005372399041 * (x26 * x26 + x27 * x27 + x28 * x28))
+    gamma[..., 12] = x29
+    # row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134
+    dR_y = qd[..., 15]
+    x30 = dR_y - dT_y
+    x31 = 2.3633200514857067 * (dT_x * dT_x + x30 * x30 + dT_z * dT_z)
+    gamma[..., 16] = -x31
     return gamma
 
 
@@ -417,7 +470,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(64, t, q, p)
     # constant part
-    x1 = _number_17
+    x1 = _number_2
     mass[..., 0:64] = x1
     return mass
 
@@ -427,7 +480,7 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(19, t, q, qd, p)
     # constant part
-    x1 = _number_18
+    x1 = _number_3
     force[..., 0:19] = x1
     # spring C-S; spring D-S
     S_x = q[..., 6]
@@ -465,11 +518,11 @@ def force(t, q, qd, p):
 
 
 def energy(t, q, qd, p):
-    """3 numbers, 206 operations."""
+    """3 numbers, 201 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # constant part
-    x1 = _number_19
+    x1 = _number_4
     energy[..., 0:3] = x1
     # upper
     dU_y = qd[..., 1]
@@ -481,7 +534,7 @@ def energy(t, q, qd, p):
     x4 = 0.0014442430986523016 * (x1 * x1 + x2 * x2 + x3 * x3) + x3 * (0.01106321156842674 * dU_x)
     x5 = x4 + x2 * (0.01106321156842674 * dU_y) - x1 * (0.01106321156842674 * dU_z)
     energy[..., 0] += 0.5 * x5
-    # upper; spring C-S
+    # upper; U.z; L.z; S.z; T.z; W.z; spring C-S
     S_x = q[..., 6]
     x6 = S_x + 0.064
     S_y = q[..., 7]
@@ -489,45 +542,45 @@ def energy(t, q, qd, p):
     S_z = q[..., 8]
     x8 = S_z - 0.094
     x9 = np.sqrt(x6 * x6 + x7 * x7 + x8 * x8) - 0.339
+    W_z = q[..., 14]
+    L_z = q[..., 5]
+    U_z = q[..., 2]
     U_y = q[..., 1]
     U_x = q[..., 0]
     x10 = 0.499 * (U_y - 0.539) + 0.04799999999999993 * (U_x - 0.16)
-    energy[..., 1] += 184574.5 * (x9 * x9) - 0.656028986310648 * x10
+    x11 = 106.87445133585945 * U_z + (-22.750512064619567 - 0.656028986310648 * x10)
+    T_z = q[..., 11]
+    x12 = 181.23238627954686 * L_z + x11 - 2.173313107454838 * S_z - 24.047538042807375 * T_z
+    energy[..., 1] = 184574.5 * (x9 * x9) + (167.43210489825486 * W_z + x12)
     # tyre; rack; spring D-S
     dW_z = qd[..., 14]
     t_ = t
-    x11 = np.sin(12.566370614359172 * t_)
-    x12 = x11 * x11
-    W_z = q[..., 14]
+    x13 = np.sin(12.566370614359172 * t_)
+    x14 = x13 * x13
     dR_y = qd[..., 15]
     R_y = q[..., 15]
-    x13 = 95800.0 + 8000.0 * (x11 * x12) - 200000.0 * R_y - 2000.0 * dR_y
-    x14 = dW_z * (1175.0 + 10000.0 * x12 - 200000.0 * W_z) + dR_y * x13
-    x15 = S_x + 0.088
+    x15 = 95800.0 + 8000.0 * (x13 * x14) - 200000.0 * R_y - 2000.0 * dR_y
+    x16 = dW_z * (1175.0 + 10000.0 * x14 - 200000.0 * W_z) + dR_y * x15
+    x17 = S_x + 0.088
     dS_x = qd[..., 6]
-    x16 = S_y - 0.599
+    x18 = S_y - 0.599
     dS_y = qd[..., 7]
-    x17 = S_z - 0.393
+    x19 = S_z - 0.393
     dS_z = qd[..., 8]
-    x18 = x15 * dS_x + x16 * dS_y + x17 * dS_z
-    x19 = 22459.0 * (x18 * x18) / (x15 * x15 + x16 * x16 + x17 * x17)
-    energy[..., 2] = x14 - x19
+    x20 = x17 * dS_x + x18 * dS_y + x19 * dS_z
+    x21 = 22459.0 * (x20 * x20) / (x17 * x17 + x18 * x18 + x19 * x19)
+    energy[..., 2] = x16 - x21
     # mass-diagonal: m v^2 / 2
     #   U.x, U.y, U.z, L.x, L.y, L.z, S.x, S.y, S.z, T.x, T.y, T.z, W.x, W.y, W.z, R.y
-    x1 = _number_20
+    x1 = _number_5
     dx = qd[..., 0:16]
     energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(16), axis=-1)
     # mass-pair: m v w
     #   L.x S.x, L.y S.y, L.z S.z, L.x T.x, L.y T.y, L.z T.z, L.x W.x, L.y W.y, L.z W.z, U.x L.x,
     #   U.y L.y, U.z L.z, U.x T.x, U.y T.y, U.z T.z, U.x W.x, U.y W.y, U.z W.z, T.x W.x, T.y W.y,
     #   T.z W.z
-    dy = qd[..., _index_5 + 3]
-    dx = qd[..., _index_6]
-    m = _number_21
+    dy = qd[..., _index_1 + 3]
+    dx = qd[..., _index_2]
+    m = _number_6
     energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(21), axis=-1)
-    # weight: -f x
-    #   U.z, L.z, S.z, T.z, W.z
-    x = q[..., 2:17:3]
-    f = _number_22
-    energy[..., 1] += np.sum(-(x * f) + np.zeros(5), axis=-1)
     return energy

@@ -20,8 +20,8 @@ from ncgen.program.lower import lower_value
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
 
-EMISSIONS = {"unrolled": math.inf, "tabled": 2, "auto": 12}
-"""The least number of equal terms that become a loop; measured, loops pay from 12 to 16 on (docs/performance.md)."""
+EMISSIONS = {"unrolled": math.inf, "tabled": 2, "auto": 16}
+"""The least number of equal terms that become a loop; measured, loops pay from about 16 on (docs/performance.md)."""
 
 
 @dataclass(frozen=True)

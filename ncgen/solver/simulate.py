@@ -103,6 +103,8 @@ def simulate(
     if refused is None:
         piece = compiled.run(kernels, partitions, integrator, emitted, grid, q, zd, p, **options)
         partitions, refused = piece.partitions, piece.stopped or None
+        if refused and engine != "auto":
+            raise ConvergenceError(f"{kernels.name}: {refused}; engine='auto' goes on in Python")
         if refused and len(piece.q):
             q, zd = piece.q[-1], piece.qd[-1][partitions.velocity.independent]
     else:
