@@ -138,9 +138,17 @@ class Kernels(ABC):
         program = self.programs.programs.get(kernel)
         if program is None:
             return np.zeros({"force": self.n, "energy": 3, "mass": 0, "phi_q": 0}.get(kernel, self.m))
-        q = self._checked(q, self.n, kernel, "q", "free coordinates")
-        qd = self._checked(qd, self.n, kernel, "qd", "free coordinates") if "qd" in program.inputs else None
-        p = self.p0 if p is None else self._checked(p, len(self.p0), kernel, "p", "parameters")
+        n = len(self.coordinates)
+        if not _is_plain(q, n):
+            q = self._checked(q, n, kernel, "q", "free coordinates")
+        if "qd" not in program.inputs:
+            qd = None
+        elif not _is_plain(qd, n):
+            qd = self._checked(qd, n, kernel, "qd", "free coordinates")
+        if p is None:
+            p = self.p0
+        elif not _is_plain(p, len(self.p0)):
+            p = self._checked(p, len(self.p0), kernel, "p", "parameters")
         return self._call(kernel, t, q, qd, p, program.size)
 
     @abstractmethod
@@ -170,3 +178,8 @@ class Kernels(ABC):
         dense = np.zeros((*np.shape(values)[:-1], pattern.shape[0] * pattern.shape[1]), dtype=values.dtype)
         dense[..., pattern.flat] = values
         return dense.reshape(*np.shape(values)[:-1], *pattern.shape)
+
+
+def _is_plain(array, size: int) -> bool:
+    """True for what needs no look: a real vector of the right length. Most calls are of this kind, and looking costs time."""
+    return type(array) is np.ndarray and array.shape == (size,) and array.dtype == float
