@@ -40,7 +40,10 @@ def verbatim(name: str) -> str:
 
 def comment_text(text: str) -> str:
     """Text that cannot end a C comment or leave its line, and holds no trigraph."""
-    words = " ".join("".join(c if c.isprintable() else " " for c in str(text)).split())
+    text = str(text)
+    if not text.isprintable():
+        text = "".join(c if c.isprintable() else " " for c in text)
+    words = " ".join(text.split())
     return words.replace("*/", "* /").replace("/*", "/ *").replace("??", "? ?")
 
 

@@ -13,7 +13,7 @@ def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: li
     """One JSON-ready record of a run.
 
     name, dof, time; final, final_velocity: {independent coordinate: value} in m, rad and per second; violation,
-    energy_drift: relative; steps, evaluations, wall_seconds, backend; outputs: paths relative to folder
+    energy_drift: relative; steps, evaluations, wall_seconds, backend, engine; outputs: paths relative to folder
     """
     statistics = run.statistics
     return {
@@ -30,6 +30,7 @@ def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: li
         "partition_changes": statistics.partition_changes,
         "wall_seconds": statistics.seconds,
         "backend": run.kernels.backend,
+        "engine": run.engine,
         "formalism": run.formalism,
         "integrator": run.integrator,
         "folder": str(folder) if folder else "",

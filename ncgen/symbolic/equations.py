@@ -250,9 +250,10 @@ def _add_constant_mass(mass, standard: StandardInertia, released) -> None:
         for l in range(count):
             for wk, ck in standard.directions[k]:
                 for wl, cl in standard.directions[l]:
+                    share = standard.matrix[k][l] * _exact(wk * wl, standard.matrix[k][l])
                     for a, b in zip(ck, cl, strict=True):
                         if all(not c.fixed or c in released for c in (a, b)):
-                            mass[a, b] += standard.matrix[k][l] * _exact(wk * wl, standard.matrix[k][l])
+                            mass[a, b] += share
 
 
 def _exact(weight: float, partner):
