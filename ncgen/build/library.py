@@ -51,6 +51,10 @@ class CompiledKernels(Kernels):
             raise NcgenError(f"{library}: its ncgen_model has another layout; run `ncgen cache --clear` and try again")
         self._buffers = threading.local()
 
+    def function(self, kernel: str):
+        """The function of a kernel in C."""
+        return getattr(self._descriptor, kernel)
+
     @property
     def fingerprint(self) -> str:
         """A digest of the generated source."""
@@ -71,7 +75,7 @@ class _Call:
     def __init__(self, kernels: CompiledKernels, name: str):
         program = kernels.programs.programs[name]
         self.name = f"{kernels.name}.{name}"
-        self.function = getattr(kernels._descriptor, name)
+        self.function = kernels.function(name)
         sizes = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}
         self.q, self.qd, self.p = (np.empty(size) for size in sizes.values())
         self.out = np.empty(program.size)
@@ -89,34 +93,3 @@ class _Call:
             raise NcgenError(f"{self.name}: the kernel returned “{STATUS[status]}”")
         return self.out.copy()
 
-
-class Repeater:
-    """Calls a compiled kernel many times from C, for measuring it."""
-
-    def __init__(self, kernels: CompiledKernels):
-        from ncgen.build.cache import build
-        from ncgen.build.compilers import find_compiler
-
-        self._kernels = kernels
-        self._ffi = FFI()
-        self._ffi.include(_abi())
-        self._ffi.cdef(
-            "int ncgen_repeat_position(ncgen_position_kernel *, int, ncgen_real, const ncgen_real *, const ncgen_real *, ncgen_real *);"
-            "int ncgen_repeat_velocity(ncgen_velocity_kernel *, int, ncgen_real, const ncgen_real *, const ncgen_real *,"
-            " const ncgen_real *, ncgen_real *);"
-        )
-        files = {name: verbatim(f"c/{name}") for name in ("timing.c", "ncgen.h")}
-        self._library = self._ffi.dlopen(str(build(files, find_compiler()).library))
-
-    def runner(self, name: str, t, q, qd, p):
-        """A function run(times) that calls kernel `name` that often with these inputs."""
-        call = _Call(self._kernels, name)
-        call(t, q, qd, p)
-        velocity = "qd" in self._kernels.programs.programs[name].inputs
-        repeat = self._library.ncgen_repeat_velocity if velocity else self._library.ncgen_repeat_position
-
-        def run(times: int) -> None:
-            repeat(call.function, times, t, *call.pointers)
-
-        run.buffers = call  # the pointers live as long as the buffers do
-        return run

@@ -49,7 +49,7 @@ def _parts(kernels, partitions, q):
     emitted = dynamics_in_c(kernels, partitions, True, q, kernels.p0)
     programs = {"phi": kernels.programs.programs["phi"]}
     programs |= {name: getattr(emitted.programs, name) for name in ("newton", "acceleration")}
-    functions = {"phi": kernels._descriptor.phi}
+    functions = {"phi": kernels.function("phi")}
     functions |= {name: getattr(emitted._dynamics, name) for name in ("newton", "acceleration")}
     return {name: Call(functions[name], program.size, (kernels, emitted)) for name, program in programs.items()}, programs
 

@@ -19,52 +19,12 @@ SCALAR = (*FLAGS, "-fno-tree-vectorize", "-fno-tree-slp-vectorize")
 OPERATIONS = 24
 """Multiplications and additions in one turn of the loop of `ncgen_arithmetic`."""
 
-DECLARATIONS = """
-int ncgen_repeat(int times, ncgen_real t, const ncgen_real *q, const ncgen_real *v, const ncgen_real *p,
-                 ncgen_position_kernel *first, ncgen_real *first_out, ncgen_position_kernel *second, ncgen_real *second_out,
-                 ncgen_velocity_kernel *third, ncgen_real *third_out);
-ncgen_real ncgen_arithmetic(int times, ncgen_real a, ncgen_real b);
-"""
-
-SOURCE = """
-#include "ncgen.h"
-%s
-int ncgen_repeat(int times, ncgen_real t, const ncgen_real *q, const ncgen_real *v, const ncgen_real *p,
-                 ncgen_position_kernel *first, ncgen_real *first_out, ncgen_position_kernel *second, ncgen_real *second_out,
-                 ncgen_velocity_kernel *third, ncgen_real *third_out)
-{
-    int status = NCGEN_OK;
-    for (int i = 0; i < times; ++i) {
-        if (first)
-            status |= first(t, q, p, first_out);
-        if (second)
-            status |= second(t, q, p, second_out);
-        if (third)
-            status |= third(t, q, v, p, third_out);
-    }
-    return status;
-}
-
-ncgen_real ncgen_arithmetic(int times, ncgen_real a, ncgen_real b)
-{
-    /* twelve chains that differ, so that none is computed once for all */
-    ncgen_real c = b, d = 2 * b, e = 3 * b, f = 4 * b, g = 5 * b, h = 6 * b;
-    ncgen_real i = 7 * b, j = 8 * b, k = 9 * b, l = 10 * b, m = 11 * b, n = 12 * b;
-    for (int r = 0; r < times; ++r) {
-        c = c * a + b; d = d * a + b; e = e * a + b; f = f * a + b; g = g * a + b; h = h * a + b;
-        i = i * a + b; j = j * a + b; k = k * a + b; l = l * a + b; m = m * a + b; n = n * a + b;
-    }
-    return c + d + e + f + g + h + i + j + k + l + m + n;
-}
-""" % DECLARATIONS
-
-
 @cache
 def _repeater():
     ffi = FFI()
     ffi.include(_abi())
-    ffi.cdef(DECLARATIONS)
-    files = {"repeat.c": SOURCE, "ncgen.h": verbatim("c/ncgen.h")}
+    ffi.cdef(verbatim("c/timing.c").split("/* begin functions */")[1].split("/* end functions */")[0])
+    files = {name: verbatim(f"c/{name}") for name in ("timing.c", "ncgen.h")}
     return ffi, ffi.dlopen(str(build(files, find_compiler(), SCALAR).library))
 
 

@@ -91,7 +91,7 @@ def handwritten(kernels: Kernels):
 
 def _functions(kernels: CompiledKernels) -> dict[str, Call]:
     programs = kernels.programs.programs
-    return {name: Call(getattr(kernels._descriptor, name), program.size, kernels) for name, program in programs.items()}
+    return {name: Call(kernels.function(name), program.size, kernels) for name, program in programs.items()}
 
 
 def _compiled(name: str, functions: dict[str, Call], inputs: Inputs, names) -> Rival:

@@ -1,25 +1,44 @@
-/* timing.c: calls a kernel many times, so that a clock outside measures the kernel and not the call into C. */
+/* timing.c: calls kernels many times, so that a clock outside measures them and not the way into C. */
 #include "ncgen.h"
 
-int ncgen_repeat_position(ncgen_position_kernel *kernel, int times, ncgen_real t, const ncgen_real *q, const ncgen_real *p,
-                          ncgen_real *out);
-int ncgen_repeat_velocity(ncgen_velocity_kernel *kernel, int times, ncgen_real t, const ncgen_real *q, const ncgen_real *qd,
-                          const ncgen_real *p, ncgen_real *out);
+/* begin functions */
 
-int ncgen_repeat_position(ncgen_position_kernel *kernel, int times, ncgen_real t, const ncgen_real *q, const ncgen_real *p,
-                          ncgen_real *out)
+/* Call up to two kernels of the position and one of the velocity, `times` times; those that are NULL are left out. */
+int ncgen_repeat(int times, ncgen_real t, const ncgen_real *q, const ncgen_real *v, const ncgen_real *p,
+                 ncgen_position_kernel *first, ncgen_real *first_out, ncgen_position_kernel *second, ncgen_real *second_out,
+                 ncgen_velocity_kernel *third, ncgen_real *third_out);
+
+/* 24 multiplications and additions in each of `times` turns: the rate of plain arithmetic. */
+ncgen_real ncgen_arithmetic(int times, ncgen_real a, ncgen_real b);
+
+/* end functions */
+
+int ncgen_repeat(int times, ncgen_real t, const ncgen_real *q, const ncgen_real *v, const ncgen_real *p,
+                 ncgen_position_kernel *first, ncgen_real *first_out, ncgen_position_kernel *second, ncgen_real *second_out,
+                 ncgen_velocity_kernel *third, ncgen_real *third_out)
 {
     int status = NCGEN_OK;
-    for (int i = 0; i < times && status == NCGEN_OK; ++i)
-        status = kernel(t, q, p, out);
+    for (int i = 0; i < times; ++i) {
+        if (first)
+            status |= first(t, q, p, first_out);
+        if (second)
+            status |= second(t, q, p, second_out);
+        if (third)
+            status |= third(t, q, v, p, third_out);
+    }
     return status;
 }
 
-int ncgen_repeat_velocity(ncgen_velocity_kernel *kernel, int times, ncgen_real t, const ncgen_real *q, const ncgen_real *qd,
-                          const ncgen_real *p, ncgen_real *out)
+ncgen_real ncgen_arithmetic(int times, ncgen_real a, ncgen_real b)
 {
-    int status = NCGEN_OK;
-    for (int i = 0; i < times && status == NCGEN_OK; ++i)
-        status = kernel(t, q, qd, p, out);
-    return status;
+    /* twelve chains that differ, so that none is computed once for all */
+    ncgen_real c[12];
+    for (int i = 0; i < 12; ++i)
+        c[i] = (ncgen_real)(i + 1) * b;
+    for (int r = 0; r < times; ++r)
+        for (int i = 0; i < 12; ++i)
+            c[i] = c[i] * a + b;
+    for (int i = 1; i < 12; ++i)
+        c[0] += c[i];
+    return c[0];
 }
