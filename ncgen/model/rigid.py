@@ -10,7 +10,7 @@ Lengths and angles that belong to elements shared with another body are not repe
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -73,7 +73,7 @@ def include(frame: Frame, elements: list[Spatial], known: dict, scaled: bool) ->
                 waiting.remove(element)
     for element in waiting:
         made += _combined_rows(frame, element)
-    return [r for r in made if not row.is_trivial(r)]
+    return [replace(r, measured=True) for r in made if not row.is_trivial(r)]
 
 
 def _start(frame: Frame, elements) -> None:

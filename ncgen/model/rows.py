@@ -40,6 +40,7 @@ class Row:
     """One constraint equation.
 
     type: catalogue entry, or None where `expression` (a sympy expression of coordinates, t and parameters) is given
+    measured: True if its lengths and angles were taken from the initial position
     level: "position", or "velocity" for a rolling condition, whose expression is linear in rates
     arguments: combination per vector argument, component per scalar argument
     data: value per constant
@@ -54,6 +55,7 @@ class Row:
     expression: object = None
     scaled: bool = True
     level: str = "position"
+    measured: bool = False
 
     @property
     def equation(self) -> str:

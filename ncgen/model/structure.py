@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from ncgen.errors import ModelError
@@ -87,7 +89,7 @@ class Structure:
         start, end = (self._own(p, Point, "distance") for p in (start, end))
         value = row.length(start - end) if length is None else as_value(length, f"distance {start.name}-{end.name}")
         number = evaluate(value, self.parameters, f"distance {start.name}-{end.name}")
-        return self._keep(row.distance(start, end, value, _owner(owner), number, self.scale))
+        return self._keep(row.distance(start, end, value, _owner(owner), number, self.scale), length is None)
 
     @fact
     def unit(self, vector: Vector, owner: Body | None = None) -> Row:
@@ -99,18 +101,20 @@ class Structure:
         """Row 1002: a constant angle between a unit vector and a segment of constant length."""
         vector = self._own(vector, Vector, "vector_segment")
         segment = self._direction(segment, f"angle {vector.name}")
+        measured = length is None or cosine is None
         length = row.length(segment) if length is None else as_value(length, f"angle {vector.name}, {segment}")
         if is_number(length) and not length > 0:
             raise ModelError(f"angle {vector.name}, {segment}: the segment has length {length:g} m; give points that are apart")
         cosine = row.cosine(vector.initial, segment.initial) if cosine is None else as_value(cosine, f"angle {vector.name}, {segment}, cosine")
-        return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), self.scale))
+        return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), self.scale), measured)
 
     @fact
     def vector_vector(self, u: Vector, v: Vector, cosine=None, owner: Body | None = None) -> Row:
         """Row 1003: a constant angle between two unit vectors."""
+        measured = cosine is None
         u, v = (self._own(w, Vector, "vector_vector") for w in (u, v))
         cosine = row.cosine(u.initial, v.initial) if cosine is None else as_value(cosine, f"angle {u.name}, {v.name}, cosine")
-        return self._keep(row.vector_vector(u, v, cosine, _owner(owner), self.scale))
+        return self._keep(row.vector_vector(u, v, cosine, _owner(owner), self.scale), measured)
 
     @fact
     def constrain(self, expression, label: str = "constraint", owner: Owner = USER) -> Row:
@@ -133,9 +137,9 @@ class Structure:
 
     # -- helpers -------------------------------------------------------------------------------
 
-    def _keep(self, new: Row) -> Row:
-        self.rows.append(new)
-        return new
+    def _keep(self, new: Row, measured: bool = False) -> Row:
+        self.rows.append(replace(new, measured=measured))
+        return self.rows[-1]
 
     def _inertia(self, body: Body, mass, com, tensor, basis) -> Inertia:
         mass = as_value(mass, f"body {body.name}, mass")

@@ -13,7 +13,7 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
     """One JSON-ready record.
 
     name; coordinates, free, rows: counts; rank, dof; redundant: [{row, label, owner, implied_by, coefficients}] with
-    rows counted from 1; singular: True if the initial position is; omitted: [text]; initial: {angle: radians};
+    rows counted from 1; measured: how many rows have their lengths and angles from the initial position; singular: True if the initial position is; omitted: [text]; initial: {angle: radians};
     kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters: {name: default}
     """
     found = found or freedom(kernels)
@@ -27,6 +27,7 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
         "dof": found.dof,
         "redundant": [_redundant(kernels, r) for r in found.redundant],
         "singular": found.is_singular,
+        "measured": sum(row.measured for row in kernels.rows),
         "omitted": list(kernels.programs.omitted),
         "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),

@@ -24,6 +24,8 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
     if facts["initial"]:
         degrees = ", ".join(f"{name} {math.degrees(value):.4f}" for name, value in facts["initial"].items())
         console.print(f"  initial angles (degrees): {degrees}", markup=False)
+    if facts["measured"]:
+        console.print(f"  lengths and angles of {facts['measured']} rows are those of the initial position", markup=False)
     for line in _grouped(facts["omitted"]):
         console.print(f"  left out: {line}", markup=False)
     console.print(kernel_table(facts, times))

@@ -1,0 +1,60 @@
+"""Closing a mechanism whose initial position is only approximately known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ncgen
+
+
+def triangle(base=2.0):
+    """Two rods of 1.25 m over a base: their joint is where two circles meet."""
+    m = ncgen.Model("triangle")
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (base, 0), fixed=True)
+    C = m.point("C", (0.9, 0.7))
+    m.distance(A, C, 1.25)
+    m.distance(C, B, 1.25)
+    return ncgen.compile(m, backend="numpy")
+
+
+@pytest.mark.parametrize("side", [1, -1])
+def test_the_branch_is_the_near_one(side):
+    """Of the two points where the circles meet, (1, ±0.75), the one on the side of the guess is found."""
+    kernels = triangle()
+    q = ncgen.assemble(kernels, [0.9, 0.7 * side])
+    assert q == pytest.approx([1.0, 0.75 * side], abs=1e-12)
+
+
+def test_what_is_closed_stays_to_the_last_bit(robot):
+    assert np.array_equal(ncgen.assemble(robot), robot.q0)
+
+
+def test_a_disturbed_robot_closes_nearby(robot):
+    disturbance = 0.03 * np.random.default_rng(2).standard_normal(robot.n)
+    q = ncgen.assemble(robot, robot.q0 + disturbance)
+    assert np.max(np.abs(robot.phi(q))) < 1e-12
+    assert np.max(np.abs(q - robot.q0)) < 4 * np.max(np.abs(disturbance))
+
+
+def test_weights_say_what_should_stay():
+    """On a line of points with one free length either end may give way: the dear one does not."""
+    m = ncgen.Model("rod")
+    A, B = m.point("A", (0, 0)), m.point("B", (1, 0))
+    m.distance(A, B, 1.2)
+    kernels = ncgen.compile(m, backend="numpy")
+    q = ncgen.assemble(kernels, weights={"A.x": 1e4})
+    assert q[0] == pytest.approx(0.0, abs=1e-6)
+    assert q[2] == pytest.approx(1.2, abs=1e-6)
+
+
+def test_what_cannot_close_is_named():
+    with pytest.raises(ncgen.ConvergenceError, match=r"does not close: row [12] \(distance (A-C|C-B), user model\)"):
+        ncgen.assemble(triangle(base=3.0))
+
+
+def test_measured_rows_are_counted(robot):
+    """The robot's lengths are given in its tables; a four-bar's are measured, and inspect says so."""
+    fourbar = ncgen.compile(ncgen.load("fourbar"), backend="numpy")
+    assert ncgen.inspect(fourbar)["measured"] == 3
+    assert ncgen.inspect(robot)["measured"] == 0
