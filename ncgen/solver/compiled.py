@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from ncgen.errors import SingularError
 from ncgen.solver.integrators import canonical_name
 from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
+from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import column_sizes, trial_positions
@@ -69,53 +68,33 @@ def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
     return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
 
 
-@dataclass
-class CompiledRun:
-    """Rows of a run in C (fewer than the grid if it had to stop), its counts, and the partitions at its end."""
+def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step) -> str | None:
+    """Fill an empty path over a time grid; where the independent coordinates become bad, go on with others.
 
-    q: np.ndarray
-    qd: np.ndarray
-    work: np.ndarray
-    counts: np.ndarray
-    partitions: Partitions
-    stopped: str = ""
-
-
-def run(kernels: Kernels, partitions: Partitions, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step):
-    """A CompiledRun over a time grid; where the independent coordinates become bad, it goes on with others.
-
-    counts are those of `Statistics`: steps, evaluations, Newton steps, changes, repeated steps
+    Returns None, or why the run had to stop before the end of the grid.
     """
     method = canonical_name(integrator)
-    n = kernels.n
-    whole = CompiledRun(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
-    seen = [partitions]
+    seen = [path.partitions]
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
-        here = dynamics(kernels, whole.partitions, emitted and len(seen) <= MOST_EMITTED, q, p)
+        here = dynamics(kernels, path.partitions, emitted and len(seen) <= MOST_EMITTED, q, p)
         done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, TOLERANCE, growth)
-        on_grid = times[0] == grid[len(whole.q)]  # otherwise the first row is only where the last piece stopped
-        _append(whole, done, slice(0 if on_grid else 1, len(done.q)), work)
+        fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
+        counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
+        path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
         if done.status == "ok":
-            return whole
+            return None
         advanced = done.reached > t
         t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
-        before, whole.partitions = whole.partitions, _better(kernels, whole.partitions, seen, q, t, p)
-        changed = whole.partitions is not before
+        before, path.partitions = path.partitions, _better(kernels, path.partitions, seen, q, t, p)
+        changed = path.partitions is not before
         if not (advanced or changed):
-            whole.stopped = f"the run in C stopped at t = {t:.6g} s ({done.status})"
-            return whole
-        whole.counts[3] += changed
+            return f"the run in C stopped at t = {t:.6g} s ({done.status})"
+        path.counts[3] += changed
         growth = GROWTH if changed else GROWTH * growth  # nothing better here: look again when it is worse
-        zd = qd[whole.partitions.velocity.independent]
-        left = np.asarray(grid[len(whole.q) :])
+        zd = qd[path.partitions.velocity.independent]
+        left = np.asarray(grid[len(path.q) :])
         times = np.concatenate([[t], left[left > t]])
-
-
-def _append(whole: CompiledRun, done, fresh: slice, work: float) -> None:
-    whole.q, whole.qd = np.vstack([whole.q, done.q[fresh]]), np.vstack([whole.qd, done.qd[fresh]])
-    whole.work = np.concatenate([whole.work, done.work[fresh] + work])
-    whole.counts = whole.counts + np.array([done.steps, done.evaluations, done.newton_steps, 0, done.repeated])
 
 
 def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q, t, p) -> Partitions:

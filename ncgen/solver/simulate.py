@@ -5,28 +5,20 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
 from numbers import Integral, Real
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError, SingularError
-from ncgen.solver import compiled
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.solver import compiled, python_engine
 from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
-from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.integrators import find_integrator
-from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
+from ncgen.solver.partition import Partition, choose_partitions
+from ncgen.solver.path import Path
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.trajectory import Statistics, Trajectory
-
-DEGRADED = 0.7
-"""Another partition is looked for when the quality falls below this share of what it was when chosen: late changes
-cost more in short steps than early ones in restarts."""
-
-RETRIES = 8
-"""How often a step whose position problem fails is tried again, each time four times shorter."""
 
 FORMALISMS = ("coordinate-partitioning",)
 ENGINES = ("auto", "c", "emitted", "python")
@@ -100,25 +92,20 @@ def simulate(
     refused = "asked for" if engine == "python" else compiled.refusal(kernels, integrator, partitions, emitted)
     if refused and engine in ("c", "emitted"):
         raise ModelError(f"{kernels.name} cannot be simulated in C: {refused}; use engine='auto'")
+    path = Path.empty(kernels.n, partitions)
     if refused is None:
-        piece = compiled.run(kernels, partitions, integrator, emitted, grid, q, zd, p, **options)
-        partitions, refused = piece.partitions, piece.stopped or None
+        refused = compiled.run(path, kernels, integrator, emitted, grid, q, zd, p, **options)
         if refused and engine != "auto":
             raise ConvergenceError(f"{kernels.name}: {refused}; engine='auto' goes on in Python")
-        if refused and len(piece.q):
-            q, zd = piece.q[-1], piece.qd[-1][partitions.velocity.independent]
-    else:
-        piece = _Piece(np.empty((0, kernels.n)), np.empty((0, kernels.n)), np.empty(0), np.zeros(5, dtype=int))
     if refused is not None:
-        start = max(len(piece.q) - 1, 0)
-        run = _Run(kernels, method, options, partitions, t0 + duration)
-        piece = run.integrate(q, zd, grid[start], p, grid[start:], progress).after(piece, start)
-        partitions = run.partitions
+        python_engine.run(path, kernels, method, grid, q, zd, p, progress, **options)
     if progress and refused is None:
         progress(grid[-1])
-    statistics = Statistics(*map(int, piece.counts), time.perf_counter() - clock)
+    statistics = Statistics(*map(int, path.counts), time.perf_counter() - clock)
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
-    return Trajectory(kernels, grid, piece.q, piece.qd, piece.work, p, partitions, statistics, formalism, integrator, said, chosen, kernels)
+    return Trajectory(
+        kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels
+    )  # fmt: skip
 
 
 def _assembled(kernels: Kernels, q, t: float, p) -> np.ndarray:
@@ -133,22 +120,6 @@ def _assembled(kernels: Kernels, q, t: float, p) -> np.ndarray:
             stacklevel=3,
         )
     return closed
-
-
-@dataclass(frozen=True)
-class _Piece:
-    """Part of a trajectory: rows of q, qd and work; counts in the order of Statistics."""
-
-    q: np.ndarray
-    qd: np.ndarray
-    work: np.ndarray
-    counts: np.ndarray
-
-    def after(self, other, start: int) -> _Piece:
-        """The other piece up to row `start`, then this one, whose work counts on."""
-        before = other.work[start] if len(other.work) else 0.0
-        q, qd = np.vstack([other.q[:start], self.q]), np.vstack([other.qd[:start], self.qd])
-        return _Piece(q, qd, np.concatenate([other.work[:start], self.work + before]), other.counts + self.counts)
 
 
 def _positive(value: float, name: str, unit: str = "") -> float:
@@ -173,110 +144,3 @@ def _rates(kernels: Kernels, partition: Partition, zd0) -> np.ndarray:
     if rates.shape != (len(names),) or not np.all(np.isfinite(rates)):
         raise ModelError(f"zd0: {rates.shape} finite numbers needed for the {len(names)} independent coordinates {', '.join(names)}")
     return rates
-
-
-class _Run:
-    """One integration: counters, the current partition, and the start of the current step."""
-
-    def __init__(self, kernels: Kernels, method, options: dict, partitions: Partitions, end: float):
-        self.kernels = kernels
-        self.method = method
-        self.options = options
-        self.partitions = partitions
-        self.end = end
-        self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
-
-    def integrate(self, q, zd, t, p, grid, progress) -> _Piece:
-        """Positions, velocities and work at the times of the grid."""
-        here = motion_at(self.kernels, self.partitions.velocity, t, q, zd, p)
-        self.start = Start(t, here.q, here.qd, p)
-        self.reference = self._quality(self.partitions, here)
-        solver = self._solver(t, here, 0.0)
-        motions, work = [here], [0.0]
-        while solver.status == "running":
-            solver = self._step(solver, here)
-            between = None
-            while len(motions) < len(grid) and grid[len(motions)] <= solver.t:
-                instant = grid[len(motions)]
-                if instant != solver.t:
-                    between = between or solver.dense_output()
-                y = solver.y if instant == solver.t else between(instant)
-                motions.append(self._motion(instant, y))
-                work.append(float(y[-1]))
-            here = self._motion(solver.t, solver.y)
-            self._accept(here)
-            if progress:
-                progress(solver.t)
-            if solver.status == "running" and self._repartition(here):
-                solver = self._solver(here.t, here, solver.y[-1])
-        counts = np.array([self.steps, self.evaluations, self.newton, self.changes, self.rejections])
-        return _Piece(np.array([m.q for m in motions]), np.array([m.qd for m in motions]), np.array(work), counts)
-
-    def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None):
-        velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
-        y = np.concatenate([here.qd[velocities], here.q[positions], [work]])
-        return self.method(self._derivative, t, y, self.end, first_step=first_step, **self.options)
-
-    def _step(self, solver, here: Motion):
-        """One accepted step; returns the solver that made it, a fresh one if the position problem failed on the way."""
-        work = solver.y[-1]
-        for attempt in range(RETRIES + 1):
-            try:
-                with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
-                    message = solver.step()
-                break
-            except (ConvergenceError, SingularError) as error:
-                if attempt == RETRIES:
-                    raise type(error)(self._stuck(here)) from error
-                self.rejections += 1
-                self._repartition(here, any_better=True)
-                length = min(getattr(solver, "h_abs", np.inf), self.end - here.t) / 4 ** (attempt + 1)
-                solver = self._solver(here.t, here, work, first_step=length)
-        self.steps += 1
-        if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
-            raise ConvergenceError(
-                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
-                "the motion may become singular there, or try another integrator or tolerance"
-            )
-        return solver
-
-    def _derivative(self, t: float, y: np.ndarray) -> np.ndarray:
-        self.evaluations += 1
-        now = self._motion(t, y)
-        velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
-        return np.concatenate([now.qdd[velocities], now.qd[positions], [now.power]])
-
-    def _motion(self, t: float, y: np.ndarray) -> Motion:
-        count = len(self.partitions.velocity.independent)
-        now = motion(self.kernels, self.partitions, self.start, t, y[count:-1], y[:count])
-        self.newton += now.iterations
-        return now
-
-    def _accept(self, here: Motion) -> None:
-        self.start = Start(here.t, here.q, here.qd, refresh_branches(self.kernels, here.q, self.start.p))
-
-    def _stuck(self, here: Motion) -> str:
-        return (
-            f"{self.kernels.name}: the motion cannot go on beyond t = {here.t:.6g} s; the mechanism locks or comes to a "
-            "singular position there, or take smaller steps (rtol, max_step)"
-        )
-
-    def _quality(self, partitions: Partitions, here: Motion) -> float:
-        return min(quality(self.kernels, p, here.q, here.t, self.start.p) for p in {partitions.position, partitions.velocity})
-
-    def _repartition(self, here: Motion, any_better: bool = False) -> bool:
-        """Change to other independent coordinates for the same motion, if the present ones have become bad."""
-        now = self._quality(self.partitions, here)
-        if now > DEGRADED * self.reference and not any_better:
-            return False
-        try:
-            other = choose_partitions(self.kernels, here.q, here.t, self.start.p, rows=self.partitions.velocity.rows)
-        except SingularError:
-            return False  # no choice is good here: the steps will show whether the motion can go on
-        possible = self._quality(other, here)
-        if possible < BETTER * now:
-            return False
-        self.partitions, self.reference = other, possible
-        self.changes += 1
-        return True

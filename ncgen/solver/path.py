@@ -1,0 +1,39 @@
+"""The rows of a trajectory while an engine makes them; one engine may go on where another stopped."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.solver.partition import Partitions
+
+
+@dataclass
+class Path:
+    """q, qd (rows, n) and work (rows,) at the first times of a grid; the partitions in use at the end.
+
+    counts: steps, evaluations, Newton steps, changes of partition, repeated steps, in the order of `Statistics`
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    counts: np.ndarray
+    partitions: Partitions
+
+    @classmethod
+    def empty(cls, n: int, partitions: Partitions) -> Path:
+        return cls(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
+
+    def extend(self, q, qd, work, counts) -> None:
+        """Add rows behind the last one; counts add up."""
+        self.q, self.qd = np.vstack([self.q, q]), np.vstack([self.qd, qd])
+        self.work = np.concatenate([self.work, work])
+        self.counts = self.counts + np.asarray(counts)
+
+    def take_last(self) -> tuple[np.ndarray, np.ndarray, float]:
+        """Remove the last row and return it: where another engine goes on."""
+        last = self.q[-1], self.qd[-1], float(self.work[-1])
+        self.q, self.qd, self.work = self.q[:-1], self.qd[:-1], self.work[:-1]
+        return last

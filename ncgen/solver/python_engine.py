@@ -1,0 +1,151 @@
+"""The reference engine: coordinate partitioning in Python, stepped by SciPy's integrators.
+
+It is there to be read and to hold the C engine against, and it runs what C does not.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, SingularError
+from ncgen.solver.branches import refresh_branches
+from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
+from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
+from ncgen.solver.path import Path
+from ncgen.solver.protocol import Kernels
+
+DEGRADED = 0.7
+"""Another partition is looked for when the quality falls below this share of what it was when chosen: late changes
+cost more in short steps than early ones in restarts."""
+
+RETRIES = 8
+"""How often a step whose position problem fails is tried again, each time four times shorter."""
+
+
+def run(path: Path, kernels: Kernels, method, grid, q, zd, p, progress, **options) -> None:
+    """Complete a path over a time grid, from its last row on if it has any.
+
+    method: a SciPy OdeSolver class; options: its rtol, atol, max_step
+    Raises ConvergenceError or SingularError with the time where the motion cannot go on.
+    """
+    work = 0.0
+    if len(path.q):
+        q, qd, work = path.take_last()
+        zd = qd[path.partitions.velocity.independent]
+    engine = _Run(kernels, method, options, path.partitions, grid[-1])
+    motions, done = engine.integrate(q, zd, p, grid[len(path.q) :], progress)
+    path.extend([m.q for m in motions], [m.qd for m in motions], np.array(done) + work, engine.counts)
+    path.partitions = engine.partitions
+
+
+class _Run:
+    """One integration: counters, the current partition, and the start of the current step."""
+
+    def __init__(self, kernels: Kernels, method, options: dict, partitions: Partitions, end: float):
+        self.kernels = kernels
+        self.method = method
+        self.options = options
+        self.partitions = partitions
+        self.end = end
+        self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
+
+    def integrate(self, q, zd, p, grid, progress) -> tuple[list[Motion], list[float]]:
+        """Motions and work at the times of the grid."""
+        t = grid[0]
+        here = motion_at(self.kernels, self.partitions.velocity, t, q, zd, p)
+        self.start = Start(t, here.q, here.qd, p)
+        self.reference = self._quality(self.partitions, here)
+        solver = self._solver(t, here, 0.0)
+        motions, work = [here], [0.0]
+        while solver.status == "running":
+            solver = self._step(solver, here)
+            between = None
+            while len(motions) < len(grid) and grid[len(motions)] <= solver.t:
+                instant = grid[len(motions)]
+                if instant != solver.t:
+                    between = between or solver.dense_output()
+                y = solver.y if instant == solver.t else between(instant)
+                motions.append(self._motion(instant, y))
+                work.append(float(y[-1]))
+            here = self._motion(solver.t, solver.y)
+            self._accept(here)
+            if progress:
+                progress(solver.t)
+            if solver.status == "running" and self._repartition(here):
+                solver = self._solver(here.t, here, solver.y[-1])
+        return motions, work
+
+    @property
+    def counts(self) -> list[int]:
+        return [self.steps, self.evaluations, self.newton, self.changes, self.rejections]
+
+    def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None):
+        velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
+        y = np.concatenate([here.qd[velocities], here.q[positions], [work]])
+        return self.method(self._derivative, t, y, self.end, first_step=first_step, **self.options)
+
+    def _step(self, solver, here: Motion):
+        """One accepted step; returns the solver that made it, a fresh one if the position problem failed on the way."""
+        work = solver.y[-1]
+        for attempt in range(RETRIES + 1):
+            try:
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
+                    message = solver.step()
+                break
+            except (ConvergenceError, SingularError) as error:
+                if attempt == RETRIES:
+                    raise type(error)(self._stuck(here)) from error
+                self.rejections += 1
+                self._repartition(here, any_better=True)
+                length = min(getattr(solver, "h_abs", np.inf), self.end - here.t) / 4 ** (attempt + 1)
+                solver = self._solver(here.t, here, work, first_step=length)
+        self.steps += 1
+        if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+            raise ConvergenceError(
+                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
+                "the motion may become singular there, or try another integrator or tolerance"
+            )
+        return solver
+
+    def _derivative(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.evaluations += 1
+        now = self._motion(t, y)
+        velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
+        return np.concatenate([now.qdd[velocities], now.qd[positions], [now.power]])
+
+    def _motion(self, t: float, y: np.ndarray) -> Motion:
+        count = len(self.partitions.velocity.independent)
+        now = motion(self.kernels, self.partitions, self.start, t, y[count:-1], y[:count])
+        self.newton += now.iterations
+        return now
+
+    def _accept(self, here: Motion) -> None:
+        self.start = Start(here.t, here.q, here.qd, refresh_branches(self.kernels, here.q, self.start.p))
+
+    def _stuck(self, here: Motion) -> str:
+        return (
+            f"{self.kernels.name}: the motion cannot go on beyond t = {here.t:.6g} s; the mechanism locks or comes to a "
+            "singular position there, or take smaller steps (rtol, max_step)"
+        )
+
+    def _quality(self, partitions: Partitions, here: Motion) -> float:
+        return min(quality(self.kernels, p, here.q, here.t, self.start.p) for p in {partitions.position, partitions.velocity})
+
+    def _repartition(self, here: Motion, any_better: bool = False) -> bool:
+        """Change to other independent coordinates for the same motion, if the present ones have become bad."""
+        now = self._quality(self.partitions, here)
+        if now > DEGRADED * self.reference and not any_better:
+            return False
+        try:
+            other = choose_partitions(self.kernels, here.q, here.t, self.start.p, rows=self.partitions.velocity.rows)
+        except SingularError:
+            return False  # no choice is good here: the steps will show whether the motion can go on
+        possible = self._quality(other, here)
+        if possible < BETTER * now:
+            return False
+        self.partitions, self.reference = other, possible
+        self.changes += 1
+        return True
