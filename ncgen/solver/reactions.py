@@ -13,10 +13,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ncgen.build.numpy_module import NumPyKernels
+from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
 from ncgen.model.rows import Owner
+from ncgen.program.assemble import assemble
 from ncgen.solver import geometry
 from ncgen.solver.rank import freedom, scaled_jacobian
+from ncgen.symbolic.equations import build_equations, build_springs
 
 
 @dataclass(frozen=True)
@@ -60,9 +64,11 @@ def reactions(run) -> Reactions:
     """
     loads, determinate = {}, {}
     uncertain = _uncertain_directions(run)
+    pulls = _pulls(run)
     for name in run.model.bodies:
         share = _share(run.kernels, name)
         history = np.array([_load(share, run, k) for k in range(len(run.t))])
+        history -= np.array([pulls.get(name, {}).get(c, 0.0 * run.t) for c in share.coordinates]).T
         loads[name] = dict(zip(share.coordinates, history.T, strict=True))
         effect = share.jacobian(_with_released(share, run, run.q[0]), run.t[0], run.p).T @ uncertain
         determinate[name] = bool(np.max(np.abs(effect), initial=0.0) < 1e-8)
@@ -71,12 +77,26 @@ def reactions(run) -> Reactions:
 
 def _share(kernels, body: str):
     """The rows, masses and forces that one body owns, as kernels of their own."""
-    from ncgen.build.numpy_module import NumPyKernels
-    from ncgen.emit.sources import Sources
-    from ncgen.program.assemble import assemble
-    from ncgen.symbolic.equations import build_equations
+    return _kernels(build_equations(kernels.model, Owner("body", body)))
 
-    return NumPyKernels(Sources(assemble(build_equations(kernels.model, Owner("body", body)), "tabled")))
+
+def _kernels(equations):
+    return NumPyKernels(Sources(assemble(equations, "tabled")))
+
+
+def _pulls(run) -> dict[str, dict[str, np.ndarray]]:
+    """{body: {coordinate: (K,)}} forces of springs and potentials, each on the first body that has the coordinate."""
+    if not (run.model.springs or run.model.potentials):
+        return {}
+    springs = _kernels(build_springs(run.model))
+    history = np.array([springs.force(q, qd, t, run.p) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)])
+    pulls: dict[str, dict[str, np.ndarray]] = {}
+    for name, column in zip(run.coordinates, history.T, strict=True):
+        for body in run.model.bodies.values():
+            if any(c.name == name for e in body.elements for c in e.components):
+                pulls.setdefault(body.name, {})[name] = column
+                break
+    return pulls
 
 
 def _load(share, run, k: int) -> np.ndarray:

@@ -100,6 +100,13 @@ def build_equations(model: Model, owner: Owner | None = None) -> Equations:
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
 
 
+def build_springs(model: Model) -> Equations:
+    """The springs and potentials of a model alone: what pulls without belonging to a body."""
+    forces = [_spring(model, spring) for spring in model.springs]
+    forces += [_potential(model, potential) for potential in model.potentials]
+    return Equations(model, (), (), tuple(forces))
+
+
 def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
     body = model.bodies.get(owner.name) if owner is not None else None
     return frozenset(c for e in body.elements for c in e.components if c.fixed) if body else frozenset()

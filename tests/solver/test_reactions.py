@@ -162,3 +162,24 @@ def test_unknown_names_are_refused(free):
         free.force("body1", "r1")
     with pytest.raises(ModelError, match="body9 has no element r6; it has r7, r8, u5"):
         free.force("body9", "r6")
+
+
+def test_springs_are_no_joint_loads():
+    """A bob on a massless rod, pulled by a spring: the rod's force is m a − m g − the spring's, and along the rod."""
+    m = ncgen.Model("bob")
+    A, G = m.point("A", (0, 0), fixed=True), m.point("G", (1, 1), fixed=True)
+    B = m.point("B", (1, 0))
+    m.body("bob", [B], mass=2.0)
+    m.distance(A, B)
+    m.spring(B, G, stiffness=30.0, damping=1.0, free_length=0.5)
+    m.gravity((0, -9.81, 0))
+    run = ncgen.simulate(ncgen.compile(m, "numpy"), 0.3, points=4, **TIGHT)
+    line = np.array([1.0, 1.0, 0.0]) - run.point("B")
+    length = np.linalg.norm(line, axis=1, keepdims=True)
+    speed = np.pad(run.qd, ((0, 0), (0, 1)))
+    rate = -np.sum(speed * line, axis=1, keepdims=True) / length
+    pull = (30.0 * (length - 0.5) + rate) * line / length
+    expected = 2.0 * np.pad(run.qdd, ((0, 0), (0, 1))) - 2.0 * np.array([0, -9.81, 0]) - pull
+    found = run.reactions().force("bob", "B")
+    assert found == pytest.approx(expected, abs=1e-9)
+    assert np.max(np.abs(np.cross(found, run.point("B")))) < 1e-8
