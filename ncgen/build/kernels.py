@@ -70,6 +70,12 @@ class Kernels(ABC):
         return np.array([natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows])
 
     @cached_property
+    def column_sizes(self) -> np.ndarray:
+        """Natural size of every coordinate: the mechanism's length for points, 1 for vectors and angles."""
+        points = {c.name for e in self.model.elements.values() if isinstance(e, Point) for c in e.components}
+        return np.array([self.length if name in points else 1.0 for name in self.coordinates])
+
+    @cached_property
     def holonomic(self) -> np.ndarray:
         """Rows that are equations of position; the others (rolling) constrain velocities only."""
         return np.array([i for i, row in enumerate(self.rows) if row.level == "position"], dtype=int)

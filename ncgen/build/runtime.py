@@ -111,10 +111,10 @@ class Dynamics:
 class DenseDynamics(Dynamics):
     """The runtime's dense elimination on the model's kernels, for one choice of independent coordinates."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, sizes):
+    def __init__(self, kernels: CompiledKernels, split: Split):
         ffi, library = _bare_runtime()
         integers = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
-        numbers = {"row_sizes": kernels.row_sizes, "column_sizes": sizes}
+        numbers = {"row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
         self._kept = {name: np.array(values or (0,), dtype=np.intc) for name, values in integers.items()}
         self._kept |= {name: np.array(values, dtype=float) for name, values in numbers.items()}
         dynamics = ffi.new("ncgen_dynamics *", {"n_independent": len(split.independent), "n_dependent": len(split.dependent)})
@@ -126,9 +126,9 @@ class DenseDynamics(Dynamics):
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, sizes, samples: Samples):
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
         equations = kernels.programs.equations
-        self.programs = assemble_dynamics(equations, split, samples, sizes)
+        self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(self.programs, equations, kernels.row_sizes)
         getter = f"{identifier(kernels.name)}_dynamics"
         ffi, library = _load(files, STRAIGHT_LINE, f"const ncgen_dynamics *{getter}(void);")

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ncgen.errors import ModelError
 from ncgen.program import passes
@@ -182,16 +182,21 @@ def _build(kernel: Kernel, members: list[Bound], equations: Equations) -> Contri
             contribution.slots.append((reference, _slot(reference, members, equations)))
         return graph.slot(slots[reference])
 
-    places = Places(graph, first, read)
-    wanted = [key for key in first.template.outputs if kernel.wants(key)]
-    try:
-        outputs = first.template.replay(graph, places.symbol, wanted)
-    except ArithmeticError as error:
-        raise ModelError(f"{first.term.label}: {error}; correct the expression or the fixed coordinates in it") from None
-    except ValueError as error:
-        raise ModelError(f"{first.term.label}: {error} at the fixed coordinates; correct the expression") from None
-    contribution.parts = [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
+    contribution.parts = parts_of(kernel, first, graph, read)
     return contribution
+
+
+def parts_of(kernel: Kernel, bound: Bound, graph: Graph, read) -> list[tuple[tuple, int]]:
+    """(place, node) of what a term contributes to a kernel; structural zeros stay out. read(reference) gives inputs."""
+    places = Places(graph, bound, read)
+    wanted = [key for key in bound.template.outputs if kernel.wants(key)]
+    try:
+        outputs = bound.template.replay(graph, places.symbol, wanted)
+    except ArithmeticError as error:
+        raise ModelError(f"{bound.term.label}: {error}; correct the expression or the fixed coordinates in it") from None
+    except ValueError as error:
+        raise ModelError(f"{bound.term.label}: {error} at the fixed coordinates; correct the expression") from None
+    return [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
 
 
 def _slot(reference, members, equations) -> Slot:
@@ -271,7 +276,7 @@ def _take_constants(block: Loop, base: list[float]) -> Loop:
             continue
         for position, value in zip(store.table, column, strict=True):
             base[position] += value
-    return Loop(block.count, block.ops, block.slots, tuple(kept), block.names, block.title, block.comments)
+    return replace(block, stores=tuple(kept))
 
 
 def _combine(kernel, base, loops, lines, equations) -> list:
@@ -287,12 +292,10 @@ def _combine(kernel, base, loops, lines, equations) -> list:
     blocks = []
     if not (alone and len(written) + len(hits) == len(base)):
         blocks.append(_base_block(kernel.name, base))
-        alone = alone and not any(base[i] for i in hits)
     if straight:
         blocks.append(straight)
     for block in loops:
-        stores = tuple(TableStore(s.array, s.table, s.node, not alone) for s in block.stores)
-        blocks.append(Loop(block.count, block.ops, block.slots, stores, block.names, block.title, block.comments))
+        blocks.append(replace(block, stores=tuple(replace(s, accumulate=not alone) for s in block.stores)))
     return blocks
 
 

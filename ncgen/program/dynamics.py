@@ -13,10 +13,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
+from functools import partial
 
 from ncgen.program import passes
-from ncgen.program.assemble import ENERGIES, KERNELS, Kernel, load_name, place_of
-from ncgen.program.binding import Derived, Places, bind
+from ncgen.program.assemble import ENERGIES, KERNELS, Kernel, load_name, parts_of, place_of
+from ncgen.program.binding import Derived, bind
 from ncgen.program.blocks import Program, Store, Straight
 from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_transposed
 from ncgen.program.graph import Graph
@@ -44,7 +45,6 @@ class DynamicsPrograms:
     newton: Program
     acceleration: Program
     split: Split
-    has_power: bool
 
 
 def assemble_dynamics(equations: Equations, split: Split, samples: Samples, sizes) -> DynamicsPrograms:
@@ -54,11 +54,11 @@ def assemble_dynamics(equations: Equations, split: Split, samples: Samples, size
     sizes: natural size of every coordinate
     """
     newton = _newton(equations, split, samples)
-    acceleration, has_power = _acceleration(equations, split, samples, sizes)
+    acceleration = _acceleration(equations, split, samples, sizes)
     lengths = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
     for program in (newton, acceleration):
         verify(program, lengths)
-    return DynamicsPrograms(newton, acceleration, split, has_power)
+    return DynamicsPrograms(newton, acceleration, split)
 
 
 class _Lines:
@@ -76,12 +76,8 @@ class _Lines:
         sums: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for term in kernel.terms(self.equations):
             bound = bind(term, self.equations, self.derived)
-            places = Places(self.graph, bound, lambda reference, bound=bound: self._read(bound, reference))
-            wanted = [key for key in bound.template.outputs if kernel.wants(key)]
-            outputs = bound.template.replay(self.graph, places.symbol, wanted)
-            for place, node in kernel.parts(places, outputs):
-                if self.graph.value(node) != 0.0:
-                    sums[place_of(place, bound, self.equations)].append(node)
+            for place, node in parts_of(kernel, bound, self.graph, partial(self._read, bound)):
+                sums[place_of(place, bound, self.equations)].append(node)
         return {place: self.graph.sum(nodes) for place, nodes in sums.items()}
 
     def _read(self, bound, reference) -> int:
@@ -138,7 +134,7 @@ def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
     return lines.program("newton", ("t", "q", "p"), steps + residuals)
 
 
-def _acceleration(equations: Equations, split: Split, samples: Samples, sizes) -> tuple[Program, bool]:
+def _acceleration(equations: Equations, split: Split, samples: Samples, sizes) -> Program:
     lines = _Lines(equations)
     graph = lines.graph
     zero, one = graph.const(0.0), graph.const(1.0)
@@ -184,18 +180,17 @@ def _acceleration(equations: Equations, split: Split, samples: Samples, sizes) -
     MR = [times_mass(column) for column in R]
     reduced = {(i, j): dot(R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
     zdd = solve_positive(graph, reduced, nz, [dot(column, missing) for column in R])
-    power, has_power = _power(lines, split, factors, nu, zdd, missing, MR)
+    power = _power(lines, split, factors, nu, zdd, missing, MR)
     grown = [
         graph.mul(graph.const(float(sizes[z] / sizes[c])), node)
         for z, column in zip(split.independent, R, strict=True)
         for c, node in column.items()
     ]
     amplification = graph.sum(graph.mul(node, node) for node in grown)
-    program = lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
-    return program, has_power
+    return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
 
 
-def _power(lines, split, factors, nu, zdd, missing, MR) -> tuple[int, bool]:
+def _power(lines, split, factors, nu, zdd, missing, MR) -> int:
     """Power of forces without a potential and of drivers, P − νᵀλ with (Φ_q^d)ᵀ λ = (Q − M q̈)_d."""
     graph = lines.graph
     own = lines.gather(KERNELS["energy"]).get((ENERGIES.index("power"),))
@@ -210,4 +205,4 @@ def _power(lines, split, factors, nu, zdd, missing, MR) -> tuple[int, bool]:
         for i, r in enumerate(split.rows):
             if (r,) in nu and i in lam:
                 power = graph.sub(power, graph.mul(nu[r,], lam[i]))
-    return power, own is not None or bool(nu)
+    return power

@@ -12,7 +12,6 @@ import numpy as np
 from ncgen.errors import ConvergenceError
 from ncgen.solver.position import CONSISTENT, TOLERANCE, residual
 from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import column_sizes
 
 LIMIT = 100
 LONGEST_STEP = 0.1
@@ -31,7 +30,7 @@ def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] 
     q = np.array(kernels.q0 if q is None else q, dtype=float)
     if residual(kernels, q, t, p) <= CONSISTENT:
         return q
-    sizes = column_sizes(kernels) / np.array([(weights or {}).get(name, 1.0) for name in kernels.coordinates])
+    sizes = kernels.column_sizes / np.array([(weights or {}).get(name, 1.0) for name in kernels.coordinates])
     rows = kernels.holonomic
     history = []
     for _ in range(LIMIT):

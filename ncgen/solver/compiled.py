@@ -10,7 +10,7 @@ from ncgen.solver.partition import BETTER, Partitions, choose_partitions, qualit
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import column_sizes, trial_positions
+from ncgen.solver.rank import trial_positions
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -55,8 +55,7 @@ def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p):
     split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
     store = kernels.__dict__.setdefault("_dynamics", {})
     if (split, emitted) not in store:
-        sizes = column_sizes(kernels)
-        new = EmittedDynamics(kernels, split, sizes, _samples(kernels, q, p)) if emitted else DenseDynamics(kernels, split, sizes)
+        new = EmittedDynamics(kernels, split, _samples(kernels, q, p)) if emitted else DenseDynamics(kernels, split)
         store[split, emitted] = new
     return store[split, emitted]
 

@@ -14,7 +14,7 @@ from scipy.linalg import lapack
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import column_sizes, freedom
+from ncgen.solver.rank import freedom, scaled_jacobian
 
 WORST = 1e-7
 """A partition of lower quality is refused."""
@@ -67,7 +67,7 @@ def choose_partition(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=No
             raise SingularError(singular_message(kernels, found))
         rows = np.array(found.kept_rows, dtype=int)
     wanted = [_position(kernels, name) for name in independent]
-    jacobian = kernels.jacobian(q, t, p)[rows] * column_sizes(kernels) / kernels.row_sizes[rows, None]
+    jacobian = scaled_jacobian(kernels, q, t, p)[rows]
     count = len(rows)
     if len(wanted) > kernels.n - count:
         raise ModelError(
@@ -93,7 +93,7 @@ def quality(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> float:
     """Smallest singular value of the scaled Φ_q^d over the norm of Φ_q: 0 is singular, larger is better."""
     if not len(partition.rows):
         return 1.0
-    jacobian = (kernels.jacobian(q, t, p) * column_sizes(kernels) / kernels.row_sizes[:, None])[partition.rows]
+    jacobian = scaled_jacobian(kernels, q, t, p)[partition.rows]
     smallest = np.linalg.svd(jacobian[:, partition.dependent], compute_uv=False)[-1]
     return float(smallest / max(np.linalg.norm(jacobian), 1e-300))
 

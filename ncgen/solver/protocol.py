@@ -24,6 +24,7 @@ class Kernels(Protocol):
     q0: np.ndarray
     p0: np.ndarray
     row_sizes: np.ndarray
+    column_sizes: np.ndarray
     length: float
     holonomic: np.ndarray
 

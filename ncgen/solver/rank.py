@@ -44,15 +44,7 @@ def null_space(jacobian: np.ndarray) -> np.ndarray:
 
 def scaled_jacobian(kernels: Kernels, q, t=0.0, p=None) -> np.ndarray:
     """Φ_q with rows divided by their natural size and lengths measured in the mechanism's size."""
-    return kernels.jacobian(q, t, p) * column_sizes(kernels) / kernels.row_sizes[:, None]
-
-
-def column_sizes(kernels: Kernels) -> np.ndarray:
-    """The natural size of every coordinate: the mechanism's length for points, 1 for vectors and angles."""
-    from ncgen.model.elements import Point
-
-    points = {c.name for e in kernels.model.elements.values() if isinstance(e, Point) for c in e.components}
-    return np.array([kernels.length if name in points else 1.0 for name in kernels.coordinates])
+    return kernels.jacobian(q, t, p) * kernels.column_sizes / kernels.row_sizes[:, None]
 
 
 def trial_positions(
@@ -60,7 +52,7 @@ def trial_positions(
 ) -> list[np.ndarray]:
     """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
     generator = np.random.default_rng(0)
-    sizes = column_sizes(kernels)
+    sizes = kernels.column_sizes
     basis = null_space(scaled_jacobian(kernels, q, t, p))
     found = [np.asarray(q, dtype=float)]
     for attempt in range(4 * count):

@@ -65,12 +65,13 @@ def reactions(run) -> Reactions:
     loads, determinate = {}, {}
     uncertain = _uncertain_directions(run)
     pulls = _pulls(run)
+    fixed = {c.name: geometry.component(run.kernels, c, run.q[0], run.p) for c in run.model.components if c.fixed}
     for name in run.model.bodies:
         share = _share(run.kernels, name)
-        history = np.array([_load(share, run, k) for k in range(len(run.t))])
+        history = np.array([_load(share, run, fixed, k) for k in range(len(run.t))])
         history -= np.array([pulls.get(name, {}).get(c, 0.0 * run.t) for c in share.coordinates]).T
         loads[name] = dict(zip(share.coordinates, history.T, strict=True))
-        effect = share.jacobian(_with_released(share, run, run.q[0]), run.t[0], run.p).T @ uncertain
+        effect = share.jacobian(_spread(share, run, run.q[0], fixed), run.t[0], run.p).T @ uncertain
         determinate[name] = bool(np.max(np.abs(effect), initial=0.0) < 1e-8)
     return Reactions(run, loads, determinate)
 
@@ -99,29 +100,19 @@ def _pulls(run) -> dict[str, dict[str, np.ndarray]]:
     return pulls
 
 
-def _load(share, run, k: int) -> np.ndarray:
+def _load(share, run, fixed: dict, k: int) -> np.ndarray:
     """f = M q̈ − Q + Φ_qᵀ λ of one body at instant k, over its own and all free coordinates."""
     t, p = run.t[k], run.p
-    q = _with_released(share, run, run.q[k])
-    qd, qdd = (_spread(share, run, values[k]) for values in (run.qd, run.qdd))
+    q = _spread(share, run, run.q[k], fixed)
+    qd, qdd = (_spread(share, run, values[k], dict.fromkeys(fixed, 0.0)) for values in (run.qd, run.qdd))
     inertia = share.mass_matrix(q, t, p) @ qdd - share.force(q, qd, t, p)
     return inertia + share.jacobian(q, t, p).T @ run.lam[k]
 
 
-def _spread(share, run, values) -> np.ndarray:
-    """Values over the share's coordinates; released ones stand still."""
+def _spread(share, run, values, fixed: dict) -> np.ndarray:
+    """Values over the share's coordinates: free ones from the run, released ones as they are fixed."""
     index = run.kernels.index
-    return np.array([values[index[name]] if name in index else 0.0 for name in share.coordinates])
-
-
-def _with_released(share, run, q) -> np.ndarray:
-    """Positions over the share's coordinates; released ones stand where they are fixed."""
-    places = {c.name: c for c in run.model.components if c.fixed}
-    whole = _spread(share, run, q)
-    for i, name in enumerate(share.coordinates):
-        if name in places:
-            whole[i] = geometry.component(run.kernels, places[name], q, run.p)
-    return whole
+    return np.array([values[index[name]] if name in index else fixed[name] for name in share.coordinates])
 
 
 def _uncertain_directions(run) -> np.ndarray:

@@ -79,12 +79,12 @@ class Trajectory:
             part = choose_partitions(kernels, q, t, p, rows=part.rows).velocity
         return motion_at(kernels, part, t, q, qd[part.independent], p)
 
-    @property
+    @cached_property
     def qdd(self) -> np.ndarray:
         """Accelerations (K, n)."""
         return np.array([m.qdd for m in self._motions])
 
-    @property
+    @cached_property
     def lam(self) -> np.ndarray:
         """Multipliers of the rows (K, m)."""
         return np.array([m.lam for m in self._motions])

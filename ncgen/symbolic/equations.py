@@ -23,7 +23,7 @@ from ncgen.model.values import Parameter, as_sympy, is_number
 from ncgen.symbolic import templates
 from ncgen.symbolic.inertia import StandardInertia, centre_weights, standard_inertia
 from ncgen.symbolic.omissions import angle_row_type
-from ncgen.symbolic.templates import SCALE, TIME, Template
+from ncgen.symbolic.templates import TIME, Template
 
 LinearForm = tuple[tuple[object, Component], ...]
 """Pairs (weight, coordinate); a weight is a value."""
