@@ -143,7 +143,6 @@ int bricard_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* phi_q: 34 operations */
 int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -343,7 +342,6 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* gamma: 148 operations */
 int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -447,7 +445,6 @@ int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int bricard_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -463,7 +460,6 @@ int bricard_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int bricard_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -480,7 +476,6 @@ int bricard_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* energy: 69 operations */
 int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -528,7 +523,6 @@ int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 static const char *const bricard_coordinate_names[] = {
     "P2.x",
     "P2.y",
@@ -617,7 +611,7 @@ const ncgen_model *bricard_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bricard",
-        .fingerprint = "4cfa1091b0ddc8df",
+        .fingerprint = "0231ffc2789cefa3",
         .n_coordinates = 24,
         .n_rows = 24,
         .n_parameters = 0,

@@ -153,7 +153,6 @@ int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
 
     return NCGEN_OK;
 }
-
 /* phi_q: 47 operations, 1 of them elementary functions */
 int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -237,7 +236,6 @@ int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* gamma: 245 operations, 2 of them elementary functions */
 int disc_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -331,7 +329,6 @@ int disc_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int disc_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -347,7 +344,6 @@ int disc_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int disc_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -364,7 +360,6 @@ int disc_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* energy: 51 operations */
 int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -405,7 +400,6 @@ int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 static const char *const disc_coordinate_names[] = {
     "C.x",
     "C.y",
@@ -508,7 +502,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "fc37abfdf2b1343d",
+        .fingerprint = "e176079577baad10",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,

@@ -35,7 +35,6 @@ int doublependulum_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
 
     return NCGEN_OK;
 }
-
 /* phi_q: 6 operations */
 int doublependulum_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -61,7 +60,6 @@ int doublependulum_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     return NCGEN_OK;
 }
-
 /* gamma: 11 operations */
 int doublependulum_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -84,7 +82,6 @@ int doublependulum_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int doublependulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -100,7 +97,6 @@ int doublependulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int doublependulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -117,7 +113,6 @@ int doublependulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     return NCGEN_OK;
 }
-
 /* energy: 30 operations */
 int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -151,7 +146,6 @@ int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
 
     return NCGEN_OK;
 }
-
 static const char *const doublependulum_coordinate_names[] = {
     "B.x",
     "B.y",
@@ -191,7 +185,7 @@ const ncgen_model *doublependulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "doublependulum",
-        .fingerprint = "56f9d57bc525203e",
+        .fingerprint = "57449502efdd9fd6",
         .n_coordinates = 4,
         .n_rows = 2,
         .n_parameters = 0,

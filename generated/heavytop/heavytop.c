@@ -67,7 +67,6 @@ int heavytop_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* phi_q: 36 operations */
 int heavytop_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -130,7 +129,6 @@ int heavytop_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* gamma: 51 operations */
 int heavytop_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -177,7 +175,6 @@ int heavytop_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int heavytop_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -193,7 +190,6 @@ int heavytop_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int heavytop_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -210,7 +206,6 @@ int heavytop_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* energy: 58 operations */
 int heavytop_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -253,7 +248,6 @@ int heavytop_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 static const char *const heavytop_coordinate_names[] = {
     "P.x",
     "P.y",
@@ -303,7 +297,7 @@ const ncgen_model *heavytop_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "heavytop",
-        .fingerprint = "720d999db978927d",
+        .fingerprint = "cd47e3556151442f",
         .n_coordinates = 9,
         .n_rows = 6,
         .n_parameters = 0,

@@ -49,7 +49,6 @@ int nfourbar_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* phi_q: 10 operations */
 int nfourbar_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -86,7 +85,6 @@ int nfourbar_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* gamma: 24 operations */
 int nfourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -119,7 +117,6 @@ int nfourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int nfourbar_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -135,7 +132,6 @@ int nfourbar_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int nfourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -152,7 +148,6 @@ int nfourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* energy: 57 operations */
 int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -198,7 +193,6 @@ int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 static const char *const nfourbar_coordinate_names[] = {
     "B0.x",
     "B0.y",
@@ -243,7 +237,7 @@ const ncgen_model *nfourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "nfourbar",
-        .fingerprint = "1936c076a3dc4edb",
+        .fingerprint = "284651d70f37ebdd",
         .n_coordinates = 6,
         .n_rows = 5,
         .n_parameters = 0,

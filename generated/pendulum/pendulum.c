@@ -25,7 +25,6 @@ int pendulum_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* phi_q: 0 operations */
 int pendulum_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -42,7 +41,6 @@ int pendulum_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* gamma: 4 operations */
 int pendulum_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -59,7 +57,6 @@ int pendulum_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int pendulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -74,7 +71,6 @@ int pendulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int pendulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -91,7 +87,6 @@ int pendulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* energy: 6 operations */
 int pendulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -115,7 +110,6 @@ int pendulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 static const char *const pendulum_coordinate_names[] = {
     "B.x",
     "B.y",
@@ -152,7 +146,7 @@ const ncgen_model *pendulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "pendulum",
-        .fingerprint = "f1c966feb134c45a",
+        .fingerprint = "65a6a2209fbc40fa",
         .n_coordinates = 2,
         .n_rows = 1,
         .n_parameters = 0,

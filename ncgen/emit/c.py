@@ -9,6 +9,7 @@ from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
 from ncgen.model.values import evaluate
+from ncgen.program.angles import SHARED
 from ncgen.program.assemble import KERNELS, Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
@@ -90,7 +91,8 @@ def _subscript(place: Place) -> str:
 
 
 def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
-    blocks = [_block(block, tables, Names([program.output], prefix)) for block in program.blocks]
+    reserved = [program.output, *SHARED.values(), "angle"]
+    blocks = [_block(block, tables, Names(reserved, prefix)) for block in program.blocks]
     operations = cost(program)
     return {
         "name": program.name,
@@ -99,6 +101,7 @@ def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
         "output": program.output,
         "size": program.size,
         "temporaries": program.temporaries,
+        "angles": _angles(program.angles, tables),
         "blocks": blocks,
         "unused": [a for a in program.inputs if a not in _read(program)],
         "operations": operations.total,
@@ -109,7 +112,17 @@ def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
 def _read(program: Program) -> set[str]:
     """The arrays a program reads."""
     loads = {op.leaf[0] for block in program.blocks for op in block.ops if op.code == "load"}
-    return loads | {slot.array for block in program.blocks for slot in getattr(block, "slots", ())}
+    slots = {slot.array for block in program.blocks for slot in getattr(block, "slots", ())}
+    return loads | slots | ({"q"} if program.angles else set())
+
+
+def _angles(angles: tuple[int, ...], tables: Tables) -> dict:
+    """Where the angles of a program lie: one after the other in q, or anywhere."""
+    if not angles:
+        return {"count": 0}
+    place = tables.place(angles)
+    together = place.table is None and (place.step == 1 or len(angles) == 1)
+    return {"count": len(angles), "first": place.offset if together else None, "place": _subscript(place)}
 
 
 def _block(block, tables: Tables, names: Names) -> dict:

@@ -9,6 +9,7 @@ from ncgen.emit.environment import comment_text, loop_comments, render
 from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
+from ncgen.program.angles import SHARED
 from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
@@ -74,9 +75,9 @@ def _subscript(place: Place, count: int) -> str:
 
 
 def _kernel(program: Program, tables: Tables) -> dict:
-    lines: list[str] = []
+    lines = _angles(program.angles, tables) if program.angles else []
     for block in program.blocks:
-        lines += _block(block, tables, Names([program.output]))
+        lines += _block(block, tables, Names([program.output, *SHARED.values()]))
     operations = cost(program)
     return {
         "name": program.name,
@@ -87,6 +88,11 @@ def _kernel(program: Program, tables: Tables) -> dict:
         "lines": lines,
         "operations": operations.total,
     }
+
+
+def _angles(angles: tuple[int, ...], tables: Tables) -> list[str]:
+    subscript = _subscript(tables.place(angles), len(angles))
+    return [f"{array} = np.{FUNCTIONS[code].numpy}(q[..., {subscript}])" for code, array in SHARED.items()]
 
 
 def _block(block, tables: Tables, names: Names) -> list[str]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from ncgen.errors import ModelError
 from ncgen.program import passes
+from ncgen.program.angles import share_angles
 from ncgen.program.binding import Bound, Derived, Places, bind
 from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.graph import Graph
@@ -233,7 +234,7 @@ def _program(kernel, groups, index, size, equations, derived, least) -> Program:
         blocks = [_derived_block(derived, needed, equations), *blocks]
     blocks = tuple(passes.schedule(b) for b in map(passes.dead_code, blocks))
     temporaries = {"d": len(derived.expressions)} if needed else {}
-    return Program(kernel.name, kernel.inputs, kernel.name, size, blocks, temporaries)
+    return share_angles(Program(kernel.name, kernel.inputs, kernel.name, size, blocks, temporaries))
 
 
 def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> Loop:
