@@ -25,6 +25,7 @@ static const ncgen_scalar andrews_number_3[11] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.033)
 };
 
+
 /* phi: 64 operations, 2 of them elementary functions */
 int andrews_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -368,6 +369,7 @@ static const int andrews_mass_indices[20] = {
     0, 2, 1, 3, 0, 2, 4, 6, 1, 3, 5, 7, 2, 4, 3, 5, 2, 6, 3, 7
 };
 
+
 const ncgen_model *andrews_model(void)
 {
     static const ncgen_model model = {
@@ -375,7 +377,7 @@ const ncgen_model *andrews_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "andrews",
-        .fingerprint = "9fb224c1ab12ca8e",
+        .fingerprint = "475e148309ac5d1f",
         .n_coordinates = 11,
         .n_rows = 10,
         .n_parameters = 0,

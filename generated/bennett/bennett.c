@@ -30,6 +30,7 @@ static const ncgen_scalar bennett_number_4[3] = {
     R(0.0), R(0.9810000000000001), R(0.0)
 };
 
+
 /* phi: 139 operations, 4 of them elementary functions */
 int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -495,6 +496,7 @@ static const int bennett_mass_indices[12] = {
     0, 3, 1, 4, 2, 5, 0, 3, 1, 4, 2, 5
 };
 
+
 const ncgen_model *bennett_model(void)
 {
     static const ncgen_model model = {
@@ -502,7 +504,7 @@ const ncgen_model *bennett_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bennett",
-        .fingerprint = "8109edd85e133ba3",
+        .fingerprint = "cd807070204fa5fe",
         .n_coordinates = 14,
         .n_rows = 16,
         .n_parameters = 0,

@@ -35,6 +35,7 @@ static const ncgen_scalar bricard_number_3[24] = {
     R(0.0)
 };
 
+
 /* phi: 139 operations */
 int bricard_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -604,6 +605,7 @@ static const int bricard_mass_indices[30] = {
     0, 3, 1, 4, 2, 5, 0, 3, 6, 1, 4, 7, 2, 5, 8, 3, 6, 9, 4, 7, 10, 5, 8, 11, 6, 9, 7, 10, 8, 11
 };
 
+
 const ncgen_model *bricard_model(void)
 {
     static const ncgen_model model = {
@@ -611,7 +613,7 @@ const ncgen_model *bricard_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bricard",
-        .fingerprint = "0231ffc2789cefa3",
+        .fingerprint = "b6f1c8a60ef64563",
         .n_coordinates = 24,
         .n_rows = 24,
         .n_parameters = 0,

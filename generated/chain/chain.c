@@ -60,6 +60,7 @@ static const ncgen_scalar chain_number_4[27] = {
     R(0.01666666666666667), R(0.01666666666666667)
 };
 
+
 /* phi: 97 operations */
 int chain_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -550,6 +551,7 @@ static const int chain_mass_indices[84] = {
     24, 27, 25, 28, 26, 29
 };
 
+
 const ncgen_model *chain_model(void)
 {
     static const ncgen_model model = {
@@ -557,7 +559,7 @@ const ncgen_model *chain_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "chain",
-        .fingerprint = "f022e5dd18a55716",
+        .fingerprint = "4d00899abd2184d8",
         .n_coordinates = 30,
         .n_rows = 10,
         .n_parameters = 0,

@@ -113,6 +113,7 @@ static const ncgen_scalar delta_number_5[27] = {
     -R(1.46501600833998), -R(1.46501600833998)
 };
 
+
 /* phi: 439 operations, 6 of them elementary functions */
 int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -1391,6 +1392,7 @@ static const int delta_mass_indices[99] = {
     34, 37, 15, 32, 35, 38, 16, 39, 17, 40, 18, 41, 23, 42, 24, 43, 25, 44, 26, 45, 27, 46, 28, 47
 };
 
+
 const ncgen_model *delta_model(void)
 {
     static const ncgen_model model = {
@@ -1398,7 +1400,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "66b6d87072c130aa",
+        .fingerprint = "c65fce69a1824665",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,

@@ -38,6 +38,7 @@ static const ncgen_scalar disc_number_3[30] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
 };
 
+
 /* phi: 115 operations, 1 of them elementary functions */
 int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -495,6 +496,7 @@ static const int disc_mass_indices[27] = {
     17
 };
 
+
 const ncgen_model *disc_model(void)
 {
     static const ncgen_model model = {
@@ -502,7 +504,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "e176079577baad10",
+        .fingerprint = "ffc6e729cdbb85c2",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,

@@ -14,6 +14,7 @@ static const ncgen_scalar doublependulum_number_2[4] = {
     R(0.0), -R(7.3575), R(0.0), -R(2.4525)
 };
 
+
 /* phi: 12 operations */
 int doublependulum_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -178,6 +179,7 @@ static const int doublependulum_mass_indices[8] = {
     0, 2, 1, 3, 0, 2, 1, 3
 };
 
+
 const ncgen_model *doublependulum_model(void)
 {
     static const ncgen_model model = {
@@ -185,7 +187,7 @@ const ncgen_model *doublependulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "doublependulum",
-        .fingerprint = "57449502efdd9fd6",
+        .fingerprint = "a38038c3e44f2537",
         .n_coordinates = 4,
         .n_rows = 2,
         .n_parameters = 0,

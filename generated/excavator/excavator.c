@@ -39,6 +39,7 @@ static const ncgen_scalar excavator_number_3[23] = {
     R(0.0)
 };
 
+
 /* phi: 123 operations */
 int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -496,6 +497,7 @@ static const int excavator_mass_indices[22] = {
     0, 6, 7, 1, 6, 7, 0, 1, 6, 14, 15, 0, 1, 7, 14, 15, 6, 7, 14, 6, 7, 15
 };
 
+
 const ncgen_model *excavator_model(void)
 {
     static const ncgen_model model = {
@@ -503,7 +505,7 @@ const ncgen_model *excavator_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "excavator",
-        .fingerprint = "a3fa82b248f2cceb",
+        .fingerprint = "c90e81f021fa3abb",
         .n_coordinates = 23,
         .n_rows = 20,
         .n_parameters = 0,

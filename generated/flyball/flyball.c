@@ -51,6 +51,7 @@ static const ncgen_scalar flyball_number_5[17] = {
     R(0.049999999999999996), R(0.049999999999999996), R(2.55), R(2.55), R(2.55)
 };
 
+
 /* phi: 117 operations, 6 of them elementary functions */
 int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -979,6 +980,7 @@ static const int flyball_mass_indices[100] = {
     21, 27, 3, 4, 19, 20, 25, 26, 3, 4, 19, 20, 25, 26, 3, 4, 21, 27
 };
 
+
 const ncgen_model *flyball_model(void)
 {
     static const ncgen_model model = {
@@ -986,7 +988,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "58928298c49177ba",
+        .fingerprint = "80ace35f51a757e3",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

@@ -14,6 +14,7 @@ static const ncgen_scalar fourbar_number_2[5] = {
     R(0.0), -R(4.905000000000001), R(0.0), -R(6.867), R(0.0)
 };
 
+
 /* phi: 24 operations, 2 of them elementary functions */
 int fourbar_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -223,6 +224,7 @@ static const int fourbar_mass_indices[8] = {
     0, 2, 1, 3, 0, 2, 1, 3
 };
 
+
 const ncgen_model *fourbar_model(void)
 {
     static const ncgen_model model = {
@@ -230,7 +232,7 @@ const ncgen_model *fourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "fourbar",
-        .fingerprint = "7afc081533b2c798",
+        .fingerprint = "dd447e877823e5c7",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

@@ -20,6 +20,7 @@ static const ncgen_scalar heavytop_number_2[9] = {
     -R(49.05)
 };
 
+
 /* phi: 51 operations */
 int heavytop_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -290,6 +291,7 @@ static const int heavytop_mass_indices[27] = {
     0, 3, 6, 1, 4, 7, 2, 5, 8, 0, 3, 6, 1, 4, 7, 2, 5, 8, 0, 3, 6, 1, 4, 7, 2, 5, 8
 };
 
+
 const ncgen_model *heavytop_model(void)
 {
     static const ncgen_model model = {
@@ -297,7 +299,7 @@ const ncgen_model *heavytop_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "heavytop",
-        .fingerprint = "cd47e3556151442f",
+        .fingerprint = "46af932a17204c27",
         .n_coordinates = 9,
         .n_rows = 6,
         .n_parameters = 0,

@@ -36,6 +36,7 @@ static const ncgen_scalar jansen_number_5[3] = {
     R(0.0), -R(0.231275655), R(0.0)
 };
 
+
 /* phi: 83 operations, 2 of them elementary functions */
 int jansen_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -481,6 +482,7 @@ static const int jansen_mass_indices[40] = {
     7, 9, 11, 6, 8, 10, 7, 9, 11
 };
 
+
 const ncgen_model *jansen_model(void)
 {
     static const ncgen_model model = {
@@ -488,7 +490,7 @@ const ncgen_model *jansen_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "jansen",
-        .fingerprint = "70d06f5e125dc570",
+        .fingerprint = "0d7270f655e4efa9",
         .n_coordinates = 13,
         .n_rows = 13,
         .n_parameters = 0,

@@ -16,6 +16,7 @@ static const ncgen_scalar nfourbar_number_2[6] = {
     R(0.0), -R(9.81), R(0.0), -R(14.715), R(0.0), -R(9.81)
 };
 
+
 /* phi: 31 operations */
 int nfourbar_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -230,6 +231,7 @@ static const int nfourbar_mass_indices[14] = {
     0, 2, 1, 3, 0, 2, 4, 1, 3, 5, 2, 4, 3, 5
 };
 
+
 const ncgen_model *nfourbar_model(void)
 {
     static const ncgen_model model = {
@@ -237,7 +239,7 @@ const ncgen_model *nfourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "nfourbar",
-        .fingerprint = "284651d70f37ebdd",
+        .fingerprint = "e3f56973926cfd78",
         .n_coordinates = 6,
         .n_rows = 5,
         .n_parameters = 0,

@@ -24,6 +24,7 @@ static const ncgen_scalar panels_number_2[32] = {
     R(8.0), R(2.0), R(2.0), R(8.0), R(2.0), R(2.0), R(8.0), R(2.0), R(2.0), R(4.0), R(2.0), R(4.0)
 };
 
+
 /* phi: 119 operations, 8 of them elementary functions */
 int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -599,6 +600,7 @@ static const int panels_mass_indices[32] = {
     17, 19, 16, 18, 17, 19
 };
 
+
 const ncgen_model *panels_model(void)
 {
     static const ncgen_model model = {
@@ -606,7 +608,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "60fbf8ba7b893131",
+        .fingerprint = "4624db579e516568",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,

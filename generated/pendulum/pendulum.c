@@ -10,6 +10,7 @@ static const ncgen_scalar pendulum_number_1[2] = {
     R(0.0), -R(9.81)
 };
 
+
 /* phi: 5 operations */
 int pendulum_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -139,6 +140,7 @@ static const int pendulum_mass_indices[2] = {
     0, 1
 };
 
+
 const ncgen_model *pendulum_model(void)
 {
     static const ncgen_model model = {
@@ -146,7 +148,7 @@ const ncgen_model *pendulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "pendulum",
-        .fingerprint = "65a6a2209fbc40fa",
+        .fingerprint = "c4f209d62324638a",
         .n_coordinates = 2,
         .n_rows = 1,
         .n_parameters = 0,

@@ -111,6 +111,7 @@ static const ncgen_scalar robot_number_6[21] = {
     R(2.619541796013006)
 };
 
+
 /* phi: 303 operations, 12 of them elementary functions */
 int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -2249,6 +2250,7 @@ static const int robot_mass_indices[378] = {
     26, 27, 28, 29, 18, 19, 20, 24, 25, 26, 27, 28, 29
 };
 
+
 const ncgen_model *robot_model(void)
 {
     static const ncgen_model model = {
@@ -2256,7 +2258,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "705214b79bc3fe41",
+        .fingerprint = "c083ceb593a2f193",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,

@@ -18,6 +18,7 @@ static const ncgen_scalar slidercrank_number_3[5] = {
     R(0.0), -R(0.37278), R(0.0), -R(0.9319500000000001), R(0.0)
 };
 
+
 /* phi: 20 operations, 2 of them elementary functions */
 int slidercrank_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -229,6 +230,7 @@ static const int slidercrank_mass_indices[8] = {
     0, 2, 1, 3, 0, 2, 1, 3
 };
 
+
 const ncgen_model *slidercrank_model(void)
 {
     static const ncgen_model model = {
@@ -236,7 +238,7 @@ const ncgen_model *slidercrank_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank",
-        .fingerprint = "ab1ea5a60d8b8b2d",
+        .fingerprint = "1d44d86f03dce1a0",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

@@ -17,6 +17,7 @@ static const ncgen_scalar slidercrank3d_number_3[3] = {
     R(0.0), R(0.070632), R(0.0)
 };
 
+
 /* phi: 39 operations, 2 of them elementary functions */
 int slidercrank3d_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -413,6 +414,7 @@ static const int slidercrank3d_mass_indices[49] = {
     4, 5, 6, 0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 3, 4, 5, 6
 };
 
+
 const ncgen_model *slidercrank3d_model(void)
 {
     static const ncgen_model model = {
@@ -420,7 +422,7 @@ const ncgen_model *slidercrank3d_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank3d",
-        .fingerprint = "ff4dc9e57f29b794",
+        .fingerprint = "dda44daa1e9d7292",
         .n_coordinates = 8,
         .n_rows = 7,
         .n_parameters = 0,

@@ -38,6 +38,7 @@ static const ncgen_scalar stewart_number_3[27] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
 };
 
+
 /* phi: 169 operations */
 int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -585,6 +586,7 @@ static const int stewart_mass_indices[27] = {
     0, 3, 9, 1, 4, 10, 2, 5, 11, 0, 3, 9, 1, 4, 10, 2, 5, 11, 0, 3, 9, 1, 4, 10, 2, 5, 11
 };
 
+
 const ncgen_model *stewart_model(void)
 {
     static const ncgen_model model = {
@@ -592,7 +594,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "8eaad9ef1ac9ba4a",
+        .fingerprint = "0f62f3e6f1a6f5ad",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,

@@ -65,6 +65,7 @@ static const ncgen_scalar suspension_number_6[21] = {
     -R(0.8283358019143554)
 };
 
+
 /* phi: 164 operations */
 int suspension_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -628,6 +629,7 @@ static const int suspension_mass_indices[64] = {
     13, 2, 5, 11, 14, 15
 };
 
+
 const ncgen_model *suspension_model(void)
 {
     static const ncgen_model model = {
@@ -635,7 +637,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "98e2d7908ff23256",
+        .fingerprint = "5725e741a0b3f363",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,

@@ -15,6 +15,7 @@ from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
 from ncgen.program.dynamics import DynamicsPrograms
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.tangents import TangentPrograms
 from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
@@ -54,6 +55,22 @@ def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) 
         "width": WIDTH,
     }
     return {f"{prefix}_dynamics.{kind}": render(f"c/dynamics.{kind}.jinja", **records) for kind in "ch"}
+
+
+def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
+    """{file name: text}: the tangent kernels."""
+    prefix = identifier(equations.model.name)
+    tables = Tables(f"{prefix}_tangents_")
+    records = {
+        "prefix": prefix,
+        "upper": prefix.upper(),
+        "model": equations.model,
+        "kernels": [_kernel(program, prefix, tables) for program in programs.programs.values()],
+        "patterns": list(programs.patterns.items()),
+        **_tables(tables),
+        "width": WIDTH,
+    }
+    return {f"{prefix}_tangents.{kind}": render(f"c/tangents.{kind}.jinja", **records) for kind in "ch"}
 
 
 def number(value: float) -> str:
@@ -163,7 +180,13 @@ def _records(programs: Programs, prefix: str, kernels, tables: Tables) -> dict:
         "mass": programs.mass,
         "mass_is_constant": "mass" in programs.programs and programs.programs["mass"].is_constant,
         "omitted": programs.omitted,
+        **_tables(tables),
+        "width": WIDTH,
+    }
+
+
+def _tables(tables: Tables) -> dict:
+    return {
         "index_tables": [(name, values) for values, name in tables.indices.items()],
         "number_tables": [(name, [number(v) for v in values]) for values, name in tables.numbers.items()],
-        "width": WIDTH,
     }

@@ -14,6 +14,10 @@ from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.tangents import TangentPrograms
+from ncgen.symbolic.equations import Equations
+
+WIDTH = 110
 
 
 def numpy_files(programs: Programs) -> dict[str, str]:
@@ -32,11 +36,26 @@ def numpy_files(programs: Programs) -> dict[str, str]:
         parameters=programs.equations.parameters,
         phi_q=programs.phi_q,
         mass=programs.mass,
-        index_tables=[(name, values) for values, name in tables.indices.items()],
-        number_tables=[(name, [repr(v) for v in values]) for values, name in tables.numbers.items()],
-        width=110,
+        **_tables(tables),
+        width=WIDTH,
     )
     return {f"{name}.py": text}
+
+
+def numpy_tangents(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
+    """{file name: text} of the tangent kernels."""
+    tables = Tables("_")
+    kernels = [_kernel(program, tables) for program in programs.programs.values()]
+    name = identifier(equations.model.name)
+    text = render("numpy/tangents.py.jinja", model=equations.model, kernels=kernels, **_tables(tables), width=WIDTH)
+    return {f"{name}_tangents.py": text}
+
+
+def _tables(tables: Tables) -> dict:
+    return {
+        "index_tables": [(name, values) for values, name in tables.indices.items()],
+        "number_tables": [(name, [repr(v) for v in values]) for values, name in tables.numbers.items()],
+    }
 
 
 class _NumPy:
