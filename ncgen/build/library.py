@@ -27,7 +27,7 @@ def _abi() -> FFI:
     ffi = FFI()
     ffi.cdef("typedef double ncgen_real; typedef double ncgen_scalar;" + declarations)
     # Complete the structs here: otherwise they are completed by, and die with, the first library that uses them.
-    for name in ("ncgen_model", "ncgen_tangents"):
+    for name in ("ncgen_model", "ncgen_tangents", "ncgen_parameter_tangents"):
         ffi.sizeof(name)
     return ffi
 
@@ -62,8 +62,7 @@ class CompiledKernels(Kernels):
         """A digest of the generated source."""
         return self._ffi.string(self._descriptor.fingerprint).decode()
 
-    def _make_tangents(self):
-        return CompiledTangents(self.programs)
+    _tangents = CompiledTangents
 
     def _call(self, kernel, t, q, qd, p, size):
         try:

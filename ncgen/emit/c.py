@@ -19,7 +19,16 @@ from ncgen.program.tangents import TangentPrograms
 from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
-RUNTIME = ("ncgen_runtime.h", "ncgen_runtime.c")
+RUNTIME = (
+    "ncgen_runtime.h",
+    "ncgen_internal.h",
+    "ncgen_run.c",
+    "ncgen_partitioning.c",
+    "ncgen_constrained.c",
+    "ncgen_dense.c",
+    "ncgen_sparse.c",
+    "ncgen_explicit.c",
+)
 WIDTH = 100
 
 
@@ -60,9 +69,10 @@ def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) 
 def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
     """{file name: text}: the tangent kernels."""
     prefix = identifier(equations.model.name)
-    tables = Tables(f"{prefix}_tangents_")
+    tables = Tables(f"{prefix}_{programs.kind}_")
     records = {
         "prefix": prefix,
+        "kind": programs.kind,
         "upper": prefix.upper(),
         "model": equations.model,
         "kernels": [_kernel(program, prefix, tables) for program in programs.programs.values()],
@@ -70,7 +80,7 @@ def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, 
         **_tables(tables),
         "width": WIDTH,
     }
-    return {f"{prefix}_tangents.{kind}": render(f"c/tangents.{kind}.jinja", **records) for kind in "ch"}
+    return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
 
 
 def number(value: float) -> str:
