@@ -25,6 +25,8 @@ _HOMES = {
     "move": "ncgen.solver.position",
     "sweep": "ncgen.solver.position",
     "inverse_dynamics": "ncgen.solver.inverse_dynamics",
+    "equilibrium": "ncgen.solver.statics",
+    "linearise": "ncgen.solver.linearise",
     "inspect": "ncgen.report.inspection",
     "NcgenError": "ncgen.errors",
     "ModelError": "ncgen.errors",

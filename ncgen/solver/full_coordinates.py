@@ -13,7 +13,8 @@ import numpy as np
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion
-from ncgen.solver.integrators import replace_state
+from ncgen.solver.dynamics_jacobian import full_jacobian
+from ncgen.solver.integrators import replace_state, takes_jacobian
 from ncgen.solver.methods import Method
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
@@ -43,6 +44,8 @@ class _Run:
     def integrate(self, grid, q, qd, progress, options) -> None:
         self.rank = freedom(self.kernels, q, grid[0], self.p).rank
         self._choose_rows(q, grid[0])
+        if takes_jacobian(self.method.integrator, self.kernels):
+            options = {**options, "jac": self._jacobian}
         solver = self.method.integrator(self._derivative, grid[0], np.concatenate([qd, q, [0.0]]), grid[-1], **options)
         self._record([solver.y])
         taken = 0
@@ -81,6 +84,10 @@ class _Run:
     def motion(self, t: float, y: np.ndarray) -> Motion:
         q, qd = y[self._q], y[: self.kernels.n]
         return self.method.formalism.motion(self.kernels, q, qd, t, self.p, self.method.options, self.rows)
+
+    def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        gains = self.method.formalism.gains(self.method.options)
+        return full_jacobian(self.kernels, self.motion(t, y), self.p, self.rows, gains)
 
     def _choose_rows(self, q, t: float) -> None:
         """Of redundant rows those farthest from dependent: off the constraints, where a method's stages are, the others contradict them."""

@@ -34,11 +34,15 @@ class Formalism:
         Raises SingularError where they are not determined.
         """
         options = {**self.options, **options}
-        gains = Baumgarte(options["omega"], options["xi"]) if options["stabilisation"] == "baumgarte" else None
-        now = instant(kernels, q, qd, t, p, rows, gains)
+        now = instant(kernels, q, qd, t, p, rows, self.gains(options))
         qdd, lam = now.accelerations(*self.solve(now, **{name: options[name] for name in self.own}))
         power = float(kernels.energy(q, qd, t, p)[2] - kernels.nu(q, t, p) @ lam)
         return Motion(t, q, qd, qdd, lam, power, 0)
+
+    @staticmethod
+    def gains(options: dict) -> Baumgarte | None:
+        """Baumgarte's terms, if the options ask for them."""
+        return Baumgarte(options["omega"], options["xi"]) if options["stabilisation"] == "baumgarte" else None
 
 
 def _of_accelerations(name: str, solve, stabilisation: str = "projection", ordinary: bool = True, **own) -> Formalism:
