@@ -21,6 +21,8 @@ from ncgen.model.values import evaluate
 from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Pattern
 
+FLOAT = np.dtype(float)
+
 
 class Kernels(ABC):
     """The kernels of one mechanism.
@@ -223,4 +225,4 @@ class Kernels(ABC):
 
 def _is_plain(array, size: int) -> bool:
     """True for what needs no look: a real vector of the right length. Most calls are of this kind, and looking costs time."""
-    return type(array) is np.ndarray and array.shape == (size,) and array.dtype == float
+    return type(array) is np.ndarray and array.dtype is FLOAT and array.shape == (size,)
