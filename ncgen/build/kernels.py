@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
+from ncgen.build.batch import Batch
 from ncgen.build.tangents import Tangents
 from ncgen.errors import ModelError, NcgenError
 from ncgen.model import Model
@@ -133,6 +134,16 @@ class Kernels(ABC):
                 raise ModelError(f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}")
             total += force
         return total
+
+    # -- many states ---------------------------------------------------------------------------
+
+    @cached_property
+    def batch(self) -> Batch:
+        """The kernels of many states in one call; compiled when first asked for (ncgen.build.batch)."""
+        return self._make_batch()
+
+    @abstractmethod
+    def _make_batch(self) -> Batch: ...
 
     # -- tangents ------------------------------------------------------------------------------
 

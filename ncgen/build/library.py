@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from cffi import FFI
 
+from ncgen.build.batch import CompiledBatch
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import CompiledTangents
 from ncgen.emit.environment import verbatim
@@ -65,6 +66,9 @@ class CompiledKernels(Kernels):
     def fingerprint(self) -> str:
         """A digest of the generated source."""
         return self._ffi.string(self._descriptor.fingerprint).decode()
+
+    def _make_batch(self):
+        return CompiledBatch(self)
 
     def _make_tangents(self):
         return CompiledTangents(self.programs)
