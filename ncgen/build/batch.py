@@ -2,7 +2,8 @@
 
 In C the generated text is compiled once more with vectors of 4 or 8 doubles for numbers, one state a lane, and the states
 are shared by threads where the compiler has OpenMP (without it there is one). Each state has the numbers that it has
-alone, to the last bit. In NumPy the leading axis is the batch.
+alone, to the last bit where the compiler is told to fuse nothing (-ffp-contract=off), else to rounding. In NumPy the
+leading axis is the batch.
 """
 
 from __future__ import annotations
@@ -113,10 +114,10 @@ class CompiledBatch(Batch):
     threads: how many to use; at first one for every processor that this process may use, where there is OpenMP
     """
 
-    def __init__(self, kernels):
+    def __init__(self, kernels, flags=LANES):
         super().__init__(kernels)
-        files = c_files(kernels.programs)
-        self.ffi, self.library, has_threads = load_lanes(files, f"const ncgen_model *{identifier(kernels.name)}_model(void);")
+        getter = f"const ncgen_model *{identifier(kernels.name)}_model(void);"
+        self.ffi, self.library, has_threads = load_lanes(c_files(kernels.programs), getter, flags)
         self.model = getattr(self.library, f"{identifier(kernels.name)}_model")()
         self.threads = available() if has_threads else 1
         self.lanes: int = self.library.ncgen_batch_lanes()
@@ -137,7 +138,7 @@ class CompiledBatch(Batch):
             raise NcgenError(f"{self.kernels.name}.batch.{kernel}: the kernel returned “{STATUS[status]}” for a state of the batch")
 
 
-def load_lanes(files: dict[str, str], getters: str, flags=LANES):
+def load_lanes(files: dict[str, str], getters: str, flags):
     """(interface, library, whether it has threads) of generated sources compiled with vectors for numbers."""
     from ncgen.build.library import _abi
 

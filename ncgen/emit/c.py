@@ -19,7 +19,16 @@ from ncgen.program.tangents import TangentPrograms
 from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
-RUNTIME = ("ncgen_runtime.h", "ncgen_runtime.c")
+RUNTIME = (
+    "ncgen_runtime.h",
+    "ncgen_internal.h",
+    "ncgen_run.c",
+    "ncgen_partitioning.c",
+    "ncgen_constrained.c",
+    "ncgen_dense.c",
+    "ncgen_sparse.c",
+    "ncgen_explicit.c",
+)
 WIDTH = 100
 
 

@@ -77,7 +77,7 @@ def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, z
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
         here = dynamics(kernels, path.partitions, emitted and len(seen) <= MOST_EMITTED, q, p)
-        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, TOLERANCE, growth)
+        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, tolerance=TOLERANCE, growth=growth)
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
