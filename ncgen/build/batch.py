@@ -24,7 +24,7 @@ from ncgen.errors import CompileError, NcgenError
 LANES = (*FLAGS, "-fno-math-errno", "-include", "ncgen_lanes.h")
 """Square roots set no errno, so that they become one instruction; their values are the same."""
 
-BATCH = ("ncgen_lanes.h", "ncgen_batch.h", "ncgen_batch.c")
+SOURCES = ("ncgen_batch.h", "ncgen_batch.c")
 ALIGNMENT = 64
 
 
@@ -115,9 +115,14 @@ class CompiledBatch(Batch):
     """
 
     def __init__(self, kernels, flags=LANES):
+        from ncgen.build.library import _abi
+
         super().__init__(kernels)
+        header = verbatim("c/ncgen_batch.h")
+        parts = [header.split(f"/* begin {part} */")[1].split(f"/* end {part} */")[0] for part in ("cdef", "functions")]
         getter = f"const ncgen_model *{identifier(kernels.name)}_model(void);"
-        self.ffi, self.library, has_threads = load_lanes(c_files(kernels.programs), getter, flags)
+        files = c_files(kernels.programs) | {name: verbatim(f"c/{name}") for name in SOURCES}
+        self.ffi, self.library, has_threads = load_lanes(files, "".join(parts) + getter, flags, _abi())
         self.model = getattr(self.library, f"{identifier(kernels.name)}_model")()
         self.threads = available() if has_threads else 1
         self.lanes: int = self.library.ncgen_batch_lanes()
@@ -138,15 +143,15 @@ class CompiledBatch(Batch):
             raise NcgenError(f"{self.kernels.name}.batch.{kernel}: the kernel returned “{STATUS[status]}” for a state of the batch")
 
 
-def load_lanes(files: dict[str, str], getters: str, flags):
-    """(interface, library, whether it has threads) of generated sources compiled with vectors for numbers."""
-    from ncgen.build.library import _abi
+def load_lanes(files: dict[str, str], declarations: str, flags, base: FFI):
+    """(interface, library, whether it has threads) of generated sources compiled with vectors for numbers.
 
+    base: the interface that knows the types in `declarations`
+    """
     ffi = FFI()
-    ffi.include(_abi())
-    header = verbatim("c/ncgen_batch.h")
-    ffi.cdef("".join(header.split(f"/* begin {part} */")[1].split(f"/* end {part} */")[0] for part in ("cdef", "functions")) + getters)
-    files = files | {name: verbatim(f"c/{name}") for name in (*HEADERS, *BATCH)}
+    ffi.include(base)
+    ffi.cdef(declarations)
+    files = files | {name: verbatim(f"c/{name}") for name in (*HEADERS, "ncgen_lanes.h")}
     compiler = find_compiler()
     try:
         built = build(files, compiler, (*flags, "-fopenmp"))
