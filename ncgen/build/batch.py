@@ -1,9 +1,9 @@
 """Kernels of many states in one call.
 
-In C the generated text is compiled once more with vectors of 4 or 8 doubles for numbers, one state a lane, and the states
-are shared by threads where the compiler has OpenMP (without it there is one). Each state has the numbers that it has
-alone, to the last bit where the compiler is told to fuse nothing (-ffp-contract=off), else to rounding. In NumPy the
-leading axis is the batch.
+In C the generated text is compiled once more with vectors of 4 or 8 doubles for numbers, one state a lane; threads
+may share the states where the compiler has OpenMP (without it there is one). Each state has the numbers that it has alone,
+to the last bit where the compiler is told to fuse nothing (-ffp-contract=off), else to rounding. In NumPy the leading axis
+is the batch.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ class NumPyBatch(Batch):
 class CompiledBatch(Batch):
     """Through a library with vectors for numbers, compiled when it is first needed.
 
-    threads: how many to use; at first one for every processor that this process may use, where there is OpenMP
+    threads: how many to use where there is OpenMP, at first 1: kernels take less time than numbers take to come from memory
     """
 
     def __init__(self, kernels, flags=LANES):
@@ -124,7 +124,7 @@ class CompiledBatch(Batch):
         files = c_files(kernels.programs) | {name: verbatim(f"c/{name}") for name in SOURCES}
         self.ffi, self.library, has_threads = load_lanes(files, "".join(parts) + getter, flags, _abi())
         self.model = getattr(self.library, f"{identifier(kernels.name)}_model")()
-        self.threads = available() if has_threads else 1
+        self._has_threads, self.threads = has_threads, 1
         self.lanes: int = self.library.ncgen_batch_lanes()
 
     def _evaluate(self, kernel, t, q, qd, p, out):
@@ -132,11 +132,12 @@ class CompiledBatch(Batch):
         states = ffi.new("ncgen_states *", {"count": len(q), "t_stride": int(t.ndim > 0), "p_stride": p.shape[-1] * (p.ndim - 1)})
         for name, array in {"t": t, "q": q, "qd": qd, "p": p}.items():
             setattr(states, name, ffi.NULL if array is None else ffi.cast("double *", array.ctypes.data))
-        work = aligned(self.threads * self.library.ncgen_batch_workspace(self.model, size))
+        threads = self.threads if self._has_threads else 1
+        work = aligned(threads * self.library.ncgen_batch_workspace(self.model, size))
         function = getattr(self.model, kernel)
         either = (function, ffi.NULL) if qd is None else (ffi.NULL, function)
         pointers = [ffi.cast("double *", a.ctypes.data) for a in (out, work)]
-        status = self.library.ncgen_batch_kernel(self.model, *either, states, size, pointers[0], self.threads, pointers[1])
+        status = self.library.ncgen_batch_kernel(self.model, *either, states, size, pointers[0], threads, pointers[1])
         if status:
             from ncgen.build.library import STATUS
 

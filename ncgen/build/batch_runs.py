@@ -15,8 +15,8 @@ from ncgen.emit.naming import identifier
 from ncgen.program.dynamics import Split, assemble_dynamics
 from ncgen.program.elimination import Samples
 
-STRAIGHT_LINE = tuple("-O1" if flag.startswith("-O") else flag for flag in LANES)
-"""As in ncgen.build.runtime: thousands of operations in one line gain nothing from more."""
+STRAIGHT_LINE = tuple("-O2" if flag.startswith("-O") else flag for flag in LANES)
+"""Measured for the robot: a quarter less time than with -O1, no more than with -O3."""
 
 SOURCES = ("ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
 METHODS_IN_LANES = ("dopri5", "rk4")

@@ -93,7 +93,9 @@ def simulate_batch(
     tolerances = {"rtol": rtol, "atol": atol, "max_step": max_step}
     for i in np.flatnonzero(alone):
         try:
-            run = simulate(kernels, duration, q0=q[i], zd0=zd[i], z=names, p=p[i], t0=t0, points=points, integrator=integrator, **tolerances)
+            run = simulate(
+                kernels, duration, q0=q[i], zd0=zd[i], z=names, p=p[i], t0=t0, points=points, integrator=integrator, **tolerances
+            )
         except NcgenError as error:
             done.status[i] = str(error)
             continue

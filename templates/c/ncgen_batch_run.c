@@ -69,6 +69,7 @@ typedef struct run {
     int row[NCGEN_LANES];    /* how many rows are written */
     ncgen_real *p, *q, *out; /* out = qd, zdd, power, amplification of the last evaluation */
     ncgen_real *step, *phi;  /* one behind the other: an emitted Newton step writes both */
+    ncgen_real *per_size;    /* one over the rows' sizes: vectors divide slowly */
     ncgen_real *start_q, *start_qd, *end_q, *end_qd;
     ncgen_real start_t, amplification;
     ncgen_real *y, *new_y, *at, *k[STAGES];
@@ -103,7 +104,7 @@ static ncgen_real *take(ncgen_real **workspace, int count)
 size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics)
 {
     const size_t n = (size_t)model->n_coordinates, nz = (size_t)dynamics->n_independent, ny = 2 * nz + 1;
-    const size_t numbers = (size_t)model->n_parameters + 6 * n + nz + 2 + (size_t)dynamics->n_dependent + (size_t)model->n_rows +
+    const size_t numbers = (size_t)model->n_parameters + 6 * n + nz + 2 + (size_t)dynamics->n_dependent + 2 * (size_t)model->n_rows +
                            (3 + STAGES) * ny;
     return NCGEN_LANES * numbers;
 }
@@ -118,6 +119,9 @@ static void lay_out(run *r, ncgen_real *workspace)
     r->out = take(&workspace, r->n + r->nz + 2);
     r->step = take(&workspace, r->dynamics->n_dependent);
     r->phi = take(&workspace, r->model->n_rows);
+    r->per_size = take(&workspace, r->model->n_rows);
+    for (int i = 0; i < r->model->n_rows; ++i)
+        r->per_size[i] = ncgen_splat(1.0 / r->dynamics->row_sizes[i]);
     r->start_q = take(&workspace, r->n);
     r->start_qd = take(&workspace, r->n);
     r->end_q = take(&workspace, r->n);
@@ -144,7 +148,7 @@ static ncgen_real residual(const run *r)
 {
     ncgen_real largest = ncgen_splat(0.0);
     for (int i = 0; i < r->model->n_rows; ++i) {
-        const ncgen_real size = NCGEN_ABS(r->phi[i]) / r->dynamics->row_sizes[i];
+        const ncgen_real size = NCGEN_ABS(r->phi[i]) * r->per_size[i];
         largest = ncgen_select(~(size <= largest) & (largest == largest), size, largest);
     }
     return largest;
