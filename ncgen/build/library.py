@@ -32,7 +32,7 @@ def _abi() -> FFI:
     ffi = FFI()
     ffi.cdef("typedef double ncgen_real; typedef double ncgen_scalar;" + declarations)
     # Complete the structs here: otherwise they are completed by, and die with, the first library that uses them.
-    for name in ("ncgen_model", "ncgen_tangents"):
+    for name in ("ncgen_model", "ncgen_tangents", "ncgen_parameter_tangents"):
         ffi.sizeof(name)
     return ffi
 
@@ -67,11 +67,8 @@ class CompiledKernels(Kernels):
         """A digest of the generated source."""
         return self._ffi.string(self._descriptor.fingerprint).decode()
 
-    def _make_batch(self):
-        return CompiledBatch(self)
-
-    def _make_tangents(self):
-        return CompiledTangents(self.programs)
+    _tangents = CompiledTangents
+    _batch = CompiledBatch
 
     def direct(self, kernel: str) -> Direct:
         """A kernel ("phi", "phi_q", ...) on arrays of its own, for loops where the way into C matters: see `Direct`."""

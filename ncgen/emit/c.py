@@ -69,9 +69,10 @@ def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) 
 def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
     """{file name: text}: the tangent kernels."""
     prefix = identifier(equations.model.name)
-    tables = Tables(f"{prefix}_tangents_")
+    tables = Tables(f"{prefix}_{programs.kind}_")
     records = {
         "prefix": prefix,
+        "kind": programs.kind,
         "upper": prefix.upper(),
         "model": equations.model,
         "kernels": [_kernel(program, prefix, tables) for program in programs.programs.values()],
@@ -79,7 +80,7 @@ def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, 
         **_tables(tables),
         "width": WIDTH,
     }
-    return {f"{prefix}_tangents.{kind}": render(f"c/tangents.{kind}.jinja", **records) for kind in "ch"}
+    return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
 
 
 def number(value: float) -> str:

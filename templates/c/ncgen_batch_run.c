@@ -19,7 +19,7 @@ enum {
 static const double broken_down = 1e30;
 
 /* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
-static const double nearly_converged = 1e-8;
+static const double nearly_converged = 1e-7;
 
 static const double dopri_c[STAGES] = {0.0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1.0, 1.0};
 
