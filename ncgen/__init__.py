@@ -25,6 +25,8 @@ _HOMES = {
     "move": "ncgen.solver.position",
     "sweep": "ncgen.solver.position",
     "inverse_dynamics": "ncgen.solver.inverse_dynamics",
+    "sensitivities": "ncgen.solver.sensitivity",
+    "gradient": "ncgen.solver.sensitivity",
     "inspect": "ncgen.report.inspection",
     "NcgenError": "ncgen.errors",
     "ModelError": "ncgen.errors",
