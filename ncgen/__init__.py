@@ -27,6 +27,8 @@ _HOMES = {
     "inverse_dynamics": "ncgen.solver.inverse_dynamics",
     "sensitivities": "ncgen.solver.sensitivity",
     "gradient": "ncgen.solver.sensitivity",
+    "equilibrium": "ncgen.solver.statics",
+    "linearise": "ncgen.solver.linearise",
     "inspect": "ncgen.report.inspection",
     "NcgenError": "ncgen.errors",
     "ModelError": "ncgen.errors",
