@@ -19,6 +19,7 @@ _HOMES = {
     "generate": "ncgen.compiler",
     "compile": "ncgen.compiler",
     "simulate": "ncgen.solver.simulate",
+    "simulate_batch": "ncgen.solver.batch",
     "assemble": "ncgen.solver.assembly",
     "freedom": "ncgen.solver.rank",
     "solve_position": "ncgen.solver.position",

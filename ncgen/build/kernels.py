@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
+from ncgen.build.batch import Batch
 from ncgen.build.tangents import Tangents
 from ncgen.errors import ModelError, NcgenError
 from ncgen.model import Model
@@ -20,6 +21,8 @@ from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate
 from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Pattern
+
+FLOAT = np.dtype(float)
 
 
 class Kernels(ABC):
@@ -31,6 +34,7 @@ class Kernels(ABC):
     """
 
     backend: str
+    _batch: type[Batch]
     _tangents: type[Tangents]
     batches = False
     """True if leading axes and complex numbers are allowed."""
@@ -132,6 +136,13 @@ class Kernels(ABC):
                 raise ModelError(f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}")
             total += force
         return total
+
+    # -- many states ---------------------------------------------------------------------------
+
+    @cached_property
+    def batch(self) -> Batch:
+        """The kernels of many states in one call; compiled when first asked for (ncgen.build.batch)."""
+        return self._batch(self)
 
     # -- tangents ------------------------------------------------------------------------------
 
@@ -250,4 +261,4 @@ class Kernels(ABC):
 
 def _is_plain(array, size: int) -> bool:
     """True for what needs no look: a real vector of the right length. Most calls are of this kind, and looking costs time."""
-    return type(array) is np.ndarray and array.shape == (size,) and array.dtype == float
+    return type(array) is np.ndarray and array.dtype is FLOAT and array.shape == (size,)
