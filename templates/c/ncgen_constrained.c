@@ -1,9 +1,8 @@
 /* ncgen_constrained.c: formalisms on all coordinates, y = [qd, q, work].
  *
- * Accelerations and multipliers solve [M Phi_q'; Phi_q -E] [qdd; lam] = [Q; gamma], with a small diagonal E. Its inverse
- * is a penalty: lagrange takes E near rounding, so that redundant rows and singular positions do no harm; the augmented
- * Lagrangian a larger one, whose effect iteration removes; penalty leaves it in. M may be singular: a pivot without mass
- * is made larger, and iteration removes that, too.
+ * Accelerations and multipliers solve [M Phi_q'; Phi_q -E] [qdd; lam] = [Q; gamma], where the diagonal E is zero for
+ * lagrange and the inverse of a penalty else: the augmented Lagrangian removes its effect by iteration, penalty leaves it
+ * in. Rows may be redundant and M may be singular: such pivots are replaced, and iteration removes that, too.
  *
  * After a step, position and velocity are brought back onto the constraints with the same matrix: the smallest change
  * in the sense of kinetic energy.
@@ -90,22 +89,26 @@ static void find_sizes(ncgen_run *r, ncgen_constrained *w)
             w->natural[i] = least / (sizes[i] * sizes[i]);
 }
 
-/* The diagonal -E and the smallest pivots, in the order of elimination. */
+/* The diagonal -E, the smallest pivots and what replaces them, in the order of elimination.
+ *
+ * Without a penalty E is zero: near a singular position the constraint forces that are needed there would be lost
+ * otherwise. Only a row whose pivot is at rounding is let go. */
 static void set_diagonal(ncgen_run *r, ncgen_constrained *w)
 {
     const ncgen_options *o = r->options;
     const int by_penalty = o->formalism == NCGEN_AUGMENTED_LAGRANGIAN || o->formalism == NCGEN_PENALTY;
     const ncgen_scalar precise = NCGEN_SQRT(r->rounding);
-    const ncgen_scalar share = by_penalty ? 1 / o->penalty : precise * NCGEN_SQRT(precise); /* 2e-12 in double */
-    for (int i = 0; i < r->m; ++i)
-        w->epsilon[i] *= share;
+    const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
     for (int k = 0; k < w->kkt.plan->size; ++k) {
         const int unknown = w->kkt.plan->order[k];
         const int row = unknown - r->n;
         w->kkt.row[k] = 0;
-        w->kkt.corner[k] = row < 0 ? 0 : -w->epsilon[row];
-        w->kkt.least[k] = row < 0 ? precise * w->natural[unknown] : -w->epsilon[row] / 2;
+        w->kkt.corner[k] = row >= 0 && by_penalty ? -w->epsilon[row] / o->penalty : 0;
+        w->kkt.instead[k] = row < 0 ? precise * w->natural[unknown] : -w->epsilon[row];
+        w->kkt.least[k] = row < 0 ? w->kkt.instead[k] : by_penalty ? w->kkt.corner[k] / 2 : implied * w->kkt.instead[k];
     }
+    for (int i = 0; i < r->m; ++i)
+        w->epsilon[i] = by_penalty ? w->epsilon[i] / o->penalty : 0;
 }
 
 /* Accelerations ------------------------------------------------------------------------------------------------ */

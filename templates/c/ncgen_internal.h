@@ -24,7 +24,7 @@ typedef struct ncgen_kkt {
     ncgen_real *lower;              /* nonzeros of L */
     ncgen_real *pivots, *row;       /* size; row is zero between calls */
     ncgen_real *corner;             /* the diagonal -E in elimination order, zero for coordinates */
-    ncgen_real *least;              /* size: smallest pivot that is left as it is */
+    ncgen_real *least, *instead;    /* size: smallest pivot that is left as it is, and what replaces a smaller one */
     ncgen_real *permuted;           /* size: for solutions */
     long perturbed;                 /* pivots of the last factorisation that were made larger */
 } ncgen_kkt;
