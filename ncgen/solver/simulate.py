@@ -102,13 +102,16 @@ def simulate(
     if refused and engine in ("c", "emitted"):
         raise ModelError(f"{kernels.name} cannot be simulated in C: {refused}; use engine='auto'")
     if refused is None:
-        rates = qd[partitions.velocity.independent]
-        refused = compiled.run(path, kernels, integrator, emitted, grid, q, rates, p, **steps)
+        if form.solve is None:
+            refused = compiled.run(path, kernels, integrator, emitted, grid, q, qd[partitions.velocity.independent], p, **steps)
+        else:
+            refused = compiled.run_constrained(path, kernels, form.name, integrator, settings, grid, q, qd, p, **steps)
         if refused and engine != "auto":
             raise ConvergenceError(f"{kernels.name}: {refused}; engine='auto' goes on in Python")
     if refused is not None and form.solve is None:
         python_engine.run(path, kernels, method, grid, q, qd[partitions.velocity.independent], p, progress, **steps)
     elif refused is not None:
+        path = Path.empty(kernels.n, partitions)  # what C has left of it is done again
         full_coordinates.run(path, kernels, form, settings, method, grid, q, qd, p, progress, **steps)
     if progress and refused is None:
         progress(grid[-1])
@@ -124,7 +127,7 @@ def _refusal(kernels: Kernels, form: Formalism, engine: str, integrator: str, pa
     if engine == "python":
         return "asked for"
     if form.solve is not None:
-        return f"{form.name} runs in Python"
+        return compiled.refusal_constrained(kernels, form.name, integrator, engine)
     return compiled.refusal(kernels, integrator, partitions, engine == "emitted")
 
 

@@ -35,13 +35,15 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     r->qd = ncgen_take(space, r->n);
     w->n_mass = nonzeros(&r->model->mass_pattern);
     w->n_phi_q = nonzeros(&r->model->phi_q_pattern);
-    ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q + d->n_stiffness + d->n_damping, space);
+    w->n_tangents = d->tangents ? nonzeros(&d->tangents->stiffness_pattern) + nonzeros(&d->tangents->damping_pattern) : 0;
+    ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q + w->n_tangents, space);
     w->right = ncgen_take(space, r->n + r->m);
     w->solution = ncgen_take(space, r->n + r->m);
     w->residual = ncgen_take(space, r->n + r->m);
     w->nu = ncgen_take(space, r->m);
     w->phi = ncgen_take(space, r->m);
-    w->epsilon = ncgen_take(space, r->m);
+    w->corner = ncgen_take(space, r->m);
+    w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
     if (is_dense(r)) {
         w->jacobian = ncgen_take(space, r->n * r->m);
@@ -61,6 +63,7 @@ static void find_sizes(ncgen_run *r, ncgen_constrained *w)
     const ncgen_scalar *sizes = r->dynamics->column_sizes;
     const ncgen_real *values = w->kkt.values + w->n_mass;
     ncgen_real least = 0;
+    w->mass_size = 0;
     for (int i = 0; i < r->n; ++i) {
         w->natural[i] = 0;
         for (int k = mass->indptr ? mass->indptr[i] : 0; k < (mass->indptr ? mass->indptr[i + 1] : 0); ++k)
@@ -69,10 +72,11 @@ static void find_sizes(ncgen_run *r, ncgen_constrained *w)
         const ncgen_real scaled = w->natural[i] * sizes[i] * sizes[i];
         if (scaled > 0 && (!(least > 0) || scaled < least))
             least = scaled;
+        if (scaled > w->mass_size)
+            w->mass_size = scaled;
     }
     if (!(least > 0))
-        least = 1;
-    w->mass_size = least;
+        least = w->mass_size = 1;
     for (int i = 0; i < r->m; ++i) {
         ncgen_real own = 0, borrowed = 0;
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
@@ -82,7 +86,7 @@ static void find_sizes(ncgen_run *r, ncgen_constrained *w)
             borrowed += values[k] * values[k] * sizes[j] * sizes[j] / least;
         }
         const ncgen_real size = r->dynamics->row_sizes[i];
-        w->epsilon[i] = own > 0 ? own : borrowed > 0 ? borrowed : size * size / least;
+        w->reduced[i] = own > 0 ? own : borrowed > 0 ? borrowed : size * size / least;
     }
     for (int i = 0; i < r->n; ++i)
         if (!(w->natural[i] > 0))
@@ -99,16 +103,18 @@ static void set_diagonal(ncgen_run *r, ncgen_constrained *w)
     const int by_penalty = o->formalism == NCGEN_AUGMENTED_LAGRANGIAN || o->formalism == NCGEN_PENALTY;
     const ncgen_scalar precise = NCGEN_SQRT(r->rounding);
     const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
+    for (int i = 0; i < r->m; ++i) {
+        const ncgen_real size = r->dynamics->row_sizes[i];
+        w->corner[i] = by_penalty ? size * size / (o->penalty * w->mass_size) : 0;
+    }
     for (int k = 0; k < w->kkt.plan->size; ++k) {
         const int unknown = w->kkt.plan->order[k];
         const int row = unknown - r->n;
         w->kkt.row[k] = 0;
-        w->kkt.corner[k] = row >= 0 && by_penalty ? -w->epsilon[row] / o->penalty : 0;
-        w->kkt.instead[k] = row < 0 ? precise * w->natural[unknown] : -w->epsilon[row];
+        w->kkt.corner[k] = row < 0 ? 0 : -w->corner[row];
+        w->kkt.instead[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row];
         w->kkt.least[k] = row < 0 ? w->kkt.instead[k] : by_penalty ? w->kkt.corner[k] / 2 : implied * w->kkt.instead[k];
     }
-    for (int i = 0; i < r->m; ++i)
-        w->epsilon[i] = by_penalty ? w->epsilon[i] / o->penalty : 0;
 }
 
 /* Accelerations ------------------------------------------------------------------------------------------------ */
@@ -145,7 +151,7 @@ static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_corner)
         rest[i] = w->right[i] - rest[i];
     for (int i = 0; i < r->m; ++i) {
         const ncgen_real lam = w->solution[r->n + i];
-        ncgen_real sum = w->right[r->n + i] + (with_corner ? w->epsilon[i] * lam : 0);
+        ncgen_real sum = w->right[r->n + i] + (with_corner ? w->corner[i] * lam : 0);
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
             sum -= values[k] * w->solution[phi_q->indices[k]];
             rest[phi_q->indices[k]] -= values[k] * lam;
@@ -278,21 +284,23 @@ static void correct(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
         x[i] += w->residual[i];
 }
 
+/* Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
 static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, int fresh)
 {
+    const ncgen_scalar wanted = 100 * r->rounding;
     ncgen_real before = 0;
     for (int k = 0; k < PROJECTION_LIMIT; ++k) {
         int status = r->model->phi(t, r->q, r->p, w->residual + r->n);
         const ncgen_real size = largest_residual(r, w->residual + r->n);
         if (status != NCGEN_OK)
             return status;
-        if (size <= r->options->tolerance)
+        if (size <= wanted)
             return NCGEN_OK;
         if (!(size < R(1.0e30)))
             return NCGEN_NOT_CONVERGED;
         if (k > 0 && size > R(0.1) * before) {
-            if (fresh && size <= 1000 * r->options->tolerance) /* rounding, near a singular position */
-                return NCGEN_OK;
+            if (size <= r->options->tolerance || (fresh && size <= 1000 * r->options->tolerance))
+                return NCGEN_OK; /* at rounding; more of it near a singular position */
             if ((status = refresh(r, t)) != NCGEN_OK)
                 return status;
             fresh = 1;
@@ -311,7 +319,7 @@ static int project_velocity(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
         status = r->model->nu(t, r->q, r->p, w->nu);
     if (status != NCGEN_OK)
         return status;
-    const ncgen_real enough = r->options->tolerance * (1 + scaled_size(r, r->qd));
+    const ncgen_real enough = 100 * r->rounding * (1 + scaled_size(r, r->qd));
     for (int k = 0; k < VELOCITY_LIMIT; ++k) {
         ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
         for (int i = 0; i < r->m; ++i)
@@ -373,7 +381,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
         w->right[i] = 0;
     for (int i = 0; i < r->m; ++i)
         w->nu[i] = 0;
-    for (int k = 0; k < r->dynamics->n_stiffness + r->dynamics->n_damping; ++k)
+    for (int k = 0; k < w->n_tangents; ++k)
         w->kkt.values[w->n_mass + w->n_phi_q + k] = 0;
     int status = r->model->mass ? r->model->mass(t, r->q, r->p, w->kkt.values) : NCGEN_OK;
     if (status == NCGEN_OK)

@@ -83,13 +83,14 @@ typedef struct ncgen_partitioning {
 /* Formalisms on all coordinates (ncgen_constrained.c, ncgen_dense.c). */
 typedef struct ncgen_constrained {
     ncgen_kkt kkt;
-    int n_mass, n_phi_q;                       /* nonzeros */
+    int n_mass, n_phi_q, n_tangents;           /* nonzeros */
     int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
     ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */
     ncgen_real *nu, *phi;                      /* m */
-    ncgen_real *epsilon, *natural;             /* m: the diagonal E; n: sizes of the diagonal of M */
+    ncgen_real *corner;                        /* m: the diagonal E */
+    ncgen_real *natural, *reduced;             /* n, m: sizes of the masses, and of rows once these are eliminated */
     /* Where QR is used: */
-    ncgen_real mass_size;                      /* the least mass in natural sizes */
+    ncgen_real mass_size;                      /* the largest mass in natural sizes */
     ncgen_real *jacobian;                      /* n x m */
     ncgen_real *basis;                         /* columns of n */
     ncgen_real *square;                        /* (n + m) x n */
