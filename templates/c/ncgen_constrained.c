@@ -30,7 +30,7 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     const ncgen_dynamics *d = r->dynamics;
     ncgen_space *space = &r->space;
     r->constrained = w;
-    r->ny = 2 * r->n + 1;
+    r->ny = r->weighed = 2 * r->n + 1;
     r->q = ncgen_take(space, r->n);
     r->qd = ncgen_take(space, r->n);
     w->n_mass = nonzeros(&r->model->mass_pattern);
@@ -224,7 +224,7 @@ static int find_equations(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
     return status;
 }
 
-static int derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, ncgen_real *yd)
+static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;

@@ -198,11 +198,11 @@ static ncgen_real tolerated(const ncgen_run *r, ncgen_real a, ncgen_real b)
 static ncgen_real weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
 {
     ncgen_real sum = 0;
-    for (int i = 0; i < r->ny; ++i) {
+    for (int i = 0; i < r->weighed; ++i) {
         const ncgen_real scaled = x[i] / tolerated(r, a[i], b[i]);
         sum += scaled * scaled;
     }
-    return sum / (ncgen_scalar)r->ny;
+    return sum / (ncgen_scalar)r->weighed;
 }
 
 static ncgen_real error_of(ncgen_run *r, ncgen_stepping *w, ncgen_scalar h)
@@ -367,7 +367,7 @@ static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
         const int status = state_inside(r, w, t, h, (r->times[r->rows] - t) / h);
         if (status != NCGEN_OK)
             return status;
-        ncgen_write_row(r, w->at[r->ny - 1]);
+        ncgen_write_row(r, w->at[r->weighed - 1]);
     }
     return NCGEN_OK;
 }
@@ -385,7 +385,7 @@ static int finish_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, n
         trouble = locate(r, w, t, h, before, w->event, &s);
         if (trouble != NCGEN_OK)
             return trouble;
-        ncgen_keep_state(r, t + s * h, w->at[r->ny - 1]);
+        ncgen_keep_state(r, t + s * h, w->at[r->weighed - 1]);
         r->statistics->stopped = 1;
         return write_inside(r, w, t, h, t + s * h);
     }
@@ -444,7 +444,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         h *= factor;
     }
     if (r->rows < r->n_times)
-        ncgen_write_row(r, r->y[r->ny - 1]);
+        ncgen_write_row(r, r->y[r->weighed - 1]);
     return NCGEN_OK;
 }
 
@@ -464,7 +464,7 @@ static int run_fixed(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             if (r->statistics->stopped)
                 return status;
             if (last)
-                ncgen_write_row(r, r->y[r->ny - 1]);
+                ncgen_write_row(r, r->y[r->weighed - 1]);
             if (status != NCGEN_OK && !(last && row + 1 == r->n_times))
                 return status;
         }
@@ -482,6 +482,6 @@ int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
         status = event_value(r, r->times[0], &w->event);
     if (status != NCGEN_OK)
         return status;
-    ncgen_write_row(r, r->y[r->ny - 1]);
+    ncgen_write_row(r, r->y[r->weighed - 1]);
     return r->options->method == NCGEN_RK4 ? run_fixed(r, w, method) : run_adaptive(r, w, method);
 }

@@ -38,6 +38,7 @@ struct ncgen_run {
     const ncgen_real *p;
     ncgen_statistics *statistics;
     int n, m, nz, ny;
+    int weighed;                    /* components of y that the error estimate looks at, work being the last of them */
     ncgen_scalar rounding;          /* distance from 1 to the next number */
     ncgen_space space;
     int *integers;
@@ -50,7 +51,7 @@ struct ncgen_run {
 
     /* The formalism. settle brings a new state onto the constraints before its derivative is taken; accept looks at a
      * new state whose derivative is the last evaluation; state computes q and qd of an interpolated state. */
-    int (*derivative)(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, ncgen_real *yd);
+    int (*derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd);
     int (*settle)(ncgen_run *r, ncgen_scalar t, ncgen_real *y);
     int (*accept)(ncgen_run *r, ncgen_scalar t);
     int (*state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y);

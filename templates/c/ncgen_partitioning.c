@@ -1,8 +1,8 @@
 /* ncgen_partitioning.c: coordinate partitioning.
  *
- * The state is y = [zd, z, W]: velocities and positions of the independent coordinates, and the work of drivers and
- * forces without a potential. Newton's method for the dependent coordinates starts from the last accepted state,
- * extrapolated with its velocities, so a rejected step leaves no trace.
+ * The state is y = [zd, z, W, qp]: velocities and positions of the independent coordinates, the work of drivers and forces
+ * without a potential, and the dependent coordinates. These are integrated along only to tell Newton's method where to
+ * start, at every stage as near as the stage is accurate; what it finds takes their place.
  */
 #include "ncgen_internal.h"
 
@@ -226,31 +226,30 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
     return NCGEN_OK;
 }
 
-/* The dependent coordinates at time t for the independent ones z. */
-static int solve_position(ncgen_run *r, ncgen_scalar t, const ncgen_real *z)
+/* The dependent coordinates of y at time t for the independent ones. */
+static int solve_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     const ncgen_dynamics *d = r->dynamics;
-    const ncgen_scalar ahead = t - r->start_t;
-    for (int i = 0; i < r->n; ++i)
-        r->q[i] = r->start_q[i] + ahead * r->start_qd[i];
+    ncgen_real *dependent = y + r->weighed;
+    for (int i = 0; i < d->n_dependent; ++i)
+        r->q[d->dependent[i]] = dependent[i];
     for (int i = 0; i < r->nz; ++i)
-        r->q[d->independent[i]] = z[i];
+        r->q[d->independent[i]] = y[r->nz + i];
     for (int iteration = 0; iteration <= NEWTON_LIMIT; ++iteration) {
         /* An emitted step has phi in it; most often one is needed, so it is not worth a look at phi beforehand. */
         int status = d->newton ? d->newton(t, r->q, r->p, r->partitioning->step) : r->model->phi(t, r->q, r->p, r->partitioning->phi);
         if (status != NCGEN_OK)
             return status;
         const ncgen_real size = residual(r);
-        if (size <= r->options->tolerance)
-            return NCGEN_OK;
         if (!(size < R(1.0e30)))
             return NCGEN_NOT_CONVERGED;
         status = d->newton ? NCGEN_OK : dense_step(r, t);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < d->n_dependent; ++i)
-            r->q[d->dependent[i]] += r->partitioning->step[i];
+            dependent[i] = r->q[d->dependent[i]] += r->partitioning->step[i];
         r->statistics->newton_steps += 1;
+        /* The first guess is often this good already; even then a step is taken, since what is left would add up. */
         if (size <= nearly_converged)
             return NCGEN_OK;
     }
@@ -258,10 +257,10 @@ static int solve_position(ncgen_run *r, ncgen_scalar t, const ncgen_real *z)
 }
 
 /* yd at (t, y); q, qd and the accelerations stay in r->q and r->partitioning->out. */
-static int derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, ncgen_real *yd)
+static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     r->statistics->evaluations += 1;
-    int status = solve_position(r, t, y + r->nz);
+    int status = solve_position(r, t, y);
     if (status != NCGEN_OK)
         return status;
     status = accelerate(r, t, y);
@@ -274,11 +273,13 @@ static int derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *y, ncgen_r
         yd[r->nz + i] = r->partitioning->out[r->dynamics->independent[i]];
     }
     yd[2 * r->nz] = r->partitioning->out[r->n + r->nz];
+    for (int i = 0; i < r->dynamics->n_dependent; ++i)
+        yd[r->weighed + i] = r->partitioning->out[r->dynamics->dependent[i]];
     return NCGEN_OK;
 }
 
-/* The last evaluation becomes the state from which Newton's method starts. NCGEN_PIVOT means that other independent
- * coordinates may serve better from here on: the amplification has grown since the start. */
+/* NCGEN_PIVOT means that other independent coordinates may serve better from here on: the amplification has grown since
+ * the start. */
 static int accept(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_real amplification = r->partitioning->out[r->n + r->nz + 1];
@@ -290,7 +291,7 @@ static int accept(ncgen_run *r, ncgen_scalar t)
 
 static int state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
-    const int status = solve_position(r, t, y + r->nz);
+    const int status = solve_position(r, t, y);
     return status == NCGEN_OK ? accelerate(r, t, y) : status;
 }
 
@@ -299,7 +300,8 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
     const int n = r->n, m = r->m, d = r->dynamics->n_dependent;
     ncgen_space *space = &r->space;
     r->partitioning = w;
-    r->ny = 2 * r->nz + 1;
+    r->weighed = 2 * r->nz + 1;
+    r->ny = r->weighed + d;
     r->q = ncgen_take(space, n);
     w->out = ncgen_take(space, n + r->nz + 2);
     r->qd = w->out;
@@ -334,4 +336,6 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
         r->y[r->nz + i] = r->start_q[r->dynamics->independent[i]];
     }
     r->y[2 * r->nz] = 0;
+    for (int i = 0; i < r->dynamics->n_dependent; ++i)
+        r->y[r->weighed + i] = r->start_q[r->dynamics->dependent[i]];
 }

@@ -86,7 +86,7 @@ void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
 
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
 {
-    ncgen_keep_state(r, t, y[r->ny - 1]);
+    ncgen_keep_state(r, t, y[r->weighed - 1]);
     return r->accept ? r->accept(r, t) : NCGEN_OK;
 }
 
