@@ -18,6 +18,7 @@ from ncgen.solver.integrators import replace_state
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
 from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
 
 
 def run(path: Path, kernels: Kernels, formalism: Formalism, settings: dict, method, grid, q, qd, p, progress, **options) -> None:
@@ -35,9 +36,13 @@ class _Run:
     def __init__(self, path: Path, kernels: Kernels, formalism: Formalism, settings: dict, p):
         self.path, self.kernels, self.formalism, self.settings, self.p = path, kernels, formalism, settings, p
         self.projecting = settings["stabilisation"] == "projection"
+        self.rank = 0
+        self.rows = None
         self.evaluations = 0
 
     def integrate(self, method, grid, q, qd, progress, options) -> None:
+        self.rank = freedom(self.kernels, q, grid[0], self.p).rank
+        self._choose_rows(q, grid[0])
         solver = method(self._derivative, grid[0], np.concatenate([qd, q, [0.0]]), grid[-1], **options)
         self._record([solver.y])
         taken = 0
@@ -54,6 +59,7 @@ class _Run:
             if stop > len(self.path.q):
                 self._record([y])
             self.p = refresh_branches(self.kernels, y[self._q], self.p)
+            self._choose_rows(y[self._q], solver.t)
             if progress:
                 progress(solver.t)
         self.path.counts = self.path.counts + [taken, self.evaluations, 0, 0, 0]
@@ -73,7 +79,12 @@ class _Run:
         return np.concatenate([now.qdd, now.qd, [now.power]])
 
     def motion(self, t: float, y: np.ndarray) -> Motion:
-        return self.formalism.motion(self.kernels, y[self._q], y[: self.kernels.n], t, self.p, self.settings)
+        return self.formalism.motion(self.kernels, y[self._q], y[: self.kernels.n], t, self.p, self.settings, self.rows)
+
+    def _choose_rows(self, q, t: float) -> None:
+        """Of redundant rows those farthest from dependent: off the constraints, where a method's stages are, the others contradict them."""
+        if self.rank < self.kernels.m:
+            self.rows = best_rows(scaled_jacobian(self.kernels, q, t, self.p), self.rank)
 
     def _step(self, solver) -> None:
         start = solver.t

@@ -35,10 +35,13 @@ class Formalism:
     own: tuple[str, ...] = ()
     options: dict = field(default_factory=dict)
 
-    def motion(self, kernels, q, qd, t, p, options: dict) -> Motion:
-        """Accelerations, multipliers and power at any position and velocity. Raises SingularError where they are not determined."""
+    def motion(self, kernels, q, qd, t, p, options: dict, rows=None) -> Motion:
+        """Accelerations, multipliers and power at any position and velocity, from the given rows (default: all).
+
+        Raises SingularError where they are not determined.
+        """
         gains = Baumgarte(options["omega"], options["xi"]) if options["stabilisation"] == "baumgarte" else None
-        now = instant(kernels, q, qd, t, p, gains)
+        now = instant(kernels, q, qd, t, p, rows, gains)
         qdd, lam = now.accelerations(*self.solve(now, **{name: options[name] for name in self.own}))
         power = float(kernels.energy(q, qd, t, p)[2] - kernels.nu(q, t, p) @ lam)
         return Motion(t, q, qd, qdd, lam, power, 0)

@@ -15,7 +15,10 @@ from ncgen.solver.protocol import Kernels
 
 @dataclass(frozen=True)
 class Instant:
-    """mass (n, n), jacobian (m, n), force (n,), gamma (m,): M, Φ_q, Q and γ without units; `unit` is that of inertia (kg)."""
+    """mass (n, n), jacobian (k, n), force (n,), gamma (k,): M, Φ_q, Q and γ without units, of the `rows` (k,) in use.
+
+    unit: that of inertia (kg)
+    """
 
     kernels: Kernels
     mass: np.ndarray
@@ -23,10 +26,13 @@ class Instant:
     force: np.ndarray
     gamma: np.ndarray
     unit: float
+    rows: np.ndarray
 
     def accelerations(self, x, y) -> tuple[np.ndarray, np.ndarray]:
-        """q̈ and λ in their units, from those without."""
-        return self.kernels.column_sizes * x, self.unit * y / self.kernels.row_sizes
+        """q̈ (n,) and λ (m,) in their units, from those without; rows that are not in use get zero."""
+        lam = np.zeros(self.kernels.m)
+        lam[self.rows] = self.unit * y / self.kernels.row_sizes[self.rows]
+        return self.kernels.column_sizes * x, lam
 
 
 @dataclass(frozen=True)
@@ -42,15 +48,19 @@ class Baumgarte:
         return 2 * self.xi * self.omega * rate + self.omega**2 * kernels.phi(q, t, p)
 
 
-def instant(kernels: Kernels, q, qd, t=0.0, p=None, stabilised: Baumgarte | None = None) -> Instant:
-    """The equations at a position and a velocity, which need not satisfy the constraints."""
+def instant(kernels: Kernels, q, qd, t=0.0, p=None, rows=None, stabilised: Baumgarte | None = None) -> Instant:
+    """The equations at a position and a velocity, which need not satisfy the constraints.
+
+    rows: those in use (default: all). Rows that others imply where Φ = 0 may contradict them where it is not.
+    """
     jacobian, gamma = kernels.jacobian(q, t, p), kernels.gamma(q, qd, t, p)
     if stabilised is not None:
         gamma = gamma - stabilised(kernels, jacobian, q, qd, t, p)
-    columns, rows = kernels.column_sizes, kernels.row_sizes
+    rows = np.arange(kernels.m) if rows is None else rows
+    columns, sizes = kernels.column_sizes, kernels.row_sizes[rows]
     mass, unit = scaled_mass(kernels, q, t, p)
     force = columns * kernels.force(q, qd, t, p) / unit
-    return Instant(kernels, mass, jacobian * columns / rows[:, None], force, gamma / rows, unit)
+    return Instant(kernels, mass, jacobian[rows] * columns / sizes[:, None], force, gamma[rows] / sizes, unit, rows)
 
 
 def scaled_mass(kernels: Kernels, q, t=0.0, p=None) -> tuple[np.ndarray, float]:
