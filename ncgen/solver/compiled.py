@@ -10,7 +10,7 @@ from ncgen.solver.partition import BETTER, Partitions, choose_partitions, qualit
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import trial_positions
+from ncgen.solver.rank import freedom, trial_positions
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -18,6 +18,9 @@ coordinates only, and R is what their errors are multiplied by."""
 
 REUSE = 0.7
 """A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
+
+MOST_STEPS = 1_000_000
+"""Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
 
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
@@ -82,7 +85,8 @@ def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: st
     stabilised = settings["stabilisation"] == "baumgarte"
     done = dynamics.simulate(
         canonical_name(integrator), grid, q, qd, p, tolerance=TOLERANCE, formalism=FORMALISMS[formalism], project=int(projected),
-        penalty=settings.get("alpha", 0.0), damping=settings["xi"], frequency=settings["omega"] if stabilised else 0.0, **steps,
+        penalty=settings.get("alpha", 0.0), damping=settings["xi"], frequency=settings["omega"] if stabilised else 0.0,
+        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, **steps,
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.projections += done.steps if projected else 0

@@ -2,7 +2,7 @@
  *
  * Accelerations and multipliers solve [M Phi_q'; Phi_q -E] [qdd; lam] = [Q; gamma], where the diagonal E is zero for
  * lagrange and the inverse of a penalty else: the augmented Lagrangian removes its effect by iteration, penalty leaves it
- * in. Rows may be redundant and M may be singular: such pivots are replaced, and iteration removes that, too.
+ * in. Where M is singular lagrange goes the same way, since M + Phi_q' Phi_q / E is positive definite all the same.
  *
  * After a step, position and velocity are brought back onto the constraints with the same matrix: the smallest change
  * in the sense of kinetic energy.
@@ -30,6 +30,7 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     const ncgen_dynamics *d = r->dynamics;
     ncgen_space *space = &r->space;
     r->constrained = w;
+    w->iterated = r->options->formalism == NCGEN_AUGMENTED_LAGRANGIAN || (d->singular_mass && r->options->formalism != NCGEN_PENALTY);
     r->ny = r->weighed = 2 * r->n + 1;
     r->q = ncgen_take(space, r->n);
     r->qd = ncgen_take(space, r->n);
@@ -45,13 +46,17 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->corner = ncgen_take(space, r->m);
     w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
-    if (is_dense(r)) {
+    w->redundant = d->n_dependent > 0 && d->n_dependent < r->m;
+    if (is_dense(r) || w->redundant) {
         w->jacobian = ncgen_take(space, r->n * r->m);
-        w->basis = ncgen_take(space, r->n * r->n);
-        w->square = ncgen_take(space, (r->n + r->m) * r->n);
         w->scaled = ncgen_take(space, 4 * (r->n + r->m));
     }
+    if (is_dense(r)) {
+        w->basis = ncgen_take(space, r->n * r->n);
+        w->square = ncgen_take(space, (r->n + r->m) * r->n);
+    }
     w->columns = r->integers;
+    w->let_go = r->integers ? r->integers + r->n + r->m : NULL;
 }
 
 /* Sizes -------------------------------------------------------------------------------------------------------- */
@@ -96,24 +101,29 @@ static void find_sizes(ncgen_run *r, ncgen_constrained *w)
 /* The diagonal -E, the smallest pivots and what replaces them, in the order of elimination.
  *
  * Without a penalty E is zero: near a singular position the constraint forces that are needed there would be lost
- * otherwise. Only a row whose pivot is at rounding is let go. */
+ * otherwise. Only a row whose pivot is at rounding is let go, and one that others imply: off the constraints, where the
+ * stages of a method are, it contradicts them. */
 static void set_diagonal(ncgen_run *r, ncgen_constrained *w)
 {
     const ncgen_options *o = r->options;
-    const int by_penalty = o->formalism == NCGEN_AUGMENTED_LAGRANGIAN || o->formalism == NCGEN_PENALTY;
+    const int by_penalty = w->iterated || o->formalism == NCGEN_PENALTY;
+    const ncgen_scalar penalty = o->penalty > 0 ? o->penalty : R(1.0) / NCGEN_SQRT(r->rounding);
     const ncgen_scalar precise = NCGEN_SQRT(r->rounding);
     const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
     for (int i = 0; i < r->m; ++i) {
         const ncgen_real size = r->dynamics->row_sizes[i];
-        w->corner[i] = by_penalty ? size * size / (o->penalty * w->mass_size) : 0;
+        w->corner[i] = by_penalty ? size * size / (penalty * w->mass_size) : 0;
     }
     for (int k = 0; k < w->kkt.plan->size; ++k) {
         const int unknown = w->kkt.plan->order[k];
         const int row = unknown - r->n;
         w->kkt.row[k] = 0;
         w->kkt.corner[k] = row < 0 ? 0 : -w->corner[row];
-        w->kkt.instead[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row];
-        w->kkt.least[k] = row < 0 ? w->kkt.instead[k] : by_penalty ? w->kkt.corner[k] / 2 : implied * w->kkt.instead[k];
+        w->kkt.instead[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row] / (r->rounding * r->rounding);
+        if (row < 0 || w->let_go[row])
+            w->kkt.least[k] = w->kkt.instead[k];
+        else
+            w->kkt.least[k] = by_penalty ? w->kkt.corner[k] / 2 : -implied * w->reduced[row];
     }
 }
 
@@ -172,26 +182,27 @@ static ncgen_real scaled_size(const ncgen_run *r, const ncgen_real *x)
 }
 
 /* w->solution of the equations with the right side w->right; refined where the factors are not those of the equations. */
-static void solve_equations(ncgen_run *r, ncgen_constrained *w)
+static int solve_equations(ncgen_run *r, ncgen_constrained *w)
 {
-    const int formalism = r->options->formalism;
     ncgen_kkt_solve(&w->kkt, w->right, w->solution);
-    if (!(w->kkt.perturbed || formalism == NCGEN_AUGMENTED_LAGRANGIAN || r->rounding > R(1.0e-10)))
-        return;
+    if (!(w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10)))
+        return NCGEN_OK;
     ncgen_real before = 0;
     for (int k = 0; k < REFINEMENT_LIMIT; ++k) {
-        find_residual(r, w, formalism == NCGEN_PENALTY);
+        find_residual(r, w, r->options->formalism == NCGEN_PENALTY);
         ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
         const ncgen_real change = scaled_size(r, w->residual);
+        const ncgen_real size = scaled_size(r, w->solution);
         if (k > 0 && !(change < R(0.5) * before)) /* at rounding, or beyond what the equations determine */
-            return;
+            return w->kkt.perturbed && change > NCGEN_SQRT(r->rounding) * size ? NCGEN_SINGULAR : NCGEN_OK;
         for (int i = 0; i < r->n + r->m; ++i)
             w->solution[i] += w->residual[i];
         r->statistics->refinements += 1;
-        if (change <= 4 * r->rounding * scaled_size(r, w->solution))
-            return;
+        if (change <= 4 * r->rounding * size)
+            return NCGEN_OK;
         before = change;
     }
+    return NCGEN_OK;
 }
 
 /* gamma - 2 xi omega Phid - omega^2 Phi at the rows of w->right. */
@@ -235,7 +246,7 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     if (status == NCGEN_OK && is_dense(r))
         status = ncgen_dense_accelerations(r, w);
     else if (status == NCGEN_OK && (status = factor(r)) == NCGEN_OK)
-        solve_equations(r, w);
+        status = solve_equations(r, w);
     if (status != NCGEN_OK)
         return status;
     ncgen_copy(n, w->solution, yd);
@@ -351,6 +362,10 @@ static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     const int status = project(r, t, y, !is_dense(r));
     r->constrained->jacobian_is_there = status == NCGEN_OK;
+    if (status == NCGEN_OK && r->constrained->redundant) {
+        ncgen_choose_rows(r, r->constrained);
+        set_diagonal(r, r->constrained);
+    }
     return status;
 }
 
@@ -389,6 +404,10 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     if (status != NCGEN_OK)
         return status;
     find_sizes(r, w);
+    for (int i = 0; i < r->m; ++i)
+        w->let_go[i] = 0;
+    if (w->redundant)
+        ncgen_choose_rows(r, w);
     set_diagonal(r, w);
     return NCGEN_OK;
 }

@@ -97,6 +97,9 @@ typedef struct ncgen_constrained {
     ncgen_real *square;                        /* (n + m) x n */
     ncgen_real *scaled;                        /* 4 (n + m) */
     int *columns;                              /* exchanges, of n or m columns */
+    int *let_go;                               /* m: is a row left out, since others imply it? */
+    int redundant;                             /* are there such rows? */
+    int iterated;                              /* is the effect of E removed by iteration? */
 } ncgen_constrained;
 
 /* What an integrator works in (ncgen_explicit.c). */
@@ -126,7 +129,8 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities);
 void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w);
 int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities);
 
-/* ncgen_dense.c */
+/* ncgen_dense.c: accelerations by QR; and which of redundant rows are farthest from dependent, in w->let_go. */
+void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w);
 int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w);
 
 /* ncgen_explicit.c: a run over the grid with Runge-Kutta methods. */

@@ -43,7 +43,7 @@ typedef struct ncgen_elimination {
 
 typedef struct ncgen_dynamics {
     int n_independent;
-    int n_dependent;
+    int n_dependent;        /* with formalisms over all coordinates: the rank of phi_q, if rows are redundant, else 0 */
     const int *independent; /* positions in q */
     const int *dependent;
     const int *rows;        /* n_dependent kept rows; not used by emitted functions */
@@ -52,6 +52,7 @@ typedef struct ncgen_dynamics {
     ncgen_position_kernel *newton;
     ncgen_acceleration_kernel *acceleration;
     const ncgen_elimination *elimination; /* for formalisms that solve with [M Phi_q'; Phi_q -E] */
+    int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
     const ncgen_tangents *tangents;       /* for implicit methods; NULL: these iterate without them */
     int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */
 } ncgen_dynamics;
@@ -120,7 +121,7 @@ typedef struct ncgen_statistics {
 /* end cdef */
 /* begin functions */
 
-/* Numbers of workspace that ncgen_simulate needs; besides, it needs n_coordinates + n_rows integers. */
+/* Numbers of workspace that ncgen_simulate needs; besides, it needs n_coordinates + 2 n_rows integers. */
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 
 /* Simulate from times[0] to times[n_times - 1].

@@ -2,8 +2,8 @@
  *
  * Row after row: row k of L solves L D l = a with the rows above. Its pattern is known, so there are no lists to
  * search, and entry (i, j) of a column stands before entry (k, j) exactly when i < k. A pivot that is too small or has
- * the wrong sign is replaced by a larger one and counted: without mass a coordinate gets some, a row that others imply
- * gets a multiplier near zero. The caller takes what this changes out of the solution by refinement.
+ * the wrong sign is replaced: without mass a coordinate gets some, which is counted and taken out again by refinement; a row
+ * that others imply gets a multiplier of zero.
  */
 #include "ncgen_internal.h"
 
@@ -48,7 +48,7 @@ int ncgen_kkt_factor(ncgen_kkt *k)
         const ncgen_real least = k->least[r]; /* negative for rows, whose pivots are negative */
         if (least > 0 ? !(pivot > least) : !(pivot < least)) {
             pivot = k->instead[r];
-            k->perturbed += 1;
+            k->perturbed += least > 0;
         }
         if (!(NCGEN_ABS(pivot) > 0))
             return NCGEN_SINGULAR;
