@@ -188,14 +188,21 @@ class Kernels(ABC):
         """∂(M q̈ + Φ_qᵀ λ − Q)/∂p, sparse (n, parameters)."""
         return self._tangent("balance_p", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
 
+    def dense_tangent(self, name: str, **given) -> np.ndarray:
+        """One of these eight by its name, t, q, qd, qdd, lam and p given by theirs, as a dense array: quicker where it is small."""
+        return self._dense(*self._tangent_values(name, given))
+
     def _tangent(self, name: str, **given) -> csr_array:
+        return self._sparse(*self._tangent_values(name, given))
+
+    def _tangent_values(self, name: str, given: dict) -> tuple[Pattern, np.ndarray]:
         sizes = {"q": self.n, "qd": self.n, "qdd": self.n, "lam": self.m, "p": len(self.p0)}
         given["p"] = self.p0 if given["p"] is None else given["p"]
         for array, size in sizes.items():
             if array in given and not _is_plain(given[array], size):
                 given[array] = self._checked(given[array], size, name, array, "of them")
         tangents = self.parameter_tangents if name.endswith("_p") else self.tangents
-        return self._sparse(tangents.programs.patterns[name], tangents.values(name, given))
+        return tangents.programs.patterns[name], tangents.values(name, given)
 
     def jacobian(self, q, t=0.0, p=None) -> np.ndarray:
         """Φ_q as a dense array, for linear algebra on small mechanisms."""
