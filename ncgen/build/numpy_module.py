@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ncgen.build.batch import NumPyBatch
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import NumPyTangents
 from ncgen.emit.sources import Sources
@@ -23,6 +24,7 @@ class NumPyKernels(Kernels):
         self._functions = {kernel: namespace[kernel] for kernel in sources.programs.programs}
 
     _tangents = NumPyTangents
+    _batch = NumPyBatch
 
     def _call(self, kernel, t, q, qd, p, size):
         arrays = (q, p) if qd is None else (q, qd, p)

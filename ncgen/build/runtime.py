@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 from cffi import FFI
+from scipy.sparse.linalg import splu
 
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
@@ -35,6 +36,9 @@ FORMALISMS = {
     "udwadia-phohomsiri": 5,
 }
 """Formalisms of the runtime, by the numbers of ncgen_runtime.h."""
+
+SINGULAR = 1e-9
+"""A mass matrix is taken as singular where elimination leaves less than this of an entry of its diagonal."""
 
 STRAIGHT_LINE = tuple("-O1" if flag.startswith("-O") else flag for flag in FLAGS)
 """Thousands of operations in one line: more optimisation takes longer and was measured slower."""
@@ -118,7 +122,7 @@ class Dynamics:
             stop = ffi.new("ncgen_event *", dict(zip(("coordinate", "value", "direction"), event, strict=True)))
             settings.event = stop
         work = np.empty(self._library.ncgen_workspace(self._model, self._dynamics, settings))
-        integers = np.empty(n + self.kernels.m, dtype=np.intc)
+        integers = np.empty(n + 2 * self.kernels.m, dtype=np.intc)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
         pointers = [ffi.cast("double *", a.ctypes.data) for a in (*inputs, times, out_q, out_qd, out_work, work)]
@@ -153,7 +157,8 @@ class ConstrainedDynamics(Dynamics):
 
     def __init__(self, kernels: CompiledKernels):
         ffi, library = _bare_runtime()
-        self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern)
+        singular = not _is_definite(kernels)
+        self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
         self._kept = [np.array(getattr(self.plan, name), dtype=np.intc) for name in Elimination.ARRAYS]
         self._sizes = [np.array(kernels.column_sizes, dtype=float), np.array(kernels.row_sizes, dtype=float)]
         numbers = {name: ffi.cast("int *", a.ctypes.data) for name, a in zip(Elimination.ARRAYS, self._kept, strict=True)}
@@ -161,8 +166,30 @@ class ConstrainedDynamics(Dynamics):
         self._elimination = ffi.new("ncgen_elimination *", numbers)
         column_sizes, row_sizes = (ffi.cast("double *", a.ctypes.data) for a in self._sizes)
         members = {"column_sizes": column_sizes, "row_sizes": row_sizes, "elimination": self._elimination}
+        members["singular_mass"] = singular
         members["conservative"] = _is_conservative(kernels)
         super().__init__(kernels, ffi, library, ffi.new("ncgen_dynamics *", members))
+
+
+    def simulate(self, *args, rank: int = 0, **options) -> Outcome:
+        """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
+        self._dynamics.n_dependent = rank
+        return super().simulate(*args, **options)
+
+
+def _is_definite(kernels: CompiledKernels) -> bool:
+    """True if every motion of the coordinates has inertia, constraints apart, at the initial position."""
+    sizes = kernels.column_sizes
+    mass = kernels.mass(kernels.q0).tocsc()
+    mass.data *= sizes[mass.indices] * np.repeat(sizes, np.diff(mass.indptr))
+    diagonal = mass.diagonal()
+    if not np.all(diagonal > 0):
+        return False
+    try:
+        factors = splu(mass, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # SuperLU's word for an exactly singular matrix
+        return False
+    return bool(np.all(factors.U.diagonal() > SINGULAR * diagonal[np.argsort(factors.perm_c)]))
 
 
 def _is_conservative(kernels: CompiledKernels) -> bool:

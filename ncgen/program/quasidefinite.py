@@ -1,7 +1,8 @@
 """The plan by which the runtime factors [A Φ_qᵀ; Φ_q −E]: order of elimination, pattern of L, where the values go.
 
-The order is of minimum degree with one rule: a row is eliminated after all of its coordinates that have mass. Its pivot
-then holds what the masses leave of it, −(E + Φ_q M⁻¹ Φ_qᵀ), which is never near zero unless the row is redundant.
+The order is of minimum degree with one rule. Where M is regular, a row is eliminated after all of its coordinates: its
+pivot then holds −(E + Φ_q M⁻¹ Φ_qᵀ), which is never near zero unless the row is redundant, and E may be zero. Where M is
+singular, coordinates are eliminated after all of their rows: their pivots then are those of M + Φ_qᵀ E⁻¹ Φ_q.
 """
 
 from __future__ import annotations
@@ -32,7 +33,9 @@ class Elimination:
               "entry_values")  # fmt: skip
 
 
-def plan(mass: Pattern, phi_q: Pattern, stiffness: Pattern | None = None, damping: Pattern | None = None) -> Elimination:
+def plan(
+    mass: Pattern, phi_q: Pattern, rows_first: bool = False, stiffness: Pattern | None = None, damping: Pattern | None = None
+) -> Elimination:
     """The plan for A with the patterns of M and of the tangents; of the tangents, only the symmetric part is used."""
     n, m = phi_q.shape[1], phi_q.shape[0]
     entries = _entries(n, mass, phi_q, stiffness, damping)
@@ -41,8 +44,10 @@ def plan(mass: Pattern, phi_q: Pattern, stiffness: Pattern | None = None, dampin
         if i != j:
             neighbours[i].add(j)
             neighbours[j].add(i)
-    massive = {i for i, j in mass.positions() if i == j}
-    waits = [set() for _ in range(n)] + [set(phi_q.indices[phi_q.indptr[i] : phi_q.indptr[i + 1]]) & massive for i in range(m)]
+    waits: list[set[int]] = [set() for _ in range(n + m)]
+    for i, j in phi_q.positions():
+        first, then = (n + i, j) if rows_first else (j, n + i)
+        waits[then].add(first)
     order, columns = _minimum_degree(neighbours, waits)
     return _index(order, columns, entries)
 

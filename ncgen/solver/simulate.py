@@ -103,11 +103,12 @@ def simulate(
     if refused and engine in ("c", "emitted"):
         raise ModelError(f"{kernels.name} cannot be simulated in C: {refused}; use engine='auto'")
     if refused is None:
-        rates = qd[partitions.velocity.independent]
-        refused = compiled.run(path, kernels, integrator, emitted, grid, q, rates, p, **steps)
+        refused = _run_in_c(path, kernels, method, integrator, emitted, grid, q, qd, p, steps)
         if refused and engine != "auto":
             raise ConvergenceError(f"{kernels.name}: {refused}; engine='auto' goes on in Python")
     if refused is not None:
+        if _is_constrained(method):
+            path = Path.empty(kernels.n, partitions)  # what C has left of it is done again
         _run_in_python(path, kernels, method, grid, q, qd, p, progress, steps)
     if progress and refused is None:
         progress(grid[-1])
@@ -116,6 +117,17 @@ def simulate(
     return Trajectory(
         kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels, method.options
     )  # fmt: skip
+
+
+def _is_constrained(method: Method) -> bool:
+    """True where all coordinates are integrated, not the independent ones alone."""
+    return method.is_stepper or method.formalism.solve is not None
+
+
+def _run_in_c(path: Path, kernels: Kernels, method: Method, integrator: str, emitted: bool, grid, q, qd, p, steps: dict) -> str | None:
+    if _is_constrained(method):
+        return compiled.run_constrained(path, kernels, method.formalism.name, integrator, method.options, grid, q, qd, p, **steps)
+    return compiled.run(path, kernels, integrator, emitted, grid, q, qd[path.partitions.velocity.independent], p, **steps)
 
 
 def _run_in_python(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, steps: dict) -> None:
@@ -132,8 +144,8 @@ def _refusal(kernels: Kernels, method: Method, engine: str, integrator: str, par
     """Why the run is not in C, or None if it is."""
     if engine == "python":
         return "asked for"
-    if method.formalism.solve is not None:
-        return f"{method.formalism.name} runs in Python"
+    if _is_constrained(method):
+        return compiled.refusal_constrained(kernels, method.formalism.name, integrator, engine)
     return compiled.refusal(kernels, integrator, partitions, engine == "emitted")
 
 

@@ -1,9 +1,8 @@
 /* ncgen_constrained.c: formalisms on all coordinates, y = [qd, q, work].
  *
- * Accelerations and multipliers solve [M Phi_q'; Phi_q -E] [qdd; lam] = [Q; gamma], with a small diagonal E. Its inverse
- * is a penalty: lagrange takes E near rounding, so that redundant rows and singular positions do no harm; the augmented
- * Lagrangian a larger one, whose effect iteration removes; penalty leaves it in. M may be singular: a pivot without mass
- * is made larger, and iteration removes that, too.
+ * Accelerations and multipliers solve [M Phi_q'; Phi_q -E] [qdd; lam] = [Q; gamma], where the diagonal E is zero for
+ * lagrange and the inverse of a penalty else: the augmented Lagrangian removes its effect by iteration, penalty leaves it
+ * in. Where M is singular lagrange goes the same way, since M + Phi_q' Phi_q / E is positive definite all the same.
  *
  * After a step, position and velocity are brought back onto the constraints with the same matrix: the smallest change
  * in the sense of kinetic energy.
@@ -31,26 +30,33 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     const ncgen_dynamics *d = r->dynamics;
     ncgen_space *space = &r->space;
     r->constrained = w;
+    w->iterated = r->options->formalism == NCGEN_AUGMENTED_LAGRANGIAN || (d->singular_mass && r->options->formalism != NCGEN_PENALTY);
     r->ny = r->weighed = 2 * r->n + 1;
     r->q = ncgen_take(space, r->n);
     r->qd = ncgen_take(space, r->n);
     w->n_mass = nonzeros(&r->model->mass_pattern);
     w->n_phi_q = nonzeros(&r->model->phi_q_pattern);
-    ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q + d->n_stiffness + d->n_damping, space);
+    w->n_tangents = d->tangents ? nonzeros(&d->tangents->stiffness_pattern) + nonzeros(&d->tangents->damping_pattern) : 0;
+    ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q + w->n_tangents, space);
     w->right = ncgen_take(space, r->n + r->m);
     w->solution = ncgen_take(space, r->n + r->m);
     w->residual = ncgen_take(space, r->n + r->m);
     w->nu = ncgen_take(space, r->m);
     w->phi = ncgen_take(space, r->m);
-    w->epsilon = ncgen_take(space, r->m);
+    w->corner = ncgen_take(space, r->m);
+    w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
-    if (is_dense(r)) {
+    w->redundant = d->n_dependent > 0 && d->n_dependent < r->m;
+    if (is_dense(r) || w->redundant) {
         w->jacobian = ncgen_take(space, r->n * r->m);
-        w->basis = ncgen_take(space, r->n * r->n);
-        w->square = ncgen_take(space, (r->n + r->m) * r->n);
         w->scaled = ncgen_take(space, 4 * (r->n + r->m));
     }
+    if (is_dense(r)) {
+        w->basis = ncgen_take(space, r->n * r->n);
+        w->square = ncgen_take(space, (r->n + r->m) * r->n);
+    }
     w->columns = r->integers;
+    w->let_go = r->integers ? r->integers + r->n + r->m : NULL;
 }
 
 /* Sizes -------------------------------------------------------------------------------------------------------- */
@@ -62,6 +68,7 @@ static void find_sizes(ncgen_run *r, ncgen_constrained *w)
     const ncgen_scalar *sizes = r->dynamics->column_sizes;
     const ncgen_real *values = w->kkt.values + w->n_mass;
     ncgen_real least = 0;
+    w->mass_size = 0;
     for (int i = 0; i < r->n; ++i) {
         w->natural[i] = 0;
         for (int k = mass->indptr ? mass->indptr[i] : 0; k < (mass->indptr ? mass->indptr[i + 1] : 0); ++k)
@@ -70,10 +77,11 @@ static void find_sizes(ncgen_run *r, ncgen_constrained *w)
         const ncgen_real scaled = w->natural[i] * sizes[i] * sizes[i];
         if (scaled > 0 && (!(least > 0) || scaled < least))
             least = scaled;
+        if (scaled > w->mass_size)
+            w->mass_size = scaled;
     }
     if (!(least > 0))
-        least = 1;
-    w->mass_size = least;
+        least = w->mass_size = 1;
     for (int i = 0; i < r->m; ++i) {
         ncgen_real own = 0, borrowed = 0;
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
@@ -83,28 +91,39 @@ static void find_sizes(ncgen_run *r, ncgen_constrained *w)
             borrowed += values[k] * values[k] * sizes[j] * sizes[j] / least;
         }
         const ncgen_real size = r->dynamics->row_sizes[i];
-        w->epsilon[i] = own > 0 ? own : borrowed > 0 ? borrowed : size * size / least;
+        w->reduced[i] = own > 0 ? own : borrowed > 0 ? borrowed : size * size / least;
     }
     for (int i = 0; i < r->n; ++i)
         if (!(w->natural[i] > 0))
             w->natural[i] = least / (sizes[i] * sizes[i]);
 }
 
-/* The diagonal -E and the smallest pivots, in the order of elimination. */
+/* The diagonal -E, the smallest pivots and what replaces them, in the order of elimination.
+ *
+ * Without a penalty E is zero: near a singular position the constraint forces that are needed there would be lost
+ * otherwise. Only a row whose pivot is at rounding is let go, and one that others imply: off the constraints, where the
+ * stages of a method are, it contradicts them. */
 static void set_diagonal(ncgen_run *r, ncgen_constrained *w)
 {
     const ncgen_options *o = r->options;
-    const int by_penalty = o->formalism == NCGEN_AUGMENTED_LAGRANGIAN || o->formalism == NCGEN_PENALTY;
+    const int by_penalty = w->iterated || o->formalism == NCGEN_PENALTY;
+    const ncgen_scalar penalty = o->penalty > 0 ? o->penalty : R(1.0) / NCGEN_SQRT(r->rounding);
     const ncgen_scalar precise = NCGEN_SQRT(r->rounding);
-    const ncgen_scalar share = by_penalty ? 1 / o->penalty : precise * NCGEN_SQRT(precise); /* 2e-12 in double */
-    for (int i = 0; i < r->m; ++i)
-        w->epsilon[i] *= share;
+    const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
+    for (int i = 0; i < r->m; ++i) {
+        const ncgen_real size = r->dynamics->row_sizes[i];
+        w->corner[i] = by_penalty ? size * size / (penalty * w->mass_size) : 0;
+    }
     for (int k = 0; k < w->kkt.plan->size; ++k) {
         const int unknown = w->kkt.plan->order[k];
         const int row = unknown - r->n;
         w->kkt.row[k] = 0;
-        w->kkt.corner[k] = row < 0 ? 0 : -w->epsilon[row];
-        w->kkt.least[k] = row < 0 ? precise * w->natural[unknown] : -w->epsilon[row] / 2;
+        w->kkt.corner[k] = row < 0 ? 0 : -w->corner[row];
+        w->kkt.instead[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row] / (r->rounding * r->rounding);
+        if (row < 0 || w->let_go[row])
+            w->kkt.least[k] = w->kkt.instead[k];
+        else
+            w->kkt.least[k] = by_penalty ? w->kkt.corner[k] / 2 : -implied * w->reduced[row];
     }
 }
 
@@ -142,7 +161,7 @@ static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_corner)
         rest[i] = w->right[i] - rest[i];
     for (int i = 0; i < r->m; ++i) {
         const ncgen_real lam = w->solution[r->n + i];
-        ncgen_real sum = w->right[r->n + i] + (with_corner ? w->epsilon[i] * lam : 0);
+        ncgen_real sum = w->right[r->n + i] + (with_corner ? w->corner[i] * lam : 0);
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
             sum -= values[k] * w->solution[phi_q->indices[k]];
             rest[phi_q->indices[k]] -= values[k] * lam;
@@ -163,26 +182,27 @@ static ncgen_real scaled_size(const ncgen_run *r, const ncgen_real *x)
 }
 
 /* w->solution of the equations with the right side w->right; refined where the factors are not those of the equations. */
-static void solve_equations(ncgen_run *r, ncgen_constrained *w)
+static int solve_equations(ncgen_run *r, ncgen_constrained *w)
 {
-    const int formalism = r->options->formalism;
     ncgen_kkt_solve(&w->kkt, w->right, w->solution);
-    if (!(w->kkt.perturbed || formalism == NCGEN_AUGMENTED_LAGRANGIAN || r->rounding > R(1.0e-10)))
-        return;
+    if (!(w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10)))
+        return NCGEN_OK;
     ncgen_real before = 0;
     for (int k = 0; k < REFINEMENT_LIMIT; ++k) {
-        find_residual(r, w, formalism == NCGEN_PENALTY);
+        find_residual(r, w, r->options->formalism == NCGEN_PENALTY);
         ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
         const ncgen_real change = scaled_size(r, w->residual);
+        const ncgen_real size = scaled_size(r, w->solution);
         if (k > 0 && !(change < R(0.5) * before)) /* at rounding, or beyond what the equations determine */
-            return;
+            return w->kkt.perturbed && change > NCGEN_SQRT(r->rounding) * size ? NCGEN_SINGULAR : NCGEN_OK;
         for (int i = 0; i < r->n + r->m; ++i)
             w->solution[i] += w->residual[i];
         r->statistics->refinements += 1;
-        if (change <= 4 * r->rounding * scaled_size(r, w->solution))
-            return;
+        if (change <= 4 * r->rounding * size)
+            return NCGEN_OK;
         before = change;
     }
+    return NCGEN_OK;
 }
 
 /* gamma - 2 xi omega Phid - omega^2 Phi at the rows of w->right. */
@@ -226,7 +246,7 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     if (status == NCGEN_OK && is_dense(r))
         status = ncgen_dense_accelerations(r, w);
     else if (status == NCGEN_OK && (status = factor(r)) == NCGEN_OK)
-        solve_equations(r, w);
+        status = solve_equations(r, w);
     if (status != NCGEN_OK)
         return status;
     ncgen_copy(n, w->solution, yd);
@@ -275,21 +295,23 @@ static void correct(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
         x[i] += w->residual[i];
 }
 
+/* Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
 static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, int fresh)
 {
+    const ncgen_scalar wanted = 100 * r->rounding;
     ncgen_real before = 0;
     for (int k = 0; k < PROJECTION_LIMIT; ++k) {
         int status = r->model->phi(t, r->q, r->p, w->residual + r->n);
         const ncgen_real size = largest_residual(r, w->residual + r->n);
         if (status != NCGEN_OK)
             return status;
-        if (size <= r->options->tolerance)
+        if (size <= wanted)
             return NCGEN_OK;
         if (!(size < R(1.0e30)))
             return NCGEN_NOT_CONVERGED;
         if (k > 0 && size > R(0.1) * before) {
-            if (fresh && size <= 1000 * r->options->tolerance) /* rounding, near a singular position */
-                return NCGEN_OK;
+            if (size <= r->options->tolerance || (fresh && size <= 1000 * r->options->tolerance))
+                return NCGEN_OK; /* at rounding; more of it near a singular position */
             if ((status = refresh(r, t)) != NCGEN_OK)
                 return status;
             fresh = 1;
@@ -308,7 +330,7 @@ static int project_velocity(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
         status = r->model->nu(t, r->q, r->p, w->nu);
     if (status != NCGEN_OK)
         return status;
-    const ncgen_real enough = r->options->tolerance * (1 + scaled_size(r, r->qd));
+    const ncgen_real enough = 100 * r->rounding * (1 + scaled_size(r, r->qd));
     for (int k = 0; k < VELOCITY_LIMIT; ++k) {
         ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
         for (int i = 0; i < r->m; ++i)
@@ -340,6 +362,10 @@ static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     const int status = project(r, t, y, !is_dense(r));
     r->constrained->jacobian_is_there = status == NCGEN_OK;
+    if (status == NCGEN_OK && r->constrained->redundant) {
+        ncgen_choose_rows(r, r->constrained);
+        set_diagonal(r, r->constrained);
+    }
     return status;
 }
 
@@ -370,7 +396,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
         w->right[i] = 0;
     for (int i = 0; i < r->m; ++i)
         w->nu[i] = 0;
-    for (int k = 0; k < r->dynamics->n_stiffness + r->dynamics->n_damping; ++k)
+    for (int k = 0; k < w->n_tangents; ++k)
         w->kkt.values[w->n_mass + w->n_phi_q + k] = 0;
     int status = r->model->mass ? r->model->mass(t, r->q, r->p, w->kkt.values) : NCGEN_OK;
     if (status == NCGEN_OK)
@@ -378,6 +404,10 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     if (status != NCGEN_OK)
         return status;
     find_sizes(r, w);
+    for (int i = 0; i < r->m; ++i)
+        w->let_go[i] = 0;
+    if (w->redundant)
+        ncgen_choose_rows(r, w);
     set_diagonal(r, w);
     return NCGEN_OK;
 }

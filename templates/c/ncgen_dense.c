@@ -44,9 +44,11 @@ static ncgen_real square_below(const orthogonal *f, int column, int from)
     return ncgen_dot(f->rows - from, a + from, a + from);
 }
 
-static void decompose(orthogonal *f, ncgen_real least_share)
+/* Down to columns of this share of the largest, and to a rank of `most`. */
+static void decompose(orthogonal *f, ncgen_real least_share, int most)
 {
-    const int steps = f->rows < f->columns ? f->rows : f->columns;
+    int steps = f->rows < f->columns ? f->rows : f->columns;
+    steps = most < steps ? most : steps;
     ncgen_real first = 0;
     for (int c = 0; c < f->columns; ++c)
         f->order[c] = c;
@@ -123,7 +125,7 @@ static void shortest(const orthogonal *f, const ncgen_real *right, ncgen_real *x
     rotate_back(f, x);
 }
 
-/* Phi_q' in natural sizes, by columns. */
+/* Phi_q' in natural sizes, by columns; zero where a row is let go. */
 static void fill_jacobian(ncgen_run *r, ncgen_constrained *w)
 {
     const ncgen_pattern *pattern = &r->model->phi_q_pattern;
@@ -131,7 +133,7 @@ static void fill_jacobian(ncgen_run *r, ncgen_constrained *w)
     for (int i = 0; i < r->n * r->m; ++i)
         w->jacobian[i] = 0;
     for (int i = 0; i < r->m; ++i)
-        for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+        for (int k = pattern->indptr[i]; k < (w->let_go[i] ? pattern->indptr[i] : pattern->indptr[i + 1]); ++k)
             w->jacobian[(size_t)i * (size_t)r->n + (size_t)pattern->indices[k]] =
                 values[k] * r->dynamics->column_sizes[pattern->indices[k]] / r->dynamics->row_sizes[i];
 }
@@ -187,15 +189,26 @@ static int by_least_squares(ncgen_run *r, ncgen_constrained *w, const orthogonal
         }
     }
     for (int i = 0; i < r->m; ++i) {
-        right[free + i] = w->right[n + i] / r->dynamics->row_sizes[i];
+        right[free + i] = w->let_go[i] ? 0 : w->right[n + i] / r->dynamics->row_sizes[i];
         for (int j = 0; j < n; ++j)
             column_of(&all, j)[free + i] = w->jacobian[(size_t)i * (size_t)n + (size_t)j];
     }
-    decompose(&all, 16 * r->rounding);
+    decompose(&all, 16 * r->rounding, n);
     if (all.rank < n)
         return NCGEN_SINGULAR;
     least_squares(&all, right, x);
     return NCGEN_OK;
+}
+
+void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w)
+{
+    orthogonal f = {r->n, r->m, 0, w->jacobian, w->scaled + 3 * (r->n + r->m), w->columns};
+    for (int i = 0; i < r->m; ++i)
+        w->let_go[i] = 0;
+    fill_jacobian(r, w);
+    decompose(&f, 0, r->dynamics->n_dependent);
+    for (int c = f.rank; c < r->m; ++c)
+        w->let_go[f.order[c]] = 1;
 }
 
 /* w->solution of the equations in w->right, with M and Phi_q in w->kkt.values. */
@@ -206,7 +219,7 @@ int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w)
     ncgen_real *x = w->scaled, *first = x + n + m, *second = first; /* parts of n + m numbers */
     orthogonal f = {n, m, 0, w->jacobian, w->scaled + 3 * (n + m), w->columns};
     fill_jacobian(r, w);
-    decompose(&f, R(100.0) * (ncgen_scalar)n * r->rounding);
+    decompose(&f, R(100.0) * (ncgen_scalar)n * r->rounding, n);
     for (int a = f.rank; a < n; ++a) {
         ncgen_real *motion = w->basis + (size_t)(a - f.rank) * (size_t)n;
         for (int i = 0; i < n; ++i)
@@ -214,7 +227,7 @@ int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w)
         rotate_back(&f, motion);
     }
     for (int i = 0; i < m; ++i)
-        w->residual[i] = w->right[n + i] / r->dynamics->row_sizes[i];
+        w->residual[i] = w->let_go[i] ? 0 : w->right[n + i] / r->dynamics->row_sizes[i];
     shortest(&f, w->residual, x);
     int status;
     if (r->options->formalism == NCGEN_NULL_SPACE) {
@@ -223,7 +236,7 @@ int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w)
         status = by_least_squares(r, w, &f, x, second, w->residual);
         fill_jacobian(r, w);
         f.rank = 0;
-        decompose(&f, R(100.0) * (ncgen_scalar)n * r->rounding);
+        decompose(&f, R(100.0) * (ncgen_scalar)n * r->rounding, n);
     }
     if (status != NCGEN_OK)
         return status;

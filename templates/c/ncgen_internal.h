@@ -24,7 +24,7 @@ typedef struct ncgen_kkt {
     ncgen_real *lower;              /* nonzeros of L */
     ncgen_real *pivots, *row;       /* size; row is zero between calls */
     ncgen_real *corner;             /* the diagonal -E in elimination order, zero for coordinates */
-    ncgen_real *least;              /* size: smallest pivot that is left as it is */
+    ncgen_real *least, *instead;    /* size: smallest pivot that is left as it is, and what replaces a smaller one */
     ncgen_real *permuted;           /* size: for solutions */
     long perturbed;                 /* pivots of the last factorisation that were made larger */
 } ncgen_kkt;
@@ -84,18 +84,22 @@ typedef struct ncgen_partitioning {
 /* Formalisms on all coordinates (ncgen_constrained.c, ncgen_dense.c). */
 typedef struct ncgen_constrained {
     ncgen_kkt kkt;
-    int n_mass, n_phi_q;                       /* nonzeros */
+    int n_mass, n_phi_q, n_tangents;           /* nonzeros */
     int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
     ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */
     ncgen_real *nu, *phi;                      /* m */
-    ncgen_real *epsilon, *natural;             /* m: the diagonal E; n: sizes of the diagonal of M */
+    ncgen_real *corner;                        /* m: the diagonal E */
+    ncgen_real *natural, *reduced;             /* n, m: sizes of the masses, and of rows once these are eliminated */
     /* Where QR is used: */
-    ncgen_real mass_size;                      /* the least mass in natural sizes */
+    ncgen_real mass_size;                      /* the largest mass in natural sizes */
     ncgen_real *jacobian;                      /* n x m */
     ncgen_real *basis;                         /* columns of n */
     ncgen_real *square;                        /* (n + m) x n */
     ncgen_real *scaled;                        /* 4 (n + m) */
     int *columns;                              /* exchanges, of n or m columns */
+    int *let_go;                               /* m: is a row left out, since others imply it? */
+    int redundant;                             /* are there such rows? */
+    int iterated;                              /* is the effect of E removed by iteration? */
 } ncgen_constrained;
 
 /* What an integrator works in (ncgen_explicit.c). */
@@ -125,7 +129,8 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities);
 void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w);
 int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities);
 
-/* ncgen_dense.c */
+/* ncgen_dense.c: accelerations by QR; and which of redundant rows are farthest from dependent, in w->let_go. */
+void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w);
 int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w);
 
 /* ncgen_explicit.c: a run over the grid with Runge-Kutta methods. */

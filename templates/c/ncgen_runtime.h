@@ -41,13 +41,9 @@ typedef struct ncgen_elimination {
     const int *entry_start, *entry_columns, *entry_values;
 } ncgen_elimination;
 
-/* Derivatives of the equations of motion M qdd + Phi_q' lam - Q, for implicit methods. */
-typedef int ncgen_stiffness_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *qdd,
-                                   const ncgen_real *lam, const ncgen_real *p, ncgen_real *out);
-
 typedef struct ncgen_dynamics {
     int n_independent;
-    int n_dependent;
+    int n_dependent;        /* with formalisms over all coordinates: the rank of phi_q, if rows are redundant, else 0 */
     const int *independent; /* positions in q */
     const int *dependent;
     const int *rows;        /* n_dependent kept rows; not used by emitted functions */
@@ -56,9 +52,8 @@ typedef struct ncgen_dynamics {
     ncgen_position_kernel *newton;
     ncgen_acceleration_kernel *acceleration;
     const ncgen_elimination *elimination; /* for formalisms that solve with [M Phi_q'; Phi_q -E] */
-    ncgen_stiffness_kernel *stiffness;    /* d/dq of the equations of motion; may be NULL */
-    ncgen_velocity_kernel *damping;       /* d/dqd of them; may be NULL */
-    int n_stiffness, n_damping;           /* their nonzeros */
+    int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
+    const ncgen_tangents *tangents;       /* for implicit methods; NULL: these iterate without them */
     int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */
 } ncgen_dynamics;
 
@@ -102,7 +97,7 @@ typedef struct ncgen_options {
     long max_steps;         /* 0 for no limit */
     int formalism;
     int project;            /* 1: back onto the constraints after each step */
-    ncgen_scalar penalty;   /* factor alpha of augmented Lagrangian and penalty, relative to the natural size */
+    ncgen_scalar penalty;   /* alpha of augmented Lagrangian and penalty, relative to the largest mass */
     ncgen_scalar damping;   /* xi and omega (1/s) of gamma - 2 xi omega Phid - omega^2 Phi; omega 0: none */
     ncgen_scalar frequency;
     ncgen_scalar radius;    /* generalized-alpha: spectral radius at infinity */
@@ -126,7 +121,7 @@ typedef struct ncgen_statistics {
 /* end cdef */
 /* begin functions */
 
-/* Numbers of workspace that ncgen_simulate needs; besides, it needs n_coordinates + n_rows integers. */
+/* Numbers of workspace that ncgen_simulate needs; besides, it needs n_coordinates + 2 n_rows integers. */
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 
 /* Simulate from times[0] to times[n_times - 1].

@@ -2,7 +2,8 @@
  *
  * Row after row: row k of L solves L D l = a with the rows above. Its pattern is known, so there are no lists to
  * search, and entry (i, j) of a column stands before entry (k, j) exactly when i < k. A pivot that is too small or has
- * the wrong sign is made larger and counted; the caller takes the change out of the solution by refinement.
+ * the wrong sign is replaced: without mass a coordinate gets some, which is counted and taken out again by refinement; a row
+ * that others imply gets a multiplier of zero.
  */
 #include "ncgen_internal.h"
 
@@ -15,6 +16,7 @@ void ncgen_kkt_layout(ncgen_kkt *k, const ncgen_elimination *plan, int nonzeros,
     k->row = ncgen_take(space, plan->size);
     k->corner = ncgen_take(space, plan->size);
     k->least = ncgen_take(space, plan->size);
+    k->instead = ncgen_take(space, plan->size);
     k->permuted = ncgen_take(space, plan->size);
 }
 
@@ -45,8 +47,8 @@ int ncgen_kkt_factor(ncgen_kkt *k)
             return NCGEN_DOMAIN;
         const ncgen_real least = k->least[r]; /* negative for rows, whose pivots are negative */
         if (least > 0 ? !(pivot > least) : !(pivot < least)) {
-            pivot = least;
-            k->perturbed += 1;
+            pivot = k->instead[r];
+            k->perturbed += least > 0;
         }
         if (!(NCGEN_ABS(pivot) > 0))
             return NCGEN_SINGULAR;
