@@ -130,3 +130,25 @@ def test_a_motion_without_inertia_is_reported():
     kernels = ncgen.compile(m, backend="c")
     with pytest.raises(ncgen.NcgenError):
         ncgen.simulate(kernels, 0.1, formalism="lagrange")
+
+
+@pytest.mark.parametrize("integrator", ["dopri5", "dop853", "rk4"])
+def test_stop_at_a_position(integrator):
+    """The pendulum's x falls through 0 after a quarter of its period, which is the elliptic one."""
+    from ncgen.build.runtime import FORMALISMS, ConstrainedDynamics
+
+    kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
+    grid = np.linspace(0.0, 2.0, 41)
+    options = dict(rtol=1e-11, atol=1e-12, tolerance=1e-12, formalism=FORMALISMS["lagrange"], project=1)
+    if integrator == "rk4":
+        options["max_step"] = 1e-3
+    dynamics = ConstrainedDynamics(kernels)
+    falling = (kernels.index[kernels.coordinates[0]], 0.0, -1)
+    done = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, event=falling, **options)
+    quarter = ellipk(0.5) / np.sqrt(9.81)
+    assert done.stopped
+    assert abs(done.reached - quarter) < 1e-9
+    assert abs(done.last[0][0]) < 1e-9
+    assert len(done.q) == np.sum(grid < quarter)
+    rising = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, event=(0, 0.0, 1), **options)
+    assert rising.stopped and abs(rising.reached - 3 * quarter) < 1e-9
