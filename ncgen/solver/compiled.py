@@ -95,16 +95,25 @@ def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: st
 
 def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p):
     """The state derivative for a partition, made once for every kernels object and partition."""
+    return emission(kernels, partitions, "emitted" if emitted else "dense", q, p)
+
+
+def emission(kernels: Kernels, partitions: Partitions, form: str, q, p):
+    """The state derivative in one of its forms: "dense", "emitted", or "lanes" for many states at a time."""
+    from ncgen.build.batch_runs import LaneDynamics
     from ncgen.build.runtime import DenseDynamics, EmittedDynamics
     from ncgen.program.dynamics import Split
 
     part = partitions.position
     split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
     store = kernels.__dict__.setdefault("_dynamics", {})
-    if (split, emitted) not in store:
-        new = EmittedDynamics(kernels, split, _samples(kernels, q, p)) if emitted else DenseDynamics(kernels, split)
-        store[split, emitted] = new
-    return store[split, emitted]
+    if (split, form) not in store:
+        if form == "dense":
+            store[split, form] = DenseDynamics(kernels, split)
+        else:
+            kind = {"emitted": EmittedDynamics, "lanes": LaneDynamics}[form]
+            store[split, form] = kind(kernels, split, _samples(kernels, q, p))
+    return store[split, form]
 
 
 def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:

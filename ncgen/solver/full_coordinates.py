@@ -10,40 +10,43 @@ import warnings
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, NcgenError, SingularError
+from ncgen.errors import ConvergenceError, SingularError
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion
-from ncgen.solver.formalisms import Formalism
-from ncgen.solver.integrators import replace_state
+from ncgen.solver.dynamics_jacobian import full_jacobian
+from ncgen.solver.integrators import replace_state, takes_jacobian
+from ncgen.solver.methods import Method
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
 
 
-def run(path: Path, kernels: Kernels, formalism: Formalism, settings: dict, method, grid, q, qd, p, progress, **options) -> None:
+def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, **options) -> None:
     """Fill an empty path over a time grid.
 
-    method: a SciPy OdeSolver class; options: its rtol, atol, max_step; settings: the formalism's options
+    options: rtol, atol, max_step of the integrator
     Raises ConvergenceError or SingularError with the time where the motion cannot go on.
     """
-    _Run(path, kernels, formalism, settings, p).integrate(method, grid, q, qd, progress, options)
+    _Run(path, kernels, method, p).integrate(grid, q, qd, progress, options)
 
 
 class _Run:
     """One integration: counters, and the parameters of the current step."""
 
-    def __init__(self, path: Path, kernels: Kernels, formalism: Formalism, settings: dict, p):
-        self.path, self.kernels, self.formalism, self.settings, self.p = path, kernels, formalism, settings, p
-        self.projecting = settings["stabilisation"] == "projection"
+    def __init__(self, path: Path, kernels: Kernels, method: Method, p):
+        self.path, self.kernels, self.method, self.p = path, kernels, method, p
+        self.projecting = method.options["stabilisation"] == "projection"
         self.rank = 0
         self.rows = None
         self.evaluations = 0
 
-    def integrate(self, method, grid, q, qd, progress, options) -> None:
+    def integrate(self, grid, q, qd, progress, options) -> None:
         self.rank = freedom(self.kernels, q, grid[0], self.p).rank
         self._choose_rows(q, grid[0])
-        solver = method(self._derivative, grid[0], np.concatenate([qd, q, [0.0]]), grid[-1], **options)
+        if takes_jacobian(self.method.integrator, self.kernels):
+            options = {**options, "jac": self._jacobian}
+        solver = self.method.integrator(self._derivative, grid[0], np.concatenate([qd, q, [0.0]]), grid[-1], **options)
         self._record([solver.y])
         taken = 0
         while solver.status == "running":
@@ -79,7 +82,12 @@ class _Run:
         return np.concatenate([now.qdd, now.qd, [now.power]])
 
     def motion(self, t: float, y: np.ndarray) -> Motion:
-        return self.formalism.motion(self.kernels, y[self._q], y[: self.kernels.n], t, self.p, self.settings, self.rows)
+        q, qd = y[self._q], y[: self.kernels.n]
+        return self.method.formalism.motion(self.kernels, q, qd, t, self.p, self.method.options, self.rows)
+
+    def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        gains = self.method.formalism.gains(self.method.options)
+        return full_jacobian(self.kernels, self.motion(t, y), self.p, self.rows, gains)
 
     def _choose_rows(self, q, t: float) -> None:
         """Of redundant rows those farthest from dependent: off the constraints, where a method's stages are, the others contradict them."""

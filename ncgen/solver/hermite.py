@@ -15,3 +15,7 @@ class Hermite(scipy.integrate.DenseOutput):
 
     def _call_impl(self, t):
         return self._spline(t).T
+
+    def rate(self, t: float):
+        """The derivative at one instant."""
+        return self._spline(t, 1)

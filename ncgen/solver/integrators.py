@@ -118,6 +118,14 @@ OTHER_NAMES = {
 """SciPy's and Matlab's names for the same methods."""
 
 
+IMPLICIT = (scipy.integrate.BDF, scipy.integrate.Radau, scipy.integrate.LSODA, Trapezoidal)
+
+
+def takes_jacobian(method: type, kernels) -> bool:
+    """True if an integrator uses ∂ẏ/∂y and it is known: forces of Python functions have no derivative."""
+    return method in IMPLICIT and not kernels.model.callbacks
+
+
 def find_integrator(name: str):
     """The integrator class of a name, upper or lower case. Raises ModelError listing the known ones."""
     key = canonical_name(name)

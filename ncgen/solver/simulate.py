@@ -9,10 +9,9 @@ from numbers import Integral, Real
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, SingularError
-from ncgen.solver import compiled, full_coordinates, python_engine
+from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.branches import refresh_branches
-from ncgen.solver.formalisms import Formalism, chosen_options, find_formalism
-from ncgen.solver.integrators import canonical_name, find_integrator
+from ncgen.solver.methods import Method, find_method
 from ncgen.solver.partition import Partition, Partitions, choose_partitions
 from ncgen.solver.path import Path
 from ncgen.solver.position import check_finite, check_mirror_roots
@@ -50,10 +49,14 @@ def simulate(
         "coordinate-partitioning" (the paper's Table 8): the independent coordinates alone are integrated
         "null-space", "lagrange" (index 1), "augmented-lagrangian" (index 1), "udwadia-phohomsiri", "penalty": all
         coordinates are integrated, and after every step projected onto the constraints (penalty: Baumgarte's terms)
+        "ali3p": index-3 augmented Lagrangian with mass-orthogonal projections, by the trapezoidal rule
     integrator: dopri5, dop853, rk23, adams, bdf, radau, lsoda, or with the fixed step max_step rk4 and trapezoidal, or
         Matlab's and SciPy's names (ode45, RK45, ode113 …)
-    options: {name: value} for the formalism: stabilisation ("projection", "baumgarte", "none"), omega (1/s) and xi of
-        Baumgarte's terms, alpha, the penalty over the largest inertia
+        with "lagrange" also those that discretise the constrained equations, with the fixed step max_step: rattle
+        (symplectic), energy-momentum (exact energy), generalized-alpha (numerical damping)
+    options: {name: value} for formalism and integrator: stabilisation ("projection", "baumgarte", "none"), omega (1/s) and
+        xi of Baumgarte's terms, alpha, the penalty over the largest inertia (ali3p: times h²/4, over that of its tangent); project_velocities of
+        energy-momentum; rho, ρ∞ of generalized-alpha, or hht, α of HHT in its place
     rtol, atol: tolerances on the velocities and positions that are integrated
     q0: initial position, shape (n,) (default: the model's); if it is only approximate it is assembled first
     zd0: initial independent velocities by name, {"psi2": 1.0}, or as an array in the order of z (default: rest)
@@ -71,9 +74,7 @@ def simulate(
     Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
     time where the motion cannot go on.
     """
-    method = find_integrator(integrator)
-    form = find_formalism(formalism, canonical_name(integrator))
-    settings = chosen_options(form, form.options, options)
+    method = find_method(formalism, integrator, options)
     duration = _positive(duration, "duration", "s")
     for name, value in (("rtol", rtol), ("atol", atol)):
         _positive(value, name)
@@ -91,43 +92,60 @@ def simulate(
     q = closed_position(kernels, q, t0, p)
     check_mirror_roots(kernels, q, p)
     chosen = tuple(z or kernels.model.chosen_independent)
-    partitions = _partitions(kernels, q, t0, p, chosen, needed=form.solve is None or zd0 is not None)
+    partitions = _partitions(kernels, q, t0, p, chosen, needed=method.formalism.solve is None or zd0 is not None)
     qd = _velocity(kernels, partitions, q, t0, p, zd0, qd0)
     grid = np.linspace(t0, t0 + duration, points)
     steps = dict(rtol=rtol, atol=atol, max_step=max_step)
     clock = time.perf_counter()
     path = Path.empty(kernels.n, partitions)
     emitted = engine == "emitted"
-    refused = _refusal(kernels, form, engine, integrator, partitions)
+    refused = _refusal(kernels, method, engine, integrator, partitions)
     if refused and engine in ("c", "emitted"):
         raise ModelError(f"{kernels.name} cannot be simulated in C: {refused}; use engine='auto'")
     if refused is None:
-        if form.solve is None:
-            refused = compiled.run(path, kernels, integrator, emitted, grid, q, qd[partitions.velocity.independent], p, **steps)
-        else:
-            refused = compiled.run_constrained(path, kernels, form.name, integrator, settings, grid, q, qd, p, **steps)
+        refused = _run_in_c(path, kernels, method, integrator, emitted, grid, q, qd, p, steps)
         if refused and engine != "auto":
             raise ConvergenceError(f"{kernels.name}: {refused}; engine='auto' goes on in Python")
-    if refused is not None and form.solve is None:
-        python_engine.run(path, kernels, method, grid, q, qd[partitions.velocity.independent], p, progress, **steps)
-    elif refused is not None:
-        path = Path.empty(kernels.n, partitions)  # what C has left of it is done again
-        full_coordinates.run(path, kernels, form, settings, method, grid, q, qd, p, progress, **steps)
+    if refused is not None:
+        if _is_constrained(method):
+            path = Path.empty(kernels.n, partitions)  # what C has left of it is done again
+        _run_in_python(path, kernels, method, grid, q, qd, p, progress, steps)
     if progress and refused is None:
         progress(grid[-1])
     statistics = Statistics(*map(int, path.counts), time.perf_counter() - clock, path.projections, path.largest_projection)
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
     return Trajectory(
-        kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels, settings
+        kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels, method.options
     )  # fmt: skip
 
 
-def _refusal(kernels: Kernels, form: Formalism, engine: str, integrator: str, partitions: Partitions | None) -> str | None:
+def _is_constrained(method: Method) -> bool:
+    """True where all coordinates are integrated, not the independent ones alone."""
+    return method.is_stepper or method.formalism.solve is not None
+
+
+def _run_in_c(path: Path, kernels: Kernels, method: Method, integrator: str, emitted: bool, grid, q, qd, p, steps: dict) -> str | None:
+    if _is_constrained(method):
+        return compiled.run_constrained(path, kernels, method.formalism.name, integrator, method.options, grid, q, qd, p, **steps)
+    return compiled.run(path, kernels, integrator, emitted, grid, q, qd[path.partitions.velocity.independent], p, **steps)
+
+
+def _run_in_python(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, steps: dict) -> None:
+    if method.is_stepper:
+        steppers.run(path, kernels, method.integrator, method.options, grid, q, qd, p, progress, steps["max_step"])
+    elif method.formalism.solve is None:
+        rates = qd[path.partitions.velocity.independent]
+        python_engine.run(path, kernels, method.integrator, grid, q, rates, p, progress, **steps)
+    else:
+        full_coordinates.run(path, kernels, method, grid, q, qd, p, progress, **steps)
+
+
+def _refusal(kernels: Kernels, method: Method, engine: str, integrator: str, partitions: Partitions | None) -> str | None:
     """Why the run is not in C, or None if it is."""
     if engine == "python":
         return "asked for"
-    if form.solve is not None:
-        return compiled.refusal_constrained(kernels, form.name, integrator, engine)
+    if _is_constrained(method):
+        return compiled.refusal_constrained(kernels, method.formalism.name, integrator, engine)
     return compiled.refusal(kernels, integrator, partitions, engine == "emitted")
 
 

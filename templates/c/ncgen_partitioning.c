@@ -12,7 +12,7 @@ static const ncgen_scalar broken_down = R(1.0e30);
 enum { NEWTON_LIMIT = 40 };
 
 /* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
-static const ncgen_scalar nearly_converged = sizeof(ncgen_scalar) > 4 ? R(1.0e-8) : R(3.0e-4);
+static const ncgen_scalar nearly_converged = sizeof(ncgen_scalar) > 4 ? R(1.0e-7) : R(3.0e-4);
 
 /* The largest |phi| relative to the rows' sizes; not a number if one of them is not. */
 static ncgen_real residual(const ncgen_run *r)

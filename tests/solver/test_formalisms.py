@@ -161,8 +161,8 @@ def test_massless_motions_are_refused(formalism):
 
 
 REFUSED = [
-    ({"formalism": "lagrange", "options": {"beta": 1.0}}, "option beta: lagrange has no such option here; it has stabilisation, omega, xi"),
-    ({"options": {"alpha": 1.0}}, "option alpha: coordinate-partitioning has no such option here; it has none"),
+    ({"formalism": "lagrange", "options": {"beta": 1.0}}, "option beta: lagrange with dopri5 has no such option; it has stabilisation, omega, xi"),
+    ({"options": {"alpha": 1.0}}, "option alpha: coordinate-partitioning with dopri5 has no such option; it has none"),
     ({"formalism": "penalty", "options": {"alpha": "much"}}, "option alpha: 'much' given"),
     ({"formalism": "lagrange", "options": {"stabilisation": "hope"}}, "stabilisation 'hope' is unknown; choose one of projection"),
     ({"formalism": "lagrange", "engine": "c"}, "cannot be simulated in C: lagrange runs in Python"),

@@ -32,9 +32,9 @@ class KKT:
         self._solve = (_sparse if sum(jacobian.shape) > LARGE else _dense)(weight, self.left, jacobian, name)
 
     def solve(self, force, gamma) -> tuple[np.ndarray, np.ndarray]:
-        """x (n,) and y (m,), refined until the residual no longer falls."""
+        """x (n,) and y (m,), or (n, k) and (m, k) for k right-hand sides, refined until the residual no longer falls."""
         n = len(force)
-        x, y, smallest = np.zeros(n), np.zeros(len(gamma)), np.inf
+        x, y, smallest = np.zeros_like(force), np.zeros_like(gamma), np.inf
         for _ in range(REFINEMENTS):
             rest = np.concatenate([force - self.weight @ x - self.left @ y, gamma - self.jacobian @ x])
             size = float(np.max(np.abs(rest), initial=0.0))
