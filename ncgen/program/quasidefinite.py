@@ -33,12 +33,10 @@ class Elimination:
               "entry_values")  # fmt: skip
 
 
-def plan(
-    mass: Pattern, phi_q: Pattern, rows_first: bool = False, stiffness: Pattern | None = None, damping: Pattern | None = None
-) -> Elimination:
-    """The plan for A with the patterns of M and of the tangents; of the tangents, only the symmetric part is used."""
+def plan(mass: Pattern, phi_q: Pattern, rows_first: bool = False) -> Elimination:
+    """The plan for A with the pattern of M; rows_first where M is singular."""
     n, m = phi_q.shape[1], phi_q.shape[0]
-    entries = _entries(n, mass, phi_q, stiffness, damping)
+    entries = _entries(n, mass, phi_q)
     neighbours: list[set[int]] = [set() for _ in range(n + m)]
     for i, j, _ in entries:
         if i != j:
@@ -52,21 +50,10 @@ def plan(
     return _index(order, columns, entries)
 
 
-def _entries(n: int, mass: Pattern, phi_q: Pattern, stiffness: Pattern | None, damping: Pattern | None) -> list[tuple[int, int, int]]:
-    """(i, j, number of a value) once for each contribution to the matrix below or on the diagonal.
-
-    M is symmetric, so its lower half is enough. A tangent need not be: both halves are added up, its diagonal twice, and the
-    runtime halves the values.
-    """
+def _entries(n: int, mass: Pattern, phi_q: Pattern) -> list[tuple[int, int, int]]:
+    """(i, j, number of its value) of the lower half of the matrix."""
     entries = [(i, j, k) for (i, j), k in mass.positions().items() if i >= j]
-    count = mass.nonzeros
-    entries += [(n + i, j, count + k) for (i, j), k in phi_q.positions().items()]
-    count += phi_q.nonzeros
-    for tangent in (stiffness, damping):
-        if tangent is not None:
-            entries += [(i, j, count + k) for (i, j), k in tangent.positions().items() for _ in range(2 if i == j else 1)]
-            count += tangent.nonzeros
-    return entries
+    return entries + [(n + i, j, mass.nonzeros + k) for (i, j), k in phi_q.positions().items()]
 
 
 def _minimum_degree(neighbours: list[set[int]], waits: list[set[int]]) -> tuple[list[int], list[set[int]]]:

@@ -36,8 +36,7 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     r->qd = ncgen_take(space, r->n);
     w->n_mass = nonzeros(&r->model->mass_pattern);
     w->n_phi_q = nonzeros(&r->model->phi_q_pattern);
-    w->n_tangents = d->tangents ? nonzeros(&d->tangents->stiffness_pattern) + nonzeros(&d->tangents->damping_pattern) : 0;
-    ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q + w->n_tangents, space);
+    ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q, space);
     w->right = ncgen_take(space, r->n + r->m);
     w->solution = ncgen_take(space, r->n + r->m);
     w->residual = ncgen_take(space, r->n + r->m);
@@ -396,8 +395,6 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
         w->right[i] = 0;
     for (int i = 0; i < r->m; ++i)
         w->nu[i] = 0;
-    for (int k = 0; k < w->n_tangents; ++k)
-        w->kkt.values[w->n_mass + w->n_phi_q + k] = 0;
     int status = r->model->mass ? r->model->mass(t, r->q, r->p, w->kkt.values) : NCGEN_OK;
     if (status == NCGEN_OK)
         status = find_jacobian(r, t);

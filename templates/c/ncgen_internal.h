@@ -20,7 +20,7 @@ typedef struct ncgen_space {
 /* The matrix [A Phi_q'; Phi_q -E] and its factors. */
 typedef struct ncgen_kkt {
     const ncgen_elimination *plan;
-    ncgen_real *values;             /* [mass, phi_q, stiffness, damping] as the plan numbers them */
+    ncgen_real *values;             /* [mass, phi_q] as the plan numbers them */
     ncgen_real *lower;              /* nonzeros of L */
     ncgen_real *pivots, *row;       /* size; row is zero between calls */
     ncgen_real *corner;             /* the diagonal -E in elimination order, zero for coordinates */
@@ -84,7 +84,7 @@ typedef struct ncgen_partitioning {
 /* Formalisms on all coordinates (ncgen_constrained.c, ncgen_dense.c). */
 typedef struct ncgen_constrained {
     ncgen_kkt kkt;
-    int n_mass, n_phi_q, n_tangents;           /* nonzeros */
+    int n_mass, n_phi_q;                       /* nonzeros */
     int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
     ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */
     ncgen_real *nu, *phi;                      /* m */

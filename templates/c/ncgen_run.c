@@ -134,12 +134,9 @@ size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics,
 /* Is there everything that the formalism and the method need? */
 static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, int n_times)
 {
-    const int implicit = options->method >= NCGEN_RATTLE;
-    if (n_times < 2 || !model->phi || options->method > NCGEN_ALI3P || options->formalism > NCGEN_UDWADIA_PHOHOMSIRI)
-        return 0;
-    if (options->formalism != NCGEN_COORDINATE_PARTITIONING && !dynamics->elimination)
-        return 0;
-    return !implicit || options->formalism == NCGEN_LAGRANGE;
+    return n_times >= 2 && model->phi && options->method >= NCGEN_DOPRI5 && options->method <= NCGEN_DOP853 &&
+           options->formalism >= NCGEN_COORDINATE_PARTITIONING && options->formalism <= NCGEN_UDWADIA_PHOHOMSIRI &&
+           (options->formalism == NCGEN_COORDINATE_PARTITIONING || dynamics->elimination);
 }
 
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,

@@ -24,14 +24,13 @@ extern "C" {
 typedef int ncgen_acceleration_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *zd, const ncgen_real *p,
                                       ncgen_real *out);
 
-/* How to factor [A Phi_q'; Phi_q -E], where A has the pattern of the mass matrix (and of the tangents, where there are
- * some): the order of elimination and the pattern of its factor L D L', found once for a mechanism.
+/* How to factor [A Phi_q'; Phi_q -E], where A has the pattern of the mass matrix: the order of elimination and the pattern of its factor L D L', found once for a mechanism.
  *
  * order[k] is eliminated as the k-th: coordinate order[k], or row order[k] - n_coordinates
  * Row k of L has the columns row_columns[row_start[k]] .. (increasing), with their values at row_places[...];
  * column k of L has its values at column_start[k] .. and their rows in column_rows.
  * Row k of the matrix gets, left of the diagonal and on it, at entry_columns[entry_start[k]] .., the values numbered
- * entry_values[...] of the list [mass, phi_q, stiffness, damping]. */
+ * entry_values[...] of the list [mass, phi_q]. */
 typedef struct ncgen_elimination {
     int size;     /* n_coordinates + n_rows */
     int nonzeros; /* of L */
@@ -53,7 +52,6 @@ typedef struct ncgen_dynamics {
     ncgen_acceleration_kernel *acceleration;
     const ncgen_elimination *elimination; /* for formalisms that solve with [M Phi_q'; Phi_q -E] */
     int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
-    const ncgen_tangents *tangents;       /* for implicit methods; NULL: these iterate without them */
     int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */
 } ncgen_dynamics;
 
@@ -71,12 +69,7 @@ enum ncgen_formalism {
 enum ncgen_method {
     NCGEN_DOPRI5 = 0, /* Dormand-Prince 5(4) with error control and dense output */
     NCGEN_RK4 = 1,    /* classical Runge-Kutta with a fixed step */
-    NCGEN_DOP853 = 2, /* Dormand-Prince 8(5,3) with error control and dense output */
-    /* The following discretise the constrained equations themselves, with a fixed step. */
-    NCGEN_RATTLE = 3,          /* symplectic, second order, positions and velocities exactly on the constraints */
-    NCGEN_ENERGY_MOMENTUM = 4, /* midpoint rule that keeps the energy where constraints and potential are quadratic */
-    NCGEN_GENERALIZED_ALPHA = 5,
-    NCGEN_ALI3P = 6            /* index-3 augmented Lagrangian, trapezoidal, with projections */
+    NCGEN_DOP853 = 2  /* Dormand-Prince 8(5,3) with error control and dense output */
 };
 
 /* Stop where a coordinate passes a value, or a function of (t, q, qd, p) passes zero. */
@@ -100,7 +93,6 @@ typedef struct ncgen_options {
     ncgen_scalar penalty;   /* alpha of augmented Lagrangian and penalty, relative to the largest mass */
     ncgen_scalar damping;   /* xi and omega (1/s) of gamma - 2 xi omega Phid - omega^2 Phi; omega 0: none */
     ncgen_scalar frequency;
-    ncgen_scalar radius;    /* generalized-alpha: spectral radius at infinity */
     const ncgen_event *event; /* NULL: run to the end */
 } ncgen_options;
 
@@ -112,9 +104,8 @@ typedef struct ncgen_statistics {
     long newton_steps;
     ncgen_scalar t;   /* time reached */
     long factorisations; /* of [A Phi_q'; Phi_q -E] */
-    long perturbed;   /* pivots of them that had to be made larger */
+    long perturbed;   /* pivots without mass in them that were made larger */
     long refinements;
-    long fallbacks;   /* evaluations done densely after an emitted one failed */
     int stopped;      /* 1: by the event, at t */
 } ncgen_statistics;
 
