@@ -29,6 +29,8 @@ class Dialect(Protocol):
 
 
 class Assignment(NamedTuple):
+    """A name for the value of an operation, whose number in the block is `node`."""
+
     name: str
     value: str
     node: int

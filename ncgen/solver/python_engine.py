@@ -134,7 +134,7 @@ class _Run:
     def _stuck(self, here: Motion) -> str:
         return (
             f"{self.kernels.name}: the motion cannot go on beyond t = {here.t:.6g} s; the mechanism locks or comes to a "
-            "singular position there, or take smaller steps (rtol, max_step)"
+            "singular position there, which formalism='lagrange' passes; or take smaller steps (rtol, max_step)"
         )
 
     def _quality(self, partitions: Partitions, here: Motion) -> float:

@@ -170,6 +170,7 @@ class Trajectory:
         from ncgen.emit.sources import write_bytes
 
         names = dict(coordinates=self.coordinates, parameters=self.kernels.parameters, rows=[r.label for r in self.model.rows])
+        names["independent"] = self.independent
         arrays = dict(t=self.t, q=self.q, qd=self.qd, qdd=self.qdd, lam=self.lam, work=self.work, p=self.p)
         buffer = io.BytesIO()
         np.savez(buffer, **arrays, **{k: np.array(v, dtype=str) for k, v in names.items()})

@@ -20,7 +20,9 @@ static ncgen_real residual(const ncgen_run *r)
     ncgen_real largest = 0;
     for (int i = 0; i < r->model->n_rows; ++i) {
         const ncgen_real size = NCGEN_ABS(r->partitioning->phi[i]) / r->dynamics->row_sizes[i];
-        if (!(size <= largest))
+        if (size != size)
+            return size;
+        if (size > largest)
             largest = size;
     }
     return largest;

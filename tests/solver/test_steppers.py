@@ -160,7 +160,10 @@ REFUSED = [
     ({"formalism": "ali3p"}, "dopri5 does not go with ali3p: ali3p goes with trapezoidal; dopri5 goes with coordinate-partitioning, "),
     ({"formalism": "lagrange", "integrator": "generalized-alpha", "max_step": 0.01, "options": {"rho": 1.5}}, "option rho: 1.5 given"),
     ({"formalism": "lagrange", "integrator": "generalized-alpha", "max_step": 0.01, "options": {"hht": 0.5}}, "option hht: 0.5 given"),
-    ({"formalism": "lagrange", "integrator": "rattle", "max_step": 0.01, "options": {"rho": 1.0}}, "lagrange with rattle has no such option"),
+    (
+        {"formalism": "lagrange", "integrator": "rattle", "max_step": 0.01, "options": {"rho": 1.0}},
+        "lagrange with rattle has no such option",
+    ),
 ]
 
 

@@ -12,6 +12,7 @@ from ncgen.solver.formalisms.lagrange import lagrange
 from ncgen.solver.formalisms.null_space import null_space
 from ncgen.solver.formalisms.udwadia_phohomsiri import udwadia_phohomsiri
 
+
 @dataclass(frozen=True)
 class Formalism:
     """A formalism and what a user may set.

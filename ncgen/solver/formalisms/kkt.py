@@ -47,7 +47,9 @@ class KKT:
 
 def massless(name: str) -> SingularError:
     """The refusal where accelerations are not determined: [M; Φ_q] has not full column rank."""
-    return SingularError(f"{name}: a motion of the mechanism has no inertia (the rank of [M; Φ_q] is too small); give the bodies that move mass")
+    return SingularError(
+        f"{name}: a motion of the mechanism has no inertia (the rank of [M; Φ_q] is too small); give the bodies that move mass"
+    )
 
 
 def _dense(weight, left, jacobian, name):
