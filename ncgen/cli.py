@@ -1,4 +1,4 @@
-"""The command line: list, run, generate, inspect, bench, check, convert, cache.
+"""The command line: list, run, generate, inspect, bench, hard, check, convert, cache.
 
 MODEL is the name of an example, or a path to a .toml or .py file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -158,6 +158,31 @@ def bench(model: ModelName, json_output: Json = False) -> None:
             advance(done)
             if not json_output:
                 show(out, title, found)
+    if json_output:
+        print(json.dumps(records, indent=1))
+
+
+@app.command()
+def hard(
+    case: Annotated[list[str] | None, typer.Option(help="one case [default: all]; may be repeated")] = None,
+    limit: Annotated[float, typer.Option(help="seconds after which a run is stopped")] = 20.0,
+    json_output: Json = False,
+) -> None:
+    """Run mechanisms that break methods: case by formalism and integrator, with error, drift, time, or why it fails."""
+    from ncgen.report.hard import hard_records, lines, methods
+    from ncgen.report.hard_cases import CASES
+
+    names = case or list(CASES)
+    if unknown := [name for name in names if name not in CASES]:
+        raise ModelError(f"case {unknown[0]!r} is unknown; choose one of {', '.join(CASES)}")
+    records = []
+    with _progress("hard cases", len(names) * len(methods())) as advance:
+        for done, record in enumerate(hard_records(names, limit), 1):
+            records.append(record)
+            advance(done)
+            if not json_output and done % len(methods()) == 0:
+                for line in lines(records[-len(methods()) :]):
+                    out.print(line, markup=False)
     if json_output:
         print(json.dumps(records, indent=1))
 

@@ -14,20 +14,20 @@ from ncgen.errors import NcgenError
 from ncgen.report.hard_cases import CASES, Case
 from ncgen.solver.formalisms import FORMALISMS
 from ncgen.solver.integrators import INTEGRATORS
-from ncgen.solver.methods import partners
 from ncgen.solver.simulate import simulate
+from ncgen.solver.steppers import STEPPERS
 
-RTOL, ATOL = 1e-10, 1e-12
+ABSOLUTE = 1e-2
+"""Absolute tolerance as a share of the relative one."""
+
 LIMIT = 20.0
 """Seconds after which a run is stopped."""
 
-FIXED = ("rk4", "trapezoidal", "rattle", "energy-momentum", "generalized-alpha")
+FIXED = ("rk4", "trapezoidal", *(integrator for _, integrator in STEPPERS))
 """Integrators with a fixed step."""
 
-WIDELY = ("coordinate-partitioning", "lagrange")
-"""Formalisms that are tried with each of their integrators; the others with one, since the integrator is not what differs."""
-
 ONE = "dop853"
+"""Every formalism is tried with this one, since there the integrator is not what differs."""
 
 
 class TimeIsUp(Exception):
@@ -35,12 +35,10 @@ class TimeIsUp(Exception):
 
 
 def methods() -> list[tuple[str, str]]:
-    """Every formalism with an integrator, two of them with all."""
-    found = []
-    for name, formalism in FORMALISMS.items():
-        known = partners(formalism)
-        found += [(name, integrator) for integrator in known if name in WIDELY or integrator == ONE or ONE not in known]
-    return found
+    """Coordinate partitioning with every integrator, every formalism with one, and all that step the constrained equations."""
+    ordinary = [("coordinate-partitioning", integrator) for integrator in INTEGRATORS]
+    formalisms = [(name, ONE) for name, formalism in FORMALISMS.items() if formalism.ordinary]
+    return list(dict.fromkeys([*ordinary, *formalisms, *STEPPERS]))
 
 
 def hard_records(names=(), limit: float = LIMIT) -> Iterator[dict]:
@@ -66,7 +64,7 @@ def run_case(kernels: Kernels, case: Case, formalism: str, integrator: str, limi
         if time.perf_counter() - start > limit:
             raise TimeIsUp(f"stopped after {limit:g} s at t = {t:.4g} of {case.duration:g} s")
 
-    steps = {"max_step": case.step} if integrator in FIXED else {"rtol": RTOL, "atol": ATOL}
+    steps = {"max_step": case.step} if integrator in FIXED else {"rtol": case.rtol, "atol": ABSOLUTE * case.rtol}
     options = {**case.options, **steps, "points": case.points, "progress": watch}
     if case.violated:
         noise = np.random.default_rng(1).uniform(-1, 1, kernels.n)

@@ -1,0 +1,107 @@
+"""The hard cases: which method must survive which, to what error, and that every failure is said in words."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from typer.testing import CliRunner
+
+import ncgen
+from ncgen.cli import app
+from ncgen.report.hard import hard_records, methods, run_case
+from ncgen.report.hard_cases import CASES, PRINCIPAL, SPIN, free_rotation
+
+SURVIVES = [
+    ("parallelogram", "lagrange", "dop853", 1e-6),
+    ("nfourbar-2", "lagrange", "dop853", 1e-6),
+    ("nfourbar-10", "lagrange", "dop853", 1e-6),
+    ("nfourbar-40", "lagrange", "dop853", 1e-6),
+    ("nfourbar-2", "null-space", "dop853", 1e-6),
+    ("nfourbar-2", "augmented-lagrangian", "dop853", 1e-6),
+    ("nfourbar-2", "udwadia-phohomsiri", "dop853", 1e-6),
+    ("robot", "coordinate-partitioning", "dopri5", 1e-8),
+    ("robot", "lagrange", "dop853", 1e-8),
+    ("equal-crank", "lagrange", "dop853", 1e-6),
+    ("bricard", "lagrange", "dop853", 1e-6),
+    ("squeezer", "coordinate-partitioning", "dop853", 1e-8),
+    ("squeezer", "lagrange", "dop853", 1e-8),
+    ("heavy-top", "lagrange", "dop853", 1e-7),
+    ("free-body", "lagrange", "dop853", 1e-9),
+    ("near-parallel", "lagrange", "dop853", 1e-6),
+    ("light-upper", "lagrange", "dop853", 1e-6),
+    ("light-lower", "lagrange", "dop853", 1e-6),
+    ("pendulum-1e-06", "lagrange", "dop853", 1e-8),
+    ("pendulum-1e+06", "lagrange", "dop853", 1e-8),
+    ("massless", "lagrange", "dop853", 1e-8),
+    ("violated", "lagrange", "dop853", 1e-8),
+]
+
+
+@pytest.mark.parametrize(("name", "formalism", "integrator", "allowed"), SURVIVES)
+def test_survives(name, formalism, integrator, allowed):
+    """The error against the independent solution stays small; nothing is warned away."""
+    case = CASES[name]
+    found = run_case(ncgen.compile(case.build(), "c"), case, formalism, integrator)
+    assert found["reason"] is None
+    assert found["error"] < allowed
+
+
+def test_energy_of_bricard_for_ten_seconds():
+    """Redundant everywhere: the energy drifts by less than 1e-8."""
+    case = CASES["bricard"]
+    assert run_case(ncgen.compile(case.build(), "c"), case, "lagrange", "dop853")["drift"] < 1e-8
+
+
+def test_lengths_do_not_matter():
+    """A pendulum of a micrometre and one of a thousand kilometres have the same relative error."""
+    small, large = (
+        run_case(ncgen.compile(CASES[name].build(), "c"), CASES[name], "lagrange", "rk4")["error"] for name in ("pendulum-1e-06", "pendulum-1e+06")
+    )
+    assert small == pytest.approx(large, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("name", "formalism", "said"),
+    [("nfourbar-2", "coordinate-partitioning", "cannot go on beyond t = 0.71"), ("robot-sine", "coordinate-partitioning", "singular")],
+)
+def test_fails_in_words(name, formalism, said):
+    """Where a method cannot go on it says when, or why it does not begin."""
+    case = CASES[name]
+    found = run_case(ncgen.compile(case.build(), "c"), case, formalism, "dop853")
+    assert found["error"] is None
+    assert said in found["reason"]
+
+
+def test_a_run_that_takes_too_long_is_stopped():
+    case = CASES["chain-100"]
+    found = run_case(ncgen.compile(case.build(), "c"), case, "coordinate-partitioning", "bdf", limit=0.5)
+    assert found["reason"].startswith("stopped after 0.5 s at t = ")
+
+
+def test_the_free_body_s_reference():
+    """Jacobi's functions as they are fitted here satisfy Euler's equations."""
+    t = np.linspace(0.0, 10.0, 21)
+    euler = solve_ivp(lambda t, w: -np.cross(w, PRINCIPAL * w) / PRINCIPAL, (0, 10), SPIN, method="DOP853", rtol=1e-13, atol=1e-13, t_eval=t)
+    assert free_rotation(t) == pytest.approx(euler.y.T, abs=1e-11)
+
+
+def test_the_command():
+    """JSON records, one a method; an unknown case is refused by name."""
+    done = CliRunner().invoke(app, ["hard", "--case", "violated", "--limit", "0.2", "--json"])
+    records = json.loads(done.stdout)
+    assert [(r["formalism"], r["integrator"]) for r in records] == methods()
+    for r in records:
+        assert (r["error"] is None) == (r["reason"] is not None)
+        assert r["seconds"] > 0
+    assert CliRunner().invoke(app, ["hard", "--case", "nothing"]).exit_code != 0
+
+
+@pytest.mark.slow
+def test_nothing_fails_in_silence():
+    """The whole table: a finite error or a reason for every method in every case, and no motion on a wrong branch."""
+    for record in hard_records(limit=5.0):
+        assert (record["error"] is None) != (record["reason"] is None), record
+        assert record["reason"] is None or "nothing said so" not in record["reason"], record
