@@ -25,11 +25,15 @@ static const ncgen_scalar andrews_number_3[11] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.033)
 };
 
+
 /* phi: 64 operations, 2 of them elementary functions */
 int andrews_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 10, sine, cosine);
 
     {
         /* row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007 */
@@ -80,19 +84,22 @@ int andrews_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x19 = -R(0.00227) - H_y;
         phi[8] = R(12.5) * (x18 * x18 + x19 * x19 - R(0.0016));
         /* row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1 */
-        const ncgen_real beta = q[10];
-        const ncgen_real x20 = R(142.85714285714286) * (F_x * NCGEN_SIN(beta) - F_y * NCGEN_COS(beta));
+        const ncgen_real sin_beta = sine[0];
+        const ncgen_real cos_beta = cosine[0];
+        const ncgen_real x20 = R(142.85714285714286) * (F_x * sin_beta - F_y * cos_beta);
         phi[9] = x20;
     }
 
     return NCGEN_OK;
 }
-
 /* phi_q: 47 operations, 2 of them elementary functions */
 int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 10, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 29; ++i) {
@@ -143,22 +150,24 @@ int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[24] = -(R(25.0) * (-R(0.06934) - H_x));
         phi_q[25] = -(R(25.0) * (-R(0.00227) - H_y));
         /* row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1 */
-        const ncgen_real beta = q[10];
-        const ncgen_real x7 = NCGEN_SIN(beta);
-        phi_q[26] = R(142.85714285714286) * x7;
-        const ncgen_real x8 = NCGEN_COS(beta);
-        phi_q[27] = -(R(142.85714285714286) * x8);
-        phi_q[28] = R(142.85714285714286) * (F_y * x7 + F_x * x8);
+        const ncgen_real sin_beta = sine[0];
+        phi_q[26] = R(142.85714285714286) * sin_beta;
+        const ncgen_real cos_beta = cosine[0];
+        phi_q[27] = -(R(142.85714285714286) * cos_beta);
+        const ncgen_real x7 = R(142.85714285714286) * (F_y * sin_beta + F_x * cos_beta);
+        phi_q[28] = x7;
     }
 
     return NCGEN_OK;
 }
-
 /* gamma: 57 operations, 2 of them elementary functions */
 int andrews_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 10, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 10; ++i) {
@@ -195,21 +204,19 @@ int andrews_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04 */
         gamma[8] = -(R(25.0) * (dH_x * dH_x + dH_y * dH_y));
         /* row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1 */
-        const ncgen_real beta = q[10];
-        const ncgen_real x7 = NCGEN_SIN(beta);
+        const ncgen_real sin_beta = sine[0];
         const ncgen_real F_x = q[0];
         const ncgen_real dbeta = qd[10];
-        const ncgen_real x8 = dbeta * dbeta;
-        const ncgen_real x9 = NCGEN_COS(beta);
-        const ncgen_real x10 = R(2.0) * dbeta;
+        const ncgen_real x7 = dbeta * dbeta;
+        const ncgen_real cos_beta = cosine[0];
+        const ncgen_real x8 = R(2.0) * dbeta;
+        const ncgen_real x9 = sin_beta * (F_x * x7) - cos_beta * (dF_x * x8) - sin_beta * (dF_y * x8);
         const ncgen_real F_y = q[1];
-        const ncgen_real x11 = x7 * (F_x * x8) - x9 * (dF_x * x10) - x7 * (dF_y * x10) - x9 * (F_y * x8);
-        gamma[9] = R(142.85714285714286) * x11;
+        gamma[9] = R(142.85714285714286) * (x9 - cos_beta * (F_y * x7));
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int andrews_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -225,7 +232,6 @@ int andrews_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* force: 14 operations, 1 of them elementary functions */
 int andrews_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -253,7 +259,6 @@ int andrews_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* energy: 105 operations, 1 of them elementary functions */
 int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -314,7 +319,6 @@ int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 static const char *const andrews_coordinate_names[] = {
     "F.x",
     "F.y",
@@ -365,6 +369,7 @@ static const int andrews_mass_indices[20] = {
     0, 2, 1, 3, 0, 2, 4, 6, 1, 3, 5, 7, 2, 4, 3, 5, 2, 6, 3, 7
 };
 
+
 const ncgen_model *andrews_model(void)
 {
     static const ncgen_model model = {
@@ -372,7 +377,7 @@ const ncgen_model *andrews_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "andrews",
-        .fingerprint = "1e3bea386ce7f068",
+        .fingerprint = "475e148309ac5d1f",
         .n_coordinates = 11,
         .n_rows = 10,
         .n_parameters = 0,

@@ -86,6 +86,8 @@ def phi(t, q, p):
     """10 numbers, 64 operations."""
     t = np.asarray(t)
     phi = _output(10, t, q, p)
+    sine = np.sin(q[..., 10, None])
+    cosine = np.cos(q[..., 10, None])
     # row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007
     F_x = q[..., 0]
     F_y = q[..., 1]
@@ -134,9 +136,9 @@ def phi(t, q, p):
     x19 = -0.00227 - H_y
     phi[..., 8] = 12.5 * (x18 * x18 + x19 * x19 - 0.0016)
     # row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1
-    beta = q[..., 10]
-    x20 = 142.85714285714286 * (F_x * np.sin(beta) - F_y * np.cos(beta))
-    phi[..., 9] = x20
+    sin_beta = sine[..., 0]
+    cos_beta = cosine[..., 0]
+    phi[..., 9] = 142.85714285714286 * (F_x * sin_beta - F_y * cos_beta)
     return phi
 
 
@@ -144,6 +146,8 @@ def phi_q(t, q, p):
     """29 numbers, 47 operations."""
     t = np.asarray(t)
     phi_q = _output(29, t, q, p)
+    sine = np.sin(q[..., 10, None])
+    cosine = np.cos(q[..., 10, None])
     # constant part
     x1 = _number_1
     phi_q[..., 0:29] = x1
@@ -189,12 +193,11 @@ def phi_q(t, q, p):
     phi_q[..., 24] = -(25.0 * (-0.06934 - H_x))
     phi_q[..., 25] = -(25.0 * (-0.00227 - H_y))
     # row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1
-    beta = q[..., 10]
-    x7 = np.sin(beta)
-    phi_q[..., 26] = 142.85714285714286 * x7
-    x8 = np.cos(beta)
-    phi_q[..., 27] = -(142.85714285714286 * x8)
-    phi_q[..., 28] = 142.85714285714286 * (F_y * x7 + F_x * x8)
+    sin_beta = sine[..., 0]
+    phi_q[..., 26] = 142.85714285714286 * sin_beta
+    cos_beta = cosine[..., 0]
+    phi_q[..., 27] = -(142.85714285714286 * cos_beta)
+    phi_q[..., 28] = 142.85714285714286 * (F_y * sin_beta + F_x * cos_beta)
     return phi_q
 
 
@@ -202,6 +205,8 @@ def gamma(t, q, qd, p):
     """10 numbers, 57 operations."""
     t = np.asarray(t)
     gamma = _output(10, t, q, qd, p)
+    sine = np.sin(q[..., 10, None])
+    cosine = np.cos(q[..., 10, None])
     # constant part
     gamma[..., 0:10] = 0.0
     # row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007
@@ -233,16 +238,15 @@ def gamma(t, q, qd, p):
     # row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04
     gamma[..., 8] = -(25.0 * (dH_x * dH_x + dH_y * dH_y))
     # row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1
-    beta = q[..., 10]
-    x7 = np.sin(beta)
+    sin_beta = sine[..., 0]
     F_x = q[..., 0]
     dbeta = qd[..., 10]
-    x8 = dbeta * dbeta
-    x9 = np.cos(beta)
-    x10 = 2.0 * dbeta
+    x7 = dbeta * dbeta
+    cos_beta = cosine[..., 0]
+    x8 = 2.0 * dbeta
+    x9 = sin_beta * (F_x * x7) - cos_beta * (dF_x * x8) - sin_beta * (dF_y * x8)
     F_y = q[..., 1]
-    x11 = x7 * (F_x * x8) - x9 * (dF_x * x10) - x7 * (dF_y * x10) - x9 * (F_y * x8)
-    gamma[..., 9] = 142.85714285714286 * x11
+    gamma[..., 9] = 142.85714285714286 * (x9 - cos_beta * (F_y * x7))
     return gamma
 
 

@@ -30,11 +30,15 @@ static const ncgen_scalar bennett_number_4[3] = {
     R(0.0), R(0.9810000000000001), R(0.0)
 };
 
+
 /* phi: 139 operations, 4 of them elementary functions */
 int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[2], cosine[2];
     (void)t;
     (void)p;
+
+    ncgen_sincos(2, q + 12, sine, cosine);
 
     {
         /* row 1: 1000 distance B-C (body BC): |a|^2 - L^2 = 0 with a = B-C, L = 0.458258 */
@@ -110,27 +114,31 @@ int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x32 = x31 - R(0.727606875108999) * uD_z - R(0.45374260648651515);
         phi[13] = x32;
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
-        const ncgen_real theta1 = q[12];
-        const ncgen_real x33 = (R(0.30000000000000004) * x28 - R(0.2) * D_z) * NCGEN_SIN(theta1);
+        const ncgen_real sin_theta1 = sine[0];
+        const ncgen_real x33 = (R(0.30000000000000004) * x28 - R(0.2) * D_z) * sin_theta1;
         const ncgen_real x34 = R(0.485071250072666) * (R(0.2) * x28 + R(0.30000000000000004) * D_z);
         const ncgen_real x35 = x34 + R(0.0970142500145332) * x27 + R(0.21828206253269974) * x27;
-        phi[14] = R(6.052275326688023) * (x33 + x35 * NCGEN_COS(theta1));
+        const ncgen_real cos_theta1 = cosine[0];
+        phi[14] = R(6.052275326688023) * (x33 + x35 * cos_theta1);
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
-        const ncgen_real theta2 = q[13];
-        const ncgen_real x36 = (R(0.30000000000000004) * x7 + R(0.2) * x5) * NCGEN_SIN(theta2);
-        const ncgen_real x37 = R(0.26726124191242434) * (R(0.30000000000000004) * x5 - R(0.2) * x7);
-        const ncgen_real x38 = x37 + R(0.10690449676496974) * x6 + R(0.24053511772118197) * x6;
-        phi[15] = R(6.052275326688023) * (x36 + x38 * NCGEN_COS(theta2));
+        const ncgen_real sin_theta2 = sine[1];
+        const ncgen_real x36 = R(0.26726124191242434) * (R(0.30000000000000004) * x5 - R(0.2) * x7);
+        const ncgen_real x37 = x36 + R(0.10690449676496974) * x6 + R(0.24053511772118197) * x6;
+        const ncgen_real cos_theta2 = cosine[1];
+        const ncgen_real x38 = (R(0.30000000000000004) * x7 + R(0.2) * x5) * sin_theta2 + x37 * cos_theta2;
+        phi[15] = R(6.052275326688023) * x38;
     }
 
     return NCGEN_OK;
 }
-
 /* phi_q: 116 operations, 4 of them elementary functions */
 int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[2], cosine[2];
     (void)t;
     (void)p;
+
+    ncgen_sincos(2, q + 12, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 74; ++i) {
@@ -234,41 +242,41 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[58] = R(2.1821789023599236) * x18;
         phi_q[59] = -x16;
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
-        const ncgen_real theta1 = q[12];
-        const ncgen_real x19 = NCGEN_COS(theta1);
-        phi_q[66] = -(R(1.9082600930253333) * x19);
-        const ncgen_real x20 = NCGEN_SIN(theta1);
-        const ncgen_real x21 = R(0.30000000000000004) * x20 + R(0.0970142500145332) * x19;
-        phi_q[67] = -(R(6.052275326688023) * x21);
-        const ncgen_real x22 = R(6.052275326688023) * (R(0.2) * x20 - R(0.14552137502179982) * x19);
-        phi_q[68] = -x22;
-        const ncgen_real x23 = R(0.485071250072666) * (R(0.2) * x18 + R(0.30000000000000004) * D_z);
-        const ncgen_real x24 = x23 + R(0.0970142500145332) * x17 + R(0.21828206253269974) * x17;
-        const ncgen_real x25 = x19 * (R(0.30000000000000004) * x18 - R(0.2) * D_z) - x20 * x24;
-        phi_q[69] = R(6.052275326688023) * x25;
+        const ncgen_real cos_theta1 = cosine[0];
+        phi_q[66] = -(R(1.9082600930253333) * cos_theta1);
+        const ncgen_real sin_theta1 = sine[0];
+        const ncgen_real x19 = R(0.30000000000000004) * sin_theta1 + R(0.0970142500145332) * cos_theta1;
+        phi_q[67] = -(R(6.052275326688023) * x19);
+        const ncgen_real x20 = R(0.2) * sin_theta1 - R(0.14552137502179982) * cos_theta1;
+        phi_q[68] = -(R(6.052275326688023) * x20);
+        const ncgen_real x21 = cos_theta1 * (R(0.30000000000000004) * x18 - R(0.2) * D_z);
+        const ncgen_real x22 = R(0.485071250072666) * (R(0.2) * x18 + R(0.30000000000000004) * D_z);
+        const ncgen_real x23 = x22 + R(0.0970142500145332) * x17 + R(0.21828206253269974) * x17;
+        phi_q[69] = R(6.052275326688023) * (x21 - sin_theta1 * x23);
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
-        const ncgen_real theta2 = q[13];
-        const ncgen_real x26 = NCGEN_COS(theta2);
-        phi_q[70] = R(2.1028002062685345) * x26;
-        const ncgen_real x27 = NCGEN_SIN(theta2);
-        const ncgen_real x28 = R(0.30000000000000004) * x27 - R(0.05345224838248487) * x26;
-        phi_q[71] = R(6.052275326688023) * x28;
-        const ncgen_real x29 = R(6.052275326688023) * (R(0.2) * x27 + R(0.08017837257372731) * x26);
-        phi_q[72] = x29;
-        const ncgen_real x30 = R(0.26726124191242434) * (R(0.30000000000000004) * x3 - R(0.2) * x2);
-        const ncgen_real x31 = x30 + R(0.10690449676496974) * x1 + R(0.24053511772118197) * x1;
-        const ncgen_real x32 = x26 * (R(0.30000000000000004) * x2 + R(0.2) * x3) - x27 * x31;
-        phi_q[73] = R(6.052275326688023) * x32;
+        const ncgen_real cos_theta2 = cosine[1];
+        phi_q[70] = R(2.1028002062685345) * cos_theta2;
+        const ncgen_real sin_theta2 = sine[1];
+        const ncgen_real x24 = R(0.30000000000000004) * sin_theta2 - R(0.05345224838248487) * cos_theta2;
+        phi_q[71] = R(6.052275326688023) * x24;
+        const ncgen_real x25 = R(0.2) * sin_theta2 + R(0.08017837257372731) * cos_theta2;
+        phi_q[72] = R(6.052275326688023) * x25;
+        const ncgen_real x26 = R(0.26726124191242434) * (R(0.30000000000000004) * x3 - R(0.2) * x2);
+        const ncgen_real x27 = x26 + R(0.10690449676496974) * x1 + R(0.24053511772118197) * x1;
+        const ncgen_real x28 = cos_theta2 * (R(0.30000000000000004) * x2 + R(0.2) * x3) - sin_theta2 * x27;
+        phi_q[73] = R(6.052275326688023) * x28;
     }
 
     return NCGEN_OK;
 }
-
 /* gamma: 154 operations, 4 of them elementary functions */
 int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[2], cosine[2];
     (void)t;
     (void)p;
+
+    ncgen_sincos(2, q + 12, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 16; ++i) {
@@ -322,51 +330,48 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x13 = R(4.364357804719847) * (duD_x * dD_x + duD_y * dD_y + duD_z * dD_z);
         gamma[11] = x13;
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
-        const ncgen_real theta1 = q[12];
-        const ncgen_real x14 = NCGEN_SIN(theta1);
+        const ncgen_real sin_theta1 = sine[0];
         const ncgen_real D_y = q[4];
-        const ncgen_real x15 = -R(0.1) - D_y;
+        const ncgen_real x14 = -R(0.1) - D_y;
         const ncgen_real D_z = q[5];
         const ncgen_real dtheta1 = qd[12];
-        const ncgen_real x16 = dtheta1 * dtheta1;
-        const ncgen_real x17 = x14 * ((R(0.30000000000000004) * x15 - R(0.2) * D_z) * x16);
-        const ncgen_real x18 = NCGEN_COS(theta1);
-        const ncgen_real x19 = R(2.0) * dtheta1;
-        const ncgen_real x20 = x18 * (x19 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
-        const ncgen_real x21 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
-        const ncgen_real x22 = R(0.21828206253269974) * dD_x - x21 + R(0.0970142500145332) * dD_x;
-        const ncgen_real x23 = R(0.485071250072666) * (R(0.2) * x15 + R(0.30000000000000004) * D_z);
+        const ncgen_real x15 = dtheta1 * dtheta1;
+        const ncgen_real x16 = sin_theta1 * ((R(0.30000000000000004) * x14 - R(0.2) * D_z) * x15);
+        const ncgen_real cos_theta1 = cosine[0];
+        const ncgen_real x17 = R(2.0) * dtheta1;
+        const ncgen_real x18 = cos_theta1 * (x17 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
+        const ncgen_real x19 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
+        const ncgen_real x20 = R(0.21828206253269974) * dD_x - x19 + R(0.0970142500145332) * dD_x;
+        const ncgen_real x21 = R(0.485071250072666) * (R(0.2) * x14 + R(0.30000000000000004) * D_z);
         const ncgen_real D_x = q[3];
-        const ncgen_real x24 = R(0.2) - D_x;
-        const ncgen_real x25 = x23 + R(0.21828206253269974) * x24 + R(0.0970142500145332) * x24;
-        const ncgen_real x26 = R(6.052275326688023) * (x17 + x20 - x14 * (x19 * x22) + x18 * (x16 * x25));
-        gamma[14] = x26;
+        const ncgen_real x22 = R(0.2) - D_x;
+        const ncgen_real x23 = x21 + R(0.21828206253269974) * x22 + R(0.0970142500145332) * x22;
+        const ncgen_real x24 = x16 + x18 - sin_theta1 * (x17 * x20) + cos_theta1 * (x15 * x23);
+        gamma[14] = R(6.052275326688023) * x24;
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
-        const ncgen_real theta2 = q[13];
-        const ncgen_real x27 = NCGEN_SIN(theta2);
+        const ncgen_real sin_theta2 = sine[1];
         const ncgen_real C_y = q[1];
-        const ncgen_real x28 = C_y - R(0.2);
+        const ncgen_real x25 = C_y - R(0.2);
         const ncgen_real C_z = q[2];
-        const ncgen_real x29 = C_z - R(0.2);
+        const ncgen_real x26 = C_z - R(0.2);
         const ncgen_real dtheta2 = qd[13];
-        const ncgen_real x30 = dtheta2 * dtheta2;
-        const ncgen_real x31 = x27 * ((R(0.30000000000000004) * x28 + R(0.2) * x29) * x30);
-        const ncgen_real x32 = NCGEN_COS(theta2);
-        const ncgen_real x33 = R(2.0) * dtheta2;
-        const ncgen_real x34 = x32 * (x33 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
-        const ncgen_real x35 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
-        const ncgen_real x36 = x35 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
-        const ncgen_real x37 = R(0.26726124191242434) * (R(0.30000000000000004) * x29 - R(0.2) * x28);
+        const ncgen_real x27 = dtheta2 * dtheta2;
+        const ncgen_real x28 = sin_theta2 * ((R(0.30000000000000004) * x25 + R(0.2) * x26) * x27);
+        const ncgen_real cos_theta2 = cosine[1];
+        const ncgen_real x29 = R(2.0) * dtheta2;
+        const ncgen_real x30 = cos_theta2 * (x29 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
+        const ncgen_real x31 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
+        const ncgen_real x32 = x31 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
+        const ncgen_real x33 = R(0.26726124191242434) * (R(0.30000000000000004) * x26 - R(0.2) * x25);
         const ncgen_real C_x = q[0];
-        const ncgen_real x38 = C_x - R(0.2);
-        const ncgen_real x39 = x37 + R(0.24053511772118197) * x38 + R(0.10690449676496974) * x38;
-        const ncgen_real x40 = R(6.052275326688023) * (x31 - x34 + x27 * (x33 * x36) + x32 * (x30 * x39));
-        gamma[15] = x40;
+        const ncgen_real x34 = C_x - R(0.2);
+        const ncgen_real x35 = x33 + R(0.24053511772118197) * x34 + R(0.10690449676496974) * x34;
+        const ncgen_real x36 = x28 - x30 + sin_theta2 * (x29 * x32) + cos_theta2 * (x27 * x35);
+        gamma[15] = R(6.052275326688023) * x36;
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int bennett_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -382,7 +387,6 @@ int bennett_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int bennett_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -399,7 +403,6 @@ int bennett_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* energy: 30 operations */
 int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -433,7 +436,6 @@ int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 static const char *const bennett_coordinate_names[] = {
     "C.x",
     "C.y",
@@ -494,6 +496,7 @@ static const int bennett_mass_indices[12] = {
     0, 3, 1, 4, 2, 5, 0, 3, 1, 4, 2, 5
 };
 
+
 const ncgen_model *bennett_model(void)
 {
     static const ncgen_model model = {
@@ -501,7 +504,7 @@ const ncgen_model *bennett_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bennett",
-        .fingerprint = "5ff7452b5473aac9",
+        .fingerprint = "cd807070204fa5fe",
         .n_coordinates = 14,
         .n_rows = 16,
         .n_parameters = 0,

@@ -35,6 +35,7 @@ static const ncgen_scalar bricard_number_3[24] = {
     R(0.0)
 };
 
+
 /* phi: 139 operations */
 int bricard_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -143,7 +144,6 @@ int bricard_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* phi_q: 34 operations */
 int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -343,7 +343,6 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* gamma: 148 operations */
 int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -447,7 +446,6 @@ int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int bricard_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -463,7 +461,6 @@ int bricard_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int bricard_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -480,7 +477,6 @@ int bricard_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* energy: 69 operations */
 int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -528,7 +524,6 @@ int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 static const char *const bricard_coordinate_names[] = {
     "P2.x",
     "P2.y",
@@ -610,6 +605,7 @@ static const int bricard_mass_indices[30] = {
     0, 3, 1, 4, 2, 5, 0, 3, 6, 1, 4, 7, 2, 5, 8, 3, 6, 9, 4, 7, 10, 5, 8, 11, 6, 9, 7, 10, 8, 11
 };
 
+
 const ncgen_model *bricard_model(void)
 {
     static const ncgen_model model = {
@@ -617,7 +613,7 @@ const ncgen_model *bricard_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bricard",
-        .fingerprint = "4cfa1091b0ddc8df",
+        .fingerprint = "b6f1c8a60ef64563",
         .n_coordinates = 24,
         .n_rows = 24,
         .n_parameters = 0,

@@ -60,6 +60,7 @@ static const ncgen_scalar chain_number_4[27] = {
     R(0.01666666666666667), R(0.01666666666666667)
 };
 
+
 /* phi: 97 operations */
 int chain_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -158,7 +159,6 @@ int chain_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     return NCGEN_OK;
 }
-
 /* phi_q: 84 operations */
 int chain_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -294,7 +294,6 @@ int chain_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* gamma: 97 operations */
 int chain_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -387,7 +386,6 @@ int chain_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int chain_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -403,7 +401,6 @@ int chain_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int chain_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -420,7 +417,6 @@ int chain_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* energy: 190 operations */
 int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -475,7 +471,6 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 static const char *const chain_coordinate_names[] = {
     "P1.x",
     "P1.y",
@@ -556,6 +551,7 @@ static const int chain_mass_indices[84] = {
     24, 27, 25, 28, 26, 29
 };
 
+
 const ncgen_model *chain_model(void)
 {
     static const ncgen_model model = {
@@ -563,7 +559,7 @@ const ncgen_model *chain_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "chain",
-        .fingerprint = "6be67bdddecfcf7a",
+        .fingerprint = "4d00899abd2184d8",
         .n_coordinates = 30,
         .n_rows = 10,
         .n_parameters = 0,

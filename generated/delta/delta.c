@@ -113,11 +113,18 @@ static const ncgen_scalar delta_number_5[27] = {
     -R(1.46501600833998), -R(1.46501600833998)
 };
 
+
 /* phi: 439 operations, 6 of them elementary functions */
 int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[3], cosine[3];
     (void)t;
     (void)p;
+
+    ncgen_real angle[3];
+    for (int i = 0; i < 3; ++i)
+        angle[i] = q[10 * i + 9];
+    ncgen_sincos(3, angle, sine, cosine);
 
     {
         /* row 1: 1000 distance A1-E1 (body arm1): |a|^2 - L^2 = 0 with a = A1-E1, L = 0.42 */
@@ -156,10 +163,11 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real E1b_z = q[8];
         phi[7] = E1b_z - R(1.0000000000000002) * E1_z;
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real psi1 = q[9];
-        const ncgen_real x11 = (R(0.8660254037844387) * x5 + R(0.49999999999999994) * x4) * NCGEN_SIN(psi1);
+        const ncgen_real sin_psi1 = sine[0];
+        const ncgen_real x11 = (R(0.8660254037844387) * x5 + R(0.49999999999999994) * x4) * sin_psi1;
         const ncgen_real x12 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
-        phi[8] = R(2.380952380952381) * (x11 + x12 * NCGEN_COS(psi1));
+        const ncgen_real cos_psi1 = cosine[0];
+        phi[8] = R(2.380952380952381) * (x11 + x12 * cos_psi1);
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real E2_x = q[10];
         const ncgen_real x13 = -R(0.28578838324886474) - E2_x;
@@ -200,234 +208,239 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         phi[16] = E2b_z - x23;
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
         const ncgen_real x26 = R(0.5000000000000003) * x17 - R(0.8660254037844385) * x16;
-        const ncgen_real psi2 = q[19];
+        const ncgen_real sin_psi2 = sine[1];
         const ncgen_real x27 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
-        const ncgen_real x28 = R(2.380952380952381) * (x26 * NCGEN_SIN(psi2) + x27 * NCGEN_COS(psi2));
-        phi[17] = x28;
+        const ncgen_real cos_psi2 = cosine[1];
+        phi[17] = R(2.380952380952381) * (x26 * sin_psi2 + x27 * cos_psi2);
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real E3_x = q[20];
-        const ncgen_real x29 = -R(6.062001655779399e-17) - E3_x;
+        const ncgen_real x28 = -R(6.062001655779399e-17) - E3_x;
         const ncgen_real E3_y = q[21];
-        const ncgen_real x30 = -R(0.33) - E3_y;
+        const ncgen_real x29 = -R(0.33) - E3_y;
         const ncgen_real E3_z = q[22];
-        const ncgen_real x31 = x29 * x29 + x30 * x30 + E3_z * E3_z - R(0.17639999999999997);
-        phi[18] = R(1.1904761904761905) * x31;
+        const ncgen_real x30 = x28 * x28 + x29 * x29 + E3_z * E3_z - R(0.17639999999999997);
+        phi[18] = R(1.1904761904761905) * x30;
         /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
-        const ncgen_real x32 = E3_x + R(6.062001655779399e-17);
-        const ncgen_real x33 = E3_y + R(0.33);
-        const ncgen_real x34 = R(2.380952380952381) * (x32 - R(1.8369701987210297e-16) * x33);
-        phi[19] = x34;
+        const ncgen_real x31 = E3_x + R(6.062001655779399e-17);
+        const ncgen_real x32 = E3_y + R(0.33);
+        const ncgen_real x33 = R(2.380952380952381) * (x31 - R(1.8369701987210297e-16) * x32);
+        phi[19] = x33;
         /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
         const ncgen_real E3a_x = q[23];
-        const ncgen_real x35 = E3a_x - R(2.6920695254248444e-32) - R(1.0000000000000004) * E3_x;
-        phi[20] = x35 + R(0.08000000000000018);
+        const ncgen_real x34 = E3a_x - R(2.6920695254248444e-32) - R(1.0000000000000004) * E3_x;
+        phi[20] = x34 + R(0.08000000000000018);
         /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
         const ncgen_real E3a_y = q[24];
-        const ncgen_real x36 = E3a_y - R(1.4654943925052067e-16) - R(1.0000000000000004) * E3_y;
-        phi[21] = x36 - R(1.469576158976827e-17);
+        const ncgen_real x35 = E3a_y - R(1.4654943925052067e-16) - R(1.0000000000000004) * E3_y;
+        phi[21] = x35 - R(1.469576158976827e-17);
         /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
         const ncgen_real E3a_z = q[25];
         phi[22] = E3a_z - R(1.0000000000000004) * E3_z;
         /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
         const ncgen_real E3b_x = q[26];
-        const ncgen_real x37 = E3b_x - R(1.3460347627124222e-32) - R(1.0000000000000002) * E3_x;
-        phi[23] = x37 - R(0.07999999999999986);
+        const ncgen_real x36 = E3b_x - R(1.3460347627124222e-32) - R(1.0000000000000002) * E3_x;
+        phi[23] = x36 - R(0.07999999999999986);
         /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
         const ncgen_real E3b_y = q[27];
-        const ncgen_real x38 = E3b_y - R(7.327471962526034e-17) - R(1.0000000000000002) * E3_y;
-        phi[24] = x38 + R(1.4695761589768212e-17);
+        const ncgen_real x37 = E3b_y - R(7.327471962526034e-17) - R(1.0000000000000002) * E3_y;
+        phi[24] = x37 + R(1.4695761589768212e-17);
         /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
         const ncgen_real E3b_z = q[28];
         phi[25] = E3b_z - R(1.0000000000000002) * E3_z;
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
-        const ncgen_real psi3 = q[29];
-        const ncgen_real x39 = (E3_z + R(3.374459510989179e-32) * E3_z) * NCGEN_COS(psi3);
-        const ncgen_real x40 = (x33 + R(1.8369701987210297e-16) * x32) * NCGEN_SIN(psi3);
-        phi[26] = R(2.380952380952381) * (x39 - x40);
+        const ncgen_real cos_psi3 = cosine[2];
+        const ncgen_real sin_psi3 = sine[2];
+        const ncgen_real x38 = (E3_z + R(3.374459510989179e-32) * E3_z) * cos_psi3 - (x32 + R(1.8369701987210297e-16) * x31) * sin_psi3;
+        phi[26] = R(2.380952380952381) * x38;
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real P1a_x = q[30];
-        const ncgen_real x41 = E1a_x - P1a_x;
+        const ncgen_real x39 = E1a_x - P1a_x;
         const ncgen_real P1a_y = q[31];
-        const ncgen_real x42 = E1a_y - P1a_y;
+        const ncgen_real x40 = E1a_y - P1a_y;
         const ncgen_real P1a_z = q[32];
-        const ncgen_real x43 = E1a_z - P1a_z;
-        const ncgen_real x44 = R(0.47393364928909953) * (x41 * x41 + x42 * x42 + x43 * x43 - R(1.113025));
-        phi[27] = x44;
+        const ncgen_real x41 = E1a_z - P1a_z;
+        const ncgen_real x42 = R(0.47393364928909953) * (x39 * x39 + x40 * x40 + x41 * x41 - R(1.113025));
+        phi[27] = x42;
         /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
         const ncgen_real P1b_x = q[33];
-        const ncgen_real x45 = E1b_x - P1b_x;
+        const ncgen_real x43 = E1b_x - P1b_x;
         const ncgen_real P1b_y = q[34];
-        const ncgen_real x46 = E1b_y - P1b_y;
+        const ncgen_real x44 = E1b_y - P1b_y;
         const ncgen_real P1b_z = q[35];
-        const ncgen_real x47 = E1b_z - P1b_z;
-        const ncgen_real x48 = R(0.47393364928909953) * (x45 * x45 + x46 * x46 + x47 * x47 - R(1.113025));
-        phi[28] = x48;
+        const ncgen_real x45 = E1b_z - P1b_z;
+        const ncgen_real x46 = R(0.47393364928909953) * (x43 * x43 + x44 * x44 + x45 * x45 - R(1.113025));
+        phi[28] = x46;
         /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
         const ncgen_real P2a_x = q[36];
-        const ncgen_real x49 = E2a_x - P2a_x;
+        const ncgen_real x47 = E2a_x - P2a_x;
         const ncgen_real P2a_y = q[37];
-        const ncgen_real x50 = E2a_y - P2a_y;
+        const ncgen_real x48 = E2a_y - P2a_y;
         const ncgen_real P2a_z = q[38];
-        const ncgen_real x51 = E2a_z - P2a_z;
-        const ncgen_real x52 = x49 * x49 + x50 * x50 + x51 * x51 - R(1.1130250000000004);
-        phi[29] = R(0.4739336492890995) * x52;
+        const ncgen_real x49 = E2a_z - P2a_z;
+        const ncgen_real x50 = x47 * x47 + x48 * x48 + x49 * x49 - R(1.1130250000000004);
+        phi[29] = R(0.4739336492890995) * x50;
         /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
         const ncgen_real P2b_x = q[39];
-        const ncgen_real x53 = E2b_x - P2b_x;
+        const ncgen_real x51 = E2b_x - P2b_x;
         const ncgen_real P2b_y = q[40];
-        const ncgen_real x54 = E2b_y - P2b_y;
+        const ncgen_real x52 = E2b_y - P2b_y;
         const ncgen_real P2b_z = q[41];
-        const ncgen_real x55 = E2b_z - P2b_z;
-        const ncgen_real x56 = x53 * x53 + x54 * x54 + x55 * x55 - R(1.1130250000000004);
-        phi[30] = R(0.4739336492890995) * x56;
+        const ncgen_real x53 = E2b_z - P2b_z;
+        const ncgen_real x54 = x51 * x51 + x52 * x52 + x53 * x53 - R(1.1130250000000004);
+        phi[30] = R(0.4739336492890995) * x54;
         /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
         const ncgen_real P3a_x = q[42];
-        const ncgen_real x57 = E3a_x - P3a_x;
+        const ncgen_real x55 = E3a_x - P3a_x;
         const ncgen_real P3a_y = q[43];
-        const ncgen_real x58 = E3a_y - P3a_y;
+        const ncgen_real x56 = E3a_y - P3a_y;
         const ncgen_real P3a_z = q[44];
-        const ncgen_real x59 = E3a_z - P3a_z;
-        const ncgen_real x60 = R(0.47393364928909953) * (x57 * x57 + x58 * x58 + x59 * x59 - R(1.113025));
-        phi[31] = x60;
+        const ncgen_real x57 = E3a_z - P3a_z;
+        const ncgen_real x58 = R(0.47393364928909953) * (x55 * x55 + x56 * x56 + x57 * x57 - R(1.113025));
+        phi[31] = x58;
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real P3b_x = q[45];
-        const ncgen_real x61 = E3b_x - P3b_x;
+        const ncgen_real x59 = E3b_x - P3b_x;
         const ncgen_real P3b_y = q[46];
-        const ncgen_real x62 = E3b_y - P3b_y;
+        const ncgen_real x60 = E3b_y - P3b_y;
         const ncgen_real P3b_z = q[47];
-        const ncgen_real x63 = E3b_z - P3b_z;
-        const ncgen_real x64 = R(0.47393364928909953) * (x61 * x61 + x62 * x62 + x63 * x63 - R(1.113025));
-        phi[32] = x64;
+        const ncgen_real x61 = E3b_z - P3b_z;
+        const ncgen_real x62 = R(0.47393364928909953) * (x59 * x59 + x60 * x60 + x61 * x61 - R(1.113025));
+        phi[32] = x62;
         /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
-        const ncgen_real x65 = P1a_x - P1b_x;
-        const ncgen_real x66 = P1a_y - P1b_y;
-        const ncgen_real x67 = P1a_z - P1b_z;
-        const ncgen_real x68 = x65 * x65 + x66 * x66 + x67 * x67 - R(0.02560000000000001);
-        phi[33] = R(3.1249999999999996) * x68;
+        const ncgen_real x63 = P1a_x - P1b_x;
+        const ncgen_real x64 = P1a_y - P1b_y;
+        const ncgen_real x65 = P1a_z - P1b_z;
+        const ncgen_real x66 = x63 * x63 + x64 * x64 + x65 * x65 - R(0.02560000000000001);
+        phi[33] = R(3.1249999999999996) * x66;
         /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
-        const ncgen_real x69 = P1a_x - P2a_x;
-        const ncgen_real x70 = P1a_y - P2a_y;
-        const ncgen_real x71 = P1a_z - P2a_z;
-        const ncgen_real x72 = R(1.945142479610587) * (x69 * x69 + x70 * x70 + x71 * x71 - R(0.066075));
-        phi[34] = x72;
+        const ncgen_real x67 = P1a_x - P2a_x;
+        const ncgen_real x68 = P1a_y - P2a_y;
+        const ncgen_real x69 = P1a_z - P2a_z;
+        const ncgen_real x70 = R(1.945142479610587) * (x67 * x67 + x68 * x68 + x69 * x69 - R(0.066075));
+        phi[34] = x70;
         /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
-        const ncgen_real x73 = P2a_x - P1b_x;
-        const ncgen_real x74 = P2a_y - P1b_y;
-        const ncgen_real x75 = P2a_z - P1b_z;
-        const ncgen_real x76 = x73 * x73 + x74 * x74 + x75 * x75 - R(0.018633983848622415);
-        phi[35] = R(3.662833242076714) * x76;
+        const ncgen_real x71 = P2a_x - P1b_x;
+        const ncgen_real x72 = P2a_y - P1b_y;
+        const ncgen_real x73 = P2a_z - P1b_z;
+        const ncgen_real x74 = x71 * x71 + x72 * x72 + x73 * x73 - R(0.018633983848622415);
+        phi[35] = R(3.662833242076714) * x74;
         /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
         const ncgen_real C_x = q[48];
-        const ncgen_real x77 = P1a_x - C_x;
+        const ncgen_real x75 = P1a_x - C_x;
         const ncgen_real C_y = q[49];
-        const ncgen_real x78 = P1a_y - C_y;
+        const ncgen_real x76 = P1a_y - C_y;
         const ncgen_real C_z = q[50];
-        const ncgen_real x79 = P1a_z - C_z;
-        const ncgen_real x80 = x77 * x77 + x78 * x78 + x79 * x79 - R(0.028424999999999992);
-        phi[36] = R(2.965649129302967) * x80;
+        const ncgen_real x77 = P1a_z - C_z;
+        const ncgen_real x78 = x75 * x75 + x76 * x76 + x77 * x77 - R(0.028424999999999992);
+        phi[36] = R(2.965649129302967) * x78;
         /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
-        const ncgen_real x81 = C_x - P1b_x;
-        const ncgen_real x82 = C_y - P1b_y;
-        const ncgen_real x83 = C_z - P1b_z;
-        const ncgen_real x84 = x81 * x81 + x82 * x82 + x83 * x83 - R(0.028424999999999985);
-        phi[37] = R(2.9656491293029674) * x84;
+        const ncgen_real x79 = C_x - P1b_x;
+        const ncgen_real x80 = C_y - P1b_y;
+        const ncgen_real x81 = C_z - P1b_z;
+        const ncgen_real x82 = x79 * x79 + x80 * x80 + x81 * x81 - R(0.028424999999999985);
+        phi[37] = R(2.9656491293029674) * x82;
         /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
-        const ncgen_real x85 = C_x - P2a_x;
-        const ncgen_real x86 = C_y - P2a_y;
-        const ncgen_real x87 = C_z - P2a_z;
-        const ncgen_real x88 = x85 * x85 + x86 * x86 + x87 * x87 - R(0.028425000000000002);
-        phi[38] = R(2.9656491293029665) * x88;
+        const ncgen_real x83 = C_x - P2a_x;
+        const ncgen_real x84 = C_y - P2a_y;
+        const ncgen_real x85 = C_z - P2a_z;
+        const ncgen_real x86 = x83 * x83 + x84 * x84 + x85 * x85 - R(0.028425000000000002);
+        phi[38] = R(2.9656491293029665) * x86;
         /* row 40: combination P2b.x (body platform): (e - c a x b).x = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x89 = P2b_x - R(0.9999999999999991) * P1a_x + R(2.1721066374645472) * P1b_x;
-        phi[39] = x89 - R(2.172106637464548) * P2a_x;
+        const ncgen_real x87 = P2b_x - R(0.9999999999999991) * P1a_x + R(2.1721066374645472) * P1b_x;
+        phi[39] = x87 - R(2.172106637464548) * P2a_x;
         /* row 41: combination P2b.y (body platform): (e - c a x b).y = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x90 = P2b_y - R(0.9999999999999991) * P1a_y + R(2.1721066374645472) * P1b_y;
-        phi[40] = x90 - R(2.172106637464548) * P2a_y;
+        const ncgen_real x88 = P2b_y - R(0.9999999999999991) * P1a_y + R(2.1721066374645472) * P1b_y;
+        phi[40] = x88 - R(2.172106637464548) * P2a_y;
         /* row 42: combination P2b.z (body platform): (e - c a x b).z = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x91 = P2b_z - R(0.9999999999999991) * P1a_z + R(2.1721066374645472) * P1b_z;
-        phi[41] = x91 - R(2.172106637464548) * P2a_z;
+        const ncgen_real x89 = P2b_z - R(0.9999999999999991) * P1a_z + R(2.1721066374645472) * P1b_z;
+        phi[41] = x89 - R(2.172106637464548) * P2a_z;
         /* row 43: combination P3a.x (body platform): (e - c a x b).x = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x92 = P3a_x - R(1.8531646934131842) * P1a_x + R(3.0252713308777346) * P1b_x;
-        phi[42] = x92 - R(2.17210663746455) * P2a_x;
+        const ncgen_real x90 = P3a_x - R(1.8531646934131842) * P1a_x + R(3.0252713308777346) * P1b_x;
+        phi[42] = x90 - R(2.17210663746455) * P2a_x;
         /* row 44: combination P3a.y (body platform): (e - c a x b).y = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x93 = P3a_y - R(1.8531646934131842) * P1a_y + R(3.0252713308777346) * P1b_y;
-        phi[43] = x93 - R(2.17210663746455) * P2a_y;
+        const ncgen_real x91 = P3a_y - R(1.8531646934131842) * P1a_y + R(3.0252713308777346) * P1b_y;
+        phi[43] = x91 - R(2.17210663746455) * P2a_y;
         /* row 45: combination P3a.z (body platform): (e - c a x b).z = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x94 = P3a_z - R(1.8531646934131842) * P1a_z + R(3.0252713308777346) * P1b_z;
-        phi[44] = x94 - R(2.17210663746455) * P2a_z;
+        const ncgen_real x92 = P3a_z - R(1.8531646934131842) * P1a_z + R(3.0252713308777346) * P1b_z;
+        phi[44] = x92 - R(2.17210663746455) * P2a_z;
         /* row 46: combination P3b.x (body platform): (e - c a x b).x = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x95 = P3b_x - R(1.8531646934131856) * P1a_x + R(1.853164693413187) * P1b_x;
-        phi[45] = x95 - R(1.0000000000000013) * P2a_x;
+        const ncgen_real x93 = P3b_x - R(1.8531646934131856) * P1a_x + R(1.853164693413187) * P1b_x;
+        phi[45] = x93 - R(1.0000000000000013) * P2a_x;
         /* row 47: combination P3b.y (body platform): (e - c a x b).y = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x96 = P3b_y - R(1.8531646934131856) * P1a_y + R(1.853164693413187) * P1b_y;
-        phi[46] = x96 - R(1.0000000000000013) * P2a_y;
+        const ncgen_real x94 = P3b_y - R(1.8531646934131856) * P1a_y + R(1.853164693413187) * P1b_y;
+        phi[46] = x94 - R(1.0000000000000013) * P2a_y;
         /* row 48: combination P3b.z (body platform): (e - c a x b).z = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x97 = P3b_z - R(1.8531646934131856) * P1a_z + R(1.853164693413187) * P1b_z;
-        phi[47] = x97 - R(1.0000000000000013) * P2a_z;
+        const ncgen_real x95 = P3b_z - R(1.8531646934131856) * P1a_z + R(1.853164693413187) * P1b_z;
+        phi[47] = x95 - R(1.0000000000000013) * P2a_z;
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real n1_x = q[51];
         const ncgen_real n1_y = q[52];
         const ncgen_real n1_z = q[53];
-        const ncgen_real x98 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
-        phi[48] = x98;
+        const ncgen_real x96 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
+        phi[48] = x96;
         /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x99 = n1_x * (P1a_x - E1a_x) + n1_y * (P1a_y - E1a_y) + n1_z * (P1a_z - E1a_z);
-        phi[49] = R(0.9478672985781991) * x99;
+        const ncgen_real x97 = n1_x * (P1a_x - E1a_x) + n1_y * (P1a_y - E1a_y) + n1_z * (P1a_z - E1a_z);
+        phi[49] = R(0.9478672985781991) * x97;
         /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        const ncgen_real x100 = n1_x * (P1b_x - E1b_x) + n1_y * (P1b_y - E1b_y) + n1_z * (P1b_z - E1b_z);
-        phi[50] = R(0.9478672985781991) * x100;
+        const ncgen_real x98 = n1_x * (P1b_x - E1b_x) + n1_y * (P1b_y - E1b_y) + n1_z * (P1b_z - E1b_z);
+        phi[50] = R(0.9478672985781991) * x98;
         /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
-        const ncgen_real x101 = n1_x * (E1b_x - E1a_x) + n1_y * (E1b_y - E1a_y) + n1_z * (E1b_z - E1a_z);
-        phi[51] = R(6.249999999999999) * x101;
+        const ncgen_real x99 = n1_x * (E1b_x - E1a_x) + n1_y * (E1b_y - E1a_y) + n1_z * (E1b_z - E1a_z);
+        phi[51] = R(6.249999999999999) * x99;
         /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        const ncgen_real x102 = n1_x * (P1b_x - P1a_x) + n1_y * (P1b_y - P1a_y) + n1_z * (P1b_z - P1a_z);
-        phi[52] = R(6.249999999999999) * x102;
+        const ncgen_real x100 = n1_x * (P1b_x - P1a_x) + n1_y * (P1b_y - P1a_y) + n1_z * (P1b_z - P1a_z);
+        phi[52] = R(6.249999999999999) * x100;
         /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
         const ncgen_real n2_x = q[54];
         const ncgen_real n2_y = q[55];
         const ncgen_real n2_z = q[56];
-        const ncgen_real x103 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
-        phi[53] = x103;
+        const ncgen_real x101 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
+        phi[53] = x101;
         /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x104 = n2_x * (P2a_x - E2a_x) + n2_y * (P2a_y - E2a_y) + n2_z * (P2a_z - E2a_z);
-        phi[54] = R(0.947867298578199) * x104;
+        const ncgen_real x102 = n2_x * (P2a_x - E2a_x) + n2_y * (P2a_y - E2a_y) + n2_z * (P2a_z - E2a_z);
+        phi[54] = R(0.947867298578199) * x102;
         /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        const ncgen_real x105 = n2_x * (P2b_x - E2b_x) + n2_y * (P2b_y - E2b_y) + n2_z * (P2b_z - E2b_z);
-        phi[55] = R(0.947867298578199) * x105;
+        const ncgen_real x103 = n2_x * (P2b_x - E2b_x) + n2_y * (P2b_y - E2b_y) + n2_z * (P2b_z - E2b_z);
+        phi[55] = R(0.947867298578199) * x103;
         /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
-        const ncgen_real x106 = n2_x * (E2b_x - E2a_x) + n2_y * (E2b_y - E2a_y) + n2_z * (E2b_z - E2a_z);
-        phi[56] = R(6.249999999999999) * x106;
+        const ncgen_real x104 = n2_x * (E2b_x - E2a_x) + n2_y * (E2b_y - E2a_y) + n2_z * (E2b_z - E2a_z);
+        phi[56] = R(6.249999999999999) * x104;
         /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
-        const ncgen_real x107 = n2_x * (P2b_x - P2a_x) + n2_y * (P2b_y - P2a_y) + n2_z * (P2b_z - P2a_z);
-        phi[57] = R(6.249999999999999) * x107;
+        const ncgen_real x105 = n2_x * (P2b_x - P2a_x) + n2_y * (P2b_y - P2a_y) + n2_z * (P2b_z - P2a_z);
+        phi[57] = R(6.249999999999999) * x105;
         /* row 59: 1001 unit n3 (body rod3a): |u|^2 - 1 = 0 with u = n3 */
         const ncgen_real n3_x = q[57];
         const ncgen_real n3_y = q[58];
         const ncgen_real n3_z = q[59];
-        const ncgen_real x108 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
-        phi[58] = x108;
+        const ncgen_real x106 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
+        phi[58] = x106;
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x109 = n3_x * (P3a_x - E3a_x) + n3_y * (P3a_y - E3a_y) + n3_z * (P3a_z - E3a_z);
-        phi[59] = R(0.9478672985781991) * x109;
+        const ncgen_real x107 = n3_x * (P3a_x - E3a_x) + n3_y * (P3a_y - E3a_y) + n3_z * (P3a_z - E3a_z);
+        phi[59] = R(0.9478672985781991) * x107;
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        const ncgen_real x110 = n3_x * (P3b_x - E3b_x) + n3_y * (P3b_y - E3b_y) + n3_z * (P3b_z - E3b_z);
-        phi[60] = R(0.9478672985781991) * x110;
+        const ncgen_real x108 = n3_x * (P3b_x - E3b_x) + n3_y * (P3b_y - E3b_y) + n3_z * (P3b_z - E3b_z);
+        phi[60] = R(0.9478672985781991) * x108;
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
-        const ncgen_real x111 = n3_x * (E3b_x - E3a_x) + n3_y * (E3b_y - E3a_y) + n3_z * (E3b_z - E3a_z);
-        phi[61] = R(6.25) * x111;
+        const ncgen_real x109 = n3_x * (E3b_x - E3a_x) + n3_y * (E3b_y - E3a_y) + n3_z * (E3b_z - E3a_z);
+        phi[61] = R(6.25) * x109;
         /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
-        const ncgen_real x112 = n3_x * (P3b_x - P3a_x) + n3_y * (P3b_y - P3a_y) + n3_z * (P3b_z - P3a_z);
-        phi[62] = R(6.25) * x112;
+        const ncgen_real x110 = n3_x * (P3b_x - P3a_x) + n3_y * (P3b_y - P3a_y) + n3_z * (P3b_z - P3a_z);
+        phi[62] = R(6.25) * x110;
     }
 
     return NCGEN_OK;
 }
-
 /* phi_q: 290 operations, 6 of them elementary functions */
 int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[3], cosine[3];
     (void)t;
     (void)p;
+
+    ncgen_real angle[3];
+    for (int i = 0; i < 3; ++i)
+        angle[i] = q[10 * i + 9];
+    ncgen_sincos(3, angle, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 288; ++i) {
@@ -445,211 +458,208 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real E1_z = q[2];
         phi_q[2] = R(2.380952380952381) * E1_z;
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real psi1 = q[9];
-        const ncgen_real x2 = NCGEN_SIN(psi1);
-        phi_q[17] = R(2.0619652471058063) * x2;
-        phi_q[18] = R(1.1904761904761902) * x2;
-        const ncgen_real x3 = NCGEN_COS(psi1);
-        phi_q[19] = R(2.380952380952381) * x3;
-        const ncgen_real x4 = R(0.8660254037844387) * (E1_x - R(0.2857883832488648)) + R(0.49999999999999994) * (E1_y - R(0.16499999999999998));
-        const ncgen_real x5 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
-        phi_q[20] = R(2.380952380952381) * (x3 * x4 - x2 * x5);
+        const ncgen_real sin_psi1 = sine[0];
+        phi_q[17] = R(2.0619652471058063) * sin_psi1;
+        phi_q[18] = R(1.1904761904761902) * sin_psi1;
+        const ncgen_real cos_psi1 = cosine[0];
+        phi_q[19] = R(2.380952380952381) * cos_psi1;
+        const ncgen_real x2 = R(0.8660254037844387) * (E1_x - R(0.2857883832488648)) + R(0.49999999999999994) * (E1_y - R(0.16499999999999998));
+        const ncgen_real x3 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        phi_q[20] = R(2.380952380952381) * (cos_psi1 * x2 - sin_psi1 * x3);
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real E2_x = q[10];
-        const ncgen_real x6 = -(R(2.380952380952381) * (-R(0.28578838324886474) - E2_x));
-        phi_q[21] = x6;
+        const ncgen_real x4 = -(R(2.380952380952381) * (-R(0.28578838324886474) - E2_x));
+        phi_q[21] = x4;
         const ncgen_real E2_y = q[11];
-        const ncgen_real x7 = -(R(2.380952380952381) * (R(0.16500000000000012) - E2_y));
-        phi_q[22] = x7;
+        const ncgen_real x5 = -(R(2.380952380952381) * (R(0.16500000000000012) - E2_y));
+        phi_q[22] = x5;
         const ncgen_real E2_z = q[12];
         phi_q[23] = R(2.380952380952381) * E2_z;
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real psi2 = q[19];
-        const ncgen_real x8 = NCGEN_SIN(psi2);
-        phi_q[38] = -(R(2.061965247105806) * x8);
-        phi_q[39] = R(1.1904761904761914) * x8;
-        const ncgen_real x9 = NCGEN_COS(psi2);
-        phi_q[40] = R(2.380952380952381) * x9;
-        const ncgen_real x10 = R(0.5000000000000003) * (E2_y - R(0.16500000000000012)) - R(0.8660254037844385) * (E2_x + R(0.28578838324886474));
-        const ncgen_real x11 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
-        phi_q[41] = R(2.380952380952381) * (x9 * x10 - x8 * x11);
+        const ncgen_real sin_psi2 = sine[1];
+        phi_q[38] = -(R(2.061965247105806) * sin_psi2);
+        phi_q[39] = R(1.1904761904761914) * sin_psi2;
+        const ncgen_real cos_psi2 = cosine[1];
+        phi_q[40] = R(2.380952380952381) * cos_psi2;
+        const ncgen_real x6 = R(0.5000000000000003) * (E2_y - R(0.16500000000000012)) - R(0.8660254037844385) * (E2_x + R(0.28578838324886474));
+        const ncgen_real x7 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        phi_q[41] = R(2.380952380952381) * (cos_psi2 * x6 - sin_psi2 * x7);
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real E3_x = q[20];
-        const ncgen_real x12 = R(2.380952380952381) * (-R(6.062001655779399e-17) - E3_x);
-        phi_q[42] = -x12;
+        const ncgen_real x8 = R(2.380952380952381) * (-R(6.062001655779399e-17) - E3_x);
+        phi_q[42] = -x8;
         const ncgen_real E3_y = q[21];
         phi_q[43] = -(R(2.380952380952381) * (-R(0.33) - E3_y));
         const ncgen_real E3_z = q[22];
         phi_q[44] = R(2.380952380952381) * E3_z;
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
-        const ncgen_real psi3 = q[29];
-        const ncgen_real x13 = NCGEN_SIN(psi3);
-        phi_q[59] = -(R(4.373738568383404e-16) * x13);
-        phi_q[60] = -(R(2.380952380952381) * x13);
-        const ncgen_real x14 = NCGEN_COS(psi3);
-        phi_q[61] = R(2.380952380952381) * x14;
-        const ncgen_real x15 = R(1.8369701987210297e-16) * (E3_x + R(6.062001655779399e-17));
-        const ncgen_real x16 = x14 * (E3_y + R(0.33) + x15) + x13 * (E3_z + R(3.374459510989179e-32) * E3_z);
-        phi_q[62] = -(R(2.380952380952381) * x16);
+        const ncgen_real sin_psi3 = sine[2];
+        phi_q[59] = -(R(4.373738568383404e-16) * sin_psi3);
+        phi_q[60] = -(R(2.380952380952381) * sin_psi3);
+        const ncgen_real cos_psi3 = cosine[2];
+        phi_q[61] = R(2.380952380952381) * cos_psi3;
+        const ncgen_real x9 = R(1.8369701987210297e-16) * (E3_x + R(6.062001655779399e-17));
+        const ncgen_real x10 = cos_psi3 * (E3_y + R(0.33) + x9) + sin_psi3 * (E3_z + R(3.374459510989179e-32) * E3_z);
+        phi_q[62] = -(R(2.380952380952381) * x10);
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real E1a_x = q[3];
         const ncgen_real P1a_x = q[30];
-        const ncgen_real x17 = R(0.9478672985781991) * (E1a_x - P1a_x);
-        phi_q[63] = x17;
+        const ncgen_real x11 = R(0.9478672985781991) * (E1a_x - P1a_x);
+        phi_q[63] = x11;
         const ncgen_real E1a_y = q[4];
         const ncgen_real P1a_y = q[31];
-        const ncgen_real x18 = R(0.9478672985781991) * (E1a_y - P1a_y);
-        phi_q[64] = x18;
+        const ncgen_real x12 = R(0.9478672985781991) * (E1a_y - P1a_y);
+        phi_q[64] = x12;
         const ncgen_real E1a_z = q[5];
         const ncgen_real P1a_z = q[32];
-        const ncgen_real x19 = R(0.9478672985781991) * (E1a_z - P1a_z);
-        phi_q[65] = x19;
-        phi_q[66] = -x17;
-        phi_q[67] = -x18;
-        phi_q[68] = -x19;
+        const ncgen_real x13 = R(0.9478672985781991) * (E1a_z - P1a_z);
+        phi_q[65] = x13;
+        phi_q[66] = -x11;
+        phi_q[67] = -x12;
+        phi_q[68] = -x13;
         /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
         const ncgen_real E1b_x = q[6];
         const ncgen_real P1b_x = q[33];
-        const ncgen_real x20 = R(0.9478672985781991) * (E1b_x - P1b_x);
-        phi_q[69] = x20;
+        const ncgen_real x14 = R(0.9478672985781991) * (E1b_x - P1b_x);
+        phi_q[69] = x14;
         const ncgen_real E1b_y = q[7];
         const ncgen_real P1b_y = q[34];
-        const ncgen_real x21 = R(0.9478672985781991) * (E1b_y - P1b_y);
-        phi_q[70] = x21;
+        const ncgen_real x15 = R(0.9478672985781991) * (E1b_y - P1b_y);
+        phi_q[70] = x15;
         const ncgen_real E1b_z = q[8];
         const ncgen_real P1b_z = q[35];
-        const ncgen_real x22 = R(0.9478672985781991) * (E1b_z - P1b_z);
-        phi_q[71] = x22;
-        phi_q[72] = -x20;
-        phi_q[73] = -x21;
-        phi_q[74] = -x22;
+        const ncgen_real x16 = R(0.9478672985781991) * (E1b_z - P1b_z);
+        phi_q[71] = x16;
+        phi_q[72] = -x14;
+        phi_q[73] = -x15;
+        phi_q[74] = -x16;
         /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
         const ncgen_real E2a_x = q[13];
         const ncgen_real P2a_x = q[36];
-        const ncgen_real x23 = R(0.947867298578199) * (E2a_x - P2a_x);
-        phi_q[75] = x23;
+        const ncgen_real x17 = R(0.947867298578199) * (E2a_x - P2a_x);
+        phi_q[75] = x17;
         const ncgen_real E2a_y = q[14];
         const ncgen_real P2a_y = q[37];
-        const ncgen_real x24 = R(0.947867298578199) * (E2a_y - P2a_y);
-        phi_q[76] = x24;
+        const ncgen_real x18 = R(0.947867298578199) * (E2a_y - P2a_y);
+        phi_q[76] = x18;
         const ncgen_real E2a_z = q[15];
         const ncgen_real P2a_z = q[38];
-        const ncgen_real x25 = R(0.947867298578199) * (E2a_z - P2a_z);
-        phi_q[77] = x25;
-        phi_q[78] = -x23;
-        phi_q[79] = -x24;
-        phi_q[80] = -x25;
+        const ncgen_real x19 = R(0.947867298578199) * (E2a_z - P2a_z);
+        phi_q[77] = x19;
+        phi_q[78] = -x17;
+        phi_q[79] = -x18;
+        phi_q[80] = -x19;
         /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
         const ncgen_real E2b_x = q[16];
         const ncgen_real P2b_x = q[39];
-        const ncgen_real x26 = R(0.947867298578199) * (E2b_x - P2b_x);
-        phi_q[81] = x26;
+        const ncgen_real x20 = R(0.947867298578199) * (E2b_x - P2b_x);
+        phi_q[81] = x20;
         const ncgen_real E2b_y = q[17];
         const ncgen_real P2b_y = q[40];
-        const ncgen_real x27 = R(0.947867298578199) * (E2b_y - P2b_y);
-        phi_q[82] = x27;
+        const ncgen_real x21 = R(0.947867298578199) * (E2b_y - P2b_y);
+        phi_q[82] = x21;
         const ncgen_real E2b_z = q[18];
         const ncgen_real P2b_z = q[41];
-        const ncgen_real x28 = R(0.947867298578199) * (E2b_z - P2b_z);
-        phi_q[83] = x28;
-        phi_q[84] = -x26;
-        phi_q[85] = -x27;
-        phi_q[86] = -x28;
+        const ncgen_real x22 = R(0.947867298578199) * (E2b_z - P2b_z);
+        phi_q[83] = x22;
+        phi_q[84] = -x20;
+        phi_q[85] = -x21;
+        phi_q[86] = -x22;
         /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
         const ncgen_real E3a_x = q[23];
         const ncgen_real P3a_x = q[42];
-        const ncgen_real x29 = R(0.9478672985781991) * (E3a_x - P3a_x);
-        phi_q[87] = x29;
+        const ncgen_real x23 = R(0.9478672985781991) * (E3a_x - P3a_x);
+        phi_q[87] = x23;
         const ncgen_real E3a_y = q[24];
         const ncgen_real P3a_y = q[43];
-        const ncgen_real x30 = R(0.9478672985781991) * (E3a_y - P3a_y);
-        phi_q[88] = x30;
+        const ncgen_real x24 = R(0.9478672985781991) * (E3a_y - P3a_y);
+        phi_q[88] = x24;
         const ncgen_real E3a_z = q[25];
         const ncgen_real P3a_z = q[44];
-        const ncgen_real x31 = R(0.9478672985781991) * (E3a_z - P3a_z);
-        phi_q[89] = x31;
-        phi_q[90] = -x29;
-        phi_q[91] = -x30;
-        phi_q[92] = -x31;
+        const ncgen_real x25 = R(0.9478672985781991) * (E3a_z - P3a_z);
+        phi_q[89] = x25;
+        phi_q[90] = -x23;
+        phi_q[91] = -x24;
+        phi_q[92] = -x25;
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real E3b_x = q[26];
         const ncgen_real P3b_x = q[45];
-        const ncgen_real x32 = R(0.9478672985781991) * (E3b_x - P3b_x);
-        phi_q[93] = x32;
+        const ncgen_real x26 = R(0.9478672985781991) * (E3b_x - P3b_x);
+        phi_q[93] = x26;
         const ncgen_real E3b_y = q[27];
         const ncgen_real P3b_y = q[46];
-        const ncgen_real x33 = R(0.9478672985781991) * (E3b_y - P3b_y);
-        phi_q[94] = x33;
+        const ncgen_real x27 = R(0.9478672985781991) * (E3b_y - P3b_y);
+        phi_q[94] = x27;
         const ncgen_real E3b_z = q[28];
         const ncgen_real P3b_z = q[47];
-        const ncgen_real x34 = R(0.9478672985781991) * (E3b_z - P3b_z);
-        phi_q[95] = x34;
-        phi_q[96] = -x32;
-        phi_q[97] = -x33;
-        phi_q[98] = -x34;
+        const ncgen_real x28 = R(0.9478672985781991) * (E3b_z - P3b_z);
+        phi_q[95] = x28;
+        phi_q[96] = -x26;
+        phi_q[97] = -x27;
+        phi_q[98] = -x28;
         /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
-        const ncgen_real x35 = R(6.249999999999999) * (P1a_x - P1b_x);
-        phi_q[99] = x35;
-        const ncgen_real x36 = R(6.249999999999999) * (P1a_y - P1b_y);
-        phi_q[100] = x36;
-        const ncgen_real x37 = R(6.249999999999999) * (P1a_z - P1b_z);
-        phi_q[101] = x37;
-        phi_q[102] = -x35;
-        phi_q[103] = -x36;
-        phi_q[104] = -x37;
+        const ncgen_real x29 = R(6.249999999999999) * (P1a_x - P1b_x);
+        phi_q[99] = x29;
+        const ncgen_real x30 = R(6.249999999999999) * (P1a_y - P1b_y);
+        phi_q[100] = x30;
+        const ncgen_real x31 = R(6.249999999999999) * (P1a_z - P1b_z);
+        phi_q[101] = x31;
+        phi_q[102] = -x29;
+        phi_q[103] = -x30;
+        phi_q[104] = -x31;
         /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
-        const ncgen_real x38 = R(3.890284959221174) * (P1a_x - P2a_x);
-        phi_q[105] = x38;
-        const ncgen_real x39 = R(3.890284959221174) * (P1a_y - P2a_y);
-        phi_q[106] = x39;
-        const ncgen_real x40 = R(3.890284959221174) * (P1a_z - P2a_z);
-        phi_q[107] = x40;
-        phi_q[108] = -x38;
-        phi_q[109] = -x39;
-        phi_q[110] = -x40;
+        const ncgen_real x32 = R(3.890284959221174) * (P1a_x - P2a_x);
+        phi_q[105] = x32;
+        const ncgen_real x33 = R(3.890284959221174) * (P1a_y - P2a_y);
+        phi_q[106] = x33;
+        const ncgen_real x34 = R(3.890284959221174) * (P1a_z - P2a_z);
+        phi_q[107] = x34;
+        phi_q[108] = -x32;
+        phi_q[109] = -x33;
+        phi_q[110] = -x34;
         /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
-        const ncgen_real x41 = R(7.325666484153428) * (P2a_x - P1b_x);
-        phi_q[111] = -x41;
-        const ncgen_real x42 = R(7.325666484153428) * (P2a_y - P1b_y);
-        phi_q[112] = -x42;
-        const ncgen_real x43 = R(7.325666484153428) * (P2a_z - P1b_z);
-        phi_q[113] = -x43;
-        phi_q[114] = x41;
-        phi_q[115] = x42;
-        phi_q[116] = x43;
+        const ncgen_real x35 = R(7.325666484153428) * (P2a_x - P1b_x);
+        phi_q[111] = -x35;
+        const ncgen_real x36 = R(7.325666484153428) * (P2a_y - P1b_y);
+        phi_q[112] = -x36;
+        const ncgen_real x37 = R(7.325666484153428) * (P2a_z - P1b_z);
+        phi_q[113] = -x37;
+        phi_q[114] = x35;
+        phi_q[115] = x36;
+        phi_q[116] = x37;
         /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
         const ncgen_real C_x = q[48];
-        const ncgen_real x44 = R(5.931298258605934) * (P1a_x - C_x);
-        phi_q[117] = x44;
+        const ncgen_real x38 = R(5.931298258605934) * (P1a_x - C_x);
+        phi_q[117] = x38;
         const ncgen_real C_y = q[49];
-        const ncgen_real x45 = R(5.931298258605934) * (P1a_y - C_y);
-        phi_q[118] = x45;
+        const ncgen_real x39 = R(5.931298258605934) * (P1a_y - C_y);
+        phi_q[118] = x39;
         const ncgen_real C_z = q[50];
-        const ncgen_real x46 = R(5.931298258605934) * (P1a_z - C_z);
-        phi_q[119] = x46;
-        phi_q[120] = -x44;
-        phi_q[121] = -x45;
-        phi_q[122] = -x46;
+        const ncgen_real x40 = R(5.931298258605934) * (P1a_z - C_z);
+        phi_q[119] = x40;
+        phi_q[120] = -x38;
+        phi_q[121] = -x39;
+        phi_q[122] = -x40;
         /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
-        const ncgen_real x47 = R(5.931298258605935) * (C_x - P1b_x);
-        phi_q[123] = -x47;
-        const ncgen_real x48 = R(5.931298258605935) * (C_y - P1b_y);
-        phi_q[124] = -x48;
-        const ncgen_real x49 = R(5.931298258605935) * (C_z - P1b_z);
-        phi_q[125] = -x49;
-        phi_q[126] = x47;
-        phi_q[127] = x48;
-        phi_q[128] = x49;
+        const ncgen_real x41 = R(5.931298258605935) * (C_x - P1b_x);
+        phi_q[123] = -x41;
+        const ncgen_real x42 = R(5.931298258605935) * (C_y - P1b_y);
+        phi_q[124] = -x42;
+        const ncgen_real x43 = R(5.931298258605935) * (C_z - P1b_z);
+        phi_q[125] = -x43;
+        phi_q[126] = x41;
+        phi_q[127] = x42;
+        phi_q[128] = x43;
         /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
-        const ncgen_real x50 = R(5.931298258605933) * (C_x - P2a_x);
-        phi_q[129] = -x50;
-        const ncgen_real x51 = R(5.931298258605933) * (C_y - P2a_y);
-        phi_q[130] = -x51;
-        const ncgen_real x52 = R(5.931298258605933) * (C_z - P2a_z);
-        phi_q[131] = -x52;
-        phi_q[132] = x50;
-        phi_q[133] = x51;
-        phi_q[134] = x52;
+        const ncgen_real x44 = R(5.931298258605933) * (C_x - P2a_x);
+        phi_q[129] = -x44;
+        const ncgen_real x45 = R(5.931298258605933) * (C_y - P2a_y);
+        phi_q[130] = -x45;
+        const ncgen_real x46 = R(5.931298258605933) * (C_z - P2a_z);
+        phi_q[131] = -x46;
+        phi_q[132] = x44;
+        phi_q[133] = x45;
+        phi_q[134] = x46;
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real n1_x = q[51];
         phi_q[171] = n1_x;
@@ -658,54 +668,54 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real n1_z = q[53];
         phi_q[173] = n1_z;
         /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x53 = R(0.9478672985781991) * n1_x;
-        const ncgen_real x54 = -x53;
-        phi_q[174] = x54;
-        const ncgen_real x55 = R(0.9478672985781991) * n1_y;
-        const ncgen_real x56 = -x55;
-        phi_q[175] = x56;
-        const ncgen_real x57 = R(0.9478672985781991) * n1_z;
-        const ncgen_real x58 = -x57;
-        phi_q[176] = x58;
-        phi_q[177] = x53;
-        phi_q[178] = x55;
-        phi_q[179] = x57;
+        const ncgen_real x47 = R(0.9478672985781991) * n1_x;
+        const ncgen_real x48 = -x47;
+        phi_q[174] = x48;
+        const ncgen_real x49 = R(0.9478672985781991) * n1_y;
+        const ncgen_real x50 = -x49;
+        phi_q[175] = x50;
+        const ncgen_real x51 = R(0.9478672985781991) * n1_z;
+        const ncgen_real x52 = -x51;
+        phi_q[176] = x52;
+        phi_q[177] = x47;
+        phi_q[178] = x49;
+        phi_q[179] = x51;
         phi_q[180] = R(0.9478672985781991) * (P1a_x - E1a_x);
         phi_q[181] = R(0.9478672985781991) * (P1a_y - E1a_y);
         phi_q[182] = R(0.9478672985781991) * (P1a_z - E1a_z);
         /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        phi_q[183] = x54;
-        phi_q[184] = x56;
-        phi_q[185] = x58;
-        phi_q[186] = x53;
-        phi_q[187] = x55;
-        phi_q[188] = x57;
+        phi_q[183] = x48;
+        phi_q[184] = x50;
+        phi_q[185] = x52;
+        phi_q[186] = x47;
+        phi_q[187] = x49;
+        phi_q[188] = x51;
         phi_q[189] = R(0.9478672985781991) * (P1b_x - E1b_x);
         phi_q[190] = R(0.9478672985781991) * (P1b_y - E1b_y);
         phi_q[191] = R(0.9478672985781991) * (P1b_z - E1b_z);
         /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
-        const ncgen_real x59 = R(6.249999999999999) * n1_x;
-        const ncgen_real x60 = -x59;
-        phi_q[192] = x60;
-        const ncgen_real x61 = R(6.249999999999999) * n1_y;
-        const ncgen_real x62 = -x61;
-        phi_q[193] = x62;
-        const ncgen_real x63 = R(6.249999999999999) * n1_z;
-        const ncgen_real x64 = -x63;
-        phi_q[194] = x64;
-        phi_q[195] = x59;
-        phi_q[196] = x61;
-        phi_q[197] = x63;
+        const ncgen_real x53 = R(6.249999999999999) * n1_x;
+        const ncgen_real x54 = -x53;
+        phi_q[192] = x54;
+        const ncgen_real x55 = R(6.249999999999999) * n1_y;
+        const ncgen_real x56 = -x55;
+        phi_q[193] = x56;
+        const ncgen_real x57 = R(6.249999999999999) * n1_z;
+        const ncgen_real x58 = -x57;
+        phi_q[194] = x58;
+        phi_q[195] = x53;
+        phi_q[196] = x55;
+        phi_q[197] = x57;
         phi_q[198] = R(6.249999999999999) * (E1b_x - E1a_x);
         phi_q[199] = R(6.249999999999999) * (E1b_y - E1a_y);
         phi_q[200] = R(6.249999999999999) * (E1b_z - E1a_z);
         /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        phi_q[201] = x60;
-        phi_q[202] = x62;
-        phi_q[203] = x64;
-        phi_q[204] = x59;
-        phi_q[205] = x61;
-        phi_q[206] = x63;
+        phi_q[201] = x54;
+        phi_q[202] = x56;
+        phi_q[203] = x58;
+        phi_q[204] = x53;
+        phi_q[205] = x55;
+        phi_q[206] = x57;
         phi_q[207] = R(6.249999999999999) * (P1b_x - P1a_x);
         phi_q[208] = R(6.249999999999999) * (P1b_y - P1a_y);
         phi_q[209] = R(6.249999999999999) * (P1b_z - P1a_z);
@@ -717,54 +727,54 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real n2_z = q[56];
         phi_q[212] = n2_z;
         /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x65 = R(0.947867298578199) * n2_x;
-        const ncgen_real x66 = -x65;
-        phi_q[213] = x66;
-        const ncgen_real x67 = R(0.947867298578199) * n2_y;
-        const ncgen_real x68 = -x67;
-        phi_q[214] = x68;
-        const ncgen_real x69 = R(0.947867298578199) * n2_z;
-        const ncgen_real x70 = -x69;
-        phi_q[215] = x70;
-        phi_q[216] = x65;
-        phi_q[217] = x67;
-        phi_q[218] = x69;
+        const ncgen_real x59 = R(0.947867298578199) * n2_x;
+        const ncgen_real x60 = -x59;
+        phi_q[213] = x60;
+        const ncgen_real x61 = R(0.947867298578199) * n2_y;
+        const ncgen_real x62 = -x61;
+        phi_q[214] = x62;
+        const ncgen_real x63 = R(0.947867298578199) * n2_z;
+        const ncgen_real x64 = -x63;
+        phi_q[215] = x64;
+        phi_q[216] = x59;
+        phi_q[217] = x61;
+        phi_q[218] = x63;
         phi_q[219] = R(0.947867298578199) * (P2a_x - E2a_x);
         phi_q[220] = R(0.947867298578199) * (P2a_y - E2a_y);
         phi_q[221] = R(0.947867298578199) * (P2a_z - E2a_z);
         /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        phi_q[222] = x66;
-        phi_q[223] = x68;
-        phi_q[224] = x70;
-        phi_q[225] = x65;
-        phi_q[226] = x67;
-        phi_q[227] = x69;
+        phi_q[222] = x60;
+        phi_q[223] = x62;
+        phi_q[224] = x64;
+        phi_q[225] = x59;
+        phi_q[226] = x61;
+        phi_q[227] = x63;
         phi_q[228] = R(0.947867298578199) * (P2b_x - E2b_x);
         phi_q[229] = R(0.947867298578199) * (P2b_y - E2b_y);
         phi_q[230] = R(0.947867298578199) * (P2b_z - E2b_z);
         /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
-        const ncgen_real x71 = R(6.249999999999999) * n2_x;
-        const ncgen_real x72 = -x71;
-        phi_q[231] = x72;
-        const ncgen_real x73 = R(6.249999999999999) * n2_y;
-        const ncgen_real x74 = -x73;
-        phi_q[232] = x74;
-        const ncgen_real x75 = R(6.249999999999999) * n2_z;
-        const ncgen_real x76 = -x75;
-        phi_q[233] = x76;
-        phi_q[234] = x71;
-        phi_q[235] = x73;
-        phi_q[236] = x75;
+        const ncgen_real x65 = R(6.249999999999999) * n2_x;
+        const ncgen_real x66 = -x65;
+        phi_q[231] = x66;
+        const ncgen_real x67 = R(6.249999999999999) * n2_y;
+        const ncgen_real x68 = -x67;
+        phi_q[232] = x68;
+        const ncgen_real x69 = R(6.249999999999999) * n2_z;
+        const ncgen_real x70 = -x69;
+        phi_q[233] = x70;
+        phi_q[234] = x65;
+        phi_q[235] = x67;
+        phi_q[236] = x69;
         phi_q[237] = R(6.249999999999999) * (E2b_x - E2a_x);
         phi_q[238] = R(6.249999999999999) * (E2b_y - E2a_y);
         phi_q[239] = R(6.249999999999999) * (E2b_z - E2a_z);
         /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
-        phi_q[240] = x72;
-        phi_q[241] = x74;
-        phi_q[242] = x76;
-        phi_q[243] = x71;
-        phi_q[244] = x73;
-        phi_q[245] = x75;
+        phi_q[240] = x66;
+        phi_q[241] = x68;
+        phi_q[242] = x70;
+        phi_q[243] = x65;
+        phi_q[244] = x67;
+        phi_q[245] = x69;
         phi_q[246] = R(6.249999999999999) * (P2b_x - P2a_x);
         phi_q[247] = R(6.249999999999999) * (P2b_y - P2a_y);
         phi_q[248] = R(6.249999999999999) * (P2b_z - P2a_z);
@@ -776,54 +786,54 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real n3_z = q[59];
         phi_q[251] = n3_z;
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x77 = R(0.9478672985781991) * n3_x;
-        const ncgen_real x78 = -x77;
-        phi_q[252] = x78;
-        const ncgen_real x79 = R(0.9478672985781991) * n3_y;
-        const ncgen_real x80 = -x79;
-        phi_q[253] = x80;
-        const ncgen_real x81 = R(0.9478672985781991) * n3_z;
-        const ncgen_real x82 = -x81;
-        phi_q[254] = x82;
-        phi_q[255] = x77;
-        phi_q[256] = x79;
-        phi_q[257] = x81;
+        const ncgen_real x71 = R(0.9478672985781991) * n3_x;
+        const ncgen_real x72 = -x71;
+        phi_q[252] = x72;
+        const ncgen_real x73 = R(0.9478672985781991) * n3_y;
+        const ncgen_real x74 = -x73;
+        phi_q[253] = x74;
+        const ncgen_real x75 = R(0.9478672985781991) * n3_z;
+        const ncgen_real x76 = -x75;
+        phi_q[254] = x76;
+        phi_q[255] = x71;
+        phi_q[256] = x73;
+        phi_q[257] = x75;
         phi_q[258] = R(0.9478672985781991) * (P3a_x - E3a_x);
         phi_q[259] = R(0.9478672985781991) * (P3a_y - E3a_y);
         phi_q[260] = R(0.9478672985781991) * (P3a_z - E3a_z);
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        phi_q[261] = x78;
-        phi_q[262] = x80;
-        phi_q[263] = x82;
-        phi_q[264] = x77;
-        phi_q[265] = x79;
-        phi_q[266] = x81;
+        phi_q[261] = x72;
+        phi_q[262] = x74;
+        phi_q[263] = x76;
+        phi_q[264] = x71;
+        phi_q[265] = x73;
+        phi_q[266] = x75;
         phi_q[267] = R(0.9478672985781991) * (P3b_x - E3b_x);
         phi_q[268] = R(0.9478672985781991) * (P3b_y - E3b_y);
         phi_q[269] = R(0.9478672985781991) * (P3b_z - E3b_z);
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
-        const ncgen_real x83 = R(6.25) * n3_x;
-        const ncgen_real x84 = -x83;
-        phi_q[270] = x84;
-        const ncgen_real x85 = R(6.25) * n3_y;
-        const ncgen_real x86 = -x85;
-        phi_q[271] = x86;
-        const ncgen_real x87 = R(6.25) * n3_z;
-        const ncgen_real x88 = -x87;
-        phi_q[272] = x88;
-        phi_q[273] = x83;
-        phi_q[274] = x85;
-        phi_q[275] = x87;
+        const ncgen_real x77 = R(6.25) * n3_x;
+        const ncgen_real x78 = -x77;
+        phi_q[270] = x78;
+        const ncgen_real x79 = R(6.25) * n3_y;
+        const ncgen_real x80 = -x79;
+        phi_q[271] = x80;
+        const ncgen_real x81 = R(6.25) * n3_z;
+        const ncgen_real x82 = -x81;
+        phi_q[272] = x82;
+        phi_q[273] = x77;
+        phi_q[274] = x79;
+        phi_q[275] = x81;
         phi_q[276] = R(6.25) * (E3b_x - E3a_x);
         phi_q[277] = R(6.25) * (E3b_y - E3a_y);
         phi_q[278] = R(6.25) * (E3b_z - E3a_z);
         /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
-        phi_q[279] = x84;
-        phi_q[280] = x86;
-        phi_q[281] = x88;
-        phi_q[282] = x83;
-        phi_q[283] = x85;
-        phi_q[284] = x87;
+        phi_q[279] = x78;
+        phi_q[280] = x80;
+        phi_q[281] = x82;
+        phi_q[282] = x77;
+        phi_q[283] = x79;
+        phi_q[284] = x81;
         phi_q[285] = R(6.25) * (P3b_x - P3a_x);
         phi_q[286] = R(6.25) * (P3b_y - P3a_y);
         phi_q[287] = R(6.25) * (P3b_z - P3a_z);
@@ -831,12 +841,17 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* gamma: 365 operations, 6 of them elementary functions */
 int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[3], cosine[3];
     (void)t;
     (void)p;
+
+    ncgen_real angle[3];
+    for (int i = 0; i < 3; ++i)
+        angle[i] = q[10 * i + 9];
+    ncgen_sincos(3, angle, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 63; ++i) {
@@ -851,231 +866,228 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x1 = R(2.380952380952381) * (dE1_x * dE1_x + dE1_y * dE1_y + dE1_z * dE1_z);
         gamma[0] = -x1;
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real psi1 = q[9];
-        const ncgen_real x2 = NCGEN_SIN(psi1);
+        const ncgen_real sin_psi1 = sine[0];
         const ncgen_real E1_x = q[0];
         const ncgen_real E1_y = q[1];
-        const ncgen_real x3 = R(0.8660254037844387) * (E1_x - R(0.2857883832488648)) + R(0.49999999999999994) * (E1_y - R(0.16499999999999998));
+        const ncgen_real x2 = R(0.8660254037844387) * (E1_x - R(0.2857883832488648)) + R(0.49999999999999994) * (E1_y - R(0.16499999999999998));
         const ncgen_real dpsi1 = qd[9];
-        const ncgen_real x4 = dpsi1 * dpsi1;
-        const ncgen_real x5 = NCGEN_COS(psi1);
-        const ncgen_real x6 = R(2.0) * dpsi1;
-        const ncgen_real x7 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
-        const ncgen_real x8 = R(0.24999999999999994) * dE1_z + R(0.7500000000000001) * dE1_z;
+        const ncgen_real x3 = dpsi1 * dpsi1;
+        const ncgen_real cos_psi1 = cosine[0];
+        const ncgen_real x4 = R(2.0) * dpsi1;
+        const ncgen_real x5 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
+        const ncgen_real x6 = R(0.24999999999999994) * dE1_z + R(0.7500000000000001) * dE1_z;
+        const ncgen_real x7 = sin_psi1 * (x2 * x3) - cos_psi1 * (x4 * x5) + sin_psi1 * (x4 * x6);
         const ncgen_real E1_z = q[2];
-        const ncgen_real x9 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
-        const ncgen_real x10 = x2 * (x3 * x4) - x5 * (x6 * x7) + x2 * (x6 * x8) + x5 * (x4 * x9);
-        gamma[8] = R(2.380952380952381) * x10;
+        const ncgen_real x8 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        gamma[8] = R(2.380952380952381) * (x7 + cos_psi1 * (x3 * x8));
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real dE2_x = qd[10];
         const ncgen_real dE2_y = qd[11];
         const ncgen_real dE2_z = qd[12];
-        const ncgen_real x11 = R(2.380952380952381) * (dE2_x * dE2_x + dE2_y * dE2_y + dE2_z * dE2_z);
-        gamma[9] = -x11;
+        const ncgen_real x9 = R(2.380952380952381) * (dE2_x * dE2_x + dE2_y * dE2_y + dE2_z * dE2_z);
+        gamma[9] = -x9;
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real psi2 = q[19];
-        const ncgen_real x12 = NCGEN_SIN(psi2);
+        const ncgen_real sin_psi2 = sine[1];
         const ncgen_real E2_y = q[11];
         const ncgen_real E2_x = q[10];
-        const ncgen_real x13 = R(0.5000000000000003) * (E2_y - R(0.16500000000000012)) - R(0.8660254037844385) * (E2_x + R(0.28578838324886474));
+        const ncgen_real x10 = R(0.5000000000000003) * (E2_y - R(0.16500000000000012)) - R(0.8660254037844385) * (E2_x + R(0.28578838324886474));
         const ncgen_real dpsi2 = qd[19];
-        const ncgen_real x14 = dpsi2 * dpsi2;
-        const ncgen_real x15 = NCGEN_COS(psi2);
-        const ncgen_real x16 = R(2.0) * dpsi2;
-        const ncgen_real x17 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
-        const ncgen_real x18 = R(0.25000000000000033) * dE2_z + R(0.7499999999999997) * dE2_z;
-        const ncgen_real x19 = x12 * (x13 * x14) - x15 * (x16 * x17) + x12 * (x16 * x18);
+        const ncgen_real x11 = dpsi2 * dpsi2;
+        const ncgen_real cos_psi2 = cosine[1];
+        const ncgen_real x12 = R(2.0) * dpsi2;
+        const ncgen_real x13 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
+        const ncgen_real x14 = R(0.25000000000000033) * dE2_z + R(0.7499999999999997) * dE2_z;
+        const ncgen_real x15 = sin_psi2 * (x10 * x11) - cos_psi2 * (x12 * x13) + sin_psi2 * (x12 * x14);
         const ncgen_real E2_z = q[12];
-        const ncgen_real x20 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
-        gamma[17] = R(2.380952380952381) * (x19 + x15 * (x14 * x20));
+        const ncgen_real x16 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        gamma[17] = R(2.380952380952381) * (x15 + cos_psi2 * (x11 * x16));
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real dE3_x = qd[20];
         const ncgen_real dE3_y = qd[21];
         const ncgen_real dE3_z = qd[22];
-        const ncgen_real x21 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
-        gamma[18] = -x21;
+        const ncgen_real x17 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
+        gamma[18] = -x17;
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
-        const ncgen_real psi3 = q[29];
-        const ncgen_real x22 = NCGEN_COS(psi3);
+        const ncgen_real cos_psi3 = cosine[2];
         const ncgen_real dpsi3 = qd[29];
-        const ncgen_real x23 = R(2.0) * dpsi3;
-        const ncgen_real x24 = x22 * (x23 * (dE3_y + R(1.8369701987210297e-16) * dE3_x));
-        const ncgen_real x25 = NCGEN_SIN(psi3);
+        const ncgen_real x18 = R(2.0) * dpsi3;
+        const ncgen_real x19 = cos_psi3 * (x18 * (dE3_y + R(1.8369701987210297e-16) * dE3_x));
+        const ncgen_real sin_psi3 = sine[2];
         const ncgen_real E3_y = q[21];
         const ncgen_real E3_x = q[20];
-        const ncgen_real x26 = R(1.8369701987210297e-16) * (E3_x + R(6.062001655779399e-17));
-        const ncgen_real x27 = dpsi3 * dpsi3;
-        const ncgen_real x28 = x24 - x25 * ((E3_y + R(0.33) + x26) * x27) + x25 * (x23 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
+        const ncgen_real x20 = R(1.8369701987210297e-16) * (E3_x + R(6.062001655779399e-17));
+        const ncgen_real x21 = dpsi3 * dpsi3;
+        const ncgen_real x22 = sin_psi3 * (x18 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
         const ncgen_real E3_z = q[22];
-        const ncgen_real x29 = x28 + x22 * (x27 * (E3_z + R(3.374459510989179e-32) * E3_z));
-        gamma[26] = R(2.380952380952381) * x29;
+        const ncgen_real x23 = cos_psi3 * (x21 * (E3_z + R(3.374459510989179e-32) * E3_z));
+        const ncgen_real x24 = x19 - sin_psi3 * ((E3_y + R(0.33) + x20) * x21) + x22 + x23;
+        gamma[26] = R(2.380952380952381) * x24;
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real dE1a_x = qd[3];
         const ncgen_real dP1a_x = qd[30];
-        const ncgen_real x30 = dE1a_x - dP1a_x;
+        const ncgen_real x25 = dE1a_x - dP1a_x;
         const ncgen_real dE1a_y = qd[4];
         const ncgen_real dP1a_y = qd[31];
-        const ncgen_real x31 = dE1a_y - dP1a_y;
+        const ncgen_real x26 = dE1a_y - dP1a_y;
         const ncgen_real dE1a_z = qd[5];
         const ncgen_real dP1a_z = qd[32];
-        const ncgen_real x32 = dE1a_z - dP1a_z;
-        const ncgen_real x33 = R(0.9478672985781991) * (x30 * x30 + x31 * x31 + x32 * x32);
-        gamma[27] = -x33;
+        const ncgen_real x27 = dE1a_z - dP1a_z;
+        const ncgen_real x28 = R(0.9478672985781991) * (x25 * x25 + x26 * x26 + x27 * x27);
+        gamma[27] = -x28;
         /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
         const ncgen_real dE1b_x = qd[6];
         const ncgen_real dP1b_x = qd[33];
-        const ncgen_real x34 = dE1b_x - dP1b_x;
+        const ncgen_real x29 = dE1b_x - dP1b_x;
         const ncgen_real dE1b_y = qd[7];
         const ncgen_real dP1b_y = qd[34];
-        const ncgen_real x35 = dE1b_y - dP1b_y;
+        const ncgen_real x30 = dE1b_y - dP1b_y;
         const ncgen_real dE1b_z = qd[8];
         const ncgen_real dP1b_z = qd[35];
-        const ncgen_real x36 = dE1b_z - dP1b_z;
-        const ncgen_real x37 = R(0.9478672985781991) * (x34 * x34 + x35 * x35 + x36 * x36);
-        gamma[28] = -x37;
+        const ncgen_real x31 = dE1b_z - dP1b_z;
+        const ncgen_real x32 = R(0.9478672985781991) * (x29 * x29 + x30 * x30 + x31 * x31);
+        gamma[28] = -x32;
         /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
         const ncgen_real dE2a_x = qd[13];
         const ncgen_real dP2a_x = qd[36];
-        const ncgen_real x38 = dE2a_x - dP2a_x;
+        const ncgen_real x33 = dE2a_x - dP2a_x;
         const ncgen_real dE2a_y = qd[14];
         const ncgen_real dP2a_y = qd[37];
-        const ncgen_real x39 = dE2a_y - dP2a_y;
+        const ncgen_real x34 = dE2a_y - dP2a_y;
         const ncgen_real dE2a_z = qd[15];
         const ncgen_real dP2a_z = qd[38];
-        const ncgen_real x40 = dE2a_z - dP2a_z;
-        const ncgen_real x41 = R(0.947867298578199) * (x38 * x38 + x39 * x39 + x40 * x40);
-        gamma[29] = -x41;
+        const ncgen_real x35 = dE2a_z - dP2a_z;
+        const ncgen_real x36 = R(0.947867298578199) * (x33 * x33 + x34 * x34 + x35 * x35);
+        gamma[29] = -x36;
         /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
         const ncgen_real dE2b_x = qd[16];
         const ncgen_real dP2b_x = qd[39];
-        const ncgen_real x42 = dE2b_x - dP2b_x;
+        const ncgen_real x37 = dE2b_x - dP2b_x;
         const ncgen_real dE2b_y = qd[17];
         const ncgen_real dP2b_y = qd[40];
-        const ncgen_real x43 = dE2b_y - dP2b_y;
+        const ncgen_real x38 = dE2b_y - dP2b_y;
         const ncgen_real dE2b_z = qd[18];
         const ncgen_real dP2b_z = qd[41];
-        const ncgen_real x44 = dE2b_z - dP2b_z;
-        const ncgen_real x45 = R(0.947867298578199) * (x42 * x42 + x43 * x43 + x44 * x44);
-        gamma[30] = -x45;
+        const ncgen_real x39 = dE2b_z - dP2b_z;
+        const ncgen_real x40 = R(0.947867298578199) * (x37 * x37 + x38 * x38 + x39 * x39);
+        gamma[30] = -x40;
         /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
         const ncgen_real dE3a_x = qd[23];
         const ncgen_real dP3a_x = qd[42];
-        const ncgen_real x46 = dE3a_x - dP3a_x;
+        const ncgen_real x41 = dE3a_x - dP3a_x;
         const ncgen_real dE3a_y = qd[24];
         const ncgen_real dP3a_y = qd[43];
-        const ncgen_real x47 = dE3a_y - dP3a_y;
+        const ncgen_real x42 = dE3a_y - dP3a_y;
         const ncgen_real dE3a_z = qd[25];
         const ncgen_real dP3a_z = qd[44];
-        const ncgen_real x48 = dE3a_z - dP3a_z;
-        const ncgen_real x49 = R(0.9478672985781991) * (x46 * x46 + x47 * x47 + x48 * x48);
-        gamma[31] = -x49;
+        const ncgen_real x43 = dE3a_z - dP3a_z;
+        const ncgen_real x44 = R(0.9478672985781991) * (x41 * x41 + x42 * x42 + x43 * x43);
+        gamma[31] = -x44;
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real dE3b_x = qd[26];
         const ncgen_real dP3b_x = qd[45];
-        const ncgen_real x50 = dE3b_x - dP3b_x;
+        const ncgen_real x45 = dE3b_x - dP3b_x;
         const ncgen_real dE3b_y = qd[27];
         const ncgen_real dP3b_y = qd[46];
-        const ncgen_real x51 = dE3b_y - dP3b_y;
+        const ncgen_real x46 = dE3b_y - dP3b_y;
         const ncgen_real dE3b_z = qd[28];
         const ncgen_real dP3b_z = qd[47];
-        const ncgen_real x52 = dE3b_z - dP3b_z;
-        const ncgen_real x53 = R(0.9478672985781991) * (x50 * x50 + x51 * x51 + x52 * x52);
-        gamma[32] = -x53;
+        const ncgen_real x47 = dE3b_z - dP3b_z;
+        const ncgen_real x48 = R(0.9478672985781991) * (x45 * x45 + x46 * x46 + x47 * x47);
+        gamma[32] = -x48;
         /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
-        const ncgen_real x54 = dP1a_x - dP1b_x;
-        const ncgen_real x55 = dP1a_y - dP1b_y;
-        const ncgen_real x56 = dP1a_z - dP1b_z;
-        const ncgen_real x57 = R(6.249999999999999) * (x54 * x54 + x55 * x55 + x56 * x56);
-        gamma[33] = -x57;
+        const ncgen_real x49 = dP1a_x - dP1b_x;
+        const ncgen_real x50 = dP1a_y - dP1b_y;
+        const ncgen_real x51 = dP1a_z - dP1b_z;
+        const ncgen_real x52 = R(6.249999999999999) * (x49 * x49 + x50 * x50 + x51 * x51);
+        gamma[33] = -x52;
         /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
-        const ncgen_real x58 = dP1a_x - dP2a_x;
-        const ncgen_real x59 = dP1a_y - dP2a_y;
-        const ncgen_real x60 = dP1a_z - dP2a_z;
-        const ncgen_real x61 = R(3.890284959221174) * (x58 * x58 + x59 * x59 + x60 * x60);
-        gamma[34] = -x61;
+        const ncgen_real x53 = dP1a_x - dP2a_x;
+        const ncgen_real x54 = dP1a_y - dP2a_y;
+        const ncgen_real x55 = dP1a_z - dP2a_z;
+        const ncgen_real x56 = R(3.890284959221174) * (x53 * x53 + x54 * x54 + x55 * x55);
+        gamma[34] = -x56;
         /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
-        const ncgen_real x62 = dP2a_x - dP1b_x;
-        const ncgen_real x63 = dP2a_y - dP1b_y;
-        const ncgen_real x64 = dP2a_z - dP1b_z;
-        const ncgen_real x65 = R(7.325666484153428) * (x62 * x62 + x63 * x63 + x64 * x64);
-        gamma[35] = -x65;
+        const ncgen_real x57 = dP2a_x - dP1b_x;
+        const ncgen_real x58 = dP2a_y - dP1b_y;
+        const ncgen_real x59 = dP2a_z - dP1b_z;
+        const ncgen_real x60 = R(7.325666484153428) * (x57 * x57 + x58 * x58 + x59 * x59);
+        gamma[35] = -x60;
         /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
         const ncgen_real dC_x = qd[48];
-        const ncgen_real x66 = dP1a_x - dC_x;
+        const ncgen_real x61 = dP1a_x - dC_x;
         const ncgen_real dC_y = qd[49];
-        const ncgen_real x67 = dP1a_y - dC_y;
+        const ncgen_real x62 = dP1a_y - dC_y;
         const ncgen_real dC_z = qd[50];
-        const ncgen_real x68 = dP1a_z - dC_z;
-        const ncgen_real x69 = R(5.931298258605934) * (x66 * x66 + x67 * x67 + x68 * x68);
-        gamma[36] = -x69;
+        const ncgen_real x63 = dP1a_z - dC_z;
+        const ncgen_real x64 = R(5.931298258605934) * (x61 * x61 + x62 * x62 + x63 * x63);
+        gamma[36] = -x64;
         /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
-        const ncgen_real x70 = dC_x - dP1b_x;
-        const ncgen_real x71 = dC_y - dP1b_y;
-        const ncgen_real x72 = dC_z - dP1b_z;
-        const ncgen_real x73 = R(5.931298258605935) * (x70 * x70 + x71 * x71 + x72 * x72);
-        gamma[37] = -x73;
+        const ncgen_real x65 = dC_x - dP1b_x;
+        const ncgen_real x66 = dC_y - dP1b_y;
+        const ncgen_real x67 = dC_z - dP1b_z;
+        const ncgen_real x68 = R(5.931298258605935) * (x65 * x65 + x66 * x66 + x67 * x67);
+        gamma[37] = -x68;
         /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
-        const ncgen_real x74 = dC_x - dP2a_x;
-        const ncgen_real x75 = dC_y - dP2a_y;
-        const ncgen_real x76 = dC_z - dP2a_z;
-        const ncgen_real x77 = R(5.931298258605933) * (x74 * x74 + x75 * x75 + x76 * x76);
-        gamma[38] = -x77;
+        const ncgen_real x69 = dC_x - dP2a_x;
+        const ncgen_real x70 = dC_y - dP2a_y;
+        const ncgen_real x71 = dC_z - dP2a_z;
+        const ncgen_real x72 = R(5.931298258605933) * (x69 * x69 + x70 * x70 + x71 * x71);
+        gamma[38] = -x72;
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real dn1_x = qd[51];
         const ncgen_real dn1_y = qd[52];
         const ncgen_real dn1_z = qd[53];
         gamma[48] = -(dn1_x * dn1_x + dn1_y * dn1_y + dn1_z * dn1_z);
         /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x78 = dn1_x * (dP1a_x - dE1a_x) + dn1_y * (dP1a_y - dE1a_y) + dn1_z * (dP1a_z - dE1a_z);
-        gamma[49] = -(R(1.8957345971563981) * x78);
+        const ncgen_real x73 = dn1_x * (dP1a_x - dE1a_x) + dn1_y * (dP1a_y - dE1a_y) + dn1_z * (dP1a_z - dE1a_z);
+        gamma[49] = -(R(1.8957345971563981) * x73);
         /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        const ncgen_real x79 = dn1_x * (dP1b_x - dE1b_x) + dn1_y * (dP1b_y - dE1b_y) + dn1_z * (dP1b_z - dE1b_z);
-        gamma[50] = -(R(1.8957345971563981) * x79);
+        const ncgen_real x74 = dn1_x * (dP1b_x - dE1b_x) + dn1_y * (dP1b_y - dE1b_y) + dn1_z * (dP1b_z - dE1b_z);
+        gamma[50] = -(R(1.8957345971563981) * x74);
         /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
-        const ncgen_real x80 = dn1_x * (dE1b_x - dE1a_x) + dn1_y * (dE1b_y - dE1a_y) + dn1_z * (dE1b_z - dE1a_z);
-        gamma[51] = -(R(12.499999999999998) * x80);
+        const ncgen_real x75 = dn1_x * (dE1b_x - dE1a_x) + dn1_y * (dE1b_y - dE1a_y) + dn1_z * (dE1b_z - dE1a_z);
+        gamma[51] = -(R(12.499999999999998) * x75);
         /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        const ncgen_real x81 = dn1_x * (dP1b_x - dP1a_x) + dn1_y * (dP1b_y - dP1a_y) + dn1_z * (dP1b_z - dP1a_z);
-        gamma[52] = -(R(12.499999999999998) * x81);
+        const ncgen_real x76 = dn1_x * (dP1b_x - dP1a_x) + dn1_y * (dP1b_y - dP1a_y) + dn1_z * (dP1b_z - dP1a_z);
+        gamma[52] = -(R(12.499999999999998) * x76);
         /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
         const ncgen_real dn2_x = qd[54];
         const ncgen_real dn2_y = qd[55];
         const ncgen_real dn2_z = qd[56];
         gamma[53] = -(dn2_x * dn2_x + dn2_y * dn2_y + dn2_z * dn2_z);
         /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x82 = dn2_x * (dP2a_x - dE2a_x) + dn2_y * (dP2a_y - dE2a_y) + dn2_z * (dP2a_z - dE2a_z);
-        gamma[54] = -(R(1.895734597156398) * x82);
+        const ncgen_real x77 = dn2_x * (dP2a_x - dE2a_x) + dn2_y * (dP2a_y - dE2a_y) + dn2_z * (dP2a_z - dE2a_z);
+        gamma[54] = -(R(1.895734597156398) * x77);
         /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        const ncgen_real x83 = dn2_x * (dP2b_x - dE2b_x) + dn2_y * (dP2b_y - dE2b_y) + dn2_z * (dP2b_z - dE2b_z);
-        gamma[55] = -(R(1.895734597156398) * x83);
+        const ncgen_real x78 = dn2_x * (dP2b_x - dE2b_x) + dn2_y * (dP2b_y - dE2b_y) + dn2_z * (dP2b_z - dE2b_z);
+        gamma[55] = -(R(1.895734597156398) * x78);
         /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
-        const ncgen_real x84 = dn2_x * (dE2b_x - dE2a_x) + dn2_y * (dE2b_y - dE2a_y) + dn2_z * (dE2b_z - dE2a_z);
-        gamma[56] = -(R(12.499999999999998) * x84);
+        const ncgen_real x79 = dn2_x * (dE2b_x - dE2a_x) + dn2_y * (dE2b_y - dE2a_y) + dn2_z * (dE2b_z - dE2a_z);
+        gamma[56] = -(R(12.499999999999998) * x79);
         /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
-        const ncgen_real x85 = dn2_x * (dP2b_x - dP2a_x) + dn2_y * (dP2b_y - dP2a_y) + dn2_z * (dP2b_z - dP2a_z);
-        gamma[57] = -(R(12.499999999999998) * x85);
+        const ncgen_real x80 = dn2_x * (dP2b_x - dP2a_x) + dn2_y * (dP2b_y - dP2a_y) + dn2_z * (dP2b_z - dP2a_z);
+        gamma[57] = -(R(12.499999999999998) * x80);
         /* row 59: 1001 unit n3 (body rod3a): |u|^2 - 1 = 0 with u = n3 */
         const ncgen_real dn3_x = qd[57];
         const ncgen_real dn3_y = qd[58];
         const ncgen_real dn3_z = qd[59];
         gamma[58] = -(dn3_x * dn3_x + dn3_y * dn3_y + dn3_z * dn3_z);
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x86 = dn3_x * (dP3a_x - dE3a_x) + dn3_y * (dP3a_y - dE3a_y) + dn3_z * (dP3a_z - dE3a_z);
-        gamma[59] = -(R(1.8957345971563981) * x86);
+        const ncgen_real x81 = dn3_x * (dP3a_x - dE3a_x) + dn3_y * (dP3a_y - dE3a_y) + dn3_z * (dP3a_z - dE3a_z);
+        gamma[59] = -(R(1.8957345971563981) * x81);
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        const ncgen_real x87 = dn3_x * (dP3b_x - dE3b_x) + dn3_y * (dP3b_y - dE3b_y) + dn3_z * (dP3b_z - dE3b_z);
-        gamma[60] = -(R(1.8957345971563981) * x87);
+        const ncgen_real x82 = dn3_x * (dP3b_x - dE3b_x) + dn3_y * (dP3b_y - dE3b_y) + dn3_z * (dP3b_z - dE3b_z);
+        gamma[60] = -(R(1.8957345971563981) * x82);
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
-        const ncgen_real x88 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
-        gamma[61] = -(R(12.5) * x88);
+        const ncgen_real x83 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
+        gamma[61] = -(R(12.5) * x83);
         /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
-        const ncgen_real x89 = dn3_x * (dP3b_x - dP3a_x) + dn3_y * (dP3b_y - dP3a_y) + dn3_z * (dP3b_z - dP3a_z);
-        gamma[62] = -(R(12.5) * x89);
+        const ncgen_real x84 = dn3_x * (dP3b_x - dP3a_x) + dn3_y * (dP3b_y - dP3a_y) + dn3_z * (dP3b_z - dP3a_z);
+        gamma[62] = -(R(12.5) * x84);
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int delta_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -1091,7 +1103,6 @@ int delta_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* force: 19 operations, 1 of them elementary functions */
 int delta_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -1124,7 +1135,6 @@ int delta_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* energy: 269 operations, 1 of them elementary functions */
 int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -1200,7 +1210,6 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 static const char *const delta_coordinate_names[] = {
     "E1.x",
     "E1.y",
@@ -1383,6 +1392,7 @@ static const int delta_mass_indices[99] = {
     34, 37, 15, 32, 35, 38, 16, 39, 17, 40, 18, 41, 23, 42, 24, 43, 25, 44, 26, 45, 27, 46, 28, 47
 };
 
+
 const ncgen_model *delta_model(void)
 {
     static const ncgen_model model = {
@@ -1390,7 +1400,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "03a55cc837987f04",
+        .fingerprint = "c65fce69a1824665",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,

@@ -38,6 +38,7 @@ static const ncgen_scalar disc_number_3[30] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
 };
 
+
 /* phi: 115 operations, 1 of them elementary functions */
 int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -153,7 +154,6 @@ int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
 
     return NCGEN_OK;
 }
-
 /* phi_q: 47 operations, 1 of them elementary functions */
 int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -237,7 +237,6 @@ int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* gamma: 245 operations, 2 of them elementary functions */
 int disc_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -331,7 +330,6 @@ int disc_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int disc_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -347,7 +345,6 @@ int disc_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int disc_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -364,7 +361,6 @@ int disc_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* energy: 51 operations */
 int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -405,7 +401,6 @@ int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 static const char *const disc_coordinate_names[] = {
     "C.x",
     "C.y",
@@ -501,6 +496,7 @@ static const int disc_mass_indices[27] = {
     17
 };
 
+
 const ncgen_model *disc_model(void)
 {
     static const ncgen_model model = {
@@ -508,7 +504,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "fc37abfdf2b1343d",
+        .fingerprint = "ffc6e729cdbb85c2",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,

@@ -96,6 +96,28 @@ typedef struct ncgen_model {
     ncgen_velocity_kernel *energy; /* 3: kinetic and potential energy (J), power of other forces (W) */
 } ncgen_model;
 
+/* Kernels that take accelerations qdd, and multipliers lam of the rows, too. */
+typedef int ncgen_motion_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *qdd,
+                                const ncgen_real *p, ncgen_real *out);
+typedef int ncgen_balance_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *qdd,
+                                 const ncgen_real *lam, const ncgen_real *p, ncgen_real *out);
+
+/* How the equations of motion change, for implicit methods and linearisation: with the balance of forces
+ * b = M qdd + phi_q' lam - Q and the second derivative of the rows phidd = phi_q qdd - gamma. Kernels write the values of
+ * their patterns; those of structural zeros are NULL. */
+typedef struct ncgen_tangents {
+    unsigned abi_version;
+    unsigned struct_size; /* sizeof(ncgen_tangents) in the generator */
+    ncgen_pattern stiffness_pattern;
+    ncgen_pattern damping_pattern;
+    ncgen_pattern phidd_q_pattern;
+    ncgen_pattern phidd_qd_pattern;
+    ncgen_balance_kernel *stiffness; /* db/dq */
+    ncgen_velocity_kernel *damping;  /* db/dqd = -dQ/dqd */
+    ncgen_motion_kernel *phidd_q;    /* dphidd/dq */
+    ncgen_velocity_kernel *phidd_qd; /* dphidd/dqd = -dgamma/dqd */
+} ncgen_tangents;
+
 /* end cdef */
 
 #ifdef __cplusplus

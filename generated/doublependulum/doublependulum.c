@@ -14,6 +14,7 @@ static const ncgen_scalar doublependulum_number_2[4] = {
     R(0.0), -R(7.3575), R(0.0), -R(2.4525)
 };
 
+
 /* phi: 12 operations */
 int doublependulum_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -35,7 +36,6 @@ int doublependulum_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
 
     return NCGEN_OK;
 }
-
 /* phi_q: 6 operations */
 int doublependulum_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -61,7 +61,6 @@ int doublependulum_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     return NCGEN_OK;
 }
-
 /* gamma: 11 operations */
 int doublependulum_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -84,7 +83,6 @@ int doublependulum_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int doublependulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -100,7 +98,6 @@ int doublependulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int doublependulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -117,7 +114,6 @@ int doublependulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     return NCGEN_OK;
 }
-
 /* energy: 30 operations */
 int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -151,7 +147,6 @@ int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
 
     return NCGEN_OK;
 }
-
 static const char *const doublependulum_coordinate_names[] = {
     "B.x",
     "B.y",
@@ -184,6 +179,7 @@ static const int doublependulum_mass_indices[8] = {
     0, 2, 1, 3, 0, 2, 1, 3
 };
 
+
 const ncgen_model *doublependulum_model(void)
 {
     static const ncgen_model model = {
@@ -191,7 +187,7 @@ const ncgen_model *doublependulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "doublependulum",
-        .fingerprint = "56f9d57bc525203e",
+        .fingerprint = "a38038c3e44f2537",
         .n_coordinates = 4,
         .n_rows = 2,
         .n_parameters = 0,

@@ -39,6 +39,7 @@ static const ncgen_scalar excavator_number_3[23] = {
     R(0.0)
 };
 
+
 /* phi: 123 operations */
 int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -148,7 +149,6 @@ int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* phi_q: 48 operations */
 int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -240,7 +240,6 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 /* gamma: 58 operations */
 int excavator_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -312,7 +311,6 @@ int excavator_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int excavator_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -328,7 +326,6 @@ int excavator_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* force: 20 operations, 1 of them elementary functions */
 int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -362,7 +359,6 @@ int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 /* energy: 119 operations, 1 of them elementary functions */
 int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -425,7 +421,6 @@ int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
-
 static const char *const excavator_coordinate_names[] = {
     "B.x",
     "B.y",
@@ -502,6 +497,7 @@ static const int excavator_mass_indices[22] = {
     0, 6, 7, 1, 6, 7, 0, 1, 6, 14, 15, 0, 1, 7, 14, 15, 6, 7, 14, 6, 7, 15
 };
 
+
 const ncgen_model *excavator_model(void)
 {
     static const ncgen_model model = {
@@ -509,7 +505,7 @@ const ncgen_model *excavator_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "excavator",
-        .fingerprint = "8cd5e2fce67b4842",
+        .fingerprint = "c90e81f021fa3abb",
         .n_coordinates = 23,
         .n_rows = 20,
         .n_parameters = 0,

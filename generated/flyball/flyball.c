@@ -51,11 +51,18 @@ static const ncgen_scalar flyball_number_5[17] = {
     R(0.049999999999999996), R(0.049999999999999996), R(2.55), R(2.55), R(2.55)
 };
 
+
 /* phi: 117 operations, 6 of them elementary functions */
 int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[3], cosine[3];
     (void)t;
     (void)p;
+
+    ncgen_real angle[3];
+    for (int i = 0; i < 3; ++i)
+        angle[i] = q[13 * i + 5];
+    ncgen_sincos(3, angle, sine, cosine);
 
     {
         /* row 1: 1001 unit e (body shaft): |u|^2 - 1 = 0 with u = e */
@@ -69,8 +76,9 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 3: 1003 angle f, e (body shaft): u.v - c = 0 with u = f, v = e, c = 0 */
         phi[2] = e_x * f_x + e_y * f_y;
         /* row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1 */
-        const ncgen_real turn = q[5];
-        phi[3] = e_x * NCGEN_SIN(turn) - e_y * NCGEN_COS(turn);
+        const ncgen_real sin_turn = sine[0];
+        const ncgen_real cos_turn = cosine[0];
+        phi[3] = e_x * sin_turn - e_y * cos_turn;
         /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
         const ncgen_real H1_x = q[6];
         const ncgen_real x1 = R(0.050000000000000044) * e_x;
@@ -116,10 +124,11 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real M1_z = q[17];
         phi[14] = M1_z - R(0.5) * H1_z - R(0.5) * B1_z;
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real alpha1 = q[18];
+        const ncgen_real sin_alpha1 = sine[1];
         const ncgen_real x10 = B1_z - H1_z;
-        const ncgen_real x11 = (f_x * (e_y * x10) - f_y * (e_x * x10)) * NCGEN_COS(alpha1);
-        phi[15] = (e_x * x8 + e_y * x9) * NCGEN_SIN(alpha1) - x11;
+        const ncgen_real cos_alpha1 = cosine[1];
+        const ncgen_real x11 = (e_x * x8 + e_y * x9) * sin_alpha1 - (f_x * (e_y * x10) - f_y * (e_x * x10)) * cos_alpha1;
+        phi[15] = x11;
         /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
         const ncgen_real H2_x = q[19];
         phi[16] = x1 + H2_x;
@@ -160,20 +169,26 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real M2_z = q[30];
         phi[26] = M2_z - R(0.5) * H2_z - R(0.5) * B2_z;
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real alpha2 = q[31];
+        const ncgen_real sin_alpha2 = sine[2];
         const ncgen_real x17 = B2_z - H2_z;
-        const ncgen_real x18 = (f_x * (e_y * x17) - f_y * (e_x * x17)) * NCGEN_COS(alpha2);
-        phi[27] = -((e_x * x15 + e_y * x16) * NCGEN_SIN(alpha2) + x18);
+        const ncgen_real cos_alpha2 = cosine[2];
+        const ncgen_real x18 = (e_x * x15 + e_y * x16) * sin_alpha2 + (f_x * (e_y * x17) - f_y * (e_x * x17)) * cos_alpha2;
+        phi[27] = -x18;
     }
 
     return NCGEN_OK;
 }
-
 /* phi_q: 84 operations, 6 of them elementary functions */
 int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[3], cosine[3];
     (void)t;
     (void)p;
+
+    ncgen_real angle[3];
+    for (int i = 0; i < 3; ++i)
+        angle[i] = q[13 * i + 5];
+    ncgen_sincos(3, angle, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 97; ++i) {
@@ -198,12 +213,11 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[6] = e_x;
         phi_q[7] = e_y;
         /* row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1 */
-        const ncgen_real turn = q[5];
-        const ncgen_real x1 = NCGEN_SIN(turn);
-        phi_q[8] = x1;
-        const ncgen_real x2 = NCGEN_COS(turn);
-        phi_q[9] = -x2;
-        phi_q[10] = e_y * x1 + e_x * x2;
+        const ncgen_real sin_turn = sine[0];
+        phi_q[8] = sin_turn;
+        const ncgen_real cos_turn = cosine[0];
+        phi_q[9] = -cos_turn;
+        phi_q[10] = e_y * sin_turn + e_x * cos_turn;
         /* row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1 */
         const ncgen_real H1_x = q[6];
         const ncgen_real B1_x = q[12];
@@ -214,43 +228,42 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real H1_z = q[8];
         const ncgen_real B1_z = q[14];
         phi_q[24] = H1_z - B1_z;
-        const ncgen_real x3 = B1_x - H1_x;
-        phi_q[25] = x3;
-        const ncgen_real x4 = B1_y - H1_y;
-        phi_q[26] = x4;
-        const ncgen_real x5 = B1_z - H1_z;
-        phi_q[27] = x5;
+        const ncgen_real x1 = B1_x - H1_x;
+        phi_q[25] = x1;
+        const ncgen_real x2 = B1_y - H1_y;
+        phi_q[26] = x2;
+        const ncgen_real x3 = B1_z - H1_z;
+        phi_q[27] = x3;
         /* row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0 */
-        phi_q[28] = x3;
-        phi_q[29] = x4;
-        const ncgen_real x6 = -f_x;
-        phi_q[30] = x6;
-        const ncgen_real x7 = -f_y;
-        phi_q[31] = x7;
+        phi_q[28] = x1;
+        phi_q[29] = x2;
+        const ncgen_real x4 = -f_x;
+        phi_q[30] = x4;
+        const ncgen_real x5 = -f_y;
+        phi_q[31] = x5;
         phi_q[32] = f_x;
         phi_q[33] = f_y;
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real alpha1 = q[18];
-        const ncgen_real x8 = NCGEN_SIN(alpha1);
-        const ncgen_real x9 = NCGEN_COS(alpha1);
-        phi_q[43] = x3 * x8 + x9 * (f_y * x5);
-        phi_q[44] = x4 * x8 - x9 * (f_x * x5);
-        const ncgen_real x10 = e_y * x5;
-        phi_q[45] = -(x9 * x10);
-        const ncgen_real x11 = e_x * x5;
-        phi_q[46] = x9 * x11;
-        const ncgen_real x12 = e_x * x8;
-        phi_q[47] = -x12;
-        const ncgen_real x13 = e_y * x8;
-        phi_q[48] = -x13;
-        const ncgen_real x14 = e_y * f_x - e_x * f_y;
-        const ncgen_real x15 = x9 * x14;
-        phi_q[49] = x15;
-        phi_q[50] = x12;
-        phi_q[51] = x13;
-        phi_q[52] = -x15;
-        const ncgen_real x16 = x9 * (e_x * x3 + e_y * x4) + x8 * (f_x * x10 - f_y * x11);
-        phi_q[53] = x16;
+        const ncgen_real sin_alpha1 = sine[1];
+        const ncgen_real cos_alpha1 = cosine[1];
+        phi_q[43] = x1 * sin_alpha1 + cos_alpha1 * (f_y * x3);
+        phi_q[44] = x2 * sin_alpha1 - cos_alpha1 * (f_x * x3);
+        const ncgen_real x6 = e_y * x3;
+        phi_q[45] = -(cos_alpha1 * x6);
+        const ncgen_real x7 = e_x * x3;
+        phi_q[46] = cos_alpha1 * x7;
+        const ncgen_real x8 = e_x * sin_alpha1;
+        phi_q[47] = -x8;
+        const ncgen_real x9 = e_y * sin_alpha1;
+        phi_q[48] = -x9;
+        const ncgen_real x10 = e_y * f_x - e_x * f_y;
+        const ncgen_real x11 = cos_alpha1 * x10;
+        phi_q[49] = x11;
+        phi_q[50] = x8;
+        phi_q[51] = x9;
+        phi_q[52] = -x11;
+        const ncgen_real x12 = cos_alpha1 * (e_x * x1 + e_y * x2) + sin_alpha1 * (f_x * x6 - f_y * x7);
+        phi_q[53] = x12;
         /* row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1 */
         const ncgen_real H2_x = q[19];
         const ncgen_real B2_x = q[25];
@@ -261,50 +274,54 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real H2_z = q[21];
         const ncgen_real B2_z = q[27];
         phi_q[67] = H2_z - B2_z;
-        const ncgen_real x17 = B2_x - H2_x;
-        phi_q[68] = x17;
-        const ncgen_real x18 = B2_y - H2_y;
-        phi_q[69] = x18;
-        const ncgen_real x19 = B2_z - H2_z;
-        phi_q[70] = x19;
+        const ncgen_real x13 = B2_x - H2_x;
+        phi_q[68] = x13;
+        const ncgen_real x14 = B2_y - H2_y;
+        phi_q[69] = x14;
+        const ncgen_real x15 = B2_z - H2_z;
+        phi_q[70] = x15;
         /* row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0 */
-        phi_q[71] = x17;
-        phi_q[72] = x18;
-        phi_q[73] = x6;
-        phi_q[74] = x7;
+        phi_q[71] = x13;
+        phi_q[72] = x14;
+        phi_q[73] = x4;
+        phi_q[74] = x5;
         phi_q[75] = f_x;
         phi_q[76] = f_y;
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real alpha2 = q[31];
-        const ncgen_real x20 = NCGEN_COS(alpha2);
-        const ncgen_real x21 = NCGEN_SIN(alpha2);
-        phi_q[86] = x20 * (f_y * x19) - x17 * x21;
-        phi_q[87] = -(x18 * x21 + x20 * (f_x * x19));
-        const ncgen_real x22 = e_y * x19;
-        phi_q[88] = -(x20 * x22);
-        const ncgen_real x23 = e_x * x19;
-        phi_q[89] = x20 * x23;
-        const ncgen_real x24 = e_x * x21;
-        phi_q[90] = x24;
-        const ncgen_real x25 = e_y * x21;
-        phi_q[91] = x25;
-        const ncgen_real x26 = x14 * x20;
-        phi_q[92] = x26;
-        phi_q[93] = -x24;
-        phi_q[94] = -x25;
-        phi_q[95] = -x26;
-        const ncgen_real x27 = x21 * (f_x * x22 - f_y * x23) - x20 * (e_x * x17 + e_y * x18);
-        phi_q[96] = x27;
+        const ncgen_real cos_alpha2 = cosine[2];
+        const ncgen_real sin_alpha2 = sine[2];
+        phi_q[86] = cos_alpha2 * (f_y * x15) - x13 * sin_alpha2;
+        phi_q[87] = -(x14 * sin_alpha2 + cos_alpha2 * (f_x * x15));
+        const ncgen_real x16 = e_y * x15;
+        phi_q[88] = -(cos_alpha2 * x16);
+        const ncgen_real x17 = e_x * x15;
+        phi_q[89] = cos_alpha2 * x17;
+        const ncgen_real x18 = e_x * sin_alpha2;
+        phi_q[90] = x18;
+        const ncgen_real x19 = e_y * sin_alpha2;
+        phi_q[91] = x19;
+        const ncgen_real x20 = x10 * cos_alpha2;
+        phi_q[92] = x20;
+        phi_q[93] = -x18;
+        phi_q[94] = -x19;
+        phi_q[95] = -x20;
+        const ncgen_real x21 = sin_alpha2 * (f_x * x16 - f_y * x17) - cos_alpha2 * (e_x * x13 + e_y * x14);
+        phi_q[96] = x21;
     }
 
     return NCGEN_OK;
 }
-
 /* gamma: 190 operations, 6 of them elementary functions */
 int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[3], cosine[3];
     (void)t;
     (void)p;
+
+    ncgen_real angle[3];
+    for (int i = 0; i < 3; ++i)
+        angle[i] = q[13 * i + 5];
+    ncgen_sincos(3, angle, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 28; ++i) {
@@ -323,107 +340,103 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 3: 1003 angle f, e (body shaft): u.v - c = 0 with u = f, v = e, c = 0 */
         gamma[2] = -(R(2.0) * (de_x * df_x + de_y * df_y));
         /* row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1 */
-        const ncgen_real turn = q[5];
-        const ncgen_real x1 = NCGEN_SIN(turn);
+        const ncgen_real sin_turn = sine[0];
         const ncgen_real e_x = q[1];
         const ncgen_real dturn = qd[5];
-        const ncgen_real x2 = dturn * dturn;
-        const ncgen_real x3 = NCGEN_COS(turn);
-        const ncgen_real x4 = R(2.0) * dturn;
+        const ncgen_real x1 = dturn * dturn;
+        const ncgen_real cos_turn = cosine[0];
+        const ncgen_real x2 = R(2.0) * dturn;
+        const ncgen_real x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2);
         const ncgen_real e_y = q[2];
-        const ncgen_real x5 = x1 * (e_x * x2) - x3 * (de_x * x4) - x1 * (de_y * x4) - x3 * (e_y * x2);
-        gamma[3] = x5;
+        gamma[3] = x3 - cos_turn * (e_y * x1);
         /* row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1 */
         const ncgen_real dH1_x = qd[6];
         const ncgen_real dB1_x = qd[12];
-        const ncgen_real x6 = dH1_x - dB1_x;
+        const ncgen_real x4 = dH1_x - dB1_x;
         const ncgen_real dH1_y = qd[7];
         const ncgen_real dB1_y = qd[13];
-        const ncgen_real x7 = dH1_y - dB1_y;
+        const ncgen_real x5 = dH1_y - dB1_y;
         const ncgen_real dH1_z = qd[8];
         const ncgen_real dB1_z = qd[14];
-        const ncgen_real x8 = dH1_z - dB1_z;
-        gamma[10] = -(x6 * x6 + x7 * x7 + x8 * x8);
+        const ncgen_real x6 = dH1_z - dB1_z;
+        gamma[10] = -(x4 * x4 + x5 * x5 + x6 * x6);
         /* row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0 */
-        const ncgen_real x9 = dB1_x - dH1_x;
-        const ncgen_real x10 = dB1_y - dH1_y;
-        gamma[11] = -(R(2.0) * (df_x * x9 + df_y * x10));
+        const ncgen_real x7 = dB1_x - dH1_x;
+        const ncgen_real x8 = dB1_y - dH1_y;
+        gamma[11] = -(R(2.0) * (df_x * x7 + df_y * x8));
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real alpha1 = q[18];
-        const ncgen_real x11 = NCGEN_COS(alpha1);
+        const ncgen_real cos_alpha1 = cosine[1];
         const ncgen_real f_x = q[3];
-        const ncgen_real x12 = dB1_z - dH1_z;
+        const ncgen_real x9 = dB1_z - dH1_z;
         const ncgen_real B1_z = q[14];
         const ncgen_real H1_z = q[8];
-        const ncgen_real x13 = B1_z - H1_z;
-        const ncgen_real x14 = e_y * x12 + de_y * x13;
+        const ncgen_real x10 = B1_z - H1_z;
+        const ncgen_real x11 = e_y * x9 + de_y * x10;
         const ncgen_real f_y = q[4];
-        const ncgen_real x15 = e_x * x12 + de_x * x13;
-        const ncgen_real x16 = f_x * (de_y * x12) + df_x * x14 - f_y * (de_x * x12) - df_y * x15;
-        const ncgen_real x17 = NCGEN_SIN(alpha1);
+        const ncgen_real x12 = e_x * x9 + de_x * x10;
+        const ncgen_real x13 = f_x * (de_y * x9) + df_x * x11 - f_y * (de_x * x9) - df_y * x12;
+        const ncgen_real sin_alpha1 = sine[1];
         const ncgen_real B1_x = q[12];
         const ncgen_real H1_x = q[6];
-        const ncgen_real x18 = B1_x - H1_x;
+        const ncgen_real x14 = B1_x - H1_x;
         const ncgen_real B1_y = q[13];
         const ncgen_real H1_y = q[7];
-        const ncgen_real x19 = B1_y - H1_y;
+        const ncgen_real x15 = B1_y - H1_y;
         const ncgen_real dalpha1 = qd[18];
-        const ncgen_real x20 = dalpha1 * dalpha1;
-        const ncgen_real x21 = x11 * (R(2.0) * x16) + x17 * ((e_x * x18 + e_y * x19) * x20);
-        const ncgen_real x22 = R(2.0) * dalpha1;
-        const ncgen_real x23 = x11 * (x22 * (e_x * x9 + e_y * x10 + de_x * x18 + de_y * x19));
-        const ncgen_real x24 = e_y * x13;
-        const ncgen_real x25 = e_x * x13;
-        const ncgen_real x26 = x17 * (x22 * (f_x * x14 + df_x * x24 - f_y * x15 - df_y * x25));
-        const ncgen_real x27 = x21 - x17 * (R(2.0) * (de_x * x9 + de_y * x10)) - x23 - x26;
-        gamma[15] = x27 - x11 * (x20 * (f_x * x24 - f_y * x25));
+        const ncgen_real x16 = dalpha1 * dalpha1;
+        const ncgen_real x17 = cos_alpha1 * (R(2.0) * x13) + sin_alpha1 * ((e_x * x14 + e_y * x15) * x16);
+        const ncgen_real x18 = R(2.0) * dalpha1;
+        const ncgen_real x19 = cos_alpha1 * (x18 * (e_x * x7 + e_y * x8 + de_x * x14 + de_y * x15));
+        const ncgen_real x20 = x17 - sin_alpha1 * (R(2.0) * (de_x * x7 + de_y * x8)) - x19;
+        const ncgen_real x21 = e_y * x10;
+        const ncgen_real x22 = e_x * x10;
+        const ncgen_real x23 = sin_alpha1 * (x18 * (f_x * x11 + df_x * x21 - f_y * x12 - df_y * x22));
+        gamma[15] = x20 - x23 - cos_alpha1 * (x16 * (f_x * x21 - f_y * x22));
         /* row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1 */
         const ncgen_real dH2_x = qd[19];
         const ncgen_real dB2_x = qd[25];
-        const ncgen_real x28 = dH2_x - dB2_x;
+        const ncgen_real x24 = dH2_x - dB2_x;
         const ncgen_real dH2_y = qd[20];
         const ncgen_real dB2_y = qd[26];
-        const ncgen_real x29 = dH2_y - dB2_y;
+        const ncgen_real x25 = dH2_y - dB2_y;
         const ncgen_real dH2_z = qd[21];
         const ncgen_real dB2_z = qd[27];
-        const ncgen_real x30 = dH2_z - dB2_z;
-        gamma[22] = -(x28 * x28 + x29 * x29 + x30 * x30);
+        const ncgen_real x26 = dH2_z - dB2_z;
+        gamma[22] = -(x24 * x24 + x25 * x25 + x26 * x26);
         /* row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0 */
-        const ncgen_real x31 = dB2_x - dH2_x;
-        const ncgen_real x32 = dB2_y - dH2_y;
-        gamma[23] = -(R(2.0) * (df_x * x31 + df_y * x32));
+        const ncgen_real x27 = dB2_x - dH2_x;
+        const ncgen_real x28 = dB2_y - dH2_y;
+        gamma[23] = -(R(2.0) * (df_x * x27 + df_y * x28));
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real alpha2 = q[31];
-        const ncgen_real x33 = NCGEN_COS(alpha2);
-        const ncgen_real x34 = dB2_z - dH2_z;
+        const ncgen_real cos_alpha2 = cosine[2];
+        const ncgen_real x29 = dB2_z - dH2_z;
         const ncgen_real B2_z = q[27];
         const ncgen_real H2_z = q[21];
-        const ncgen_real x35 = B2_z - H2_z;
-        const ncgen_real x36 = e_y * x34 + de_y * x35;
-        const ncgen_real x37 = e_x * x34 + de_x * x35;
-        const ncgen_real x38 = f_x * (de_y * x34) + df_x * x36 - f_y * (de_x * x34) - df_y * x37;
-        const ncgen_real x39 = NCGEN_SIN(alpha2);
+        const ncgen_real x30 = B2_z - H2_z;
+        const ncgen_real x31 = e_y * x29 + de_y * x30;
+        const ncgen_real x32 = e_x * x29 + de_x * x30;
+        const ncgen_real x33 = f_x * (de_y * x29) + df_x * x31 - f_y * (de_x * x29) - df_y * x32;
+        const ncgen_real sin_alpha2 = sine[2];
         const ncgen_real B2_x = q[25];
         const ncgen_real H2_x = q[19];
-        const ncgen_real x40 = B2_x - H2_x;
+        const ncgen_real x34 = B2_x - H2_x;
         const ncgen_real B2_y = q[26];
         const ncgen_real H2_y = q[20];
-        const ncgen_real x41 = B2_y - H2_y;
+        const ncgen_real x35 = B2_y - H2_y;
         const ncgen_real dalpha2 = qd[31];
-        const ncgen_real x42 = dalpha2 * dalpha2;
-        const ncgen_real x43 = x33 * (R(2.0) * x38) - x39 * ((e_x * x40 + e_y * x41) * x42);
-        const ncgen_real x44 = R(2.0) * dalpha2;
-        const ncgen_real x45 = x33 * (x44 * (e_x * x31 + e_y * x32 + de_x * x40 + de_y * x41));
-        const ncgen_real x46 = e_y * x35;
-        const ncgen_real x47 = e_x * x35;
-        const ncgen_real x48 = x39 * (x44 * (f_x * x36 + df_x * x46 - f_y * x37 - df_y * x47));
-        const ncgen_real x49 = x43 + x39 * (R(2.0) * (de_x * x31 + de_y * x32)) + x45 - x48;
-        gamma[27] = x49 - x33 * (x42 * (f_x * x46 - f_y * x47));
+        const ncgen_real x36 = dalpha2 * dalpha2;
+        const ncgen_real x37 = cos_alpha2 * (R(2.0) * x33) - sin_alpha2 * ((e_x * x34 + e_y * x35) * x36);
+        const ncgen_real x38 = R(2.0) * dalpha2;
+        const ncgen_real x39 = cos_alpha2 * (x38 * (e_x * x27 + e_y * x28 + de_x * x34 + de_y * x35));
+        const ncgen_real x40 = x37 + sin_alpha2 * (R(2.0) * (de_x * x27 + de_y * x28)) + x39;
+        const ncgen_real x41 = e_y * x30;
+        const ncgen_real x42 = e_x * x30;
+        const ncgen_real x43 = sin_alpha2 * (x38 * (f_x * x31 + df_x * x41 - f_y * x32 - df_y * x42));
+        gamma[27] = x40 - x43 - cos_alpha2 * (x36 * (f_x * x41 - f_y * x42));
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 80 operations */
 int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -610,7 +623,6 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* force: 123 operations, 2 of them elementary functions */
 int flyball_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -751,7 +763,6 @@ int flyball_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* energy: 192 operations, 2 of them elementary functions */
 int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -871,7 +882,6 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 static const char *const flyball_coordinate_names[] = {
     "S.z",
     "e.x",
@@ -970,6 +980,7 @@ static const int flyball_mass_indices[100] = {
     21, 27, 3, 4, 19, 20, 25, 26, 3, 4, 19, 20, 25, 26, 3, 4, 21, 27
 };
 
+
 const ncgen_model *flyball_model(void)
 {
     static const ncgen_model model = {
@@ -977,7 +988,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "1566438f06a09221",
+        .fingerprint = "80ace35f51a757e3",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

@@ -150,6 +150,8 @@ def phi(t, q, p):
     """28 numbers, 117 operations."""
     t = np.asarray(t)
     phi = _output(28, t, q, p)
+    sine = np.sin(q[..., 5:44:13])
+    cosine = np.cos(q[..., 5:44:13])
     # row 1: 1001 unit e (body shaft): |u|^2 - 1 = 0 with u = e
     e_x = q[..., 1]
     e_y = q[..., 2]
@@ -161,8 +163,9 @@ def phi(t, q, p):
     # row 3: 1003 angle f, e (body shaft): u.v - c = 0 with u = f, v = e, c = 0
     phi[..., 2] = e_x * f_x + e_y * f_y
     # row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1
-    turn = q[..., 5]
-    phi[..., 3] = e_x * np.sin(turn) - e_y * np.cos(turn)
+    sin_turn = sine[..., 0]
+    cos_turn = cosine[..., 0]
+    phi[..., 3] = e_x * sin_turn - e_y * cos_turn
     # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
     H1_x = q[..., 6]
     x1 = 0.050000000000000044 * e_x
@@ -208,9 +211,10 @@ def phi(t, q, p):
     M1_z = q[..., 17]
     phi[..., 14] = M1_z - 0.5 * H1_z - 0.5 * B1_z
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    alpha1 = q[..., 18]
+    sin_alpha1 = sine[..., 1]
     x10 = B1_z - H1_z
-    x11 = (e_x * x8 + e_y * x9) * np.sin(alpha1) - (f_x * (e_y * x10) - f_y * (e_x * x10)) * np.cos(alpha1)
+    cos_alpha1 = cosine[..., 1]
+    x11 = (e_x * x8 + e_y * x9) * sin_alpha1 - (f_x * (e_y * x10) - f_y * (e_x * x10)) * cos_alpha1
     phi[..., 15] = x11
     # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
     H2_x = q[..., 19]
@@ -252,9 +256,10 @@ def phi(t, q, p):
     M2_z = q[..., 30]
     phi[..., 26] = M2_z - 0.5 * H2_z - 0.5 * B2_z
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    alpha2 = q[..., 31]
+    sin_alpha2 = sine[..., 2]
     x17 = B2_z - H2_z
-    x18 = (e_x * x15 + e_y * x16) * np.sin(alpha2) + (f_x * (e_y * x17) - f_y * (e_x * x17)) * np.cos(alpha2)
+    cos_alpha2 = cosine[..., 2]
+    x18 = (e_x * x15 + e_y * x16) * sin_alpha2 + (f_x * (e_y * x17) - f_y * (e_x * x17)) * cos_alpha2
     phi[..., 27] = -x18
     return phi
 
@@ -263,6 +268,8 @@ def phi_q(t, q, p):
     """97 numbers, 84 operations."""
     t = np.asarray(t)
     phi_q = _output(97, t, q, p)
+    sine = np.sin(q[..., 5:44:13])
+    cosine = np.cos(q[..., 5:44:13])
     # constant part
     x1 = _number_1
     phi_q[..., 0:97] = x1
@@ -282,12 +289,11 @@ def phi_q(t, q, p):
     phi_q[..., 6] = e_x
     phi_q[..., 7] = e_y
     # row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1
-    turn = q[..., 5]
-    x1 = np.sin(turn)
-    phi_q[..., 8] = x1
-    x2 = np.cos(turn)
-    phi_q[..., 9] = -x2
-    phi_q[..., 10] = e_y * x1 + e_x * x2
+    sin_turn = sine[..., 0]
+    phi_q[..., 8] = sin_turn
+    cos_turn = cosine[..., 0]
+    phi_q[..., 9] = -cos_turn
+    phi_q[..., 10] = e_y * sin_turn + e_x * cos_turn
     # row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1
     H1_x = q[..., 6]
     B1_x = q[..., 12]
@@ -298,43 +304,42 @@ def phi_q(t, q, p):
     H1_z = q[..., 8]
     B1_z = q[..., 14]
     phi_q[..., 24] = H1_z - B1_z
-    x3 = B1_x - H1_x
-    phi_q[..., 25] = x3
-    x4 = B1_y - H1_y
-    phi_q[..., 26] = x4
-    x5 = B1_z - H1_z
-    phi_q[..., 27] = x5
+    x1 = B1_x - H1_x
+    phi_q[..., 25] = x1
+    x2 = B1_y - H1_y
+    phi_q[..., 26] = x2
+    x3 = B1_z - H1_z
+    phi_q[..., 27] = x3
     # row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0
-    phi_q[..., 28] = x3
-    phi_q[..., 29] = x4
-    x6 = -f_x
-    phi_q[..., 30] = x6
-    x7 = -f_y
-    phi_q[..., 31] = x7
+    phi_q[..., 28] = x1
+    phi_q[..., 29] = x2
+    x4 = -f_x
+    phi_q[..., 30] = x4
+    x5 = -f_y
+    phi_q[..., 31] = x5
     phi_q[..., 32] = f_x
     phi_q[..., 33] = f_y
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    alpha1 = q[..., 18]
-    x8 = np.sin(alpha1)
-    x9 = np.cos(alpha1)
-    phi_q[..., 43] = x3 * x8 + x9 * (f_y * x5)
-    phi_q[..., 44] = x4 * x8 - x9 * (f_x * x5)
-    x10 = e_y * x5
-    phi_q[..., 45] = -(x9 * x10)
-    x11 = e_x * x5
-    phi_q[..., 46] = x9 * x11
-    x12 = e_x * x8
-    phi_q[..., 47] = -x12
-    x13 = e_y * x8
-    phi_q[..., 48] = -x13
-    x14 = e_y * f_x - e_x * f_y
-    x15 = x9 * x14
-    phi_q[..., 49] = x15
-    phi_q[..., 50] = x12
-    phi_q[..., 51] = x13
-    phi_q[..., 52] = -x15
-    x16 = x9 * (e_x * x3 + e_y * x4) + x8 * (f_x * x10 - f_y * x11)
-    phi_q[..., 53] = x16
+    sin_alpha1 = sine[..., 1]
+    cos_alpha1 = cosine[..., 1]
+    phi_q[..., 43] = x1 * sin_alpha1 + cos_alpha1 * (f_y * x3)
+    phi_q[..., 44] = x2 * sin_alpha1 - cos_alpha1 * (f_x * x3)
+    x6 = e_y * x3
+    phi_q[..., 45] = -(cos_alpha1 * x6)
+    x7 = e_x * x3
+    phi_q[..., 46] = cos_alpha1 * x7
+    x8 = e_x * sin_alpha1
+    phi_q[..., 47] = -x8
+    x9 = e_y * sin_alpha1
+    phi_q[..., 48] = -x9
+    x10 = e_y * f_x - e_x * f_y
+    x11 = cos_alpha1 * x10
+    phi_q[..., 49] = x11
+    phi_q[..., 50] = x8
+    phi_q[..., 51] = x9
+    phi_q[..., 52] = -x11
+    x12 = cos_alpha1 * (e_x * x1 + e_y * x2) + sin_alpha1 * (f_x * x6 - f_y * x7)
+    phi_q[..., 53] = x12
     # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
     H2_x = q[..., 19]
     B2_x = q[..., 25]
@@ -345,40 +350,39 @@ def phi_q(t, q, p):
     H2_z = q[..., 21]
     B2_z = q[..., 27]
     phi_q[..., 67] = H2_z - B2_z
-    x17 = B2_x - H2_x
-    phi_q[..., 68] = x17
-    x18 = B2_y - H2_y
-    phi_q[..., 69] = x18
-    x19 = B2_z - H2_z
-    phi_q[..., 70] = x19
+    x13 = B2_x - H2_x
+    phi_q[..., 68] = x13
+    x14 = B2_y - H2_y
+    phi_q[..., 69] = x14
+    x15 = B2_z - H2_z
+    phi_q[..., 70] = x15
     # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
-    phi_q[..., 71] = x17
-    phi_q[..., 72] = x18
-    phi_q[..., 73] = x6
-    phi_q[..., 74] = x7
+    phi_q[..., 71] = x13
+    phi_q[..., 72] = x14
+    phi_q[..., 73] = x4
+    phi_q[..., 74] = x5
     phi_q[..., 75] = f_x
     phi_q[..., 76] = f_y
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    alpha2 = q[..., 31]
-    x20 = np.cos(alpha2)
-    x21 = np.sin(alpha2)
-    phi_q[..., 86] = x20 * (f_y * x19) - x17 * x21
-    phi_q[..., 87] = -(x18 * x21 + x20 * (f_x * x19))
-    x22 = e_y * x19
-    phi_q[..., 88] = -(x20 * x22)
-    x23 = e_x * x19
-    phi_q[..., 89] = x20 * x23
-    x24 = e_x * x21
-    phi_q[..., 90] = x24
-    x25 = e_y * x21
-    phi_q[..., 91] = x25
-    x26 = x14 * x20
-    phi_q[..., 92] = x26
-    phi_q[..., 93] = -x24
-    phi_q[..., 94] = -x25
-    phi_q[..., 95] = -x26
-    x27 = x21 * (f_x * x22 - f_y * x23) - x20 * (e_x * x17 + e_y * x18)
-    phi_q[..., 96] = x27
+    cos_alpha2 = cosine[..., 2]
+    sin_alpha2 = sine[..., 2]
+    phi_q[..., 86] = cos_alpha2 * (f_y * x15) - x13 * sin_alpha2
+    phi_q[..., 87] = -(x14 * sin_alpha2 + cos_alpha2 * (f_x * x15))
+    x16 = e_y * x15
+    phi_q[..., 88] = -(cos_alpha2 * x16)
+    x17 = e_x * x15
+    phi_q[..., 89] = cos_alpha2 * x17
+    x18 = e_x * sin_alpha2
+    phi_q[..., 90] = x18
+    x19 = e_y * sin_alpha2
+    phi_q[..., 91] = x19
+    x20 = x10 * cos_alpha2
+    phi_q[..., 92] = x20
+    phi_q[..., 93] = -x18
+    phi_q[..., 94] = -x19
+    phi_q[..., 95] = -x20
+    x21 = sin_alpha2 * (f_x * x16 - f_y * x17) - cos_alpha2 * (e_x * x13 + e_y * x14)
+    phi_q[..., 96] = x21
     return phi_q
 
 
@@ -386,6 +390,8 @@ def gamma(t, q, qd, p):
     """28 numbers, 190 operations."""
     t = np.asarray(t)
     gamma = _output(28, t, q, qd, p)
+    sine = np.sin(q[..., 5:44:13])
+    cosine = np.cos(q[..., 5:44:13])
     # constant part
     gamma[..., 0:28] = 0.0
     # row 1: 1001 unit e (body shaft): |u|^2 - 1 = 0 with u = e
@@ -399,102 +405,99 @@ def gamma(t, q, qd, p):
     # row 3: 1003 angle f, e (body shaft): u.v - c = 0 with u = f, v = e, c = 0
     gamma[..., 2] = -(2.0 * (de_x * df_x + de_y * df_y))
     # row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1
-    turn = q[..., 5]
-    x1 = np.sin(turn)
+    sin_turn = sine[..., 0]
     e_x = q[..., 1]
     dturn = qd[..., 5]
-    x2 = dturn * dturn
-    x3 = np.cos(turn)
-    x4 = 2.0 * dturn
+    x1 = dturn * dturn
+    cos_turn = cosine[..., 0]
+    x2 = 2.0 * dturn
+    x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
     e_y = q[..., 2]
-    x5 = x1 * (e_x * x2) - x3 * (de_x * x4) - x1 * (de_y * x4) - x3 * (e_y * x2)
-    gamma[..., 3] = x5
+    gamma[..., 3] = x3 - cos_turn * (e_y * x1)
     # row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1
     dH1_x = qd[..., 6]
     dB1_x = qd[..., 12]
-    x6 = dH1_x - dB1_x
+    x4 = dH1_x - dB1_x
     dH1_y = qd[..., 7]
     dB1_y = qd[..., 13]
-    x7 = dH1_y - dB1_y
+    x5 = dH1_y - dB1_y
     dH1_z = qd[..., 8]
     dB1_z = qd[..., 14]
-    x8 = dH1_z - dB1_z
-    gamma[..., 10] = -(x6 * x6 + x7 * x7 + x8 * x8)
+    x6 = dH1_z - dB1_z
+    gamma[..., 10] = -(x4 * x4 + x5 * x5 + x6 * x6)
     # row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0
-    x9 = dB1_x - dH1_x
-    x10 = dB1_y - dH1_y
-    gamma[..., 11] = -(2.0 * (df_x * x9 + df_y * x10))
+    x7 = dB1_x - dH1_x
+    x8 = dB1_y - dH1_y
+    gamma[..., 11] = -(2.0 * (df_x * x7 + df_y * x8))
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    alpha1 = q[..., 18]
-    x11 = np.cos(alpha1)
+    cos_alpha1 = cosine[..., 1]
     f_x = q[..., 3]
-    x12 = dB1_z - dH1_z
+    x9 = dB1_z - dH1_z
     B1_z = q[..., 14]
     H1_z = q[..., 8]
-    x13 = B1_z - H1_z
-    x14 = e_y * x12 + de_y * x13
+    x10 = B1_z - H1_z
+    x11 = e_y * x9 + de_y * x10
     f_y = q[..., 4]
-    x15 = e_x * x12 + de_x * x13
-    x16 = f_x * (de_y * x12) + df_x * x14 - f_y * (de_x * x12) - df_y * x15
-    x17 = np.sin(alpha1)
+    x12 = e_x * x9 + de_x * x10
+    x13 = f_x * (de_y * x9) + df_x * x11 - f_y * (de_x * x9) - df_y * x12
+    sin_alpha1 = sine[..., 1]
     B1_x = q[..., 12]
     H1_x = q[..., 6]
-    x18 = B1_x - H1_x
+    x14 = B1_x - H1_x
     B1_y = q[..., 13]
     H1_y = q[..., 7]
-    x19 = B1_y - H1_y
+    x15 = B1_y - H1_y
     dalpha1 = qd[..., 18]
-    x20 = dalpha1 * dalpha1
-    x21 = x11 * (2.0 * x16) + x17 * ((e_x * x18 + e_y * x19) * x20)
-    x22 = 2.0 * dalpha1
-    x23 = x11 * (x22 * (e_x * x9 + e_y * x10 + de_x * x18 + de_y * x19))
-    x24 = e_y * x13
-    x25 = e_x * x13
-    x26 = x17 * (x22 * (f_x * x14 + df_x * x24 - f_y * x15 - df_y * x25))
-    x27 = x21 - x17 * (2.0 * (de_x * x9 + de_y * x10)) - x23 - x26 - x11 * (x20 * (f_x * x24 - f_y * x25))
-    gamma[..., 15] = x27
+    x16 = dalpha1 * dalpha1
+    x17 = cos_alpha1 * (2.0 * x13) + sin_alpha1 * ((e_x * x14 + e_y * x15) * x16)
+    x18 = 2.0 * dalpha1
+    x19 = cos_alpha1 * (x18 * (e_x * x7 + e_y * x8 + de_x * x14 + de_y * x15))
+    x20 = e_y * x10
+    x21 = e_x * x10
+    x22 = sin_alpha1 * (x18 * (f_x * x11 + df_x * x20 - f_y * x12 - df_y * x21))
+    x23 = x17 - sin_alpha1 * (2.0 * (de_x * x7 + de_y * x8)) - x19 - x22
+    gamma[..., 15] = x23 - cos_alpha1 * (x16 * (f_x * x20 - f_y * x21))
     # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
     dH2_x = qd[..., 19]
     dB2_x = qd[..., 25]
-    x28 = dH2_x - dB2_x
+    x24 = dH2_x - dB2_x
     dH2_y = qd[..., 20]
     dB2_y = qd[..., 26]
-    x29 = dH2_y - dB2_y
+    x25 = dH2_y - dB2_y
     dH2_z = qd[..., 21]
     dB2_z = qd[..., 27]
-    x30 = dH2_z - dB2_z
-    gamma[..., 22] = -(x28 * x28 + x29 * x29 + x30 * x30)
+    x26 = dH2_z - dB2_z
+    gamma[..., 22] = -(x24 * x24 + x25 * x25 + x26 * x26)
     # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
-    x31 = dB2_x - dH2_x
-    x32 = dB2_y - dH2_y
-    gamma[..., 23] = -(2.0 * (df_x * x31 + df_y * x32))
+    x27 = dB2_x - dH2_x
+    x28 = dB2_y - dH2_y
+    gamma[..., 23] = -(2.0 * (df_x * x27 + df_y * x28))
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    alpha2 = q[..., 31]
-    x33 = np.cos(alpha2)
-    x34 = dB2_z - dH2_z
+    cos_alpha2 = cosine[..., 2]
+    x29 = dB2_z - dH2_z
     B2_z = q[..., 27]
     H2_z = q[..., 21]
-    x35 = B2_z - H2_z
-    x36 = e_y * x34 + de_y * x35
-    x37 = e_x * x34 + de_x * x35
-    x38 = f_x * (de_y * x34) + df_x * x36 - f_y * (de_x * x34) - df_y * x37
-    x39 = np.sin(alpha2)
+    x30 = B2_z - H2_z
+    x31 = e_y * x29 + de_y * x30
+    x32 = e_x * x29 + de_x * x30
+    x33 = f_x * (de_y * x29) + df_x * x31 - f_y * (de_x * x29) - df_y * x32
+    sin_alpha2 = sine[..., 2]
     B2_x = q[..., 25]
     H2_x = q[..., 19]
-    x40 = B2_x - H2_x
+    x34 = B2_x - H2_x
     B2_y = q[..., 26]
     H2_y = q[..., 20]
-    x41 = B2_y - H2_y
+    x35 = B2_y - H2_y
     dalpha2 = qd[..., 31]
-    x42 = dalpha2 * dalpha2
-    x43 = x33 * (2.0 * x38) - x39 * ((e_x * x40 + e_y * x41) * x42)
-    x44 = 2.0 * dalpha2
-    x45 = x33 * (x44 * (e_x * x31 + e_y * x32 + de_x * x40 + de_y * x41))
-    x46 = e_y * x35
-    x47 = e_x * x35
-    x48 = x39 * (x44 * (f_x * x36 + df_x * x46 - f_y * x37 - df_y * x47))
-    x49 = x43 + x39 * (2.0 * (de_x * x31 + de_y * x32)) + x45 - x48
-    gamma[..., 27] = x49 - x33 * (x42 * (f_x * x46 - f_y * x47))
+    x36 = dalpha2 * dalpha2
+    x37 = cos_alpha2 * (2.0 * x33) - sin_alpha2 * ((e_x * x34 + e_y * x35) * x36)
+    x38 = 2.0 * dalpha2
+    x39 = cos_alpha2 * (x38 * (e_x * x27 + e_y * x28 + de_x * x34 + de_y * x35))
+    x40 = x37 + sin_alpha2 * (2.0 * (de_x * x27 + de_y * x28)) + x39
+    x41 = e_y * x30
+    x42 = e_x * x30
+    x43 = sin_alpha2 * (x38 * (f_x * x31 + df_x * x41 - f_y * x32 - df_y * x42))
+    gamma[..., 27] = x40 - x43 - cos_alpha2 * (x36 * (f_x * x41 - f_y * x42))
     return gamma
 
 

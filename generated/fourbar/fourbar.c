@@ -14,11 +14,15 @@ static const ncgen_scalar fourbar_number_2[5] = {
     R(0.0), -R(4.905000000000001), R(0.0), -R(6.867), R(0.0)
 };
 
+
 /* phi: 24 operations, 2 of them elementary functions */
 int fourbar_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 4, sine, cosine);
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.1 */
@@ -38,18 +42,21 @@ int fourbar_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x6 = R(1.6439898730535731) * (x5 * x5 + C_y * C_y - R(0.09249999999999999));
         phi[2] = x6;
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
-        const ncgen_real psi = q[4];
-        phi[3] = R(10.0) * (B_x * NCGEN_SIN(psi) - B_y * NCGEN_COS(psi));
+        const ncgen_real sin_psi = sine[0];
+        const ncgen_real cos_psi = cosine[0];
+        phi[3] = R(10.0) * (B_x * sin_psi - B_y * cos_psi);
     }
 
     return NCGEN_OK;
 }
-
 /* phi_q: 20 operations, 2 of them elementary functions */
 int fourbar_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 4, sine, cosine);
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.1 */
@@ -70,22 +77,23 @@ int fourbar_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[6] = R(3.2879797461071463) * (C_x - R(0.4));
         phi_q[7] = R(3.2879797461071463) * C_y;
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
-        const ncgen_real psi = q[4];
-        const ncgen_real x3 = NCGEN_SIN(psi);
-        phi_q[8] = R(10.0) * x3;
-        const ncgen_real x4 = NCGEN_COS(psi);
-        phi_q[9] = -(R(10.0) * x4);
-        phi_q[10] = R(10.0) * (B_y * x3 + B_x * x4);
+        const ncgen_real sin_psi = sine[0];
+        phi_q[8] = R(10.0) * sin_psi;
+        const ncgen_real cos_psi = cosine[0];
+        phi_q[9] = -(R(10.0) * cos_psi);
+        phi_q[10] = R(10.0) * (B_y * sin_psi + B_x * cos_psi);
     }
 
     return NCGEN_OK;
 }
-
 /* gamma: 33 operations, 2 of them elementary functions */
 int fourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 4, sine, cosine);
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.1 */
@@ -101,21 +109,19 @@ int fourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 3: 1000 distance C-D (body rocker): |a|^2 - L^2 = 0 with a = C-D, L = 0.304138 */
         gamma[2] = -(R(3.2879797461071463) * (dC_x * dC_x + dC_y * dC_y));
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
-        const ncgen_real psi = q[4];
-        const ncgen_real x3 = NCGEN_SIN(psi);
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real B_x = q[0];
         const ncgen_real dpsi = qd[4];
-        const ncgen_real x4 = dpsi * dpsi;
-        const ncgen_real x5 = NCGEN_COS(psi);
-        const ncgen_real x6 = R(2.0) * dpsi;
+        const ncgen_real x3 = dpsi * dpsi;
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x4 = R(2.0) * dpsi;
+        const ncgen_real x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4);
         const ncgen_real B_y = q[1];
-        const ncgen_real x7 = x3 * (B_x * x4) - x5 * (dB_x * x6) - x3 * (dB_y * x6) - x5 * (B_y * x4);
-        gamma[3] = R(10.0) * x7;
+        gamma[3] = R(10.0) * (x5 - cos_psi * (B_y * x3));
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int fourbar_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -131,7 +137,6 @@ int fourbar_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int fourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -148,7 +153,6 @@ int fourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* energy: 33 operations */
 int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -185,7 +189,6 @@ int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 static const char *const fourbar_coordinate_names[] = {
     "B.x",
     "B.y",
@@ -221,6 +224,7 @@ static const int fourbar_mass_indices[8] = {
     0, 2, 1, 3, 0, 2, 1, 3
 };
 
+
 const ncgen_model *fourbar_model(void)
 {
     static const ncgen_model model = {
@@ -228,7 +232,7 @@ const ncgen_model *fourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "fourbar",
-        .fingerprint = "003bc26ec0b4b84f",
+        .fingerprint = "dd447e877823e5c7",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

@@ -64,6 +64,8 @@ def phi(t, q, p):
     """4 numbers, 24 operations."""
     t = np.asarray(t)
     phi = _output(4, t, q, p)
+    sine = np.sin(q[..., 4, None])
+    cosine = np.cos(q[..., 4, None])
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.1
     B_x = q[..., 0]
     B_y = q[..., 1]
@@ -80,8 +82,9 @@ def phi(t, q, p):
     x5 = 1.6439898730535731 * (x4 * x4 + C_y * C_y - 0.09249999999999999)
     phi[..., 2] = x5
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
-    psi = q[..., 4]
-    phi[..., 3] = 10.0 * (B_x * np.sin(psi) - B_y * np.cos(psi))
+    sin_psi = sine[..., 0]
+    cos_psi = cosine[..., 0]
+    phi[..., 3] = 10.0 * (B_x * sin_psi - B_y * cos_psi)
     return phi
 
 
@@ -89,6 +92,8 @@ def phi_q(t, q, p):
     """11 numbers, 20 operations."""
     t = np.asarray(t)
     phi_q = _output(11, t, q, p)
+    sine = np.sin(q[..., 4, None])
+    cosine = np.cos(q[..., 4, None])
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.1
     B_x = q[..., 0]
     phi_q[..., 0] = 10.0 * B_x
@@ -107,12 +112,11 @@ def phi_q(t, q, p):
     phi_q[..., 6] = 3.2879797461071463 * (C_x - 0.4)
     phi_q[..., 7] = 3.2879797461071463 * C_y
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
-    psi = q[..., 4]
-    x3 = np.sin(psi)
-    phi_q[..., 8] = 10.0 * x3
-    x4 = np.cos(psi)
-    phi_q[..., 9] = -(10.0 * x4)
-    phi_q[..., 10] = 10.0 * (B_y * x3 + B_x * x4)
+    sin_psi = sine[..., 0]
+    phi_q[..., 8] = 10.0 * sin_psi
+    cos_psi = cosine[..., 0]
+    phi_q[..., 9] = -(10.0 * cos_psi)
+    phi_q[..., 10] = 10.0 * (B_y * sin_psi + B_x * cos_psi)
     return phi_q
 
 
@@ -120,6 +124,8 @@ def gamma(t, q, qd, p):
     """4 numbers, 33 operations."""
     t = np.asarray(t)
     gamma = _output(4, t, q, qd, p)
+    sine = np.sin(q[..., 4, None])
+    cosine = np.cos(q[..., 4, None])
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.1
     dB_x = qd[..., 0]
     dB_y = qd[..., 1]
@@ -133,16 +139,15 @@ def gamma(t, q, qd, p):
     # row 3: 1000 distance C-D (body rocker): |a|^2 - L^2 = 0 with a = C-D, L = 0.304138
     gamma[..., 2] = -(3.2879797461071463 * (dC_x * dC_x + dC_y * dC_y))
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
-    psi = q[..., 4]
-    x3 = np.sin(psi)
+    sin_psi = sine[..., 0]
     B_x = q[..., 0]
     dpsi = qd[..., 4]
-    x4 = dpsi * dpsi
-    x5 = np.cos(psi)
-    x6 = 2.0 * dpsi
+    x3 = dpsi * dpsi
+    cos_psi = cosine[..., 0]
+    x4 = 2.0 * dpsi
+    x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4)
     B_y = q[..., 1]
-    x7 = x3 * (B_x * x4) - x5 * (dB_x * x6) - x3 * (dB_y * x6) - x5 * (B_y * x4)
-    gamma[..., 3] = 10.0 * x7
+    gamma[..., 3] = 10.0 * (x5 - cos_psi * (B_y * x3))
     return gamma
 
 

@@ -36,10 +36,14 @@ static const ncgen_scalar jansen_number_5[3] = {
     R(0.0), -R(0.231275655), R(0.0)
 };
 
+
 /* phi: 83 operations, 2 of them elementary functions */
 int jansen_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[1], cosine[1];
     (void)p;
+
+    ncgen_sincos(1, q + 12, sine, cosine);
 
     {
         /* row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15 */
@@ -109,8 +113,9 @@ int jansen_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi[10] = x31;
         /* row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1 */
         const ncgen_real psi = q[12];
-        const ncgen_real x32 = R(6.666666666666667) * (M_x * NCGEN_SIN(psi) - M_y * NCGEN_COS(psi));
-        phi[11] = x32;
+        const ncgen_real sin_psi = sine[0];
+        const ncgen_real cos_psi = cosine[0];
+        phi[11] = R(6.666666666666667) * (M_x * sin_psi - M_y * cos_psi);
         /* row 13: driver of psi (driver psi): psi - 6.28318530717959*t = 0 */
         const ncgen_real t_ = t;
         phi[12] = psi - R(6.283185307179586) * t_;
@@ -118,12 +123,14 @@ int jansen_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* phi_q: 71 operations, 2 of them elementary functions */
 int jansen_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 12, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 40; ++i) {
@@ -206,17 +213,15 @@ int jansen_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         phi_q[34] = -x13;
         phi_q[35] = -x14;
         /* row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1 */
-        const ncgen_real psi = q[12];
-        const ncgen_real x15 = NCGEN_SIN(psi);
-        phi_q[36] = R(6.666666666666667) * x15;
-        const ncgen_real x16 = NCGEN_COS(psi);
-        phi_q[37] = -(R(6.666666666666667) * x16);
-        phi_q[38] = R(6.666666666666667) * (M_y * x15 + M_x * x16);
+        const ncgen_real sin_psi = sine[0];
+        phi_q[36] = R(6.666666666666667) * sin_psi;
+        const ncgen_real cos_psi = cosine[0];
+        phi_q[37] = -(R(6.666666666666667) * cos_psi);
+        phi_q[38] = R(6.666666666666667) * (M_y * sin_psi + M_x * cos_psi);
     }
 
     return NCGEN_OK;
 }
-
 /* nu: 0 operations */
 int jansen_nu(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT nu)
 {
@@ -232,12 +237,14 @@ int jansen_nu(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     return NCGEN_OK;
 }
-
 /* gamma: 85 operations, 2 of them elementary functions */
 int jansen_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 12, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 13; ++i) {
@@ -294,21 +301,19 @@ int jansen_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real x14 = dL_y - dT_y;
         gamma[10] = -(R(2.0408163265306123) * (x13 * x13 + x14 * x14));
         /* row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1 */
-        const ncgen_real psi = q[12];
-        const ncgen_real x15 = NCGEN_SIN(psi);
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real M_x = q[0];
         const ncgen_real dpsi = qd[12];
-        const ncgen_real x16 = dpsi * dpsi;
-        const ncgen_real x17 = NCGEN_COS(psi);
-        const ncgen_real x18 = R(2.0) * dpsi;
-        const ncgen_real x19 = x15 * (M_x * x16) - x17 * (dM_x * x18) - x15 * (dM_y * x18);
+        const ncgen_real x15 = dpsi * dpsi;
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x16 = R(2.0) * dpsi;
+        const ncgen_real x17 = sin_psi * (M_x * x15) - cos_psi * (dM_x * x16) - sin_psi * (dM_y * x16);
         const ncgen_real M_y = q[1];
-        gamma[11] = R(6.666666666666667) * (x19 - x17 * (M_y * x16));
+        gamma[11] = R(6.666666666666667) * (x17 - cos_psi * (M_y * x15));
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int jansen_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -324,7 +329,6 @@ int jansen_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int jansen_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -341,7 +345,6 @@ int jansen_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* energy: 150 operations */
 int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -422,7 +425,6 @@ int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 static const char *const jansen_coordinate_names[] = {
     "M.x",
     "M.y",
@@ -480,6 +482,7 @@ static const int jansen_mass_indices[40] = {
     7, 9, 11, 6, 8, 10, 7, 9, 11
 };
 
+
 const ncgen_model *jansen_model(void)
 {
     static const ncgen_model model = {
@@ -487,7 +490,7 @@ const ncgen_model *jansen_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "jansen",
-        .fingerprint = "83ed0a597959f28d",
+        .fingerprint = "0d7270f655e4efa9",
         .n_coordinates = 13,
         .n_rows = 13,
         .n_parameters = 0,

@@ -102,6 +102,8 @@ def phi(t, q, p):
     """13 numbers, 83 operations."""
     t = np.asarray(t)
     phi = _output(13, t, q, p)
+    sine = np.sin(q[..., 12, None])
+    cosine = np.cos(q[..., 12, None])
     # row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15
     M_x = q[..., 0]
     M_y = q[..., 1]
@@ -166,8 +168,9 @@ def phi(t, q, p):
     phi[..., 10] = x28
     # row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1
     psi = q[..., 12]
-    x29 = 6.666666666666667 * (M_x * np.sin(psi) - M_y * np.cos(psi))
-    phi[..., 11] = x29
+    sin_psi = sine[..., 0]
+    cos_psi = cosine[..., 0]
+    phi[..., 11] = 6.666666666666667 * (M_x * sin_psi - M_y * cos_psi)
     # row 13: driver of psi (driver psi): psi - 6.28318530717959*t = 0
     t_ = t
     phi[..., 12] = psi - 6.283185307179586 * t_
@@ -178,6 +181,8 @@ def phi_q(t, q, p):
     """40 numbers, 71 operations."""
     t = np.asarray(t)
     phi_q = _output(40, t, q, p)
+    sine = np.sin(q[..., 12, None])
+    cosine = np.cos(q[..., 12, None])
     # constant part
     x1 = _number_1
     phi_q[..., 0:40] = x1
@@ -255,12 +260,11 @@ def phi_q(t, q, p):
     phi_q[..., 34] = -x13
     phi_q[..., 35] = -x14
     # row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1
-    psi = q[..., 12]
-    x15 = np.sin(psi)
-    phi_q[..., 36] = 6.666666666666667 * x15
-    x16 = np.cos(psi)
-    phi_q[..., 37] = -(6.666666666666667 * x16)
-    phi_q[..., 38] = 6.666666666666667 * (M_y * x15 + M_x * x16)
+    sin_psi = sine[..., 0]
+    phi_q[..., 36] = 6.666666666666667 * sin_psi
+    cos_psi = cosine[..., 0]
+    phi_q[..., 37] = -(6.666666666666667 * cos_psi)
+    phi_q[..., 38] = 6.666666666666667 * (M_y * sin_psi + M_x * cos_psi)
     return phi_q
 
 
@@ -278,6 +282,8 @@ def gamma(t, q, qd, p):
     """13 numbers, 85 operations."""
     t = np.asarray(t)
     gamma = _output(13, t, q, qd, p)
+    sine = np.sin(q[..., 12, None])
+    cosine = np.cos(q[..., 12, None])
     # constant part
     gamma[..., 0:13] = 0.0
     # row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15
@@ -329,16 +335,15 @@ def gamma(t, q, qd, p):
     x14 = dL_y - dT_y
     gamma[..., 10] = -(2.0408163265306123 * (x13 * x13 + x14 * x14))
     # row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1
-    psi = q[..., 12]
-    x15 = np.sin(psi)
+    sin_psi = sine[..., 0]
     M_x = q[..., 0]
     dpsi = qd[..., 12]
-    x16 = dpsi * dpsi
-    x17 = np.cos(psi)
-    x18 = 2.0 * dpsi
-    x19 = x15 * (M_x * x16) - x17 * (dM_x * x18) - x15 * (dM_y * x18)
+    x15 = dpsi * dpsi
+    cos_psi = cosine[..., 0]
+    x16 = 2.0 * dpsi
+    x17 = sin_psi * (M_x * x15) - cos_psi * (dM_x * x16) - sin_psi * (dM_y * x16)
     M_y = q[..., 1]
-    gamma[..., 11] = 6.666666666666667 * (x19 - x17 * (M_y * x16))
+    gamma[..., 11] = 6.666666666666667 * (x17 - cos_psi * (M_y * x15))
     return gamma
 
 

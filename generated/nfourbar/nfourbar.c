@@ -16,6 +16,7 @@ static const ncgen_scalar nfourbar_number_2[6] = {
     R(0.0), -R(9.81), R(0.0), -R(14.715), R(0.0), -R(9.81)
 };
 
+
 /* phi: 31 operations */
 int nfourbar_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -49,7 +50,6 @@ int nfourbar_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* phi_q: 10 operations */
 int nfourbar_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -86,7 +86,6 @@ int nfourbar_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* gamma: 24 operations */
 int nfourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -119,7 +118,6 @@ int nfourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int nfourbar_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -135,7 +133,6 @@ int nfourbar_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int nfourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -152,7 +149,6 @@ int nfourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* energy: 57 operations */
 int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -198,7 +194,6 @@ int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 static const char *const nfourbar_coordinate_names[] = {
     "B0.x",
     "B0.y",
@@ -236,6 +231,7 @@ static const int nfourbar_mass_indices[14] = {
     0, 2, 1, 3, 0, 2, 4, 1, 3, 5, 2, 4, 3, 5
 };
 
+
 const ncgen_model *nfourbar_model(void)
 {
     static const ncgen_model model = {
@@ -243,7 +239,7 @@ const ncgen_model *nfourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "nfourbar",
-        .fingerprint = "1936c076a3dc4edb",
+        .fingerprint = "e3f56973926cfd78",
         .n_coordinates = 6,
         .n_rows = 5,
         .n_parameters = 0,

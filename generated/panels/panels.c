@@ -24,11 +24,15 @@ static const ncgen_scalar panels_number_2[32] = {
     R(8.0), R(2.0), R(2.0), R(8.0), R(2.0), R(2.0), R(8.0), R(2.0), R(2.0), R(4.0), R(2.0), R(4.0)
 };
 
+
 /* phi: 119 operations, 8 of them elementary functions */
 int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[4], cosine[4];
     (void)t;
     (void)p;
+
+    ncgen_sincos(4, q + 20, sine, cosine);
 
     {
         /* row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
@@ -98,25 +102,33 @@ int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x18 = P0_x - A_x;
         const ncgen_real x19 = P0_y - A_y;
         const ncgen_real psi0 = q[20];
-        const ncgen_real x20 = (x3 * x18 + x6 * x19) * NCGEN_SIN(psi0) - (x3 * x19 - x6 * x18) * NCGEN_COS(psi0);
+        const ncgen_real sin_psi0 = sine[0];
+        const ncgen_real cos_psi0 = cosine[0];
+        const ncgen_real x20 = (x3 * x18 + x6 * x19) * sin_psi0 - (x3 * x19 - x6 * x18) * cos_psi0;
         phi[13] = R(1.5624999999999998) * x20;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
         const ncgen_real x21 = P1_x - P0_x;
         const ncgen_real x22 = P1_y - P0_y;
         const ncgen_real psi1 = q[21];
-        const ncgen_real x23 = (x18 * x21 + x19 * x22) * NCGEN_SIN(psi1) - (x18 * x22 - x19 * x21) * NCGEN_COS(psi1);
+        const ncgen_real sin_psi1 = sine[1];
+        const ncgen_real cos_psi1 = cosine[1];
+        const ncgen_real x23 = (x18 * x21 + x19 * x22) * sin_psi1 - (x18 * x22 - x19 * x21) * cos_psi1;
         phi[14] = R(0.7812499999999999) * x23;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
         const ncgen_real x24 = P2_x - P1_x;
         const ncgen_real x25 = P2_y - P1_y;
         const ncgen_real psi2 = q[22];
-        const ncgen_real x26 = (x21 * x24 + x22 * x25) * NCGEN_SIN(psi2) - (x21 * x25 - x22 * x24) * NCGEN_COS(psi2);
+        const ncgen_real sin_psi2 = sine[2];
+        const ncgen_real cos_psi2 = cosine[2];
+        const ncgen_real x26 = (x21 * x24 + x22 * x25) * sin_psi2 - (x21 * x25 - x22 * x24) * cos_psi2;
         phi[15] = R(0.39062499999999994) * x26;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
         const ncgen_real x27 = P3_x - P2_x;
         const ncgen_real x28 = P3_y - P2_y;
         const ncgen_real psi3 = q[23];
-        const ncgen_real x29 = (x24 * x27 + x25 * x28) * NCGEN_SIN(psi3) - (x24 * x28 - x25 * x27) * NCGEN_COS(psi3);
+        const ncgen_real sin_psi3 = sine[3];
+        const ncgen_real cos_psi3 = cosine[3];
+        const ncgen_real x29 = (x24 * x27 + x25 * x28) * sin_psi3 - (x24 * x28 - x25 * x27) * cos_psi3;
         phi[16] = R(0.39062499999999994) * x29;
         /* row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0 */
         phi[17] = psi1 + R(2.0) * psi0;
@@ -128,12 +140,14 @@ int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* phi_q: 168 operations, 8 of them elementary functions */
 int panels_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[4], cosine[4];
     (void)t;
     (void)p;
+
+    ncgen_sincos(4, q + 20, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 90; ++i) {
@@ -199,88 +213,86 @@ int panels_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         phi_q[55] = -x18;
         /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
         const ncgen_real x19 = P0_x - A_x;
-        const ncgen_real psi0 = q[20];
-        const ncgen_real x20 = NCGEN_SIN(psi0);
-        const ncgen_real x21 = P0_y - A_y;
-        const ncgen_real x22 = NCGEN_COS(psi0);
-        const ncgen_real x23 = R(1.5624999999999998) * (x19 * x20 - x21 * x22);
-        phi_q[56] = -x23;
-        const ncgen_real x24 = R(1.5624999999999998) * (x21 * x20 - x4 * x22);
-        phi_q[57] = -x24;
-        const ncgen_real x25 = A_x - H_x;
-        const ncgen_real x26 = R(1.5624999999999998) * (x20 * x25 - x2 * x22);
-        phi_q[58] = x23 - x26;
-        const ncgen_real x27 = A_y - H_y;
-        const ncgen_real x28 = R(1.5624999999999998) * (x20 * x27 - x22 * x25);
-        phi_q[59] = x24 - x28;
-        phi_q[60] = x26;
-        phi_q[61] = x28;
-        const ncgen_real x29 = x22 * (x19 * x25 + x21 * x27) + x20 * (x21 * x25 - x19 * x27);
-        phi_q[62] = R(1.5624999999999998) * x29;
+        const ncgen_real sin_psi0 = sine[0];
+        const ncgen_real x20 = P0_y - A_y;
+        const ncgen_real cos_psi0 = cosine[0];
+        const ncgen_real x21 = R(1.5624999999999998) * (x19 * sin_psi0 - x20 * cos_psi0);
+        phi_q[56] = -x21;
+        const ncgen_real x22 = R(1.5624999999999998) * (x20 * sin_psi0 - x4 * cos_psi0);
+        phi_q[57] = -x22;
+        const ncgen_real x23 = A_x - H_x;
+        const ncgen_real x24 = R(1.5624999999999998) * (sin_psi0 * x23 - x2 * cos_psi0);
+        phi_q[58] = x21 - x24;
+        const ncgen_real x25 = A_y - H_y;
+        const ncgen_real x26 = R(1.5624999999999998) * (sin_psi0 * x25 - cos_psi0 * x23);
+        phi_q[59] = x22 - x26;
+        phi_q[60] = x24;
+        phi_q[61] = x26;
+        const ncgen_real x27 = cos_psi0 * (x19 * x23 + x20 * x25) + sin_psi0 * (x20 * x23 - x19 * x25);
+        phi_q[62] = R(1.5624999999999998) * x27;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-        const ncgen_real x30 = P1_x - P0_x;
-        const ncgen_real psi1 = q[21];
-        const ncgen_real x31 = NCGEN_SIN(psi1);
-        const ncgen_real x32 = P1_y - P0_y;
-        const ncgen_real x33 = NCGEN_COS(psi1);
-        const ncgen_real x34 = R(0.7812499999999999) * (x30 * x31 - x32 * x33);
-        phi_q[63] = -x34;
-        const ncgen_real x35 = R(0.7812499999999999) * (x32 * x31 - x8 * x33);
-        phi_q[64] = -x35;
-        const ncgen_real x36 = R(0.7812499999999999) * (x19 * x31 - x6 * x33);
-        phi_q[65] = x34 - x36;
-        const ncgen_real x37 = R(0.7812499999999999) * (x21 * x31 - x19 * x33);
-        phi_q[66] = x35 - x37;
-        phi_q[67] = x36;
-        phi_q[68] = x37;
-        const ncgen_real x38 = x33 * (x19 * x30 + x21 * x32) + x31 * (x19 * x32 - x21 * x30);
-        phi_q[69] = R(0.7812499999999999) * x38;
+        const ncgen_real x28 = P1_x - P0_x;
+        const ncgen_real sin_psi1 = sine[1];
+        const ncgen_real x29 = P1_y - P0_y;
+        const ncgen_real cos_psi1 = cosine[1];
+        const ncgen_real x30 = R(0.7812499999999999) * (x28 * sin_psi1 - x29 * cos_psi1);
+        phi_q[63] = -x30;
+        const ncgen_real x31 = R(0.7812499999999999) * (x29 * sin_psi1 - x8 * cos_psi1);
+        phi_q[64] = -x31;
+        const ncgen_real x32 = R(0.7812499999999999) * (x19 * sin_psi1 - x6 * cos_psi1);
+        phi_q[65] = x30 - x32;
+        const ncgen_real x33 = R(0.7812499999999999) * (x20 * sin_psi1 - x19 * cos_psi1);
+        phi_q[66] = x31 - x33;
+        phi_q[67] = x32;
+        phi_q[68] = x33;
+        const ncgen_real x34 = cos_psi1 * (x19 * x28 + x20 * x29) + sin_psi1 * (x19 * x29 - x20 * x28);
+        phi_q[69] = R(0.7812499999999999) * x34;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-        const ncgen_real x39 = P2_x - P1_x;
-        const ncgen_real psi2 = q[22];
-        const ncgen_real x40 = NCGEN_SIN(psi2);
-        const ncgen_real x41 = P2_y - P1_y;
-        const ncgen_real x42 = NCGEN_COS(psi2);
-        const ncgen_real x43 = R(0.39062499999999994) * (x39 * x40 - x41 * x42);
-        phi_q[70] = -x43;
-        const ncgen_real x44 = R(0.39062499999999994) * (x41 * x40 - x12 * x42);
-        phi_q[71] = -x44;
-        const ncgen_real x45 = R(0.39062499999999994) * (x30 * x40 - x10 * x42);
-        phi_q[72] = x43 - x45;
-        const ncgen_real x46 = R(0.39062499999999994) * (x32 * x40 - x30 * x42);
-        phi_q[73] = x44 - x46;
-        phi_q[74] = x45;
-        phi_q[75] = x46;
-        const ncgen_real x47 = x42 * (x30 * x39 + x32 * x41) + x40 * (x30 * x41 - x32 * x39);
-        phi_q[76] = R(0.39062499999999994) * x47;
+        const ncgen_real x35 = P2_x - P1_x;
+        const ncgen_real sin_psi2 = sine[2];
+        const ncgen_real x36 = P2_y - P1_y;
+        const ncgen_real cos_psi2 = cosine[2];
+        const ncgen_real x37 = R(0.39062499999999994) * (x35 * sin_psi2 - x36 * cos_psi2);
+        phi_q[70] = -x37;
+        const ncgen_real x38 = R(0.39062499999999994) * (x36 * sin_psi2 - x12 * cos_psi2);
+        phi_q[71] = -x38;
+        const ncgen_real x39 = R(0.39062499999999994) * (x28 * sin_psi2 - x10 * cos_psi2);
+        phi_q[72] = x37 - x39;
+        const ncgen_real x40 = R(0.39062499999999994) * (x29 * sin_psi2 - x28 * cos_psi2);
+        phi_q[73] = x38 - x40;
+        phi_q[74] = x39;
+        phi_q[75] = x40;
+        const ncgen_real x41 = cos_psi2 * (x28 * x35 + x29 * x36) + sin_psi2 * (x28 * x36 - x29 * x35);
+        phi_q[76] = R(0.39062499999999994) * x41;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-        const ncgen_real x48 = P3_x - P2_x;
-        const ncgen_real psi3 = q[23];
-        const ncgen_real x49 = NCGEN_SIN(psi3);
-        const ncgen_real x50 = P3_y - P2_y;
-        const ncgen_real x51 = NCGEN_COS(psi3);
-        const ncgen_real x52 = R(0.39062499999999994) * (x48 * x49 - x50 * x51);
-        phi_q[77] = -x52;
-        const ncgen_real x53 = R(0.39062499999999994) * (x50 * x49 - x16 * x51);
-        phi_q[78] = -x53;
-        const ncgen_real x54 = R(0.39062499999999994) * (x39 * x49 - x14 * x51);
-        phi_q[79] = x52 - x54;
-        const ncgen_real x55 = R(0.39062499999999994) * (x41 * x49 - x39 * x51);
-        phi_q[80] = x53 - x55;
-        phi_q[81] = x54;
-        phi_q[82] = x55;
-        const ncgen_real x56 = x51 * (x39 * x48 + x41 * x50) + x49 * (x39 * x50 - x41 * x48);
-        phi_q[83] = R(0.39062499999999994) * x56;
+        const ncgen_real x42 = P3_x - P2_x;
+        const ncgen_real sin_psi3 = sine[3];
+        const ncgen_real x43 = P3_y - P2_y;
+        const ncgen_real cos_psi3 = cosine[3];
+        const ncgen_real x44 = R(0.39062499999999994) * (x42 * sin_psi3 - x43 * cos_psi3);
+        phi_q[77] = -x44;
+        const ncgen_real x45 = R(0.39062499999999994) * (x43 * sin_psi3 - x16 * cos_psi3);
+        phi_q[78] = -x45;
+        const ncgen_real x46 = R(0.39062499999999994) * (x35 * sin_psi3 - x14 * cos_psi3);
+        phi_q[79] = x44 - x46;
+        const ncgen_real x47 = R(0.39062499999999994) * (x36 * sin_psi3 - x35 * cos_psi3);
+        phi_q[80] = x45 - x47;
+        phi_q[81] = x46;
+        phi_q[82] = x47;
+        const ncgen_real x48 = cos_psi3 * (x35 * x42 + x36 * x43) + sin_psi3 * (x35 * x43 - x36 * x42);
+        phi_q[83] = R(0.39062499999999994) * x48;
     }
 
     return NCGEN_OK;
 }
-
 /* gamma: 247 operations, 8 of them elementary functions */
 int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[4], cosine[4];
     (void)t;
     (void)p;
+
+    ncgen_sincos(4, q + 20, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 20; ++i) {
@@ -321,94 +333,89 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real x10 = dP2_y - dP3_y;
         gamma[12] = -(R(0.625) * (x9 * x9 + x10 * x10));
         /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
-        const ncgen_real psi0 = q[20];
-        const ncgen_real x11 = NCGEN_COS(psi0);
-        const ncgen_real x12 = dA_x - dH_x;
-        const ncgen_real x13 = dP0_y - dA_y;
-        const ncgen_real x14 = dA_y - dH_y;
-        const ncgen_real x15 = dP0_x - dA_x;
-        const ncgen_real x16 = NCGEN_SIN(psi0);
+        const ncgen_real cos_psi0 = cosine[0];
+        const ncgen_real x11 = dA_x - dH_x;
+        const ncgen_real x12 = dP0_y - dA_y;
+        const ncgen_real x13 = dA_y - dH_y;
+        const ncgen_real x14 = dP0_x - dA_x;
+        const ncgen_real sin_psi0 = sine[0];
         const ncgen_real A_x = q[2];
         const ncgen_real H_x = q[0];
-        const ncgen_real x17 = A_x - H_x;
+        const ncgen_real x15 = A_x - H_x;
         const ncgen_real P0_x = q[12];
-        const ncgen_real x18 = P0_x - A_x;
+        const ncgen_real x16 = P0_x - A_x;
         const ncgen_real A_y = q[3];
         const ncgen_real H_y = q[1];
-        const ncgen_real x19 = A_y - H_y;
+        const ncgen_real x17 = A_y - H_y;
         const ncgen_real P0_y = q[13];
-        const ncgen_real x20 = P0_y - A_y;
+        const ncgen_real x18 = P0_y - A_y;
         const ncgen_real dpsi0 = qd[20];
-        const ncgen_real x21 = dpsi0 * dpsi0;
-        const ncgen_real x22 = x11 * (R(2.0) * (x12 * x13 - x14 * x15)) + x16 * ((x17 * x18 + x19 * x20) * x21);
-        const ncgen_real x23 = R(2.0) * dpsi0;
-        const ncgen_real x24 = x11 * (x23 * (x17 * x15 + x19 * x13 + x18 * x12 + x20 * x14));
-        const ncgen_real x25 = x16 * ((x17 * x13 + x20 * x12 - x19 * x15 - x18 * x14) * x23);
-        const ncgen_real x26 = x22 - x16 * (R(2.0) * (x12 * x15 + x14 * x13)) - x24 - x25;
-        const ncgen_real x27 = R(1.5624999999999998) * (x26 - x11 * ((x17 * x20 - x19 * x18) * x21));
-        gamma[13] = x27;
+        const ncgen_real x19 = dpsi0 * dpsi0;
+        const ncgen_real x20 = cos_psi0 * (R(2.0) * (x11 * x12 - x13 * x14)) + sin_psi0 * ((x15 * x16 + x17 * x18) * x19);
+        const ncgen_real x21 = R(2.0) * dpsi0;
+        const ncgen_real x22 = cos_psi0 * (x21 * (x15 * x14 + x17 * x12 + x16 * x11 + x18 * x13));
+        const ncgen_real x23 = x20 - sin_psi0 * (R(2.0) * (x11 * x14 + x13 * x12)) - x22;
+        const ncgen_real x24 = sin_psi0 * ((x15 * x12 + x18 * x11 - x17 * x14 - x16 * x13) * x21);
+        const ncgen_real x25 = R(1.5624999999999998) * (x23 - x24 - cos_psi0 * ((x15 * x18 - x17 * x16) * x19));
+        gamma[13] = x25;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-        const ncgen_real psi1 = q[21];
-        const ncgen_real x28 = NCGEN_COS(psi1);
-        const ncgen_real x29 = dP1_y - dP0_y;
-        const ncgen_real x30 = dP1_x - dP0_x;
-        const ncgen_real x31 = NCGEN_SIN(psi1);
+        const ncgen_real cos_psi1 = cosine[1];
+        const ncgen_real x26 = dP1_y - dP0_y;
+        const ncgen_real x27 = dP1_x - dP0_x;
+        const ncgen_real sin_psi1 = sine[1];
         const ncgen_real P1_x = q[14];
-        const ncgen_real x32 = P1_x - P0_x;
+        const ncgen_real x28 = P1_x - P0_x;
         const ncgen_real P1_y = q[15];
-        const ncgen_real x33 = P1_y - P0_y;
+        const ncgen_real x29 = P1_y - P0_y;
         const ncgen_real dpsi1 = qd[21];
-        const ncgen_real x34 = dpsi1 * dpsi1;
-        const ncgen_real x35 = x28 * (R(2.0) * (x15 * x29 - x13 * x30)) + x31 * ((x18 * x32 + x20 * x33) * x34);
-        const ncgen_real x36 = R(2.0) * dpsi1;
-        const ncgen_real x37 = x28 * (x36 * (x18 * x30 + x20 * x29 + x15 * x32 + x13 * x33));
-        const ncgen_real x38 = x31 * ((x18 * x29 + x15 * x33 - x20 * x30 - x13 * x32) * x36);
-        const ncgen_real x39 = x35 - x31 * (R(2.0) * (x15 * x30 + x13 * x29)) - x37 - x38;
-        const ncgen_real x40 = R(0.7812499999999999) * (x39 - x28 * ((x18 * x33 - x20 * x32) * x34));
-        gamma[14] = x40;
+        const ncgen_real x30 = dpsi1 * dpsi1;
+        const ncgen_real x31 = cos_psi1 * (R(2.0) * (x14 * x26 - x12 * x27)) + sin_psi1 * ((x16 * x28 + x18 * x29) * x30);
+        const ncgen_real x32 = R(2.0) * dpsi1;
+        const ncgen_real x33 = cos_psi1 * (x32 * (x16 * x27 + x18 * x26 + x14 * x28 + x12 * x29));
+        const ncgen_real x34 = x31 - sin_psi1 * (R(2.0) * (x14 * x27 + x12 * x26)) - x33;
+        const ncgen_real x35 = sin_psi1 * ((x16 * x26 + x14 * x29 - x18 * x27 - x12 * x28) * x32);
+        const ncgen_real x36 = R(0.7812499999999999) * (x34 - x35 - cos_psi1 * ((x16 * x29 - x18 * x28) * x30));
+        gamma[14] = x36;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-        const ncgen_real psi2 = q[22];
-        const ncgen_real x41 = NCGEN_COS(psi2);
-        const ncgen_real x42 = dP2_y - dP1_y;
-        const ncgen_real x43 = dP2_x - dP1_x;
-        const ncgen_real x44 = NCGEN_SIN(psi2);
+        const ncgen_real cos_psi2 = cosine[2];
+        const ncgen_real x37 = dP2_y - dP1_y;
+        const ncgen_real x38 = dP2_x - dP1_x;
+        const ncgen_real sin_psi2 = sine[2];
         const ncgen_real P2_x = q[16];
-        const ncgen_real x45 = P2_x - P1_x;
+        const ncgen_real x39 = P2_x - P1_x;
         const ncgen_real P2_y = q[17];
-        const ncgen_real x46 = P2_y - P1_y;
+        const ncgen_real x40 = P2_y - P1_y;
         const ncgen_real dpsi2 = qd[22];
-        const ncgen_real x47 = dpsi2 * dpsi2;
-        const ncgen_real x48 = x41 * (R(2.0) * (x30 * x42 - x29 * x43)) + x44 * ((x32 * x45 + x33 * x46) * x47);
-        const ncgen_real x49 = R(2.0) * dpsi2;
-        const ncgen_real x50 = x41 * (x49 * (x32 * x43 + x33 * x42 + x30 * x45 + x29 * x46));
-        const ncgen_real x51 = x44 * ((x32 * x42 + x30 * x46 - x33 * x43 - x29 * x45) * x49);
-        const ncgen_real x52 = x48 - x44 * (R(2.0) * (x30 * x43 + x29 * x42)) - x50 - x51;
-        const ncgen_real x53 = R(0.39062499999999994) * (x52 - x41 * ((x32 * x46 - x33 * x45) * x47));
-        gamma[15] = x53;
+        const ncgen_real x41 = dpsi2 * dpsi2;
+        const ncgen_real x42 = cos_psi2 * (R(2.0) * (x27 * x37 - x26 * x38)) + sin_psi2 * ((x28 * x39 + x29 * x40) * x41);
+        const ncgen_real x43 = R(2.0) * dpsi2;
+        const ncgen_real x44 = cos_psi2 * (x43 * (x28 * x38 + x29 * x37 + x27 * x39 + x26 * x40));
+        const ncgen_real x45 = x42 - sin_psi2 * (R(2.0) * (x27 * x38 + x26 * x37)) - x44;
+        const ncgen_real x46 = sin_psi2 * ((x28 * x37 + x27 * x40 - x29 * x38 - x26 * x39) * x43);
+        const ncgen_real x47 = R(0.39062499999999994) * (x45 - x46 - cos_psi2 * ((x28 * x40 - x29 * x39) * x41));
+        gamma[15] = x47;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-        const ncgen_real psi3 = q[23];
-        const ncgen_real x54 = NCGEN_COS(psi3);
-        const ncgen_real x55 = dP3_y - dP2_y;
-        const ncgen_real x56 = dP3_x - dP2_x;
-        const ncgen_real x57 = NCGEN_SIN(psi3);
+        const ncgen_real cos_psi3 = cosine[3];
+        const ncgen_real x48 = dP3_y - dP2_y;
+        const ncgen_real x49 = dP3_x - dP2_x;
+        const ncgen_real sin_psi3 = sine[3];
         const ncgen_real P3_x = q[18];
-        const ncgen_real x58 = P3_x - P2_x;
+        const ncgen_real x50 = P3_x - P2_x;
         const ncgen_real P3_y = q[19];
-        const ncgen_real x59 = P3_y - P2_y;
+        const ncgen_real x51 = P3_y - P2_y;
         const ncgen_real dpsi3 = qd[23];
-        const ncgen_real x60 = dpsi3 * dpsi3;
-        const ncgen_real x61 = x54 * (R(2.0) * (x43 * x55 - x42 * x56)) + x57 * ((x45 * x58 + x46 * x59) * x60);
-        const ncgen_real x62 = R(2.0) * dpsi3;
-        const ncgen_real x63 = x54 * (x62 * (x45 * x56 + x46 * x55 + x43 * x58 + x42 * x59));
-        const ncgen_real x64 = x57 * ((x45 * x55 + x43 * x59 - x46 * x56 - x42 * x58) * x62);
-        const ncgen_real x65 = x61 - x57 * (R(2.0) * (x43 * x56 + x42 * x55)) - x63 - x64;
-        const ncgen_real x66 = R(0.39062499999999994) * (x65 - x54 * ((x45 * x59 - x46 * x58) * x60));
-        gamma[16] = x66;
+        const ncgen_real x52 = dpsi3 * dpsi3;
+        const ncgen_real x53 = cos_psi3 * (R(2.0) * (x38 * x48 - x37 * x49)) + sin_psi3 * ((x39 * x50 + x40 * x51) * x52);
+        const ncgen_real x54 = R(2.0) * dpsi3;
+        const ncgen_real x55 = cos_psi3 * (x54 * (x39 * x49 + x40 * x48 + x38 * x50 + x37 * x51));
+        const ncgen_real x56 = x53 - sin_psi3 * (R(2.0) * (x38 * x49 + x37 * x48)) - x55;
+        const ncgen_real x57 = sin_psi3 * ((x39 * x48 + x38 * x51 - x40 * x49 - x37 * x50) * x54);
+        const ncgen_real x58 = R(0.39062499999999994) * (x56 - x57 - cos_psi3 * ((x39 * x51 - x40 * x50) * x52));
+        gamma[16] = x58;
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int panels_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -424,7 +431,6 @@ int panels_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* force: 16 operations */
 int panels_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -457,7 +463,6 @@ int panels_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* energy: 123 operations */
 int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -519,7 +524,6 @@ int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 static const char *const panels_coordinate_names[] = {
     "H.x",
     "H.y",
@@ -596,6 +600,7 @@ static const int panels_mass_indices[32] = {
     17, 19, 16, 18, 17, 19
 };
 
+
 const ncgen_model *panels_model(void)
 {
     static const ncgen_model model = {
@@ -603,7 +608,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "0aec7d54a417a2f4",
+        .fingerprint = "4624db579e516568",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,

@@ -10,6 +10,7 @@ static const ncgen_scalar pendulum_number_1[2] = {
     R(0.0), -R(9.81)
 };
 
+
 /* phi: 5 operations */
 int pendulum_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -25,7 +26,6 @@ int pendulum_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* phi_q: 0 operations */
 int pendulum_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -42,7 +42,6 @@ int pendulum_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* gamma: 4 operations */
 int pendulum_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -59,7 +58,6 @@ int pendulum_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int pendulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -74,7 +72,6 @@ int pendulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int pendulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -91,7 +88,6 @@ int pendulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* energy: 6 operations */
 int pendulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -115,7 +111,6 @@ int pendulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 static const char *const pendulum_coordinate_names[] = {
     "B.x",
     "B.y",
@@ -145,6 +140,7 @@ static const int pendulum_mass_indices[2] = {
     0, 1
 };
 
+
 const ncgen_model *pendulum_model(void)
 {
     static const ncgen_model model = {
@@ -152,7 +148,7 @@ const ncgen_model *pendulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "pendulum",
-        .fingerprint = "f1c966feb134c45a",
+        .fingerprint = "c4f209d62324638a",
         .n_coordinates = 2,
         .n_rows = 1,
         .n_parameters = 0,

@@ -111,11 +111,15 @@ static const ncgen_scalar robot_number_6[21] = {
     R(2.619541796013006)
 };
 
+
 /* phi: 303 operations, 12 of them elementary functions */
 int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[6], cosine[6];
     (void)t;
     (void)p;
+
+    ncgen_sincos(6, q + 30, sine, cosine);
 
     {
         /* row 1: 1000 distance r1-r2 (body2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.700159 */
@@ -249,50 +253,58 @@ int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x50 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
         phi[24] = x50;
         /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
-        const ncgen_real psi1 = q[30];
-        phi[25] = u3_y * NCGEN_SIN(psi1) + u3_x * NCGEN_COS(psi1);
+        const ncgen_real sin_psi1 = sine[0];
+        const ncgen_real cos_psi1 = cosine[0];
+        phi[25] = u3_y * sin_psi1 + u3_x * cos_psi1;
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
-        const ncgen_real psi2 = q[31];
-        const ncgen_real x51 = (r4_z - r2_z) * NCGEN_SIN(psi2) + (x11 * u3_x + u3_y * (r4_x - r2_x)) * NCGEN_COS(psi2);
+        const ncgen_real sin_psi2 = sine[1];
+        const ncgen_real cos_psi2 = cosine[1];
+        const ncgen_real x51 = (r4_z - r2_z) * sin_psi2 + (x11 * u3_x + u3_y * (r4_x - r2_x)) * cos_psi2;
         phi[26] = R(0.9120758847136081) * x51;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
         const ncgen_real x52 = r7_x - r6_x;
         const ncgen_real x53 = r7_y - r6_y;
         const ncgen_real x54 = r7_z - r6_z;
-        const ncgen_real psi3 = q[32];
+        const ncgen_real sin_psi3 = sine[2];
         const ncgen_real x55 = u3_x * (x34 * x54 - x35 * x53) + u3_y * (x35 * x52 - x33 * x54);
-        const ncgen_real x56 = (x33 * x52 + x34 * x53 + x35 * x54) * NCGEN_SIN(psi3) - (x55 + u3_z * (x33 * x53 - x34 * x52)) * NCGEN_COS(psi3);
+        const ncgen_real cos_psi3 = cosine[2];
+        const ncgen_real x56 = (x33 * x52 + x34 * x53 + x35 * x54) * sin_psi3 - (x55 + u3_z * (x33 * x53 - x34 * x52)) * cos_psi3;
         phi[27] = R(2.822822138105743) * x56;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
-        const ncgen_real psi4 = q[33];
-        const ncgen_real x57 = (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * NCGEN_SIN(psi4);
-        const ncgen_real x58 = x52 * (u3_y * u4_z - u3_z * u4_y) + x53 * (u3_z * u4_x - u3_x * u4_z);
-        const ncgen_real x59 = R(0.7691964497252134) * (x58 + x54 * (u3_x * u4_y - u3_y * u4_x));
-        phi[28] = x57 - x59 * NCGEN_COS(psi4);
+        const ncgen_real sin_psi4 = sine[3];
+        const ncgen_real x57 = x52 * (u3_y * u4_z - u3_z * u4_y) + x53 * (u3_z * u4_x - u3_x * u4_z);
+        const ncgen_real x58 = R(0.7691964497252134) * (x57 + x54 * (u3_x * u4_y - u3_y * u4_x));
+        const ncgen_real cos_psi4 = cosine[3];
+        const ncgen_real x59 = (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * sin_psi4 - x58 * cos_psi4;
+        phi[28] = x59;
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
         const ncgen_real x60 = r8_x - r7_x;
         const ncgen_real x61 = r8_y - r7_y;
         const ncgen_real x62 = r8_z - r7_z;
-        const ncgen_real psi5 = q[34];
+        const ncgen_real sin_psi5 = sine[4];
         const ncgen_real x63 = u4_x * (x38 * x62 - x39 * x61) + u4_y * (x39 * x60 - x37 * x62);
-        const ncgen_real x64 = (x37 * x60 + x38 * x61 + x39 * x62) * NCGEN_SIN(psi5) - (x63 + u4_z * (x37 * x61 - x38 * x60)) * NCGEN_COS(psi5);
+        const ncgen_real cos_psi5 = cosine[4];
+        const ncgen_real x64 = (x37 * x60 + x38 * x61 + x39 * x62) * sin_psi5 - (x63 + u4_z * (x37 * x61 - x38 * x60)) * cos_psi5;
         phi[29] = R(3.3487002600139895) * x64;
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
-        const ncgen_real psi6 = q[35];
-        const ncgen_real x65 = (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * NCGEN_SIN(psi6);
-        const ncgen_real x66 = x60 * (u4_y * u5_z - u4_z * u5_y) + x61 * (u4_z * u5_x - u4_x * u5_z);
-        const ncgen_real x67 = R(4.3535045711797995) * (x66 + x62 * (u4_x * u5_y - u4_y * u5_x));
-        phi[30] = x65 - x67 * NCGEN_COS(psi6);
+        const ncgen_real sin_psi6 = sine[5];
+        const ncgen_real x65 = x60 * (u4_y * u5_z - u4_z * u5_y) + x61 * (u4_z * u5_x - u4_x * u5_z);
+        const ncgen_real x66 = R(4.3535045711797995) * (x65 + x62 * (u4_x * u5_y - u4_y * u5_x));
+        const ncgen_real cos_psi6 = cosine[5];
+        const ncgen_real x67 = (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * sin_psi6 - x66 * cos_psi6;
+        phi[30] = x67;
     }
 
     return NCGEN_OK;
 }
-
 /* phi_q: 466 operations, 12 of them elementary functions */
 int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[6], cosine[6];
     (void)t;
     (void)p;
+
+    ncgen_sincos(6, q + 30, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 216; ++i) {
@@ -566,162 +578,164 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[150] = u5_y;
         phi_q[151] = u5_z;
         /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
-        const ncgen_real psi1 = q[30];
-        const ncgen_real x62 = NCGEN_COS(psi1);
-        phi_q[152] = x62;
-        const ncgen_real x63 = NCGEN_SIN(psi1);
-        phi_q[153] = x63;
-        phi_q[154] = u3_y * x62 - u3_x * x63;
+        const ncgen_real cos_psi1 = cosine[0];
+        phi_q[152] = cos_psi1;
+        const ncgen_real sin_psi1 = sine[0];
+        phi_q[153] = sin_psi1;
+        phi_q[154] = u3_y * cos_psi1 - u3_x * sin_psi1;
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
-        const ncgen_real psi2 = q[31];
-        const ncgen_real x64 = NCGEN_COS(psi2);
-        const ncgen_real x65 = R(0.9120758847136081) * (u3_y * x64);
-        phi_q[155] = -x65;
-        const ncgen_real x66 = R(0.9120758847136081) * (u3_x * x64);
-        phi_q[156] = x66;
-        const ncgen_real x67 = NCGEN_SIN(psi2);
-        const ncgen_real x68 = R(0.9120758847136081) * x67;
-        phi_q[157] = -x68;
-        phi_q[158] = x15 * x64;
-        const ncgen_real x69 = r4_x - r2_x;
-        phi_q[159] = x64 * (R(0.9120758847136081) * x69);
-        phi_q[160] = x65;
-        phi_q[161] = -x66;
-        phi_q[162] = x68;
-        const ncgen_real x70 = R(0.9120758847136081) * ((r4_z - r2_z) * x64 - x67 * (u3_y * x69 + x14 * u3_x));
-        phi_q[163] = x70;
+        const ncgen_real cos_psi2 = cosine[1];
+        const ncgen_real x62 = R(0.9120758847136081) * (u3_y * cos_psi2);
+        phi_q[155] = -x62;
+        const ncgen_real x63 = R(0.9120758847136081) * (u3_x * cos_psi2);
+        phi_q[156] = x63;
+        const ncgen_real sin_psi2 = sine[1];
+        const ncgen_real x64 = R(0.9120758847136081) * sin_psi2;
+        phi_q[157] = -x64;
+        phi_q[158] = x15 * cos_psi2;
+        const ncgen_real x65 = r4_x - r2_x;
+        phi_q[159] = cos_psi2 * (R(0.9120758847136081) * x65);
+        phi_q[160] = x62;
+        phi_q[161] = -x63;
+        phi_q[162] = x64;
+        const ncgen_real x66 = (r4_z - r2_z) * cos_psi2 - sin_psi2 * (u3_y * x65 + x14 * u3_x);
+        phi_q[163] = R(0.9120758847136081) * x66;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
-        const ncgen_real psi3 = q[32];
-        const ncgen_real x71 = NCGEN_COS(psi3);
-        const ncgen_real x72 = r7_z - r6_z;
-        const ncgen_real x73 = r7_y - r6_y;
-        const ncgen_real x74 = x36 * x72 - x37 * x73;
-        phi_q[164] = -(x71 * (R(2.822822138105743) * x74));
-        const ncgen_real x75 = r7_x - r6_x;
-        const ncgen_real x76 = x37 * x75 - x35 * x72;
-        phi_q[165] = -(x71 * (R(2.822822138105743) * x76));
-        const ncgen_real x77 = x35 * x73 - x36 * x75;
-        phi_q[166] = -(x71 * (R(2.822822138105743) * x77));
-        const ncgen_real x78 = NCGEN_SIN(psi3);
-        const ncgen_real x79 = u3_z * x73 - u3_y * x72;
-        const ncgen_real x80 = R(2.822822138105743) * (x75 * x78 - x71 * x79);
-        phi_q[167] = x80;
-        const ncgen_real x81 = u3_x * x72 - u3_z * x75;
-        const ncgen_real x82 = R(2.822822138105743) * (x73 * x78 - x71 * x81);
-        phi_q[168] = x82;
-        const ncgen_real x83 = u3_y * x75 - u3_x * x73;
-        const ncgen_real x84 = R(2.822822138105743) * (x72 * x78 - x71 * x83);
-        phi_q[169] = x84;
-        const ncgen_real x85 = R(2.822822138105743) * (x35 * x78 - x71 * (u3_y * x37 - u3_z * x36));
-        phi_q[170] = -(x80 + x85);
-        const ncgen_real x86 = R(2.822822138105743) * (x36 * x78 - x71 * (u3_z * x35 - u3_x * x37));
-        phi_q[171] = -(x82 + x86);
-        const ncgen_real x87 = R(2.822822138105743) * (x37 * x78 - x71 * (u3_x * x36 - u3_y * x35));
-        phi_q[172] = -(x84 + x87);
-        phi_q[173] = x85;
-        phi_q[174] = x86;
-        phi_q[175] = x87;
-        const ncgen_real x88 = x71 * (x35 * x75 + x36 * x73 + x37 * x72) + x78 * (u3_x * x74 + u3_y * x76 + u3_z * x77);
-        phi_q[176] = R(2.822822138105743) * x88;
+        const ncgen_real cos_psi3 = cosine[2];
+        const ncgen_real x67 = r7_z - r6_z;
+        const ncgen_real x68 = r7_y - r6_y;
+        const ncgen_real x69 = x36 * x67 - x37 * x68;
+        phi_q[164] = -(cos_psi3 * (R(2.822822138105743) * x69));
+        const ncgen_real x70 = r7_x - r6_x;
+        const ncgen_real x71 = x37 * x70 - x35 * x67;
+        phi_q[165] = -(cos_psi3 * (R(2.822822138105743) * x71));
+        const ncgen_real x72 = x35 * x68 - x36 * x70;
+        phi_q[166] = -(cos_psi3 * (R(2.822822138105743) * x72));
+        const ncgen_real sin_psi3 = sine[2];
+        const ncgen_real x73 = u3_z * x68 - u3_y * x67;
+        const ncgen_real x74 = R(2.822822138105743) * (x70 * sin_psi3 - cos_psi3 * x73);
+        phi_q[167] = x74;
+        const ncgen_real x75 = u3_x * x67 - u3_z * x70;
+        const ncgen_real x76 = R(2.822822138105743) * (x68 * sin_psi3 - cos_psi3 * x75);
+        phi_q[168] = x76;
+        const ncgen_real x77 = u3_y * x70 - u3_x * x68;
+        const ncgen_real x78 = R(2.822822138105743) * (x67 * sin_psi3 - cos_psi3 * x77);
+        phi_q[169] = x78;
+        const ncgen_real x79 = R(2.822822138105743) * (x35 * sin_psi3 - cos_psi3 * (u3_y * x37 - u3_z * x36));
+        phi_q[170] = -(x74 + x79);
+        const ncgen_real x80 = R(2.822822138105743) * (x36 * sin_psi3 - cos_psi3 * (u3_z * x35 - u3_x * x37));
+        phi_q[171] = -(x76 + x80);
+        const ncgen_real x81 = R(2.822822138105743) * (x37 * sin_psi3 - cos_psi3 * (u3_x * x36 - u3_y * x35));
+        phi_q[172] = -(x78 + x81);
+        phi_q[173] = x79;
+        phi_q[174] = x80;
+        phi_q[175] = x81;
+        const ncgen_real x82 = cos_psi3 * (x35 * x70 + x36 * x68 + x37 * x67) + sin_psi3 * (u3_x * x69 + u3_y * x71 + u3_z * x72);
+        phi_q[176] = R(2.822822138105743) * x82;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
-        const ncgen_real psi4 = q[33];
-        const ncgen_real x89 = NCGEN_SIN(psi4);
-        const ncgen_real x90 = NCGEN_COS(psi4);
-        const ncgen_real x91 = x90 * (R(0.7691964497252134) * (u4_y * x72 - u4_z * x73));
-        phi_q[177] = u4_x * x89 - x91;
-        const ncgen_real x92 = x90 * (R(0.7691964497252134) * (u4_z * x75 - u4_x * x72));
-        phi_q[178] = u4_y * x89 - x92;
-        const ncgen_real x93 = x90 * (R(0.7691964497252134) * (u4_x * x73 - u4_y * x75));
-        phi_q[179] = u4_z * x89 - x93;
-        const ncgen_real x94 = u3_y * u4_z - u3_z * u4_y;
-        const ncgen_real x95 = x90 * (R(0.7691964497252134) * x94);
-        phi_q[180] = x95;
-        const ncgen_real x96 = u3_z * u4_x - u3_x * u4_z;
-        const ncgen_real x97 = x90 * (R(0.7691964497252134) * x96);
-        phi_q[181] = x97;
-        const ncgen_real x98 = u3_x * u4_y - u3_y * u4_x;
-        const ncgen_real x99 = x90 * (R(0.7691964497252134) * x98);
-        phi_q[182] = x99;
-        phi_q[183] = -x95;
-        phi_q[184] = -x97;
-        phi_q[185] = -x99;
-        phi_q[186] = u3_x * x89 - x90 * (R(0.7691964497252134) * x79);
-        phi_q[187] = u3_y * x89 - x90 * (R(0.7691964497252134) * x81);
-        phi_q[188] = u3_z * x89 - x90 * (R(0.7691964497252134) * x83);
-        const ncgen_real x100 = R(0.7691964497252134) * (x75 * x94 + x73 * x96 + x72 * x98);
-        const ncgen_real x101 = x90 * (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) + x89 * x100;
-        phi_q[189] = x101;
+        const ncgen_real sin_psi4 = sine[3];
+        const ncgen_real cos_psi4 = cosine[3];
+        const ncgen_real x83 = cos_psi4 * (R(0.7691964497252134) * (u4_y * x67 - u4_z * x68));
+        phi_q[177] = u4_x * sin_psi4 - x83;
+        const ncgen_real x84 = cos_psi4 * (R(0.7691964497252134) * (u4_z * x70 - u4_x * x67));
+        phi_q[178] = u4_y * sin_psi4 - x84;
+        const ncgen_real x85 = cos_psi4 * (R(0.7691964497252134) * (u4_x * x68 - u4_y * x70));
+        phi_q[179] = u4_z * sin_psi4 - x85;
+        const ncgen_real x86 = u3_y * u4_z - u3_z * u4_y;
+        const ncgen_real x87 = cos_psi4 * (R(0.7691964497252134) * x86);
+        phi_q[180] = x87;
+        const ncgen_real x88 = u3_z * u4_x - u3_x * u4_z;
+        const ncgen_real x89 = cos_psi4 * (R(0.7691964497252134) * x88);
+        phi_q[181] = x89;
+        const ncgen_real x90 = u3_x * u4_y - u3_y * u4_x;
+        const ncgen_real x91 = cos_psi4 * (R(0.7691964497252134) * x90);
+        phi_q[182] = x91;
+        phi_q[183] = -x87;
+        phi_q[184] = -x89;
+        phi_q[185] = -x91;
+        const ncgen_real x92 = u3_x * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x73);
+        phi_q[186] = x92;
+        const ncgen_real x93 = u3_y * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x75);
+        phi_q[187] = x93;
+        const ncgen_real x94 = u3_z * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x77);
+        phi_q[188] = x94;
+        const ncgen_real x95 = R(0.7691964497252134) * (x70 * x86 + x68 * x88 + x67 * x90);
+        const ncgen_real x96 = cos_psi4 * (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) + sin_psi4 * x95;
+        phi_q[189] = x96;
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real x102 = r8_x - r7_x;
-        const ncgen_real psi5 = q[34];
-        const ncgen_real x103 = NCGEN_SIN(psi5);
-        const ncgen_real x104 = NCGEN_COS(psi5);
-        const ncgen_real x105 = r8_y - r7_y;
-        const ncgen_real x106 = r8_z - r7_z;
-        const ncgen_real x107 = u4_z * x105 - u4_y * x106;
-        const ncgen_real x108 = R(3.3487002600139895) * (x102 * x103 - x104 * x107);
-        phi_q[190] = x108;
-        const ncgen_real x109 = u4_x * x106 - u4_z * x102;
-        const ncgen_real x110 = R(3.3487002600139895) * (x105 * x103 - x104 * x109);
-        phi_q[191] = x110;
-        const ncgen_real x111 = u4_y * x102 - u4_x * x105;
-        const ncgen_real x112 = R(3.3487002600139895) * (x106 * x103 - x104 * x111);
-        phi_q[192] = x112;
-        const ncgen_real x113 = R(3.3487002600139895) * (x41 * x103 - x104 * (x45 * u4_y - x43 * u4_z));
-        phi_q[193] = -(x108 + x113);
-        const ncgen_real x114 = R(3.3487002600139895) * (x43 * x103 - x104 * (x41 * u4_z - x45 * u4_x));
-        phi_q[194] = -(x110 + x114);
-        const ncgen_real x115 = R(3.3487002600139895) * (x45 * x103 - x104 * (x43 * u4_x - x41 * u4_y));
-        phi_q[195] = -(x112 + x115);
-        const ncgen_real x116 = x43 * x106 - x45 * x105;
-        phi_q[196] = -(x104 * (R(3.3487002600139895) * x116));
-        const ncgen_real x117 = x45 * x102 - x41 * x106;
-        phi_q[197] = -(x104 * (R(3.3487002600139895) * x117));
-        const ncgen_real x118 = x41 * x105 - x43 * x102;
-        phi_q[198] = -(x104 * (R(3.3487002600139895) * x118));
-        phi_q[199] = x113;
-        phi_q[200] = x114;
-        phi_q[201] = x115;
-        const ncgen_real x119 = x104 * (x41 * x102 + x43 * x105 + x45 * x106) + x103 * (u4_x * x116 + u4_y * x117 + u4_z * x118);
-        phi_q[202] = R(3.3487002600139895) * x119;
+        const ncgen_real x97 = r8_x - r7_x;
+        const ncgen_real sin_psi5 = sine[4];
+        const ncgen_real cos_psi5 = cosine[4];
+        const ncgen_real x98 = r8_y - r7_y;
+        const ncgen_real x99 = r8_z - r7_z;
+        const ncgen_real x100 = u4_z * x98 - u4_y * x99;
+        const ncgen_real x101 = R(3.3487002600139895) * (x97 * sin_psi5 - cos_psi5 * x100);
+        phi_q[190] = x101;
+        const ncgen_real x102 = u4_x * x99 - u4_z * x97;
+        const ncgen_real x103 = R(3.3487002600139895) * (x98 * sin_psi5 - cos_psi5 * x102);
+        phi_q[191] = x103;
+        const ncgen_real x104 = u4_y * x97 - u4_x * x98;
+        const ncgen_real x105 = R(3.3487002600139895) * (x99 * sin_psi5 - cos_psi5 * x104);
+        phi_q[192] = x105;
+        const ncgen_real x106 = R(3.3487002600139895) * (x41 * sin_psi5 - cos_psi5 * (x45 * u4_y - x43 * u4_z));
+        phi_q[193] = -(x101 + x106);
+        const ncgen_real x107 = R(3.3487002600139895) * (x43 * sin_psi5 - cos_psi5 * (x41 * u4_z - x45 * u4_x));
+        phi_q[194] = -(x103 + x107);
+        const ncgen_real x108 = R(3.3487002600139895) * (x45 * sin_psi5 - cos_psi5 * (x43 * u4_x - x41 * u4_y));
+        phi_q[195] = -(x105 + x108);
+        const ncgen_real x109 = x43 * x99 - x45 * x98;
+        phi_q[196] = -(cos_psi5 * (R(3.3487002600139895) * x109));
+        const ncgen_real x110 = x45 * x97 - x41 * x99;
+        phi_q[197] = -(cos_psi5 * (R(3.3487002600139895) * x110));
+        const ncgen_real x111 = x41 * x98 - x43 * x97;
+        phi_q[198] = -(cos_psi5 * (R(3.3487002600139895) * x111));
+        phi_q[199] = x106;
+        phi_q[200] = x107;
+        phi_q[201] = x108;
+        const ncgen_real x112 = cos_psi5 * (x41 * x97 + x43 * x98 + x45 * x99) + sin_psi5 * (u4_x * x109 + u4_y * x110 + u4_z * x111);
+        phi_q[202] = R(3.3487002600139895) * x112;
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
-        const ncgen_real psi6 = q[35];
-        const ncgen_real x120 = NCGEN_COS(psi6);
-        const ncgen_real x121 = u4_y * u5_z - u4_z * u5_y;
-        const ncgen_real x122 = x120 * (R(4.3535045711797995) * x121);
-        phi_q[203] = x122;
-        const ncgen_real x123 = u4_z * u5_x - u4_x * u5_z;
-        const ncgen_real x124 = x120 * (R(4.3535045711797995) * x123);
-        phi_q[204] = x124;
-        const ncgen_real x125 = u4_x * u5_y - u4_y * u5_x;
-        const ncgen_real x126 = x120 * (R(4.3535045711797995) * x125);
-        phi_q[205] = x126;
-        const ncgen_real x127 = NCGEN_SIN(psi6);
-        const ncgen_real x128 = x120 * (R(4.3535045711797995) * (u5_y * x106 - u5_z * x105));
-        phi_q[206] = u5_x * x127 - x128;
-        const ncgen_real x129 = x120 * (R(4.3535045711797995) * (u5_z * x102 - u5_x * x106));
-        phi_q[207] = u5_y * x127 - x129;
-        const ncgen_real x130 = x120 * (R(4.3535045711797995) * (u5_x * x105 - u5_y * x102));
-        phi_q[208] = u5_z * x127 - x130;
-        phi_q[209] = -x122;
-        phi_q[210] = -x124;
-        phi_q[211] = -x126;
-        phi_q[212] = u4_x * x127 - x120 * (R(4.3535045711797995) * x107);
-        phi_q[213] = u4_y * x127 - x120 * (R(4.3535045711797995) * x109);
-        phi_q[214] = u4_z * x127 - x120 * (R(4.3535045711797995) * x111);
-        const ncgen_real x131 = R(4.3535045711797995) * (x102 * x121 + x105 * x123 + x106 * x125);
-        const ncgen_real x132 = x120 * (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) + x127 * x131;
-        phi_q[215] = x132;
+        const ncgen_real cos_psi6 = cosine[5];
+        const ncgen_real x113 = u4_y * u5_z - u4_z * u5_y;
+        const ncgen_real x114 = cos_psi6 * (R(4.3535045711797995) * x113);
+        phi_q[203] = x114;
+        const ncgen_real x115 = u4_z * u5_x - u4_x * u5_z;
+        const ncgen_real x116 = cos_psi6 * (R(4.3535045711797995) * x115);
+        phi_q[204] = x116;
+        const ncgen_real x117 = u4_x * u5_y - u4_y * u5_x;
+        const ncgen_real x118 = cos_psi6 * (R(4.3535045711797995) * x117);
+        phi_q[205] = x118;
+        const ncgen_real sin_psi6 = sine[5];
+        const ncgen_real x119 = cos_psi6 * (R(4.3535045711797995) * (u5_y * x99 - u5_z * x98));
+        phi_q[206] = u5_x * sin_psi6 - x119;
+        const ncgen_real x120 = cos_psi6 * (R(4.3535045711797995) * (u5_z * x97 - u5_x * x99));
+        phi_q[207] = u5_y * sin_psi6 - x120;
+        const ncgen_real x121 = cos_psi6 * (R(4.3535045711797995) * (u5_x * x98 - u5_y * x97));
+        phi_q[208] = u5_z * sin_psi6 - x121;
+        phi_q[209] = -x114;
+        phi_q[210] = -x116;
+        phi_q[211] = -x118;
+        const ncgen_real x122 = u4_x * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x100);
+        phi_q[212] = x122;
+        const ncgen_real x123 = u4_y * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x102);
+        phi_q[213] = x123;
+        const ncgen_real x124 = u4_z * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x104);
+        phi_q[214] = x124;
+        const ncgen_real x125 = R(4.3535045711797995) * (x97 * x113 + x98 * x115 + x99 * x117);
+        const ncgen_real x126 = cos_psi6 * (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) + sin_psi6 * x125;
+        phi_q[215] = x126;
     }
 
     return NCGEN_OK;
 }
-
 /* gamma: 691 operations, 12 of them elementary functions */
 int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[6], cosine[6];
     (void)t;
     (void)p;
+
+    ncgen_sincos(6, q + 30, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 31; ++i) {
@@ -852,163 +866,159 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
         gamma[24] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
         /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
-        const ncgen_real psi1 = q[30];
-        const ncgen_real x47 = NCGEN_SIN(psi1);
+        const ncgen_real sin_psi1 = sine[0];
         const ncgen_real u3_y = q[4];
         const ncgen_real dpsi1 = qd[30];
-        const ncgen_real x48 = dpsi1 * dpsi1;
-        const ncgen_real x49 = NCGEN_COS(psi1);
-        const ncgen_real x50 = R(2.0) * dpsi1;
-        const ncgen_real x51 = x47 * (u3_y * x48) - x49 * (du3_y * x50) + x47 * (du3_x * x50);
+        const ncgen_real x47 = dpsi1 * dpsi1;
+        const ncgen_real cos_psi1 = cosine[0];
+        const ncgen_real x48 = R(2.0) * dpsi1;
+        const ncgen_real x49 = sin_psi1 * (u3_y * x47) - cos_psi1 * (du3_y * x48) + sin_psi1 * (du3_x * x48);
         const ncgen_real u3_x = q[3];
-        gamma[25] = x51 + x49 * (u3_x * x48);
+        gamma[25] = x49 + cos_psi1 * (u3_x * x47);
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
-        const ncgen_real psi2 = q[31];
-        const ncgen_real x52 = NCGEN_COS(psi2);
-        const ncgen_real x53 = NCGEN_SIN(psi2);
+        const ncgen_real cos_psi2 = cosine[1];
+        const ncgen_real sin_psi2 = sine[1];
         const ncgen_real r4_z = q[11];
         const ncgen_real r2_z = q[2];
         const ncgen_real dpsi2 = qd[31];
-        const ncgen_real x54 = dpsi2 * dpsi2;
-        const ncgen_real x55 = x52 * (R(2.0) * (x8 * du3_y - x9 * du3_x)) + x53 * ((r4_z - r2_z) * x54);
-        const ncgen_real x56 = R(2.0) * dpsi2;
+        const ncgen_real x50 = dpsi2 * dpsi2;
+        const ncgen_real x51 = cos_psi2 * (R(2.0) * (x8 * du3_y - x9 * du3_x)) + sin_psi2 * ((r4_z - r2_z) * x50);
+        const ncgen_real x52 = R(2.0) * dpsi2;
         const ncgen_real r2_y = q[1];
         const ncgen_real r4_y = q[10];
-        const ncgen_real x57 = r2_y - r4_y;
+        const ncgen_real x53 = r2_y - r4_y;
         const ncgen_real r2_x = q[0];
         const ncgen_real r4_x = q[9];
-        const ncgen_real x58 = r2_x - r4_x;
-        const ncgen_real x59 = x56 * (x8 * u3_y - (x9 * u3_x + du3_x * x57) + du3_y * x58);
-        const ncgen_real x60 = x55 - x52 * ((dr4_z - dr2_z) * x56) - x53 * x59 - x52 * (x54 * (u3_y * x58 - u3_x * x57));
-        gamma[26] = R(0.9120758847136081) * x60;
+        const ncgen_real x54 = r2_x - r4_x;
+        const ncgen_real x55 = x52 * (x8 * u3_y - (x9 * u3_x + du3_x * x53) + du3_y * x54);
+        const ncgen_real x56 = x51 - cos_psi2 * ((dr4_z - dr2_z) * x52) - sin_psi2 * x55;
+        const ncgen_real x57 = R(0.9120758847136081) * (x56 - cos_psi2 * (x50 * (u3_y * x54 - u3_x * x53)));
+        gamma[26] = x57;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
-        const ncgen_real psi3 = q[32];
-        const ncgen_real x61 = NCGEN_COS(psi3);
-        const ncgen_real x62 = dr7_z - dr6_z;
-        const ncgen_real x63 = dr7_y - dr6_y;
+        const ncgen_real cos_psi3 = cosine[2];
+        const ncgen_real x58 = dr7_z - dr6_z;
+        const ncgen_real x59 = dr7_y - dr6_y;
         const ncgen_real u3_z = q[5];
-        const ncgen_real x64 = dr7_x - dr6_x;
-        const ncgen_real x65 = u3_x * (x32 * x62 - x33 * x63) + u3_z * (x31 * x63 - x32 * x64);
+        const ncgen_real x60 = dr7_x - dr6_x;
+        const ncgen_real x61 = u3_x * (x32 * x58 - x33 * x59) + u3_z * (x31 * x59 - x32 * x60);
         const ncgen_real r6_y = q[16];
-        const ncgen_real x66 = r4_y - r6_y;
+        const ncgen_real x62 = r4_y - r6_y;
         const ncgen_real r7_z = q[20];
         const ncgen_real r6_z = q[17];
-        const ncgen_real x67 = r7_z - r6_z;
-        const ncgen_real x68 = r4_z - r6_z;
+        const ncgen_real x63 = r7_z - r6_z;
+        const ncgen_real x64 = r4_z - r6_z;
         const ncgen_real r7_y = q[19];
-        const ncgen_real x69 = r7_y - r6_y;
-        const ncgen_real x70 = x66 * x62 + x32 * x67 - x68 * x63 - x33 * x69;
+        const ncgen_real x65 = r7_y - r6_y;
+        const ncgen_real x66 = x62 * x58 + x32 * x63 - x64 * x59 - x33 * x65;
         const ncgen_real r6_x = q[15];
-        const ncgen_real x71 = r4_x - r6_x;
+        const ncgen_real x67 = r4_x - r6_x;
         const ncgen_real r7_x = q[18];
-        const ncgen_real x72 = r7_x - r6_x;
-        const ncgen_real x73 = x71 * x63 + x31 * x69 - x66 * x64 - x32 * x72;
-        const ncgen_real x74 = x65 + du3_x * x70 + du3_z * x73 - u3_y * (x31 * x62 - x33 * x64);
-        const ncgen_real x75 = x71 * x62 + x31 * x67 - x68 * x64 - x33 * x72;
-        const ncgen_real x76 = NCGEN_SIN(psi3);
+        const ncgen_real x68 = r7_x - r6_x;
+        const ncgen_real x69 = x67 * x59 + x31 * x65 - x62 * x60 - x32 * x68;
+        const ncgen_real x70 = x61 + du3_x * x66 + du3_z * x69 - u3_y * (x31 * x58 - x33 * x60);
+        const ncgen_real x71 = x67 * x58 + x31 * x63 - x64 * x60 - x33 * x68;
+        const ncgen_real sin_psi3 = sine[2];
         const ncgen_real dpsi3 = qd[32];
-        const ncgen_real x77 = dpsi3 * dpsi3;
-        const ncgen_real x78 = x61 * (R(2.0) * (x74 - du3_y * x75)) + x76 * ((x71 * x72 + x66 * x69 + x68 * x67) * x77);
-        const ncgen_real x79 = x78 - x76 * (R(2.0) * (x31 * x64 + x32 * x63 + x33 * x62));
-        const ncgen_real x80 = R(2.0) * dpsi3;
-        const ncgen_real x81 = x71 * x64 + x66 * x63 + x68 * x62 + x31 * x72 + x32 * x69;
-        const ncgen_real x82 = x66 * x67 - x68 * x69;
-        const ncgen_real x83 = x71 * x69 - x66 * x72;
-        const ncgen_real x84 = u3_x * x70 + u3_z * x73 + du3_x * x82 + du3_z * x83 - u3_y * x75;
-        const ncgen_real x85 = x71 * x67 - x68 * x72;
-        const ncgen_real x86 = x79 - x61 * (x80 * (x81 + x33 * x67)) - x76 * (x80 * (x84 - du3_y * x85));
-        const ncgen_real x87 = x86 - x61 * (x77 * (u3_x * x82 + u3_z * x83 - u3_y * x85));
-        gamma[27] = R(2.822822138105743) * x87;
+        const ncgen_real x72 = dpsi3 * dpsi3;
+        const ncgen_real x73 = cos_psi3 * (R(2.0) * (x70 - du3_y * x71)) + sin_psi3 * ((x67 * x68 + x62 * x65 + x64 * x63) * x72);
+        const ncgen_real x74 = sin_psi3 * (R(2.0) * (x31 * x60 + x32 * x59 + x33 * x58));
+        const ncgen_real x75 = R(2.0) * dpsi3;
+        const ncgen_real x76 = x67 * x60 + x62 * x59 + x64 * x58 + x31 * x68 + x32 * x65;
+        const ncgen_real x77 = x62 * x63 - x64 * x65;
+        const ncgen_real x78 = x67 * x65 - x62 * x68;
+        const ncgen_real x79 = u3_x * x66 + u3_z * x69 + du3_x * x77 + du3_z * x78 - u3_y * x71;
+        const ncgen_real x80 = x67 * x63 - x64 * x68;
+        const ncgen_real x81 = x73 - x74 - cos_psi3 * (x75 * (x76 + x33 * x63)) - sin_psi3 * (x75 * (x79 - du3_y * x80));
+        const ncgen_real x82 = cos_psi3 * (x72 * (u3_x * x77 + u3_z * x78 - u3_y * x80));
+        gamma[27] = R(2.822822138105743) * (x81 - x82);
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
-        const ncgen_real psi4 = q[33];
-        const ncgen_real x88 = NCGEN_COS(psi4);
-        const ncgen_real x89 = x72 * (du3_y * du4_z - du3_z * du4_y) + x67 * (du3_x * du4_y - du3_y * du4_x);
+        const ncgen_real cos_psi4 = cosine[3];
+        const ncgen_real x83 = x68 * (du3_y * du4_z - du3_z * du4_y) + x63 * (du3_x * du4_y - du3_y * du4_x);
         const ncgen_real u4_z = q[23];
         const ncgen_real u4_y = q[22];
-        const ncgen_real x90 = du4_z * u3_y + du3_y * u4_z - du4_y * u3_z - du3_z * u4_y;
+        const ncgen_real x84 = du4_z * u3_y + du3_y * u4_z - du4_y * u3_z - du3_z * u4_y;
         const ncgen_real u4_x = q[21];
-        const ncgen_real x91 = du4_y * u3_x + du3_x * u4_y - du4_x * u3_y - du3_y * u4_x;
-        const ncgen_real x92 = x89 + x64 * x90 + x62 * x91 - x69 * (du3_x * du4_z - du3_z * du4_x);
-        const ncgen_real x93 = du4_z * u3_x + du3_x * u4_z - du4_x * u3_z - du3_z * u4_x;
-        const ncgen_real x94 = NCGEN_SIN(psi4);
+        const ncgen_real x85 = du4_y * u3_x + du3_x * u4_y - du4_x * u3_y - du3_y * u4_x;
+        const ncgen_real x86 = x83 + x60 * x84 + x58 * x85 - x65 * (du3_x * du4_z - du3_z * du4_x);
+        const ncgen_real x87 = du4_z * u3_x + du3_x * u4_z - du4_x * u3_z - du3_z * u4_x;
+        const ncgen_real sin_psi4 = sine[3];
         const ncgen_real dpsi4 = qd[33];
-        const ncgen_real x95 = dpsi4 * dpsi4;
-        const ncgen_real x96 = x88 * (R(1.5383928994504268) * (x92 - x63 * x93)) + x94 * ((u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * x95);
-        const ncgen_real x97 = x94 * (R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
-        const ncgen_real x98 = du4_x * u3_x + du4_y * u3_y + du4_z * u3_z + du3_x * u4_x;
-        const ncgen_real x99 = x88 * (R(2.0) * dpsi4 * (x98 + du3_y * u4_y + du3_z * u4_z));
-        const ncgen_real x100 = u3_y * u4_z - u3_z * u4_y;
-        const ncgen_real x101 = u3_x * u4_y - u3_y * u4_x;
-        const ncgen_real x102 = x72 * x90 + x67 * x91 + x64 * x100 + x62 * x101 - x69 * x93;
-        const ncgen_real x103 = u3_x * u4_z - u3_z * u4_x;
-        const ncgen_real x104 = x94 * (R(1.5383928994504268) * dpsi4 * (x102 - x63 * x103));
-        const ncgen_real x105 = R(0.7691964497252134) * x95 * (x72 * x100 + x67 * x101 - x69 * x103);
-        gamma[28] = x96 - x97 - x99 - x104 - x88 * x105;
+        const ncgen_real x88 = dpsi4 * dpsi4;
+        const ncgen_real x89 = sin_psi4 * ((u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * x88);
+        const ncgen_real x90 = cos_psi4 * (R(1.5383928994504268) * (x86 - x59 * x87)) + x89;
+        const ncgen_real x91 = sin_psi4 * (R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+        const ncgen_real x92 = du4_x * u3_x + du4_y * u3_y + du4_z * u3_z + du3_x * u4_x;
+        const ncgen_real x93 = cos_psi4 * (R(2.0) * dpsi4 * (x92 + du3_y * u4_y + du3_z * u4_z));
+        const ncgen_real x94 = u3_y * u4_z - u3_z * u4_y;
+        const ncgen_real x95 = u3_x * u4_y - u3_y * u4_x;
+        const ncgen_real x96 = x68 * x84 + x63 * x85 + x60 * x94 + x58 * x95 - x65 * x87;
+        const ncgen_real x97 = u3_x * u4_z - u3_z * u4_x;
+        const ncgen_real x98 = sin_psi4 * (R(1.5383928994504268) * dpsi4 * (x96 - x59 * x97));
+        const ncgen_real x99 = R(0.7691964497252134) * x88 * (x68 * x94 + x63 * x95 - x65 * x97);
+        gamma[28] = x90 - x91 - x93 - x98 - cos_psi4 * x99;
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real psi5 = q[34];
-        const ncgen_real x106 = NCGEN_COS(psi5);
-        const ncgen_real x107 = dr8_z - dr7_z;
-        const ncgen_real x108 = dr8_y - dr7_y;
-        const ncgen_real x109 = dr8_x - dr7_x;
-        const ncgen_real x110 = u4_x * (x36 * x107 - x37 * x108) + u4_z * (x35 * x108 - x36 * x109);
-        const ncgen_real x111 = r6_y - r7_y;
+        const ncgen_real cos_psi5 = cosine[4];
+        const ncgen_real x100 = dr8_z - dr7_z;
+        const ncgen_real x101 = dr8_y - dr7_y;
+        const ncgen_real x102 = dr8_x - dr7_x;
+        const ncgen_real x103 = u4_x * (x36 * x100 - x37 * x101) + u4_z * (x35 * x101 - x36 * x102);
+        const ncgen_real x104 = r6_y - r7_y;
         const ncgen_real r8_z = q[26];
-        const ncgen_real x112 = r8_z - r7_z;
-        const ncgen_real x113 = r6_z - r7_z;
+        const ncgen_real x105 = r8_z - r7_z;
+        const ncgen_real x106 = r6_z - r7_z;
         const ncgen_real r8_y = q[25];
-        const ncgen_real x114 = r8_y - r7_y;
-        const ncgen_real x115 = x111 * x107 + x36 * x112 - x113 * x108 - x37 * x114;
-        const ncgen_real x116 = r6_x - r7_x;
+        const ncgen_real x107 = r8_y - r7_y;
+        const ncgen_real x108 = x104 * x100 + x36 * x105 - x106 * x101 - x37 * x107;
+        const ncgen_real x109 = r6_x - r7_x;
         const ncgen_real r8_x = q[24];
-        const ncgen_real x117 = r8_x - r7_x;
-        const ncgen_real x118 = x116 * x108 + x35 * x114 - x111 * x109 - x36 * x117;
-        const ncgen_real x119 = x110 + du4_x * x115 + du4_z * x118 - u4_y * (x35 * x107 - x37 * x109);
-        const ncgen_real x120 = x116 * x107 + x35 * x112 - x113 * x109 - x37 * x117;
-        const ncgen_real x121 = NCGEN_SIN(psi5);
+        const ncgen_real x110 = r8_x - r7_x;
+        const ncgen_real x111 = x109 * x101 + x35 * x107 - x104 * x102 - x36 * x110;
+        const ncgen_real x112 = x103 + du4_x * x108 + du4_z * x111 - u4_y * (x35 * x100 - x37 * x102);
+        const ncgen_real x113 = x109 * x100 + x35 * x105 - x106 * x102 - x37 * x110;
+        const ncgen_real sin_psi5 = sine[4];
         const ncgen_real dpsi5 = qd[34];
-        const ncgen_real x122 = dpsi5 * dpsi5;
-        const ncgen_real x123 = x121 * ((x116 * x117 + x111 * x114 + x113 * x112) * x122);
-        const ncgen_real x124 = x106 * (R(2.0) * (x119 - du4_y * x120)) + x123 - x121 * (R(2.0) * (x35 * x109 + x36 * x108 + x37 * x107));
-        const ncgen_real x125 = R(2.0) * dpsi5;
-        const ncgen_real x126 = x116 * x109 + x111 * x108 + x113 * x107 + x35 * x117 + x36 * x114;
-        const ncgen_real x127 = x111 * x112 - x113 * x114;
-        const ncgen_real x128 = x116 * x114 - x111 * x117;
-        const ncgen_real x129 = u4_x * x115 + u4_z * x118 + du4_x * x127 + du4_z * x128 - u4_y * x120;
-        const ncgen_real x130 = x116 * x112 - x113 * x117;
-        const ncgen_real x131 = x124 - x106 * (x125 * (x126 + x37 * x112)) - x121 * (x125 * (x129 - du4_y * x130));
-        const ncgen_real x132 = x106 * (x122 * (u4_x * x127 + u4_z * x128 - u4_y * x130));
-        gamma[29] = R(3.3487002600139895) * (x131 - x132);
+        const ncgen_real x114 = dpsi5 * dpsi5;
+        const ncgen_real x115 = sin_psi5 * ((x109 * x110 + x104 * x107 + x106 * x105) * x114);
+        const ncgen_real x116 = sin_psi5 * (R(2.0) * (x35 * x102 + x36 * x101 + x37 * x100));
+        const ncgen_real x117 = cos_psi5 * (R(2.0) * (x112 - du4_y * x113)) + x115 - x116;
+        const ncgen_real x118 = R(2.0) * dpsi5;
+        const ncgen_real x119 = x109 * x102 + x104 * x101 + x106 * x100 + x35 * x110 + x36 * x107;
+        const ncgen_real x120 = x104 * x105 - x106 * x107;
+        const ncgen_real x121 = x109 * x107 - x104 * x110;
+        const ncgen_real x122 = u4_x * x108 + u4_z * x111 + du4_x * x120 + du4_z * x121 - u4_y * x113;
+        const ncgen_real x123 = x109 * x105 - x106 * x110;
+        const ncgen_real x124 = x117 - cos_psi5 * (x118 * (x119 + x37 * x105)) - sin_psi5 * (x118 * (x122 - du4_y * x123));
+        const ncgen_real x125 = cos_psi5 * (x114 * (u4_x * x120 + u4_z * x121 - u4_y * x123));
+        gamma[29] = R(3.3487002600139895) * (x124 - x125);
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
-        const ncgen_real psi6 = q[35];
-        const ncgen_real x133 = NCGEN_COS(psi6);
-        const ncgen_real x134 = x117 * (du4_y * du5_z - du4_z * du5_y) + x112 * (du4_x * du5_y - du4_y * du5_x);
+        const ncgen_real cos_psi6 = cosine[5];
+        const ncgen_real x126 = x110 * (du4_y * du5_z - du4_z * du5_y) + x105 * (du4_x * du5_y - du4_y * du5_x);
         const ncgen_real u5_z = q[29];
         const ncgen_real u5_y = q[28];
-        const ncgen_real x135 = du5_z * u4_y + du4_y * u5_z - du5_y * u4_z - du4_z * u5_y;
+        const ncgen_real x127 = du5_z * u4_y + du4_y * u5_z - du5_y * u4_z - du4_z * u5_y;
         const ncgen_real u5_x = q[27];
-        const ncgen_real x136 = du5_y * u4_x + du4_x * u5_y - du5_x * u4_y - du4_y * u5_x;
-        const ncgen_real x137 = x134 + x109 * x135 + x107 * x136 - x114 * (du4_x * du5_z - du4_z * du5_x);
-        const ncgen_real x138 = du5_z * u4_x + du4_x * u5_z - du5_x * u4_z - du4_z * u5_x;
-        const ncgen_real x139 = NCGEN_SIN(psi6);
+        const ncgen_real x128 = du5_y * u4_x + du4_x * u5_y - du5_x * u4_y - du4_y * u5_x;
+        const ncgen_real x129 = x126 + x102 * x127 + x100 * x128 - x107 * (du4_x * du5_z - du4_z * du5_x);
+        const ncgen_real x130 = du5_z * u4_x + du4_x * u5_z - du5_x * u4_z - du4_z * u5_x;
+        const ncgen_real sin_psi6 = sine[5];
         const ncgen_real dpsi6 = qd[35];
-        const ncgen_real x140 = dpsi6 * dpsi6;
-        const ncgen_real x141 = x139 * ((u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * x140);
-        const ncgen_real x142 = x133 * (R(8.707009142359599) * (x137 - x108 * x138)) + x141;
-        const ncgen_real x143 = x139 * (R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
-        const ncgen_real x144 = du5_x * u4_x + du5_y * u4_y + du5_z * u4_z + du4_x * u5_x;
-        const ncgen_real x145 = x133 * (R(2.0) * dpsi6 * (x144 + du4_y * u5_y + du4_z * u5_z));
-        const ncgen_real x146 = u4_y * u5_z - u4_z * u5_y;
-        const ncgen_real x147 = u4_x * u5_y - u4_y * u5_x;
-        const ncgen_real x148 = x117 * x135 + x112 * x136 + x109 * x146 + x107 * x147 - x114 * x138;
-        const ncgen_real x149 = u4_x * u5_z - u4_z * u5_x;
-        const ncgen_real x150 = x139 * (R(8.707009142359599) * dpsi6 * (x148 - x108 * x149));
-        const ncgen_real x151 = R(4.3535045711797995) * x140 * (x117 * x146 + x112 * x147 - x114 * x149);
-        gamma[30] = x142 - x143 - x145 - x150 - x133 * x151;
+        const ncgen_real x131 = dpsi6 * dpsi6;
+        const ncgen_real x132 = sin_psi6 * ((u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * x131);
+        const ncgen_real x133 = cos_psi6 * (R(8.707009142359599) * (x129 - x101 * x130)) + x132;
+        const ncgen_real x134 = sin_psi6 * (R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+        const ncgen_real x135 = du5_x * u4_x + du5_y * u4_y + du5_z * u4_z + du4_x * u5_x;
+        const ncgen_real x136 = cos_psi6 * (R(2.0) * dpsi6 * (x135 + du4_y * u5_y + du4_z * u5_z));
+        const ncgen_real x137 = u4_y * u5_z - u4_z * u5_y;
+        const ncgen_real x138 = u4_x * u5_y - u4_y * u5_x;
+        const ncgen_real x139 = x110 * x127 + x105 * x128 + x102 * x137 + x100 * x138 - x107 * x130;
+        const ncgen_real x140 = u4_x * u5_z - u4_z * u5_x;
+        const ncgen_real x141 = sin_psi6 * (R(8.707009142359599) * dpsi6 * (x139 - x101 * x140));
+        const ncgen_real x142 = R(4.3535045711797995) * x131 * (x110 * x137 + x105 * x138 - x107 * x140);
+        gamma[30] = x133 - x134 - x136 - x141 - cos_psi6 * x142;
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 429 operations */
 int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -1767,7 +1777,6 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-
 /* force: 256 operations */
 int robot_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -1967,7 +1976,6 @@ int robot_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* energy: 369 operations */
 int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -2121,7 +2129,6 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 static const char *const robot_coordinate_names[] = {
     "r2.x",
     "r2.y",
@@ -2243,6 +2250,7 @@ static const int robot_mass_indices[378] = {
     26, 27, 28, 29, 18, 19, 20, 24, 25, 26, 27, 28, 29
 };
 
+
 const ncgen_model *robot_model(void)
 {
     static const ncgen_model model = {
@@ -2250,7 +2258,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "f9cc69796ceeffb0",
+        .fingerprint = "c083ceb593a2f193",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,

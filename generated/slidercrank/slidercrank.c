@@ -18,11 +18,15 @@ static const ncgen_scalar slidercrank_number_3[5] = {
     R(0.0), -R(0.37278), R(0.0), -R(0.9319500000000001), R(0.0)
 };
 
+
 /* phi: 20 operations, 2 of them elementary functions */
 int slidercrank_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 4, sine, cosine);
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153 */
@@ -40,19 +44,21 @@ int slidercrank_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         /* row 3: C on x (joint cylindrical ground-slider): a.b - c = 0 with a = C-A, b = across2, c = 0 */
         phi[2] = -(R(2.178649237472767) * C_y);
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
-        const ncgen_real psi = q[4];
-        const ncgen_real x5 = R(6.5359477124183005) * (B_x * NCGEN_SIN(psi) - B_y * NCGEN_COS(psi));
-        phi[3] = x5;
+        const ncgen_real sin_psi = sine[0];
+        const ncgen_real cos_psi = cosine[0];
+        phi[3] = R(6.5359477124183005) * (B_x * sin_psi - B_y * cos_psi);
     }
 
     return NCGEN_OK;
 }
-
 /* phi_q: 17 operations, 2 of them elementary functions */
 int slidercrank_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 4, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 10; ++i) {
@@ -76,22 +82,23 @@ int slidercrank_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         phi_q[4] = -x1;
         phi_q[5] = -x2;
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
-        const ncgen_real psi = q[4];
-        const ncgen_real x3 = NCGEN_SIN(psi);
-        phi_q[7] = R(6.5359477124183005) * x3;
-        const ncgen_real x4 = NCGEN_COS(psi);
-        phi_q[8] = -(R(6.5359477124183005) * x4);
-        phi_q[9] = R(6.5359477124183005) * (B_y * x3 + B_x * x4);
+        const ncgen_real sin_psi = sine[0];
+        phi_q[7] = R(6.5359477124183005) * sin_psi;
+        const ncgen_real cos_psi = cosine[0];
+        phi_q[8] = -(R(6.5359477124183005) * cos_psi);
+        phi_q[9] = R(6.5359477124183005) * (B_y * sin_psi + B_x * cos_psi);
     }
 
     return NCGEN_OK;
 }
-
 /* gamma: 28 operations, 2 of them elementary functions */
 int slidercrank_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 4, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 4; ++i) {
@@ -110,21 +117,19 @@ int slidercrank_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real x2 = dB_y - dC_y;
         gamma[1] = -(R(3.267973856209151) * (x1 * x1 + x2 * x2));
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
-        const ncgen_real psi = q[4];
-        const ncgen_real x3 = NCGEN_SIN(psi);
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real B_x = q[0];
         const ncgen_real dpsi = qd[4];
-        const ncgen_real x4 = dpsi * dpsi;
-        const ncgen_real x5 = NCGEN_COS(psi);
-        const ncgen_real x6 = R(2.0) * dpsi;
+        const ncgen_real x3 = dpsi * dpsi;
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x4 = R(2.0) * dpsi;
+        const ncgen_real x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4);
         const ncgen_real B_y = q[1];
-        const ncgen_real x7 = x3 * (B_x * x4) - x5 * (dB_x * x6) - x3 * (dB_y * x6) - x5 * (B_y * x4);
-        gamma[3] = R(6.5359477124183005) * x7;
+        gamma[3] = R(6.5359477124183005) * (x5 - cos_psi * (B_y * x3));
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int slidercrank_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -140,7 +145,6 @@ int slidercrank_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
-
 /* force: 0 operations */
 int slidercrank_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -157,7 +161,6 @@ int slidercrank_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     return NCGEN_OK;
 }
-
 /* energy: 30 operations */
 int slidercrank_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -192,7 +195,6 @@ int slidercrank_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
 
     return NCGEN_OK;
 }
-
 static const char *const slidercrank_coordinate_names[] = {
     "B.x",
     "B.y",
@@ -228,6 +230,7 @@ static const int slidercrank_mass_indices[8] = {
     0, 2, 1, 3, 0, 2, 1, 3
 };
 
+
 const ncgen_model *slidercrank_model(void)
 {
     static const ncgen_model model = {
@@ -235,7 +238,7 @@ const ncgen_model *slidercrank_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank",
-        .fingerprint = "28dc95e7aaa56560",
+        .fingerprint = "1d44d86f03dce1a0",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

@@ -67,6 +67,8 @@ def phi(t, q, p):
     """4 numbers, 20 operations."""
     t = np.asarray(t)
     phi = _output(4, t, q, p)
+    sine = np.sin(q[..., 4, None])
+    cosine = np.cos(q[..., 4, None])
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153
     B_x = q[..., 0]
     B_y = q[..., 1]
@@ -81,9 +83,9 @@ def phi(t, q, p):
     # row 3: C on x (joint cylindrical ground-slider): a.b - c = 0 with a = C-A, b = across2, c = 0
     phi[..., 2] = -(2.178649237472767 * C_y)
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
-    psi = q[..., 4]
-    x4 = 6.5359477124183005 * (B_x * np.sin(psi) - B_y * np.cos(psi))
-    phi[..., 3] = x4
+    sin_psi = sine[..., 0]
+    cos_psi = cosine[..., 0]
+    phi[..., 3] = 6.5359477124183005 * (B_x * sin_psi - B_y * cos_psi)
     return phi
 
 
@@ -91,6 +93,8 @@ def phi_q(t, q, p):
     """10 numbers, 17 operations."""
     t = np.asarray(t)
     phi_q = _output(10, t, q, p)
+    sine = np.sin(q[..., 4, None])
+    cosine = np.cos(q[..., 4, None])
     # constant part
     x1 = _number_1
     phi_q[..., 0:10] = x1
@@ -109,12 +113,11 @@ def phi_q(t, q, p):
     phi_q[..., 4] = -x1
     phi_q[..., 5] = -x2
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
-    psi = q[..., 4]
-    x3 = np.sin(psi)
-    phi_q[..., 7] = 6.5359477124183005 * x3
-    x4 = np.cos(psi)
-    phi_q[..., 8] = -(6.5359477124183005 * x4)
-    phi_q[..., 9] = 6.5359477124183005 * (B_y * x3 + B_x * x4)
+    sin_psi = sine[..., 0]
+    phi_q[..., 7] = 6.5359477124183005 * sin_psi
+    cos_psi = cosine[..., 0]
+    phi_q[..., 8] = -(6.5359477124183005 * cos_psi)
+    phi_q[..., 9] = 6.5359477124183005 * (B_y * sin_psi + B_x * cos_psi)
     return phi_q
 
 
@@ -122,6 +125,8 @@ def gamma(t, q, qd, p):
     """4 numbers, 28 operations."""
     t = np.asarray(t)
     gamma = _output(4, t, q, qd, p)
+    sine = np.sin(q[..., 4, None])
+    cosine = np.cos(q[..., 4, None])
     # constant part
     gamma[..., 0:4] = 0.0
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153
@@ -135,16 +140,15 @@ def gamma(t, q, qd, p):
     x2 = dB_y - dC_y
     gamma[..., 1] = -(3.267973856209151 * (x1 * x1 + x2 * x2))
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
-    psi = q[..., 4]
-    x3 = np.sin(psi)
+    sin_psi = sine[..., 0]
     B_x = q[..., 0]
     dpsi = qd[..., 4]
-    x4 = dpsi * dpsi
-    x5 = np.cos(psi)
-    x6 = 2.0 * dpsi
+    x3 = dpsi * dpsi
+    cos_psi = cosine[..., 0]
+    x4 = 2.0 * dpsi
+    x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4)
     B_y = q[..., 1]
-    x7 = x3 * (B_x * x4) - x5 * (dB_x * x6) - x3 * (dB_y * x6) - x5 * (B_y * x4)
-    gamma[..., 3] = 6.5359477124183005 * x7
+    gamma[..., 3] = 6.5359477124183005 * (x5 - cos_psi * (B_y * x3))
     return gamma
 
 

@@ -17,11 +17,15 @@ static const ncgen_scalar slidercrank3d_number_3[3] = {
     R(0.0), R(0.070632), R(0.0)
 };
 
+
 /* phi: 39 operations, 2 of them elementary functions */
 int slidercrank3d_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 7, sine, cosine);
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08 */
@@ -50,19 +54,22 @@ int slidercrank3d_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         /* row 6: 1003 angle X, h (joint universal slider-rod): u.v - c = 0 with u = X, v = h, c = 0 */
         phi[5] = h_x;
         /* row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1 */
-        const ncgen_real psi = q[7];
-        const ncgen_real x7 = R(12.499999999999998) * ((B_z - R(0.12)) * NCGEN_SIN(psi) - x1 * NCGEN_COS(psi));
+        const ncgen_real sin_psi = sine[0];
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x7 = R(12.499999999999998) * ((B_z - R(0.12)) * sin_psi - x1 * cos_psi);
         phi[6] = x7;
     }
 
     return NCGEN_OK;
 }
-
 /* phi_q: 31 operations, 2 of them elementary functions */
 int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 7, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 22; ++i) {
@@ -105,22 +112,24 @@ int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         phi_q[16] = -x3;
         phi_q[17] = -x4;
         /* row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1 */
-        const ncgen_real psi = q[7];
-        const ncgen_real x6 = NCGEN_COS(psi);
-        phi_q[19] = R(12.499999999999998) * x6;
-        const ncgen_real x7 = NCGEN_SIN(psi);
-        phi_q[20] = R(12.499999999999998) * x7;
-        phi_q[21] = R(12.499999999999998) * ((B_z - R(0.12)) * x6 + x1 * x7);
+        const ncgen_real cos_psi = cosine[0];
+        phi_q[19] = R(12.499999999999998) * cos_psi;
+        const ncgen_real sin_psi = sine[0];
+        phi_q[20] = R(12.499999999999998) * sin_psi;
+        const ncgen_real x6 = R(12.499999999999998) * ((B_z - R(0.12)) * cos_psi + x1 * sin_psi);
+        phi_q[21] = x6;
     }
 
     return NCGEN_OK;
 }
-
 /* gamma: 45 operations, 2 of them elementary functions */
 int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
+    ncgen_real sine[1], cosine[1];
     (void)t;
     (void)p;
+
+    ncgen_sincos(1, q + 7, sine, cosine);
 
     /* constant part */
     for (int i = 0; i < 7; ++i) {
@@ -148,22 +157,20 @@ int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x4 = R(6.666666666666666) * (dh_x * (dC_x - dB_x) - dB_y * dh_y - dB_z * dh_z);
         gamma[4] = -x4;
         /* row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1 */
-        const ncgen_real psi = q[7];
-        const ncgen_real x5 = NCGEN_SIN(psi);
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real B_z = q[2];
         const ncgen_real dpsi = qd[7];
-        const ncgen_real x6 = dpsi * dpsi;
-        const ncgen_real x7 = NCGEN_COS(psi);
-        const ncgen_real x8 = R(2.0) * dpsi;
-        const ncgen_real x9 = x5 * ((B_z - R(0.12)) * x6) - x7 * (dB_z * x8) + x5 * (dB_y * x8);
+        const ncgen_real x5 = dpsi * dpsi;
+        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real x6 = R(2.0) * dpsi;
+        const ncgen_real x7 = sin_psi * ((B_z - R(0.12)) * x5) - cos_psi * (dB_z * x6) + sin_psi * (dB_y * x6);
         const ncgen_real B_y = q[1];
-        const ncgen_real x10 = R(12.499999999999998) * (x9 - x7 * ((R(0.1) - B_y) * x6));
-        gamma[6] = x10;
+        const ncgen_real x8 = R(12.499999999999998) * (x7 - cos_psi * ((R(0.1) - B_y) * x5));
+        gamma[6] = x8;
     }
 
     return NCGEN_OK;
 }
-
 /* mass: 60 operations */
 int slidercrank3d_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -273,7 +280,6 @@ int slidercrank3d_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
 
     return NCGEN_OK;
 }
-
 /* force: 36 operations */
 int slidercrank3d_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -319,7 +325,6 @@ int slidercrank3d_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     return NCGEN_OK;
 }
-
 /* energy: 58 operations */
 int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -367,7 +372,6 @@ int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     return NCGEN_OK;
 }
-
 static const char *const slidercrank3d_coordinate_names[] = {
     "B.x",
     "B.y",
@@ -410,6 +414,7 @@ static const int slidercrank3d_mass_indices[49] = {
     4, 5, 6, 0, 1, 2, 3, 4, 5, 6, 0, 1, 2, 3, 4, 5, 6
 };
 
+
 const ncgen_model *slidercrank3d_model(void)
 {
     static const ncgen_model model = {
@@ -417,7 +422,7 @@ const ncgen_model *slidercrank3d_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank3d",
-        .fingerprint = "7c004bc1159fce92",
+        .fingerprint = "dda44daa1e9d7292",
         .n_coordinates = 8,
         .n_rows = 7,
         .n_parameters = 0,

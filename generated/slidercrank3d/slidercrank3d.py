@@ -74,6 +74,8 @@ def phi(t, q, p):
     """7 numbers, 39 operations."""
     t = np.asarray(t)
     phi = _output(7, t, q, p)
+    sine = np.sin(q[..., 7, None])
+    cosine = np.cos(q[..., 7, None])
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08
     B_x = q[..., 0]
     B_y = q[..., 1]
@@ -100,8 +102,9 @@ def phi(t, q, p):
     # row 6: 1003 angle X, h (joint universal slider-rod): u.v - c = 0 with u = X, v = h, c = 0
     phi[..., 5] = h_x
     # row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1
-    psi = q[..., 7]
-    x7 = 12.499999999999998 * ((B_z - 0.12) * np.sin(psi) - x1 * np.cos(psi))
+    sin_psi = sine[..., 0]
+    cos_psi = cosine[..., 0]
+    x7 = 12.499999999999998 * ((B_z - 0.12) * sin_psi - x1 * cos_psi)
     phi[..., 6] = x7
     return phi
 
@@ -110,6 +113,8 @@ def phi_q(t, q, p):
     """22 numbers, 31 operations."""
     t = np.asarray(t)
     phi_q = _output(22, t, q, p)
+    sine = np.sin(q[..., 7, None])
+    cosine = np.cos(q[..., 7, None])
     # constant part
     x1 = _number_1
     phi_q[..., 0:22] = x1
@@ -147,12 +152,12 @@ def phi_q(t, q, p):
     phi_q[..., 16] = -x3
     phi_q[..., 17] = -x4
     # row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1
-    psi = q[..., 7]
-    x6 = np.cos(psi)
-    phi_q[..., 19] = 12.499999999999998 * x6
-    x7 = np.sin(psi)
-    phi_q[..., 20] = 12.499999999999998 * x7
-    phi_q[..., 21] = 12.499999999999998 * ((B_z - 0.12) * x6 + x1 * x7)
+    cos_psi = cosine[..., 0]
+    phi_q[..., 19] = 12.499999999999998 * cos_psi
+    sin_psi = sine[..., 0]
+    phi_q[..., 20] = 12.499999999999998 * sin_psi
+    x6 = 12.499999999999998 * ((B_z - 0.12) * cos_psi + x1 * sin_psi)
+    phi_q[..., 21] = x6
     return phi_q
 
 
@@ -160,6 +165,8 @@ def gamma(t, q, qd, p):
     """7 numbers, 45 operations."""
     t = np.asarray(t)
     gamma = _output(7, t, q, qd, p)
+    sine = np.sin(q[..., 7, None])
+    cosine = np.cos(q[..., 7, None])
     # constant part
     gamma[..., 0:7] = 0.0
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08
@@ -182,16 +189,15 @@ def gamma(t, q, qd, p):
     x4 = 6.666666666666666 * (dh_x * (dC_x - dB_x) - dB_y * dh_y - dB_z * dh_z)
     gamma[..., 4] = -x4
     # row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1
-    psi = q[..., 7]
-    x5 = np.sin(psi)
+    sin_psi = sine[..., 0]
     B_z = q[..., 2]
     dpsi = qd[..., 7]
-    x6 = dpsi * dpsi
-    x7 = np.cos(psi)
-    x8 = 2.0 * dpsi
-    x9 = x5 * ((B_z - 0.12) * x6) - x7 * (dB_z * x8) + x5 * (dB_y * x8)
+    x5 = dpsi * dpsi
+    cos_psi = cosine[..., 0]
+    x6 = 2.0 * dpsi
+    x7 = sin_psi * ((B_z - 0.12) * x5) - cos_psi * (dB_z * x6) + sin_psi * (dB_y * x6)
     B_y = q[..., 1]
-    gamma[..., 6] = 12.499999999999998 * (x9 - x7 * ((0.1 - B_y) * x6))
+    gamma[..., 6] = 12.499999999999998 * (x7 - cos_psi * ((0.1 - B_y) * x5))
     return gamma
 
 

@@ -38,6 +38,7 @@ static const ncgen_scalar stewart_number_3[27] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
 };
 
+
 /* phi: 169 operations */
 int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -159,7 +160,6 @@ int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-
 /* phi_q: 93 operations */
 int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -294,7 +294,6 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* gamma: 110 operations */
 int stewart_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -380,7 +379,6 @@ int stewart_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int stewart_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -396,7 +394,6 @@ int stewart_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-
 /* force: 30 operations */
 int stewart_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -444,7 +441,6 @@ int stewart_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-
 /* energy: 100 operations */
 int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -507,7 +503,6 @@ int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 static const char *const stewart_coordinate_names[] = {
     "P1.x",
     "P1.y",
@@ -591,6 +586,7 @@ static const int stewart_mass_indices[27] = {
     0, 3, 9, 1, 4, 10, 2, 5, 11, 0, 3, 9, 1, 4, 10, 2, 5, 11, 0, 3, 9, 1, 4, 10, 2, 5, 11
 };
 
+
 const ncgen_model *stewart_model(void)
 {
     static const ncgen_model model = {
@@ -598,7 +594,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "2a28a5fe09b0123a",
+        .fingerprint = "0f62f3e6f1a6f5ad",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,

@@ -65,6 +65,7 @@ static const ncgen_scalar suspension_number_6[21] = {
     -R(0.8283358019143554)
 };
 
+
 /* phi: 164 operations */
 int suspension_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
@@ -191,7 +192,6 @@ int suspension_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-
 /* phi_q: 117 operations */
 int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
@@ -325,7 +325,6 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
-
 /* gamma: 105 operations */
 int suspension_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
@@ -418,7 +417,6 @@ int suspension_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
-
 /* mass: 0 operations */
 int suspension_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT mass)
 {
@@ -434,7 +432,6 @@ int suspension_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-
 /* force: 60 operations, 3 of them elementary functions */
 int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
@@ -483,7 +480,6 @@ int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     return NCGEN_OK;
 }
-
 /* energy: 201 operations, 2 of them elementary functions */
 int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
@@ -566,7 +562,6 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     return NCGEN_OK;
 }
-
 static const char *const suspension_coordinate_names[] = {
     "U.x",
     "U.y",
@@ -634,6 +629,7 @@ static const int suspension_mass_indices[64] = {
     13, 2, 5, 11, 14, 15
 };
 
+
 const ncgen_model *suspension_model(void)
 {
     static const ncgen_model model = {
@@ -641,7 +637,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "ec829f1b9c0a2ded",
+        .fingerprint = "5725e741a0b3f363",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,

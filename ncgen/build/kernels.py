@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
+from ncgen.build.tangents import Tangents
 from ncgen.errors import ModelError, NcgenError
 from ncgen.model import Model
 from ncgen.model.elements import Point
@@ -130,6 +131,40 @@ class Kernels(ABC):
                 raise ModelError(f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}")
             total += force
         return total
+
+    # -- tangents ------------------------------------------------------------------------------
+
+    @cached_property
+    def tangents(self) -> Tangents:
+        """The tangent kernels, generated and compiled when first asked for (ncgen.program.tangents)."""
+        return self._make_tangents()
+
+    @abstractmethod
+    def _make_tangents(self) -> Tangents: ...
+
+    def stiffness(self, q, qd, qdd, lam, t=0.0, p=None) -> csr_array:
+        """∂(M q̈ + Φ_qᵀ λ − Q)/∂q, sparse (n, n). Forces of Python functions are not in it."""
+        return self._tangent("stiffness", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
+
+    def damping(self, q, qd, t=0.0, p=None) -> csr_array:
+        """−∂Q/∂q̇, sparse (n, n). Forces of Python functions are not in it."""
+        return self._tangent("damping", t=t, q=q, qd=qd, p=p)
+
+    def phidd_q(self, q, qd, qdd, t=0.0, p=None) -> csr_array:
+        """∂(Φ_q q̈ − γ)/∂q, sparse (m, n)."""
+        return self._tangent("phidd_q", t=t, q=q, qd=qd, qdd=qdd, p=p)
+
+    def phidd_qd(self, q, qd, t=0.0, p=None) -> csr_array:
+        """−∂γ/∂q̇, sparse (m, n)."""
+        return self._tangent("phidd_qd", t=t, q=q, qd=qd, p=p)
+
+    def _tangent(self, name: str, **given) -> csr_array:
+        sizes = {"q": self.n, "qd": self.n, "qdd": self.n, "lam": self.m, "p": len(self.p0)}
+        given["p"] = self.p0 if given["p"] is None else given["p"]
+        for array, size in sizes.items():
+            if array in given and not _is_plain(given[array], size):
+                given[array] = self._checked(given[array], size, name, array, "of them")
+        return self._sparse(self.tangents.programs.patterns[name], self.tangents.values(name, given))
 
     def jacobian(self, q, t=0.0, p=None) -> np.ndarray:
         """Φ_q as a dense array, for linear algebra on small mechanisms."""

@@ -10,6 +10,7 @@ import numpy as np
 from cffi import FFI
 
 from ncgen.build.kernels import Kernels
+from ncgen.build.tangents import CompiledTangents
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
@@ -25,8 +26,9 @@ def _abi() -> FFI:
     declarations = text.split("/* begin cdef */")[1].split("/* end cdef */")[0]
     ffi = FFI()
     ffi.cdef("typedef double ncgen_real; typedef double ncgen_scalar;" + declarations)
-    # Complete the struct here: otherwise it is completed by, and dies with, the first library that uses it.
-    ffi.sizeof("ncgen_model")
+    # Complete the structs here: otherwise they are completed by, and die with, the first library that uses them.
+    for name in ("ncgen_model", "ncgen_tangents"):
+        ffi.sizeof(name)
     return ffi
 
 
@@ -59,6 +61,9 @@ class CompiledKernels(Kernels):
     def fingerprint(self) -> str:
         """A digest of the generated source."""
         return self._ffi.string(self._descriptor.fingerprint).decode()
+
+    def _make_tangents(self):
+        return CompiledTangents(self.programs)
 
     def _call(self, kernel, t, q, qd, p, size):
         try:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.build.kernels import Kernels
+from ncgen.build.tangents import NumPyTangents
 from ncgen.emit.sources import Sources
 
 
@@ -20,6 +21,9 @@ class NumPyKernels(Kernels):
         namespace: dict[str, object] = {"__name__": name.removesuffix(".py")}
         exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
         self._functions = {kernel: namespace[kernel] for kernel in sources.programs.programs}
+
+    def _make_tangents(self):
+        return NumPyTangents(self.programs)
 
     def _call(self, kernel, t, q, qd, p, size):
         arrays = (q, p) if qd is None else (q, qd, p)

@@ -9,11 +9,13 @@ from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
 from ncgen.model.values import evaluate
+from ncgen.program.angles import SHARED
 from ncgen.program.assemble import KERNELS, Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
 from ncgen.program.dynamics import DynamicsPrograms
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.tangents import TangentPrograms
 from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
@@ -55,6 +57,22 @@ def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) 
     return {f"{prefix}_dynamics.{kind}": render(f"c/dynamics.{kind}.jinja", **records) for kind in "ch"}
 
 
+def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
+    """{file name: text}: the tangent kernels."""
+    prefix = identifier(equations.model.name)
+    tables = Tables(f"{prefix}_tangents_")
+    records = {
+        "prefix": prefix,
+        "upper": prefix.upper(),
+        "model": equations.model,
+        "kernels": [_kernel(program, prefix, tables) for program in programs.programs.values()],
+        "patterns": list(programs.patterns.items()),
+        **_tables(tables),
+        "width": WIDTH,
+    }
+    return {f"{prefix}_tangents.{kind}": render(f"c/tangents.{kind}.jinja", **records) for kind in "ch"}
+
+
 def number(value: float) -> str:
     """The shortest text that reads back to the same double."""
     return f"R({value!r})" if value >= 0 else f"-R({-value!r})"
@@ -90,7 +108,8 @@ def _subscript(place: Place) -> str:
 
 
 def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
-    blocks = [_block(block, tables, Names([program.output], prefix)) for block in program.blocks]
+    reserved = [program.output, *SHARED.values(), "angle"]
+    blocks = [_block(block, tables, Names(reserved, prefix)) for block in program.blocks]
     operations = cost(program)
     return {
         "name": program.name,
@@ -99,6 +118,7 @@ def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
         "output": program.output,
         "size": program.size,
         "temporaries": program.temporaries,
+        "angles": _angles(program.angles, tables),
         "blocks": blocks,
         "unused": [a for a in program.inputs if a not in _read(program)],
         "operations": operations.total,
@@ -109,7 +129,17 @@ def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
 def _read(program: Program) -> set[str]:
     """The arrays a program reads."""
     loads = {op.leaf[0] for block in program.blocks for op in block.ops if op.code == "load"}
-    return loads | {slot.array for block in program.blocks for slot in getattr(block, "slots", ())}
+    slots = {slot.array for block in program.blocks for slot in getattr(block, "slots", ())}
+    return loads | slots | ({"q"} if program.angles else set())
+
+
+def _angles(angles: tuple[int, ...], tables: Tables) -> dict:
+    """Where the angles of a program lie: one after the other in q, or anywhere."""
+    if not angles:
+        return {"count": 0}
+    place = tables.place(angles)
+    together = place.table is None and (place.step == 1 or len(angles) == 1)
+    return {"count": len(angles), "first": place.offset if together else None, "place": _subscript(place)}
 
 
 def _block(block, tables: Tables, names: Names) -> dict:
@@ -150,7 +180,13 @@ def _records(programs: Programs, prefix: str, kernels, tables: Tables) -> dict:
         "mass": programs.mass,
         "mass_is_constant": "mass" in programs.programs and programs.programs["mass"].is_constant,
         "omitted": programs.omitted,
+        **_tables(tables),
+        "width": WIDTH,
+    }
+
+
+def _tables(tables: Tables) -> dict:
+    return {
         "index_tables": [(name, values) for values, name in tables.indices.items()],
         "number_tables": [(name, [number(v) for v in values]) for values, name in tables.numbers.items()],
-        "width": WIDTH,
     }

@@ -9,10 +9,15 @@ from ncgen.emit.environment import comment_text, loop_comments, render
 from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
+from ncgen.program.angles import SHARED
 from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.tangents import TangentPrograms
+from ncgen.symbolic.equations import Equations
+
+WIDTH = 110
 
 
 def numpy_files(programs: Programs) -> dict[str, str]:
@@ -31,11 +36,26 @@ def numpy_files(programs: Programs) -> dict[str, str]:
         parameters=programs.equations.parameters,
         phi_q=programs.phi_q,
         mass=programs.mass,
-        index_tables=[(name, values) for values, name in tables.indices.items()],
-        number_tables=[(name, [repr(v) for v in values]) for values, name in tables.numbers.items()],
-        width=110,
+        **_tables(tables),
+        width=WIDTH,
     )
     return {f"{name}.py": text}
+
+
+def numpy_tangents(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
+    """{file name: text} of the tangent kernels."""
+    tables = Tables("_")
+    kernels = [_kernel(program, tables) for program in programs.programs.values()]
+    name = identifier(equations.model.name)
+    text = render("numpy/tangents.py.jinja", model=equations.model, kernels=kernels, **_tables(tables), width=WIDTH)
+    return {f"{name}_tangents.py": text}
+
+
+def _tables(tables: Tables) -> dict:
+    return {
+        "index_tables": [(name, values) for values, name in tables.indices.items()],
+        "number_tables": [(name, [repr(v) for v in values]) for values, name in tables.numbers.items()],
+    }
 
 
 class _NumPy:
@@ -74,9 +94,9 @@ def _subscript(place: Place, count: int) -> str:
 
 
 def _kernel(program: Program, tables: Tables) -> dict:
-    lines: list[str] = []
+    lines = _angles(program.angles, tables) if program.angles else []
     for block in program.blocks:
-        lines += _block(block, tables, Names([program.output]))
+        lines += _block(block, tables, Names([program.output, *SHARED.values()]))
     operations = cost(program)
     return {
         "name": program.name,
@@ -87,6 +107,11 @@ def _kernel(program: Program, tables: Tables) -> dict:
         "lines": lines,
         "operations": operations.total,
     }
+
+
+def _angles(angles: tuple[int, ...], tables: Tables) -> list[str]:
+    subscript = _subscript(tables.place(angles), len(angles))
+    return [f"{array} = np.{FUNCTIONS[code].numpy}(q[..., {subscript}])" for code, array in SHARED.items()]
 
 
 def _block(block, tables: Tables, names: Names) -> list[str]:

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 from ncgen.errors import ModelError
 from ncgen.program import passes
+from ncgen.program.angles import share_angles
 from ncgen.program.binding import Bound, Derived, Places, bind
 from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.graph import Graph
@@ -30,10 +31,12 @@ class Kernel:
 
     parts(places, outputs) yields (place, node): a place is what tells contributions apart, such as
     ("row",), or local numbers of coordinates.
+    shape: the output's axes, "m" rows, "n" coordinates, "e" energies; two axes make a sparse matrix
     """
 
     name: str
     inputs: tuple[str, ...]
+    shape: str
     terms: Callable[[Equations], tuple]
     wants: Callable[[object], bool]
     parts: Callable[[Places, dict], Iterator[tuple[tuple, int]]]
@@ -46,7 +49,7 @@ def _row(output):
     return parts
 
 
-def _chain(output: str, order: int, by_row: bool):
+def chain(output: str, order: int, by_row: bool):
     """Contributions per coordinate (order 1) or pair of coordinates (order 2), by the chain rule."""
 
     def parts(places, outputs):
@@ -77,20 +80,21 @@ def _energies(places, outputs):
 POSITION, VELOCITY = ("t", "q", "p"), ("t", "q", "qd", "p")
 
 
-def _all(equations):
+def with_inertia(equations: Equations) -> tuple:
+    """Terms that carry forces and energies: bodies, too, by velocity-dependent inertia."""
     return equations.masses + equations.forces
 
 
 KERNELS = {
     kernel.name: kernel
     for kernel in [
-        Kernel("phi", POSITION, lambda e: e.rows, lambda k: k == "phi", _row("phi")),
-        Kernel("phi_q", POSITION, lambda e: e.rows, lambda k: k[0] == "phi_q", _chain("phi_q", 1, True)),
-        Kernel("nu", POSITION, lambda e: e.rows, lambda k: k == "nu", _row("nu")),
-        Kernel("gamma", VELOCITY, lambda e: e.rows, lambda k: k == "gamma", _row("gamma")),
-        Kernel("mass", POSITION, lambda e: e.masses, lambda k: k[0] == "mass", _chain("mass", 2, False)),
-        Kernel("force", VELOCITY, _all, lambda k: k[0] == "force", _chain("force", 1, False)),
-        Kernel("energy", VELOCITY, _all, lambda k: k in ENERGIES, _energies),
+        Kernel("phi", POSITION, "m", lambda e: e.rows, lambda k: k == "phi", _row("phi")),
+        Kernel("phi_q", POSITION, "mn", lambda e: e.rows, lambda k: k[0] == "phi_q", chain("phi_q", 1, True)),
+        Kernel("nu", POSITION, "m", lambda e: e.rows, lambda k: k == "nu", _row("nu")),
+        Kernel("gamma", VELOCITY, "m", lambda e: e.rows, lambda k: k == "gamma", _row("gamma")),
+        Kernel("mass", POSITION, "nn", lambda e: e.masses, lambda k: k[0] == "mass", chain("mass", 2, False)),
+        Kernel("force", VELOCITY, "n", with_inertia, lambda k: k[0] == "force", chain("force", 1, False)),
+        Kernel("energy", VELOCITY, "e", with_inertia, lambda k: k in ENERGIES, _energies),
     ]
 }
 
@@ -125,29 +129,44 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     """Build the programs of every kernel the mechanism needs."""
     if emission not in EMISSIONS:
         raise ModelError(f"emission {emission!r} is unknown; choose one of {', '.join(EMISSIONS)}")
+    omitted = list(equations.omitted)
+    built = programs_of(KERNELS.values(), equations, EMISSIONS[emission])
+    for name, (program, _) in built.items():
+        if program is None:
+            omitted.append(f"kernel {name}: nothing in this mechanism contributes to it")
+    omitted += _folded(equations)
+    programs = {name: program for name, (program, _) in built.items() if program is not None}
+    return Programs(equations, programs, built["phi_q"][1], built["mass"][1], emission, tuple(omitted))
+
+
+ALWAYS = ("phi", "phi_q", "gamma")
+"""Kernels that are made for every mechanism that has rows."""
+
+
+def programs_of(kernels, equations: Equations, least: float) -> dict[str, tuple[Program | None, Pattern | None]]:
+    """{name: (program, pattern of its matrix)} of some kernels; None for what the mechanism does not need.
+
+    least: the least number of equal terms that become a loop
+    """
     derived = Derived()
-    bound = {term: _bind(term, equations, derived) for term in (*equations.rows, *_all(equations))}
-    programs, patterns, omitted = {}, {}, list(equations.omitted)
+    bound = {term: _bind(term, equations, derived) for term in (*equations.rows, *with_inertia(equations))}
     n, m = len(equations.free), len(equations.model.rows)
-    shapes = {"phi_q": (m, n), "mass": (n, n)}
-    for kernel in KERNELS.values():
+    lengths = {"n": n, "m": m, "e": len(ENERGIES)}
+    inputs = {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": len(equations.parameters)}
+    built = {}
+    for kernel in kernels:
         groups = [_build(kernel, members, equations) for members in _groups(kernel, equations, bound)]
         places = _places(groups, equations)
-        if kernel.name in shapes:
-            pattern = Pattern.of(shapes[kernel.name], places)
-            patterns[kernel.name] = pattern
-            index, size = pattern.positions(), pattern.nonzeros
-        else:
-            size = {"force": n, "energy": len(ENERGIES)}.get(kernel.name, m)
-            index = {place: place[0] for place in places}
-        if not size or not places and kernel.name not in ("phi", "phi_q", "gamma"):
-            omitted.append(f"kernel {kernel.name}: nothing in this mechanism contributes to it")
-            continue
-        program = _program(kernel, groups, index, size, equations, derived, EMISSIONS[emission])
-        programs[kernel.name] = program
-        verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters)})
-    omitted += _folded(equations)
-    return Programs(equations, programs, patterns["phi_q"], patterns["mass"], emission, tuple(omitted))
+        shape = tuple(lengths[axis] for axis in kernel.shape)
+        pattern = Pattern.of(shape, places) if len(shape) == 2 else None
+        index = pattern.positions() if pattern else {place: place[0] for place in places}
+        size = pattern.nonzeros if pattern else shape[0]
+        program = None
+        if size and (places or kernel.name in ALWAYS):
+            program = _program(kernel, groups, index, size, equations, derived, least)
+            verify(program, inputs)
+        built[kernel.name] = (program, pattern)
+    return built
 
 
 def _bind(term, equations: Equations, derived: Derived) -> Bound:
@@ -201,6 +220,8 @@ def parts_of(kernel: Kernel, bound: Bound, graph: Graph, read) -> list[tuple[tup
 
 def _slot(reference, members, equations) -> Slot:
     kind, k = reference
+    if kind == "lam":
+        return Slot("lam", tuple(b.term.row for b in members))
     if kind == "const":
         return Slot("const", tuple(b.constants[k] for b in members))
     if kind == "p":
@@ -233,7 +254,7 @@ def _program(kernel, groups, index, size, equations, derived, least) -> Program:
         blocks = [_derived_block(derived, needed, equations), *blocks]
     blocks = tuple(passes.schedule(b) for b in map(passes.dead_code, blocks))
     temporaries = {"d": len(derived.expressions)} if needed else {}
-    return Program(kernel.name, kernel.inputs, kernel.name, size, blocks, temporaries)
+    return share_angles(Program(kernel.name, kernel.inputs, kernel.name, size, blocks, temporaries))
 
 
 def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> Loop:
@@ -242,15 +263,19 @@ def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> L
         for place, node in group.parts
     )
     bound = group.members[0]
-    names = {}
-    for number, (reference, _) in enumerate(group.slots):
-        kind, k = reference
-        name = bound.names[("q", k) if kind == "qd" else reference]
-        names[group.graph.slot(number)] = f"d{name}" if kind == "qd" else name
+    names = {group.graph.slot(number): _name(bound, reference) for number, (reference, _) in enumerate(group.slots)}
     comments = tuple(_comment(b, equations) for b in group.members)
     title = f"{bound.term.template.key}: {bound.term.template.equation}"
     slots = tuple(slot for _, slot in group.slots)
     return Loop(len(group.members), tuple(group.graph.ops), slots, stores, names, title, comments)
+
+
+def _name(bound: Bound, reference) -> str:
+    """What a reader calls what a reference of a term stands for."""
+    kind, k = reference
+    if kind == "lam":
+        return "multiplier"
+    return MARKS[kind] + bound.names["q", k] if kind in MARKS else bound.names[reference]
 
 
 def _comment(bound: Bound, equations: Equations) -> str:
@@ -334,12 +359,14 @@ def _straight(kernel, lines: list[Loop], base, hits, equations) -> Straight | No
     return Straight(tuple(graph.ops), tuple(stores), names)
 
 
+MARKS = {"qd": "d", "qdd": "dd"}
+"""What stands before a coordinate's name where its velocity or acceleration is meant."""
+
+
 def load_name(array: str, index: int, equations: Equations) -> str:
-    """What a reader calls an input: the coordinate, its rate with a d in front, or the parameter."""
-    if array == "q":
-        return equations.free[index].name
-    if array == "qd":
-        return f"d{equations.free[index].name}"
+    """What a reader calls an input: the coordinate, its velocity with a d in front, or the parameter."""
+    if array == "q" or array in MARKS:
+        return MARKS.get(array, "") + equations.free[index].name
     if array == "p":
         return equations.parameters[index].name
     return "t" if array == "t" else f"{array}{index}"

@@ -79,6 +79,7 @@ class Program:
     inputs: names of the arrays it reads, in the order of its arguments; "t" is a scalar
     output: name of the array it writes, `size` its length
     temporaries: {name: length} of local arrays
+    angles: positions in q whose sines and cosines fill the arrays `sine` and `cosine` before the first block
     """
 
     name: str
@@ -87,6 +88,7 @@ class Program:
     size: int
     blocks: tuple[Block, ...]
     temporaries: dict[str, int] = field(default_factory=dict, compare=False)
+    angles: tuple[int, ...] = ()
 
     @property
     def is_constant(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from dataclasses import dataclass
 
+from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.graph import ARITHMETIC
 
@@ -39,6 +40,7 @@ def cost(program: Program) -> Cost:
     """Count a program's operations and bytes."""
     operations: Counter[str] = Counter()
     read = written = statements = 0
+    operations.update({name: len(program.angles) for name in SHARED})
     for block in program.blocks:
         inner = [op.code for op in block.ops if op.args]
         statements += len(inner) + len(block.stores)

@@ -9,6 +9,7 @@ def dump(program: Program) -> str:
     """One line an operation: `%3 = mul %1 %2`, with loops, tables and stores spelled out."""
     lines = [f"program {program.name}({', '.join(program.inputs)}) -> {program.output}[{program.size}]"]
     lines += [f"  temporary {name}[{size}]" for name, size in program.temporaries.items()]
+    lines += [f"  sine, cosine = q[{', '.join(map(str, program.angles))}]"] if program.angles else []
     for block in program.blocks:
         loop = isinstance(block, Loop)
         lines.append(f"  loop {block.count}  # {block.title}" if loop else f"  straight  # {block.title}".rstrip(" #"))

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from ncgen.program import passes
+from ncgen.program.angles import share_angles
 from ncgen.program.assemble import ENERGIES, KERNELS, Kernel, load_name, parts_of, place_of
 from ncgen.program.binding import Derived, bind
 from ncgen.program.blocks import Program, Store, Straight
@@ -99,7 +100,7 @@ class _Lines:
         """A program that writes these nodes one after the other."""
         stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
         block = passes.schedule(passes.dead_code(Straight(tuple(self.graph.ops), stores, self._names())))
-        return Program(name, inputs, name, len(outputs), (block,))
+        return share_angles(Program(name, inputs, name, len(outputs), (block,)))
 
     def _names(self) -> dict[int, str]:
         return {k: load_name(*op.leaf, self.equations) for k, op in enumerate(self.graph.ops) if op.code == "load"}

@@ -5,10 +5,10 @@ Slow and simple. It serves where compiling is not worth it, and as one more witn
 
 from __future__ import annotations
 
+from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.passes import ARITHMETIC_ON_NUMBERS, compute
-
 
 
 def evaluate(program: Program, inputs: dict[str, object], functions: dict | None = None, number=float) -> list:
@@ -22,6 +22,8 @@ def evaluate(program: Program, inputs: dict[str, object], functions: dict | None
     arrays = {name: [inputs[name]] if name == "t" else inputs[name] for name in program.inputs}
     arrays |= {name: [number(0.0)] * size for name, size in program.temporaries.items()}
     arrays[program.output] = [number(0.0)] * program.size
+    if program.angles:
+        arrays |= {name: [table[code](arrays["q"][i]) for i in program.angles] for code, name in SHARED.items()}
     for block in program.blocks:
         for run in range(block.count):
             values = []

@@ -1,7 +1,7 @@
-"""The elementary functions a program may call: one table for every printer and evaluator.
+"""The elementary functions a program may call: one table for every printer, evaluator and derivative.
 
-Columns: how many arguments, the name of the C macro (see ncgen.h), the NumPy name, the sympy class name,
-and the function on Python floats.
+Columns: how many arguments, the name of the C macro (see ncgen.h), the NumPy name, the sympy class name, the function
+on Python floats, and the derivative by each argument as operations g of a graph: (graph, y = f(x), x) -> node.
 """
 
 from __future__ import annotations
@@ -12,28 +12,60 @@ from typing import NamedTuple
 
 
 class Function(NamedTuple):
-    arity: int
     c: str
     numpy: str
     sympy: str
     python: Callable
+    slopes: tuple[Callable, ...]
+
+    @property
+    def arity(self) -> int:
+        """How many arguments it takes."""
+        return len(self.slopes)
+
+
+def _one_over(g, node: int) -> int:
+    return g.div(g.const(1.0), node)
+
+
+def _one_plus(g, node: int) -> int:
+    return g.add(g.const(1.0), node)
+
+
+def _one_minus(g, node: int) -> int:
+    return g.sub(g.const(1.0), node)
+
+
+def _radius(g, y: int, x: int) -> int:
+    return g.add(g.mul(y, y), g.mul(x, x))
 
 
 FUNCTIONS = {
-    "sqrt": Function(1, "NCGEN_SQRT", "sqrt", "sqrt", math.sqrt),
-    "sin": Function(1, "NCGEN_SIN", "sin", "sin", math.sin),
-    "cos": Function(1, "NCGEN_COS", "cos", "cos", math.cos),
-    "tan": Function(1, "NCGEN_TAN", "tan", "tan", math.tan),
-    "asin": Function(1, "NCGEN_ASIN", "arcsin", "asin", math.asin),
-    "acos": Function(1, "NCGEN_ACOS", "arccos", "acos", math.acos),
-    "atan": Function(1, "NCGEN_ATAN", "arctan", "atan", math.atan),
-    "atan2": Function(2, "NCGEN_ATAN2", "arctan2", "atan2", math.atan2),
-    "sinh": Function(1, "NCGEN_SINH", "sinh", "sinh", math.sinh),
-    "cosh": Function(1, "NCGEN_COSH", "cosh", "cosh", math.cosh),
-    "tanh": Function(1, "NCGEN_TANH", "tanh", "tanh", math.tanh),
-    "exp": Function(1, "NCGEN_EXP", "exp", "exp", math.exp),
-    "log": Function(1, "NCGEN_LOG", "log", "log", math.log),
-    "abs": Function(1, "NCGEN_ABS", "abs", "Abs", abs),
-    "sign": Function(1, "NCGEN_SIGN", "sign", "sign", lambda x: (x > 0) - (x < 0)),
-    "pow": Function(2, "NCGEN_POW", "power", "Pow", math.pow),
-}
+    "sqrt": Function("NCGEN_SQRT", "sqrt", "sqrt", math.sqrt, (lambda g, y, x: g.div(g.const(0.5), y),)),
+    "sin": Function("NCGEN_SIN", "sin", "sin", math.sin, (lambda g, y, x: g.call("cos", x),)),
+    "cos": Function("NCGEN_COS", "cos", "cos", math.cos, (lambda g, y, x: g.neg(g.call("sin", x)),)),
+    "tan": Function("NCGEN_TAN", "tan", "tan", math.tan, (lambda g, y, x: _one_plus(g, g.mul(y, y)),)),
+    "asin": Function("NCGEN_ASIN", "arcsin", "asin", math.asin, (lambda g, y, x: _one_over(g, g.call("sqrt", _one_minus(g, g.mul(x, x)))),)),
+    "acos": Function(
+        "NCGEN_ACOS", "arccos", "acos", math.acos, (lambda g, y, x: g.neg(_one_over(g, g.call("sqrt", _one_minus(g, g.mul(x, x))))),)
+    ),
+    "atan": Function("NCGEN_ATAN", "arctan", "atan", math.atan, (lambda g, y, x: _one_over(g, _one_plus(g, g.mul(x, x))),)),
+    "atan2": Function(
+        "NCGEN_ATAN2", "arctan2", "atan2", math.atan2,
+        (lambda g, y, a, b: g.div(b, _radius(g, a, b)), lambda g, y, a, b: g.neg(g.div(a, _radius(g, a, b)))),
+    ),
+    "sinh": Function("NCGEN_SINH", "sinh", "sinh", math.sinh, (lambda g, y, x: g.call("cosh", x),)),
+    "cosh": Function("NCGEN_COSH", "cosh", "cosh", math.cosh, (lambda g, y, x: g.call("sinh", x),)),
+    "tanh": Function("NCGEN_TANH", "tanh", "tanh", math.tanh, (lambda g, y, x: _one_minus(g, g.mul(y, y)),)),
+    "exp": Function("NCGEN_EXP", "exp", "exp", math.exp, (lambda g, y, x: y,)),
+    "log": Function("NCGEN_LOG", "log", "log", math.log, (lambda g, y, x: _one_over(g, x),)),
+    "abs": Function("NCGEN_ABS", "abs", "Abs", abs, (lambda g, y, x: g.call("sign", x),)),
+    "sign": Function("NCGEN_SIGN", "sign", "sign", lambda x: (x > 0) - (x < 0), (lambda g, y, x: g.const(0.0),)),
+    "pow": Function(
+        "NCGEN_POW", "power", "Pow", math.pow,
+        (
+            lambda g, y, a, b: g.mul(b, g.call("pow", a, g.sub(b, g.const(1.0)))),
+            lambda g, y, a, b: g.mul(y, g.call("log", a)),
+        ),
+    ),
+}  # fmt: skip

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Loop, Program, Straight
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import ARITHMETIC
@@ -20,8 +21,10 @@ def verify(program: Program, sizes: dict[str, int]) -> None:
 
     sizes: length of every input array. Raises ProgramError naming the block and the rule.
     """
-    sizes = {**sizes, **program.temporaries, program.output: program.size}
+    shared = dict.fromkeys(SHARED.values(), len(program.angles))
+    sizes = {**sizes, **shared, **program.temporaries, program.output: program.size}
     written: set[int] = set()
+    _require(all(0 <= i < sizes.get("q", 0) for i in program.angles), f"program {program.name}: an angle beyond q")
     for number, block in enumerate(program.blocks):
         where = f"program {program.name}, block {number}"
         _check_ops(block, sizes, where)

@@ -92,7 +92,7 @@ def test_text_mentions_every_operation(assembled):
         said = re.findall(r"^    %\d+ = (\w+)", dump(program), re.MULTILINE)
         assert said == [op.code for block in program.blocks for op in block.ops]
         lines = sum(1 + len(b.ops) + len(b.stores) + len(getattr(b, "slots", ())) for b in program.blocks)
-        assert dump(program).count("\n") == 1 + len(program.temporaries) + lines
+        assert dump(program).count("\n") == 1 + len(program.temporaries) + bool(program.angles) + lines
 
 
 def test_text_tells_programs_apart():

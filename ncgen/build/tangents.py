@@ -1,0 +1,72 @@
+"""The tangent kernels of a mechanism, ready to be called: made when they are first needed.
+
+Explicit integrators never need them, so they are generated and compiled apart from the other kernels.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import numpy as np
+from cffi import FFI
+
+from ncgen.build.cache import build
+from ncgen.build.compilers import find_compiler
+from ncgen.emit.c import HEADERS, tangent_files
+from ncgen.emit.environment import verbatim
+from ncgen.emit.naming import identifier
+from ncgen.emit.numpy import numpy_tangents
+from ncgen.program.assemble import Programs
+from ncgen.program.tangents import TangentPrograms, assemble_tangents
+
+
+class Tangents:
+    """Nonzeros of stiffness, damping, phidd_q and phidd_qd, by `functions[name](*inputs in the program's order)`."""
+
+    def __init__(self, programs: Programs):
+        self.equations = programs.equations
+        self.programs: TangentPrograms = assemble_tangents(programs.equations, programs.emission)
+
+    def values(self, name: str, given: dict[str, object]) -> np.ndarray:
+        """The nonzeros of one matrix; given: t, q, qd, qdd, lam, p by name."""
+        program = self.programs.programs.get(name)
+        if program is None:
+            return np.zeros(0)
+        return self._call(name, program, [given[a] for a in program.inputs])
+
+
+class NumPyTangents(Tangents):
+    """Through the generated NumPy source; takes batches and complex numbers."""
+
+    @cached_property
+    def _functions(self) -> dict[str, object]:
+        ((name, text),) = numpy_tangents(self.programs, self.equations).items()
+        namespace: dict[str, object] = {"__name__": name.removesuffix(".py")}
+        exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
+        return namespace
+
+    def _call(self, name, program, inputs):
+        return self._functions[name](*inputs)
+
+
+class CompiledTangents(Tangents):
+    """Through a compiled library, whose `descriptor` the C runtime takes."""
+
+    def __init__(self, programs: Programs):
+        from ncgen.build.library import _abi
+
+        super().__init__(programs)
+        files = tangent_files(self.programs, self.equations) | {name: verbatim(f"c/{name}") for name in HEADERS}
+        getter = f"{identifier(self.equations.model.name)}_tangents"
+        self._ffi = FFI()
+        self._ffi.include(_abi())
+        self._ffi.cdef(f"const ncgen_tangents *{getter}(void);")
+        self._library = self._ffi.dlopen(str(build(files, find_compiler()).library))
+        self.descriptor = getattr(self._library, getter)()
+
+    def _call(self, name, program, inputs):
+        out = np.empty(program.size)
+        arrays = [np.ascontiguousarray(a, dtype=float) for a in inputs[1:]]
+        pointers = [self._ffi.from_buffer("double[]", a, require_writable=a is out) for a in (*arrays, out)]
+        getattr(self.descriptor, name)(inputs[0], *pointers)
+        return out
