@@ -184,7 +184,6 @@ def export(
     model: ModelName,
     to: Annotated[str, typer.Option(help="c")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
-    independent: Annotated[list[str] | None, typer.Option(help="an independent coordinate; may be repeated")] = None,
 ) -> None:
     """Write a mechanism for use without Python: a folder that builds and runs by its own README."""
     from ncgen.exchange.examples import load
@@ -192,7 +191,7 @@ def export(
 
     loaded = load(model)
     with _progress(f"exporting {loaded.name}", None):
-        paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"), tuple(independent or ()))
+        paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"))
     for path in paths:
         out.print(str(path), markup=False)
 

