@@ -235,7 +235,7 @@ STEPS = r"""
 #include "@_motion.h"
 int main(void)
 {
-    for (int n = 64; n <= 256; n *= 2) {
+    for (int n = 128; n <= 512; n *= 2) {
         @_state s, before;
         @_real p[100];
         @_defaults(p);

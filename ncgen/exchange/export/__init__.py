@@ -9,7 +9,7 @@ from ncgen.emit.sources import write_bytes
 from ncgen.errors import ModelError
 from ncgen.model import Model
 
-TARGETS = ("c",)
+TARGETS = ("c", "fmu2", "fmu3")
 
 
 def export(model: Model, to: str, folder: Path | str) -> list[Path]:
