@@ -182,7 +182,7 @@ def convert(
 @app.command()
 def export(
     model: ModelName,
-    to: Annotated[str, typer.Option(help="c, fmu2 or fmu3")],
+    to: Annotated[str, typer.Option(help="c, fmu2, fmu3, wasm, python or numpy")],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
 ) -> None:
     """Write a mechanism for use without Python: a folder that builds and runs by its own README."""

@@ -9,7 +9,7 @@ from ncgen.emit.sources import write_bytes
 from ncgen.errors import ModelError
 from ncgen.model import Model
 
-TARGETS = ("c", "fmu2", "fmu3")
+TARGETS = ("c", "fmu2", "fmu3", "wasm", "python", "numpy")
 
 
 def export(model: Model, to: str, folder: Path | str) -> list[Path]:

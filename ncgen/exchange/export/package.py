@@ -45,6 +45,7 @@ class Package:
     sources: Sources
     kernels: Kernels
     programs: FullMotion
+    sizes: Sizes
     q: np.ndarray
     qd: np.ndarray
     duration: float
@@ -94,6 +95,9 @@ class Package:
             "motion": motion,
             "step": 5 * motion + NEWTON_STEPS * closing,
             "numbers": 4 + 3 * self.kernels.n + self.kernels.m,
+            "kernel_shapes": [
+                {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
+            ],
             **program_records((self.programs.closing, self.programs.motion), self.prefix),
             "width": 100,
         }
@@ -118,7 +122,7 @@ def package(model: Model) -> Package:
     programs = assemble_full_motion(sources.programs.equations, sizes, kernels.holonomic)
     options = model.simulation_options
     qd = _velocities(kernels, q, options.get("zd0", {}), tuple(options.get("z", model.chosen_independent)))
-    return Package(sources, kernels, programs, q, qd, float(options.get("duration", 1.0)), freedom(kernels).dof)
+    return Package(sources, kernels, programs, sizes, q, qd, float(options.get("duration", 1.0)), freedom(kernels).dof)
 
 
 def _velocities(kernels: Kernels, q, speeds: dict[str, float], chosen: tuple[str, ...]) -> np.ndarray:
