@@ -41,8 +41,8 @@ def test_moves_as_we_do(unit, name, version, mode):
     seconds = SECONDS[name]
     names = [*kernels.coordinates, *(f"rate({c})" for c in kernels.coordinates), "kinetic", "potential", "work"]
     found = simulate_fmu(
-        unit(name, version), fmi_type=mode, stop_time=seconds, output_interval=seconds / 10, relative_tolerance=1e-10, solver="CVode", output=names,
-    )  # fmt: skip
+        unit(name, version), fmi_type=mode, stop_time=seconds, output_interval=seconds / 10, relative_tolerance=1e-10, output=names
+    )
     energy = run.energy()
     ours = np.column_stack([run.q, run.qd, energy[:, :2], run.work])
     theirs = np.column_stack([found[c] for c in names])
@@ -59,11 +59,11 @@ class Host:
         self.version, self.lines, self.failed = version, [], []
         description = read_model_description(str(folder))
         kind = fmi2.FMU2Slave if version == 2 else fmi3.FMU3Slave
-        self.unit = kind(
-            guid=token or description.guid, unzipDirectory=str(folder), modelIdentifier=description.coSimulation.modelIdentifier, instanceName="unit"
-        )  # fmt: skip
+        identifier = description.coSimulation.modelIdentifier
+        self.unit = kind(guid=token or description.guid, unzipDirectory=str(folder), modelIdentifier=identifier, instanceName="unit")
         self.references = {v.name: v.valueReference for v in description.modelVariables}
         if version == 2:
+
             def log(environment, name, status, category, message):
                 self.lines.append((status, message.decode()))
 
@@ -75,7 +75,9 @@ class Host:
             self.callbacks = callbacks
             self.unit.instantiate(callbacks=callbacks, loggingOn=True)
         else:
-            self.unit.instantiate(logMessage=lambda environment, status, category, message: self.lines.append((status, message.decode())), loggingOn=True)
+            self.unit.instantiate(
+                logMessage=lambda environment, status, category, message: self.lines.append((status, message.decode())), loggingOn=True
+            )
 
     def start(self):
         if self.version == 2:

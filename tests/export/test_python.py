@@ -25,14 +25,17 @@ except mechanism.MotionError as error:
 assert np.array_equal(motion.q, kept) and said
 assert not [name for name in sys.modules if name.split(".")[0] in ("ncgen", "scipy", "sympy")]
 q = np.array(json.loads(sys.argv[1]))
-print(json.dumps({"steps": [*motion.q, *motion.qd, *motion.qdd, *motion.lam, *motion.energies()], "phi": mechanism.phi(0.0, q, mechanism.DEFAULTS).tolist()}))
+steps = [*motion.q, *motion.qd, *motion.qdd, *motion.lam, *motion.energies()]
+print(json.dumps({"steps": steps, "phi": mechanism.phi(0.0, q, mechanism.DEFAULTS).tolist()}))
 """
 
 
 def use(folder, name, python=sys.executable):
     """What the package in a folder says of 20 steps and of one kernel."""
     kernels, _ = reference(name)
-    done = subprocess.run([python, "-c", USE.replace("@", name), json.dumps(kernels.q0.tolist())], cwd=folder, capture_output=True, text=True)
+    done = subprocess.run(
+        [python, "-c", USE.replace("@", name), json.dumps(kernels.q0.tolist())], cwd=folder, capture_output=True, text=True
+    )
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout)
     np.testing.assert_allclose(found["phi"], kernels.phi(kernels.q0), atol=1e-12)

@@ -30,7 +30,7 @@ def files(package: Package) -> dict[str, str]:
 
 def single_header(package: Package) -> str:
     """All sources in one file, which one source of the program includes with <PREFIX>_IMPLEMENTATION defined."""
-    prefix, code = package.prefix, package.c
+    code = package.c
     included: set[str] = set()
 
     def flat(name: str) -> str:

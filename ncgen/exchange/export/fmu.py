@@ -10,6 +10,7 @@ import importlib.util
 import io
 import platform
 import sys
+import uuid
 import zipfile
 from dataclasses import dataclass
 from pathlib import Path
@@ -64,7 +65,7 @@ def fmu(package: Package, version: int) -> bytes:
     variables = [v for group in groups for v in group.variables]
     token = hashlib.sha256("".join(package.c.values()).encode() + repr(variables).encode()).hexdigest()[:32]
     records = package.records | {
-        "token": "{%s-%s-%s-%s-%s}" % (token[:8], token[8:12], token[12:16], token[16:20], token[20:]),
+        "token": f"{{{uuid.UUID(token)}}}",
         "groups": groups,
         "end": len(variables),
         "variables": variables,
@@ -88,34 +89,33 @@ def fmu(package: Package, version: int) -> bytes:
 
 
 def _groups(package: Package) -> list[Group]:
-    kernels, records = package.kernels, package.records
-    names, units = kernels.coordinates, records["units"]
-    per = {unit: (f"{unit}/s", f"{unit}/s2") for unit in set(units)}
-    n = len(names)
-    q, rate, work = 1, 1 + n, 1 + 2 * n
+    """All variables, in the order of their value references."""
+    kernels, n = package.kernels, package.kernels.n
+    coordinates = list(zip(kernels.coordinates, package.records["units"], package.q, package.qd, strict=True))
+    rows = enumerate(kernels.rows, 1)
+    parameters = zip(package.records["parameters"], kernels.p0, strict=True)
+    q, rate, work = 1, 1 + n, 1 + 2 * n  # where the states stand
+
+    def state(name: str, unit: str, what: str, start: float) -> Variable:
+        return Variable(name, unit, what, initial="approx", start=float(start))
+
     lists = {
         "TIME": ("time", [Variable("time", "s", "time", "independent", initial=None)]),
-        "Q": ("coordinates", [Variable(c, u, f"coordinate {c}", initial="approx", start=float(x)) for c, u, x in zip(names, units, package.q)]),
-        "RATE": ("their velocities", [
-            Variable(f"rate({c})", per[u][0], f"velocity of {c}", initial="approx", start=float(x)) for c, u, x in zip(names, units, package.qd)
-        ]),
+        "Q": ("coordinates", [state(c, u, f"coordinate {c}", x) for c, u, x, _ in coordinates]),
+        "RATE": ("their velocities", [state(f"rate({c})", f"{u}/s", f"velocity of {c}", v) for c, u, _, v in coordinates]),
         "WORK": ("work", [Variable("work", "J", "work of drivers and of forces without a potential", initial="exact", start=0.0)]),
         "DQ": ("derivatives of the coordinates", [
-            Variable(f"der({c})", per[u][0], f"derivative of {c}", "local", derivative=q + i) for i, (c, u) in enumerate(zip(names, units))
+            Variable(f"der({c})", f"{u}/s", f"derivative of {c}", "local", derivative=q + i) for i, (c, u, *_) in enumerate(coordinates)
         ]),
         "DRATE": ("derivatives of the velocities", [
-            Variable(f"der(rate({c}))", per[u][1], f"acceleration of {c}", derivative=rate + i) for i, (c, u) in enumerate(zip(names, units))
+            Variable(f"der(rate({c}))", f"{u}/s2", f"acceleration of {c}", derivative=rate + i) for i, (c, u, *_) in enumerate(coordinates)
         ]),
         "POWER": ("power", [Variable("power", "W", "power of drivers and of forces without a potential", derivative=work)]),
         "KINETIC": ("kinetic energy", [Variable("kinetic", "J", "kinetic energy")]),
         "POTENTIAL": ("potential energy", [Variable("potential", "J", "potential energy")]),
-        "LAM": ("multipliers", [
-            Variable(f"multiplier({i})", "", f"multiplier of row {i}, {row.label} ({row.owner}): what the row's constraint costs")
-            for i, row in enumerate(kernels.rows, 1)
-        ]),
+        "LAM": ("multipliers", [Variable(f"multiplier({i})", "", f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows]),
         "P": ("parameters", [
-            Variable(p.name, p.unit, f"parameter {p.name}", "parameter", "tunable", "exact", float(x))
-            for p, x in zip(records["parameters"], kernels.p0)
+            Variable(p.name, p.unit, f"parameter {p.name}", "parameter", "tunable", "exact", float(x)) for p, x in parameters
         ]),
     }  # fmt: skip
     groups, first = [], 0

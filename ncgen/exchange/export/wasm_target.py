@@ -12,7 +12,17 @@ from ncgen.emit.environment import render
 from ncgen.errors import CompileError
 from ncgen.exchange.export.package import Package, renamed
 
-FLAGS = ("-target", "wasm32-wasi", "-mexec-model=reactor", "-std=c99", "-O2", "-ffp-contract=off", "-s", "-fno-stack-protector", "-Wl,-z,stack-size=1048576")
+FLAGS = (
+    "-target",
+    "wasm32-wasi",
+    "-mexec-model=reactor",
+    "-std=c99",
+    "-O2",
+    "-ffp-contract=off",
+    "-s",
+    "-fno-stack-protector",
+    "-Wl,-z,stack-size=1048576",
+)
 ROOM = ("state", "p", "out", "energies")
 MOTION = ("defaults", "start", "settle", "step", "advance", "message")
 
