@@ -172,10 +172,8 @@ def test_single_header(exports, tmp_path):
     shell(f"cc -std=c99 -O1 {STRICT} main.c -lm -o main && ./main 0.6 11 > motion.csv", tmp_path)
     compare(tmp_path / "motion.csv", "nfourbar", 1e-6)
     shutil.copy(tmp_path / "main.c", tmp_path / "main.cpp")
-    shell(
-        "g++ -std=c++20 -O1 -Wall -Wextra -Wconversion -Wno-missing-field-initializers -Wpedantic -Werror main.cpp -o main && ./main 0.5 11 > motion.csv",
-        tmp_path,
-    )
+    flags = "-Wall -Wextra -Wconversion -Wpedantic -Wno-missing-field-initializers -Werror"
+    shell(f"g++ -std=c++20 -O1 {flags} main.cpp -o main && ./main 0.6 11 > motion.csv", tmp_path)
     compare(tmp_path / "motion.csv", "nfourbar", 1e-6)
 
 
@@ -283,8 +281,8 @@ def test_through_singular_positions(fresh):
     last = shell("make -s && ./main 10 2", folder).splitlines()[-1].split(",")
     m = -4 * mpmath.mpf("9.81") * mpmath.mpf("3.5") / 3
     sn, cn = (mpmath.ellipfun(kind, 5, m=m) for kind in ("sn", "cn"))
-    assert float(last[1]) == pytest.approx(float(2 * sn * cn), abs=5e-5)
-    assert float(last[2]) == pytest.approx(float(1 - 2 * sn**2), abs=5e-5)
+    assert float(last[1]) == pytest.approx(float((2 * sn * cn).real), abs=5e-5)
+    assert float(last[2]) == pytest.approx(float((1 - 2 * sn**2).real), abs=5e-5)
 
 
 def test_realtime_loop_runs(fresh):
