@@ -50,12 +50,27 @@ def list_examples(json_output: Json = False) -> None:
 
 
 @app.command()
-def inspect(model: ModelName, json_output: Json = False, backend: Backend = "auto", emission: Emission = "auto") -> None:
-    """Show degrees of freedom, redundant rows, what was left out, and the kernels."""
+def inspect(
+    model: ModelName,
+    along: Annotated[Path | None, typer.Option(help="a trajectory.npz: show how healthy that motion is")] = None,
+    json_output: Json = False,
+    backend: Backend = "auto",
+    emission: Emission = "auto",
+) -> None:
+    """Show degrees of freedom, redundant rows, what was left out, and the kernels; or the health of a motion."""
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.screen import show_inspection
 
     kernels, _, seconds = _compiled(model, backend, emission)
+    if along is not None:
+        from ncgen.report.along import health_of_file, health_record, show_health
+
+        health = health_of_file(kernels, along)
+        if json_output:
+            print(json.dumps(health_record(health), indent=1))
+        else:
+            show_health(out, health)
+        return
     facts = facts_of(kernels)
     if json_output:
         print(json.dumps(facts, indent=1))

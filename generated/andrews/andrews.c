@@ -103,7 +103,7 @@ int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 29; ++i) {
-        const ncgen_real x1 = andrews_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(andrews_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -226,7 +226,7 @@ int andrews_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 20; ++i) {
-        const ncgen_real x1 = andrews_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(andrews_number_2[i]);
         mass[i] = x1;
     }
 
@@ -241,7 +241,7 @@ int andrews_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 11; ++i) {
-        const ncgen_real x1 = andrews_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(andrews_number_3[i]);
         force[i] = x1;
     }
 
@@ -377,7 +377,7 @@ const ncgen_model *andrews_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "andrews",
-        .fingerprint = "475e148309ac5d1f",
+        .fingerprint = "522605239a787608",
         .n_coordinates = 11,
         .n_rows = 10,
         .n_parameters = 0,

@@ -118,6 +118,20 @@ typedef struct ncgen_tangents {
     ncgen_velocity_kernel *phidd_qd; /* dphidd/dqd = -dgamma/dqd */
 } ncgen_tangents;
 
+/* How they change with the parameters. */
+typedef struct ncgen_parameter_tangents {
+    unsigned abi_version;
+    unsigned struct_size; /* sizeof(ncgen_parameter_tangents) in the generator */
+    ncgen_pattern phi_p_pattern;
+    ncgen_pattern phid_p_pattern;
+    ncgen_pattern phidd_p_pattern;
+    ncgen_pattern balance_p_pattern;
+    ncgen_position_kernel *phi_p;    /* dphi/dp */
+    ncgen_velocity_kernel *phid_p;   /* d(phi_q qd - nu)/dp */
+    ncgen_motion_kernel *phidd_p;    /* dphidd/dp */
+    ncgen_balance_kernel *balance_p; /* db/dp */
+} ncgen_parameter_tangents;
+
 /* end cdef */
 
 #ifdef __cplusplus

@@ -142,7 +142,7 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 74; ++i) {
-        const ncgen_real x1 = bennett_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -381,7 +381,7 @@ int bennett_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 12; ++i) {
-        const ncgen_real x1 = bennett_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_2[i]);
         mass[i] = x1;
     }
 
@@ -397,7 +397,7 @@ int bennett_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 14; ++i) {
-        const ncgen_real x1 = bennett_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_3[i]);
         force[i] = x1;
     }
 
@@ -411,7 +411,7 @@ int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = bennett_number_4[i];
+        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_4[i]);
         energy[i] = x1;
     }
 
@@ -504,7 +504,7 @@ const ncgen_model *bennett_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bennett",
-        .fingerprint = "cd807070204fa5fe",
+        .fingerprint = "e396522eb4afb51a",
         .n_coordinates = 14,
         .n_rows = 16,
         .n_parameters = 0,

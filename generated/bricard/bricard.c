@@ -152,7 +152,7 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 124; ++i) {
-        const ncgen_real x1 = bricard_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(bricard_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -455,7 +455,7 @@ int bricard_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = bricard_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(bricard_number_2[i]);
         mass[i] = x1;
     }
 
@@ -471,7 +471,7 @@ int bricard_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 24; ++i) {
-        const ncgen_real x1 = bricard_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(bricard_number_3[i]);
         force[i] = x1;
     }
 
@@ -613,7 +613,7 @@ const ncgen_model *bricard_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bricard",
-        .fingerprint = "b6f1c8a60ef64563",
+        .fingerprint = "e18193751d086289",
         .n_coordinates = 24,
         .n_rows = 24,
         .n_parameters = 0,

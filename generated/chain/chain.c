@@ -395,7 +395,7 @@ int chain_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 84; ++i) {
-        const ncgen_real x1 = chain_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(chain_number_1[i]);
         mass[i] = x1;
     }
 
@@ -411,7 +411,7 @@ int chain_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = chain_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(chain_number_2[i]);
         force[i] = x1;
     }
 
@@ -452,7 +452,7 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   P6.x, P6.y, P6.z, P7.x, P7.y, P7.z, P8.x, P8.y, P8.z, P9.x, P9.y, P9.z, P10.x, P10.y, */
     /*   P10.z */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = chain_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(chain_number_3[i]);
         const ncgen_real dx = qd[i];
         energy[0] += x1 * (dx * dx);
     }
@@ -465,7 +465,7 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     for (int i = 0; i < 27; ++i) {
         const ncgen_real dy = qd[i + 3];
         const ncgen_real dx = qd[i];
-        const ncgen_real m = chain_number_4[i];
+        const ncgen_real m = NCGEN_SPLAT(chain_number_4[i]);
         energy[0] += dy * (dx * m);
     }
 
@@ -559,7 +559,7 @@ const ncgen_model *chain_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "chain",
-        .fingerprint = "4d00899abd2184d8",
+        .fingerprint = "40fcb1d8c31cdf8b",
         .n_coordinates = 30,
         .n_rows = 10,
         .n_parameters = 0,

@@ -444,7 +444,7 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 288; ++i) {
-        const ncgen_real x1 = delta_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(delta_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -1097,7 +1097,7 @@ int delta_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 99; ++i) {
-        const ncgen_real x1 = delta_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(delta_number_2[i]);
         mass[i] = x1;
     }
 
@@ -1110,7 +1110,7 @@ int delta_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 60; ++i) {
-        const ncgen_real x1 = delta_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(delta_number_3[i]);
         force[i] = x1;
     }
 
@@ -1190,7 +1190,7 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   P2a.z, E2b.x, E2b.y, E2b.z, P2b.x, P2b.y, P2b.z, E3a.x, E3a.y, E3a.z, P3a.x, P3a.y, */
     /*   P3a.z, E3b.x, E3b.y, E3b.z, P3b.x, P3b.y, P3b.z */
     for (int i = 0; i < 45; ++i) {
-        const ncgen_real x1 = delta_number_4[i];
+        const ncgen_real x1 = NCGEN_SPLAT(delta_number_4[i]);
         const ncgen_real dx = qd[delta_index_1[i]];
         energy[0] += x1 * (dx * dx);
     }
@@ -1204,7 +1204,7 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     for (int i = 0; i < 27; ++i) {
         const ncgen_real dy = qd[delta_index_2[i] + 30];
         const ncgen_real dx = qd[delta_index_3[i] + 3];
-        const ncgen_real m = delta_number_5[i];
+        const ncgen_real m = NCGEN_SPLAT(delta_number_5[i]);
         energy[0] += dy * (dx * m);
     }
 
@@ -1400,7 +1400,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "c65fce69a1824665",
+        .fingerprint = "7889fa4e9ec7c0a0",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,

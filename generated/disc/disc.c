@@ -162,7 +162,7 @@ int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 107; ++i) {
-        const ncgen_real x1 = disc_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(disc_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -339,7 +339,7 @@ int disc_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = disc_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(disc_number_2[i]);
         mass[i] = x1;
     }
 
@@ -355,7 +355,7 @@ int disc_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = disc_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(disc_number_3[i]);
         force[i] = x1;
     }
 
@@ -504,7 +504,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "ffc6e729cdbb85c2",
+        .fingerprint = "96594478e98e3adf",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,

@@ -92,7 +92,7 @@ int doublependulum_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     /* constant part */
     for (int i = 0; i < 8; ++i) {
-        const ncgen_real x1 = doublependulum_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(doublependulum_number_1[i]);
         mass[i] = x1;
     }
 
@@ -108,7 +108,7 @@ int doublependulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     /* constant part */
     for (int i = 0; i < 4; ++i) {
-        const ncgen_real x1 = doublependulum_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(doublependulum_number_2[i]);
         force[i] = x1;
     }
 
@@ -187,7 +187,7 @@ const ncgen_model *doublependulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "doublependulum",
-        .fingerprint = "a38038c3e44f2537",
+        .fingerprint = "7c4d61f504c0503f",
         .n_coordinates = 4,
         .n_rows = 2,
         .n_parameters = 0,

@@ -157,7 +157,7 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     /* constant part */
     for (int i = 0; i < 83; ++i) {
-        const ncgen_real x1 = excavator_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(excavator_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -320,7 +320,7 @@ int excavator_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 22; ++i) {
-        const ncgen_real x1 = excavator_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(excavator_number_2[i]);
         mass[i] = x1;
     }
 
@@ -333,7 +333,7 @@ int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     /* constant part */
     for (int i = 0; i < 23; ++i) {
-        const ncgen_real x1 = excavator_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(excavator_number_3[i]);
         force[i] = x1;
     }
 
@@ -505,7 +505,7 @@ const ncgen_model *excavator_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "excavator",
-        .fingerprint = "c90e81f021fa3abb",
+        .fingerprint = "edbcb2c8107c69bf",
         .n_coordinates = 23,
         .n_rows = 20,
         .n_parameters = 0,

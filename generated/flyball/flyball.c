@@ -192,7 +192,7 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 97; ++i) {
-        const ncgen_real x1 = flyball_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(flyball_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -445,7 +445,7 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 100; ++i) {
-        const ncgen_real x1 = flyball_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(flyball_number_2[i]);
         mass[i] = x1;
     }
 
@@ -631,7 +631,7 @@ int flyball_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 32; ++i) {
-        const ncgen_real x1 = flyball_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(flyball_number_3[i]);
         force[i] = x1;
     }
 
@@ -771,7 +771,7 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = flyball_number_4[i];
+        const ncgen_real x1 = NCGEN_SPLAT(flyball_number_4[i]);
         energy[i] = x1;
     }
 
@@ -875,7 +875,7 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     /*   e.x, e.y, f.x, f.y, S.z, H1.x, H1.y, H1.z, B1.x, B1.y, B1.z, H2.x, H2.y, H2.z, B2.x, */
     /*   B2.y, B2.z */
     for (int i = 0; i < 17; ++i) {
-        const ncgen_real x1 = flyball_number_5[i];
+        const ncgen_real x1 = NCGEN_SPLAT(flyball_number_5[i]);
         const ncgen_real dx = qd[flyball_index_1[i]];
         energy[0] += x1 * (dx * dx);
     }
@@ -988,7 +988,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "80ace35f51a757e3",
+        .fingerprint = "4da1354ce4993673",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

@@ -131,7 +131,7 @@ int fourbar_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 8; ++i) {
-        const ncgen_real x1 = fourbar_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(fourbar_number_1[i]);
         mass[i] = x1;
     }
 
@@ -147,7 +147,7 @@ int fourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 5; ++i) {
-        const ncgen_real x1 = fourbar_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(fourbar_number_2[i]);
         force[i] = x1;
     }
 
@@ -232,7 +232,7 @@ const ncgen_model *fourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "fourbar",
-        .fingerprint = "dd447e877823e5c7",
+        .fingerprint = "f981804e4658b7d7",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

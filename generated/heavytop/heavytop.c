@@ -185,7 +185,7 @@ int heavytop_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = heavytop_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(heavytop_number_1[i]);
         mass[i] = x1;
     }
 
@@ -201,7 +201,7 @@ int heavytop_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 9; ++i) {
-        const ncgen_real x1 = heavytop_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(heavytop_number_2[i]);
         force[i] = x1;
     }
 
@@ -299,7 +299,7 @@ const ncgen_model *heavytop_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "heavytop",
-        .fingerprint = "46af932a17204c27",
+        .fingerprint = "43d91232c3ff7e24",
         .n_coordinates = 9,
         .n_rows = 6,
         .n_parameters = 0,

@@ -134,7 +134,7 @@ int jansen_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 40; ++i) {
-        const ncgen_real x1 = jansen_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -231,7 +231,7 @@ int jansen_nu(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     /* constant part */
     for (int i = 0; i < 13; ++i) {
-        const ncgen_real x1 = jansen_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_2[i]);
         nu[i] = x1;
     }
 
@@ -323,7 +323,7 @@ int jansen_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 40; ++i) {
-        const ncgen_real x1 = jansen_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_3[i]);
         mass[i] = x1;
     }
 
@@ -339,7 +339,7 @@ int jansen_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 13; ++i) {
-        const ncgen_real x1 = jansen_number_4[i];
+        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_4[i]);
         force[i] = x1;
     }
 
@@ -353,7 +353,7 @@ int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = jansen_number_5[i];
+        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_5[i]);
         energy[i] = x1;
     }
 
@@ -490,7 +490,7 @@ const ncgen_model *jansen_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "jansen",
-        .fingerprint = "0d7270f655e4efa9",
+        .fingerprint = "5728c07c259f2ae9",
         .n_coordinates = 13,
         .n_rows = 13,
         .n_parameters = 0,

@@ -127,7 +127,7 @@ int nfourbar_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 14; ++i) {
-        const ncgen_real x1 = nfourbar_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(nfourbar_number_1[i]);
         mass[i] = x1;
     }
 
@@ -143,7 +143,7 @@ int nfourbar_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 6; ++i) {
-        const ncgen_real x1 = nfourbar_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(nfourbar_number_2[i]);
         force[i] = x1;
     }
 
@@ -239,7 +239,7 @@ const ncgen_model *nfourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "nfourbar",
-        .fingerprint = "e3f56973926cfd78",
+        .fingerprint = "5bc7249eea8bf601",
         .n_coordinates = 6,
         .n_rows = 5,
         .n_parameters = 0,

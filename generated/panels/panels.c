@@ -151,7 +151,7 @@ int panels_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 90; ++i) {
-        const ncgen_real x1 = panels_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(panels_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -425,7 +425,7 @@ int panels_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 32; ++i) {
-        const ncgen_real x1 = panels_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(panels_number_2[i]);
         mass[i] = x1;
     }
 
@@ -608,7 +608,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "4624db579e516568",
+        .fingerprint = "8af0c1100b71691d",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,

@@ -82,7 +82,7 @@ int pendulum_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 2; ++i) {
-        const ncgen_real x1 = pendulum_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(pendulum_number_1[i]);
         force[i] = x1;
     }
 
@@ -148,7 +148,7 @@ const ncgen_model *pendulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "pendulum",
-        .fingerprint = "c4f209d62324638a",
+        .fingerprint = "5f9df1cb7a0f35b2",
         .n_coordinates = 2,
         .n_rows = 1,
         .n_parameters = 0,

@@ -308,7 +308,7 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 216; ++i) {
-        const ncgen_real x1 = robot_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(robot_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -1027,7 +1027,7 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 378; ++i) {
-        const ncgen_real x1 = robot_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(robot_number_2[i]);
         mass[i] = x1;
     }
 
@@ -1785,7 +1785,7 @@ int robot_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 36; ++i) {
-        const ncgen_real x1 = robot_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(robot_number_3[i]);
         force[i] = x1;
     }
 
@@ -1984,7 +1984,7 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = robot_number_4[i];
+        const ncgen_real x1 = NCGEN_SPLAT(robot_number_4[i]);
         energy[i] = x1;
     }
 
@@ -2111,7 +2111,7 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   r2.x, r2.y, r2.z, u3.x, u3.y, u3.z, r4.x, r4.y, r4.z, r3.x, r3.y, r3.z, r5.x, r5.y, r5.z, */
     /*   r6.x, r6.y, r6.z, r7.x, r7.y, r7.z, u4.x, u4.y, u4.z, r8.x, r8.y, r8.z, u5.x, u5.y, u5.z */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = robot_number_5[i];
+        const ncgen_real x1 = NCGEN_SPLAT(robot_number_5[i]);
         const ncgen_real dx = qd[robot_index_1[i]];
         energy[0] += x1 * (dx * dx);
     }
@@ -2123,7 +2123,7 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     for (int i = 0; i < 21; ++i) {
         const ncgen_real dy = qd[robot_index_2[i] + 9];
         const ncgen_real dx = qd[robot_index_3[i]];
-        const ncgen_real m = robot_number_6[i];
+        const ncgen_real m = NCGEN_SPLAT(robot_number_6[i]);
         energy[0] += dy * (dx * m);
     }
 
@@ -2258,7 +2258,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "c083ceb593a2f193",
+        .fingerprint = "d57b025a2266b36f",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,

@@ -62,7 +62,7 @@ int slidercrank_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     /* constant part */
     for (int i = 0; i < 10; ++i) {
-        const ncgen_real x1 = slidercrank_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(slidercrank_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -139,7 +139,7 @@ int slidercrank_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     /* constant part */
     for (int i = 0; i < 8; ++i) {
-        const ncgen_real x1 = slidercrank_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(slidercrank_number_2[i]);
         mass[i] = x1;
     }
 
@@ -155,7 +155,7 @@ int slidercrank_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     /* constant part */
     for (int i = 0; i < 5; ++i) {
-        const ncgen_real x1 = slidercrank_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(slidercrank_number_3[i]);
         force[i] = x1;
     }
 
@@ -238,7 +238,7 @@ const ncgen_model *slidercrank_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank",
-        .fingerprint = "1d44d86f03dce1a0",
+        .fingerprint = "1ae73e9a6ecd8e26",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

@@ -73,7 +73,7 @@ int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     /* constant part */
     for (int i = 0; i < 22; ++i) {
-        const ncgen_real x1 = slidercrank3d_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(slidercrank3d_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -288,7 +288,7 @@ int slidercrank3d_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     /* constant part */
     for (int i = 0; i < 8; ++i) {
-        const ncgen_real x1 = slidercrank3d_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(slidercrank3d_number_2[i]);
         force[i] = x1;
     }
 
@@ -333,7 +333,7 @@ int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = slidercrank3d_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(slidercrank3d_number_3[i]);
         energy[i] = x1;
     }
 
@@ -422,7 +422,7 @@ const ncgen_model *slidercrank3d_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank3d",
-        .fingerprint = "dda44daa1e9d7292",
+        .fingerprint = "2f40347bd868fc1c",
         .n_coordinates = 8,
         .n_rows = 7,
         .n_parameters = 0,

@@ -168,7 +168,7 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 99; ++i) {
-        const ncgen_real x1 = stewart_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(stewart_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -388,7 +388,7 @@ int stewart_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = stewart_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(stewart_number_2[i]);
         mass[i] = x1;
     }
 
@@ -402,7 +402,7 @@ int stewart_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = stewart_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(stewart_number_3[i]);
         force[i] = x1;
     }
 
@@ -594,7 +594,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "0f62f3e6f1a6f5ad",
+        .fingerprint = "7f27fa42b35e4f2e",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,

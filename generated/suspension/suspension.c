@@ -200,7 +200,7 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     /* constant part */
     for (int i = 0; i < 79; ++i) {
-        const ncgen_real x1 = suspension_number_1[i];
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_1[i]);
         phi_q[i] = x1;
     }
 
@@ -426,7 +426,7 @@ int suspension_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     /* constant part */
     for (int i = 0; i < 64; ++i) {
-        const ncgen_real x1 = suspension_number_2[i];
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_2[i]);
         mass[i] = x1;
     }
 
@@ -439,7 +439,7 @@ int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     /* constant part */
     for (int i = 0; i < 19; ++i) {
-        const ncgen_real x1 = suspension_number_3[i];
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_3[i]);
         force[i] = x1;
     }
 
@@ -487,7 +487,7 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = suspension_number_4[i];
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_4[i]);
         energy[i] = x1;
     }
 
@@ -544,7 +544,7 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
     /* mass-diagonal: m v^2 / 2 */
     /*   U.x, U.y, U.z, L.x, L.y, L.z, S.x, S.y, S.z, T.x, T.y, T.z, W.x, W.y, W.z, R.y */
     for (int i = 0; i < 16; ++i) {
-        const ncgen_real x1 = suspension_number_5[i];
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_5[i]);
         const ncgen_real dx = qd[i];
         energy[0] += x1 * (dx * dx);
     }
@@ -556,7 +556,7 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
     for (int i = 0; i < 21; ++i) {
         const ncgen_real dy = qd[suspension_index_1[i] + 3];
         const ncgen_real dx = qd[suspension_index_2[i]];
-        const ncgen_real m = suspension_number_6[i];
+        const ncgen_real m = NCGEN_SPLAT(suspension_number_6[i]);
         energy[0] += dy * (dx * m);
     }
 
@@ -637,7 +637,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "5725e741a0b3f363",
+        .fingerprint = "2ad73af74546a505",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,

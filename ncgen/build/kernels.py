@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
+from ncgen.build.batch import Batch
 from ncgen.build.tangents import Tangents
 from ncgen.errors import ModelError, NcgenError
 from ncgen.model import Model
@@ -20,6 +21,8 @@ from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate
 from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Pattern
+
+FLOAT = np.dtype(float)
 
 
 class Kernels(ABC):
@@ -31,6 +34,8 @@ class Kernels(ABC):
     """
 
     backend: str
+    _batch: type[Batch]
+    _tangents: type[Tangents]
     batches = False
     """True if leading axes and complex numbers are allowed."""
 
@@ -132,15 +137,24 @@ class Kernels(ABC):
             total += force
         return total
 
+    # -- many states ---------------------------------------------------------------------------
+
+    @cached_property
+    def batch(self) -> Batch:
+        """The kernels of many states in one call; compiled when first asked for (ncgen.build.batch)."""
+        return self._batch(self)
+
     # -- tangents ------------------------------------------------------------------------------
 
     @cached_property
     def tangents(self) -> Tangents:
         """The tangent kernels, generated and compiled when first asked for (ncgen.program.tangents)."""
-        return self._make_tangents()
+        return self._tangents.by_state(self.programs)
 
-    @abstractmethod
-    def _make_tangents(self) -> Tangents: ...
+    @cached_property
+    def parameter_tangents(self) -> Tangents:
+        """Derivatives by the parameters, generated and compiled when first asked for."""
+        return self._tangents.by_parameters(self.programs)
 
     def stiffness(self, q, qd, qdd, lam, t=0.0, p=None) -> csr_array:
         """∂(M q̈ + Φ_qᵀ λ − Q)/∂q, sparse (n, n). Forces of Python functions are not in it."""
@@ -158,13 +172,37 @@ class Kernels(ABC):
         """−∂γ/∂q̇, sparse (m, n)."""
         return self._tangent("phidd_qd", t=t, q=q, qd=qd, p=p)
 
+    def phi_p(self, q, t=0.0, p=None) -> csr_array:
+        """∂Φ/∂p, sparse (m, parameters)."""
+        return self._tangent("phi_p", t=t, q=q, p=p)
+
+    def phid_p(self, q, qd, t=0.0, p=None) -> csr_array:
+        """∂(Φ_q q̇ − ν)/∂p, sparse (m, parameters)."""
+        return self._tangent("phid_p", t=t, q=q, qd=qd, p=p)
+
+    def phidd_p(self, q, qd, qdd, t=0.0, p=None) -> csr_array:
+        """∂(Φ_q q̈ − γ)/∂p, sparse (m, parameters)."""
+        return self._tangent("phidd_p", t=t, q=q, qd=qd, qdd=qdd, p=p)
+
+    def balance_p(self, q, qd, qdd, lam, t=0.0, p=None) -> csr_array:
+        """∂(M q̈ + Φ_qᵀ λ − Q)/∂p, sparse (n, parameters)."""
+        return self._tangent("balance_p", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
+
+    def dense_tangent(self, name: str, **given) -> np.ndarray:
+        """One of these eight by its name, t, q, qd, qdd, lam and p given by theirs, as a dense array: quicker where it is small."""
+        return self._dense(*self._tangent_values(name, given))
+
     def _tangent(self, name: str, **given) -> csr_array:
+        return self._sparse(*self._tangent_values(name, given))
+
+    def _tangent_values(self, name: str, given: dict) -> tuple[Pattern, np.ndarray]:
         sizes = {"q": self.n, "qd": self.n, "qdd": self.n, "lam": self.m, "p": len(self.p0)}
         given["p"] = self.p0 if given["p"] is None else given["p"]
         for array, size in sizes.items():
             if array in given and not _is_plain(given[array], size):
                 given[array] = self._checked(given[array], size, name, array, "of them")
-        return self._sparse(self.tangents.programs.patterns[name], self.tangents.values(name, given))
+        tangents = self.parameter_tangents if name.endswith("_p") else self.tangents
+        return tangents.programs.patterns[name], tangents.values(name, given)
 
     def jacobian(self, q, t=0.0, p=None) -> np.ndarray:
         """Φ_q as a dense array, for linear algebra on small mechanisms."""
@@ -223,4 +261,4 @@ class Kernels(ABC):
 
 def _is_plain(array, size: int) -> bool:
     """True for what needs no look: a real vector of the right length. Most calls are of this kind, and looking costs time."""
-    return type(array) is np.ndarray and array.shape == (size,) and array.dtype == float
+    return type(array) is np.ndarray and array.dtype is FLOAT and array.shape == (size,)

@@ -5,16 +5,21 @@ from __future__ import annotations
 import threading
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from cffi import FFI
 
+from ncgen.build.batch import CompiledBatch
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import CompiledTangents
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
 from ncgen.program.assemble import Programs
+
+if TYPE_CHECKING:
+    from ncgen.build.direct import Direct
 
 STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument")
 
@@ -27,7 +32,7 @@ def _abi() -> FFI:
     ffi = FFI()
     ffi.cdef("typedef double ncgen_real; typedef double ncgen_scalar;" + declarations)
     # Complete the structs here: otherwise they are completed by, and die with, the first library that uses them.
-    for name in ("ncgen_model", "ncgen_tangents"):
+    for name in ("ncgen_model", "ncgen_tangents", "ncgen_parameter_tangents"):
         ffi.sizeof(name)
     return ffi
 
@@ -62,39 +67,43 @@ class CompiledKernels(Kernels):
         """A digest of the generated source."""
         return self._ffi.string(self._descriptor.fingerprint).decode()
 
-    def _make_tangents(self):
-        return CompiledTangents(self.programs)
+    _tangents = CompiledTangents
+    _batch = CompiledBatch
+
+    def direct(self, kernel: str) -> Direct:
+        """A kernel ("phi", "phi_q", ...) on arrays of its own, for loops where the way into C matters: see `Direct`."""
+        from ncgen.build.direct import Direct
+
+        return Direct(self, kernel)
 
     def _call(self, kernel, t, q, qd, p, size):
         try:
             call = self._buffers.calls[kernel]
         except AttributeError:
-            self._buffers.calls = {name: _Call(self, name) for name in self.programs.programs}
+            self._buffers.calls = {name: _Call.of(self, name) for name in self.programs.programs}
             call = self._buffers.calls[kernel]
-        return call(t, q, qd, p)
-
-
-class _Call:
-    """One kernel with its own buffers and their pointers: made once a thread, since making pointers costs more than a kernel."""
-
-    def __init__(self, kernels: CompiledKernels, name: str):
-        program = kernels.programs.programs[name]
-        self.name = f"{kernels.name}.{name}"
-        self.function = kernels.function(name)
-        sizes = {"q": kernels.n, "qd": kernels.n, "p": len(kernels.p0)}
-        self.q, self.qd, self.p = (np.empty(size) for size in sizes.values())
-        self.out = np.empty(program.size)
-        arrays = {"q": self.q, "qd": self.qd, "p": self.p}
-        used = [arrays[a] for a in program.inputs if a != "t"] + [self.out]
-        self.pointers = [kernels._ffi.cast("double *", a.ctypes.data) for a in used]
-
-    def __call__(self, t, q, qd, p):
-        self.q[:] = q
-        self.p[:] = p
-        if qd is not None:
-            self.qd[:] = qd
-        status = self.function(t, *self.pointers)
+        function, result, pointer = call
+        if qd is None:
+            status = function(t, q.tobytes(), p.tobytes(), pointer)
+        else:
+            status = function(t, q.tobytes(), qd.tobytes(), p.tobytes(), pointer)
         if status:
-            raise NcgenError(f"{self.name}: the kernel returned “{STATUS[status]}”")
-        return self.out.copy()
+            raise NcgenError(f"{self.name}.{kernel}: the kernel returned “{STATUS[status]}”")
+        return result.copy()
 
+
+class _Call(NamedTuple):
+    """One kernel and a thread's own place for its result. Inputs go as bytes: cffi passes these on without looking for an
+    array's address, which takes longer than a kernel."""
+
+    function: object
+    result: np.ndarray
+    pointer: object
+
+    @classmethod
+    def of(cls, kernels: CompiledKernels, name: str) -> _Call:
+        program = kernels.programs.programs[name]
+        arrays = ", ".join("double" if a == "t" else "const char *" for a in program.inputs)
+        result = np.empty(program.size)
+        pointer = kernels._ffi.cast("double *", result.ctypes.data)
+        return cls(kernels._ffi.cast(f"int (*)({arrays}, double *)", kernels.function(name)), result, pointer)

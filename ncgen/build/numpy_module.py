@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from ncgen.build.batch import NumPyBatch
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import NumPyTangents
 from ncgen.emit.sources import Sources
@@ -22,8 +23,8 @@ class NumPyKernels(Kernels):
         exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
         self._functions = {kernel: namespace[kernel] for kernel in sources.programs.programs}
 
-    def _make_tangents(self):
-        return NumPyTangents(self.programs)
+    _tangents = NumPyTangents
+    _batch = NumPyBatch
 
     def _call(self, kernel, t, q, qd, p, size):
         arrays = (q, p) if qd is None else (q, qd, p)

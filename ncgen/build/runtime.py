@@ -12,6 +12,7 @@ from functools import cache
 
 import numpy as np
 from cffi import FFI
+from scipy.sparse.linalg import splu
 
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
@@ -21,9 +22,23 @@ from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.program.dynamics import Split, assemble_dynamics
 from ncgen.program.elimination import Samples
+from ncgen.program.quasidefinite import Elimination, plan
 
-METHODS = {"dopri5": 0, "rk4": 1}
+METHODS = {"dopri5": 0, "rk4": 1, "dop853": 2}
 """Integrators of the runtime, by the numbers of ncgen_runtime.h."""
+
+FORMALISMS = {
+    "coordinate-partitioning": 0,
+    "lagrange": 1,
+    "augmented-lagrangian": 2,
+    "penalty": 3,
+    "null-space": 4,
+    "udwadia-phohomsiri": 5,
+}
+"""Formalisms of the runtime, by the numbers of ncgen_runtime.h."""
+
+SINGULAR = 1e-9
+"""A mass matrix is taken as singular where elimination leaves less than this of an entry of its diagonal."""
 
 STRAIGHT_LINE = tuple("-O1" if flag.startswith("-O") else flag for flag in FLAGS)
 """Thousands of operations in one line: more optimisation takes longer and was measured slower."""
@@ -35,7 +50,7 @@ def _runtime_abi() -> FFI:
     ffi = FFI()
     ffi.include(_abi())
     ffi.cdef(verbatim("c/ncgen_runtime.h").split("/* begin cdef */")[1].split("/* end cdef */")[0])
-    for name in ("ncgen_dynamics", "ncgen_options", "ncgen_statistics"):
+    for name in ("ncgen_dynamics", "ncgen_elimination", "ncgen_event", "ncgen_options", "ncgen_statistics"):
         ffi.sizeof(name)  # completed here, as in ncgen.build.library
     return ffi
 
@@ -74,6 +89,10 @@ class Outcome:
     repeated: int
     evaluations: int
     newton_steps: int
+    factorisations: int = 0
+    perturbed: int = 0
+    refinements: int = 0
+    stopped: bool = False
 
 
 class Dynamics:
@@ -84,28 +103,37 @@ class Dynamics:
         self._ffi, self._library, self._dynamics = ffi, library, dynamics
         self._model = ffi.cast("const ncgen_model *", kernels._descriptor)
 
-    def simulate(self, method: str, times, q, zd, p, rtol, atol, max_step, tolerance, growth) -> Outcome:
-        """Run over the times of a grid (first one is the start)."""
+    def simulate(self, method: str, times, q, velocities, p, rtol=1e-8, atol=1e-10, max_step=np.inf, event=None, **options) -> Outcome:
+        """Run over the times of a grid (first one is the start).
+
+        velocities: independent ones with coordinate partitioning, all of them with other formalisms
+        event: (coordinate number, value, direction) at which to stop
+        options: the other members of `ncgen_options`, by their names
+        """
         ffi, n = self._ffi, self.kernels.n
         times = np.ascontiguousarray(times, dtype=float)
         rows_and_last = len(times) + 1
         out_q, out_qd, out_work = np.empty((rows_and_last, n)), np.empty((rows_and_last, n)), np.empty(rows_and_last)
-        work = np.empty(self._library.ncgen_workspace(self._model, self._dynamics))
-        integers = np.empty(max(self._dynamics.n_dependent, 1), dtype=np.intc)
+        longest = 0.0 if np.isinf(max_step) else max_step
+        filled = {"method": METHODS[method], "rtol": rtol, "atol": atol, "max_step": longest, **options}
+        settings = ffi.new("ncgen_options *", filled)
+        if event:
+            stop = ffi.new("ncgen_event *", dict(zip(("coordinate", "value", "direction"), event, strict=True)))
+            settings.event = stop
+        work = np.empty(self._library.ncgen_workspace(self._model, self._dynamics, settings))
+        integers = np.empty(n + 2 * self.kernels.m, dtype=np.intc)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
-        options = ffi.new("ncgen_options *", {"method": METHODS[method], "rtol": rtol, "atol": atol})
-        options.tolerance, options.growth = tolerance, growth
-        options.max_step = 0.0 if np.isinf(max_step) else max_step
-        inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, zd)]
+        inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
         pointers = [ffi.cast("double *", a.ctypes.data) for a in (*inputs, times, out_q, out_qd, out_work, work)]
         status = self._library.ncgen_simulate(
-            self._model, self._dynamics, options, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
+            self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             ffi.cast("int *", integers.ctypes.data),
         )  # fmt: skip
         done, s = rows[0], statistics
         last = (out_q[-1], out_qd[-1], out_work[-1])
         counts = (s.steps, s.rejected, s.repeated, s.evaluations, s.newton_steps)
-        return Outcome(out_q[:done], out_qd[:done], out_work[:done], STATUS[status], s.t, last, *counts)
+        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped))
+        return Outcome(out_q[:done], out_qd[:done], out_work[:done], STATUS[status], s.t, last, *counts, *more)
 
 
 class DenseDynamics(Dynamics):
@@ -121,6 +149,60 @@ class DenseDynamics(Dynamics):
         for name, array in self._kept.items():
             setattr(dynamics, name, ffi.cast("int *" if name in integers else "double *", array.ctypes.data))
         super().__init__(kernels, ffi, library, dynamics)
+
+
+class ConstrainedDynamics(Dynamics):
+    """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism."""
+
+    def __init__(self, kernels: CompiledKernels):
+        ffi, library = _bare_runtime()
+        singular = not _is_definite(kernels)
+        self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
+        self._kept = [np.array(getattr(self.plan, name), dtype=np.intc) for name in Elimination.ARRAYS]
+        self._sizes = [np.array(kernels.column_sizes, dtype=float), np.array(kernels.row_sizes, dtype=float)]
+        numbers = {name: ffi.cast("int *", a.ctypes.data) for name, a in zip(Elimination.ARRAYS, self._kept, strict=True)}
+        numbers |= {"size": self.plan.size, "nonzeros": self.plan.nonzeros}
+        self._elimination = ffi.new("ncgen_elimination *", numbers)
+        column_sizes, row_sizes = (ffi.cast("double *", a.ctypes.data) for a in self._sizes)
+        members = {"column_sizes": column_sizes, "row_sizes": row_sizes, "elimination": self._elimination}
+        members["singular_mass"] = singular
+        members["conservative"] = _is_conservative(kernels)
+        super().__init__(kernels, ffi, library, ffi.new("ncgen_dynamics *", members))
+
+
+    def simulate(self, *args, rank: int = 0, **options) -> Outcome:
+        """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
+        self._dynamics.n_dependent = rank
+        return super().simulate(*args, **options)
+
+
+def _is_definite(kernels: CompiledKernels) -> bool:
+    """True if every motion of the coordinates has inertia, constraints apart, at the initial position."""
+    sizes = kernels.column_sizes
+    mass = kernels.mass(kernels.q0).tocsc()
+    mass.data *= sizes[mass.indices] * np.repeat(sizes, np.diff(mass.indptr))
+    diagonal = mass.diagonal()
+    if not np.all(diagonal > 0):
+        return False
+    try:
+        factors = splu(mass, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # SuperLU's word for an exactly singular matrix
+        return False
+    return bool(np.all(factors.U.diagonal() > SINGULAR * diagonal[np.argsort(factors.perm_c)]))
+
+
+def _is_conservative(kernels: CompiledKernels) -> bool:
+    """True if nothing does work but forces with a potential: no drivers, and a power that is zero by structure."""
+    from ncgen.program.assemble import ENERGIES
+
+    programs = kernels.programs.programs
+    if "nu" in programs:
+        return False
+    if "energy" not in programs:
+        return True
+    stores = [(block, store) for block in programs["energy"].blocks for store in block.stores if store.array == "energy"]
+    to_power = [(block, s) for block, s in stores if ENERGIES.index("power") in getattr(s, "table", (getattr(s, "index", None),))]
+    return all(block.ops[s.node].code == "const" and block.ops[s.node].leaf == 0.0 for block, s in to_power)
 
 
 class EmittedDynamics(Dynamics):

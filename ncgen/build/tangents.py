@@ -1,6 +1,7 @@
 """The tangent kernels of a mechanism, ready to be called: made when they are first needed.
 
-Explicit integrators never need them, so they are generated and compiled apart from the other kernels.
+Explicit integrators never need them, so they are generated and compiled apart from the other kernels. `Tangents` are
+those by position and velocity, or those by the parameters (ncgen.program.tangents).
 """
 
 from __future__ import annotations
@@ -17,15 +18,26 @@ from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.emit.numpy import numpy_tangents
 from ncgen.program.assemble import Programs
-from ncgen.program.tangents import TangentPrograms, assemble_tangents
+from ncgen.program.tangents import TangentPrograms, assemble_parameter_tangents, assemble_tangents
+from ncgen.symbolic.equations import Equations
 
 
 class Tangents:
-    """Nonzeros of stiffness, damping, phidd_q and phidd_qd, by `functions[name](*inputs in the program's order)`."""
+    """Nonzeros of the derivatives of the equations of motion."""
 
-    def __init__(self, programs: Programs):
-        self.equations = programs.equations
-        self.programs: TangentPrograms = assemble_tangents(programs.equations, programs.emission)
+    def __init__(self, programs: TangentPrograms, equations: Equations):
+        self.programs = programs
+        self.equations = equations
+
+    @classmethod
+    def by_state(cls, programs: Programs) -> Tangents:
+        """stiffness, damping, phidd_q and phidd_qd."""
+        return cls(assemble_tangents(programs.equations, programs.emission), programs.equations)
+
+    @classmethod
+    def by_parameters(cls, programs: Programs) -> Tangents:
+        """phi_p, phid_p, phidd_p and balance_p."""
+        return cls(assemble_parameter_tangents(programs.equations), programs.equations)
 
     def values(self, name: str, given: dict[str, object]) -> np.ndarray:
         """The nonzeros of one matrix; given: t, q, qd, qdd, lam, p by name."""
@@ -52,15 +64,16 @@ class NumPyTangents(Tangents):
 class CompiledTangents(Tangents):
     """Through a compiled library, whose `descriptor` the C runtime takes."""
 
-    def __init__(self, programs: Programs):
+    def __init__(self, programs: TangentPrograms, equations: Equations):
         from ncgen.build.library import _abi
 
-        super().__init__(programs)
+        super().__init__(programs, equations)
         files = tangent_files(self.programs, self.equations) | {name: verbatim(f"c/{name}") for name in HEADERS}
-        getter = f"{identifier(self.equations.model.name)}_tangents"
+        kind = programs.kind
+        getter = f"{identifier(equations.model.name)}_{kind}"
         self._ffi = FFI()
         self._ffi.include(_abi())
-        self._ffi.cdef(f"const ncgen_tangents *{getter}(void);")
+        self._ffi.cdef(f"const ncgen_{kind} *{getter}(void);")
         self._library = self._ffi.dlopen(str(build(files, find_compiler()).library))
         self.descriptor = getattr(self._library, getter)()
 

@@ -19,7 +19,16 @@ from ncgen.program.tangents import TangentPrograms
 from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
-RUNTIME = ("ncgen_runtime.h", "ncgen_runtime.c")
+RUNTIME = (
+    "ncgen_runtime.h",
+    "ncgen_internal.h",
+    "ncgen_run.c",
+    "ncgen_partitioning.c",
+    "ncgen_constrained.c",
+    "ncgen_dense.c",
+    "ncgen_sparse.c",
+    "ncgen_explicit.c",
+)
 WIDTH = 100
 
 
@@ -60,9 +69,10 @@ def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) 
 def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
     """{file name: text}: the tangent kernels."""
     prefix = identifier(equations.model.name)
-    tables = Tables(f"{prefix}_tangents_")
+    tables = Tables(f"{prefix}_{programs.kind}_")
     records = {
         "prefix": prefix,
+        "kind": programs.kind,
         "upper": prefix.upper(),
         "model": equations.model,
         "kernels": [_kernel(program, prefix, tables) for program in programs.programs.values()],
@@ -70,7 +80,7 @@ def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, 
         **_tables(tables),
         "width": WIDTH,
     }
-    return {f"{prefix}_tangents.{kind}": render(f"c/tangents.{kind}.jinja", **records) for kind in "ch"}
+    return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
 
 
 def program_records(programs, prefix: str) -> dict:
@@ -159,12 +169,23 @@ def _block(block, tables: Tables, names: Names) -> dict:
         if not loop and store.comment not in ("", said):
             said = store.comment
             lines.append(f"/* {comment_text(said)} */")
-        lines += [f"const ncgen_real {a.name} = {a.value};" for a in before]
+        lines += [f"const ncgen_real {a.name} = {_splat(a.value) if _is_number(a.node, block) else a.value};" for a in before]
         place = _subscript(tables.place(store.table)) if loop else store.index
         sign = "+=" if store.accumulate else "="
-        plain = loop and not before and not any(op.args for op in block.ops)
-        lines.append(f"{store.array}[{place}] {sign} {f'NCGEN_SPLAT({value})' if plain else value};")
+        value = _splat(value) if block.ops[store.node].code == "const" else value
+        lines.append(f"{store.array}[{place}] {sign} {value};")
     return {"loop": loop, "count": block.count, "title": comment_text(block.title), "lines": lines, "comments": loop_comments(block)}
+
+
+def _is_number(node: int, block) -> bool:
+    """True for what a loop reads from a table of numbers."""
+    op = block.ops[node]
+    return op.code == "slot" and block.slots[op.leaf].array == "const"
+
+
+def _splat(value: str) -> str:
+    """A constant as a number of the kernels' type, which may be a vector."""
+    return f"NCGEN_SPLAT({value})"
 
 
 def _records(programs: Programs, prefix: str, kernels, tables: Tables) -> dict:

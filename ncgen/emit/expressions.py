@@ -29,8 +29,11 @@ class Dialect(Protocol):
 
 
 class Assignment(NamedTuple):
+    """A name for the value of an operation, whose number in the block is `node`."""
+
     name: str
     value: str
+    node: int
 
 
 class Written(NamedTuple):
@@ -60,7 +63,7 @@ def write(block: Block, dialect: Dialect, names: Names) -> Written:
             if node not in block.names:
                 temporaries += 1
             name = names(block.names.get(node, f"x{temporaries}"))
-            lines.append(Assignment(name, value))
+            lines.append(Assignment(name, value, node))
             text[node] = (name, ATOM)
         before.append(lines)
         values.append(text[store.node][0])

@@ -48,7 +48,7 @@ def numpy_tangents(programs: TangentPrograms, equations: Equations) -> dict[str,
     kernels = [_kernel(program, tables) for program in programs.programs.values()]
     name = identifier(equations.model.name)
     text = render("numpy/tangents.py.jinja", model=equations.model, kernels=kernels, **_tables(tables), width=WIDTH)
-    return {f"{name}_tangents.py": text}
+    return {f"{name}_{programs.kind}.py": text}
 
 
 def _tables(tables: Tables) -> dict:

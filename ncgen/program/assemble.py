@@ -230,10 +230,16 @@ def _slot(reference, members, equations) -> Slot:
 
 
 def place_of(place: tuple, bound: Bound, equations: Equations) -> tuple[int, ...]:
-    """Where a contribution goes: row number, coordinate numbers, or number of the energy."""
+    """Where a contribution goes: row number, coordinate numbers, number of the energy or of a parameter ("p", i)."""
     if place[0] == "energy":
         return (ENERGIES.index(place[1]),)
-    return tuple(bound.term.row if p == "row" else equations.index[bound.coordinates[p]] for p in place)
+
+    def number(part) -> int:
+        if part == "row":
+            return bound.term.row
+        return part[1] if isinstance(part, tuple) else equations.index[bound.coordinates[part]]
+
+    return tuple(map(number, place))
 
 
 def _places(groups: list[Contribution], equations: Equations) -> set[tuple[int, ...]]:

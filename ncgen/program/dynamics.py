@@ -13,16 +13,12 @@ from __future__ import annotations
 
 from collections import defaultdict
 from dataclasses import dataclass
-from functools import partial
 
-from ncgen.program import passes
-from ncgen.program.angles import share_angles
-from ncgen.program.assemble import ENERGIES, KERNELS, Kernel, load_name, parts_of, place_of
-from ncgen.program.binding import Derived, bind
-from ncgen.program.blocks import Program, Store, Straight
+from ncgen.program.assemble import ENERGIES, KERNELS
+from ncgen.program.blocks import Program
 from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_transposed
 from ncgen.program.graph import Graph
-from ncgen.program.lower import lower_value
+from ncgen.program.lines import Lines
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
 
@@ -62,50 +58,6 @@ def assemble_dynamics(equations: Equations, split: Split, samples: Samples, size
     return DynamicsPrograms(newton, acceleration, split)
 
 
-class _Lines:
-    """All terms of a mechanism written into one graph."""
-
-    def __init__(self, equations: Equations):
-        self.equations = equations
-        self.graph = Graph()
-        self.derived = Derived()
-        self.rates: list[int] = []
-        self._parameters: dict[str, int] | None = None
-
-    def gather(self, kernel: Kernel) -> dict[tuple[int, ...], int]:
-        """{place: node} of a kernel's output, contributions added up, structural zeros left out."""
-        sums: dict[tuple[int, ...], list[int]] = defaultdict(list)
-        for term in kernel.terms(self.equations):
-            bound = bind(term, self.equations, self.derived)
-            for place, node in parts_of(kernel, bound, self.graph, partial(self._read, bound)):
-                sums[place_of(place, bound, self.equations)].append(node)
-        return {place: self.graph.sum(nodes) for place, nodes in sums.items()}
-
-    def _read(self, bound, reference) -> int:
-        kind, k = reference
-        if kind == "const":
-            return self.graph.const(bound.constants[k])
-        if kind == "p":
-            array, index = bound.parameters[k]
-            return self.graph.load("p", index) if array == "p" else self._expression(index)
-        position = self.equations.index[bound.coordinates[k]]
-        return self.graph.load("q", position) if kind == "q" else self.rates[position]
-
-    def _expression(self, index: int) -> int:
-        if self._parameters is None:
-            self._parameters = {p.name: self.graph.load("p", i) for i, p in enumerate(self.equations.parameters)}
-        return lower_value(self.graph, self.derived.expressions[index], self._parameters)
-
-    def program(self, name: str, inputs, outputs: list[int]) -> Program:
-        """A program that writes these nodes one after the other."""
-        stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
-        block = passes.schedule(passes.dead_code(Straight(tuple(self.graph.ops), stores, self._names())))
-        return share_angles(Program(name, inputs, name, len(outputs), (block,)))
-
-    def _names(self) -> dict[int, str]:
-        return {k: load_name(*op.leaf, self.equations) for k, op in enumerate(self.graph.ops) if op.code == "load"}
-
-
 def _dependent(jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix, Samples]:
     """Φ_q^d over kept rows and dependent coordinates, renumbered, as nodes and as numbers."""
     row = {r: i for i, r in enumerate(split.rows)}
@@ -117,13 +69,13 @@ def _dependent(jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix
     return chosen(jacobian), [chosen(sample) for sample in samples]
 
 
-def _factor(lines: _Lines, jacobian: Matrix, split: Split, samples: Samples) -> Factors:
+def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Samples) -> Factors:
     matrix, numbers = _dependent(jacobian, split, samples)
     return factor(lines.graph, matrix, len(split.rows), numbers)
 
 
 def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
-    lines = _Lines(equations)
+    lines = Lines(equations)
     graph = lines.graph
     phi = lines.gather(KERNELS["phi"])
     factors = _factor(lines, lines.gather(KERNELS["phi_q"]), split, samples)
@@ -136,7 +88,7 @@ def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
 
 
 def _acceleration(equations: Equations, split: Split, samples: Samples, sizes) -> Program:
-    lines = _Lines(equations)
+    lines = Lines(equations)
     graph = lines.graph
     zero, one = graph.const(0.0), graph.const(1.0)
     n, nz = len(equations.free), len(split.independent)

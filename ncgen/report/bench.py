@@ -10,6 +10,7 @@ from rich.text import Text
 from ncgen.compiler import compile
 from ncgen.model import Model
 from ncgen.program.cost import cost
+from ncgen.report.batches import RUNS, STATES, batch_records
 from ncgen.report.clock import measure
 from ncgen.report.falls import fall_records
 from ncgen.report.rates import arithmetic_rate, derivative_records
@@ -30,6 +31,8 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
     title = f"state derivative: ns; floor at {rate / 1e9:.1f} operations a nanosecond, the measured rate of plain arithmetic"
     yield title, derivative_records(kernels, rate) if kernels.m else []
     yield "simulation: ms, error of the end position (m, rad)", list(fall_records(kernels))
+    title = f"batch of {STATES:,} states, of {RUNS:,} simulations: ns a state, gain over one at a time, relative difference"
+    yield title, list(batch_records(kernels))
 
 
 def kernel_records(model: Model, rate: float) -> list[dict]:
@@ -65,7 +68,7 @@ def show(console: Console, title: str, records: list[dict]) -> None:
     """One section as a table; nothing where nothing could be measured."""
     if not records:
         return
-    tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows}
+    tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows}
     console.print(Text(title, style="bold"))
     for line in _aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
         console.print(line, markup=False)
@@ -113,6 +116,14 @@ def _simulation_rows(records: list[dict]) -> list[tuple[str, ...]]:
         each = f"{1e6 * r['seconds'] / r['evaluations']:.2f}" if "evaluations" in r else ""
         counts = (str(r.get(name, "")) for name in ("evaluations", "newton_steps"))
         rows.append((r["tool"], r["setting"], milliseconds, total, _error(r["error"]), *counts, each))
+    return rows
+
+
+def _batch_rows(records: list[dict]) -> list[tuple[str, ...]]:
+    rows = [("", "", "ns", "quartiles", "gain", "difference")]
+    for r in records:
+        what = LETTERS.get(r["what"], r["what"])
+        rows.append((what, r["tool"], f"{1e9 * r['seconds']:.0f}", _quartiles(r), f"{r['ratio']:.2f}", _error(r["error"])))
     return rows
 
 

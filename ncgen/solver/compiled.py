@@ -10,7 +10,7 @@ from ncgen.solver.partition import BETTER, Partitions, choose_partitions, qualit
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import trial_positions
+from ncgen.solver.rank import freedom, trial_positions
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -18,6 +18,9 @@ coordinates only, and R is what their errors are multiplied by."""
 
 REUSE = 0.7
 """A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
+
+MOST_STEPS = 1_000_000
+"""Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
 
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
@@ -46,18 +49,71 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
     return None
 
 
+def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, engine: str) -> str | None:
+    """Why a simulation over all coordinates cannot run in C, in words, or None if it can."""
+    from ncgen.build.library import CompiledKernels
+    from ncgen.build.runtime import FORMALISMS, METHODS
+
+    if not isinstance(kernels, CompiledKernels):
+        return f"the kernels are {kernels.backend}, not compiled"
+    if engine == "emitted":
+        return f"a state derivative is emitted for coordinate-partitioning, not for {formalism}"
+    if formalism not in FORMALISMS:
+        return f"{formalism} runs in Python; in C there are {', '.join(FORMALISMS)}"
+    if canonical_name(integrator) not in METHODS:
+        return f"{integrator} runs in Python; in C there are {', '.join(METHODS)}"
+    if kernels.model.callbacks:
+        return "the model calls a Python function"
+    if kernels.model.branches:
+        return "the paper's sine-or-cosine rows choose anew between steps"
+    if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
+        return "there are no constraint rows that move"
+    return None
+
+
+def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, **steps) -> str | None:
+    """Fill an empty path over a time grid with a formalism over all coordinates.
+
+    settings: the formalism's options (`ncgen.solver.formalisms`)
+    Returns None, or why the run had to stop before the end of the grid.
+    """
+    from ncgen.build.runtime import FORMALISMS, ConstrainedDynamics
+
+    dynamics = kernels.__dict__.setdefault("_constrained", None) or ConstrainedDynamics(kernels)
+    kernels._constrained = dynamics
+    projected = settings["stabilisation"] == "projection"
+    stabilised = settings["stabilisation"] == "baumgarte"
+    done = dynamics.simulate(
+        canonical_name(integrator), grid, q, qd, p, tolerance=TOLERANCE, formalism=FORMALISMS[formalism], project=int(projected),
+        penalty=settings.get("alpha", 0.0), damping=settings["xi"], frequency=settings["omega"] if stabilised else 0.0,
+        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, **steps,
+    )  # fmt: skip
+    path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
+    path.projections += done.steps if projected else 0
+    return None if done.status == "ok" else f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
+
+
 def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p):
     """The state derivative for a partition, made once for every kernels object and partition."""
+    return emission(kernels, partitions, "emitted" if emitted else "dense", q, p)
+
+
+def emission(kernels: Kernels, partitions: Partitions, form: str, q, p):
+    """The state derivative in one of its forms: "dense", "emitted", or "lanes" for many states at a time."""
+    from ncgen.build.batch_runs import LaneDynamics
     from ncgen.build.runtime import DenseDynamics, EmittedDynamics
     from ncgen.program.dynamics import Split
 
     part = partitions.position
     split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
     store = kernels.__dict__.setdefault("_dynamics", {})
-    if (split, emitted) not in store:
-        new = EmittedDynamics(kernels, split, _samples(kernels, q, p)) if emitted else DenseDynamics(kernels, split)
-        store[split, emitted] = new
-    return store[split, emitted]
+    if (split, form) not in store:
+        if form == "dense":
+            store[split, form] = DenseDynamics(kernels, split)
+        else:
+            kind = {"emitted": EmittedDynamics, "lanes": LaneDynamics}[form]
+            store[split, form] = kind(kernels, split, _samples(kernels, q, p))
+    return store[split, form]
 
 
 def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
@@ -77,7 +133,7 @@ def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, z
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
         here = dynamics(kernels, path.partitions, emitted and len(seen) <= MOST_EMITTED, q, p)
-        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, TOLERANCE, growth)
+        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, tolerance=TOLERANCE, growth=growth)
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)

@@ -8,6 +8,8 @@ import numpy as np
 import scipy.integrate
 
 from ncgen.errors import ModelError
+from ncgen.solver.hermite import Hermite
+from ncgen.solver.trapezoidal import Trapezoidal
 
 
 class Adams(scipy.integrate.OdeSolver):
@@ -50,19 +52,6 @@ class _Nordsieck(scipy.integrate.DenseOutput):
         return self._engine.integrate(t).copy()
 
 
-class _Hermite(scipy.integrate.DenseOutput):
-    """Cubic interpolation between two states and their derivatives."""
-
-    def __init__(self, t0, y0, f0, t1, y1, f1):
-        super().__init__(t0, t1)
-        from scipy.interpolate import CubicHermiteSpline
-
-        self._spline = CubicHermiteSpline([t0, t1], [y0, y1], [f0, f1])
-
-    def _call_impl(self, t):
-        return self._spline(t).T
-
-
 class RungeKutta4(scipy.integrate.OdeSolver):
     """The classical fourth-order method with a fixed step, `max_step`."""
 
@@ -71,22 +60,39 @@ class RungeKutta4(scipy.integrate.OdeSolver):
         if not np.isfinite(max_step):
             raise ModelError("rk4 has a fixed step: give max_step in seconds")
         self._step = max_step if first_step is None else min(max_step, first_step)
-        self._slope = self.fun(t0, self.y)
+        self.f = self.fun(t0, self.y)
 
     def _step_impl(self):
         t, y, h = self.t, self.y, min(self._step, self.t_bound - self.t)
-        k1 = self._slope
+        k1 = self.f
         k2 = self.fun(t + h / 2, y + h / 2 * k1)
         k3 = self.fun(t + h / 2, y + h / 2 * k2)
         k4 = self.fun(t + h, y + h * k3)
         new = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
         self.t = self.t_bound if t + h >= self.t_bound else t + h
         self._previous = (t, y, k1)
-        self.y, self._slope = new, self.fun(self.t, new)
+        self.y, self.f = new, self.fun(self.t, new)
         return True, None
 
     def _dense_output_impl(self):
-        return _Hermite(*self._previous, self.t, self.y, self._slope)
+        return Hermite(*self._previous, self.t, self.y, self.f)
+
+
+def replace_state(solver: scipy.integrate.OdeSolver, y: np.ndarray) -> None:
+    """Put a slightly corrected state in place of an accepted one; the method goes on from it with its history as it is.
+
+    The correction is of the size of the tolerance, as are the errors in the history (Eich 1993, doi 10.1137/0730073).
+    """
+    solver.y = y
+    if isinstance(solver, scipy.integrate.BDF):
+        solver.D[0] = y
+    elif isinstance(solver, (Adams, scipy.integrate.LSODA)):
+        engine = solver._engine if isinstance(solver, Adams) else solver._lsoda_solver
+        # ODEPACK's solvers keep their state in the first column of Nordsieck's array, behind 20 numbers of their own.
+        engine._y = y.copy()
+        engine._integrator.rwork[20 : 20 + solver.n] = y
+    else:
+        solver.f = solver.fun(solver.t, y)
 
 
 INTEGRATORS = {
@@ -98,8 +104,9 @@ INTEGRATORS = {
     "bdf": scipy.integrate.BDF,
     "radau": scipy.integrate.Radau,
     "lsoda": scipy.integrate.LSODA,
+    "trapezoidal": Trapezoidal,
 }
-"""Integrators by their names in the field; all but rk4 choose their steps by themselves."""
+"""Integrators by their names in the field; all but rk4 and trapezoidal choose their steps by themselves."""
 
 OTHER_NAMES = {
     "rk45": "dopri5",
@@ -109,6 +116,14 @@ OTHER_NAMES = {
     "ode15s": "bdf",
 }
 """SciPy's and Matlab's names for the same methods."""
+
+
+IMPLICIT = (scipy.integrate.BDF, scipy.integrate.Radau, scipy.integrate.LSODA, Trapezoidal)
+
+
+def takes_jacobian(method: type, kernels) -> bool:
+    """True if an integrator uses ∂ẏ/∂y and it is known: forces of Python functions have no derivative."""
+    return method in IMPLICIT and not kernels.model.callbacks
 
 
 def find_integrator(name: str):

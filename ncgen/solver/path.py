@@ -7,23 +7,28 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.solver.partition import Partitions
+from ncgen.solver.projection import Projected
 
 
 @dataclass
 class Path:
-    """q, qd (rows, n) and work (rows,) at the first times of a grid; the partitions in use at the end.
+    """q, qd (rows, n) and work (rows,) at the first times of a grid; the partitions in use at the end, None where the
+    start is singular and the formalism needs none.
 
     counts: steps, evaluations, Newton steps, changes of partition, repeated steps, in the order of `Statistics`
+    projections, largest_projection: how often a state was projected, and how far a position moved at most, relative
     """
 
     q: np.ndarray
     qd: np.ndarray
     work: np.ndarray
     counts: np.ndarray
-    partitions: Partitions
+    partitions: Partitions | None
+    projections: int = 0
+    largest_projection: float = 0.0
 
     @classmethod
-    def empty(cls, n: int, partitions: Partitions) -> Path:
+    def empty(cls, n: int, partitions: Partitions | None) -> Path:
         return cls(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
 
     def extend(self, q, qd, work, counts) -> None:
@@ -31,6 +36,11 @@ class Path:
         self.q, self.qd = np.vstack([self.q, q]), np.vstack([self.qd, qd])
         self.work = np.concatenate([self.work, work])
         self.counts = self.counts + np.asarray(counts)
+
+    def note_projection(self, found: Projected) -> None:
+        self.projections += 1
+        self.largest_projection = max(self.largest_projection, found.moved)
+        self.counts[2] += found.steps
 
     def take_last(self) -> tuple[np.ndarray, np.ndarray, float]:
         """Remove the last row and return it: where another engine goes on."""

@@ -12,6 +12,8 @@ import numpy as np
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
+from ncgen.solver.dynamics_jacobian import partitioned_jacobian
+from ncgen.solver.integrators import takes_jacobian
 from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
 from ncgen.solver.path import Path
 from ncgen.solver.protocol import Kernels
@@ -84,7 +86,11 @@ class _Run:
     def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None):
         velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
         y = np.concatenate([here.qd[velocities], here.q[positions], [work]])
-        return self.method(self._derivative, t, y, self.end, first_step=first_step, **self.options)
+        exact = {"jac": self._jacobian} if takes_jacobian(self.method, self.kernels) else {}
+        return self.method(self._derivative, t, y, self.end, first_step=first_step, **exact, **self.options)
+
+    def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        return partitioned_jacobian(self.kernels, self.partitions, self._motion(t, y), self.start.p)
 
     def _step(self, solver, here: Motion):
         """One accepted step; returns the solver that made it, a fresh one if the position problem failed on the way."""
@@ -128,7 +134,7 @@ class _Run:
     def _stuck(self, here: Motion) -> str:
         return (
             f"{self.kernels.name}: the motion cannot go on beyond t = {here.t:.6g} s; the mechanism locks or comes to a "
-            "singular position there, or take smaller steps (rtol, max_step)"
+            "singular position there, which formalism='lagrange' passes; or take smaller steps (rtol, max_step)"
         )
 
     def _quality(self, partitions: Partitions, here: Motion) -> float:

@@ -8,6 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.linalg
 
 from ncgen.errors import ConvergenceError
 from ncgen.solver.position import solve_position
@@ -40,6 +41,11 @@ def null_space(jacobian: np.ndarray) -> np.ndarray:
     _, values, right = np.linalg.svd(jacobian, full_matrices=True)
     rank = int(np.sum(values > RELATIVE_ZERO * max(values[0], 1e-300))) if len(values) else 0
     return right[rank:].T
+
+
+def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
+    """The `rank` rows that a QR factorisation with exchanges finds farthest from dependent, in their own order."""
+    return np.sort(scipy.linalg.qr(jacobian.T, mode="r", pivoting=True)[1][:rank])
 
 
 def scaled_jacobian(kernels: Kernels, q, t=0.0, p=None) -> np.ndarray:

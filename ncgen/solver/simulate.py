@@ -3,24 +3,22 @@
 from __future__ import annotations
 
 import time
-import warnings
 from collections.abc import Callable
 from numbers import Integral, Real
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError
-from ncgen.solver import compiled, python_engine
-from ncgen.solver.assembly import assemble
+from ncgen.errors import ConvergenceError, ModelError, SingularError
+from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.branches import refresh_branches
-from ncgen.solver.integrators import find_integrator
-from ncgen.solver.partition import Partition, choose_partitions
+from ncgen.solver.methods import Method, find_method
+from ncgen.solver.partition import Partition, Partitions, choose_partitions
 from ncgen.solver.path import Path
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.protocol import Kernels
+from ncgen.solver.start import closed_position, given_velocity, velocity_from_rates
 from ncgen.solver.trajectory import Statistics, Trajectory
 
-FORMALISMS = ("coordinate-partitioning",)
 ENGINES = ("auto", "c", "emitted", "python")
 
 
@@ -34,23 +32,36 @@ def simulate(
     atol: float = 1e-10,
     q0=None,
     zd0=None,
+    qd0=None,
     z=None,
     p=None,
     t0: float = 0.0,
     points: int = 101,
     max_step: float = np.inf,
     engine: str = "auto",
+    options: dict | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Simulate a mechanism and return its trajectory on an even time grid.
 
     duration: s; t0: start time
-    formalism: "coordinate-partitioning" (the paper's Table 8)
-    integrator: dopri5, dop853, rk4 (fixed step max_step), adams, bdf, radau, rk23, lsoda, or Matlab's and SciPy's names
-        (ode45, RK45, ode113 …)
-    rtol, atol: tolerances on the independent velocities and positions
+    formalism: what the accelerations come from
+        "coordinate-partitioning" (the paper's Table 8): the independent coordinates alone are integrated
+        "null-space", "lagrange" (index 1), "augmented-lagrangian" (index 1), "udwadia-phohomsiri", "penalty": all
+        coordinates are integrated, and after every step projected onto the constraints (penalty: Baumgarte's terms)
+        "ali3p": index-3 augmented Lagrangian with mass-orthogonal projections, by the trapezoidal rule
+    integrator: dopri5, dop853, rk23, adams, bdf, radau, lsoda, or with the fixed step max_step rk4 and trapezoidal, or
+        Matlab's and SciPy's names (ode45, RK45, ode113 …)
+        with "lagrange" also those that discretise the constrained equations, with the fixed step max_step: rattle
+        (symplectic), energy-momentum (exact energy), generalized-alpha (numerical damping)
+    options: {name: value} for formalism and integrator: stabilisation ("projection", "baumgarte", "none"), omega (1/s) and
+        xi of Baumgarte's terms, alpha, the penalty over the largest inertia (ali3p: times h²/4, over that of its tangent); project_velocities of
+        energy-momentum; rho, ρ∞ of generalized-alpha, or hht, α of HHT in its place
+    rtol, atol: tolerances on the velocities and positions that are integrated
     q0: initial position, shape (n,) (default: the model's); if it is only approximate it is assembled first
     zd0: initial independent velocities by name, {"psi2": 1.0}, or as an array in the order of z (default: rest)
+    qd0: initial velocities of any coordinates by name (the others follow with the least kinetic energy), or of all as an
+        array; what the constraints do not allow is projected, with a warning
     z: names of the independent coordinates (default: the model's choice, else found by pivoting)
     p: parameters (default: the model's)
     points: how many instants the trajectory holds
@@ -63,9 +74,7 @@ def simulate(
     Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
     time where the motion cannot go on.
     """
-    if formalism not in FORMALISMS:
-        raise ModelError(f"formalism {formalism!r} is unknown; choose one of {', '.join(FORMALISMS)}")
-    method = find_integrator(integrator)
+    method = find_method(formalism, integrator, options)
     duration = _positive(duration, "duration", "s")
     for name, value in (("rtol", rtol), ("atol", atol)):
         _positive(value, name)
@@ -80,46 +89,83 @@ def simulate(
     q = np.array(kernels.q0 if q0 is None else q0, dtype=float)
     p = refresh_branches(kernels, q, kernels.p0 if p is None else np.asarray(p, dtype=float))
     check_finite(kernels, q, t0, p)
-    q = _assembled(kernels, q, t0, p)
+    q = closed_position(kernels, q, t0, p)
     check_mirror_roots(kernels, q, p)
     chosen = tuple(z or kernels.model.chosen_independent)
-    partitions = choose_partitions(kernels, q, t0, p, chosen)
-    zd = _rates(kernels, partitions.velocity, zd0)
+    partitions = _partitions(kernels, q, t0, p, chosen, needed=method.formalism.solve is None or zd0 is not None)
+    qd = _velocity(kernels, partitions, q, t0, p, zd0, qd0)
     grid = np.linspace(t0, t0 + duration, points)
-    options = dict(rtol=rtol, atol=atol, max_step=max_step)
+    steps = dict(rtol=rtol, atol=atol, max_step=max_step)
     clock = time.perf_counter()
+    path = Path.empty(kernels.n, partitions)
     emitted = engine == "emitted"
-    refused = "asked for" if engine == "python" else compiled.refusal(kernels, integrator, partitions, emitted)
+    refused = _refusal(kernels, method, engine, integrator, partitions)
     if refused and engine in ("c", "emitted"):
         raise ModelError(f"{kernels.name} cannot be simulated in C: {refused}; use engine='auto'")
-    path = Path.empty(kernels.n, partitions)
     if refused is None:
-        refused = compiled.run(path, kernels, integrator, emitted, grid, q, zd, p, **options)
+        refused = _run_in_c(path, kernels, method, integrator, emitted, grid, q, qd, p, steps)
         if refused and engine != "auto":
             raise ConvergenceError(f"{kernels.name}: {refused}; engine='auto' goes on in Python")
     if refused is not None:
-        python_engine.run(path, kernels, method, grid, q, zd, p, progress, **options)
+        if _is_constrained(method):
+            path = Path.empty(kernels.n, partitions)  # what C has left of it is done again
+        _run_in_python(path, kernels, method, grid, q, qd, p, progress, steps)
     if progress and refused is None:
         progress(grid[-1])
-    statistics = Statistics(*map(int, path.counts), time.perf_counter() - clock)
+    statistics = Statistics(*map(int, path.counts), time.perf_counter() - clock, path.projections, path.largest_projection)
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
     return Trajectory(
-        kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels
+        kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels, method.options
     )  # fmt: skip
 
 
-def _assembled(kernels: Kernels, q, t: float, p) -> np.ndarray:
-    """The start closed; a warning says what moved most if it was open."""
-    closed = assemble(kernels, q, t, p)
-    moved = np.abs(closed - q)
-    if np.any(moved > 0):
-        most = int(np.argmax(moved))
-        warnings.warn(
-            f"{kernels.name}: the initial position was open and has been assembled; {kernels.coordinates[most]} moved most, "
-            f"by {moved[most]:.3g}",
-            stacklevel=3,
-        )
-    return closed
+def _is_constrained(method: Method) -> bool:
+    """True where all coordinates are integrated, not the independent ones alone."""
+    return method.is_stepper or method.formalism.solve is not None
+
+
+def _run_in_c(path: Path, kernels: Kernels, method: Method, integrator: str, emitted: bool, grid, q, qd, p, steps: dict) -> str | None:
+    if _is_constrained(method):
+        return compiled.run_constrained(path, kernels, method.formalism.name, integrator, method.options, grid, q, qd, p, **steps)
+    return compiled.run(path, kernels, integrator, emitted, grid, q, qd[path.partitions.velocity.independent], p, **steps)
+
+
+def _run_in_python(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, steps: dict) -> None:
+    if method.is_stepper:
+        steppers.run(path, kernels, method.integrator, method.options, grid, q, qd, p, progress, steps["max_step"])
+    elif method.formalism.solve is None:
+        rates = qd[path.partitions.velocity.independent]
+        python_engine.run(path, kernels, method.integrator, grid, q, rates, p, progress, **steps)
+    else:
+        full_coordinates.run(path, kernels, method, grid, q, qd, p, progress, **steps)
+
+
+def _refusal(kernels: Kernels, method: Method, engine: str, integrator: str, partitions: Partitions | None) -> str | None:
+    """Why the run is not in C, or None if it is."""
+    if engine == "python":
+        return "asked for"
+    if _is_constrained(method):
+        return compiled.refusal_constrained(kernels, method.formalism.name, integrator, engine)
+    return compiled.refusal(kernels, integrator, partitions, engine == "emitted")
+
+
+def _partitions(kernels: Kernels, q, t: float, p, chosen: tuple[str, ...], needed: bool) -> Partitions | None:
+    """Independent coordinates at the start; None at a singular position where the formalism does without them."""
+    try:
+        return choose_partitions(kernels, q, t, p, chosen)
+    except SingularError:
+        if needed:
+            raise
+        return None
+
+
+def _velocity(kernels: Kernels, partitions: Partitions | None, q, t: float, p, zd0, qd0) -> np.ndarray:
+    """All initial velocities."""
+    if qd0 is not None and zd0 is not None:
+        raise ModelError("zd0 and qd0 are both given; give the initial velocities once")
+    if qd0 is not None or partitions is None:
+        return given_velocity(kernels, {} if qd0 is None else qd0, q, t, p)
+    return velocity_from_rates(kernels, partitions.velocity, _rates(kernels, partitions.velocity, zd0), q, t, p)
 
 
 def _positive(value: float, name: str, unit: str = "") -> float:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -12,6 +12,7 @@ from ncgen.errors import ModelError, NcgenError
 from ncgen.solver import frames, geometry
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.formalisms import FORMALISMS
 from ncgen.solver.partition import Partitions, choose_partitions, quality
 from ncgen.solver.protocol import Kernels
 
@@ -23,7 +24,8 @@ CONDITION = 1e-3
 @dataclass(frozen=True)
 class Statistics:
     """What a simulation cost: steps, evaluations of the state derivative, Newton steps of the position problem, changes
-    of the independent coordinates, steps repeated because the position problem failed, and seconds."""
+    of the independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was projected onto the constraints (Newton steps
+    count those of the projections then), and how far a position was moved at most, relative to its natural size."""
 
     steps: int
     evaluations: int
@@ -31,6 +33,8 @@ class Statistics:
     partition_changes: int
     repeated_steps: int
     seconds: float
+    projections: int = 0
+    largest_projection: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -41,7 +45,7 @@ class Trajectory:
     in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
     Accelerations and multipliers are computed when they are first asked for.
     engine: "c", "emitted", or "python" with the reason; made_with: the kernels that the motion was computed with, which
-    stay the same where `kernels` are replaced to look at it with other forces.
+    stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
     """
 
@@ -51,18 +55,20 @@ class Trajectory:
     qd: np.ndarray
     work: np.ndarray
     p: np.ndarray
-    partitions: Partitions
+    partitions: Partitions | None
     statistics: Statistics
     formalism: str
     integrator: str
     engine: str = "python"
     chosen: tuple[str, ...] = ()
     made_with: Kernels | None = None
+    options: dict = field(default_factory=dict)
 
     @property
     def independent(self) -> tuple[str, ...]:
         """Names of the independent coordinates: those that were chosen, else those at the end of the run."""
-        used = self.partitions.position.names(self.kernels)
+        partitions = self.partitions or choose_partitions(self.kernels, self.q[-1], self.t[-1], self.p)
+        used = partitions.position.names(self.kernels)
         return self.chosen if len(self.chosen) == len(used) else used
 
     @cached_property
@@ -74,6 +80,9 @@ class Trajectory:
     def _motion(self, t, q, qd):
         kernels = self.made_with or self.kernels
         p = refresh_branches(kernels, q, self.p)
+        formalism = FORMALISMS[self.formalism]
+        if formalism.solve is not None:
+            return formalism.motion(kernels, q, qd, t, p, self.options)
         part = self.partitions.velocity
         if quality(kernels, part, q, t, p) < CONDITION:
             part = choose_partitions(kernels, q, t, p, rows=part.rows).velocity
@@ -161,6 +170,7 @@ class Trajectory:
         from ncgen.emit.sources import write_bytes
 
         names = dict(coordinates=self.coordinates, parameters=self.kernels.parameters, rows=[r.label for r in self.model.rows])
+        names["independent"] = self.independent
         arrays = dict(t=self.t, q=self.q, qd=self.qd, qdd=self.qdd, lam=self.lam, work=self.work, p=self.p)
         buffer = io.BytesIO()
         np.savez(buffer, **arrays, **{k: np.array(v, dtype=str) for k, v in names.items()})

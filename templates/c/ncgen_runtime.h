@@ -24,9 +24,25 @@ extern "C" {
 typedef int ncgen_acceleration_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *zd, const ncgen_real *p,
                                       ncgen_real *out);
 
+/* How to factor [A Phi_q'; Phi_q -E], where A has the pattern of the mass matrix: the order of elimination and the pattern of its factor L D L', found once for a mechanism.
+ *
+ * order[k] is eliminated as the k-th: coordinate order[k], or row order[k] - n_coordinates
+ * Row k of L has the columns row_columns[row_start[k]] .. (increasing), with their values at row_places[...];
+ * column k of L has its values at column_start[k] .. and their rows in column_rows.
+ * Row k of the matrix gets, left of the diagonal and on it, at entry_columns[entry_start[k]] .., the values numbered
+ * entry_values[...] of the list [mass, phi_q]. */
+typedef struct ncgen_elimination {
+    int size;     /* n_coordinates + n_rows */
+    int nonzeros; /* of L */
+    const int *order;
+    const int *row_start, *row_columns, *row_places;
+    const int *column_start, *column_rows;
+    const int *entry_start, *entry_columns, *entry_values;
+} ncgen_elimination;
+
 typedef struct ncgen_dynamics {
     int n_independent;
-    int n_dependent;
+    int n_dependent;        /* with formalisms over all coordinates: the rank of phi_q, if rows are redundant, else 0 */
     const int *independent; /* positions in q */
     const int *dependent;
     const int *rows;        /* n_dependent kept rows; not used by emitted functions */
@@ -34,21 +50,50 @@ typedef struct ncgen_dynamics {
     const ncgen_scalar *row_sizes; /* n_rows: what a residual is compared with */
     ncgen_position_kernel *newton;
     ncgen_acceleration_kernel *acceleration;
+    const ncgen_elimination *elimination; /* for formalisms that solve with [M Phi_q'; Phi_q -E] */
+    int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
+    int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */
 } ncgen_dynamics;
+
+/* How accelerations follow from the equations of motion. All but the first integrate all coordinates, y = [qd, q, work],
+ * and bring position and velocity back onto the constraints after every step (except penalty and Baumgarte). */
+enum ncgen_formalism {
+    NCGEN_COORDINATE_PARTITIONING = 0,
+    NCGEN_LAGRANGE = 1,             /* M qdd + Phi_q' lam = Q, Phi_q qdd = gamma */
+    NCGEN_AUGMENTED_LAGRANGIAN = 2, /* the same by iteration with a penalty */
+    NCGEN_PENALTY = 3,              /* one solution with a penalty */
+    NCGEN_NULL_SPACE = 4,           /* on a basis of the motions, by QR */
+    NCGEN_UDWADIA_PHOHOMSIRI = 5    /* least squares, by QR */
+};
 
 enum ncgen_method {
     NCGEN_DOPRI5 = 0, /* Dormand-Prince 5(4) with error control and dense output */
-    NCGEN_RK4 = 1     /* classical Runge-Kutta with a fixed step */
+    NCGEN_RK4 = 1,    /* classical Runge-Kutta with a fixed step */
+    NCGEN_DOP853 = 2  /* Dormand-Prince 8(5,3) with error control and dense output */
 };
+
+/* Stop where a coordinate passes a value, or a function of (t, q, qd, p) passes zero. */
+typedef struct ncgen_event {
+    int coordinate;      /* position in q; -1: the function */
+    int direction;       /* 1: rising, -1: falling, 0: both */
+    ncgen_scalar value;
+    ncgen_velocity_kernel *function; /* one number */
+} ncgen_event;
 
 typedef struct ncgen_options {
     int method;
-    ncgen_scalar rtol;      /* dopri5: error per step, relative and absolute */
+    ncgen_scalar rtol;      /* dopri5, dop853: error per step, relative and absolute */
     ncgen_scalar atol;
-    ncgen_scalar max_step;  /* dopri5: longest step, 0 for none; rk4: the step */
+    ncgen_scalar max_step;  /* dopri5, dop853: longest step, 0 for none; others: the step */
     ncgen_scalar tolerance; /* of the position problem, relative to row_sizes */
-    ncgen_scalar growth;    /* stop with NCGEN_PIVOT when the amplification has grown by this factor */
+    ncgen_scalar growth;    /* coordinate partitioning: stop with NCGEN_PIVOT when the amplification has grown by this factor */
     long max_steps;         /* 0 for no limit */
+    int formalism;
+    int project;            /* 1: back onto the constraints after each step */
+    ncgen_scalar penalty;   /* alpha of augmented Lagrangian and penalty, relative to the largest mass */
+    ncgen_scalar damping;   /* xi and omega (1/s) of gamma - 2 xi omega Phid - omega^2 Phi; omega 0: none */
+    ncgen_scalar frequency;
+    const ncgen_event *event; /* NULL: run to the end */
 } ncgen_options;
 
 typedef struct ncgen_statistics {
@@ -58,25 +103,29 @@ typedef struct ncgen_statistics {
     long evaluations;
     long newton_steps;
     ncgen_scalar t;   /* time reached */
+    long factorisations; /* of [A Phi_q'; Phi_q -E] */
+    long perturbed;   /* pivots without mass in them that were made larger */
+    long refinements;
+    int stopped;      /* 1: by the event, at t */
 } ncgen_statistics;
 
 /* end cdef */
 /* begin functions */
 
-/* Numbers of workspace that ncgen_simulate needs; besides, it needs n_dependent integers. */
-size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics);
+/* Numbers of workspace that ncgen_simulate needs; besides, it needs n_coordinates + 2 n_rows integers. */
+size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 
 /* Simulate from times[0] to times[n_times - 1].
  *
- * q, zd: consistent initial position and independent velocities
+ * q, velocities: consistent initial position; independent velocities with coordinate partitioning, all velocities else
  * out_q, out_qd: n_times + 1 rows of n_coordinates; out_work: work (J) of drivers and forces without a potential.
  *     The additional row is the state at statistics->t, from which a run that stops early can go on.
  * rows: how many rows of the grid have been written
  * returns NCGEN_OK, or why it stopped at statistics->t */
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
-                   const ncgen_real *p, const ncgen_real *q, const ncgen_real *zd, int n_times, const ncgen_scalar *times,
-                   ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows, ncgen_statistics *statistics,
-                   ncgen_real *workspace, int *integers);
+                   const ncgen_real *p, const ncgen_real *q, const ncgen_real *velocities, int n_times,
+                   const ncgen_scalar *times, ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows,
+                   ncgen_statistics *statistics, ncgen_real *workspace, int *integers);
 
 /* end functions */
 

@@ -191,7 +191,7 @@ def test_cache(ncgen_main, mine, monkeypatch, written):
     for _ in range(2):
         assert ncgen_main("run", "mine.py", "--no-files", "--json", "--backend", "c").code == 0
         said = ncgen_main("cache")
-        assert "2 libraries" in said.out and "mine.c" in said.out and "ncgen_runtime.c" in said.out
+        assert "2 libraries" in said.out and "mine.c" in said.out and "ncgen_run.c" in said.out
     Path("store/notes.txt").write_text("mine")
     Path("store/folder").mkdir()
     said = ncgen_main("cache", "--clear")

@@ -53,7 +53,7 @@ def said(block: Straight) -> list[float]:
     space = {"q": Q, "sin": math.sin, "atan2": math.atan2}
     results = []
     for before, value in zip(written.before, written.values, strict=True):
-        for name, text in before:
+        for name, text, _ in before:
             assert name not in space
             space[name] = eval(text, {}, space)
         results.append(eval(value, {}, space))
@@ -82,7 +82,7 @@ def test_what_is_used_twice_has_a_name(listed):
     """No operation is written twice, and no text that stands inside another is longer than allowed."""
     block = block_of(listed)
     written = write(block, Python(), Names(["out"]))
-    texts = [text for before in written.before for _, text in before] + written.values
+    texts = [text for before in written.before for _, text, _ in before] + written.values
     inner = [op for op in block.ops if op.args]
     signs = sum(text.count(sign) for text in texts for sign in (" + ", " - ", " * ", " / ", "sin(", "atan2("))
     assert signs == sum(op.code != "neg" for op in inner)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 
 import ncgen
 
@@ -79,3 +80,46 @@ def test_emissions_agree(emission):
     q, qd, qdd, lam = (rng.standard_normal(k) for k in (kernels.n, kernels.n, kernels.n, kernels.m))
     assert_close(other.stiffness(q, qd, qdd, lam).toarray(), kernels.stiffness(q, qd, qdd, lam).toarray())
     assert_close(other.phidd_q(q, qd, qdd).toarray(), kernels.phidd_q(q, qd, qdd).toarray())
+
+
+def parametric() -> ncgen.Model:
+    """A slider-crank-like loop in which lengths, inertia, a spring, a damper, a drive and gravity hold parameters."""
+    model = ncgen.Model("parametric")
+    length, stiff, heavy, speed = (model.parameter(n, v) for n, v in (("L", 1.2), ("k", 40.0), ("w", 3.0), ("speed", 0.7)))
+    A, D = model.point("A", (0, 0, 0), fixed=True), model.point("D", (2, 0, 0), fixed=True)
+    z, x = model.vector("z", (0, 0, 1), fixed=True), model.vector("x", (1, 0, 0), fixed=True)
+    B, C = model.point("B", (0, 1.2, 0), fixed="z"), model.point("C", (2, 1.5, 0), fixed="z")
+    model.distance(A, B, length)
+    model.distance(B, C)
+    model.distance(C, D)
+    psi = model.angle("psi", start=x, end=B - A, axis=z)
+    model.drive(psi, sympy.pi / 2 + speed * model.time**2)
+    model.spring(B, D, stiffness=stiff, damping=0.1 * stiff, free_length=length / 2)
+    model.force(C, (heavy * sympy.sin(model.time), -(heavy**2), 0))
+    return model
+
+
+def test_derivatives_by_parameters():
+    """phi_p, phid_p, phidd_p and balance_p against complex steps in the parameters."""
+    sources = ncgen.generate(parametric())
+    plain = ncgen.compile(sources, backend="numpy")
+    rng = np.random.default_rng(5)
+    q, qd, qdd, lam = (rng.standard_normal(k) for k in (plain.n, plain.n, plain.n, plain.m))
+    q, t = plain.q0 + 0.05 * q, 0.4
+
+    def row_rate(p):
+        return plain.jacobian(q, t, p) @ qd - plain.nu(q, t, p)
+
+    def row_acceleration(p):
+        return plain.jacobian(q, t, p) @ qdd - plain.values("gamma", t, q, qd, p)
+
+    def forces(p):
+        return plain.mass_matrix(q, t, p) @ qdd + plain.jacobian(q, t, p).T @ lam - plain.values("force", t, q, qd, p)
+
+    for kernels in (plain, ncgen.compile(sources, backend="c")):
+        assert_close(kernels.phi_p(q, t).toarray(), slope(lambda p: plain.phi(q, t, p), plain.p0))
+        assert_close(kernels.phid_p(q, qd, t).toarray(), slope(row_rate, plain.p0))
+        assert_close(kernels.phidd_p(q, qd, qdd, t).toarray(), slope(row_acceleration, plain.p0))
+        assert_close(kernels.balance_p(q, qd, qdd, lam, t).toarray(), slope(forces, plain.p0))
+    assert np.all(np.abs(plain.phi_p(q, t).toarray()).max(axis=0)[[0, 3]] > 0)
+    assert np.all(np.abs(plain.balance_p(q, qd, qdd, lam, t).toarray()).max(axis=0)[:3] > 0)

@@ -5,7 +5,7 @@ import json
 import pytest
 
 import ncgen
-from ncgen.report import clock, falls, rates
+from ncgen.report import batches, clock, falls, rates
 from ncgen.report.bench import bench, kernel_records
 
 pytestmark = pytest.mark.xdist_group("robot")
@@ -19,6 +19,9 @@ def quick(monkeypatch):
     monkeypatch.setattr(falls, "TOLERANCES", (1e-6,))
     monkeypatch.setattr(falls, "STEPS", (100,))
     monkeypatch.setattr(falls, "REPEATS", 1)
+    monkeypatch.setattr(batches, "STATES", 20)
+    monkeypatch.setattr(batches, "RUNS", 9)
+    monkeypatch.setattr(batches, "ROUNDS", 1)
 
 
 def test_kernels_of_the_robot(robot_model):
@@ -34,7 +37,7 @@ def test_kernels_of_the_robot(robot_model):
 def test_sections_of_a_mechanism_without_hand_written_code():
     sections = dict(bench(ncgen.load("fourbar")))
     records = [r for found in sections.values() for r in found]
-    assert {r["case"] for r in records} >= {"phi", "all", "state derivative", "simulation"}
+    assert {r["case"] for r in records} >= {"phi", "all", "state derivative", "simulation", "batch"}
     assert all({"case", "tool", "error", "seconds"} <= r.keys() for r in records)
     assert not any("hand-written" in r["tool"] for r in records)
     assert json.loads(json.dumps(records)) == records
@@ -54,3 +57,11 @@ def test_the_state_derivative(robot):
     assert records["accelerations"]["error"] < 1e-12
     assert records["hand-written NumPy"]["error"] < 1e-11
     assert records["Newton step"]["floor"] == records["Newton step"]["operations"] / 1e9
+
+
+def test_batches(robot):
+    """Each state has in the batch what it has alone."""
+    records = list(batches.batch_records(robot))
+    assert {r["what"] for r in records} == {"phi", "phi_q", "gamma", "simulation"}
+    assert {"one at a time in C", "batch, threads: 1"} <= {r["tool"] for r in records}
+    assert all(r["error"] < 1e-11 for r in records if r["tool"].startswith("batch"))

@@ -1,0 +1,64 @@
+"""A mechanism in one straight line: every term written out, whatever is common to several of them computed once."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from functools import partial
+
+from ncgen.program import passes
+from ncgen.program.angles import share_angles
+from ncgen.program.assemble import Kernel, load_name, parts_of, place_of
+from ncgen.program.binding import Derived, bind
+from ncgen.program.blocks import Program, Store, Straight
+from ncgen.program.graph import Graph
+from ncgen.program.lower import lower_value
+from ncgen.symbolic.equations import Equations
+
+
+class Lines:
+    """All terms of a mechanism written into one graph.
+
+    rates: nodes of the velocities; loads of qd unless something else is put in their place
+    """
+
+    def __init__(self, equations: Equations):
+        self.equations = equations
+        self.graph = Graph()
+        self.derived = Derived()
+        self.rates: list[int] = [self.graph.load("qd", i) for i in range(len(equations.free))]
+        self._parameters: dict[str, int] | None = None
+
+    def gather(self, kernel: Kernel) -> dict[tuple[int, ...], int]:
+        """{place: node} of a kernel's output, contributions added up, structural zeros left out."""
+        sums: dict[tuple[int, ...], list[int]] = defaultdict(list)
+        for term in kernel.terms(self.equations):
+            bound = bind(term, self.equations, self.derived)
+            for place, node in parts_of(kernel, bound, self.graph, partial(self._read, bound)):
+                sums[place_of(place, bound, self.equations)].append(node)
+        return {place: self.graph.sum(nodes) for place, nodes in sums.items()}
+
+    def _read(self, bound, reference) -> int:
+        kind, k = reference
+        if kind == "const":
+            return self.graph.const(bound.constants[k])
+        if kind == "p":
+            array, index = bound.parameters[k]
+            return self.graph.load("p", index) if array == "p" else self._expression(index)
+        if kind == "lam":
+            return self.graph.load("lam", bound.term.row)
+        position = self.equations.index[bound.coordinates[k]]
+        return self.rates[position] if kind == "qd" else self.graph.load(kind, position)
+
+    def _expression(self, index: int) -> int:
+        if self._parameters is None:
+            self._parameters = {p.name: self.graph.load("p", i) for i, p in enumerate(self.equations.parameters)}
+        return lower_value(self.graph, self.derived.expressions[index], self._parameters)
+
+    def program(self, name: str, inputs, outputs: list[int]) -> Program:
+        """A program that writes these nodes one after the other."""
+        stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
+        block = passes.schedule(passes.dead_code(Straight(tuple(self.graph.ops), stores, self._names())))
+        return share_angles(Program(name, inputs, name, len(outputs), (block,)))
+
+    def _names(self) -> dict[int, str]:
+        return {k: load_name(*op.leaf, self.equations) for k, op in enumerate(self.graph.ops) if op.code == "load"}

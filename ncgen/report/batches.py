@@ -1,0 +1,95 @@
+"""Many states in one call against one at a time: kernels and whole simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ncgen.build.batch import available
+from ncgen.build.kernels import Kernels
+from ncgen.report.clock import measure, repeated
+from ncgen.report.repeat import Call, runner
+from ncgen.report.rivals import KERNELS
+from ncgen.solver.assembly import assemble
+from ncgen.solver.batch import simulate_batch
+from ncgen.solver.compiled import GROWTH, emission, refusal
+from ncgen.solver.partition import choose_partitions
+from ncgen.solver.position import TOLERANCE
+
+STATES = 10_000
+RUNS = 2_000
+"""Simulations in a batch: enough to fill lanes and threads many times over."""
+
+ALONE = 5
+"""Simulations one at a time in a sample."""
+
+ROUNDS = 9
+BATCH = "batch, threads: {}"
+TOLERANCES = {"rtol": 1e-6, "atol": 1e-8}
+
+
+def batch_records(kernels: Kernels) -> Iterator[dict]:
+    """Records of seconds a state; ratio: how many times less than one at a time in C; error: largest relative difference."""
+    yield from _kernel_records(kernels)
+    if kernels.m and _runs_in_lanes(kernels):
+        yield from _simulation_records(kernels)
+
+
+def _kernel_records(kernels: Kernels) -> Iterator[dict]:
+    rng = np.random.default_rng(0)
+    q = kernels.q0 + rng.uniform(-0.1, 0.1, (STATES, kernels.n))
+    qd = rng.uniform(-1, 1, q.shape)
+    for name in (n for n in KERNELS if n in kernels.programs.programs):
+        out = kernels.batch.values(name, 0.0, q, qd, None)
+        own = kernels.values(name, 0.0, q[-1], qd[-1], None)
+        call = Call(kernels.function(name), out.shape[1], kernels)
+        moves = "qd" in kernels.programs.programs[name].inputs
+        runs = {
+            "one at a time in C": runner(0.0, q[0], qd[0], kernels.p0, *(([], call) if moves else ([call],))),
+            "one at a time from Python": repeated(lambda name=name: kernels.values(name, 0.0, q[0], qd[0], None)),
+            BATCH.format(1): repeated(lambda name=name, out=out: kernels.batch.values(name, 0.0, q, qd, None, out)),
+        }
+        yield from _records(name, measure(runs, ROUNDS), _difference(out[-1], own), {BATCH.format(1): STATES})
+
+
+def _runs_in_lanes(kernels: Kernels) -> bool:
+    partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
+    return refusal(kernels, "dopri5", partitions, emitted=True) is None
+
+
+def _simulation_records(kernels: Kernels) -> Iterator[dict]:
+    """One at a time: the emitted run alone, without what `simulate` does before it; the batch is the whole call."""
+    duration = float(kernels.model.simulation_options.get("duration", 1.0))
+    q, p, grid = assemble(kernels, kernels.q0), kernels.p0, [0.0, duration]
+    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    zd0 = np.random.default_rng(0).uniform(-1, 1, (RUNS, len(partitions.velocity.independent)))
+    single = emission(kernels, partitions, "emitted", q, p)
+
+    def alone():
+        return [single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES) for zd in zd0[:ALONE]]
+
+    def together(count: int):
+        return lambda: simulate_batch(kernels, duration, zd0=zd0, threads=count, **TOLERANCES)
+
+    threads = sorted({1, available()})
+    batch, runs = together(1)(), alone()
+    arrived = [i for i, run in enumerate(runs) if run.status == "ok"]
+    error = max((_difference(batch.q[i, -1], runs[i].q[-1]) for i in arrived), default=None)
+    spent = measure({"one at a time in C": repeated(alone)} | {BATCH.format(k): repeated(together(k)) for k in threads}, ROUNDS)
+    counts = {"one at a time in C": ALONE} | {BATCH.format(k): RUNS for k in threads}
+    yield from _records("simulation", spent, error, counts)
+
+
+def _difference(ours, own) -> float:
+    return float(np.max(np.abs(ours - own)) / max(np.max(np.abs(own)), np.finfo(float).tiny))
+
+
+def _records(what: str, spent: dict, error: float | None, states: dict[str, int]) -> Iterator[dict]:
+    """states: how many of them a measured call computes, where it is not one."""
+    times = {tool: {x: getattr(spread, x) / states.get(tool, 1) for x in ("median", "low", "high")} for tool, spread in spent.items()}
+    alone = times["one at a time in C"]["median"]
+    for tool, t in times.items():
+        compared = None if tool.startswith("one") else error
+        record = {"case": "batch", "tool": tool, "what": what, "error": compared, "seconds": t["median"], "ratio": alone / t["median"]}
+        yield record | {"low": t["low"], "high": t["high"]}

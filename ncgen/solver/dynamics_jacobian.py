@@ -1,0 +1,91 @@
+"""Exact ∂ẏ/∂y from the tangent kernels, by the implicit function theorem.
+
+The balance M q̈ + Φ_qᵀλ − Q = 0 and Φ̈ = 0 stay zero when q and q̇ change, hence with K, C, Φ̈_q and Φ̈_q̇ of the tangent kernels
+
+    [M Φ_qᵀ; Φ_q 0] [dq̈; dλ] = −[K; Φ̈_q] dq − [C; Φ̈_q̇] dq̇.
+
+Of independent coordinates z, dq = R dz and Φ_q dq̇ = −Φ̇_q dq, dq̇ on them being dż. Nothing depends on the work W, whose own row
+is left zero.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.solver.coordinate_partitioning import Motion
+from ncgen.solver.formalisms.instant import Baumgarte, scaled_mass
+from ncgen.solver.formalisms.kkt import KKT
+from ncgen.solver.partition import Partitions, kinematics
+from ncgen.solver.protocol import Kernels
+
+
+def acceleration_jacobians(kernels: Kernels, now: Motion, p=None, rows=None, gains: Baumgarte | None = None):
+    """∂q̈/∂q and ∂q̈/∂q̇, (n, n) each, at a motion; rows, gains: those in use and Baumgarte's, as for `instant`.
+
+    Forces of Python functions are not in it. Raises SingularError where accelerations are not determined.
+    """
+    t, q, qd = now.t, now.q, now.qd
+    rows = np.arange(kernels.m) if rows is None else rows
+    columns, sizes = kernels.column_sizes, kernels.row_sizes[rows]
+    jacobian = kernels.jacobian(q, t, p)
+    by_q, by_qd = (x.toarray() for x in (kernels.phidd_q(q, qd, now.qdd, t, p), kernels.phidd_qd(q, qd, t, p)))
+    if gains is not None:
+        by_q = by_q + 2 * gains.xi * gains.omega * rate_slope(kernels, now, p) + gains.omega**2 * _position_rows(kernels, jacobian)
+        by_qd = by_qd + 2 * gains.xi * gains.omega * jacobian
+    mass, unit = scaled_mass(kernels, q, t, p)
+    system = KKT(mass, jacobian[rows] * columns / sizes[:, None], kernels.name)
+    balances = kernels.stiffness(q, qd, now.qdd, now.lam, t, p), kernels.damping(q, qd, t, p)
+    right = -np.hstack([columns[:, None] * x.toarray() / unit for x in balances])
+    change = columns[:, None] * system.solve(right, -np.hstack([by_q, by_qd])[rows] / sizes[:, None])[0]
+    return change[:, : kernels.n], change[:, kernels.n :]
+
+
+def rate_slope(kernels: Kernels, now: Motion, p=None) -> np.ndarray:
+    """∂(Φ_q q̇ − ν)/∂q, (m, n): half of ∂Φ̈/∂q̇ for equations of position, whose Φ̈ is quadratic in q̇."""
+    slope = kernels.phidd_qd(now.q, now.qd, now.t, p).toarray() / 2
+    if len(kernels.holonomic) < kernels.m:
+        rolling = np.setdiff1d(np.arange(kernels.m), kernels.holonomic)
+        # Φ̈ = Φ_q q̈ − γ: what q̈ = q̇ adds to its slope is that of Φ_q q̇.
+        moving, still = (kernels.phidd_q(now.q, now.qd, x, now.t, p).toarray() for x in (now.qd, 0.0 * now.qd))
+        slope[rolling] = (moving - still)[rolling]
+    return slope
+
+
+def full_jacobian(kernels: Kernels, now: Motion, p=None, rows=None, gains: Baumgarte | None = None) -> np.ndarray:
+    """∂ẏ/∂y of y = [q̇; q; W]."""
+    n = kernels.n
+    by_q, by_qd = acceleration_jacobians(kernels, now, p, rows, gains)
+    result = np.zeros((2 * n + 1, 2 * n + 1))
+    result[:n, :n], result[:n, n : 2 * n] = by_qd, by_q
+    result[n : 2 * n, :n] = np.eye(n)
+    return result
+
+
+def partitioned_jacobian(kernels: Kernels, partitions: Partitions, now: Motion, p=None) -> np.ndarray:
+    """∂ẏ/∂y of y = [ż; z; W]."""
+    velocities, positions = partitions.velocity.independent, partitions.position.independent
+    by_q, by_qd = acceleration_jacobians(kernels, now, p, partitions.velocity.rows)
+    q_by_z, qd_by_zd, qd_by_z = independent_motions(kernels, partitions, now, p)
+    count = len(velocities)
+    result = np.zeros((count + len(positions) + 1,) * 2)
+    result[:count, :count] = (by_qd @ qd_by_zd)[velocities]
+    result[:count, count:-1] = (by_q @ q_by_z + by_qd @ qd_by_z)[velocities]
+    result[count:-1, :count] = qd_by_zd[positions]
+    result[count:-1, count:-1] = qd_by_z[positions]
+    return result
+
+
+def independent_motions(kernels: Kernels, partitions: Partitions, now: Motion, p=None):
+    """∂q/∂z, ∂q̇/∂ż and ∂q̇/∂z over all coordinates."""
+    place = kinematics(kernels, partitions.position, now.q, now.t, p)
+    rate = kinematics(kernels, partitions.velocity, now.q, now.t, p)
+    bias = rate_slope(kernels, now, p) @ place.R
+    qd_by_z = np.column_stack([-rate.particular(column) for column in bias.T]) if bias.size else np.zeros(place.R.shape)
+    return place.R, rate.R, qd_by_z
+
+
+def _position_rows(kernels: Kernels, jacobian: np.ndarray) -> np.ndarray:
+    """∂Φ/∂q: Φ_q, but zero for rolling conditions, which are not equations of position."""
+    result = np.zeros_like(jacobian)
+    result[kernels.holonomic] = jacobian[kernels.holonomic]
+    return result

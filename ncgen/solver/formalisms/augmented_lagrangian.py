@@ -1,0 +1,52 @@
+"""Multipliers by iteration on a penalty: (M + αΦ_qᵀΦ_q) is positive definite wherever accelerations are determined.
+
+q̈ₖ₊₁ solves M q̈ + Φ_qᵀ(λₖ + α(Φ_q q̈ − γ)) = Q, and λₖ₊₁ = λₖ + α(Φ_q q̈ₖ₊₁ − γ). Each iteration is written as a correction,
+since its right-hand side then holds what the rounding of the large penalty has spoilt.
+With a single iteration it is the penalty method, whose accelerations violate the rows by λ/α.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import lapack
+
+from ncgen.solver.formalisms.instant import Instant
+from ncgen.solver.formalisms.kkt import massless
+
+ITERATIONS = 12
+ENOUGH = 1e-14
+"""Corrections below this, relative to the accelerations, end the iteration."""
+
+
+def augmented_lagrangian(now: Instant, alpha: float):
+    x, y = np.zeros(len(now.force)), np.zeros(len(now.gamma))
+    correct = _correction(now, alpha)
+    last = np.inf
+    for _ in range(ITERATIONS):
+        step = correct(x, y)
+        x = x + step
+        y = y + alpha * (now.jacobian @ x - now.gamma)
+        size = float(np.max(np.abs(step), initial=0.0))
+        if size <= ENOUGH * np.max(np.abs(x), initial=0.0) or size >= last:
+            break
+        last = size
+    return x, y
+
+
+def penalty(now: Instant, alpha: float):
+    x = _correction(now, alpha)(np.zeros(len(now.force)), 0.0 * now.gamma)
+    return x, alpha * (now.jacobian @ x - now.gamma)
+
+
+def _correction(now: Instant, alpha: float):
+    """The correction of accelerations x with multipliers y."""
+    jacobian = now.jacobian
+    factor, failed = lapack.dpotrf(now.mass + alpha * jacobian.T @ jacobian)
+    if failed:
+        raise massless(now.kernels.name)
+
+    def correct(x, y):
+        rest = now.force - now.mass @ x - jacobian.T @ (y + alpha * (jacobian @ x - now.gamma))
+        return lapack.dpotrs(factor, rest)[0]
+
+    return correct

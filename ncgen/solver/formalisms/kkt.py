@@ -1,0 +1,71 @@
+"""The equations with multipliers as one linear system, regular also where rows are redundant.
+
+[W Aᵀ; A 0][x; y] = [f; c] is singular as soon as a row of A follows from others. With −ε in place of 0 it is regular wherever
+[W; A] has full column rank, and each refinement by the residual of the system itself brings x nearer to the solution by
+the factor ε/(ε + σ²) and y to the multipliers of smallest norm. It is the augmented Lagrangian method with penalty 1/ε.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.linalg import lapack
+from scipy.sparse import block_array, csc_array, eye_array
+from scipy.sparse.linalg import splu
+
+from ncgen.errors import SingularError
+
+EPSILON = 1e-10
+REFINEMENTS = 6
+SMALLEST_PIVOT = 1e-14
+"""Smaller pivots, relative to the largest, mean a motion that has no inertia."""
+
+LARGE = 300
+"""Systems with more unknowns are factored as sparse ones."""
+
+
+class KKT:
+    """The factored system for W (n, n) and A (m, n); `left` (n, m) stands for Aᵀ where it is not the transpose of A."""
+
+    def __init__(self, weight, jacobian, name: str, left=None):
+        self.weight, self.jacobian = weight, jacobian
+        self.left = jacobian.T if left is None else left
+        self._solve = (_sparse if sum(jacobian.shape) > LARGE else _dense)(weight, self.left, jacobian, name)
+
+    def solve(self, force, gamma) -> tuple[np.ndarray, np.ndarray]:
+        """x (n,) and y (m,), or (n, k) and (m, k) for k right-hand sides, refined until the residual no longer falls."""
+        n = len(force)
+        x, y, smallest = np.zeros_like(force), np.zeros_like(gamma), np.inf
+        for _ in range(REFINEMENTS):
+            rest = np.concatenate([force - self.weight @ x - self.left @ y, gamma - self.jacobian @ x])
+            size = float(np.max(np.abs(rest), initial=0.0))
+            if not size < smallest / 4:
+                break
+            step = self._solve(rest)
+            x, y, smallest = x + step[:n], y + step[n:], size
+        return x, y
+
+
+def massless(name: str) -> SingularError:
+    """The refusal where accelerations are not determined: [M; Φ_q] has not full column rank."""
+    return SingularError(
+        f"{name}: a motion of the mechanism has no inertia (the rank of [M; Φ_q] is too small); give the bodies that move mass"
+    )
+
+
+def _dense(weight, left, jacobian, name):
+    n = len(weight)
+    matrix = np.block([[weight, left], [jacobian, -EPSILON * np.eye(len(jacobian))]])
+    lu, exchanges, _ = lapack.dgetrf(matrix)
+    pivots = np.abs(np.diag(lu))
+    if n and not np.min(pivots) > SMALLEST_PIVOT * np.max(pivots):
+        raise massless(name)
+    return lambda right: lapack.dgetrs(lu, exchanges, right)[0]
+
+
+def _sparse(weight, left, jacobian, name):
+    corner = -EPSILON * eye_array(jacobian.shape[0])
+    try:
+        factors = splu(csc_array(block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), corner]])))
+    except RuntimeError:  # SuperLU's word for an exactly singular matrix
+        raise massless(name) from None
+    return factors.solve

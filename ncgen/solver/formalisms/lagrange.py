@@ -1,0 +1,10 @@
+"""Accelerations and multipliers together: [M Φ_qᵀ; Φ_q 0][q̈; λ] = [Q; γ] (index 1)."""
+
+from __future__ import annotations
+
+from ncgen.solver.formalisms.instant import Instant
+from ncgen.solver.formalisms.kkt import KKT
+
+
+def lagrange(now: Instant):
+    return KKT(now.mass, now.jacobian, now.kernels.name).solve(now.force, now.gamma)

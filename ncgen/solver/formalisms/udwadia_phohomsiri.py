@@ -1,0 +1,26 @@
+"""Udwadia and Phohomsiri's equation: q̈ = [(1 − Φ_q⁺Φ_q) M; Φ_q]⁺ [(1 − Φ_q⁺Φ_q) Q; γ], for singular M and redundant rows.
+
+Udwadia, Phohomsiri: Explicit equations of motion for constrained mechanical systems with singular mass matrices,
+Proc. R. Soc. A 462 (2006), doi 10.1098/rspa.2006.1662. The multipliers are those of smallest norm.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.solver.formalisms.instant import Instant
+from ncgen.solver.formalisms.kkt import massless
+from ncgen.solver.rank import RELATIVE_ZERO
+
+FULL = 1e-12
+"""Singular values below this, relative to the largest, mean accelerations that are not determined."""
+
+
+def udwadia_phohomsiri(now: Instant):
+    inverse = np.linalg.pinv(now.jacobian, rcond=RELATIVE_ZERO)
+    allowed = np.eye(len(now.force)) - inverse @ now.jacobian
+    stacked = np.vstack([allowed @ now.mass, now.jacobian])
+    x, _, rank, _ = np.linalg.lstsq(stacked, np.concatenate([allowed @ now.force, now.gamma]), rcond=FULL)
+    if rank < len(x):
+        raise massless(now.kernels.name)
+    return x, inverse.T @ (now.force - now.mass @ x)

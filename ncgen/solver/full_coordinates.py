@@ -1,0 +1,120 @@
+"""Simulation over all coordinates: y = [q̇; q; W] with accelerations from any formalism.
+
+Nothing in the state knows of the constraints, so after every accepted step position and velocity are projected onto
+them, unless the formalism itself holds them (Baumgarte, penalty). Interpolated instants are projected as well.
+"""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, SingularError
+from ncgen.solver.branches import refresh_branches
+from ncgen.solver.coordinate_partitioning import Motion
+from ncgen.solver.dynamics_jacobian import full_jacobian
+from ncgen.solver.integrators import replace_state, takes_jacobian
+from ncgen.solver.methods import Method
+from ncgen.solver.path import Path
+from ncgen.solver.projection import project
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
+
+
+def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, **options) -> None:
+    """Fill an empty path over a time grid.
+
+    options: rtol, atol, max_step of the integrator
+    Raises ConvergenceError or SingularError with the time where the motion cannot go on.
+    """
+    _Run(path, kernels, method, p).integrate(grid, q, qd, progress, options)
+
+
+class _Run:
+    """One integration: counters, and the parameters of the current step."""
+
+    def __init__(self, path: Path, kernels: Kernels, method: Method, p):
+        self.path, self.kernels, self.method, self.p = path, kernels, method, p
+        self.projecting = method.options["stabilisation"] == "projection"
+        self.rank = 0
+        self.rows = None
+        self.evaluations = 0
+
+    def integrate(self, grid, q, qd, progress, options) -> None:
+        self.rank = freedom(self.kernels, q, grid[0], self.p).rank
+        self._choose_rows(q, grid[0])
+        if takes_jacobian(self.method.integrator, self.kernels):
+            options = {**options, "jac": self._jacobian}
+        solver = self.method.integrator(self._derivative, grid[0], np.concatenate([qd, q, [0.0]]), grid[-1], **options)
+        self._record([solver.y])
+        taken = 0
+        while solver.status == "running":
+            self._step(solver)
+            taken += 1
+            stop = len(self.path.q) + int(np.sum(grid[len(self.path.q) :] <= solver.t))
+            inner = [t for t in grid[len(self.path.q) : stop] if t != solver.t]
+            between = solver.dense_output() if inner else None
+            self._record([self._closed(t, between(t)) for t in inner])
+            y = self._closed(solver.t, solver.y)
+            if self.projecting and y is not solver.y:
+                replace_state(solver, y)
+            if stop > len(self.path.q):
+                self._record([y])
+            self.p = refresh_branches(self.kernels, y[self._q], self.p)
+            self._choose_rows(y[self._q], solver.t)
+            if progress:
+                progress(solver.t)
+        self.path.counts = self.path.counts + [taken, self.evaluations, 0, 0, 0]
+
+    @property
+    def _q(self) -> slice:
+        return slice(self.kernels.n, -1)
+
+    def _record(self, states: list) -> None:
+        if states:
+            y = np.array(states)
+            self.path.extend(y[:, self._q], y[:, : self.kernels.n], y[:, -1], [0] * 5)
+
+    def _derivative(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.evaluations += 1
+        now = self.motion(t, y)
+        return np.concatenate([now.qdd, now.qd, [now.power]])
+
+    def motion(self, t: float, y: np.ndarray) -> Motion:
+        q, qd = y[self._q], y[: self.kernels.n]
+        return self.method.formalism.motion(self.kernels, q, qd, t, self.p, self.method.options, self.rows)
+
+    def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        gains = self.method.formalism.gains(self.method.options)
+        return full_jacobian(self.kernels, self.motion(t, y), self.p, self.rows, gains)
+
+    def _choose_rows(self, q, t: float) -> None:
+        """Of redundant rows those farthest from dependent: off the constraints, where a method's stages are, the others contradict them."""
+        if self.rank < self.kernels.m:
+            self.rows = best_rows(scaled_jacobian(self.kernels, q, t, self.p), self.rank)
+
+    def _step(self, solver) -> None:
+        start = solver.t
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
+            try:
+                message = solver.step()
+            except SingularError as error:
+                raise SingularError(f"{error}; at t = {start:.6g} s") from error
+        if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+            raise ConvergenceError(
+                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
+                "the motion may become singular there, or try another integrator or tolerance"
+            )
+
+    def _closed(self, t: float, y: np.ndarray) -> np.ndarray:
+        """The state on the constraints; itself if nothing is to be done."""
+        if not self.projecting:
+            return y
+        qd, q = y[: self.kernels.n], y[self._q]
+        found = project(self.kernels, q, qd, t, self.p)
+        if found.q is q and found.qd is qd:
+            return y
+        self.path.note_projection(found)
+        return np.concatenate([found.qd, found.q, y[-1:]])

@@ -1,0 +1,21 @@
+"""Cubic interpolation within a step, for methods that have no interpolation of their own."""
+
+from __future__ import annotations
+
+import scipy.integrate
+from scipy.interpolate import CubicHermiteSpline
+
+
+class Hermite(scipy.integrate.DenseOutput):
+    """Cubic interpolation between two states and their derivatives."""
+
+    def __init__(self, t0, y0, f0, t1, y1, f1):
+        super().__init__(t0, t1)
+        self._spline = CubicHermiteSpline([t0, t1], [y0, y1], [f0, f1])
+
+    def _call_impl(self, t):
+        return self._spline(t).T
+
+    def rate(self, t: float):
+        """The derivative at one instant."""
+        return self._spline(t, 1)

@@ -1,0 +1,93 @@
+"""Small motions beside a motion: the state matrix on independent coordinates, its eigenvalues and mode shapes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.dynamics_jacobian import independent_motions, partitioned_jacobian
+from ncgen.solver.partition import choose_partitions
+from ncgen.solver.position import solve_position
+from ncgen.solver.protocol import Kernels
+
+
+@dataclass(frozen=True)
+class Linearisation:
+    """ẋ = A x for x = [δz; δż], beside a position and velocity.
+
+    matrix: A (positions + velocities)²; positions, velocities: names of the independent coordinates and velocities
+    shapes: δq = shapes δx (n, len(x)), over all `coordinates`
+    """
+
+    matrix: np.ndarray
+    positions: tuple[str, ...]
+    velocities: tuple[str, ...]
+    coordinates: tuple[str, ...]
+    shapes: np.ndarray
+
+    @cached_property
+    def _pairs(self) -> tuple[np.ndarray, np.ndarray]:
+        """Eigenvalues and vectors, by frequency, then by decay."""
+        values, vectors = np.linalg.eig(self.matrix)
+        order = np.lexsort((np.round(values.imag, 12), values.real, np.round(np.abs(values.imag), 9)))
+        return values[order], vectors[:, order]
+
+    @property
+    def eigenvalues(self) -> np.ndarray:
+        """All eigenvalues (1/s), complex, by frequency."""
+        return self._pairs[0]
+
+    @property
+    def _swinging(self) -> np.ndarray:
+        """Places of the eigenvalues with a positive imaginary part: one of each pair."""
+        values = self.eigenvalues
+        return np.flatnonzero(values.imag > 1e-9 * np.max(np.abs(values), initial=0.0))
+
+    @property
+    def frequencies(self) -> np.ndarray:
+        """Frequencies (Hz) of the modes that swing, ascending: |Im| / 2π."""
+        return self.eigenvalues[self._swinging].imag / (2 * np.pi)
+
+    @property
+    def damping_ratios(self) -> np.ndarray:
+        """Decay over natural frequency of the modes that swing; negative ones grow."""
+        values = self.eigenvalues[self._swinging]
+        return -values.real / np.abs(values)
+
+    def mode(self, k: int) -> dict[str, complex]:
+        """{coordinate: amplitude} of the k-th mode that swings, the largest amplitude being 1."""
+        if not 0 <= k < len(self._swinging):
+            raise ModelError(f"mode {k}: there are {len(self._swinging)} modes that swing, numbered from 0")
+        shape = self.shapes @ self._pairs[1][:, self._swinging[k]]
+        shape = shape / shape[np.argmax(np.abs(shape))]
+        return dict(zip(self.coordinates, shape.tolist(), strict=True))
+
+    @property
+    def stable(self) -> bool:
+        """True if no eigenvalue grows, up to rounding."""
+        return bool(np.max(self.eigenvalues.real, initial=0.0) <= 1e-8 * np.max(np.abs(self.eigenvalues), initial=0.0))
+
+
+def linearise(kernels: Kernels, q=None, qd=None, t: float = 0.0, p=None, z=()) -> Linearisation:
+    """Linearise at a position (default: the initial one) and a velocity (n,) (default: rest), which the constraints allow.
+
+    z: names of the independent coordinates (default: the model's, else found by pivoting)
+    Beside a motion that is no equilibrium the matrix is that of this instant. Exact, from the tangent kernels.
+    Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative.
+    """
+    if kernels.model.callbacks:
+        raise ModelError(f"{kernels.name}: forces of Python functions have no derivative; write them as expressions to linearise")
+    q = solve_position(kernels, kernels.q0 if q is None else q, t, p).q
+    partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
+    velocities, positions = partitions.velocity.independent, partitions.position.independent
+    rates = np.zeros(len(velocities)) if qd is None else np.asarray(qd, dtype=float)[velocities]
+    now = motion_at(kernels, partitions.velocity, t, q, rates, p)
+    swapped = partitioned_jacobian(kernels, partitions, now, p)[:-1, :-1]
+    order = np.roll(np.arange(len(swapped)), len(positions))
+    shapes = np.hstack([independent_motions(kernels, partitions, now, p)[0], np.zeros((kernels.n, len(velocities)))])
+    names = partitions.position.names(kernels), partitions.velocity.names(kernels)
+    return Linearisation(swapped[np.ix_(order, order)], *names, kernels.coordinates, shapes)

@@ -1,0 +1,66 @@
+"""Projection of positions and velocities onto the constraints, along the directions that inertia resists least.
+
+The nearest position in the metric of M solves M dq + Φ_qᵀ μ = 0, Φ_q dq = −Φ: the equations of motion with other
+right-hand sides, so coordinates without mass and redundant rows do no harm. Likewise for velocities.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError
+from ncgen.solver.formalisms.instant import scaled_mass
+from ncgen.solver.formalisms.kkt import KKT
+from ncgen.solver.position import TOLERANCE, residual
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import scaled_jacobian
+
+LIMIT = 12
+
+
+@dataclass(frozen=True)
+class Projected:
+    """A consistent position and velocity, the Newton steps they took, and how far q moved, relative to its natural sizes."""
+
+    q: np.ndarray
+    qd: np.ndarray
+    steps: int
+    moved: float
+
+
+def project(kernels: Kernels, q, qd, t=0.0, p=None) -> Projected:
+    """The consistent position and velocity nearest to q and q̇; a consistent one comes back to the last bit.
+
+    Raises ConvergenceError with the residual if q is too far from closed, SingularError where a motion has no inertia.
+    """
+    start, sizes = q, kernels.column_sizes
+    history = [residual(kernels, q, t, p)]
+    while not history[-1] <= TOLERANCE:
+        if len(history) > LIMIT or not np.isfinite(history[-1]):
+            raise ConvergenceError(
+                f"{kernels.name}: the position cannot be projected onto the constraints at t = {t:.6g} s, "
+                f"the relative residual is {history[-1]:.2g}; take smaller steps (rtol, max_step)",
+                tuple(history),
+            )
+        step = _system(kernels, q, t, p).solve(np.zeros(kernels.n), -kernels.phi(q, t, p) / kernels.row_sizes)[0]
+        q = q + sizes * step
+        history.append(residual(kernels, q, t, p))
+    moved = float(np.max(np.abs(q - start) / sizes, initial=0.0))
+    return Projected(q, project_velocity(kernels, q, qd, t, p), len(history) - 1, moved)
+
+
+def project_velocity(kernels: Kernels, q, qd, t=0.0, p=None) -> np.ndarray:
+    """The velocity nearest to q̇ that satisfies Φ_q q̇ = ν; a consistent one comes back to the last bit."""
+    rows, sizes = kernels.row_sizes, kernels.column_sizes
+    jacobian, nu = scaled_jacobian(kernels, q, t, p), kernels.nu(q, t, p) / rows
+    rest = nu - jacobian @ (qd / sizes)
+    terms = np.abs(jacobian) @ np.abs(qd / sizes) + np.abs(nu)
+    if np.all(np.abs(rest) <= 4 * np.finfo(float).eps * terms):
+        return qd
+    return qd + sizes * _system(kernels, q, t, p).solve(np.zeros(kernels.n), rest)[0]
+
+
+def _system(kernels: Kernels, q, t, p) -> KKT:
+    return KKT(scaled_mass(kernels, q, t, p)[0], scaled_jacobian(kernels, q, t, p), kernels.name)

@@ -1,0 +1,93 @@
+"""Equilibria: positions where applied forces and multipliers balance, Φ_qᵀ λ = Q and Φ = 0 at rest."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.solver.assembly import assemble
+from ncgen.solver.position import solve_position
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import null_space, scaled_jacobian
+
+LIMIT = 200
+LONGEST_STEP = 0.2
+"""Largest change of any coordinate in one step, relative to its natural size."""
+
+ENOUGH = 1e-13
+"""Steps, or forces left over, below this are rounding (relative)."""
+
+NEUTRAL = 1e-9
+"""Stiffnesses below this, relative to the largest, count as none."""
+
+KINDS = ("stable", "nearest")
+
+
+@dataclass(frozen=True)
+class Equilibrium:
+    """A position q (n,) at rest, its multipliers (m,), and the stiffnesses of the motions that the constraints allow.
+
+    stiffnesses: eigenvalues (dof,) in J, for motions measured in natural sizes, ascending; stable: all are positive
+    """
+
+    q: np.ndarray
+    lam: np.ndarray
+    stiffnesses: np.ndarray
+    steps: int
+
+    @property
+    def stable(self) -> bool:
+        largest = np.max(np.abs(self.stiffnesses), initial=0.0)
+        return bool(np.all(self.stiffnesses > NEUTRAL * largest))
+
+
+def equilibrium(kernels: Kernels, q=None, t: float = 0.0, p=None, kind: str = "stable") -> Equilibrium:
+    """An equilibrium near q (default: the initial position).
+
+    kind: "stable" goes downhill, with Newton's steps whose stiffnesses are taken positive; "nearest" takes Newton's own steps
+        and may end on a hilltop. A start that is in balance already is kept, stable or not.
+    Raises ConvergenceError with the force that is left over if there is no balance, ModelError for rolling conditions.
+    """
+    if kind not in KINDS:
+        raise ModelError(f"kind {kind!r} is unknown; choose one of {', '.join(KINDS)}")
+    if len(kernels.holonomic) < kernels.m:
+        raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")
+    q = assemble(kernels, q, t, p)
+    for steps in range(LIMIT):
+        basis, pull, stiffness, lam, left = _balance(kernels, q, t, p)
+        values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
+        step = _step(pull, stiffness, values, vectors, kind)
+        if left <= ENOUGH or np.max(np.abs(basis @ step), initial=0.0) <= ENOUGH:
+            return Equilibrium(q, lam, values, steps)
+        step = basis @ step
+        step *= min(1.0, LONGEST_STEP / np.max(np.abs(step)))
+        q = solve_position(kernels, q + kernels.column_sizes * step, t, p).q
+    raise ConvergenceError(
+        f"{kernels.name}: no equilibrium found in {LIMIT} steps, {left:.2g} of the forces is left over; start nearer to one, "
+        "or the forces have no balance"
+    )
+
+
+def _balance(kernels: Kernels, q, t, p):
+    """Allowed motions N, the force along them, their stiffness, the multipliers, and the share of forces not balanced."""
+    rest, sizes = np.zeros(kernels.n), kernels.column_sizes
+    jacobian = scaled_jacobian(kernels, q, t, p)
+    force = sizes * kernels.force(q, rest, t, p)
+    push = np.linalg.lstsq(jacobian.T, force, rcond=1e-9)[0]
+    lam = push / kernels.row_sizes
+    basis = null_space(jacobian)
+    pull = basis.T @ force
+    stiffness = sizes[:, None] * kernels.stiffness(q, rest, rest, lam, t, p).toarray() * sizes
+    size = np.max(np.abs(force) + np.abs(jacobian.T) @ np.abs(push), initial=0.0)
+    return basis, pull, basis.T @ stiffness @ basis, lam, float(np.max(np.abs(pull), initial=0.0) / max(size, 1e-300))
+
+
+def _step(pull, stiffness, values, vectors, kind: str) -> np.ndarray:
+    if not len(pull):
+        return pull
+    if kind == "nearest":
+        return np.linalg.lstsq(stiffness, pull, rcond=NEUTRAL)[0]
+    floor = NEUTRAL * np.max(np.abs(values))
+    return vectors @ ((vectors.T @ pull) / np.maximum(np.abs(values), max(floor, 1e-300)))

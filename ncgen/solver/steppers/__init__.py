@@ -1,0 +1,65 @@
+"""Methods that discretise the constrained equations themselves, by name, and the run that makes a trajectory of their steps."""
+
+from __future__ import annotations
+
+from math import ceil
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.solver.branches import refresh_branches
+from ncgen.solver.hermite import Hermite
+from ncgen.solver.path import Path
+from ncgen.solver.projection import project
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.steppers.ali3p import Ali3p
+from ncgen.solver.steppers.energy_momentum import EnergyMomentum
+from ncgen.solver.steppers.generalized_alpha import GeneralizedAlpha
+from ncgen.solver.steppers.rattle import Rattle
+from ncgen.solver.steppers.stepper import Stepper
+
+STEPPERS: dict[tuple[str, str], type[Stepper]] = {
+    ("lagrange", "rattle"): Rattle,
+    ("lagrange", "energy-momentum"): EnergyMomentum,
+    ("lagrange", "generalized-alpha"): GeneralizedAlpha,
+    ("ali3p", "trapezoidal"): Ali3p,
+}
+"""Classes by formalism and integrator."""
+
+ON_THE_GRID = 1e-9
+"""An instant nearer to the end of a step than this share of it takes the state of the step itself."""
+
+
+def run(path: Path, kernels: Kernels, method: type[Stepper], settings: dict, grid, q, qd, p, progress, max_step: float) -> None:
+    """Fill an empty path over a time grid with equal steps of max_step, or a little less so that they end with the grid.
+
+    Instants within a step are interpolated and projected onto the constraints.
+    Raises ConvergenceError with the time where a step cannot be solved, ModelError without a max_step.
+    """
+    if not np.isfinite(max_step):
+        raise ModelError(f"{kernels.name}: this integrator has a fixed step: give max_step in seconds")
+    count = ceil((grid[-1] - grid[0]) / max_step * (1 - ON_THE_GRID))
+    stepper = method(kernels, grid[0], q, qd, p, (grid[-1] - grid[0]) / count, **settings)
+    path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
+    for _ in range(count):
+        before = stepper.t, stepper.q, stepper.qd, stepper.work
+        stepper.step()
+        reached = stepper.t + ON_THE_GRID * stepper.h
+        for t in [t for t in grid[len(path.q) :] if t <= reached]:
+            q, qd, work = _between(stepper, before, t, path)
+            path.extend(q[None], qd[None], [work], [0] * 5)
+        stepper.p = refresh_branches(kernels, stepper.q, stepper.p)
+        if progress:
+            progress(stepper.t)
+    path.counts = path.counts + [count, stepper.newton, stepper.newton, 0, 0]
+
+
+def _between(stepper: Stepper, before: tuple, t: float, path: Path):
+    """The state at an instant of the last step."""
+    if abs(t - stepper.t) <= ON_THE_GRID * stepper.h:
+        return stepper.q, stepper.qd, stepper.work
+    t0, q0, qd0, work0 = before
+    positions = Hermite(t0, q0, qd0, stepper.t, stepper.q, stepper.qd)
+    found = project(stepper.kernels, positions(t), positions.rate(t), t, stepper.p)
+    path.note_projection(found)
+    return found.q, found.qd, work0 + (t - t0) / (stepper.t - t0) * (stepper.work - work0)

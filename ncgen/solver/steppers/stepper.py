@@ -1,0 +1,122 @@
+"""What the methods share that discretise the constrained equations themselves.
+
+A stepper has a state (t, q, q̇, q̈, λ) and `step()`, which advances it by h. Its equations are solved by Newton's method with
+the tangents of the model, on the system with multipliers of `KKT`, without units.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.errors import ConvergenceError, SingularError
+from ncgen.solver.coordinate_partitioning import Motion
+from ncgen.solver.formalisms import FORMALISMS
+from ncgen.solver.formalisms.kkt import KKT
+from ncgen.solver.position import check_mirror_roots
+from ncgen.solver.protocol import Kernels
+
+LIMIT = 25
+ENOUGH = 1e-14
+"""Newton steps below this, in natural sizes, end the iteration."""
+
+
+class Stepper:
+    """One method at work. Children define `_advance(end)`, which returns the state at the end of a step.
+
+    newton: Newton steps taken so far; work: of drivers and forces without a potential since the start (J)
+    """
+
+    options: dict = {}
+
+    def __init__(self, kernels: Kernels, t: float, q, qd, p, h: float, **options):
+        self.kernels, self.p, self.h = kernels, p, h
+        self.start, self.t, self.q, self.qd, self.work = t, t, q, qd, 0.0
+        self.taken = self.newton = 0
+        self.settings = {**self.options, **options}
+        first = self._instant(t, q, qd)
+        self.qdd, self.lam, self.power = first.qdd, first.lam, first.power
+        self.columns, self.rows = kernels.column_sizes, kernels.row_sizes
+
+    def step(self) -> None:
+        """Advance by h. Raises ConvergenceError with the time where Newton's method fails, or naming an angle that jumped."""
+        self.taken += 1
+        end = self.start + self.taken * self.h
+        self._advance(end)
+        self.t = end
+        check_mirror_roots(self.kernels, self.q, self.p)
+
+    def _advance(self, end: float) -> None:
+        raise NotImplementedError
+
+    # -- equations -----------------------------------------------------------------------------
+
+    def solve(self, weight, left, jacobian, force, gap) -> tuple[np.ndarray, np.ndarray]:
+        """x (n,), y (m,) of [weight left; jacobian 0][x; y] = [force; gap], solved without units.
+
+        weight (n, n) in units of mass, left (n, m), jacobian (m, n)
+        """
+        weight = self.columns[:, None] * weight * self.columns
+        unit = float(np.max(np.abs(np.diag(weight))))
+        rows, left = jacobian * self.columns / self.rows[:, None], self.columns[:, None] * left / self.rows
+        x, y = KKT(weight / unit, rows, self.kernels.name, left).solve(self.columns * force / unit, gap / self.rows)
+        return self.columns * x, unit * y / self.rows
+
+    def closure(self, q, end: float) -> np.ndarray:
+        """Φ at the end of a step; of a rolling condition, which is none of positions, its integral by the midpoint rule."""
+        value = self.kernels.phi(q, end, self.p)
+        if len(self.kernels.holonomic) < self.kernels.m:
+            half, at = (self.t + end) / 2, (self.q + q) / 2
+            rolled = self.kernels.jacobian(at, half, self.p) @ (q - self.q) - (end - self.t) * self.kernels.nu(at, half, self.p)
+            value = value + np.where(self._rolling, rolled, 0.0)
+        return value
+
+    def closure_slope(self, q, end: float) -> np.ndarray:
+        """∂(closure)/∂q: Φ_q at the end, for rolling conditions that in the middle."""
+        rows = self.kernels.jacobian(q, end, self.p)
+        if len(self.kernels.holonomic) < self.kernels.m:
+            halfway = self.kernels.jacobian((self.q + q) / 2, (self.t + end) / 2, self.p)
+            rows[self._rolling] = halfway[self._rolling]
+        return rows
+
+    @property
+    def _rolling(self) -> np.ndarray:
+        return ~np.isin(np.arange(self.kernels.m), self.kernels.holonomic)
+
+    def tangents(self, q, qd, qdd, lam, t) -> tuple[np.ndarray, np.ndarray]:
+        """Stiffness and damping at a state, dense."""
+        stiffness = self.kernels.stiffness(q, qd, qdd, lam, t, self.p)
+        return stiffness.toarray(), self.kernels.damping(q, qd, t, self.p).toarray()
+
+    def iterate(self, correct, end: float) -> None:
+        """Call `correct()`, which makes a Newton step and returns its size, until the steps are rounding."""
+        last = np.inf
+        for _ in range(LIMIT):
+            try:
+                size = correct()
+            except SingularError:
+                size = np.nan  # the start had inertia; far from a solution anything may happen
+            self.newton += 1
+            if size <= ENOUGH:
+                return
+            if size < 1e4 * ENOUGH and size > last / 4:
+                return  # rounding: Newton's steps no longer fall
+            if not np.isfinite(size):
+                break
+            last = size
+        raise ConvergenceError(
+            f"{self.kernels.name}: the step to t = {end:.6g} s does not converge, its last correction is {size:.2g} (relative); "
+            "take smaller steps (max_step)"
+        )
+
+    def relative(self, dq) -> float:
+        """The largest entry of a change of position, in natural sizes."""
+        return float(np.max(np.abs(dq) / self.columns, initial=0.0))
+
+    def add_work(self, end: float, q, qd) -> None:
+        """Work over a step by the trapezoidal rule, from powers at its ends: a step's own multipliers are means over it."""
+        before, self.power = self.power, self._instant(end, q, qd).power
+        self.work += (end - self.t) / 2 * (before + self.power)
+
+    def _instant(self, t: float, q, qd) -> Motion:
+        lagrange = FORMALISMS["lagrange"]
+        return lagrange.motion(self.kernels, q, qd, t, self.p, lagrange.options)

@@ -1,0 +1,486 @@
+/* ncgen_batch_run.c: coordinate partitioning with Dormand-Prince 5(4) and classical Runge-Kutta, NCGEN_LANES states side
+ * by side. The method is that of ncgen_partitioning.c and ncgen_explicit.c; what is a branch there is a mask here.
+ */
+#include "ncgen_batch_run.h"
+
+#include "ncgen_math.h"
+
+#ifdef _OPENMP
+#include <omp.h>
+#endif
+
+enum {
+    STAGES = 7,
+    NEWTON_LIMIT = 40,
+    REPEAT_LIMIT = 8
+};
+
+/* A residual or an amplification that leaves no digit of the solution. */
+static const double broken_down = 1e30;
+
+/* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
+static const double nearly_converged = 1e-7;
+
+static const double dopri_c[STAGES] = {0.0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1.0, 1.0};
+
+static const double dopri_a[STAGES][6] = {
+    {0.0},
+    {1.0 / 5},
+    {3.0 / 40, 9.0 / 40},
+    {44.0 / 45, -56.0 / 15, 32.0 / 9},
+    {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
+    {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
+    {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84},
+};
+
+/* Difference of the fifth- and fourth-order weights. */
+static const double dopri_error[STAGES] = {-71.0 / 57600,      0.0,          71.0 / 16695, -71.0 / 1920,
+                                           17253.0 / 339200, -22.0 / 525, 1.0 / 40};
+
+/* Weights of the interpolant: b_i(s) = s (c0 + s (c1 + s (c2 + s c3))) (Shampine 1986). */
+static const double dopri_dense[STAGES][4] = {
+    {1.0, -8048581381.0 / 2820520608.0, 8663915743.0 / 2820520608.0, -12715105075.0 / 11282082432.0},
+    {0.0, 0.0, 0.0, 0.0},
+    {0.0, 131558114200.0 / 32700410799.0, -68118460800.0 / 10900136933.0, 87487479700.0 / 32700410799.0},
+    {0.0, -1754552775.0 / 470086768.0, 14199869525.0 / 1410260304.0, -10690763975.0 / 1880347072.0},
+    {0.0, 127303824393.0 / 49829197408.0, -318862633887.0 / 49829197408.0, 701980252875.0 / 199316789632.0},
+    {0.0, -282668133.0 / 205662961.0, 2019193451.0 / 616988883.0, -1453857185.0 / 822651844.0},
+    {0.0, 40617522.0 / 29380423.0, -110615467.0 / 29380423.0, 69997945.0 / 29380423.0},
+};
+
+/* Where results go. */
+typedef struct output {
+    int n_times;
+    const double *times;
+    double *q, *qd, *work;
+    int *status;
+    long *steps;
+    double *reached;
+} output;
+
+/* A block of states. Masks say which lanes a function is asked about, and which of them succeeded. */
+typedef struct run {
+    const ncgen_model *model;
+    const ncgen_dynamics *dynamics;
+    const ncgen_options *options;
+    output to;               /* of the block's first state */
+    int n, nz, ny;
+    ncgen_mask running;
+    int row[NCGEN_LANES];    /* how many rows are written */
+    ncgen_real *p, *q, *out; /* out = qd, zdd, power, amplification of the last evaluation */
+    ncgen_real *step, *phi;  /* one behind the other: an emitted Newton step writes both */
+    ncgen_real *per_size;    /* one over the rows' sizes: vectors divide slowly */
+    ncgen_real *start_q, *start_qd, *end_q, *end_qd;
+    ncgen_real start_t, amplification;
+    ncgen_real *y, *new_y, *at, *k[STAGES];
+} run;
+
+int ncgen_batch_threads(void)
+{
+#ifdef _OPENMP
+    return 1;
+#else
+    return 0;
+#endif
+}
+
+int ncgen_batch_lanes(void)
+{
+    return NCGEN_LANES;
+}
+
+static ncgen_real at_most(ncgen_real x, double limit)
+{
+    return ncgen_select(x > limit, ncgen_splat(limit), x);
+}
+
+static ncgen_real *take(ncgen_real **workspace, int count)
+{
+    ncgen_real *part = *workspace;
+    *workspace += count;
+    return part;
+}
+
+size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics)
+{
+    const size_t n = (size_t)model->n_coordinates, nz = (size_t)dynamics->n_independent, ny = 2 * nz + 1;
+    const size_t numbers = (size_t)model->n_parameters + 6 * n + nz + 2 + (size_t)dynamics->n_dependent + 2 * (size_t)model->n_rows +
+                           (3 + STAGES) * ny;
+    return NCGEN_LANES * numbers;
+}
+
+static void lay_out(run *r, ncgen_real *workspace)
+{
+    r->n = r->model->n_coordinates;
+    r->nz = r->dynamics->n_independent;
+    r->ny = 2 * r->nz + 1;
+    r->p = take(&workspace, r->model->n_parameters);
+    r->q = take(&workspace, r->n);
+    r->out = take(&workspace, r->n + r->nz + 2);
+    r->step = take(&workspace, r->dynamics->n_dependent);
+    r->phi = take(&workspace, r->model->n_rows);
+    r->per_size = take(&workspace, r->model->n_rows);
+    for (int i = 0; i < r->model->n_rows; ++i)
+        r->per_size[i] = ncgen_splat(1.0 / r->dynamics->row_sizes[i]);
+    r->start_q = take(&workspace, r->n);
+    r->start_qd = take(&workspace, r->n);
+    r->end_q = take(&workspace, r->n);
+    r->end_qd = take(&workspace, r->n);
+    r->y = take(&workspace, r->ny);
+    r->new_y = take(&workspace, r->ny);
+    r->at = take(&workspace, r->ny);
+    for (int s = 0; s < STAGES; ++s)
+        r->k[s] = take(&workspace, r->ny);
+}
+
+/* Lanes end with a status; those that have ended already keep theirs. */
+static void end(run *r, ncgen_mask lanes, int status)
+{
+    lanes &= r->running;
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (lanes[lane])
+            r->to.status[lane] = status;
+    r->running &= ~lanes;
+}
+
+/* The largest |phi| relative to the rows' sizes; not a number if one of them is not. */
+static ncgen_real residual(const run *r)
+{
+    ncgen_real largest = ncgen_splat(0.0);
+    for (int i = 0; i < r->model->n_rows; ++i) {
+        const ncgen_real size = NCGEN_ABS(r->phi[i]) * r->per_size[i];
+        largest = ncgen_select(~(size <= largest) & (largest == largest), size, largest);
+    }
+    return largest;
+}
+
+/* The dependent coordinates of some lanes at time t for the independent ones z. */
+static ncgen_mask solve_position(run *r, ncgen_real t, const ncgen_real *z, ncgen_mask open)
+{
+    const ncgen_dynamics *d = r->dynamics;
+    const ncgen_real ahead = t - r->start_t;
+    ncgen_mask solved = {0};
+    for (int i = 0; i < r->n; ++i)
+        r->q[i] = r->start_q[i] + ahead * r->start_qd[i];
+    for (int i = 0; i < r->nz; ++i)
+        r->q[d->independent[i]] = z[i];
+    for (int iteration = 0; iteration <= NEWTON_LIMIT && ncgen_any(open); ++iteration) {
+        if (d->newton(t, r->q, r->p, r->step) != NCGEN_OK)
+            break;
+        const ncgen_real size = residual(r);
+        const ncgen_mask closed = open & (size <= r->options->tolerance);
+        solved |= closed;
+        open &= ~closed & (size < broken_down);
+        for (int i = 0; i < d->n_dependent; ++i) {
+            ncgen_real *q = &r->q[d->dependent[i]];
+            *q = ncgen_select(open, *q + r->step[i], *q);
+        }
+        const ncgen_mask near = open & (size <= nearly_converged);
+        solved |= near;
+        open &= ~near;
+    }
+    return solved;
+}
+
+/* q in r->q, and velocities and accelerations in r->out. */
+static ncgen_mask evaluate(run *r, ncgen_real t, const ncgen_real *y, ncgen_mask wanted)
+{
+    const ncgen_mask solved = solve_position(r, t, y + r->nz, wanted);
+    if (!ncgen_any(solved) || r->dynamics->acceleration(t, r->q, y, r->p, r->out) != NCGEN_OK)
+        return solved & 0;
+    return solved & (r->out[r->n + r->nz + 1] < broken_down);
+}
+
+static ncgen_mask derivative(run *r, ncgen_real t, const ncgen_real *y, ncgen_real *yd, ncgen_mask wanted)
+{
+    const ncgen_mask good = evaluate(r, t, y, wanted);
+    for (int i = 0; i < r->nz; ++i) {
+        yd[i] = r->out[r->n + i];
+        yd[r->nz + i] = r->out[r->dynamics->independent[i]];
+    }
+    yd[2 * r->nz] = r->out[r->n + r->nz];
+    return good;
+}
+
+/* The last evaluation and y become the state of some lanes, with the derivative yd. */
+static void accept(run *r, ncgen_mask lanes, ncgen_real t, const ncgen_real *y, const ncgen_real *yd)
+{
+    for (int i = 0; i < r->n; ++i) {
+        r->start_q[i] = ncgen_select(lanes, r->q[i], r->start_q[i]);
+        r->start_qd[i] = ncgen_select(lanes, r->out[i], r->start_qd[i]);
+    }
+    for (int i = 0; i < r->ny; ++i) {
+        r->y[i] = ncgen_select(lanes, y[i], r->y[i]);
+        r->k[0][i] = ncgen_select(lanes, yd[i], r->k[0][i]);
+    }
+    r->start_t = ncgen_select(lanes, t, r->start_t);
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (lanes[lane])
+            r->to.reached[lane] = t[lane];
+}
+
+/* Lanes whose independent coordinates have become bad: errors grow in the others more than at the start. */
+static ncgen_mask degraded(const run *r, ncgen_mask lanes)
+{
+    return lanes & (r->out[r->n + r->nz + 1] > r->options->growth * r->amplification);
+}
+
+static void write_rows(run *r, ncgen_mask lanes, const ncgen_real *q, const ncgen_real *qd, ncgen_real work)
+{
+    for (int lane = 0; lane < NCGEN_LANES; ++lane) {
+        if (!lanes[lane])
+            continue;
+        const size_t row = (size_t)lane * (size_t)r->to.n_times + (size_t)r->row[lane];
+        for (int i = 0; i < r->n; ++i) {
+            r->to.q[row * (size_t)r->n + (size_t)i] = q[i][lane];
+            r->to.qd[row * (size_t)r->n + (size_t)i] = qd[i][lane];
+        }
+        r->to.work[row] = work[lane];
+        r->row[lane] += 1;
+    }
+}
+
+/* The root mean square of x in units of the tolerance at y and b. */
+static ncgen_real norm(const run *r, const ncgen_real *x, const ncgen_real *b)
+{
+    ncgen_real sum = ncgen_splat(0.0);
+    for (int i = 0; i < r->ny; ++i) {
+        const ncgen_real u = NCGEN_ABS(r->y[i]), v = NCGEN_ABS(b[i]);
+        const ncgen_real scaled = x[i] / (r->options->atol + r->options->rtol * ncgen_select(u > v, u, v));
+        sum += scaled * scaled;
+    }
+    return NCGEN_SQRT(sum / (double)r->ny);
+}
+
+/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
+static ncgen_real first_step(run *r, double span)
+{
+    const ncgen_real d0 = norm(r, r->y, r->y), d1 = norm(r, r->k[0], r->y);
+    const ncgen_mask tiny = (d0 < 1e-5) | (d1 < 1e-5);
+    const ncgen_real guess = at_most(ncgen_select(tiny, ncgen_splat(1e-6), 0.01 * d0 / d1), span);
+    for (int i = 0; i < r->ny; ++i)
+        r->new_y[i] = r->y[i] + guess * r->k[0][i];
+    const ncgen_mask good = derivative(r, r->start_t + guess, r->new_y, r->k[1], r->running);
+    for (int i = 0; i < r->ny; ++i)
+        r->k[2][i] = r->k[1][i] - r->k[0][i];
+    const ncgen_real d2 = norm(r, r->k[2], r->y) / guess;
+    const ncgen_real largest = ncgen_select(d1 > d2, d1, d2);
+    ncgen_real better = ncgen_select(largest <= 1e-15, guess * 1e-3, NCGEN_POW(0.01 / largest, ncgen_splat(0.2)));
+    better = ncgen_select(better > 100.0 * guess, 100.0 * guess, better);
+    return ncgen_select(good, at_most(better, span), guess * 0.01);
+}
+
+/* One trial step of Dormand-Prince: new_y and *error; the last stage is evaluated at new_y. */
+static ncgen_mask dopri_step(run *r, ncgen_real t, ncgen_real h, ncgen_real *error)
+{
+    ncgen_mask good = r->running;
+    for (int s = 1; s < STAGES; ++s) {
+        for (int i = 0; i < r->ny; ++i) {
+            ncgen_real sum = ncgen_splat(0.0);
+            for (int j = 0; j < s; ++j)
+                sum += dopri_a[s][j] * r->k[j][i];
+            r->new_y[i] = r->y[i] + h * sum;
+        }
+        good = derivative(r, t + dopri_c[s] * h, r->new_y, r->k[s], good);
+    }
+    for (int i = 0; i < r->ny; ++i) {
+        ncgen_real sum = ncgen_splat(0.0);
+        for (int s = 0; s < STAGES; ++s)
+            sum += dopri_error[s] * r->k[s][i];
+        r->at[i] = h * sum;
+    }
+    *error = norm(r, r->at, r->new_y);
+    return good & (*error < broken_down);
+}
+
+/* Rows of the grid inside the last step of some lanes, from t over h; y and the slopes are still those of the step. */
+static void write_inside(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
+{
+    for (;;) {
+        ncgen_real time = t_new;
+        for (int lane = 0; lane < NCGEN_LANES; ++lane)
+            if (r->row[lane] < r->to.n_times)
+                time[lane] = r->to.times[r->row[lane]];
+        const ncgen_mask inside = lanes & r->running & (time < t_new);
+        if (!ncgen_any(inside))
+            return;
+        const ncgen_real s = (time - t) / h;
+        for (int i = 0; i < r->ny; ++i) {
+            ncgen_real sum = ncgen_splat(0.0);
+            for (int j = 0; j < STAGES; ++j) {
+                const double *c = dopri_dense[j];
+                sum += s * (c[0] + s * (c[1] + s * (c[2] + s * c[3]))) * r->k[j][i];
+            }
+            r->at[i] = r->y[i] + h * sum;
+        }
+        const ncgen_mask good = evaluate(r, time, r->at, inside);
+        write_rows(r, inside & good, r->q, r->out, r->at[2 * r->nz]);
+        end(r, inside & ~good, NCGEN_NOT_CONVERGED);
+    }
+}
+
+/* What follows a successful step of some lanes: rows inside it, and the new state is the present one. */
+static void accept_step(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
+{
+    /* Newton's method for rows inside starts from the old state, so that state has to stand until they are written. */
+    for (int i = 0; i < r->n; ++i) {
+        r->end_q[i] = r->q[i];
+        r->end_qd[i] = r->out[i];
+    }
+    write_inside(r, lanes, t, h, t_new);
+    for (int i = 0; i < r->n; ++i) {
+        r->q[i] = r->end_q[i];
+        r->out[i] = r->end_qd[i];
+    }
+    lanes &= r->running;
+    accept(r, lanes, t_new, r->new_y, r->k[STAGES - 1]);
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (lanes[lane])
+            r->to.steps[lane] += 1;
+    const ncgen_mask ended = lanes & (t_new >= r->to.times[r->to.n_times - 1]);
+    write_rows(r, ended, r->start_q, r->start_qd, r->y[2 * r->nz]);
+    end(r, ended, NCGEN_OK);
+}
+
+static void run_dopri5(run *r)
+{
+    const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step;
+    ncgen_real t = r->start_t, h = first_step(r, stop - r->to.times[0]);
+    ncgen_mask rejected = {0}, repeats = {0};
+    while (ncgen_any(r->running)) {
+        if (longest > 0)
+            h = at_most(h, longest);
+        const ncgen_mask last = t + h >= stop;
+        h = ncgen_select(last, stop - t, h);
+        end(r, ~(t + h > t), NCGEN_NOT_CONVERGED);
+        ncgen_real error;
+        const ncgen_mask good = dopri_step(r, t, h, &error);
+        const ncgen_mask failed = r->running & ~good, accepted = r->running & good & (error < 1.0);
+        const ncgen_mask too_large = r->running & good & ~accepted;
+
+        repeats = (repeats - failed) & ~accepted; /* a mask is -1 */
+        end(r, failed & (repeats > REPEAT_LIMIT), NCGEN_NOT_CONVERGED);
+        rejected = (rejected | too_large) & ~failed;
+        ncgen_real factor = at_most(ncgen_select(error > 0.0, 0.9 * NCGEN_POW(error, ncgen_splat(-0.2)), ncgen_splat(10.0)), 10.0);
+        factor = ncgen_select(factor < 0.2, ncgen_splat(0.2), factor);
+        factor = ncgen_select(accepted & rejected, at_most(factor, 1.0), factor);
+        factor = ncgen_select(failed, ncgen_splat(0.25), factor);
+        rejected &= ~accepted;
+
+        const ncgen_real t_new = ncgen_select(last, ncgen_splat(stop), t + h);
+        if (ncgen_any(accepted)) {
+            const ncgen_mask bad = degraded(r, accepted) & (t_new < stop);
+            accept_step(r, accepted, t, h, t_new);
+            end(r, bad, NCGEN_PIVOT);
+        }
+        t = ncgen_select(accepted, t_new, t);
+        h *= factor;
+    }
+}
+
+static void rk4_step(run *r, ncgen_real t, ncgen_real h)
+{
+    static const double weight[4] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
+    static const double node[4] = {0.0, 0.5, 0.5, 1.0};
+    ncgen_mask good = r->running;
+    for (int s = 1; s < 4; ++s) {
+        for (int i = 0; i < r->ny; ++i)
+            r->new_y[i] = r->y[i] + node[s] * h * r->k[s - 1][i];
+        good = derivative(r, t + node[s] * h, r->new_y, r->k[s], good);
+    }
+    for (int i = 0; i < r->ny; ++i) {
+        ncgen_real sum = ncgen_splat(0.0);
+        for (int s = 0; s < 4; ++s)
+            sum += weight[s] * r->k[s][i];
+        r->new_y[i] = r->y[i] + h * sum;
+    }
+    good = derivative(r, t + h, r->new_y, r->k[4], good);
+    end(r, ~good, NCGEN_NOT_CONVERGED);
+    accept(r, r->running, t + h, r->new_y, r->k[4]);
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (r->running[lane])
+            r->to.steps[lane] += 1;
+}
+
+static void run_rk4(run *r)
+{
+    const double longest = r->options->max_step, *times = r->to.times;
+    for (int row = 1; row < r->to.n_times && ncgen_any(r->running); ++row) {
+        const double span = times[row] - times[row - 1];
+        long count = longest > 0 ? (long)(span / longest + 0.999999) : 1;
+        if (count < 1)
+            count = 1;
+        for (long i = 0; i < count && ncgen_any(r->running); ++i) {
+            const double t = times[row - 1] + (double)i * (span / (double)count);
+            rk4_step(r, ncgen_splat(t), ncgen_splat(i + 1 == count ? times[row] - t : span / (double)count));
+            if (i + 1 == count)
+                write_rows(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
+            if (i + 1 < count || row + 1 < r->to.n_times)
+                end(r, degraded(r, r->running), NCGEN_PIVOT);
+        }
+    }
+    end(r, r->running, NCGEN_OK);
+}
+
+/* The states of a block, from their rows; lanes beyond `count` repeat the last one and are not running. */
+static void begin(run *r, int count, const double *q, const double *zd, const double *p, int p_stride)
+{
+    const double t = r->to.times[0];
+    for (int lane = 0; lane < NCGEN_LANES; ++lane) {
+        const int state = lane < count ? lane : count - 1;
+        r->running[lane] = lane < count ? -1 : 0;
+        r->row[lane] = 0;
+        for (int i = 0; i < r->model->n_parameters; ++i)
+            r->p[i][lane] = p[(long)state * p_stride + i];
+        for (int i = 0; i < r->n; ++i)
+            r->start_q[i][lane] = q[(long)state * r->n + i];
+        for (int i = 0; i < r->nz; ++i) {
+            r->y[i][lane] = zd[(long)state * r->nz + i];
+            r->y[r->nz + i][lane] = q[(long)state * r->n + r->dynamics->independent[i]];
+        }
+        if (lane < count) {
+            r->to.reached[lane] = t;
+            r->to.steps[lane] = 0;
+        }
+    }
+    r->y[2 * r->nz] = ncgen_splat(0.0);
+    for (int i = 0; i < r->n; ++i)
+        r->start_qd[i] = ncgen_splat(0.0);
+    r->start_t = ncgen_splat(t);
+    end(r, ~derivative(r, r->start_t, r->y, r->k[0], r->running), NCGEN_NOT_CONVERGED);
+    r->amplification = r->out[r->n + r->nz + 1];
+    accept(r, r->running, r->start_t, r->y, r->k[0]);
+    write_rows(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
+}
+
+void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
+                          const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
+                          double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
+                          int threads, double *workspace)
+{
+    const size_t share = ncgen_batch_run_workspace(model, dynamics) / NCGEN_LANES;
+    const long n = model->n_coordinates, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;
+#ifdef _OPENMP
+#pragma omp parallel for num_threads(threads) schedule(dynamic)
+#else
+    (void)threads;
+#endif
+    for (long b = 0; b < blocks; ++b) {
+        const long first = b * NCGEN_LANES, left = count - first;
+        ncgen_real *work = (ncgen_real *)workspace;
+#ifdef _OPENMP
+        work += (size_t)omp_get_thread_num() * share;
+#else
+        (void)share;
+#endif
+        run r = {.model = model, .dynamics = dynamics, .options = options};
+        r.to = (output){n_times, times, out_q + first * n_times * n, out_qd + first * n_times * n, out_work + first * n_times,
+                        status + first, steps + first, reached + first};
+        lay_out(&r, work);
+        begin(&r, left < NCGEN_LANES ? (int)left : NCGEN_LANES, q + first * n, zd + first * r.nz, p + first * p_stride, p_stride);
+        if (options->method == NCGEN_RK4)
+            run_rk4(&r);
+        else
+            run_dopri5(&r);
+    }
+}

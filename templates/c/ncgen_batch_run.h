@@ -1,0 +1,33 @@
+/* ncgen_batch_run.h: simulations of many states, NCGEN_LANES of them at a time, in any number of threads.
+ *
+ * Needs an emitted state derivative and this source compiled with ncgen_lanes.h in front. Every lane has its own time,
+ * step and number of Newton iterations; lanes that have finished or failed wait for the others of their block.
+ */
+#ifndef NCGEN_BATCH_RUN_H
+#define NCGEN_BATCH_RUN_H
+
+#include "ncgen_runtime.h"
+
+/* begin functions */
+
+int ncgen_batch_threads(void);
+int ncgen_batch_lanes(void);
+
+/* Numbers of workspace that one thread needs. */
+size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics);
+
+/* Simulate `count` states over times[0] .. times[n_times - 1], with dopri5 or rk4.
+ *
+ * q, zd: consistent positions (count x n_coordinates) and independent velocities (count x n_independent); p: a row of
+ *     n_parameters for all (p_stride 0) or each
+ * out_q, out_qd: count x n_times x n_coordinates; out_work: count x n_times. Rows that a state did not reach are left
+ * status: of each state; steps: accepted ones of each; reached: time of each
+ * The workspace begins at a multiple of 64 bytes and has room for every thread. */
+void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
+                          const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
+                          double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
+                          int threads, double *workspace);
+
+/* end functions */
+
+#endif

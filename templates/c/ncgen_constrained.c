@@ -1,0 +1,410 @@
+/* ncgen_constrained.c: formalisms on all coordinates, y = [qd, q, work].
+ *
+ * Accelerations and multipliers solve [M Phi_q'; Phi_q -E] [qdd; lam] = [Q; gamma], where the diagonal E is zero for
+ * lagrange and the inverse of a penalty else: the augmented Lagrangian removes its effect by iteration, penalty leaves it
+ * in. Where M is singular lagrange goes the same way, since M + Phi_q' Phi_q / E is positive definite all the same.
+ *
+ * After a step, position and velocity are brought back onto the constraints with the same matrix: the smallest change
+ * in the sense of kinetic energy.
+ */
+#include "ncgen_internal.h"
+
+enum {
+    REFINEMENT_LIMIT = 20,
+    PROJECTION_LIMIT = 12,
+    VELOCITY_LIMIT = 3
+};
+
+static int is_dense(const ncgen_run *r)
+{
+    return r->options->formalism >= NCGEN_NULL_SPACE;
+}
+
+static int nonzeros(const ncgen_pattern *pattern)
+{
+    return pattern->indptr ? pattern->indptr[pattern->rows] : 0;
+}
+
+void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
+{
+    const ncgen_dynamics *d = r->dynamics;
+    ncgen_space *space = &r->space;
+    r->constrained = w;
+    w->iterated = r->options->formalism == NCGEN_AUGMENTED_LAGRANGIAN || (d->singular_mass && r->options->formalism != NCGEN_PENALTY);
+    r->ny = r->weighed = 2 * r->n + 1;
+    r->q = ncgen_take(space, r->n);
+    r->qd = ncgen_take(space, r->n);
+    w->n_mass = nonzeros(&r->model->mass_pattern);
+    w->n_phi_q = nonzeros(&r->model->phi_q_pattern);
+    ncgen_kkt_layout(&w->kkt, d->elimination, w->n_mass + w->n_phi_q, space);
+    w->right = ncgen_take(space, r->n + r->m);
+    w->solution = ncgen_take(space, r->n + r->m);
+    w->residual = ncgen_take(space, r->n + r->m);
+    w->nu = ncgen_take(space, r->m);
+    w->phi = ncgen_take(space, r->m);
+    w->corner = ncgen_take(space, r->m);
+    w->reduced = ncgen_take(space, r->m);
+    w->natural = ncgen_take(space, r->n);
+    w->redundant = d->n_dependent > 0 && d->n_dependent < r->m;
+    if (is_dense(r) || w->redundant) {
+        w->jacobian = ncgen_take(space, r->n * r->m);
+        w->scaled = ncgen_take(space, 4 * (r->n + r->m));
+    }
+    if (is_dense(r)) {
+        w->basis = ncgen_take(space, r->n * r->n);
+        w->square = ncgen_take(space, (r->n + r->m) * r->n);
+    }
+    w->columns = r->integers;
+    w->let_go = r->integers ? r->integers + r->n + r->m : NULL;
+}
+
+/* Sizes -------------------------------------------------------------------------------------------------------- */
+
+/* The natural size of every diagonal entry: masses, and for rows what they have after elimination of the masses. */
+static void find_sizes(ncgen_run *r, ncgen_constrained *w)
+{
+    const ncgen_pattern *mass = &r->model->mass_pattern, *phi_q = &r->model->phi_q_pattern;
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    const ncgen_real *values = w->kkt.values + w->n_mass;
+    ncgen_real least = 0;
+    w->mass_size = 0;
+    for (int i = 0; i < r->n; ++i) {
+        w->natural[i] = 0;
+        for (int k = mass->indptr ? mass->indptr[i] : 0; k < (mass->indptr ? mass->indptr[i + 1] : 0); ++k)
+            if (mass->indices[k] == i)
+                w->natural[i] = w->kkt.values[k];
+        const ncgen_real scaled = w->natural[i] * sizes[i] * sizes[i];
+        if (scaled > 0 && (!(least > 0) || scaled < least))
+            least = scaled;
+        if (scaled > w->mass_size)
+            w->mass_size = scaled;
+    }
+    if (!(least > 0))
+        least = w->mass_size = 1;
+    for (int i = 0; i < r->m; ++i) {
+        ncgen_real own = 0, borrowed = 0;
+        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
+            const int j = phi_q->indices[k];
+            if (w->natural[j] > 0)
+                own += values[k] * values[k] / w->natural[j];
+            borrowed += values[k] * values[k] * sizes[j] * sizes[j] / least;
+        }
+        const ncgen_real size = r->dynamics->row_sizes[i];
+        w->reduced[i] = own > 0 ? own : borrowed > 0 ? borrowed : size * size / least;
+    }
+    for (int i = 0; i < r->n; ++i)
+        if (!(w->natural[i] > 0))
+            w->natural[i] = least / (sizes[i] * sizes[i]);
+}
+
+/* The diagonal -E, the smallest pivots and what replaces them, in the order of elimination.
+ *
+ * Without a penalty E is zero: near a singular position the constraint forces that are needed there would be lost
+ * otherwise. Only a row whose pivot is at rounding is let go, and one that others imply: off the constraints, where the
+ * stages of a method are, it contradicts them. */
+static void set_diagonal(ncgen_run *r, ncgen_constrained *w)
+{
+    const ncgen_options *o = r->options;
+    const int by_penalty = w->iterated || o->formalism == NCGEN_PENALTY;
+    const ncgen_scalar penalty = o->penalty > 0 ? o->penalty : R(1.0) / NCGEN_SQRT(r->rounding);
+    const ncgen_scalar precise = NCGEN_SQRT(r->rounding);
+    const ncgen_scalar implied = precise * NCGEN_SQRT(precise); /* 2e-12 in double */
+    for (int i = 0; i < r->m; ++i) {
+        const ncgen_real size = r->dynamics->row_sizes[i];
+        w->corner[i] = by_penalty ? size * size / (penalty * w->mass_size) : 0;
+    }
+    for (int k = 0; k < w->kkt.plan->size; ++k) {
+        const int unknown = w->kkt.plan->order[k];
+        const int row = unknown - r->n;
+        w->kkt.row[k] = 0;
+        w->kkt.corner[k] = row < 0 ? 0 : -w->corner[row];
+        w->kkt.instead[k] = row < 0 ? precise * w->natural[unknown] : -w->reduced[row] / (r->rounding * r->rounding);
+        if (row < 0 || w->let_go[row])
+            w->kkt.least[k] = w->kkt.instead[k];
+        else
+            w->kkt.least[k] = by_penalty ? w->kkt.corner[k] / 2 : -implied * w->reduced[row];
+    }
+}
+
+/* Accelerations ------------------------------------------------------------------------------------------------ */
+
+/* M, unless it is constant and known. */
+static int find_mass(ncgen_run *r, ncgen_scalar t)
+{
+    const ncgen_model *model = r->model;
+    return model->mass && !model->mass_is_constant ? model->mass(t, r->q, r->p, r->constrained->kkt.values) : NCGEN_OK;
+}
+
+static int find_jacobian(ncgen_run *r, ncgen_scalar t)
+{
+    ncgen_constrained *w = r->constrained;
+    return r->model->phi_q(t, r->q, r->p, w->kkt.values + w->n_mass);
+}
+
+static int factor(ncgen_run *r)
+{
+    r->statistics->factorisations += 1;
+    const int status = ncgen_kkt_factor(&r->constrained->kkt);
+    r->statistics->perturbed += r->constrained->kkt.perturbed;
+    return status;
+}
+
+/* w->residual = w->right - [M Phi_q'; Phi_q 0] w->solution, with the corner -E where it is meant to stay. */
+static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_corner)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    const ncgen_real *values = w->kkt.values + w->n_mass;
+    ncgen_real *rest = w->residual;
+    ncgen_times_mass(r, w->kkt.values, w->solution, rest);
+    for (int i = 0; i < r->n; ++i)
+        rest[i] = w->right[i] - rest[i];
+    for (int i = 0; i < r->m; ++i) {
+        const ncgen_real lam = w->solution[r->n + i];
+        ncgen_real sum = w->right[r->n + i] + (with_corner ? w->corner[i] * lam : 0);
+        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k) {
+            sum -= values[k] * w->solution[phi_q->indices[k]];
+            rest[phi_q->indices[k]] -= values[k] * lam;
+        }
+        rest[r->n + i] = sum;
+    }
+}
+
+static ncgen_real scaled_size(const ncgen_run *r, const ncgen_real *x)
+{
+    ncgen_real largest = 0;
+    for (int i = 0; i < r->n; ++i) {
+        const ncgen_real size = NCGEN_ABS(x[i]) / r->dynamics->column_sizes[i];
+        if (!(size <= largest))
+            largest = size;
+    }
+    return largest;
+}
+
+/* w->solution of the equations with the right side w->right; refined where the factors are not those of the equations. */
+static int solve_equations(ncgen_run *r, ncgen_constrained *w)
+{
+    ncgen_kkt_solve(&w->kkt, w->right, w->solution);
+    if (!(w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10)))
+        return NCGEN_OK;
+    ncgen_real before = 0;
+    for (int k = 0; k < REFINEMENT_LIMIT; ++k) {
+        find_residual(r, w, r->options->formalism == NCGEN_PENALTY);
+        ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
+        const ncgen_real change = scaled_size(r, w->residual);
+        const ncgen_real size = scaled_size(r, w->solution);
+        if (k > 0 && !(change < R(0.5) * before)) /* at rounding, or beyond what the equations determine */
+            return w->kkt.perturbed && change > NCGEN_SQRT(r->rounding) * size ? NCGEN_SINGULAR : NCGEN_OK;
+        for (int i = 0; i < r->n + r->m; ++i)
+            w->solution[i] += w->residual[i];
+        r->statistics->refinements += 1;
+        if (change <= 4 * r->rounding * size)
+            return NCGEN_OK;
+        before = change;
+    }
+    return NCGEN_OK;
+}
+
+/* gamma - 2 xi omega Phid - omega^2 Phi at the rows of w->right. */
+static int stabilise(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
+{
+    const ncgen_options *o = r->options;
+    const int status = r->model->phi(t, r->q, r->p, w->phi);
+    ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual);
+    for (int i = 0; i < r->m; ++i)
+        w->right[r->n + i] -= 2 * o->damping * o->frequency * (w->residual[i] - w->nu[i]) + o->frequency * o->frequency * w->phi[i];
+    return status;
+}
+
+/* M, Phi_q and the right side at the state in r->q, r->qd. */
+static int find_equations(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
+{
+    const ncgen_model *model = r->model;
+    int status = find_mass(r, t);
+    if (status == NCGEN_OK && !w->jacobian_is_there)
+        status = find_jacobian(r, t);
+    w->jacobian_is_there = 0;
+    if (status == NCGEN_OK && model->nu)
+        status = model->nu(t, r->q, r->p, w->nu);
+    if (status == NCGEN_OK && model->force)
+        status = model->force(t, r->q, r->qd, r->p, w->right);
+    if (status == NCGEN_OK)
+        status = model->gamma(t, r->q, r->qd, r->p, w->right + r->n);
+    if (status == NCGEN_OK && r->options->frequency > 0)
+        status = stabilise(r, w, t);
+    return status;
+}
+
+static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
+{
+    ncgen_constrained *w = r->constrained;
+    const int n = r->n;
+    r->statistics->evaluations += 1;
+    ncgen_copy(n, y, r->qd);
+    ncgen_copy(n, y + n, r->q);
+    int status = find_equations(r, w, t);
+    if (status == NCGEN_OK && is_dense(r))
+        status = ncgen_dense_accelerations(r, w);
+    else if (status == NCGEN_OK && (status = factor(r)) == NCGEN_OK)
+        status = solve_equations(r, w);
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_copy(n, w->solution, yd);
+    ncgen_copy(n, r->qd, yd + n);
+    yd[2 * n] = 0;
+    if (!r->dynamics->conservative) {
+        ncgen_real energy[3] = {0, 0, 0};
+        if (r->model->energy && r->model->energy(t, r->q, r->qd, r->p, energy) != NCGEN_OK)
+            return NCGEN_DOMAIN;
+        yd[2 * n] = energy[2] - (r->model->nu ? ncgen_dot(r->m, w->nu, w->solution + n) : 0);
+    }
+    return NCGEN_OK;
+}
+
+/* Back onto the constraints ------------------------------------------------------------------------------------ */
+
+static ncgen_real largest_residual(const ncgen_run *r, const ncgen_real *rows)
+{
+    ncgen_real largest = 0;
+    for (int i = 0; i < r->m; ++i) {
+        const ncgen_real size = NCGEN_ABS(rows[i]) / r->dynamics->row_sizes[i];
+        if (!(size <= largest))
+            largest = size;
+    }
+    return largest;
+}
+
+/* Phi_q and the factors at r->q. */
+static int refresh(ncgen_run *r, ncgen_scalar t)
+{
+    int status = find_mass(r, t);
+    if (status == NCGEN_OK)
+        status = find_jacobian(r, t);
+    return status == NCGEN_OK ? factor(r) : status;
+}
+
+/* Change x by the smallest amount that changes the rows by -w->residual[n..]; smallest in the sense of kinetic energy. */
+static void correct(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
+{
+    for (int i = 0; i < r->n; ++i)
+        w->residual[i] = 0;
+    for (int i = 0; i < r->m; ++i)
+        w->residual[r->n + i] = -w->residual[r->n + i];
+    ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->residual[i];
+}
+
+/* Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
+static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, int fresh)
+{
+    const ncgen_scalar wanted = 100 * r->rounding;
+    ncgen_real before = 0;
+    for (int k = 0; k < PROJECTION_LIMIT; ++k) {
+        int status = r->model->phi(t, r->q, r->p, w->residual + r->n);
+        const ncgen_real size = largest_residual(r, w->residual + r->n);
+        if (status != NCGEN_OK)
+            return status;
+        if (size <= wanted)
+            return NCGEN_OK;
+        if (!(size < R(1.0e30)))
+            return NCGEN_NOT_CONVERGED;
+        if (k > 0 && size > R(0.1) * before) {
+            if (size <= r->options->tolerance || (fresh && size <= 1000 * r->options->tolerance))
+                return NCGEN_OK; /* at rounding; more of it near a singular position */
+            if ((status = refresh(r, t)) != NCGEN_OK)
+                return status;
+            fresh = 1;
+        }
+        before = size;
+        r->statistics->newton_steps += 1;
+        correct(r, w, r->q);
+    }
+    return NCGEN_NOT_CONVERGED;
+}
+
+static int project_velocity(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
+{
+    int status = find_jacobian(r, t);
+    if (status == NCGEN_OK && r->model->nu)
+        status = r->model->nu(t, r->q, r->p, w->nu);
+    if (status != NCGEN_OK)
+        return status;
+    const ncgen_real enough = 100 * r->rounding * (1 + scaled_size(r, r->qd));
+    for (int k = 0; k < VELOCITY_LIMIT; ++k) {
+        ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
+        for (int i = 0; i < r->m; ++i)
+            w->residual[r->n + i] -= w->nu[i];
+        if (largest_residual(r, w->residual + r->n) <= enough)
+            break;
+        correct(r, w, r->qd);
+    }
+    return NCGEN_OK;
+}
+
+/* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none. */
+static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near)
+{
+    ncgen_constrained *w = r->constrained;
+    ncgen_copy(r->n, y, r->qd);
+    ncgen_copy(r->n, y + r->n, r->q);
+    int status = factors_are_near ? NCGEN_OK : refresh(r, t);
+    if (status == NCGEN_OK)
+        status = project_position(r, w, t, !factors_are_near);
+    if (status == NCGEN_OK)
+        status = project_velocity(r, w, t);
+    ncgen_copy(r->n, r->qd, y);
+    ncgen_copy(r->n, r->q, y + r->n);
+    return status;
+}
+
+static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
+{
+    const int status = project(r, t, y, !is_dense(r));
+    r->constrained->jacobian_is_there = status == NCGEN_OK;
+    if (status == NCGEN_OK && r->constrained->redundant) {
+        ncgen_choose_rows(r, r->constrained);
+        set_diagonal(r, r->constrained);
+    }
+    return status;
+}
+
+static int state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
+{
+    if (r->options->project)
+        return project(r, t, y, 0);
+    ncgen_copy(r->n, y, r->qd);
+    ncgen_copy(r->n, y + r->n, r->q);
+    return NCGEN_OK;
+}
+
+int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
+{
+    ncgen_constrained *w = r->constrained;
+    const int n = r->n;
+    const ncgen_scalar t = r->times[0];
+    r->derivative = derivative;
+    r->settle = r->options->project ? settle : NULL;
+    r->state = state;
+    ncgen_copy(n, velocities, r->y);
+    ncgen_copy(n, r->start_q, r->y + n);
+    ncgen_copy(n, velocities, r->start_qd);
+    ncgen_copy(n, r->start_q, r->q);
+    r->y[2 * n] = 0;
+    w->jacobian_is_there = 0;
+    for (int i = 0; i < n; ++i)
+        w->right[i] = 0;
+    for (int i = 0; i < r->m; ++i)
+        w->nu[i] = 0;
+    int status = r->model->mass ? r->model->mass(t, r->q, r->p, w->kkt.values) : NCGEN_OK;
+    if (status == NCGEN_OK)
+        status = find_jacobian(r, t);
+    if (status != NCGEN_OK)
+        return status;
+    find_sizes(r, w);
+    for (int i = 0; i < r->m; ++i)
+        w->let_go[i] = 0;
+    if (w->redundant)
+        ncgen_choose_rows(r, w);
+    set_diagonal(r, w);
+    return NCGEN_OK;
+}

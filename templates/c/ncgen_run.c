@@ -1,0 +1,182 @@
+/* ncgen_run.c: the entry of the runtime: workspace, the first state, and the choice of formalism and integrator. */
+#include "ncgen_internal.h"
+
+ncgen_real *ncgen_take(ncgen_space *space, int count)
+{
+    ncgen_real *part = space->base ? space->base + space->used : NULL;
+    space->used += (size_t)count;
+    return part;
+}
+
+void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to)
+{
+    for (int i = 0; i < count; ++i)
+        to[i] = from[i];
+}
+
+ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b)
+{
+    ncgen_real sum = 0;
+    for (int i = 0; i < count; ++i)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+int ncgen_solve_positive(int size, ncgen_real *a, ncgen_real *right)
+{
+    for (int k = 0; k < size; ++k) {
+        if (!(a[k * size + k] > 0))
+            return NCGEN_SINGULAR;
+        for (int i = k + 1; i < size; ++i) {
+            const ncgen_real share = a[i * size + k] / a[k * size + k];
+            for (int j = k + 1; j <= i; ++j)
+                a[i * size + j] -= share * a[j * size + k];
+            right[i] -= share * right[k];
+        }
+    }
+    for (int k = size - 1; k >= 0; --k) {
+        for (int i = k + 1; i < size; ++i)
+            right[k] -= a[i * size + k] * right[i];
+        right[k] /= a[k * size + k];
+    }
+    return NCGEN_OK;
+}
+
+void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product)
+{
+    const ncgen_pattern *pattern = &r->model->mass_pattern;
+    for (int i = 0; i < r->n; ++i) {
+        ncgen_real sum = 0;
+        if (pattern->indptr)
+            for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+                sum += mass[k] * x[pattern->indices[k]];
+        product[i] = sum;
+    }
+}
+
+/* Phi_q qd. */
+void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates)
+{
+    const ncgen_pattern *pattern = &r->model->phi_q_pattern;
+    for (int i = 0; i < r->m; ++i) {
+        ncgen_real sum = 0;
+        for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+            sum += phi_q[k] * qd[pattern->indices[k]];
+        rates[i] = sum;
+    }
+}
+
+void ncgen_write_row(ncgen_run *r, ncgen_real work)
+{
+    ncgen_copy(r->n, r->q, r->out_q + (size_t)r->rows * (size_t)r->n);
+    ncgen_copy(r->n, r->qd, r->out_qd + (size_t)r->rows * (size_t)r->n);
+    r->out_work[r->rows] = work;
+    r->rows += 1;
+}
+
+/* What was evaluated last becomes the last accepted state. */
+void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
+{
+    ncgen_copy(r->n, r->q, r->start_q);
+    ncgen_copy(r->n, r->qd, r->start_qd);
+    r->start_work = work;
+    r->start_t = t;
+    r->statistics->t = t;
+}
+
+int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
+{
+    ncgen_keep_state(r, t, y[r->weighed - 1]);
+    return r->accept ? r->accept(r, t) : NCGEN_OK;
+}
+
+/* How many fixed steps of at most max_step make up a span. */
+ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
+{
+    const ncgen_scalar least = r->options->max_step > 0 ? span / r->options->max_step - R(1.0e-6) : 0;
+    ncgen_scalar count = (ncgen_scalar)(long)least;
+    if (count < least)
+        count += 1;
+    return count < 1 ? 1 : count;
+}
+
+typedef struct parts {
+    ncgen_partitioning partitioning;
+    ncgen_constrained constrained;
+    ncgen_stepping stepping;
+} parts;
+
+/* The parts of a run and its workspace; with an empty space this only counts. */
+static int lay_out(ncgen_run *r, parts *w)
+{
+    r->n = r->model->n_coordinates;
+    r->m = r->model->n_rows;
+    r->nz = r->dynamics->n_independent;
+    r->start_q = ncgen_take(&r->space, r->n);
+    r->start_qd = ncgen_take(&r->space, r->n);
+    if (r->options->formalism == NCGEN_COORDINATE_PARTITIONING)
+        ncgen_partitioning_layout(r, &w->partitioning);
+    else
+        ncgen_constrained_layout(r, &w->constrained);
+    r->y = ncgen_take(&r->space, r->ny);
+    ncgen_stepping_layout(r, &w->stepping);
+    return NCGEN_OK;
+}
+
+size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
+{
+    parts w;
+    ncgen_run r = {.model = model, .dynamics = dynamics, .options = options};
+    lay_out(&r, &w);
+    return r.space.used;
+}
+
+/* Is there everything that the formalism and the method need? */
+static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, int n_times)
+{
+    return n_times >= 2 && model->phi && options->method >= NCGEN_DOPRI5 && options->method <= NCGEN_DOP853 &&
+           options->formalism >= NCGEN_COORDINATE_PARTITIONING && options->formalism <= NCGEN_UDWADIA_PHOHOMSIRI &&
+           (options->formalism == NCGEN_COORDINATE_PARTITIONING || dynamics->elimination);
+}
+
+int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
+                   const ncgen_real *p, const ncgen_real *q, const ncgen_real *velocities, int n_times,
+                   const ncgen_scalar *times, ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows,
+                   ncgen_statistics *statistics, ncgen_real *workspace, int *integers)
+{
+    *rows = 0;
+    if (!possible(model, dynamics, options, n_times))
+        return NCGEN_ARGUMENT;
+    parts w;
+    ncgen_run r = {.model = model, .dynamics = dynamics, .options = options, .p = p, .statistics = statistics};
+    r.space.base = workspace;
+    r.integers = integers;
+    r.n_times = n_times;
+    r.times = times;
+    r.out_q = out_q;
+    r.out_qd = out_qd;
+    r.out_work = out_work;
+    lay_out(&r, &w);
+    r.rounding = 1;
+    for (volatile ncgen_scalar more = 2; more > 1; more = 1 + r.rounding / 2)
+        r.rounding /= 2;
+
+    *statistics = (ncgen_statistics){.t = times[0]};
+    r.start_t = times[0];
+    for (int i = 0; i < r.n; ++i) {
+        r.start_q[i] = q[i];
+        r.start_qd[i] = 0;
+    }
+    int status = NCGEN_OK;
+    if (r.partitioning)
+        ncgen_partitioning_begin(&r, velocities);
+    else
+        status = ncgen_constrained_begin(&r, velocities);
+    if (status == NCGEN_OK)
+        status = ncgen_explicit(&r, &w.stepping);
+    *rows = r.rows;
+    ncgen_copy(r.n, r.start_q, out_q + (size_t)n_times * (size_t)r.n);
+    ncgen_copy(r.n, r.start_qd, out_qd + (size_t)n_times * (size_t)r.n);
+    out_work[n_times] = r.start_work;
+    return status;
+}

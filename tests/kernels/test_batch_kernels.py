@@ -1,0 +1,131 @@
+"""Many states in one call: each has the numbers that it has alone.
+
+With fused multiply-adds the compiler may fuse differently for vectors. Without them, the comparison is exact.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import sympy
+
+import ncgen
+from ncgen.build.batch import LANES, CompiledBatch
+from ncgen.build.cache import build
+from ncgen.build.compilers import FLAGS, find_compiler
+from ncgen.build.library import CompiledKernels
+from ncgen.errors import NcgenError
+
+COUNT = 21
+"""No multiple of the lanes, so that the last block is not full."""
+
+
+def unfused(flags):
+    """gcc 12 fuses where it vectorises straight-line code, whatever -ffp-contract says, so it must not do that either."""
+    return (*flags, "-ffp-contract=off", "-fno-tree-slp-vectorize")
+
+
+def exactly(sources) -> CompiledKernels:
+    """Kernels and their batch compiled without fused multiply-adds."""
+    kernels = CompiledKernels(sources.programs, build(sources.c, find_compiler(), unfused(FLAGS)).library)
+    kernels.__dict__["batch"] = CompiledBatch(kernels, unfused(LANES))
+    return kernels
+
+
+def states(kernels, count=COUNT):
+    rng = np.random.default_rng(11)
+    q = kernels.q0 + rng.uniform(-0.1, 0.1, (count, kernels.n))
+    return q, rng.uniform(-1, 1, q.shape), rng.uniform(0, 1, count)
+
+
+def assert_as_alone(kernels, q, qd, t, p):
+    """Every kernel of every state equals the call with this state alone, to the last bit."""
+    for name in kernels.programs.programs:
+        together = kernels.batch.values(name, t, q, qd, p)
+        for i in range(len(q)):
+            time = t if np.ndim(t) == 0 else t[i]
+            alone = kernels.values(name, time, q[i], qd[i], p if p is None or np.ndim(p) == 1 else p[i])
+            assert np.array_equal(together[i], alone), (name, i)
+
+
+@pytest.fixture(scope="module")
+def everything():
+    """Every elementary function, a driver, parameters, a damper, in a mechanism that need not make sense."""
+    m = ncgen.Model("everything")
+    k, w = m.parameter("k", 1.5), m.parameter("w", 2.0)
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (0.6, 0.3))
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.body("rod", [A, B], mass=0.5, inertia=1e-3)
+    m.drive(m.angle("psi", x, B - A, z), w * m.time + 0.2 * sympy.sin(5 * m.time))
+    u, v = k.symbol * B.x.symbol, B.y.symbol
+    one = [sympy.sqrt, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp, sympy.log, sympy.Abs]
+    m.constrain(sum((f(u / 2) for f in one), sympy.atan2(u, v) + sympy.sign(v) * u + u**v))
+    m.gravity((0, -9.81, 0))
+    return exactly(ncgen.generate(m))
+
+
+@pytest.mark.parametrize("emission", ["auto", "tabled"])
+def test_robot_states_as_alone(robot_model, emission):
+    """Straight-line code and loops, whose constants come from tables and are the same in all lanes."""
+    kernels = exactly(ncgen.generate(robot_model, emission))
+    q, qd, _ = states(kernels)
+    assert_as_alone(kernels, q, qd, 0.0, None)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+def test_every_function_time_and_parameters(everything, threads):
+    """Own times and own parameters for each state, whatever the number of threads."""
+    q, qd, t = states(everything)
+    everything.batch.threads = threads
+    assert_as_alone(everything, q, qd, t, np.linspace(1, 2, 2 * COUNT).reshape(COUNT, 2))
+    assert_as_alone(everything, q, qd, 0.25, np.array([1.2, 1.7]))
+
+
+def test_far_angles_as_alone(everything):
+    """An angle far beyond the range of the polynomials, in one lane only."""
+    q, qd, t = states(everything)
+    q[3, everything.index["psi"]] = 1e9
+    assert_as_alone(everything, q, qd, t, None)
+
+
+def test_numpy_batches_alike(robot, robot_numpy):
+    """The same states through NumPy: another program for the same kernels."""
+    q, qd, _ = states(robot)
+    for name in robot.programs.programs:
+        c, numpy = (k.batch.values(name, 0.0, q, qd, None) for k in (robot, robot_numpy))
+        assert c.shape == numpy.shape
+        np.testing.assert_allclose(c, numpy, rtol=1e-12, atol=1e-13 * np.max(np.abs(numpy)))
+
+
+def test_results_go_where_they_should(robot):
+    """`out` is filled and returned; one of the wrong shape is refused."""
+    q, _, _ = states(robot)
+    out = np.full((COUNT, robot.m), 7.0)
+    assert robot.batch.phi(q, out=out) is out
+    assert np.array_equal(out, robot.batch.phi(q))
+    with pytest.raises(NcgenError, match=r"robot\.batch\.phi: out must be a contiguous array of \(21, 31\) doubles"):
+        robot.batch.phi(q, out=np.empty((COUNT, robot.m + 1)))
+
+
+@pytest.mark.parametrize(
+    "given, said",
+    [
+        ({"q": np.zeros(36)}, r"q has shape \(36,\)"),
+        ({"q": np.zeros((4, 35))}, r"q has shape \(4, 35\); \(4, 36\) is needed"),
+        ({"q": np.zeros((4, 36)), "qd": np.zeros((3, 36))}, r"qd has shape \(3, 36\)"),
+        ({"q": np.zeros((4, 36)), "qd": np.zeros((4, 36)), "t": np.zeros(3)}, r"t has shape \(3,\); \(\) or \(4,\)"),
+    ],
+)
+def test_wrong_shapes_are_named(robot, given, said):
+    with pytest.raises(NcgenError, match=r"robot\.batch\.gamma: " + said) as caught:
+        robot.batch.gamma(**({"qd": np.zeros((4, 36))} | given))
+    assert "\n" not in str(caught.value)
+
+
+def test_kernels_that_are_not_needed_give_zeros(robot):
+    assert np.array_equal(robot.batch.nu(states(robot)[0]), np.zeros((COUNT, robot.m)))
+
+
+def test_no_states(robot):
+    """A batch of none is none."""
+    assert robot.batch.phi(np.zeros((0, robot.n))).shape == (0, robot.m)

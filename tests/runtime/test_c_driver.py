@@ -1,0 +1,162 @@
+"""The runtime from C, without Python: sanitizers and canaries, and every number type to its own precision."""
+
+from __future__ import annotations
+
+import subprocess
+from math import pi
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+import ncgen
+from ncgen.build.runtime import FORMALISMS, METHODS, ConstrainedDynamics
+from ncgen.emit.environment import verbatim
+from ncgen.emit.c import RUNTIME, c_files
+from ncgen.program.quasidefinite import Elimination
+
+STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
+TYPES = {"float": "-DNCGEN_SINGLE", "double": "-DNCGEN_DOUBLE", "long double": "-DNCGEN_LONG_DOUBLE", "__float128": "-DNCGEN_QUAD"}
+
+DRIVER = r"""
+#include <stdio.h>
+#include <stdlib.h>
+#include "@.h"
+#include "ncgen_runtime.h"
+
+#define GUARD 32
+#define CANARY ((ncgen_real)-12345.5L)
+
+%(arrays)s
+
+static int damaged = 0;
+
+static ncgen_real *guarded(size_t size)
+{
+    ncgen_real *block = malloc((size + 2 * GUARD) * sizeof(ncgen_real));
+    for (size_t i = 0; i < size + 2 * GUARD; ++i)
+        block[i] = CANARY;
+    return block + GUARD;
+}
+
+static void release(ncgen_real *array, size_t size)
+{
+    for (size_t i = 0; i < GUARD; ++i)
+        damaged += !(array[size + i] >= CANARY && array[size + i] <= CANARY) ||
+                   !(*(array - 1 - i) >= CANARY && *(array - 1 - i) <= CANARY);
+    free(array - GUARD);
+}
+
+int main(int count, char **words)
+{
+    const ncgen_model *model = @_model();
+    const size_t n = (size_t)model->n_coordinates, m = (size_t)model->n_rows;
+    const ncgen_elimination elimination = {SIZE, NONZEROS, order, row_start, row_columns, row_places, column_start,
+                                           column_rows, entry_start, entry_columns, entry_values};
+    ncgen_dynamics dynamics = {0};
+    dynamics.column_sizes = column_sizes;
+    dynamics.row_sizes = row_sizes;
+    dynamics.elimination = &elimination;
+    dynamics.singular_mass = SINGULAR_MASS;
+    dynamics.n_dependent = RANK;
+    dynamics.conservative = 1;
+    ncgen_options options = {0};
+    options.formalism = count == 3 ? atoi(words[1]) : -1;
+    options.method = count == 3 ? atoi(words[2]) : -1;
+    options.rtol = options.atol = (ncgen_scalar)TOLERANCE;
+    options.max_step = (ncgen_scalar)STEP;
+    options.tolerance = 10 * (ncgen_scalar)TOLERANCE;
+    options.penalty = (ncgen_scalar)PENALTY;
+    options.project = 1;
+    const ncgen_scalar times[3] = {0, (ncgen_scalar)(DURATION / 2), (ncgen_scalar)DURATION};
+    const size_t numbers = ncgen_workspace(model, &dynamics, &options);
+    ncgen_real *q = guarded(n), *qd = guarded(n), *out_q = guarded(4 * n), *out_qd = guarded(4 * n), *work = guarded(4);
+    ncgen_real *space = guarded(numbers), *p = guarded((size_t)model->n_parameters);
+    int *integers = malloc((n + 2 * m) * sizeof(int));
+    int rows = 0;
+    ncgen_statistics statistics;
+    for (size_t i = 0; i < n; ++i) {
+        q[i] = model->initial_position[i];
+        qd[i] = 0;
+    }
+    for (int i = 0; i < model->n_parameters; ++i)
+        p[i] = model->default_parameters[i];
+    const int status = ncgen_simulate(model, &dynamics, &options, p, q, qd, 3, times, out_q, out_qd, work, &rows,
+                                      &statistics, space, integers);
+    for (size_t i = 0; i < n; ++i) /* what differs from the nearest double, too */
+        printf("%%.17g %%.17g\n", (double)out_q[2 * n + i], (double)(out_q[2 * n + i] - (ncgen_real)(double)out_q[2 * n + i]));
+    release(q, n), release(qd, n), release(out_q, 4 * n), release(out_qd, 4 * n), release(work, 4);
+    release(space, numbers), release(p, (size_t)model->n_parameters);
+    free(integers);
+    fprintf(stderr, "status %%d rows %%d steps %%ld damaged %%d\n", status, rows, statistics.steps, damaged);
+    return status || rows != 3 || damaged;
+}
+"""
+
+
+def build_driver(kernels, folder, tolerance, duration, flags, step="0.0", rank=0) -> None:
+    """Compile the driver for a mechanism that starts from rest; all warnings are errors."""
+    dynamics = ConstrainedDynamics(kernels)
+    arrays = [
+        f"static const int {name}[] = {{{', '.join(map(str, getattr(dynamics.plan, name) or (0,)))}}};" for name in Elimination.ARRAYS
+    ]
+    for name in ("row_sizes", "column_sizes"):
+        arrays.append(f"static const ncgen_scalar {name}[] = {{{', '.join(f'(ncgen_scalar){x!r}' for x in getattr(kernels, name).tolist())}}};")
+    defines = {
+        "SIZE": dynamics.plan.size, "NONZEROS": dynamics.plan.nonzeros,
+        "TOLERANCE": tolerance, "DURATION": duration, "STEP": step, "RANK": rank, "PENALTY": "1e7",
+        "SINGULAR_MASS": int(dynamics._dynamics.singular_mass),
+    }  # fmt: skip
+    files = c_files(kernels.programs) | {name: verbatim(f"c/{name}") for name in RUNTIME}
+    files["main.c"] = DRIVER.replace("@", kernels.name) % {"arrays": "\n".join(arrays)}
+    for name, text in files.items():
+        (folder / name).write_text(text)
+    sources = [name for name in files if name.endswith(".c")]
+    given = [f"-D{name}={value}" for name, value in defines.items()]
+    libraries = ("-lquadmath", "-lm") if "-DNCGEN_QUAD" in flags else ("-lm",)
+    command = ["gcc", *STRICT, *flags, *given, *sources, "-o", "driver", *libraries]
+    built = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+    assert built.returncode == 0, built.stderr
+
+
+def run_driver(folder, formalism: str, method: str) -> np.ndarray:
+    """q at the end, as the nearest doubles and what is left."""
+    command = ["./driver", str(FORMALISMS[formalism]), str(METHODS[method])]
+    done = subprocess.run(command, cwd=folder, env={"ASAN_OPTIONS": "detect_leaks=0"}, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
+    return np.array([[float(x) for x in line.split()] for line in done.stdout.splitlines()])
+
+
+@pytest.fixture(scope="module")
+def sanitized(tmp_path_factory):
+    """Bricard's mechanism, with a redundant row and a singular mass matrix."""
+    folder = tmp_path_factory.mktemp("sanitized")
+    flags = ("-O0", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
+    build_driver(ncgen.compile(ncgen.load("bricard"), backend="c"), folder, "1e-8", "0.02", flags, step="0.01", rank=23)
+    return folder
+
+
+@pytest.mark.parametrize("method", ["dopri5", "dop853", "rk4"])
+@pytest.mark.parametrize("formalism", list(FORMALISMS)[1:])
+def test_within_its_workspace(sanitized, formalism, method):
+    """Under the address and undefined-behaviour sanitizers, with canaries around everything that is written."""
+    run_driver(sanitized, formalism, method)
+
+
+@pytest.mark.parametrize(("type_name", "method", "tolerance", "error"), [
+    ("float", "dopri5", "1e-5L", 1e-4),
+    ("double", "dop853", "1e-13L", 1e-11),
+    ("long double", "dop853", "1e-16L", 1e-14),
+    ("__float128", "dop853", "1e-20L", 1e-17),
+])  # fmt: skip
+def test_every_number_type_reaches_its_precision(type_name, method, tolerance, error, tmp_path):
+    """A quarter of the pendulum's period, after which it hangs straight down: x = 0."""
+    mpmath = pytest.importorskip("mpmath")
+    kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
+    with mpmath.workdps(40):
+        quarter = mpmath.ellipk(mpmath.mpf(1) / 2) / mpmath.sqrt(mpmath.mpf(9.81))
+        assert abs(quarter - ellipk(0.5) / np.sqrt(9.81)) < 1e-14 * pi
+        text = mpmath.nstr(quarter, 19, min_fixed=-5) + "L"
+    build_driver(kernels, tmp_path, tolerance, text, ("-O2", TYPES[type_name]))
+    end = run_driver(tmp_path, "lagrange", method)
+    assert abs(end[0].sum()) < error

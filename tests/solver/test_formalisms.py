@@ -1,0 +1,214 @@
+"""Every formalism gives the same accelerations and motions, on every example, and refuses what it cannot do by name."""
+
+from __future__ import annotations
+
+from functools import cache
+from itertools import product
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.errors import ModelError, SingularError
+from ncgen.exchange.examples import example_names
+from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.formalisms import FORMALISMS
+from ncgen.solver.integrators import INTEGRATORS
+from ncgen.solver.partition import choose_partitions
+from ncgen.solver.rank import trial_positions
+
+EXACT = ("null-space", "lagrange", "augmented-lagrangian", "udwadia-phohomsiri")
+ALL_COORDINATES = (*EXACT, "penalty")
+DURATION = {"flyball": 0.003, "andrews": 0.003, "slidercrank": 0.01, "robot": 0.05, "heavytop": 0.03}
+"""Seconds a motion is compared for; 0.1 where nothing stands here."""
+
+
+@cache
+def kernels_of(name):
+    return ncgen.compile(ncgen.load(name), backend="c")
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return kernels_of("pendulum")
+
+
+def states(kernels):
+    """Consistent positions and velocities, with the partitions that are good there."""
+    generator = np.random.default_rng(5)
+    for q in trial_positions(kernels, kernels.q0, 0.0, kernels.p0)[:3]:
+        partitions = choose_partitions(kernels, q, 0.0, kernels.p0)
+        yield q, partitions.velocity, generator.standard_normal(len(partitions.velocity.independent))
+
+
+def accelerations(kernels, formalism, q, qd, **options):
+    form = FORMALISMS[formalism]
+    return form.motion(kernels, q, qd, 0.0, kernels.p0, {**form.options, **options})
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_accelerations(name):
+    """Those of coordinate partitioning to 1e-10, and they satisfy the equations of motion."""
+    kernels = kernels_of(name)
+    for q, partition, zd in states(kernels):
+        known = motion_at(kernels, partition, 0.0, q, zd, kernels.p0)
+        jacobian = kernels.jacobian(q)
+        for formalism in EXACT:
+            found = accelerations(kernels, formalism, q, known.qd, stabilisation="none")
+            assert found.qdd == pytest.approx(known.qdd, abs=1e-10 * np.max(np.abs(known.qdd)))
+            balance = kernels.mass_matrix(q) @ found.qdd + jacobian.T @ found.lam - kernels.force(q, known.qd)
+            size = np.max(np.abs(jacobian.T) @ np.abs(found.lam)) + np.max(np.abs(kernels.force(q, known.qd)))
+            assert np.max(np.abs(balance)) < (1e-5 if formalism == "augmented-lagrangian" else 1e-11) * size
+
+
+@pytest.mark.parametrize("name", example_names())
+def test_motions(name):
+    """Those of coordinate partitioning to 1e-8, closed to rounding."""
+    kernels = kernels_of(name)
+    given = {k: v for k, v in kernels.model.simulation_options.items() if k in ("zd0", "z")}
+    options = dict(rtol=1e-11, atol=1e-13, integrator="dop853", points=3, **given)
+    duration = DURATION.get(name, 0.1)
+    known = ncgen.simulate(kernels, duration, **options)
+    for formalism, engine in product(EXACT, ("python", "auto")):
+        found = ncgen.simulate(kernels, duration, formalism=formalism, engine=engine, **options)
+        assert found.q / kernels.column_sizes == pytest.approx(known.q / kernels.column_sizes, abs=1e-8)
+        assert np.max(found.violation()) <= 1e-11
+        assert found.formalism == formalism
+        assert found.engine == "python: asked for" or engine == "auto"
+
+
+@pytest.mark.parametrize("integrator", INTEGRATORS)
+def test_every_integrator_with_projection(integrator):
+    """Projecting a method's state after its steps keeps the four-bar closed and does not spoil the motion."""
+    kernels = kernels_of("fourbar")
+    options = dict(zd0={"psi": 12.0}, points=5)
+    known = ncgen.simulate(kernels, 0.2, integrator="dop853", rtol=1e-11, atol=1e-13, **options)
+    step = {"max_step": 1e-3} if integrator in ("rk4", "trapezoidal") else {}
+    found = ncgen.simulate(kernels, 0.2, integrator=integrator, formalism="lagrange", engine="python", **options, **step)
+    # The trapezoidal rule errs by T h²/12 times the third derivative, here about 12³.
+    assert found.q == pytest.approx(known.q, abs=5e-4 if integrator == "trapezoidal" else 2e-5)
+    assert np.max(found.violation()) <= 1e-11
+    assert found.statistics.projections >= found.statistics.steps / 2
+    assert 0 < found.statistics.largest_projection < 1e-3
+
+
+def test_multipliers_of_redundant_rows():
+    """Of the many multipliers of the Bricard linkage, these two formalisms give those of smallest norm in natural sizes."""
+    kernels = kernels_of("bricard")
+    q, partition, zd = next(states(kernels))
+    known = motion_at(kernels, partition, 0.0, q, zd, kernels.p0)
+    jacobian = kernels.jacobian(q) / kernels.row_sizes[:, None]
+    load = kernels.force(q, known.qd) - kernels.mass_matrix(q) @ known.qdd
+    smallest = np.linalg.pinv((jacobian * kernels.column_sizes).T, rcond=1e-9) @ (kernels.column_sizes * load) / kernels.row_sizes
+    for formalism in ("lagrange", "udwadia-phohomsiri"):
+        found = accelerations(kernels, formalism, q, known.qd)
+        assert found.lam == pytest.approx(smallest, abs=1e-7 * np.max(np.abs(smallest)))
+
+
+def test_penalty_errs_by_its_inverse(pendulum):
+    """λ/α: a hundred times the penalty, a hundredth of the error."""
+    q, qd = np.array([0.6, -0.8]), np.array([1.6, 1.2])
+    exact = accelerations(pendulum, "lagrange", q, qd).qdd
+    errors = [np.linalg.norm(accelerations(pendulum, "penalty", q, qd, alpha=alpha).qdd - exact) for alpha in (1e3, 1e5)]
+    assert errors[0] / errors[1] == pytest.approx(100, rel=0.01)
+    assert errors[0] > 1e-4
+
+
+def test_what_holds_the_constraints(pendulum):
+    """Nothing: drift grows. Baumgarte: it stays small. Projection: it is rounding."""
+    drift = {}
+    for stabilisation in ("none", "baumgarte", "projection"):
+        options = {"stabilisation": stabilisation}
+        run = ncgen.simulate(pendulum, 5.0, formalism="lagrange", rtol=1e-6, atol=1e-8, options=options)
+        drift[stabilisation] = run.violation()[-1]
+        assert (run.statistics.projections > 0) == (stabilisation == "projection")
+    assert drift["none"] > 10 * drift["baumgarte"] > 1e4 * drift["projection"]
+    assert drift["projection"] <= 1e-11
+
+
+def test_penalty_follows_the_fall(pendulum):
+    known = ncgen.simulate(pendulum, 0.5, points=6)
+    found = ncgen.simulate(pendulum, 0.5, points=6, formalism="penalty")
+    assert found.q == pytest.approx(known.q, abs=1e-6)
+    assert found.qdd == pytest.approx(known.qdd, abs=1e-4)
+
+
+def test_singular_positions_are_starts_too():
+    """Where the flat four-bar has an extra motion, a motion over all coordinates can begin; a partition cannot."""
+    model = ncgen.Model("flat")
+    a, d = model.point("A", (0, 0), fixed=True), model.point("D", (1, 0), fixed=True)
+    b, c = model.point("B", (1, 0)), model.point("C", (2, 0))
+    for one, other in ((a, b), (b, c), (d, c)):
+        model.body(f"{one.name}{other.name}", points=[one, other], mass=1.0, inertia=1 / 12)
+    kernels = ncgen.compile(model, backend="numpy")
+    with pytest.raises(SingularError, match="rank 2 where 3 is general"):
+        ncgen.simulate(kernels, 0.1)
+    run = ncgen.simulate(kernels, 0.2, formalism="lagrange", qd0={"B.y": 1.0, "C.y": 1.0})
+    # The parallelogram branch: every bar keeps turning at one rate, B and C go round side by side.
+    angle = np.arctan2(run["B.y"], run["B.x"])
+    assert angle == pytest.approx(run.t, abs=1e-6)
+    assert run["C.x"] - run["B.x"] == pytest.approx(np.ones(101), abs=1e-6)
+
+
+@pytest.mark.parametrize("formalism", ALL_COORDINATES)
+def test_massless_motions_are_refused(formalism):
+    model = ncgen.Model("nothing")
+    a, b = model.point("A", (1, 0)), model.point("B", (2, 0))
+    model.body("bar", points=[a], mass=1.0)
+    model.distance(model.point("P", (0, 0)), b)
+    kernels = ncgen.compile(model, backend="numpy")
+    with pytest.raises(SingularError, match="nothing: a motion of the mechanism has no inertia"):
+        ncgen.simulate(kernels, 0.1, formalism=formalism)
+
+
+REFUSED = [
+    (
+        {"formalism": "lagrange", "options": {"beta": 1.0}},
+        "option beta: lagrange with dopri5 has no such option; it has stabilisation, omega, xi",
+    ),
+    ({"options": {"alpha": 1.0}}, "option alpha: coordinate-partitioning with dopri5 has no such option; it has none"),
+    ({"formalism": "penalty", "options": {"alpha": "much"}}, "option alpha: 'much' given"),
+    ({"formalism": "lagrange", "options": {"stabilisation": "hope"}}, "stabilisation 'hope' is unknown; choose one of projection"),
+    ({"formalism": "lagrange", "integrator": "bdf", "engine": "c"}, "cannot be simulated in C: bdf runs in Python"),
+    ({"qd0": {"B.z": 1.0}}, "qd0: pendulum has no free coordinate B.z; it has B.x, B.y"),
+    ({"qd0": {"B.x": np.nan}}, "qd0: the rate of B.x is nan"),
+    ({"qd0": [1.0]}, "qd0: 2 finite numbers needed"),
+    ({"qd0": [0.0, 0.0], "zd0": [0.0]}, "zd0 and qd0 are both given"),
+]
+
+
+@pytest.mark.parametrize(("options", "message"), REFUSED, ids=[str(options) for options, _ in REFUSED])
+def test_refused(pendulum, options, message):
+    with pytest.raises(ModelError, match=message):
+        ncgen.simulate(pendulum, 0.1, **options)
+
+
+@pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange"])
+def test_velocities_of_any_coordinates(formalism):
+    """Velocities of all coordinates, or of some by name, start the same motion as those of the independent one."""
+    kernels = kernels_of("fourbar")
+    known = ncgen.simulate(kernels, 0.1, zd0={"psi": 12.0}, points=3)
+    for given in (known.qd[0], {"C.x": known["rate(C.x)"][0]}):
+        found = ncgen.simulate(kernels, 0.1, qd0=given, points=3, formalism=formalism)
+        assert found.q == pytest.approx(known.q, abs=1e-7)
+
+
+def test_velocities_that_contradict_are_projected(pendulum):
+    """The bar is level: its end can move up and down only, and the nearest velocity is the given one without its x."""
+    with pytest.warns(UserWarning, match=r"rate\(B.x\) changed most, from 3 to 0"):
+        run = ncgen.simulate(pendulum, 0.1, qd0=[3.0, 2.0], points=2)
+    assert run.qd[0] == pytest.approx([0.0, 2.0], abs=1e-12)
+
+
+def test_other_velocities_have_the_least_energy():
+    """Two masses on a bar that floats: when one is moved sideways, the other stays."""
+    model = ncgen.Model("dumbbell")
+    a, b = model.point("A", (0, 0)), model.point("B", (1, 0))
+    model.distance(a, b)
+    model.body("a", points=[a], mass=1.0)
+    model.body("b", points=[b], mass=1.0)
+    kernels = ncgen.compile(model, backend="numpy")
+    sideways = ncgen.simulate(kernels, 0.01, qd0={"B.y": 1.0}, formalism="lagrange", points=2)
+    along = ncgen.simulate(kernels, 0.01, qd0={"B.x": 1.0}, formalism="lagrange", points=2)
+    assert sideways.qd[0] == pytest.approx([0, 0, 0, 1], abs=1e-12)
+    assert along.qd[0] == pytest.approx([1, 0, 1, 0], abs=1e-12)

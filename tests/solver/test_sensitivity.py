@@ -1,0 +1,189 @@
+"""Derivatives of motions against complex steps through an independent Runge-Kutta computation on the NumPy kernels."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+import sympy
+
+import ncgen
+from ncgen import Model
+from ncgen.errors import ConvergenceError, ModelError
+from ncgen.solver.partition import choose_partitions
+
+STEP = 1e-30
+DURATION, STEPS = 0.5, 40
+
+
+def fourbar() -> Model:
+    """A sprung four-bar with masses, whose lengths, stiffness, load and gravity are parameters."""
+    model = Model("sprung")
+    crank, coupler = model.parameter("crank", 1.0), model.parameter("coupler", 2.2)
+    stiff, load, g = model.parameter("k", 30.0), model.parameter("load", 4.0), model.parameter("g", 9.81)
+    A, D = model.point("A", (0, 0, 0), fixed=True), model.point("D", (2.5, 0, 0), fixed=True)
+    x, z = model.vector("x", (1, 0, 0), fixed=True), model.vector("z", (0, 0, 1), fixed=True)
+    B = model.point("B", (np.cos(1.1), np.sin(1.1), 0), fixed="z")
+    C = model.point("C", closing(B.initial, D.initial, 2.2, 1.7), fixed="z")
+    model.distance(A, B, crank)
+    model.distance(B, C, coupler)
+    model.distance(C, D)
+    model.body("joint", points=[B], mass=2.0)
+    model.body("weight", points=[C], mass=model.parameter("m", 3.0))
+    psi = model.angle("psi", start=x, end=B - A, axis=z)
+    model.gravity((0, -g, 0))
+    model.spring(B, D, stiffness=stiff, damping=0.3, free_length=1.5)
+    model.force(C, (load * sympy.cos(3 * model.time), 0, 0))
+    model.torque(psi, -0.2 * psi.rate)
+    return model
+
+
+def closing(b, d, coupler: float, rocker: float):
+    """The upper point at these distances from two others."""
+    span = d - b
+    length = np.linalg.norm(span)
+    along = (coupler**2 - rocker**2 + length**2) / (2 * length)
+    across = np.sqrt(coupler**2 - along**2)
+    unit = span / length
+    return b + along * unit + across * np.array([-unit[1], unit[0], 0.0])
+
+
+def driven() -> Model:
+    """A driven crank with a sprung pendulum on it: rows that depend on time, and on the drive's own parameter."""
+    model = Model("driven")
+    speed, length = model.parameter("speed", 2.0), model.parameter("length", 0.8)
+    A = model.point("A", (0, 0, 0), fixed=True)
+    x, z = model.vector("x", (1, 0, 0), fixed=True), model.vector("z", (0, 0, 1), fixed=True)
+    B, C = model.point("B", (1, 0, 0), fixed="z"), model.point("C", (1, -0.8, 0), fixed="z")
+    model.distance(A, B)
+    model.distance(B, C, length)
+    psi = model.angle("psi", start=x, end=B - A, axis=z)
+    theta = model.angle("theta", start=B - A, end=C - B, axis=z)
+    model.drive(psi, speed * model.time + sympy.sin(3 * model.time) / 5)
+    model.body("bob", points=[C], mass=1.5)
+    model.torsion_spring(theta, stiffness=5.0, damping=0.1, free_angle=-1.0)
+    model.gravity((0, -9.81, 0))
+    return model
+
+
+def complex_motion(plain, partition, p, z, zd):
+    """q and q̇ at every instant, in complex numbers: solve, do not linearise."""
+    rows, d, i = partition.rows, partition.dependent, partition.independent
+    n, nz, h = plain.n, len(i), DURATION / STEPS
+    guess = plain.q0.astype(complex)
+
+    def slope(t, y, q):
+        q[i] = y[nz:]
+        for _ in range(12):
+            q[d] -= np.linalg.solve(plain.jacobian(q, t, p)[np.ix_(rows, d)], plain.phi(q, t, p)[rows])
+        J = plain.jacobian(q, t, p)[rows]
+        qd = np.zeros(n, dtype=complex)
+        qd[i] = y[:nz]
+        qd[d] = np.linalg.solve(J[:, d], plain.nu(q, t, p)[rows] - J[:, i] @ y[:nz])
+        M = plain.mass_matrix(q, t, p)
+        kkt = np.block([[M, J.T], [J, np.zeros((len(rows), len(rows)))]])
+        right = np.concatenate([plain.values("force", t, q, qd, p), plain.values("gamma", t, q, qd, p)[rows]])
+        qdd = np.linalg.solve(kkt, right)[:n]
+        return np.concatenate([qdd[i], y[:nz]]), qd
+
+    y = np.concatenate([zd, z]).astype(complex)
+    history = []
+    for k in range(STEPS + 1):
+        t = DURATION * k / STEPS
+        k1, qd = slope(t, y, guess)
+        history.append((guess.copy(), qd))
+        k2, _ = slope(t + h / 2, y + h / 2 * k1, guess)
+        k3, _ = slope(t + h / 2, y + h / 2 * k2, guess)
+        k4, _ = slope(t + h, y + h * k3, guess)
+        y = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    return np.array([q for q, _ in history]), np.array([qd for _, qd in history])
+
+
+START = {"sprung": {"psi": 1.3}, "driven": {"theta": -0.4}}
+
+
+@pytest.fixture(scope="module", params=[fourbar, driven], ids=["sprung", "driven"])
+def case(request):
+    """(kernels, initial rates, by: {name: (K, 2, n) derivatives of q and q̇ by complex steps}, value of the motion)."""
+    sources = ncgen.generate(request.param())
+    kernels, plain = ncgen.compile(sources, backend="c"), ncgen.compile(sources, backend="numpy")
+    rates = START[kernels.name]
+    z = tuple(rates)
+    partition = choose_partitions(kernels, kernels.q0, independent=z).position
+    z0, zd0 = kernels.q0[partition.independent], np.array(list(rates.values()))
+    columns = {}
+    for name in (*kernels.parameters, *z, *(f"rate({x})" for x in z)):
+        p, start, speed = kernels.p0.astype(complex), z0.astype(complex), zd0.astype(complex)
+        if name in kernels.parameters:
+            p[kernels.parameters.index(name)] += 1j * STEP
+        elif name in z:
+            start[z.index(name)] += 1j * STEP
+        else:
+            speed[[f"rate({x})" for x in z].index(name)] += 1j * STEP
+        columns[name] = np.array(complex_motion(plain, partition, p, start, speed))
+    return kernels, rates, columns
+
+
+def test_forward_against_complex_steps(case):
+    """Every coordinate and velocity at every instant, by every parameter and initial value, to 1e-10 of the largest."""
+    kernels, rates, columns = case
+    found = ncgen.sensitivities(kernels, DURATION, STEPS, zd0=rates, z=tuple(rates))
+    assert found.names == tuple(columns)
+    q, qd = next(iter(columns.values())).real
+    np.testing.assert_allclose(found.q, q, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found.qd, qd, rtol=0, atol=1e-11)
+    for k, wanted in enumerate(columns.values()):
+        by_q, by_qd = wanted.imag / STEP
+        assert np.max(np.abs(found.q_by[:, :, k] - by_q)) <= 1e-10 * max(1.0, np.max(np.abs(by_q)))
+        assert np.max(np.abs(found.qd_by[:, :, k] - by_qd)) <= 1e-10 * max(1.0, np.max(np.abs(by_qd)))
+
+
+def weights(kernels):
+    rng = np.random.default_rng(2)
+    return rng.standard_normal((2, STEPS + 1, kernels.n))
+
+
+def test_adjoint_against_complex_steps(case):
+    """The gradient of a number that sees all instants, to 1e-10."""
+    kernels, rates, columns = case
+    a, b = weights(kernels)
+    found = ncgen.gradient(
+        kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), zd0=rates, z=tuple(rates)
+    )
+    assert tuple(found.slopes) == tuple(columns)
+    for name, (q, qd) in columns.items():
+        wanted = np.sum(a * q.real * q.imag + b * qd.imag) / STEP
+        assert abs(found.slopes[name] - wanted) <= 1e-10 * max(1.0, abs(wanted)), name
+
+
+def test_a_motion_on_bad_coordinates_is_refused(case, monkeypatch):
+    """Coordinates that cease to determine the motion are named, with the time."""
+    kernels, rates, _ = case
+    monkeypatch.setattr("ncgen.solver.sensitivity.POOR", 10.0)
+    with pytest.raises(ModelError, match=rf"{next(iter(rates))} do not determine the motion any more at t = 0 s; choose other"):
+        ncgen.sensitivities(kernels, DURATION, STEPS, zd0=rates, z=tuple(rates))
+
+
+def test_a_motion_that_locks_is_refused():
+    """A coordinate that has reached its end cannot lead the motion: the time is said."""
+    with pytest.raises(ConvergenceError, match="does not converge at t = 0.2"):
+        ncgen.sensitivities(ncgen.compile(fourbar(), backend="c"), 1.0, 100, zd0={"B.x": 3.0}, z=("B.x",))
+
+
+def test_what_has_no_derivative_is_refused(case):
+    kernels, rates, _ = case
+    with pytest.raises(ModelError, match="initial velocity of nothing"):
+        ncgen.sensitivities(kernels, 1.0, 10, zd0={"nothing": 1.0})
+    with pytest.raises(ModelError, match="positive"):
+        ncgen.gradient(kernels, 1.0, 0, lambda q, qd: (0.0, None, None))
+
+
+def test_the_adjoint_costs_no_more_for_many_parameters(monkeypatch):
+    """The state derivative is evaluated as often as without derivatives: once a stage."""
+    kernels = ncgen.compile(fourbar(), backend="c")
+    seen = []
+    plain = kernels.force
+    monkeypatch.setattr(kernels, "force", lambda *a: (seen.append(time.perf_counter()), plain(*a))[1])
+    ncgen.gradient(kernels, 0.1, 10, lambda q, qd: (q[-1, 0], None, None), zd0={"psi": 1.0}, z=("psi",))
+    assert len(seen) == 4 * 10 + 1

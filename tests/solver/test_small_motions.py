@@ -1,0 +1,108 @@
+"""Equilibria and small motions beside them, against formulas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.errors import ConvergenceError, ModelError
+
+G = 9.81
+
+
+def hanging(masses, lengths, gravity=True, pull=None):
+    """Point masses on massless bars below one another."""
+    model = ncgen.Model("hanging")
+    above, depth = model.point("P0", (0, 0), fixed=True), 0.0
+    for k, (mass, length) in enumerate(zip(masses, lengths, strict=True), 1):
+        depth -= length
+        point = model.point(f"P{k}", (0, depth))
+        model.body(f"m{k}", points=[point], mass=mass)
+        model.distance(above, point)
+        above = point
+    if gravity:
+        model.gravity((0, -G, 0))
+    if pull:
+        model.force(above, pull)
+    return ncgen.compile(model, backend="numpy")
+
+
+def test_pendulum():
+    """ω = √(g/L)."""
+    small = ncgen.linearise(hanging([2.0], [0.7]))
+    assert small.frequencies == pytest.approx([np.sqrt(G / 0.7) / (2 * np.pi)], rel=1e-12)
+    assert small.stable
+    assert small.positions == small.velocities == ("P1.x",)
+
+
+def test_compound_pendulum():
+    """A uniform rod: ω² = 3 g / 2 L."""
+    model = ncgen.Model("rod")
+    a, b = model.point("A", (0, 0), fixed=True), model.point("B", (0, -1.3))
+    model.body("rod", points=[a, b], mass=0.4, inertia=0.4 * 1.3**2 / 12)
+    model.gravity((0, -G, 0))
+    small = ncgen.linearise(ncgen.compile(model, backend="numpy"))
+    assert small.frequencies == pytest.approx([np.sqrt(1.5 * G / 1.3) / (2 * np.pi)], rel=1e-12)
+
+
+def test_double_pendulum():
+    """Equal masses and lengths: ω² = (2 ∓ √2) g/L, amplitudes of the angles 1 : ±√2."""
+    small = ncgen.linearise(hanging([1.0, 1.0], [0.5, 0.5]))
+    assert 2 * np.pi * small.frequencies == pytest.approx(np.sqrt((2 + np.array([-1, 1]) * np.sqrt(2)) * G / 0.5), rel=1e-12)
+    for k, ratio in enumerate([1 + np.sqrt(2), 1 - np.sqrt(2)]):
+        mode = small.mode(k)
+        assert mode["P2.x"] / mode["P1.x"] == pytest.approx(ratio, rel=1e-10)
+        assert abs(mode["P1.y"]) < 1e-12
+
+
+def test_damped_oscillator():
+    """λ = −c/2m ± √(c²/4m² − k/m)."""
+    model = ncgen.Model("oscillator")
+    a, b = model.point("A", (0, 0), fixed=True), model.point("B", (1, 0))
+    model.body("mass", points=[b], mass=2.0)
+    model.constrain(b.y)
+    model.spring(a, b, stiffness=50.0, damping=4.0, free_length=1.0)
+    small = ncgen.linearise(ncgen.compile(model, backend="numpy"))
+    assert small.eigenvalues == pytest.approx([-1 - 1j * np.sqrt(24), -1 + 1j * np.sqrt(24)], rel=1e-12)
+    assert small.damping_ratios == pytest.approx([0.2], rel=1e-12)
+
+
+def test_it_falls_to_the_bottom():
+    found = ncgen.equilibrium(hanging([1.0, 2.0], [0.5, 0.7]), q=[0.5, 0.0, 0.5, 0.7])
+    assert found.q == pytest.approx([0, -0.5, 0, -1.2], abs=1e-12)
+    assert found.stable
+
+
+def test_a_hilltop_is_kept_and_said():
+    kernels = hanging([1.0], [0.7])
+    top = ncgen.equilibrium(kernels, q=[0.0, 0.7])
+    assert top.q == pytest.approx([0, 0.7], abs=0)
+    assert not top.stable
+    assert ncgen.equilibrium(kernels, q=[0.1, np.sqrt(0.48)], kind="nearest").q == pytest.approx([0, 0.7], abs=1e-12)
+    assert not ncgen.linearise(kernels, q=[0.0, 0.7]).stable
+
+
+def test_pulled_aside():
+    """A side force F on a hanging mass: tan θ = F/(m g), and the bar carries √(F² + (m g)²)."""
+    kernels = hanging([1.5], [0.7], pull=(4.0, 0.0, 0.0))
+    found = ncgen.equilibrium(kernels)
+    assert np.arctan2(found.q[0], -found.q[1]) == pytest.approx(np.arctan2(4.0, 1.5 * G), abs=1e-12)
+    tension = np.linalg.norm(kernels.jacobian(found.q).T @ found.lam)
+    assert tension == pytest.approx(np.hypot(4.0, 1.5 * G), rel=1e-12)
+
+
+def test_no_balance():
+    """A free mass falls for ever."""
+    model = ncgen.Model("falling")
+    model.body("m", points=[model.point("P", (0, 0))], mass=1.0)
+    model.gravity((0, -G, 0))
+    with pytest.raises(ConvergenceError, match="falling: no equilibrium found in 200 steps, 1 of the forces is left over"):
+        ncgen.equilibrium(ncgen.compile(model, backend="numpy"))
+
+
+def test_refused():
+    with pytest.raises(ModelError, match="kind 'any' is unknown"):
+        ncgen.equilibrium(hanging([1.0], [1.0]), kind="any")
+    with pytest.raises(ModelError, match="mode 1: there are 1 modes"):
+        ncgen.linearise(hanging([1.0], [1.0])).mode(1)
