@@ -22,9 +22,9 @@ import numpy as np
 
 from ncgen.program.assemble import ENERGIES, KERNELS
 from ncgen.program.blocks import Program
-from ncgen.program.dynamics import _Lines
 from ncgen.program.elimination import SymmetricFactors, factor_symmetric, solve_symmetric
 from ncgen.program.graph import Graph
+from ncgen.program.lines import Lines
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
 
@@ -75,7 +75,7 @@ def assemble_full_motion(equations: Equations, sizes: Sizes, holonomic) -> FullM
 class _Saddle:
     """H in a graph, rows numbered after coordinates; A is H without e."""
 
-    def __init__(self, lines: _Lines, sizes: Sizes, rows):
+    def __init__(self, lines: Lines, sizes: Sizes, rows):
         self.lines, self.graph, self.n = lines, lines.graph, len(lines.equations.free)
         self.place = {r: self.n + k for k, r in enumerate(rows)}
         self.jacobian = {(r, c): node for (r, c), node in lines.gather(KERNELS["phi_q"]).items() if r in self.place}
@@ -130,7 +130,7 @@ def _total(graph: Graph, a: int | None, b: int | None) -> int:
 
 
 def _closing(equations: Equations, sizes: Sizes, holonomic: list[int]) -> Program:
-    lines = _Lines(equations)
+    lines = Lines(equations)
     graph = lines.graph
     zero = graph.const(0.0)
     saddle = _Saddle(lines, sizes, holonomic)
@@ -141,12 +141,11 @@ def _closing(equations: Equations, sizes: Sizes, holonomic: list[int]) -> Progra
 
 
 def _motion(equations: Equations, sizes: Sizes) -> Program:
-    lines = _Lines(equations)
+    lines = Lines(equations)
     graph = lines.graph
     zero = graph.const(0.0)
     n, m = len(equations.free), len(equations.rows)
     saddle = _Saddle(lines, sizes, range(m))
-    lines.rates = [graph.load("qd", c) for c in range(n)]
     nu = {r: node for (r,), node in lines.gather(KERNELS["nu"]).items()}
     off = saddle.times_jacobian(lines.rates)
     missing = {n + r: graph.sub(nu.get(r, zero), off.get(r, zero)) for r in sorted(nu.keys() | off.keys())}
