@@ -93,6 +93,7 @@ class Outcome:
     perturbed: int = 0
     refinements: int = 0
     stopped: bool = False
+    largest_projection: float = 0.0
 
 
 class Dynamics:
@@ -132,7 +133,7 @@ class Dynamics:
         done, s = rows[0], statistics
         last = (out_q[-1], out_qd[-1], out_work[-1])
         counts = (s.steps, s.rejected, s.repeated, s.evaluations, s.newton_steps)
-        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped))
+        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped), s.largest_projection)
         return Outcome(out_q[:done], out_qd[:done], out_work[:done], STATUS[status], s.t, last, *counts, *more)
 
 

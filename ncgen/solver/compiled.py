@@ -90,6 +90,7 @@ def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: st
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.projections += done.steps if projected else 0
+    path.largest_projection = max(path.largest_projection, done.largest_projection)
     return None if done.status == "ok" else f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
 
 

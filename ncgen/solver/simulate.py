@@ -115,7 +115,8 @@ def simulate(
     statistics = Statistics(*map(int, path.counts), time.perf_counter() - clock, path.projections, path.largest_projection)
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
     return Trajectory(
-        kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels, method.options
+        kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels,
+        method.options,
     )  # fmt: skip
 
 

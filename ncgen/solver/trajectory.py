@@ -23,9 +23,12 @@ CONDITION = 1e-3
 
 @dataclass(frozen=True)
 class Statistics:
-    """What a simulation cost: steps, evaluations of the state derivative, Newton steps of the position problem, changes
-    of the independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was projected onto the constraints (Newton steps
-    count those of the projections then), and how far a position was moved at most, relative to its natural size."""
+    """What a simulation cost.
+
+    steps, evaluations of the state derivative, Newton steps of position problems and projections, changes of the
+    independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was
+    projected onto the constraints, and how far a position was moved at most, relative to its natural size.
+    """
 
     steps: int
     evaluations: int

@@ -169,15 +169,28 @@ static void find_residual(ncgen_run *r, ncgen_constrained *w, int with_corner)
     }
 }
 
-static ncgen_real scaled_size(const ncgen_run *r, const ncgen_real *x)
+/* The largest |x| relative to the sizes; not a number if one of them is not. */
+static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_scalar *sizes)
 {
     ncgen_real largest = 0;
-    for (int i = 0; i < r->n; ++i) {
-        const ncgen_real size = NCGEN_ABS(x[i]) / r->dynamics->column_sizes[i];
-        if (!(size <= largest))
+    for (int i = 0; i < count; ++i) {
+        const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
+        if (size != size)
+            return size;
+        if (size > largest)
             largest = size;
     }
     return largest;
+}
+
+static ncgen_real scaled_size(const ncgen_run *r, const ncgen_real *x)
+{
+    return largest_of(r->n, x, r->dynamics->column_sizes);
+}
+
+static ncgen_real largest_residual(const ncgen_run *r, const ncgen_real *rows)
+{
+    return largest_of(r->m, rows, r->dynamics->row_sizes);
 }
 
 /* w->solution of the equations with the right side w->right; refined where the factors are not those of the equations. */
@@ -261,17 +274,6 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
 }
 
 /* Back onto the constraints ------------------------------------------------------------------------------------ */
-
-static ncgen_real largest_residual(const ncgen_run *r, const ncgen_real *rows)
-{
-    ncgen_real largest = 0;
-    for (int i = 0; i < r->m; ++i) {
-        const ncgen_real size = NCGEN_ABS(rows[i]) / r->dynamics->row_sizes[i];
-        if (!(size <= largest))
-            largest = size;
-    }
-    return largest;
-}
 
 /* Phi_q and the factors at r->q. */
 static int refresh(ncgen_run *r, ncgen_scalar t)
@@ -359,7 +361,13 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
 
 static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
+    ncgen_copy(r->n, y + r->n, r->constrained->solution);
     const int status = project(r, t, y, !is_dense(r));
+    for (int i = 0; i < r->n; ++i)
+        r->constrained->solution[i] -= y[r->n + i];
+    const ncgen_real moved = scaled_size(r, r->constrained->solution);
+    if (status == NCGEN_OK && moved > r->statistics->largest_projection)
+        r->statistics->largest_projection = moved;
     r->constrained->jacobian_is_there = status == NCGEN_OK;
     if (status == NCGEN_OK && r->constrained->redundant) {
         ncgen_choose_rows(r, r->constrained);

@@ -107,6 +107,7 @@ typedef struct ncgen_statistics {
     long perturbed;   /* pivots without mass in them that were made larger */
     long refinements;
     int stopped;      /* 1: by the event, at t */
+    ncgen_scalar largest_projection; /* how far a step's end was moved onto the constraints, in natural sizes */
 } ncgen_statistics;
 
 /* end cdef */

@@ -12,7 +12,7 @@ from scipy.special import ellipk
 import ncgen
 from ncgen.build.runtime import FORMALISMS, METHODS, ConstrainedDynamics
 from ncgen.emit.environment import verbatim
-from ncgen.emit.c import RUNTIME, c_files
+from ncgen.emit.c import HEADERS, RUNTIME, c_files
 from ncgen.program.quasidefinite import Elimination
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
@@ -160,3 +160,18 @@ def test_every_number_type_reaches_its_precision(type_name, method, tolerance, e
     build_driver(kernels, tmp_path, tolerance, text, ("-O2", TYPES[type_name]))
     end = run_driver(tmp_path, "lagrange", method)
     assert abs(end[0].sum()) < error
+
+
+def test_no_state_and_no_calls_but_libm(tmp_path):
+    """The runtime's objects have no writable data and need elementary functions and each other, nothing else."""
+    for name in RUNTIME + HEADERS:
+        (tmp_path / name).write_text(verbatim(f"c/{name}"))
+    sources = [name for name in RUNTIME if name.endswith(".c")]
+    subprocess.run(["gcc", *STRICT, "-O1", "-fno-pic", "-fno-pie", "-c", *sources], cwd=tmp_path, check=True)
+    objects = [f"{name[:-2]}.o" for name in sources]
+    listed = subprocess.run(["nm", *objects], cwd=tmp_path, capture_output=True, text=True, check=True).stdout
+    symbols = [line.split()[-2:] for line in listed.splitlines() if len(line.split()) >= 2]
+    defined = {name for kind, name in symbols if kind in "TtRr"}
+    assert {kind for kind, _ in symbols} <= set("TtRrU")
+    assert {name for kind, name in symbols if kind == "U"} - defined <= {"sqrt", "pow"}
+    assert all(name.startswith("ncgen_") for kind, name in symbols if kind == "T")

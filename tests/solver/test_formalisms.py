@@ -63,7 +63,7 @@ def test_accelerations(name):
 
 @pytest.mark.parametrize("name", example_names())
 def test_motions(name):
-    """Those of coordinate partitioning to 1e-8, closed to rounding."""
+    """Those of coordinate partitioning to 1e-8, closed to rounding, by the reference engine and by the fast one."""
     kernels = kernels_of(name)
     given = {k: v for k, v in kernels.model.simulation_options.items() if k in ("zd0", "z")}
     options = dict(rtol=1e-11, atol=1e-13, integrator="dop853", points=3, **given)

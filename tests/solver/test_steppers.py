@@ -33,7 +33,7 @@ def kernels_of(name):
 def simulate(name, duration, **options):
     kernels = kernels_of(name)
     given = {k: v for k, v in kernels.model.simulation_options.items() if k in ("zd0", "z")}
-    return ncgen.simulate(kernels, duration, **{**given, **options})
+    return ncgen.simulate(kernels, duration, **{"engine": "python", **given, **options})
 
 
 @cache
@@ -137,7 +137,7 @@ def test_numerical_damping(options, alpha_m, alpha_f, frequency):
     model.constrain(b.y)
     model.potential(frequency**2 / 2 * (b.x - 0.9) ** 2)
     kernels = ncgen.compile(model, backend="numpy")
-    options = dict(integrator="generalized-alpha", max_step=0.01, points=21, options=options)
+    options = dict(engine="python", integrator="generalized-alpha", max_step=0.01, points=21, options=options)
     found = ncgen.simulate(kernels, 0.2, formalism="lagrange", **options)["B.x"] - 0.9
     known = chung_hulbert(frequency, 0.01, 0.1, 20, alpha_m, alpha_f)
     assert found == pytest.approx(known, abs=1e-10)
