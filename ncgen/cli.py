@@ -1,4 +1,8 @@
+<<<<<<< HEAD
 """The command line: list, run, generate, inspect, bench, hard, check, convert, cache.
+=======
+"""The command line: list, run, generate, inspect, bench, check, convert, export, cache.
+>>>>>>> export
 
 MODEL is the name of an example, or a path to a .toml or .py file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -217,6 +221,23 @@ def convert(
         print(text, end="")
     else:
         out.print(str(write_text(output, text)), markup=False)
+
+
+@app.command()
+def export(
+    model: ModelName,
+    to: Annotated[str, typer.Option(help="c, fmu2, fmu3, wasm, python or numpy")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
+) -> None:
+    """Write a mechanism for use without Python: a folder that builds and runs by its own README."""
+    from ncgen.exchange.examples import load
+    from ncgen.exchange.export import export as written
+
+    loaded = load(model)
+    with _progress(f"exporting {loaded.name}", None):
+        paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"))
+    for path in paths:
+        out.print(str(path), markup=False)
 
 
 @app.command()

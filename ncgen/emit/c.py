@@ -83,6 +83,13 @@ def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, 
     return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
 
 
+def program_records(programs, prefix: str) -> dict:
+    """Programs as a template prints them: {kernels, index_tables, number_tables}."""
+    tables = Tables(f"{prefix}_motion_")
+    kernels = [_kernel(program, prefix, tables) for program in programs]
+    return {"kernels": kernels, **_tables(tables)}
+
+
 def number(value: float) -> str:
     """The shortest text that reads back to the same double."""
     return f"R({value!r})" if value >= 0 else f"-R({-value!r})"

@@ -156,3 +156,74 @@ def solve_positive(graph: Graph, matrix: Matrix, size: int, right: list[int]) ->
             x[k] = graph.sub(x[k], graph.mul(a[i, k], x[i]))
         x[k] = graph.mul(x[k], reciprocal[k])
     return x
+
+
+@dataclass(frozen=True)
+class SymmetricFactors:
+    """L and D of a symmetric matrix: order of elimination, node of 1/pivot per step, {row: node of its multiplier} per step."""
+
+    order: tuple[int, ...]
+    reciprocal: tuple[int, ...]
+    lower: tuple[dict[int, int], ...]
+
+
+LEAST_PIVOT = 1e-3
+"""A diagonal pivot is admissible where it is this share of the largest entry of its row, in every sample."""
+
+
+def factor_symmetric(graph: Graph, matrix: Matrix, size: int, samples: Samples) -> SymmetricFactors:
+    """Emit LDLᵀ of a symmetric quasidefinite matrix, both triangles given.
+
+    Such a matrix can be eliminated in any order (Vanderbei 1995); taken is the row with the fewest nonzeros among those
+    with an admissible pivot, else the one with the best pivot.
+    """
+    rows: list[dict[int, int]] = [{} for _ in range(size)]
+    for (i, j), node in sorted(matrix.items()):
+        rows[i][j] = node
+    numbers = [[{j: sample.get((i, j), 0.0) for j in rows[i]} for i in range(size)] for sample in samples]
+    left = set(range(size))
+    order, reciprocals, lower = [], [], []
+    one = graph.const(1.0)
+    while left:
+        k = min(sorted(left), key=lambda i: _diagonal_price(i, rows, numbers))
+        left.remove(k)
+        reciprocal = graph.div(one, rows[k].pop(k))
+        pivots = [sample[k].pop(k) for sample in numbers]
+        beside = sorted(rows[k])
+        multipliers = {i: graph.mul(rows[k][i], reciprocal) for i in beside}
+        for i in beside:
+            for j in (j for j in beside if j <= i):
+                product = graph.mul(multipliers[i], rows[k][j])
+                rows[i][j] = rows[j][i] = graph.sub(rows[i][j], product) if j in rows[i] else graph.neg(product)
+                for sample, pivot in zip(numbers, pivots, strict=True):
+                    sample[i][j] = sample[j][i] = sample[i].get(j, 0.0) - sample[k][i] * sample[k][j] / pivot
+        for i in beside:
+            del rows[i][k]
+            for sample in numbers:
+                del sample[i][k]
+        order.append(k)
+        reciprocals.append(reciprocal)
+        lower.append(multipliers)
+    return SymmetricFactors(tuple(order), tuple(reciprocals), tuple(lower))
+
+
+def _diagonal_price(i: int, rows, numbers) -> tuple[float, int]:
+    """(0, nonzeros) of a row with an admissible pivot; rows without one come after all others, the best of them first."""
+    share = min(abs(s[i][i]) / max((abs(x) for x in s[i].values()), default=1.0) for s in numbers)
+    return (0.0, len(rows[i])) if share >= LEAST_PIVOT else (1.0 - share, 0)
+
+
+def solve_symmetric(graph: Graph, factors: SymmetricFactors, right: dict[int, int]) -> dict[int, int]:
+    """{row: node} of the solution of A x = right; what is structurally zero stays out."""
+    work = dict(right)
+    for k, below in zip(factors.order, factors.lower, strict=True):
+        if k in work:
+            for i, multiplier in below.items():
+                _subtract(graph, work, i, graph.mul(multiplier, work[k]))
+    for k, reciprocal, below in zip(*map(reversed, (factors.order, factors.reciprocal, factors.lower)), strict=True):
+        if k in work:
+            work[k] = graph.mul(work[k], reciprocal)
+        for i, multiplier in below.items():
+            if i in work:
+                _subtract(graph, work, k, graph.mul(multiplier, work[i]))
+    return work

@@ -1,0 +1,52 @@
+"""A folder of C99 with everything to build, install and embed it, and the same as one header."""
+
+from __future__ import annotations
+
+import re
+
+from ncgen.emit.environment import render
+from ncgen.exchange.export.package import Package, renamed
+
+
+def files(package: Package) -> dict[str, str]:
+    """{path in the folder: text}."""
+    prefix = package.prefix
+    sources = {f"{'include' if name in package.public else 'src'}/{name}": text for name, text in package.c.items()}
+    records = package.records | {"compiled": [name for name in sources if name.endswith(".c")], "headers": package.public}
+
+    def filled(template: str) -> str:
+        return renamed(render(f"package/c/{template}.jinja", **records), prefix)
+
+    return {
+        **{name: filled(name) for name in ("README.md", "CMakeLists.txt", "Makefile")},
+        f"{prefix}.pc.in": filled("package.pc.in"),
+        f"{prefix}Config.cmake.in": filled("Config.cmake.in"),
+        **sources,
+        f"single/{prefix}_single.h": single_header(package),
+        "examples/main.c": filled("main.c"),
+        "examples/realtime.c": filled("realtime.c"),
+    }
+
+
+def single_header(package: Package) -> str:
+    """All sources in one file, which one source of the program includes with <PREFIX>_IMPLEMENTATION defined."""
+    code = package.c
+    included: set[str] = set()
+
+    def flat(name: str) -> str:
+        """The text of a file with the package's own headers put in where they are first included."""
+
+        def inserted(match) -> str:
+            header = match[1]
+            if header not in code:
+                return match[0]
+            if header in included:
+                return ""
+            included.add(header)
+            return flat(header)
+
+        return re.sub(r'^#include "([^"]+)"\n', inserted, code[name], flags=re.MULTILINE)
+
+    headers = "".join(flat(name) for name in package.public if name not in included and not included.add(name))
+    bodies = "\n".join(flat(name) + "\n#undef R\n" for name in code if name.endswith(".c"))
+    return render("package/c/single.h.jinja", **package.records, headers=headers, bodies=bodies)

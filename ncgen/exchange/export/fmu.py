@@ -1,0 +1,167 @@
+"""Functional mock-up units of FMI 2.0 and 3.0: model exchange and co-simulation, with binary and sources.
+
+The standard's own headers come from the Python package fmpy, which ships them (BSD licence).
+"""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.util
+import io
+import platform
+import sys
+import uuid
+import zipfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from ncgen.build.cache import build
+from ncgen.build.compilers import find_compiler
+from ncgen.emit.environment import render
+from ncgen.errors import CompileError, NcgenError
+from ncgen.exchange.export.package import Package, renamed
+
+FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
+"""For any processor of this kind, not only this one; nothing but the standard's functions can be seen from outside."""
+
+BASE_UNITS = {
+    "s": 's="1"', "m": 'm="1"', "m/s": 'm="1" s="-1"', "m/s2": 'm="1" s="-2"', "rad": 'rad="1"', "rad/s": 'rad="1" s="-1"',
+    "rad/s2": 'rad="1" s="-2"', "1": "", "1/s": 's="-1"', "1/s2": 's="-2"', "J": 'kg="1" m="2" s="-2"', "W": 'kg="1" m="2" s="-3"',
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Variable:
+    """One real variable of the unit; derivative: place of the state that it is the derivative of."""
+
+    name: str
+    unit: str
+    description: str
+    causality: str = "output"
+    variability: str = "continuous"
+    initial: str | None = "calculated"
+    start: float | None = None
+    derivative: int | None = None
+
+
+@dataclass(frozen=True)
+class Group:
+    """Variables that stand together: name in C, what they are, and where the first one stands."""
+
+    name: str
+    what: str
+    first: int
+    variables: list[Variable]
+
+    @property
+    def size(self) -> int:
+        return len(self.variables)
+
+
+def fmu(package: Package, version: int) -> bytes:
+    """The unit as the bytes of its archive. Raises NcgenError without fmpy, CompileError without a compiler."""
+    headers = _headers(version)
+    groups = _groups(package)
+    variables = [v for group in groups for v in group.variables]
+    token = hashlib.sha256("".join(package.c.values()).encode() + repr(variables).encode()).hexdigest()[:32]
+    records = package.records | {
+        "token": f"{{{uuid.UUID(token)}}}",
+        "groups": groups,
+        "end": len(variables),
+        "variables": variables,
+        "outputs": [i for i, v in enumerate(variables) if v.causality == "output"],
+        "derivatives": [i for i, v in enumerate(variables) if v.derivative is not None],
+        "initial_unknowns": [i for i, v in enumerate(variables) if v.initial in ("approx", "calculated")],
+        "units_used": {v.unit: BASE_UNITS.get(v.unit) for v in variables if v.unit},
+        "compiled": [name for name in (*package.c, f"fmi{version}.c") if name.endswith(".c")],
+    }
+    sources = package.c | {
+        "instance.h": renamed(render("package/fmu/instance.h.jinja", **records), package.prefix),
+        f"fmi{version}.c": render(f"package/fmu/fmi{version}.c.jinja", **records),
+        **headers,
+    }
+    files = {f"sources/{name}": text.encode() for name, text in sources.items()}
+    files[f"binaries/{_platform(version)}/{package.prefix}{_suffix()}"] = _binary(sources)
+    files["modelDescription.xml"] = render(f"package/fmu/fmi{version}.xml.jinja", **records).encode()
+    if version == 3:
+        files["sources/buildDescription.xml"] = render("package/fmu/buildDescription.xml.jinja", **records).encode()
+    return _archive(files)
+
+
+def _groups(package: Package) -> list[Group]:
+    """All variables, in the order of their value references."""
+    kernels, n = package.kernels, package.kernels.n
+    coordinates = list(zip(kernels.coordinates, package.records["units"], package.q, package.qd, strict=True))
+    rows = enumerate(kernels.rows, 1)
+    parameters = zip(package.records["parameters"], kernels.p0, strict=True)
+    q, rate, work = 1, 1 + n, 1 + 2 * n  # where the states stand
+
+    def state(name: str, unit: str, what: str, start: float) -> Variable:
+        return Variable(name, unit, what, initial="approx", start=float(start))
+
+    lists = {
+        "TIME": ("time", [Variable("time", "s", "time", "independent", initial=None)]),
+        "Q": ("coordinates", [state(c, u, f"coordinate {c}", x) for c, u, x, _ in coordinates]),
+        "RATE": ("their velocities", [state(f"rate({c})", f"{u}/s", f"velocity of {c}", v) for c, u, _, v in coordinates]),
+        "WORK": ("work", [Variable("work", "J", "work of drivers and of forces without a potential", initial="exact", start=0.0)]),
+        "DQ": ("derivatives of the coordinates", [
+            Variable(f"der({c})", f"{u}/s", f"derivative of {c}", "local", derivative=q + i) for i, (c, u, *_) in enumerate(coordinates)
+        ]),
+        "DRATE": ("derivatives of the velocities", [
+            Variable(f"der(rate({c}))", f"{u}/s2", f"acceleration of {c}", derivative=rate + i) for i, (c, u, *_) in enumerate(coordinates)
+        ]),
+        "POWER": ("power", [Variable("power", "W", "power of drivers and of forces without a potential", derivative=work)]),
+        "KINETIC": ("kinetic energy", [Variable("kinetic", "J", "kinetic energy")]),
+        "POTENTIAL": ("potential energy", [Variable("potential", "J", "potential energy")]),
+        "LAM": ("multipliers", [Variable(f"multiplier({i})", "", f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows]),
+        "P": ("parameters", [
+            Variable(p.name, p.unit, f"parameter {p.name}", "parameter", "tunable", "exact", float(x)) for p, x in parameters
+        ]),
+    }  # fmt: skip
+    groups, first = [], 0
+    for name, (what, variables) in lists.items():
+        groups.append(Group(name, what, first, variables))
+        first += len(variables)
+    return groups
+
+
+def _headers(version: int) -> dict[str, str]:
+    found = importlib.util.find_spec("fmpy")
+    if found is None:
+        raise NcgenError("the headers of FMI are missing: they come with the package fmpy; run pip install 'ncgen[export]'")
+    folder = Path(found.submodule_search_locations[0]) / "c-code"
+    kinds = ("Functions", "FunctionTypes", "TypesPlatform" if version == 2 else "PlatformTypes")
+    return {f"fmi{version}{kind}.h": (folder / f"fmi{version}{kind}.h").read_text(encoding="utf-8") for kind in kinds}
+
+
+def _binary(sources: dict[str, str]) -> bytes:
+    compiler = find_compiler()
+    if compiler is None:
+        raise CompileError("no C compiler found (tried CC, cc, gcc, clang, ziglang); a unit needs one: install gcc or clang")
+    return build(sources, compiler, FLAGS).library.read_bytes()
+
+
+def _platform(version: int) -> str:
+    system = {"win32": "win", "darwin": "darwin"}.get(sys.platform, "linux")
+    machine = platform.machine().lower()
+    bits = 64 if sys.maxsize > 2**32 else 32
+    if version == 2:
+        return f"{system}{bits}"
+    processor = {"amd64": "x86_64", "arm64": "aarch64"}.get(machine, machine)
+    return f"{processor}-{ {'win': 'windows'}.get(system, system) }"
+
+
+def _suffix() -> str:
+    return {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
+
+
+def _archive(files: dict[str, bytes]) -> bytes:
+    """A zip file with the same bytes whenever it is written."""
+    buffer = io.BytesIO()
+    with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
+        for name, data in files.items():
+            entry = zipfile.ZipInfo(name)
+            entry.compress_type = zipfile.ZIP_DEFLATED
+            entry.external_attr = 0o644 << 16
+            archive.writestr(entry, data)
+    return buffer.getvalue()

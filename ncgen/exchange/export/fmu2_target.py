@@ -1,0 +1,11 @@
+"""A functional mock-up unit of FMI 2.0."""
+
+from __future__ import annotations
+
+from ncgen.exchange.export.fmu import fmu
+from ncgen.exchange.export.package import Package
+
+
+def files(package: Package) -> dict[str, bytes]:
+    """{file name: the unit}."""
+    return {f"{package.prefix}.fmu": fmu(package, 2)}

@@ -1,0 +1,146 @@
+"""What every export starts from: a mechanism's sources, its independent coordinates, where it starts, and what it costs.
+
+All names of C that ncgen gives away begin with the model's: `ncgen_simulate` becomes `robot_ncgen_simulate`, NCGEN_OK becomes
+ROBOT_NCGEN_OK, ncgen.h becomes robot_ncgen.h. So two exported mechanisms live in one program, or in one file.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from ncgen import __version__
+from ncgen.build.kernels import Kernels
+from ncgen.compiler import compile, generate
+from ncgen.emit.c import HEADERS, number, program_records
+from ncgen.emit.environment import render, verbatim
+from ncgen.emit.naming import identifier
+from ncgen.emit.sources import Sources
+from ncgen.errors import ModelError
+from ncgen.model import Model
+from ncgen.model.elements import Angle, Vector
+from ncgen.program.cost import cost
+from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion
+from ncgen.solver.assembly import assemble
+from ncgen.solver.partition import choose_partitions, kinematics
+from ncgen.solver.rank import freedom, trial_positions
+
+PUBLIC = ("ncgen.h",)
+"""Headers of ncgen that an embedder reads; the others stay beside the sources."""
+
+NEWTON_STEPS = 4
+"""Newton steps by which a step of fixed length may close the loops at its end."""
+
+
+@dataclass(frozen=True)
+class Package:
+    """A mechanism ready to be written for a target.
+
+    q, qd: where it starts, consistent; duration: s; dof: degrees of freedom
+    """
+
+    sources: Sources
+    kernels: Kernels
+    programs: FullMotion
+    sizes: Sizes
+    q: np.ndarray
+    qd: np.ndarray
+    duration: float
+    dof: int
+
+    @property
+    def prefix(self) -> str:
+        return identifier(self.kernels.name)
+
+    @cached_property
+    def c(self) -> dict[str, str]:
+        """{file name: text}: everything in C, with names of its own."""
+        files = self.sources.c | {name: verbatim(f"c/{name}") for name in HEADERS}
+        files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **self.records) for kind in "hc"}
+        return {renamed(name, self.prefix): renamed(text, self.prefix) for name, text in files.items()}
+
+    @property
+    def public(self) -> tuple[str, ...]:
+        """Names of the headers an embedder includes."""
+        own = (f"{self.prefix}.h", f"{self.prefix}_motion.h")
+        return (*own, *(renamed(name, self.prefix) for name in PUBLIC))
+
+    @cached_property
+    def records(self) -> dict:
+        """What the templates of all targets are filled with."""
+        programs = self.sources.programs
+        operations = {name: cost(program).total for name, program in programs.programs.items()}
+        closing, motion = (cost(program).total for program in (self.programs.closing, self.programs.motion))
+        return {
+            "version": __version__,
+            "prefix": self.prefix,
+            "upper": self.prefix.upper(),
+            "model": self.kernels.model,
+            "coordinates": self.kernels.coordinates,
+            "units": [self.unit(name) for name in self.kernels.coordinates],
+            "rows": self.kernels.rows,
+            "parameters": programs.equations.parameters,
+            "defaults": [float(value) for value in self.kernels.p0],
+            "dof": self.dof,
+            "start": [number(float(x)) for x in self.q],
+            "speeds": [number(float(x)) for x in self.qd],
+            "row_sizes": [number(float(x)) for x in self.kernels.row_sizes],
+            "duration": self.duration,
+            "operations": operations,
+            "newton_steps": NEWTON_STEPS,
+            "closing": closing,
+            "motion": motion,
+            "step": 5 * motion + NEWTON_STEPS * closing,
+            "numbers": 4 + 3 * self.kernels.n + self.kernels.m,
+            "kernel_shapes": [
+                {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
+            ],
+            **program_records((self.programs.closing, self.programs.motion), self.prefix),
+            "width": 100,
+        }
+
+    def unit(self, coordinate: str) -> str:
+        """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""
+        kinds = {c.name: type(e) for e in self.kernels.model.elements.values() for c in e.components}
+        return {Angle: "rad"}.get(kinds[coordinate], "1" if issubclass(kinds[coordinate], Vector) else "m")
+
+
+def package(model: Model) -> Package:
+    """Generate a mechanism and its motion. Raises ModelError where its motion has no export."""
+    if reason := _refusal(model):
+        raise ModelError(f"{model.name} cannot be exported: {reason}")
+    sources = generate(model)
+    kernels = compile(sources, backend="numpy")
+    q = assemble(kernels, kernels.q0)
+    positions = trial_positions(kernels, q, 0.0, None)
+    sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
+    if not np.any(sizes.W):
+        raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
+    programs = assemble_full_motion(sources.programs.equations, sizes, kernels.holonomic)
+    options = model.simulation_options
+    qd = _velocities(kernels, q, options.get("zd0", {}), tuple(options.get("z", model.chosen_independent)))
+    return Package(sources, kernels, programs, sizes, q, qd, float(options.get("duration", 1.0)), freedom(kernels).dof)
+
+
+def _velocities(kernels: Kernels, q, speeds: dict[str, float], chosen: tuple[str, ...]) -> np.ndarray:
+    """Consistent velocities (n,) with the model's initial speeds of its independent coordinates."""
+    part = choose_partitions(kernels, q, 0.0, kernels.p0, chosen).velocity
+    frame = kinematics(kernels, part, q, 0.0, kernels.p0)
+    return frame.R @ [speeds.get(name, 0.0) for name in part.names(kernels)] + frame.particular(kernels.nu(q, 0.0, kernels.p0))
+
+
+def _refusal(model: Model) -> str | None:
+    if model.callbacks:
+        return "it calls a Python function"
+    if model.branches:
+        return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"
+    return None
+
+
+def renamed(text: str, prefix: str) -> str:
+    """Names of C and of files that begin like ncgen's, with the model's name before them."""
+    text = re.sub(r"\bncgen(?=_\w|\.[hc]\b)", f"{prefix}_ncgen", text)
+    return re.sub(r"\bNCGEN_(?=\w)", f"{prefix.upper()}_NCGEN_", text)

@@ -1,0 +1,40 @@
+"""A Python package of one mechanism with numpy below it, and cffi where it is compiled."""
+
+from __future__ import annotations
+
+from ncgen.emit.environment import render
+from ncgen.exchange.export.package import Package
+
+
+def python_files(package: Package, compiled: bool) -> dict[str, str]:
+    """{path in the folder: text}; compiled: with the C sources, else in NumPy."""
+    name = package.prefix.lower()
+    motion_header = package.c[f"{package.prefix}_motion.h"]
+    records = package.records | {
+        "package": name,
+        "compiled": compiled,
+        "sources": [file for file in package.c if file.endswith(".c")],
+        "cdef": motion_header.split("/* begin cdef */")[1].split("/* end cdef */")[0],
+        "start_numbers": package.q.tolist(),
+        "speed_numbers": package.qd.tolist(),
+        "row_numbers": package.kernels.row_sizes.tolist(),
+        "holonomic": package.kernels.holonomic.tolist(),
+        "W": package.sizes.W.tolist(),
+        "V": package.sizes.V.tolist(),
+    }
+
+    def filled(template: str) -> str:
+        return render(f"package/python/{template}.jinja", **records)
+
+    own = ("compiled",) if compiled else ("pure",)
+    files = {
+        **{file: filled(file) for file in ("README.md", "pyproject.toml")},
+        f"{name}/__init__.py": filled("init.py"),
+        f"{name}/__main__.py": filled("main.py"),
+        **{f"{name}/{module}.py": filled(f"{module}.py") for module in ("common", *own)},
+    }
+    if not compiled:
+        (kernels,) = package.sources.numpy.values()
+        return files | {f"{name}/kernels.py": kernels}
+    sources = {f"src/{file}": text for file, text in package.c.items()}
+    return files | {file: filled(file) for file in ("setup.py", "interface.py")} | sources
