@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-"""The command line: list, run, generate, inspect, bench, hard, check, convert, cache.
-=======
-"""The command line: list, run, generate, inspect, bench, check, convert, export, cache.
->>>>>>> export
+"""The command line: list, run, generate, inspect, bench, hard, check, convert, export, cache.
 
 MODEL is the name of an example, or a path to a .toml or .py file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
