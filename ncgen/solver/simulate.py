@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+import warnings
 from collections.abc import Callable
 from numbers import Integral, Real
 
@@ -20,6 +21,9 @@ from ncgen.solver.start import closed_position, given_velocity, velocity_from_ra
 from ncgen.solver.trajectory import Statistics, Trajectory
 
 ENGINES = ("auto", "c", "emitted", "python")
+
+DRIFT = 1e-2
+"""Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
 
 
 def simulate(
@@ -114,10 +118,17 @@ def simulate(
         progress(grid[-1])
     statistics = Statistics(*map(int, path.counts), time.perf_counter() - clock, path.projections, path.largest_projection)
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
-    return Trajectory(
+    run = Trajectory(
         kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels,
         method.options,
     )  # fmt: skip
+    if method.options.get("stabilisation") in ("baumgarte", "none") and run.energy_drift > DRIFT:
+        warnings.warn(
+            f"{kernels.name}: {formalism} without projection changes the energy by {run.energy_drift:.1g} of what moves; "
+            "the motion may have left its branch, take smaller steps or another formalism",
+            stacklevel=2,
+        )
+    return run
 
 
 def _is_constrained(method: Method) -> bool:

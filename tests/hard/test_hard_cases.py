@@ -78,7 +78,7 @@ def test_fails_in_words(name, formalism, said):
 def test_a_run_that_takes_too_long_is_stopped():
     case = CASES["chain-100"]
     found = run_case(ncgen.compile(case.build(), "c"), case, "coordinate-partitioning", "bdf", limit=0.5)
-    assert found["reason"].startswith("stopped after 0.5 s at t = ")
+    assert found["reason"] == "stopped after 0.5 s"
 
 
 def test_the_free_body_s_reference():
@@ -101,7 +101,8 @@ def test_the_command():
 
 @pytest.mark.slow
 def test_nothing_fails_in_silence():
-    """The whole table: a finite error or a reason for every method in every case, and no motion on a wrong branch."""
+    """The whole table: a finite error or a reason for every method in every case; a wrong branch is said."""
     for record in hard_records(limit=5.0):
         assert (record["error"] is None) != (record["reason"] is None), record
         assert record["reason"] is None or "nothing said so" not in record["reason"], record
+        assert record["error"] is None or record["error"] < 1e-2 or record["said"], record
