@@ -24,7 +24,7 @@ from ncgen.program.dynamics import Split, assemble_dynamics
 from ncgen.program.elimination import Samples
 from ncgen.program.quasidefinite import Elimination, plan
 
-METHODS = {"dopri5": 0, "rk4": 1, "dop853": 2}
+METHODS = {"dopri5": 0, "rk4": 1, "dop853": 2, "rattle": 3, "energy-momentum": 4}
 """Integrators of the runtime, by the numbers of ncgen_runtime.h."""
 
 FORMALISMS = {
@@ -167,7 +167,7 @@ class ConstrainedDynamics(Dynamics):
         column_sizes, row_sizes = (ffi.cast("double *", a.ctypes.data) for a in self._sizes)
         members = {"column_sizes": column_sizes, "row_sizes": row_sizes, "elimination": self._elimination}
         members["singular_mass"] = singular
-        members["conservative"] = _is_conservative(kernels)
+        members["conservative"] = is_conservative(kernels)
         super().__init__(kernels, ffi, library, ffi.new("ncgen_dynamics *", members))
 
 
@@ -192,7 +192,7 @@ def _is_definite(kernels: CompiledKernels) -> bool:
     return bool(np.all(factors.U.diagonal() > SINGULAR * diagonal[np.argsort(factors.perm_c)]))
 
 
-def _is_conservative(kernels: CompiledKernels) -> bool:
+def is_conservative(kernels: CompiledKernels) -> bool:
     """True if nothing does work but forces with a potential: no drivers, and a power that is zero by structure."""
     from ncgen.program.assemble import ENERGIES
 
@@ -201,9 +201,19 @@ def _is_conservative(kernels: CompiledKernels) -> bool:
         return False
     if "energy" not in programs:
         return True
-    stores = [(block, store) for block in programs["energy"].blocks for store in block.stores if store.array == "energy"]
-    to_power = [(block, s) for block, s in stores if ENERGIES.index("power") in getattr(s, "table", (getattr(s, "index", None),))]
-    return all(block.ops[s.node].code == "const" and block.ops[s.node].leaf == 0.0 for block, s in to_power)
+    power = ENERGIES.index("power")
+    return all(_is_zero_at(power, block, store) for block in programs["energy"].blocks for store in block.stores if store.array == "energy")
+
+
+def _is_zero_at(index: int, block, store) -> bool:
+    """True if a store leaves one number of its array zero by structure."""
+    table = getattr(store, "table", None) or (store.index,)
+    op = block.ops[store.node]
+    if index not in table:
+        return True
+    if op.code == "slot" and block.slots[op.leaf].array == "const":
+        return all(v == 0.0 for i, v in zip(table, block.slots[op.leaf].table, strict=True) if i == index)
+    return op.code == "const" and op.leaf == 0.0
 
 
 class EmittedDynamics(Dynamics):

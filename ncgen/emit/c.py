@@ -28,6 +28,7 @@ RUNTIME = (
     "ncgen_dense.c",
     "ncgen_sparse.c",
     "ncgen_explicit.c",
+    "ncgen_steppers.c",
 )
 WIDTH = 100
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import SingularError
+from ncgen.program.cost import cost
 from ncgen.solver.integrators import canonical_name
 from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
 from ncgen.solver.path import Path
@@ -21,6 +22,9 @@ REUSE = 0.7
 
 MOST_STEPS = 1_000_000
 """Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
+
+STEPPERS = ("rattle", "energy-momentum")
+"""Integrators of C that discretise the constrained equations themselves."""
 
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
@@ -49,7 +53,7 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
     return None
 
 
-def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, engine: str) -> str | None:
+def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, settings: dict, engine: str) -> str | None:
     """Why a simulation over all coordinates cannot run in C, in words, or None if it can."""
     from ncgen.build.library import CompiledKernels
     from ncgen.build.runtime import FORMALISMS, METHODS
@@ -68,6 +72,24 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, engin
         return "the paper's sine-or-cosine rows choose anew between steps"
     if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
         return "there are no constraint rows that move"
+    return _stepper_refusal(kernels, canonical_name(integrator), settings)
+
+
+def _stepper_refusal(kernels: Kernels, integrator: str, settings: dict) -> str | None:
+    """C has rattle for forces with a potential, and energy-momentum where it is exact without corrections."""
+    from ncgen.build.runtime import is_conservative
+
+    if integrator not in STEPPERS:
+        return None
+    if not is_conservative(kernels):
+        return f"{integrator} runs in Python where forces have no potential, and with drivers"
+    if integrator == "rattle":
+        return None
+    programs = kernels.programs.programs
+    quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls
+    quadratic = quadratic and not programs["phi"].angles
+    if settings["project_velocities"] or not (quadratic and all(programs[k].is_constant for k in ("mass", "force") if k in programs)):
+        return "energy-momentum runs in Python unless constraints are quadratic, masses and forces constant"
     return None
 
 
@@ -81,11 +103,11 @@ def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: st
 
     dynamics = kernels.__dict__.setdefault("_constrained", None) or ConstrainedDynamics(kernels)
     kernels._constrained = dynamics
-    projected = settings["stabilisation"] == "projection"
-    stabilised = settings["stabilisation"] == "baumgarte"
+    projected = settings.get("stabilisation") == "projection"
+    stabilised = settings.get("stabilisation") == "baumgarte"
     done = dynamics.simulate(
         canonical_name(integrator), grid, q, qd, p, tolerance=TOLERANCE, formalism=FORMALISMS[formalism], project=int(projected),
-        penalty=settings.get("alpha", 0.0), damping=settings["xi"], frequency=settings["omega"] if stabilised else 0.0,
+        penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
         rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, **steps,
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))

@@ -31,7 +31,10 @@ class Start:
 
 @dataclass(frozen=True)
 class Motion:
-    """Everything about one instant: positions, velocities, accelerations, multipliers, power of drivers and forces."""
+    """Everything about one instant: positions, velocities, accelerations, multipliers, power of drivers and forces.
+
+    orientation: of the partition, see `Kinematics`; 0 where there is none
+    """
 
     t: float
     q: np.ndarray
@@ -40,6 +43,7 @@ class Motion:
     lam: np.ndarray
     power: float
     iterations: int
+    orientation: int = 0
 
 
 def dependent_position(kernels: Kernels, partition: Partition, start: Start, t: float, z) -> tuple[np.ndarray, int]:
@@ -85,7 +89,7 @@ def motion_at(kernels: Kernels, partition: Partition, t: float, q, zd, p, iterat
     qdd = frame.R @ zdd + bias
     lam = frame.multipliers(force - mass @ qdd, kernels.m)
     power = float(kernels.energy(q, qd, t, p)[2] - nu @ lam)
-    return Motion(t, q, qd, qdd, lam, power, iterations)
+    return Motion(t, q, qd, qdd, lam, power, iterations, frame.orientation)
 
 
 def _independent_acceleration(kernels: Kernels, frame: Kinematics, mass, force, bias) -> np.ndarray:

@@ -117,6 +117,15 @@ class Kinematics:
     factors: tuple
     R: np.ndarray
 
+    @property
+    def orientation(self) -> int:
+        """The sign of the determinant of Φ_q^d: it changes only where the partition or the mechanism is singular."""
+        if not self.factors:
+            return 1
+        lu, exchanges = self.factors
+        negative = int(np.sum(np.diag(lu) < 0)) + int(np.sum(exchanges != np.arange(len(exchanges))))
+        return -1 if negative % 2 else 1
+
     def particular(self, right: np.ndarray) -> np.ndarray:
         """S·right over all coordinates: what satisfies Φ_q x = right with x_z = 0."""
         result = np.zeros(self.R.shape[0])

@@ -85,6 +85,7 @@ class _Run:
 
     def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None):
         velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
+        self.orientation = 0  # of this partition, from its first evaluation on
         y = np.concatenate([here.qd[velocities], here.q[positions], [work]])
         exact = {"jac": self._jacobian} if takes_jacobian(self.method, self.kernels) else {}
         return self.method(self._derivative, t, y, self.end, first_step=first_step, **exact, **self.options)
@@ -126,6 +127,9 @@ class _Run:
         count = len(self.partitions.velocity.independent)
         now = motion(self.kernels, self.partitions, self.start, t, y[count:-1], y[:count])
         self.newton += now.iterations
+        self.orientation = self.orientation or now.orientation
+        if now.orientation != self.orientation:
+            raise SingularError(f"{self.kernels.name}: a position beyond a singular one of the dependent coordinates, perhaps on another branch")
         return now
 
     def _accept(self, here: Motion) -> None:

@@ -84,6 +84,8 @@ def simulate(
         _positive(value, name)
     if max_step != np.inf:
         _positive(max_step, "max_step", "s")
+    elif method.is_stepper:
+        raise ModelError(f"{kernels.name}: {integrator} has a fixed step: give max_step in seconds")
     if not (isinstance(t0, Real) and np.isfinite(t0)):
         raise ModelError(f"t0: {t0!r} given; it must be a number of seconds")
     if engine not in ENGINES:
@@ -157,7 +159,7 @@ def _refusal(kernels: Kernels, method: Method, engine: str, integrator: str, par
     if engine == "python":
         return "asked for"
     if _is_constrained(method):
-        return compiled.refusal_constrained(kernels, method.formalism.name, integrator, engine)
+        return compiled.refusal_constrained(kernels, method.formalism.name, integrator, method.options, engine)
     return compiled.refusal(kernels, integrator, partitions, engine == "emitted")
 
 

@@ -247,18 +247,25 @@ static int find_equations(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
     return status;
 }
 
+int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t)
+{
+    ncgen_constrained *w = r->constrained;
+    r->statistics->evaluations += 1;
+    int status = find_equations(r, w, t);
+    if (status == NCGEN_OK && is_dense(r))
+        return ncgen_dense_accelerations(r, w);
+    if (status == NCGEN_OK)
+        status = factor(r);
+    return status == NCGEN_OK ? solve_equations(r, w) : status;
+}
+
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
-    r->statistics->evaluations += 1;
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
-    int status = find_equations(r, w, t);
-    if (status == NCGEN_OK && is_dense(r))
-        status = ncgen_dense_accelerations(r, w);
-    else if (status == NCGEN_OK && (status = factor(r)) == NCGEN_OK)
-        status = solve_equations(r, w);
+    const int status = ncgen_constrained_accelerations(r, t);
     if (status != NCGEN_OK)
         return status;
     ncgen_copy(n, w->solution, yd);
@@ -343,6 +350,24 @@ static int project_velocity(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
     return NCGEN_OK;
 }
 
+int ncgen_constrained_position(ncgen_run *r, ncgen_scalar t)
+{
+    return project_position(r, r->constrained, t, 0);
+}
+
+int ncgen_constrained_velocity(ncgen_run *r, ncgen_scalar t)
+{
+    return project_velocity(r, r->constrained, t);
+}
+
+void ncgen_constrained_rows(ncgen_run *r)
+{
+    if (!r->constrained->redundant)
+        return;
+    ncgen_choose_rows(r, r->constrained);
+    set_diagonal(r, r->constrained);
+}
+
 /* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none. */
 static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near)
 {
@@ -369,10 +394,8 @@ static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
     if (status == NCGEN_OK && moved > r->statistics->largest_projection)
         r->statistics->largest_projection = moved;
     r->constrained->jacobian_is_there = status == NCGEN_OK;
-    if (status == NCGEN_OK && r->constrained->redundant) {
-        ncgen_choose_rows(r, r->constrained);
-        set_diagonal(r, r->constrained);
-    }
+    if (status == NCGEN_OK)
+        ncgen_constrained_rows(r);
     return status;
 }
 

@@ -70,6 +70,7 @@ typedef struct ncgen_partitioning {
     ncgen_real *out;                          /* of the last evaluation: qd, zdd, power, amplification */
     ncgen_real *step, *phi;                   /* one behind the other: an emitted Newton step writes both */
     ncgen_real amplification;                 /* at the start of the run */
+    int orientation, first_orientation;       /* sign of the determinant of Phi_q^d, now and at the start; 0: not known */
     /* Where nothing is emitted, with d dependent and z independent coordinates: */
     ncgen_real *jacobian, *mass;              /* nonzeros */
     ncgen_real *lu;                           /* d x d, row by row */
@@ -128,10 +129,17 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w);
 void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities);
 void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w);
 int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities);
+int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t); /* of r->q, r->qd, into solution; its factors stay */
+int ncgen_constrained_position(ncgen_run *r, ncgen_scalar t);      /* r->q, r->qd onto the constraints, with these factors */
+int ncgen_constrained_velocity(ncgen_run *r, ncgen_scalar t);
+void ncgen_constrained_rows(ncgen_run *r);                         /* which of redundant rows count from here on */
 
 /* ncgen_dense.c: accelerations by QR; and which of redundant rows are farthest from dependent, in w->let_go. */
 void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w);
 int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w);
+
+/* ncgen_steppers.c: a run over the grid with a method for constrained equations. */
+int ncgen_steppers(ncgen_run *r, ncgen_stepping *w);
 
 /* ncgen_explicit.c: a run over the grid with Runge-Kutta methods. */
 void ncgen_stepping_layout(ncgen_run *r, ncgen_stepping *w);

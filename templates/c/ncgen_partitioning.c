@@ -38,6 +38,7 @@ static int factor_jacobian(ncgen_run *r, ncgen_scalar t)
     const int status = r->model->phi_q(t, r->q, r->p, w->jacobian);
     if (status != NCGEN_OK)
         return status;
+    w->orientation = 1;
     for (int i = 0; i < size; ++i) {
         ncgen_real *row = w->lu + (size_t)i * (size_t)size;
         ncgen_real *full = w->bias; /* n numbers that are free here */
@@ -63,10 +64,13 @@ static int factor_jacobian(ncgen_run *r, ncgen_scalar t)
             const int other = w->order[k];
             w->order[k] = w->order[best];
             w->order[best] = other;
+            w->orientation = -w->orientation;
         }
         const ncgen_real *pivot_row = w->lu + (size_t)k * (size_t)size;
         if (!(NCGEN_ABS(pivot_row[k]) > 0))
             return NCGEN_SINGULAR;
+        if (pivot_row[k] < 0)
+            w->orientation = -w->orientation;
         for (int i = k + 1; i < size; ++i) {
             ncgen_real *row = w->lu + (size_t)i * (size_t)size;
             if (!(NCGEN_ABS(row[k]) > 0))
@@ -270,6 +274,10 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
         return status;
     if (!(r->partitioning->out[r->n + r->nz + 1] < broken_down))
         return NCGEN_PIVOT;
+    if (r->partitioning->first_orientation == 0)
+        r->partitioning->first_orientation = r->partitioning->orientation;
+    if (r->partitioning->orientation != r->partitioning->first_orientation)
+        return NCGEN_PIVOT; /* beyond a position where Phi_q^d is singular, perhaps on another branch */
     for (int i = 0; i < r->nz; ++i) {
         yd[i] = r->partitioning->out[r->n + i];
         yd[r->nz + i] = r->partitioning->out[r->dynamics->independent[i]];
@@ -333,6 +341,7 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
     r->accept = accept;
     r->state = state;
     r->partitioning->amplification = 0;
+    r->partitioning->orientation = r->partitioning->first_orientation = 0;
     for (int i = 0; i < r->nz; ++i) {
         r->y[i] = velocities[i];
         r->y[r->nz + i] = r->start_q[r->dynamics->independent[i]];

@@ -134,9 +134,14 @@ size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics,
 /* Is there everything that the formalism and the method need? */
 static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, int n_times)
 {
-    return n_times >= 2 && model->phi && options->method >= NCGEN_DOPRI5 && options->method <= NCGEN_DOP853 &&
-           options->formalism >= NCGEN_COORDINATE_PARTITIONING && options->formalism <= NCGEN_UDWADIA_PHOHOMSIRI &&
-           (options->formalism == NCGEN_COORDINATE_PARTITIONING || dynamics->elimination);
+    const int constrained = options->method >= NCGEN_RATTLE;
+    if (n_times < 2 || !model->phi || options->method < NCGEN_DOPRI5 || options->method > NCGEN_ENERGY_MOMENTUM)
+        return 0;
+    if (options->formalism < NCGEN_COORDINATE_PARTITIONING || options->formalism > NCGEN_UDWADIA_PHOHOMSIRI)
+        return 0;
+    if (options->formalism != NCGEN_COORDINATE_PARTITIONING && !dynamics->elimination)
+        return 0;
+    return !constrained || (options->formalism == NCGEN_LAGRANGE && dynamics->conservative && !options->event);
 }
 
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
@@ -173,7 +178,7 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     else
         status = ncgen_constrained_begin(&r, velocities);
     if (status == NCGEN_OK)
-        status = ncgen_explicit(&r, &w.stepping);
+        status = options->method >= NCGEN_RATTLE ? ncgen_steppers(&r, &w.stepping) : ncgen_explicit(&r, &w.stepping);
     *rows = r.rows;
     ncgen_copy(r.n, r.start_q, out_q + (size_t)n_times * (size_t)r.n);
     ncgen_copy(r.n, r.start_qd, out_qd + (size_t)n_times * (size_t)r.n);

@@ -69,7 +69,11 @@ enum ncgen_formalism {
 enum ncgen_method {
     NCGEN_DOPRI5 = 0, /* Dormand-Prince 5(4) with error control and dense output */
     NCGEN_RK4 = 1,    /* classical Runge-Kutta with a fixed step */
-    NCGEN_DOP853 = 2  /* Dormand-Prince 8(5,3) with error control and dense output */
+    NCGEN_DOP853 = 2, /* Dormand-Prince 8(5,3) with error control and dense output */
+    /* The following discretise the constrained equations themselves, with a fixed step, where all forces have a potential
+     * (formalism NCGEN_LAGRANGE). */
+    NCGEN_RATTLE = 3,         /* symplectic, order 2 */
+    NCGEN_ENERGY_MOMENTUM = 4 /* order 2; exact energy where constraints are quadratic, M and forces constant */
 };
 
 /* Stop where a coordinate passes a value, or a function of (t, q, qd, p) passes zero. */

@@ -6,7 +6,6 @@ from math import ceil
 
 import numpy as np
 
-from ncgen.errors import ModelError
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.path import Path
@@ -34,10 +33,8 @@ def run(path: Path, kernels: Kernels, method: type[Stepper], settings: dict, gri
     """Fill an empty path over a time grid with equal steps of max_step, or a little less so that they end with the grid.
 
     Instants within a step are interpolated and projected onto the constraints.
-    Raises ConvergenceError with the time where a step cannot be solved, ModelError without a max_step.
+    Raises ConvergenceError with the time where a step cannot be solved.
     """
-    if not np.isfinite(max_step):
-        raise ModelError(f"{kernels.name}: this integrator has a fixed step: give max_step in seconds")
     count = ceil((grid[-1] - grid[0]) / max_step * (1 - ON_THE_GRID))
     stepper = method(kernels, grid[0], q, qd, p, (grid[-1] - grid[0]) / count, **settings)
     path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
