@@ -9,6 +9,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import scipy.linalg
+import scipy.sparse
+import scipy.sparse.linalg
 
 from ncgen.errors import ConvergenceError
 from ncgen.solver.position import solve_position
@@ -26,6 +28,13 @@ REMEMBERED = 16
 
 NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
+
+
+DENSE = 200
+"""From this many rows, a sparse test of independence comes before the dense analysis."""
+
+CLEAR = 1e12
+"""Rows are clearly independent when the condition number of Φ_q Φ_qᵀ, scaled, is below this."""
 
 
 def numerical_rank(jacobian: np.ndarray) -> int:
@@ -119,7 +128,30 @@ def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
     return known[key]
 
 
+def rows_are_clearly_independent(jacobian: scipy.sparse.spmatrix) -> bool:
+    """Whether a sparse Jacobian (m, n) certainly has full row rank; False leaves the question open.
+
+    Φ_q Φ_qᵀ is factorised and its condition number estimated in the 1-norm (Higham and Tisseur 2000), which bounds
+    that in the 2-norm for a symmetric matrix: below CLEAR, every singular value of Φ_q is far above RELATIVE_ZERO.
+    """
+    gram = (jacobian @ jacobian.T).tocsc()
+    try:
+        factors = scipy.sparse.linalg.splu(gram, permc_spec="MMD_AT_PLUS_A")
+    except RuntimeError:  # SuperLU's word for an exactly singular matrix
+        return False
+    inverse = scipy.sparse.linalg.LinearOperator(gram.shape, factors.solve, rmatvec=factors.solve, dtype=float)
+    return bool(scipy.sparse.linalg.onenormest(inverse) * scipy.sparse.linalg.norm(gram, 1) < CLEAR)
+
+
+def _sparse_jacobian(kernels: Kernels, q, t, p) -> scipy.sparse.spmatrix:
+    """`scaled_jacobian`, sparse."""
+    return scipy.sparse.diags(1 / kernels.row_sizes) @ kernels.phi_q(q, t, p) @ scipy.sparse.diags(kernels.column_sizes)
+
+
 def _freedom(kernels: Kernels, q, t, p) -> Freedom:
+    m, n = kernels.m, kernels.n
+    if DENSE <= m <= n and rows_are_clearly_independent(_sparse_jacobian(kernels, q, t, p)):
+        return Freedom(m, m, n - m, (), tuple(range(m)), np.zeros((n, 0)), 1)
     positions = trial_positions(kernels, q, t, p)
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
     ranks = [numerical_rank(j) for j in jacobians]
