@@ -76,16 +76,17 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, setti
 
 
 def _stepper_refusal(kernels: Kernels, integrator: str, settings: dict) -> str | None:
-    """C has rattle for forces with a potential, and energy-momentum where it is exact without corrections."""
+    """C has rattle for constant masses and forces of position, and energy-momentum where it is exact without corrections."""
     from ncgen.build.runtime import is_conservative
 
     if integrator not in STEPPERS:
         return None
     if not is_conservative(kernels):
         return f"{integrator} runs in Python where forces have no potential, and with drivers"
-    if integrator == "rattle":
-        return None
     programs = kernels.programs.programs
+    if integrator == "rattle":
+        constant = "mass" not in programs or programs["mass"].is_constant
+        return None if constant else "rattle runs in Python where masses are not constant"
     quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls
     quadratic = quadratic and not programs["phi"].angles
     if settings["project_velocities"] or not (quadratic and all(programs[k].is_constant for k in ("mass", "force") if k in programs)):

@@ -17,6 +17,7 @@ from ncgen.solver.partition import Partition, Partitions, choose_partitions
 from ncgen.solver.path import Path
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import DENSE
 from ncgen.solver.start import closed_position, given_velocity, velocity_from_rates
 from ncgen.solver.trajectory import Statistics, Trajectory
 
@@ -165,6 +166,8 @@ def _refusal(kernels: Kernels, method: Method, engine: str, integrator: str, par
 
 def _partitions(kernels: Kernels, q, t: float, p, chosen: tuple[str, ...], needed: bool) -> Partitions | None:
     """Independent coordinates at the start; None at a singular position where the formalism does without them."""
+    if not needed and not chosen and kernels.m >= DENSE:
+        return None  # dense linear algebra that nothing asks for
     try:
         return choose_partitions(kernels, q, t, p, chosen)
     except SingularError:
@@ -177,6 +180,8 @@ def _velocity(kernels: Kernels, partitions: Partitions | None, q, t: float, p, z
     """All initial velocities."""
     if qd0 is not None and zd0 is not None:
         raise ModelError("zd0 and qd0 are both given; give the initial velocities once")
+    if qd0 is None and partitions is None and not np.any(kernels.nu(q, t, p)):
+        return np.zeros(kernels.n)
     if qd0 is not None or partitions is None:
         return given_velocity(kernels, {} if qd0 is None else qd0, q, t, p)
     return velocity_from_rates(kernels, partitions.velocity, _rates(kernels, partitions.velocity, zd0), q, t, p)

@@ -20,46 +20,35 @@ static ncgen_real distance(const ncgen_run *r, const ncgen_real *a, const ncgen_
     return largest;
 }
 
-/* Half a kick, a drift onto the constraints, half a kick onto their velocities (Andersen 1983). Where nothing depends on
- * velocities the acceleration and the factors at the end of a step are those at the start of the next. */
+/* Half a kick, a drift onto the constraints, half a kick onto their velocities (Andersen 1983). Forces depend on position
+ * only, so the acceleration and the factors at the end of a step are those at the start of the next. */
 static int rattle(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h)
 {
-    const int n = r->n, plain = r->model->mass_is_constant;
-    const ncgen_scalar half = h / 2;
-    ncgen_real *velocity = r->y, *position = r->y + n, *middle = w->new_y, *before = w->at;
+    const int n = r->n;
+    ncgen_real *velocity = r->y, *position = r->y + n;
     const ncgen_real *acceleration = r->constrained->solution;
     int status = NCGEN_OK;
-    ncgen_copy(n, velocity, middle);
-    for (int pass = 0;; ++pass) {
-        if (pass == ITERATION_LIMIT)
-            return NCGEN_NOT_CONVERGED;
-        if (!(plain && w->interpolated)) { /* the acceleration is not there yet */
-            ncgen_copy(n, position, r->q);
-            ncgen_copy(n, middle, r->qd);
-            if ((status = ncgen_constrained_accelerations(r, t)) != NCGEN_OK)
-                return status;
-        }
-        for (int i = 0; i < n; ++i) {
-            before[i] = middle[i];
-            r->q[i] = position[i] + h * (velocity[i] + half * acceleration[i]);
-        }
-        if ((status = ncgen_constrained_position(r, t + h)) != NCGEN_OK)
-            return status;
-        for (int i = 0; i < n; ++i)
-            middle[i] = (r->q[i] - position[i]) / h;
-        if (plain || h * distance(r, middle, before) <= 8 * r->rounding)
-            break;
+    if (!w->interpolated) { /* the first step: there is no acceleration yet */
+        ncgen_copy(n, position, r->q);
+        ncgen_copy(n, velocity, r->qd);
+        status = ncgen_constrained_accelerations(r, t);
+        w->interpolated = 1;
     }
-    ncgen_copy(n, r->q, position);
-    ncgen_copy(n, middle, r->qd);
-    ncgen_constrained_rows(r);
-    if ((status = ncgen_constrained_accelerations(r, t + h)) != NCGEN_OK)
-        return status;
     for (int i = 0; i < n; ++i)
-        r->qd[i] += half * acceleration[i];
-    status = ncgen_constrained_velocity(r, t + h);
+        r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_position(r, t + h);
+    for (int i = 0; i < n; ++i)
+        r->qd[i] = (r->q[i] - position[i]) / h;
+    ncgen_copy(n, r->q, position);
+    ncgen_constrained_rows(r);
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_accelerations(r, t + h);
+    for (int i = 0; i < n; ++i)
+        r->qd[i] += h / 2 * acceleration[i];
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_velocity(r, t + h);
     ncgen_copy(n, r->qd, velocity);
-    w->interpolated = 1;
     return status;
 }
 
@@ -89,7 +78,7 @@ static int energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncge
             return status;
         ncgen_copy(n, r->q, end);
         const ncgen_real change = distance(r, end, before);
-        if (change <= 4 * r->rounding || (pass > 2 && change < 1000 * r->rounding && change > last / 4)) {
+        if (change <= 4 * r->rounding || (pass > 1 && change < R(1.0e4) * r->rounding && change > last / 4)) {
             for (int i = 0; i < n; ++i)
                 velocity[i] = 2 * (end[i] - position[i]) / h - velocity[i];
             ncgen_copy(n, end, position);
