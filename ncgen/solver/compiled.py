@@ -7,7 +7,7 @@ import numpy as np
 from ncgen.errors import SingularError
 from ncgen.program.cost import cost
 from ncgen.solver.integrators import canonical_name
-from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
+from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
@@ -179,7 +179,7 @@ def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, z
 def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q, t, p) -> Partitions:
     """The best partition at q if it is clearly better than the present one; one used before in this run if it will do."""
     try:
-        best = choose_partitions(kernels, q, t, p, rows=partitions.velocity.rows)
+        best = other_partitions(kernels, partitions, q, t, p)
     except SingularError:
         return partitions
 

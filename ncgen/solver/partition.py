@@ -14,7 +14,7 @@ from scipy.linalg import lapack
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import freedom, scaled_jacobian
+from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
 
 WORST = 1e-7
 """A partition of lower quality is refused."""
@@ -52,6 +52,18 @@ def choose_partitions(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=N
     velocity = choose_partition(kernels, q, t, p, independent, rows)
     kept = np.array([r for r in velocity.rows if r in set(kernels.holonomic)], dtype=int)
     return Partitions(choose_partition(kernels, q, t, p, velocity.names(kernels), kept), velocity)
+
+
+def other_partitions(kernels: Kernels, present: Partitions, q, t=0.0, p=None) -> Partitions:
+    """The best partitions at q of a motion that runs on others: other coordinates, and of redundant rows others too.
+
+    Rows that represent all of them at one position may degenerate on the way (Bennett's linkage does this to them).
+    With rolling conditions the kept rows stay. Raises SingularError if q is singular.
+    """
+    rows = present.velocity.rows
+    if len(rows) < kernels.m == len(kernels.holonomic):
+        rows = best_rows(scaled_jacobian(kernels, q, t, p), len(rows))
+    return choose_partitions(kernels, q, t, p, rows=rows)
 
 
 def choose_partition(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=None) -> Partition:

@@ -14,7 +14,7 @@ from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.integrators import takes_jacobian
-from ncgen.solver.partition import BETTER, Partitions, choose_partitions, quality
+from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
 from ncgen.solver.protocol import Kernels
 
@@ -150,7 +150,7 @@ class _Run:
         if now > DEGRADED * self.reference and not any_better:
             return False
         try:
-            other = choose_partitions(self.kernels, here.q, here.t, self.start.p, rows=self.partitions.velocity.rows)
+            other = other_partitions(self.kernels, self.partitions, here.q, here.t, self.start.p)
         except SingularError:
             return False  # no choice is good here: the steps will show whether the motion can go on
         possible = self._quality(other, here)

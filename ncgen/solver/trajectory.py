@@ -13,7 +13,7 @@ from ncgen.solver import frames, geometry
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms import FORMALISMS
-from ncgen.solver.partition import Partitions, choose_partitions, quality
+from ncgen.solver.partition import Partitions, choose_partitions, other_partitions, quality
 from ncgen.solver.protocol import Kernels
 
 
@@ -88,7 +88,7 @@ class Trajectory:
             return formalism.motion(kernels, q, qd, t, p, self.options)
         part = self.partitions.velocity
         if quality(kernels, part, q, t, p) < CONDITION:
-            part = choose_partitions(kernels, q, t, p, rows=part.rows).velocity
+            part = other_partitions(kernels, self.partitions, q, t, p).velocity
         return motion_at(kernels, part, t, q, qd[part.independent], p)
 
     @cached_property
