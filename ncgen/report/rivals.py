@@ -48,7 +48,10 @@ class Inputs:
 
 @dataclass(frozen=True)
 class Rival:
-    """runs: {kernel, or "all": run(times)}; values(kernel): its output, in the order of the generated kernel"""
+    """runs: {kernel, or "all": run(times)}; values(kernel): its output, in the order of the generated kernel
+
+    What computes all kernels at once has runs["all"] only.
+    """
 
     name: str
     runs: dict[str, Callable[[int], None]]
@@ -56,10 +59,11 @@ class Rival:
 
 
 def rivals(model: Model, inputs: Inputs, names: tuple[str, ...]) -> list[Rival]:
-    """All of them, the generated C that ncgen uses by itself first."""
+    """All of them; first the generated C that has all kernels in one."""
     generated = {emission: compile(generate(model, emission), "c") for emission in ("auto", *(set(EMISSIONS) - {"auto"}))}
     kernels = generated["auto"]
-    found = [_compiled(f"generated C, {emission}", _functions(k), inputs, names) for emission, k in sorted(generated.items())]
+    found = [_at_once(kernels, inputs, names)]
+    found += [_compiled(f"generated C, {emission}", _functions(k), inputs, names) for emission, k in sorted(generated.items())]
     found += [_compiled("hand-written C", f, inputs, names) for f in _handwritten_c(kernels)]
     found.append(_called("generated C, from Python", kernels, inputs, names))
     found.append(_called("generated NumPy", compile(model, "numpy"), inputs, names))
@@ -102,6 +106,15 @@ def _compiled(name: str, functions: dict[str, Call], inputs: Inputs, names) -> R
 
     runs = {k: run(k) for k in names} | {"all": run(*names)}
     return Rival(name, runs, lambda k: (runs[k](1), functions[k].out.copy())[1])
+
+
+def _at_once(kernels: CompiledKernels, inputs: Inputs, names) -> Rival:
+    """The one function that writes Φ, Φ_q and γ."""
+    function = _functions(kernels)["constraints"]
+    run = runner(inputs.t, inputs.q, inputs.qd, inputs.p, [], function)
+    ends = np.cumsum([kernels.programs.programs[k].size for k in names])
+    part = dict(zip(names, np.split(np.arange(function.size), ends[:-1]), strict=True))
+    return Rival("generated C, all at once", {"all": run}, lambda k: (run(1), function.out[part[k]])[1])
 
 
 def _handwritten_c(kernels: Kernels) -> list[dict[str, Call]]:
