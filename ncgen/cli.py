@@ -1,4 +1,4 @@
-"""The command line: list, run, generate, inspect, bench, hard, check, convert, export, cache.
+"""The command line: list, run, generate, inspect, bench, compare, hard, check, convert, export, cache.
 
 MODEL is the name of an example, or a path to a .toml or .py file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -160,6 +160,61 @@ def bench(model: ModelName, json_output: Json = False) -> None:
                 show(out, title, found)
     if json_output:
         print(json.dumps(records, indent=1))
+
+
+@app.command()
+def compare(
+    model: ModelName,
+    users: Annotated[list[str] | None, typer.Option("--with", help="a function of yours, module:function for Φ_q, or gamma=module:function")] = None,
+    handwritten: Annotated[Path | None, typer.Option(help="find mistakes in this Python file's phi, phi_q, gamma (the file is run)")] = None,
+    tables: Annotated[bool, typer.Option("--tables", help="also the paper's Tables 9 and 10: integrators by source of derivatives")] = False,
+    html: Annotated[Path | None, typer.Option(help="write a report into this file")] = None,
+    plot: Annotated[Path | None, typer.Option(help="write the plots into this .svg or .png file")] = None,
+    csv: Annotated[Path | None, typer.Option(help="write the records into this file")] = None,
+    json_output: Json = False,
+) -> None:
+    """Compare generated derivatives with hand-written ones, differences and automatic differentiation: error beside time."""
+    from ncgen.emit.sources import write_text
+    from ncgen.exchange.examples import load
+    from ncgen.report.comparison import Comparison
+
+    loaded = load(model)
+    if handwritten is not None:
+        _mistakes(loaded, handwritten, json_output)
+        return
+    comparison = Comparison(loaded, users or [], tables)
+    with _progress(f"comparing {loaded.name}", None):
+        for section in comparison.sections():
+            if not json_output:
+                for line in comparison.lines(section):
+                    out.print(line, markup=False)
+    for path, write in ((html, comparison.html), (csv, comparison.csv)):
+        if path is not None:
+            write_text(path, write())
+    if plot is not None:
+        comparison.save_plot(plot)
+    if json_output:
+        print(json.dumps({"machine": comparison.machine, "records": comparison.records}, indent=1))
+
+
+def _mistakes(model, path: Path, json_output: bool) -> None:
+    """The mistakes in a file; exit code 1 if there are any."""
+    from dataclasses import asdict
+
+    from ncgen.compiler import compile
+    from ncgen.report.mistakes import find_mistakes
+
+    found = find_mistakes(compile(model, "c"), path)
+    if json_output:
+        print(json.dumps({name: [asdict(m) for m in mistakes] for name, mistakes in found.items()}, indent=1))
+    else:
+        for name, mistakes in found.items():
+            for mistake in mistakes:
+                out.print(str(mistake), markup=False)
+            if not mistakes:
+                out.print(f"{name}: no mistakes", markup=False)
+    if any(found.values()):
+        raise typer.Exit(1)
 
 
 @app.command()
