@@ -145,12 +145,21 @@ def run(
 
 
 @app.command()
-def bench(model: ModelName, json_output: Json = False) -> None:
+def bench(
+    model: ModelName,
+    precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
+    html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
+    plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
+    json_output: Json = False,
+) -> None:
     """Measure generated code beside hand-written code: times with their errors."""
     from ncgen.exchange.examples import load
     from ncgen.report.bench import bench as measurements
     from ncgen.report.bench import show
 
+    if precision or html or plot:
+        _precision(load(model), html, plot, json_output)
+        return
     records = []
     with _progress(f"measuring {model}", 3.0) as advance:
         for done, (title, found) in enumerate(measurements(load(model)), 1):
@@ -160,6 +169,34 @@ def bench(model: ModelName, json_output: Json = False) -> None:
                 show(out, title, found)
     if json_output:
         print(json.dumps(records, indent=1))
+
+
+def _precision(model, html: Path | None, plot: Path | None, json_output: bool) -> None:
+    """Every method from loose to tight; the front in words."""
+    from ncgen.emit.sources import write_text
+    from ncgen.report import precision
+    from ncgen.report.bench import aligned
+    from ncgen.report.document import Section, page
+    from ncgen.report.machine import machine
+
+    records = []
+    with _progress(f"simulating {model.name}", None) as advance:
+        for done, record in enumerate(precision.precision_records(model), 1):
+            records.append(record)
+            advance(done)
+    rows, front = precision.table(records), precision.front(records)
+    if json_output:
+        print(json.dumps({"machine": machine(), "records": records}, indent=1))
+    else:
+        for line in [f"{model.name}: time until an error is reached", *aligned(rows), *front]:
+            out.print(line, markup=False)
+    if html is not None:
+        section = Section("Time until an error is reached", "; ".join(front), tuple(rows), precision.figure(records, model.name))
+        write_text(html, page(f"{model.name}: error against time", [section], machine()))
+    if plot is not None:
+        from ncgen.view.figure import save
+
+        save(precision.figure(records, model.name), plot)
 
 
 @app.command()

@@ -37,7 +37,7 @@ def fall_records(kernels: Kernels) -> Iterator[dict]:
 
     error: largest difference (m, rad) of the end position; seconds: of the run; total: of the whole call of `simulate`
     """
-    duration = float(kernels.model.simulation_options.get("duration", 1.0))
+    duration = own_run(kernels)[0]
     if not _runs_in_c(kernels) or (reference := end_state(kernels, duration)) is None:
         return
     for engine in ("emitted", "c"):
@@ -45,6 +45,12 @@ def fall_records(kernels: Kernels) -> Iterator[dict]:
             yield _timed(kernels, duration, reference, integrator, setting, options, engine, REPEATS)
     yield _timed(kernels, duration, reference, "dopri5", "rtol 1e-06", _tolerances(1e-6), "python", 1)
     yield from _student(kernels, duration, reference)
+
+
+def own_run(kernels: Kernels) -> tuple[float, dict]:
+    """Duration (s) and initial velocities of the model's own simulation, as arguments of `simulate`."""
+    options = kernels.model.simulation_options
+    return float(options.get("duration", 1.0)), {k: options[k] for k in ("zd0",) if k in options}
 
 
 def _runs_in_c(kernels: Kernels) -> bool:
@@ -71,7 +77,8 @@ def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
     if module is not None:
         return module.END
     try:
-        run = simulate(kernels, duration, integrator="dopri5", rtol=TIGHT, atol=ABSOLUTE * TIGHT, points=2, engine="emitted")
+        tight = {"rtol": TIGHT, "atol": ABSOLUTE * TIGHT}
+        run = simulate(kernels, duration, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1])
     except NcgenError:
         return None
     return dict(zip(kernels.coordinates, run.q[-1].tolist(), strict=True))
@@ -98,6 +105,7 @@ def _timed(kernels, duration, reference, integrator, setting, options, engine, r
 
 def _repeated(kernels, duration, integrator, options, engine, repeats):
     seconds, totals = [], []
+    options = options | own_run(kernels)[1]
     if engine != "python":
         simulate(kernels, duration, integrator=integrator, engine=engine, points=2, **options)  # compiles
     while len(seconds) < repeats and sum(totals) < LONGEST:

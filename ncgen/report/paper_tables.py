@@ -17,7 +17,7 @@ from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.model import Model
-from ncgen.report.falls import end_state
+from ncgen.report.falls import end_state, own_run
 from ncgen.report.rivals.base import differentiable, handwritten
 from ncgen.report.rivals.differences import central, complex_step, jacobian
 from ncgen.solver.assembly import assemble
@@ -65,13 +65,14 @@ def table_10(model: Model) -> Iterator[dict]:
             yield _solved(kernels, integrator, "hand-written NumPy, numerical", *student, duration, end)
         for source, exact in (("generated C, numerical", False), ("generated C, generated", True)):
             run = _Partitioned(kernels)
+            run.jacobian(0.0, run.y0)  # compiles
             jac = run.jacobian if exact else None
             yield _solved(kernels, integrator, source, run.derivative, run.y0, run.names, duration, end, jac)
 
 
 def _task(kernels: Kernels):
     """The model's own duration, and where it ends; None where ncgen cannot find out."""
-    duration = float(kernels.model.simulation_options.get("duration", 1.0))
+    duration = own_run(kernels)[0]
     return duration, end_state(kernels, duration) if kernels.m else None
 
 
@@ -109,11 +110,13 @@ class _Partitioned:
     def __init__(self, kernels: Kernels):
         q = assemble(kernels, kernels.q0)
         self.kernels, self.p = kernels, kernels.p0
-        self.partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+        chosen = tuple(own_run(kernels)[1].get("zd0", {})) or kernels.model.chosen_independent
+        self.partitions = choose_partitions(kernels, q, independent=chosen)
         self.start = Start(0.0, q, np.zeros(kernels.n), self.p)
         z = self.partitions.position.independent
         self.names = [kernels.coordinates[i] for i in z]
-        self.y0 = np.concatenate([np.zeros(len(z)), q[z]])
+        rates = own_run(kernels)[1].get("zd0", {})
+        self.y0 = np.concatenate([[rates.get(name, 0.0) for name in self.names], q[z]])
 
     def _motion(self, t, y):
         count = len(y) // 2
@@ -133,9 +136,10 @@ class _Partitioned:
 def _simulated(kernels, integrator, source, duration, end, engine) -> dict:
     """A run by ncgen's own engines."""
     try:
-        simulate(kernels, duration / 100, integrator=integrator, engine=engine, points=2, **TOLERANCES)  # compiles
+        options = {"integrator": integrator, "engine": engine, "points": 2, **own_run(kernels)[1], **TOLERANCES}
+        simulate(kernels, duration / 100, **options)  # compiles
         start = time.perf_counter()
-        run = simulate(kernels, duration, integrator=integrator, engine=engine, points=2, **TOLERANCES)
+        run = simulate(kernels, duration, **options)
         seconds = time.perf_counter() - start
     except NcgenError as error:
         return _record(integrator, source, None, None, None, str(error))
@@ -162,7 +166,7 @@ def _solved(kernels, integrator, source, derivative, y0, names, duration, end, j
     except _TooMany:
         seconds = time.perf_counter() - start
         return _record(integrator, source, seconds, None, count - 1, f"given up after {MOST:,} evaluations")
-    except NcgenError as error:
+    except (NcgenError, ArithmeticError, np.linalg.LinAlgError) as error:
         return _record(integrator, source, None, None, count, str(error))
     seconds = time.perf_counter() - start
     last = dict(zip(names, found.y[len(names) :, -1], strict=True))
