@@ -20,8 +20,8 @@ from ncgen.build.library import STATUS, CompiledKernels, _abi
 from ncgen.emit.c import HEADERS, RUNTIME, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
-from ncgen.program.dynamics import Split, assemble_dynamics
 from ncgen.program.elimination import Samples
+from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
 
 METHODS = {"dopri5": 0, "rk4": 1, "dop853": 2, "rattle": 3, "energy-momentum": 4}
@@ -220,6 +220,8 @@ class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
     def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
+        from ncgen.program.dynamics import assemble_dynamics
+
         equations = kernels.programs.equations
         self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(self.programs, equations, kernels.row_sizes)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from typing import TYPE_CHECKING
 
 from ncgen.emit.environment import comment_text, loop_comments, render, verbatim
 from ncgen.emit.expressions import write
@@ -10,13 +11,15 @@ from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
 from ncgen.model.values import evaluate
 from ncgen.program.angles import SHARED
-from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
-from ncgen.program.dynamics import DynamicsPrograms
 from ncgen.program.functions import FUNCTIONS
-from ncgen.program.tangents import TangentPrograms
-from ncgen.symbolic.equations import Equations
+
+if TYPE_CHECKING:
+    from ncgen.program.dynamics import DynamicsPrograms
+    from ncgen.program.programs import Programs
+    from ncgen.program.tangents import TangentPrograms
+    from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
 RUNTIME = (
