@@ -27,7 +27,11 @@ RUNTIME = (
     "ncgen_constrained.c",
     "ncgen_dense.c",
     "ncgen_sparse.c",
+    "ncgen_lu.c",
+    "ncgen_jacobian.c",
+    "ncgen_grid.c",
     "ncgen_explicit.c",
+    "ncgen_implicit.c",
     "ncgen_steppers.c",
 )
 WIDTH = 100

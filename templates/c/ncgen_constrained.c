@@ -141,7 +141,7 @@ static int find_jacobian(ncgen_run *r, ncgen_scalar t)
     return r->model->phi_q(t, r->q, r->p, w->kkt.values + w->n_mass);
 }
 
-static int factor(ncgen_run *r)
+int ncgen_constrained_factor(ncgen_run *r)
 {
     r->statistics->factorisations += 1;
     const int status = ncgen_kkt_factor(&r->constrained->kkt);
@@ -194,8 +194,9 @@ static ncgen_real largest_residual(const ncgen_run *r, const ncgen_real *rows)
 }
 
 /* w->solution of the equations with the right side w->right; refined where the factors are not those of the equations. */
-static int solve_equations(ncgen_run *r, ncgen_constrained *w)
+int ncgen_constrained_solve(ncgen_run *r)
 {
+    ncgen_constrained *w = r->constrained;
     ncgen_kkt_solve(&w->kkt, w->right, w->solution);
     if (!(w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10)))
         return NCGEN_OK;
@@ -255,8 +256,8 @@ int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t)
     if (status == NCGEN_OK && is_dense(r))
         return ncgen_dense_accelerations(r, w);
     if (status == NCGEN_OK)
-        status = factor(r);
-    return status == NCGEN_OK ? solve_equations(r, w) : status;
+        status = ncgen_constrained_factor(r);
+    return status == NCGEN_OK ? ncgen_constrained_solve(r) : status;
 }
 
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
@@ -288,7 +289,7 @@ static int refresh(ncgen_run *r, ncgen_scalar t)
     int status = find_mass(r, t);
     if (status == NCGEN_OK)
         status = find_jacobian(r, t);
-    return status == NCGEN_OK ? factor(r) : status;
+    return status == NCGEN_OK ? ncgen_constrained_factor(r) : status;
 }
 
 /* Change x by the smallest amount that changes the rows by -w->residual[n..]; smallest in the sense of kinetic energy. */
@@ -416,6 +417,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     r->derivative = derivative;
     r->settle = r->options->project ? settle : NULL;
     r->state = state;
+    r->jacobian = ncgen_constrained_jacobian;
     ncgen_copy(n, velocities, r->y);
     ncgen_copy(n, r->start_q, r->y + n);
     ncgen_copy(n, velocities, r->start_qd);
