@@ -12,6 +12,8 @@ from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import freedom, trial_positions
+from ncgen.solver.steppers import STEPPERS
+from ncgen.solver.steppers.generalized_alpha import weights
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -22,9 +24,6 @@ REUSE = 0.7
 
 MOST_STEPS = 1_000_000
 """Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
-
-STEPPERS = ("rattle", "energy-momentum")
-"""Integrators of C that discretise the constrained equations themselves."""
 
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
@@ -72,14 +71,18 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, setti
         return "the paper's sine-or-cosine rows choose anew between steps"
     if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
         return "there are no constraint rows that move"
-    return _stepper_refusal(kernels, canonical_name(integrator), settings)
+    return _method_refusal(kernels, formalism, canonical_name(integrator), settings)
 
 
-def _stepper_refusal(kernels: Kernels, integrator: str, settings: dict) -> str | None:
-    """C has rattle for constant masses and forces of position, and energy-momentum where it is exact without corrections."""
-    from ncgen.build.runtime import is_conservative
+def _method_refusal(kernels: Kernels, formalism: str, integrator: str, settings: dict) -> str | None:
+    """What methods in C leave out: rolling conditions, which are equations of no position; with rattle masses that are not
+    constant and forces without a potential; energy-momentum where it is not exact without corrections."""
+    from ncgen.build.runtime import IMPLICIT, is_conservative
 
-    if integrator not in STEPPERS:
+    stabilised = integrator in IMPLICIT and settings.get("stabilisation") == "baumgarte"
+    if (stabilised or (formalism, integrator) in STEPPERS) and len(kernels.holonomic) < kernels.m:
+        return f"{integrator} runs in Python with rolling conditions"
+    if integrator not in ("rattle", "energy-momentum"):
         return None
     if not is_conservative(kernels):
         return f"{integrator} runs in Python where forces have no potential, and with drivers"
@@ -109,12 +112,19 @@ def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: st
     done = dynamics.simulate(
         canonical_name(integrator), grid, q, qd, p, tolerance=TOLERANCE, formalism=FORMALISMS[formalism], project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, **steps,
+        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, **_weights(settings), **steps,
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.projections += done.steps if projected else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
     return None if done.status == "ok" else f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
+
+
+def _weights(settings: dict) -> dict[str, float]:
+    """Of generalised-α, by the names of `ncgen_options`."""
+    if "rho" not in settings:
+        return {}
+    return dict(zip(("alpha_m", "alpha_f"), weights(settings["rho"], settings["hht"]), strict=True))
 
 
 def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p):
@@ -161,7 +171,7 @@ def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, z
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
-        if done.status == "ok":
+        if done.status == "ok" or len(path.q) == len(grid):
             return None
         advanced = done.reached > t
         t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]

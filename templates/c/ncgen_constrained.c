@@ -260,6 +260,18 @@ int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t)
     return status == NCGEN_OK ? ncgen_constrained_solve(r) : status;
 }
 
+int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
+{
+    ncgen_real energy[3] = {0, 0, 0};
+    *power = 0;
+    if (r->dynamics->conservative)
+        return NCGEN_OK;
+    if (r->model->energy && r->model->energy(t, r->q, r->qd, r->p, energy) != NCGEN_OK)
+        return NCGEN_DOMAIN;
+    *power = energy[2] - (r->model->nu ? ncgen_dot(r->m, r->constrained->nu, r->constrained->solution + r->n) : 0);
+    return NCGEN_OK;
+}
+
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
@@ -271,24 +283,21 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
         return status;
     ncgen_copy(n, w->solution, yd);
     ncgen_copy(n, r->qd, yd + n);
-    yd[2 * n] = 0;
-    if (!r->dynamics->conservative) {
-        ncgen_real energy[3] = {0, 0, 0};
-        if (r->model->energy && r->model->energy(t, r->q, r->qd, r->p, energy) != NCGEN_OK)
-            return NCGEN_DOMAIN;
-        yd[2 * n] = energy[2] - (r->model->nu ? ncgen_dot(r->m, w->nu, w->solution + n) : 0);
-    }
-    return NCGEN_OK;
+    return ncgen_constrained_power(r, t, yd + 2 * n);
 }
 
 /* Back onto the constraints ------------------------------------------------------------------------------------ */
 
+int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t)
+{
+    const int status = find_mass(r, t);
+    return status == NCGEN_OK ? find_jacobian(r, t) : status;
+}
+
 /* Phi_q and the factors at r->q. */
 static int refresh(ncgen_run *r, ncgen_scalar t)
 {
-    int status = find_mass(r, t);
-    if (status == NCGEN_OK)
-        status = find_jacobian(r, t);
+    const int status = ncgen_constrained_matrices(r, t);
     return status == NCGEN_OK ? ncgen_constrained_factor(r) : status;
 }
 
@@ -402,7 +411,8 @@ static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 
 static int state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
-    if (r->options->project)
+    r->constrained->kept = 0;
+    if (r->options->project || ncgen_is_stepper(r->options))
         return project(r, t, y, 0);
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);

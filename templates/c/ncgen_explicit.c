@@ -135,7 +135,7 @@ static const ncgen_scalar rk4_a[5][WIDTH] = {
 
 static const tableau tableaus[3] = {{6, 4, dopri_c, dopri_a}, {4, 0, rk4_c, rk4_a}, {12, 7, dop853_c, dop853_a}};
 
-void ncgen_stepping_layout(ncgen_run *r, ncgen_stepping *w)
+void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
 {
     w->new_y = ncgen_take(&r->space, r->ny);
     w->at = ncgen_take(&r->space, r->ny);
@@ -352,7 +352,6 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         t = t_new;
         h *= factor;
     }
-    ncgen_grid_end(r);
     return NCGEN_OK;
 }
 
@@ -371,8 +370,6 @@ static int run_fixed(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             status = finish_step(r, w, method, t, t_new);
             if (r->statistics->stopped)
                 return status;
-            if (last)
-                ncgen_write_row(r, r->y[r->weighed - 1]);
             if (status != NCGEN_OK && !(last && row + 1 == r->n_times))
                 return status;
         }

@@ -4,6 +4,9 @@
  */
 #include "ncgen_internal.h"
 
+/* A row nearer to the end of a step than this share of it takes the state of the step itself. */
+static const ncgen_scalar on_the_grid = R(1.0e-9);
+
 /* q and qd at t + s h. */
 static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
 {
@@ -60,10 +63,10 @@ static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar 
     return state_inside(r, w, t, h, *s);
 }
 
-/* Rows of the grid before `end`, inside the step from t to t + h, by interpolation. */
+/* Rows of the grid before the share `end` of the step from t to t + h, by interpolation. */
 static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar end)
 {
-    while (r->rows < r->n_times && r->times[r->rows] < end) {
+    while (r->rows < r->n_times && r->times[r->rows] < t + end * h) {
         const int status = state_inside(r, w, t, h, (r->times[r->rows] - t) / h);
         if (status != NCGEN_OK)
             return status;
@@ -94,20 +97,16 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
             return trouble;
         ncgen_keep_state(r, t + s * h, w->at[r->weighed - 1]);
         r->statistics->stopped = 1;
-        return write_inside(r, w, t, h, t + s * h);
+        return write_inside(r, w, t, h, s);
     }
     if (trouble == NCGEN_OK)
-        trouble = write_inside(r, w, t, h, t_new);
+        trouble = write_inside(r, w, t, h, 1 - on_the_grid);
     ncgen_copy(r->n, r->start_q, r->q);
     ncgen_copy(r->n, r->start_qd, r->qd);
     ncgen_copy(r->ny, w->new_y, r->y);
-    return trouble != NCGEN_OK ? trouble : status;
-}
-
-void ncgen_grid_end(ncgen_run *r)
-{
-    if (r->rows < r->n_times)
+    if (trouble == NCGEN_OK && r->rows < r->n_times && r->times[r->rows] <= t_new + on_the_grid * h)
         ncgen_write_row(r, r->y[r->weighed - 1]);
+    return trouble != NCGEN_OK ? trouble : status;
 }
 
 /* The cubic between two states and their slopes. */

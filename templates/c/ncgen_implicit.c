@@ -400,8 +400,6 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             h *= factor;
         }
     }
-    if (status == NCGEN_OK)
-        ncgen_grid_end(r);
     return status;
 }
 
@@ -485,7 +483,6 @@ static int run_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
         t = t_new;
     }
-    ncgen_grid_end(r);
     return NCGEN_OK;
 }
 

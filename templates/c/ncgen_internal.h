@@ -90,6 +90,7 @@ typedef struct ncgen_constrained {
     ncgen_kkt kkt;
     int n_mass, n_phi_q;                       /* nonzeros */
     int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
+    int kept;                                  /* solution and factors are those of the last step's end */
     ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */
     ncgen_real *nu, *phi;                      /* m */
     ncgen_real *corner;                        /* m: the diagonal E */
@@ -148,7 +149,22 @@ typedef struct ncgen_implicit {
     ncgen_real last_error;
 } ncgen_implicit;
 
+/* The equations of a step and their Newton steps (ncgen_steppers.c). */
+typedef struct ncgen_correction {
+    int size;                    /* n, or n + m where multipliers are unknowns */
+    ncgen_real *matrix;          /* size x size */
+    ncgen_real *right, *x;       /* size; both without units */
+    ncgen_real *rest;            /* n + m: what is missing in forces, and Phi */
+    ncgen_real *change;          /* n + m: of q or qdd, and of lam */
+    ncgen_real *auxiliary;       /* n: the auxiliary acceleration of generalized-alpha */
+    ncgen_real *base;            /* 2 n: qd and q without the accelerations at the end of the step */
+    int *order;
+    ncgen_real unit;             /* the largest inertia */
+    ncgen_real power;            /* at the end of the last step */
+} ncgen_correction;
+
 /* ncgen_run.c */
+int ncgen_is_stepper(const ncgen_options *options); /* does the method discretise the constrained equations themselves? */
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
 void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span);
@@ -171,6 +187,8 @@ void ncgen_partitioning_multipliers(const ncgen_run *r, const ncgen_real *right,
 void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w);
 int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities);
 int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t); /* of r->q, r->qd, into solution; its factors stay */
+int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power); /* of drivers and forces without a potential */
+int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t);      /* M and Phi_q at r->q, into kkt.values */
 int ncgen_constrained_factor(ncgen_run *r);
 int ncgen_constrained_solve(ncgen_run *r);                         /* solution for what is in right */
 int ncgen_constrained_position(ncgen_run *r, ncgen_scalar t);      /* r->q, r->qd onto the constraints, with these factors */
@@ -194,19 +212,19 @@ int ncgen_find_tangents(ncgen_run *r, ncgen_scalar t); /* stiffness and damping 
 /* ncgen_grid.c: rows of the time grid and the event, inside steps from y to new_y. A step's end has been evaluated last. */
 int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w);
 int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new); /* new_y becomes y */
-void ncgen_grid_end(ncgen_run *r);
 void ncgen_interpolate_cubic(ncgen_run *r, ncgen_stepping *w, const ncgen_real *first, const ncgen_real *last, ncgen_scalar h,
                              ncgen_scalar s);
 
 /* ncgen_explicit.c, ncgen_implicit.c, ncgen_steppers.c: a run over the grid with Runge-Kutta methods, with implicit ones, and
  * with those for constrained equations. */
-void ncgen_stepping_layout(ncgen_run *r, ncgen_stepping *w);
+void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w);
 int ncgen_explicit(ncgen_run *r, ncgen_stepping *w);
 ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b);
 ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_scalar t, ncgen_scalar span);
 void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);
 int ncgen_implicit_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);
-int ncgen_steppers(ncgen_run *r, ncgen_stepping *w);
+void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c);
+int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c);
 
 /* ncgen_sparse.c */
 void ncgen_kkt_layout(ncgen_kkt *k, const ncgen_elimination *plan, int nonzeros, ncgen_space *space);

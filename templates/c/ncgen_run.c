@@ -113,10 +113,10 @@ typedef struct parts {
     ncgen_slopes slopes;
     ncgen_stepping stepping;
     ncgen_implicit implicit;
+    ncgen_correction correction;
 } parts;
 
-/* Methods that discretise the constrained equations themselves. */
-static int is_stepper(const ncgen_options *options)
+int ncgen_is_stepper(const ncgen_options *options)
 {
     return options->method == NCGEN_RATTLE || options->method == NCGEN_ENERGY_MOMENTUM ||
            options->method == NCGEN_GENERALIZED_ALPHA || options->formalism == NCGEN_ALI3P;
@@ -124,7 +124,7 @@ static int is_stepper(const ncgen_options *options)
 
 static int is_implicit(const ncgen_options *options)
 {
-    return !is_stepper(options) && (options->method == NCGEN_RADAU || options->method == NCGEN_TRAPEZOIDAL);
+    return !ncgen_is_stepper(options) && (options->method == NCGEN_RADAU || options->method == NCGEN_TRAPEZOIDAL);
 }
 
 /* The parts of a run and its workspace; with an empty space this only counts. */
@@ -144,8 +144,10 @@ static int lay_out(ncgen_run *r, parts *w)
         ncgen_slopes_layout(r, &w->slopes);
     if (is_implicit(r->options))
         ncgen_implicit_layout(r, &w->stepping, &w->implicit);
+    else if (ncgen_is_stepper(r->options))
+        ncgen_steppers_layout(r, &w->stepping, &w->correction);
     else
-        ncgen_stepping_layout(r, &w->stepping);
+        ncgen_explicit_layout(r, &w->stepping);
     return NCGEN_OK;
 }
 
@@ -169,13 +171,13 @@ static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, co
         return 0;
     if (options->method >= NCGEN_RADAU && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
         return 0;
-    if ((options->method == NCGEN_TRAPEZOIDAL || is_stepper(options)) && !(options->max_step > 0))
+    if ((options->method == NCGEN_TRAPEZOIDAL || ncgen_is_stepper(options)) && !(options->max_step > 0))
         return 0;
     if (options->formalism == NCGEN_ALI3P)
         return options->method == NCGEN_TRAPEZOIDAL;
     if (options->method == NCGEN_RATTLE || options->method == NCGEN_ENERGY_MOMENTUM)
         return options->formalism == NCGEN_LAGRANGE && dynamics->conservative;
-    return !is_stepper(options) || options->formalism == NCGEN_LAGRANGE;
+    return !ncgen_is_stepper(options) || options->formalism == NCGEN_LAGRANGE;
 }
 
 /* Everything ready for a run from the position q. */
@@ -232,8 +234,8 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     r.out_work = out_work;
     *statistics = (ncgen_statistics){.t = times[0]};
     int status = begin(&r, &w, q, velocities);
-    if (status == NCGEN_OK && is_stepper(options))
-        status = ncgen_steppers(&r, &w.stepping);
+    if (status == NCGEN_OK && ncgen_is_stepper(options))
+        status = ncgen_steppers(&r, &w.stepping, &w.correction);
     else if (status == NCGEN_OK && is_implicit(options))
         status = ncgen_implicit_run(&r, &w.stepping, &w.implicit);
     else if (status == NCGEN_OK)

@@ -1,38 +1,86 @@
 /* ncgen_steppers.c: methods with a fixed step that discretise the constrained equations themselves.
  *
- * Both are written with what the formalisms on all coordinates have: accelerations at a state, which leave the factors
- * of [M Phi_q'; Phi_q -E] there behind, and projections along M^-1 Phi_q' with those factors. What an acceleration has
- * along that direction does not matter: the projection that follows puts it right.
+ * RATTLE and the energy-momentum method are written with what the formalisms on all coordinates have: accelerations at a
+ * state, which leave the factors of [M Phi_q'; Phi_q -E] there behind, and projections along M^-1 Phi_q' with those factors.
+ * What an acceleration has along that direction does not matter: the projection that follows puts it right.
+ *
+ * Generalized-alpha (Arnold and Bruels 2007) and the index-3 augmented Lagrangian (Bayo and Ledesma 1996) solve the equations
+ * at the end of a step by Newton's method with stiffness and damping, in dense matrices without units.
  */
 #include "ncgen_internal.h"
 
-enum { ITERATION_LIMIT = 30 };
+enum {
+    ITERATION_LIMIT = 30,
+    PROJECTION_LIMIT = 6
+};
 
-/* The largest |a - b| in natural sizes. */
-static ncgen_real distance(const ncgen_run *r, const ncgen_real *a, const ncgen_real *b)
+void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
+{
+    const int n = r->n;
+    w->new_y = ncgen_take(&r->space, r->ny);
+    w->at = ncgen_take(&r->space, r->ny);
+    if (r->options->method < NCGEN_RADAU)
+        return;
+    c->size = r->options->formalism == NCGEN_ALI3P ? n : n + r->m;
+    c->matrix = ncgen_take(&r->space, c->size * c->size);
+    c->right = ncgen_take(&r->space, c->size);
+    c->x = ncgen_take(&r->space, c->size);
+    c->rest = ncgen_take(&r->space, n + r->m);
+    c->change = ncgen_take(&r->space, n + r->m);
+    c->auxiliary = ncgen_take(&r->space, n);
+    c->base = ncgen_take(&r->space, 2 * n);
+    c->order = r->integers ? r->integers + n + 2 * r->m : NULL;
+}
+
+/* The largest |x| in natural sizes; not a number if one of them is not. */
+static ncgen_real scaled_size(const ncgen_run *r, const ncgen_real *x)
 {
     ncgen_real largest = 0;
     for (int i = 0; i < r->n; ++i) {
-        const ncgen_real size = NCGEN_ABS(a[i] - b[i]) / r->dynamics->column_sizes[i];
+        const ncgen_real size = NCGEN_ABS(x[i]) / r->dynamics->column_sizes[i];
         if (!(size <= largest))
             largest = size;
     }
     return largest;
 }
 
-/* Half a kick, a drift onto the constraints, half a kick onto their velocities (Andersen 1983). Forces depend on position
- * only, so the acceleration and the factors at the end of a step are those at the start of the next. */
-static int rattle(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h)
+/* Are changes of this size rounding, after those of size `last`? */
+static int is_rounding(const ncgen_run *r, ncgen_real size, ncgen_real last)
+{
+    return size <= 64 * r->rounding || (size < R(1.0e5) * r->rounding && size > last / 4);
+}
+
+/* The cubic through both ends of a step and its derivative; the work in proportion. */
+static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
 {
     const int n = r->n;
-    ncgen_real *velocity = r->y, *position = r->y + n;
+    const ncgen_real *v0 = r->y, *q0 = r->y + n, *v1 = w->new_y, *q1 = w->new_y + n;
+    (void)t;
+    for (int i = 0; i < n; ++i) {
+        const ncgen_real change = q1[i] - q0[i], first = h * v0[i] - change, last = h * v1[i] - change;
+        w->at[n + i] = q0[i] + s * (change + (1 - s) * ((1 - s) * first - s * last));
+        w->at[i] = (change + (1 - s) * (1 - 3 * s) * first - s * (2 - 3 * s) * last) / h;
+    }
+    w->at[2 * n] = r->y[2 * n] + s * (w->new_y[2 * n] - r->y[2 * n]);
+    return NCGEN_OK;
+}
+
+/* With accelerations -------------------------------------------------------------------------------------------- */
+
+/* Half a kick, a drift onto the constraints, half a kick onto their velocities (Andersen 1983). Forces depend on position
+ * only, so the acceleration and the factors at the end of a step are those at the start of the next. */
+static int rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    const int n = r->n;
+    const ncgen_real *velocity = r->y, *position = r->y + n;
     const ncgen_real *acceleration = r->constrained->solution;
     int status = NCGEN_OK;
-    if (!w->interpolated) { /* the first step: there is no acceleration yet */
+    (void)w;
+    (void)c;
+    if (!r->constrained->kept) {
         ncgen_copy(n, position, r->q);
         ncgen_copy(n, velocity, r->qd);
         status = ncgen_constrained_accelerations(r, t);
-        w->interpolated = 1;
     }
     for (int i = 0; i < n; ++i)
         r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
@@ -40,31 +88,27 @@ static int rattle(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar 
         status = ncgen_constrained_position(r, t + h);
     for (int i = 0; i < n; ++i)
         r->qd[i] = (r->q[i] - position[i]) / h;
-    ncgen_copy(n, r->q, position);
     ncgen_constrained_rows(r);
     if (status == NCGEN_OK)
         status = ncgen_constrained_accelerations(r, t + h);
     for (int i = 0; i < n; ++i)
         r->qd[i] += h / 2 * acceleration[i];
-    if (status == NCGEN_OK)
-        status = ncgen_constrained_velocity(r, t + h);
-    ncgen_copy(n, r->qd, velocity);
-    return status;
+    r->constrained->kept = 1;
+    return status == NCGEN_OK ? ncgen_constrained_velocity(r, t + h) : status;
 }
 
 /* The midpoint rule with Phi = 0 at the end: M (v1 - v0) / h = Q - Phi_q' lam in the middle, q1 - q0 = h (v0 + v1) / 2.
  * With a constant mass matrix, quadratic constraints and a linear potential it keeps the energy. */
-static int energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h)
+static int energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
     const int n = r->n;
-    ncgen_real *velocity = r->y, *position = r->y + n, *end = w->new_y, *before = w->at;
-    const ncgen_real *acceleration = r->constrained->solution;
+    const ncgen_real *velocity = r->y, *position = r->y + n, *acceleration = r->constrained->solution;
+    ncgen_real *end = w->new_y + n, *change = w->at;
     ncgen_real last = 0;
-    ncgen_copy(n, position, end);
+    (void)c;
     for (int i = 0; i < n; ++i)
-        end[i] += h * velocity[i];
+        end[i] = position[i] + h * velocity[i];
     for (int pass = 0; pass < ITERATION_LIMIT; ++pass) {
-        ncgen_copy(n, end, before);
         for (int i = 0; i < n; ++i) {
             r->q[i] = (position[i] + end[i]) / 2;
             r->qd[i] = (end[i] - position[i]) / h;
@@ -76,41 +120,333 @@ static int energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncge
             status = ncgen_constrained_position(r, t + h);
         if (status != NCGEN_OK)
             return status;
-        ncgen_copy(n, r->q, end);
-        const ncgen_real change = distance(r, end, before);
-        if (change <= 4 * r->rounding || (pass > 1 && change < R(1.0e4) * r->rounding && change > last / 4)) {
+        for (int i = 0; i < n; ++i) {
+            change[i] = r->q[i] - end[i];
+            end[i] = r->q[i];
+        }
+        const ncgen_real size = scaled_size(r, change);
+        if (size <= 4 * r->rounding || (pass > 1 && size < R(1.0e4) * r->rounding && size > last / 4)) {
             for (int i = 0; i < n; ++i)
-                velocity[i] = 2 * (end[i] - position[i]) / h - velocity[i];
-            ncgen_copy(n, end, position);
-            ncgen_copy(n, velocity, r->qd);
+                r->qd[i] = 2 * (end[i] - position[i]) / h - velocity[i];
             ncgen_constrained_rows(r);
             return NCGEN_OK;
         }
-        last = change;
+        last = size;
     }
     return NCGEN_NOT_CONVERGED;
 }
 
-int ncgen_steppers(ncgen_run *r, ncgen_stepping *w)
+/* With stiffness and damping ------------------------------------------------------------------------------------ */
+
+/* M, Phi_q, K and C at r->q and r->qd; rest = [Q - M qdd - Phi_q' lam, Phi], with qdd and lam of r->slopes. */
+static int find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
-    int (*step)(ncgen_run *, ncgen_stepping *, ncgen_scalar, ncgen_scalar) =
-        r->options->method == NCGEN_RATTLE ? rattle : energy_momentum;
+    const ncgen_constrained *all = r->constrained;
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    const ncgen_real *values = all->kkt.values + all->n_mass;
+    int status = ncgen_constrained_matrices(r, t);
+    r->statistics->evaluations += 1;
+    r->statistics->newton_steps += 1;
+    r->statistics->jacobians += 1;
+    for (int i = 0; i < r->n; ++i)
+        c->rest[i] = 0;
+    if (status == NCGEN_OK && r->model->force)
+        status = r->model->force(t, r->q, r->qd, r->p, c->rest);
+    if (status == NCGEN_OK)
+        status = r->model->phi(t, r->q, r->p, c->rest + r->n);
+    if (status == NCGEN_OK)
+        status = ncgen_find_tangents(r, t);
+    ncgen_times_mass(r, all->kkt.values, r->slopes->qdd, c->change);
+    for (int i = 0; i < r->n; ++i)
+        c->rest[i] -= c->change[i];
+    for (int i = 0; i < r->m; ++i)
+        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
+            c->rest[phi_q->indices[k]] -= values[k] * r->slopes->lam[i];
+    return status;
+}
+
+/* Add factor A, in natural sizes, to the upper left part of the matrix. */
+static void add_scaled(const ncgen_run *r, ncgen_correction *c, const ncgen_pattern *pattern, const ncgen_real *values,
+                       ncgen_real factor)
+{
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    for (int i = 0; i < (pattern->indptr ? pattern->rows : 0); ++i)
+        for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+            c->matrix[(size_t)i * (size_t)c->size + (size_t)pattern->indices[k]] +=
+                factor * values[k] * sizes[i] * sizes[pattern->indices[k]];
+}
+
+/* The matrix becomes M + by_qd C + by_q K without units. */
+static void fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q)
+{
+    const ncgen_tangents *tangents = r->dynamics->tangents;
+    for (int i = 0; i < c->size * c->size; ++i)
+        c->matrix[i] = 0;
+    add_scaled(r, c, &r->model->mass_pattern, r->constrained->kkt.values, 1);
+    add_scaled(r, c, &tangents->damping_pattern, r->slopes->damping, by_qd);
+    add_scaled(r, c, &tangents->stiffness_pattern, r->slopes->stiffness, by_q);
+    c->unit = 0;
+    for (int i = 0; i < r->n; ++i)
+        if (NCGEN_ABS(c->matrix[i * c->size + i]) > c->unit)
+            c->unit = NCGEN_ABS(c->matrix[i * c->size + i]);
+    for (int i = 0; i < c->size * c->size; ++i)
+        c->matrix[i] /= c->unit;
+}
+
+/* change of [weight Phi_q'; Phi_q 0] change = [rest, -Phi / by_q]; rows that others imply keep their multipliers. */
+static int solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    const ncgen_constrained *all = r->constrained;
+    const ncgen_scalar *columns = r->dynamics->column_sizes, *rows = r->dynamics->row_sizes;
+    const int n = r->n, size = c->size;
+    fill_weight(r, c, by_qd, by_q);
+    for (int i = 0; i < n; ++i)
+        c->right[i] = columns[i] * c->rest[i] / c->unit;
+    for (int i = 0; i < r->m; ++i) {
+        c->matrix[(n + i) * size + n + i] = all->let_go[i] ? 1 : 0;
+        c->right[n + i] = all->let_go[i] ? 0 : -c->rest[n + i] / (by_q * rows[i]);
+        for (int k = phi_q->indptr[i]; k < (all->let_go[i] ? phi_q->indptr[i] : phi_q->indptr[i + 1]); ++k) {
+            const int j = phi_q->indices[k];
+            const ncgen_real scaled = all->kkt.values[all->n_mass + k] * columns[j] / rows[i];
+            c->matrix[(n + i) * size + j] = c->matrix[j * size + n + i] = scaled;
+        }
+    }
+    int orientation;
+    const int status = ncgen_lu_factor(size, c->matrix, c->order, &orientation);
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_lu_solve(size, c->matrix, c->order, c->right, c->x);
+    for (int i = 0; i < n; ++i)
+        c->change[i] = columns[i] * c->x[i];
+    for (int i = 0; i < r->m; ++i)
+        c->change[n + i] = c->unit * c->x[n + i] / rows[i];
+    return NCGEN_OK;
+}
+
+/* The state in r->q, r->qd ends the step: its rows, and its work by the trapezoidal rule. */
+static int end_step(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    const ncgen_real before = c->power;
+    int status = NCGEN_OK;
+    ncgen_constrained_rows(r);
+    if (!r->dynamics->conservative) {
+        status = ncgen_constrained_accelerations(r, t + h);
+        if (status == NCGEN_OK)
+            status = ncgen_constrained_power(r, t + h, &c->power);
+    }
+    w->new_y[2 * r->n] = r->y[2 * r->n] + h / 2 * (before + c->power);
+    return status;
+}
+
+/* Phi = 0 and M qdd + Phi_q' lam = Q at the end; positions and velocities follow from the auxiliary accelerations a by
+ * Newmark's formulas, and (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) qdd1 + alpha_f qdd0. */
+static int generalized_alpha(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    const int n = r->n;
+    const ncgen_scalar alpha_m = r->options->alpha_m, alpha_f = r->options->alpha_f;
+    const ncgen_scalar gamma = R(0.5) - alpha_m + alpha_f, beta = (gamma + R(0.5)) * (gamma + R(0.5)) / 4;
+    const ncgen_scalar share = (1 - alpha_f) / (1 - alpha_m), by_q = h * h * beta * share, by_qd = h * gamma * share;
+    const ncgen_real *velocity = r->y, *position = r->y + n;
+    ncgen_real *a = c->auxiliary, *qdd = r->slopes->qdd, *lam = r->slopes->lam, *qd0 = c->base, *q0 = c->base + n;
+    ncgen_real last = R(1.0e30);
+    for (int i = 0; i < n; ++i) {
+        const ncgen_real base = (alpha_f * qdd[i] - alpha_m * a[i]) / (1 - alpha_m); /* a1 = base + share qdd1 */
+        q0[i] = position[i] + h * velocity[i] + h * h * ((R(0.5) - beta) * a[i] + beta * base);
+        qd0[i] = velocity[i] + h * ((1 - gamma) * a[i] + gamma * base);
+        a[i] = base;
+        /* Newton starts from the straight motion: accelerations of stiff springs would take it to another branch. */
+        qdd[i] = (position[i] + h * velocity[i] - q0[i]) / by_q;
+    }
+    for (int pass = 0; pass < ITERATION_LIMIT; ++pass) {
+        for (int i = 0; i < n; ++i) {
+            r->q[i] = q0[i] + by_q * qdd[i];
+            r->qd[i] = qd0[i] + by_qd * qdd[i];
+        }
+        int status = find_rest(r, c, t + h);
+        if (status == NCGEN_OK)
+            status = solve_with_multipliers(r, c, by_qd, by_q);
+        if (status != NCGEN_OK)
+            return status;
+        for (int i = 0; i < n; ++i) {
+            qdd[i] += c->change[i];
+            c->change[i] *= by_q;
+        }
+        for (int i = 0; i < r->m; ++i)
+            lam[i] += c->change[n + i];
+        const ncgen_real size = scaled_size(r, c->change);
+        if (is_rounding(r, size, last)) {
+            for (int i = 0; i < n; ++i) {
+                r->q[i] = q0[i] + by_q * qdd[i];
+                r->qd[i] = qd0[i] + by_qd * qdd[i];
+                a[i] += share * qdd[i];
+            }
+            return end_step(r, w, c, t, h);
+        }
+        last = size;
+    }
+    return NCGEN_NOT_CONVERGED;
+}
+
+/* alpha gap: the multiplier that the violation of row i calls forth. */
+static ncgen_real pushed(const ncgen_run *r, const ncgen_correction *c, const ncgen_real *gap, int i)
+{
+    return r->options->penalty * c->unit * gap[i] / (r->dynamics->row_sizes[i] * r->dynamics->row_sizes[i]);
+}
+
+/* Factor P + alpha Phi_q' Phi_q, where P = M + h/2 C + h^2/4 K. */
+static int factor_penalty(ncgen_run *r, ncgen_correction *c, ncgen_scalar h)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    const ncgen_scalar *columns = r->dynamics->column_sizes, *rows = r->dynamics->row_sizes;
+    const ncgen_real *values = r->constrained->kkt.values + r->constrained->n_mass;
+    fill_weight(r, c, h / 2, h * h / 4);
+    for (int i = 0; i < r->m; ++i)
+        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
+            for (int l = phi_q->indptr[i]; l < phi_q->indptr[i + 1]; ++l) {
+                const int row = phi_q->indices[k], column = phi_q->indices[l];
+                c->matrix[row * c->size + column] += r->options->penalty * (values[k] * columns[row] / rows[i]) *
+                                                     (values[l] * columns[column] / rows[i]);
+            }
+    int orientation;
+    return ncgen_lu_factor(c->size, c->matrix, c->order, &orientation);
+}
+
+/* change = x of P x + alpha Phi_q'(Phi_q x - gap) = force; force is NULL for zero. */
+static void solve_penalty(ncgen_run *r, ncgen_correction *c, const ncgen_real *force, ncgen_real factor, const ncgen_real *gap)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    const ncgen_real *values = r->constrained->kkt.values + r->constrained->n_mass;
+    for (int i = 0; i < r->n; ++i)
+        c->right[i] = force ? factor * force[i] : 0;
+    for (int i = 0; i < r->m; ++i)
+        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
+            c->right[phi_q->indices[k]] += values[k] * pushed(r, c, gap, i);
+    for (int i = 0; i < r->n; ++i)
+        c->right[i] *= r->dynamics->column_sizes[i] / c->unit;
+    ncgen_lu_solve(c->size, c->matrix, c->order, c->right, c->x);
+    for (int i = 0; i < r->n; ++i)
+        c->change[i] = r->dynamics->column_sizes[i] * c->x[i];
+}
+
+/* x becomes the nearest in the metric of P with Phi_q x = right; each pass divides the violation by about alpha. */
+static void project_mass_orthogonally(ncgen_run *r, ncgen_correction *c, ncgen_real *x, const ncgen_real *right)
+{
+    ncgen_real *gap = c->rest + r->n, last = R(1.0e30);
+    for (int pass = 0; pass < PROJECTION_LIMIT; ++pass) {
+        ncgen_real largest = 0;
+        ncgen_row_rates(r, r->constrained->kkt.values + r->constrained->n_mass, x, gap);
+        for (int i = 0; i < r->m; ++i) {
+            gap[i] = right[i] - gap[i];
+            const ncgen_real size = NCGEN_ABS(gap[i]) / r->dynamics->row_sizes[i];
+            if (!(size <= largest))
+                largest = size;
+        }
+        if (!(largest < last / 4))
+            return;
+        solve_penalty(r, c, NULL, 0, gap);
+        for (int i = 0; i < r->n; ++i)
+            x[i] += c->change[i];
+        last = largest;
+    }
+}
+
+/* Velocities and accelerations of the trapezoidal rule at the position r->q. */
+static void follow_position(ncgen_run *r, const ncgen_correction *c, ncgen_scalar h)
+{
+    for (int i = 0; i < r->n; ++i) {
+        r->qd[i] = 2 / h * (r->q[i] - r->y[r->n + i]) - r->y[i];
+        r->slopes->qdd[i] = 2 / h * (r->qd[i] - r->y[i]) - c->auxiliary[i];
+    }
+}
+
+/* Positions by Newton's method on h^2/4 (M qdd + Phi_q' (lam + alpha Phi) - Q), then velocities and accelerations onto the
+ * constraints with the same matrix. */
+static int ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    const int n = r->n, m = r->m;
+    const ncgen_scalar quarter = h * h / 4;
+    ncgen_real *qdd = r->slopes->qdd, *lam = r->slopes->lam, *gap = c->rest + n, *more = c->change + n;
+    ncgen_real last = R(1.0e30);
+    int status = NCGEN_OK, done = 0;
+    ncgen_copy(n, qdd, c->auxiliary);
+    for (int i = 0; i < n; ++i)
+        r->q[i] = r->y[n + i] + h * r->y[i];
+    for (int pass = 0; !done; ++pass) {
+        if (pass == ITERATION_LIMIT)
+            return NCGEN_NOT_CONVERGED;
+        follow_position(r, c, h);
+        status = find_rest(r, c, t + h);
+        if (status == NCGEN_OK)
+            status = factor_penalty(r, c, h);
+        if (status != NCGEN_OK)
+            return status;
+        for (int i = 0; i < m; ++i)
+            gap[i] = -gap[i];
+        solve_penalty(r, c, c->rest, quarter, gap);
+        ncgen_row_rates(r, r->constrained->kkt.values + r->constrained->n_mass, c->change, more);
+        for (int i = 0; i < m; ++i) {
+            more[i] -= gap[i];
+            lam[i] += pushed(r, c, more, i) / quarter;
+        }
+        for (int i = 0; i < n; ++i)
+            r->q[i] += c->change[i];
+        const ncgen_real size = scaled_size(r, c->change);
+        done = is_rounding(r, size, last);
+        last = size;
+    }
+    follow_position(r, c, h);
+    status = find_rest(r, c, t + h);
+    if (status == NCGEN_OK)
+        status = factor_penalty(r, c, h);
+    for (int i = 0; i < m; ++i)
+        more[i] = 0;
+    if (status == NCGEN_OK && r->model->nu)
+        status = r->model->nu(t + h, r->q, r->p, more);
+    if (status != NCGEN_OK)
+        return status;
+    project_mass_orthogonally(r, c, r->qd, more);
+    status = r->model->gamma(t + h, r->q, r->qd, r->p, more);
+    project_mass_orthogonally(r, c, qdd, more);
+    return status == NCGEN_OK ? end_step(r, w, c, t, h) : status;
+}
+
+typedef int stepper(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h);
+
+/* Accelerations, multipliers and power at the start. */
+static int begin(ncgen_run *r, ncgen_correction *c)
+{
+    r->constrained->kept = 0;
     ncgen_copy(r->n, r->y, r->qd);
     ncgen_keep_state(r, r->times[0], 0);
-    ncgen_write_row(r, 0);
-    w->interpolated = 0;
-    for (int row = 1; row < r->n_times; ++row) {
-        const ncgen_scalar start = r->times[row - 1], span = r->times[row] - start;
-        const ncgen_scalar count = ncgen_step_count(r, span);
-        for (ncgen_scalar i = 0; i < count; i += 1) {
-            const ncgen_scalar t = start + i * (span / count);
-            const int status = step(r, w, t, span / count);
-            if (status != NCGEN_OK)
-                return status;
-            r->statistics->steps += 1;
-            ncgen_keep_state(r, t + span / count, 0);
-        }
-        ncgen_write_row(r, 0);
+    if (r->options->method < NCGEN_RADAU)
+        return NCGEN_OK;
+    const int status = ncgen_constrained_accelerations(r, r->times[0]);
+    ncgen_copy(r->n, r->constrained->solution, r->slopes->qdd);
+    ncgen_copy(r->n, r->constrained->solution, c->auxiliary);
+    ncgen_copy(r->m, r->constrained->solution + r->n, r->slopes->lam);
+    return status == NCGEN_OK ? ncgen_constrained_power(r, r->times[0], &c->power) : status;
+}
+
+int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
+{
+    stepper *step = r->options->method == NCGEN_RATTLE              ? rattle
+                    : r->options->method == NCGEN_ENERGY_MOMENTUM   ? energy_momentum
+                    : r->options->method == NCGEN_GENERALIZED_ALPHA ? generalized_alpha
+                                                                    : ali3p;
+    const ncgen_scalar start = r->times[0], end = r->times[r->n_times - 1];
+    const ncgen_scalar count = ncgen_step_count(r, end - start), h = (end - start) / count;
+    w->interpolate = interpolate;
+    int status = begin(r, c);
+    if (status == NCGEN_OK)
+        status = ncgen_grid_begin(r, w);
+    for (ncgen_scalar i = 0; i < count && status == NCGEN_OK && !r->statistics->stopped; i += 1) {
+        w->new_y[2 * r->n] = 0;
+        status = step(r, w, c, start + i * h, h);
+        ncgen_copy(r->n, r->qd, w->new_y);
+        ncgen_copy(r->n, r->q, w->new_y + r->n);
+        if (status == NCGEN_OK)
+            status = ncgen_grid_step(r, w, start + i * h, i + 1 < count ? start + (i + 1) * h : end);
     }
-    return NCGEN_OK;
+    return status;
 }
