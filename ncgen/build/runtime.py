@@ -124,7 +124,7 @@ class Dynamics:
         """Run over the times of a grid (first one is the start).
 
         velocities: independent ones with coordinate partitioning, all of them with other formalisms
-        event: (coordinate number, value, direction) at which to stop
+        event: at which to stop, with members coordinate, value and direction as in `ncgen_event`
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n = self._ffi, self.kernels.n
@@ -135,7 +135,7 @@ class Dynamics:
         filled = {"method": METHODS[method], "rtol": rtol, "atol": atol, "max_step": longest, **options}
         settings = ffi.new("ncgen_options *", filled)
         if event:
-            stop = ffi.new("ncgen_event *", dict(zip(("coordinate", "value", "direction"), event, strict=True)))
+            stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
         if method in IMPLICIT:
             self._take_tangents()

@@ -97,10 +97,10 @@ def _method_refusal(kernels: Kernels, formalism: str, integrator: str, settings:
     return None
 
 
-def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, **steps) -> str | None:
+def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, stop=None, **steps) -> str | None:
     """Fill an empty path over a time grid with a formalism over all coordinates.
 
-    settings: the formalism's options (`ncgen.solver.formalisms`)
+    settings: the formalism's options (`ncgen.solver.formalisms`); stop: where to end before (`ncgen.solver.stop.Stop`)
     Returns None, or why the run had to stop before the end of the grid.
     """
     from ncgen.build.runtime import FORMALISMS, ConstrainedDynamics
@@ -112,9 +112,11 @@ def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: st
     done = dynamics.simulate(
         canonical_name(integrator), grid, q, qd, p, tolerance=TOLERANCE, formalism=FORMALISMS[formalism], project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, **_weights(settings), **steps,
+        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, event=stop, **_weights(settings), **steps,
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
+    if done.stopped:
+        path.stop(done.reached, *done.last)
     path.projections += done.steps if projected else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
     return None if done.status == "ok" else f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
@@ -157,8 +159,8 @@ def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
     return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
 
 
-def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step) -> str | None:
-    """Fill an empty path over a time grid; where the independent coordinates become bad, go on with others.
+def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step, stop=None) -> str | None:
+    """Fill an empty path over a time grid, to its end or to a `Stop`; where the independent coordinates become bad, go on with others.
 
     Returns None, or why the run had to stop before the end of the grid.
     """
@@ -167,11 +169,13 @@ def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, z
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
         here = dynamics(kernels, path.partitions, emitted and len(seen) <= MOST_EMITTED, q, p)
-        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, tolerance=TOLERANCE, growth=growth)
+        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, stop, tolerance=TOLERANCE, growth=growth)
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
-        if done.status == "ok" or len(path.q) == len(grid):
+        if done.stopped:
+            path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
+        if done.stopped or done.status == "ok" or len(path.q) == len(grid):
             return None
         advanced = done.reached > t
         t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]

@@ -48,7 +48,8 @@ class Trajectory:
     in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
     Accelerations and multipliers are computed when they are first asked for.
     engine: "c", "emitted", or "python" with the reason; made_with: the kernels that the motion was computed with, which
-    stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism.
+    stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
+    run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
     """
 
@@ -66,6 +67,7 @@ class Trajectory:
     chosen: tuple[str, ...] = ()
     made_with: Kernels | None = None
     options: dict = field(default_factory=dict)
+    stopped: bool = False
 
     @property
     def independent(self) -> tuple[str, ...]:

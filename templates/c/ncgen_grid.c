@@ -18,7 +18,9 @@ static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
 static int event_value(ncgen_run *r, ncgen_scalar t, ncgen_real *value)
 {
     const ncgen_event *event = r->options->event;
-    if (event->coordinate >= 0)
+    if (event->coordinate >= r->n)
+        *value = r->qd[event->coordinate - r->n] - event->value;
+    else if (event->coordinate >= 0)
         *value = r->q[event->coordinate] - event->value;
     else if (event->function(t, r->q, r->qd, r->p, value) != NCGEN_OK)
         return NCGEN_DOMAIN;

@@ -82,9 +82,9 @@ enum ncgen_method {
     NCGEN_GENERALIZED_ALPHA = 7 /* order 2, with a fixed step, for the constrained equations themselves (NCGEN_LAGRANGE) */
 };
 
-/* Stop where a coordinate passes a value, or a function of (t, q, qd, p) passes zero. */
+/* Stop where a coordinate or a velocity passes a value, or a function of (t, q, qd, p) passes zero. */
 typedef struct ncgen_event {
-    int coordinate;      /* position in q; -1: the function */
+    int coordinate;      /* position in q, or n_coordinates + position in qd; -1: the function */
     int direction;       /* 1: rising, -1: falling, 0: both */
     ncgen_scalar value;
     ncgen_velocity_kernel *function; /* one number */
