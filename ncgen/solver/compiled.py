@@ -115,6 +115,7 @@ def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: st
         rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, event=stop, **_weights(settings), **steps,
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
+    path.jacobians += done.jacobians
     if done.stopped:
         path.stop(done.reached, *done.last)
     path.projections += done.steps if projected else 0
@@ -173,6 +174,8 @@ def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, z
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
+        path.jacobians += done.jacobians
+        path.fallbacks += done.fallbacks
         if done.stopped:
             path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
         if done.stopped or done.status == "ok" or len(path.q) == len(grid):

@@ -107,6 +107,7 @@ class _Run:
         return self.method.formalism.motion(self.kernels, q, qd, t, self.p, self.method.options, self.rows)
 
     def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.path.jacobians += 1
         gains = self.method.formalism.gains(self.method.options)
         return full_jacobian(self.kernels, self.motion(t, y), self.p, self.rows, gains)
 

@@ -18,6 +18,7 @@ class Path:
     counts: steps, evaluations, Newton steps, changes of partition, repeated steps, in the order of `Statistics`
     stopped: time (s) of the last row where the run ended at its `Stop`, off the grid; None where it did not
     projections, largest_projection: how often a state was projected, and how far a position moved at most, relative
+    jacobians, fallbacks: as in `Statistics`
     """
 
     q: np.ndarray
@@ -28,6 +29,8 @@ class Path:
     projections: int = 0
     largest_projection: float = 0.0
     stopped: float | None = None
+    jacobians: int = 0
+    fallbacks: int = 0
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:

@@ -40,6 +40,7 @@ def run(path: Path, kernels: Kernels, method, grid, q, zd, p, progress, stop=Non
     motions, done = engine.integrate(q, zd, p, grid[len(path.q) :], progress, stop)
     path.extend([m.q for m in motions], [m.qd for m in motions], np.array(done) + work, engine.counts)
     path.stopped = engine.stopped
+    path.jacobians += engine.jacobians
     path.partitions = engine.partitions
 
 
@@ -53,7 +54,7 @@ class _Run:
         self.partitions = partitions
         self.end = end
         self.stopped: float | None = None
-        self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
+        self.jacobians = self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
 
     def integrate(self, q, zd, p, grid, progress, stop) -> tuple[list[Motion], list[float]]:
         """Motions and work at the times of the grid, or at those before the stop and there."""
@@ -111,6 +112,7 @@ class _Run:
         return self.method(self._derivative, t, y, self.end, first_step=first_step, **exact, **self.options)
 
     def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.jacobians += 1
         return partitioned_jacobian(self.kernels, self.partitions, self._motion(t, y), self.start.p)
 
     def _step(self, solver, here: Motion):

@@ -125,7 +125,8 @@ def simulate(
         progress(grid[-1] if path.stopped is None else path.stopped)
     if path.stopped is not None:
         grid = np.append(grid[: len(path.q) - 1], path.stopped)
-    statistics = Statistics(*map(int, path.counts), time.perf_counter() - clock, path.projections, path.largest_projection)
+    seconds, others = time.perf_counter() - clock, (path.projections, path.largest_projection, path.jacobians, path.fallbacks)
+    statistics = Statistics(*map(int, path.counts), seconds, *others)
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
     run = Trajectory(
         kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels,

@@ -27,7 +27,9 @@ class Statistics:
 
     steps, evaluations of the state derivative, Newton steps of position problems and projections, changes of the
     independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was
-    projected onto the constraints, and how far a position was moved at most, relative to its natural size.
+    projected onto the constraints, and how far a position was moved at most, relative to its natural size. Of implicit
+    methods how many Jacobians were taken; of emitted ones how many eliminations had a zero pivot and were repeated with
+    row exchanges.
     """
 
     steps: int
@@ -38,6 +40,8 @@ class Statistics:
     seconds: float
     projections: int = 0
     largest_projection: float = 0.0
+    jacobians: int = 0
+    fallbacks: int = 0
 
 
 @dataclass(frozen=True)

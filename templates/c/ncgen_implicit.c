@@ -203,7 +203,7 @@ static ncgen_real size_of_change(ncgen_run *r, const ncgen_implicit *m)
     ncgen_real sum = 0;
     for (int k = 0; k < STAGES; ++k)
         sum += ncgen_weighted_square(r, m->change + k * r->weighed, r->y, r->y);
-    return NCGEN_SQRT(sum / STAGES);
+    return NCGEN_SQRT(sum / (ncgen_scalar)STAGES);
 }
 
 /* The stages by Newton's method. NCGEN_NOT_CONVERGED: with this Jacobian and step it does not converge. */

@@ -307,6 +307,7 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
     r->qd = w->out;
     w->step = ncgen_take(space, d + m);
     w->phi = w->step ? w->step + d : NULL;
+    w->lu = NULL;
     if (r->dynamics->newton && !r->dynamics->rows)
         return;
     w->jacobian = ncgen_take(space, r->model->phi_q_pattern.indptr ? r->model->phi_q_pattern.indptr[m] : 0);

@@ -52,6 +52,7 @@ def run(path: Path, kernels: Kernels, method: type[Stepper], settings: dict, gri
         stepper.p = refresh_branches(kernels, stepper.q, stepper.p)
         if progress:
             progress(stepper.t)
+    path.jacobians += stepper.newton
     path.counts = path.counts + [taken, stepper.newton, stepper.newton, 0, 0]
 
 
