@@ -6,13 +6,7 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar andrews_number_1[29] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), -R(0.5142857142857142),
-    R(0.5714285714285714), R(1.0), -R(0.5714285714285714), -R(0.5142857142857142), R(1.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0)
-};
-static const ncgen_scalar andrews_number_2[20] = {
+static const ncgen_scalar andrews_number_1[20] = {
     R(0.0473525781887755), R(0.0003209024234693879), R(0.0473525781887755),
     R(0.0003209024234693879), R(0.0003209024234693879), R(0.01839522579632653),
     R(3.5419635000002634e-05), R(3.541963499999992e-05), R(0.0003209024234693879),
@@ -20,9 +14,6 @@ static const ncgen_scalar andrews_number_2[20] = {
     R(3.5419635000002634e-05), R(0.039455545365000004), R(3.5419635000002634e-05),
     R(0.039455545365000004), R(3.541963499999992e-05), R(0.022805271821249994),
     R(3.541963499999992e-05), R(0.022805271821249994)
-};
-static const ncgen_scalar andrews_number_3[11] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.033)
 };
 
 
@@ -101,12 +92,6 @@ int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     ncgen_sincos(1, q + 10, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 29; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(andrews_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007 */
         const ncgen_real F_x = q[0];
@@ -125,6 +110,12 @@ int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
         phi_q[6] = -(R(28.57142857142857) * (-R(0.03635) - E_x));
         phi_q[7] = -(R(28.57142857142857) * (R(0.03273) - E_y));
+        phi_q[8] = NCGEN_SPLAT(-R(0.5142857142857142));
+        phi_q[9] = NCGEN_SPLAT(R(0.5714285714285714));
+        phi_q[10] = NCGEN_SPLAT(R(1.0));
+        phi_q[11] = NCGEN_SPLAT(-R(0.5714285714285714));
+        phi_q[12] = NCGEN_SPLAT(-R(0.5142857142857142));
+        phi_q[13] = NCGEN_SPLAT(R(1.0));
         /* row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
         const ncgen_real G_x = q[4];
         const ncgen_real x3 = R(49.99999999999997) * (E_x - G_x);
@@ -169,11 +160,6 @@ int andrews_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     ncgen_sincos(1, q + 10, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 10; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007 */
         const ncgen_real dF_x = qd[0];
@@ -187,6 +173,8 @@ int andrews_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         gamma[1] = -(R(35.714285714285715) * (x1 * x1 + x2 * x2));
         /* row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
         gamma[2] = -(R(28.57142857142857) * (dE_x * dE_x + dE_y * dE_y));
+        gamma[3] = NCGEN_SPLAT(R(0.0));
+        gamma[4] = NCGEN_SPLAT(R(0.0));
         /* row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
         const ncgen_real dG_x = qd[4];
         const ncgen_real x3 = dE_x - dG_x;
@@ -226,7 +214,7 @@ int andrews_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 20; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(andrews_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(andrews_number_1[i]);
         mass[i] = x1;
     }
 
@@ -239,13 +227,15 @@ int andrews_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
     (void)qd;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 11; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(andrews_number_3[i]);
-        force[i] = x1;
-    }
-
     {
+        force[0] = NCGEN_SPLAT(R(0.0));
+        force[1] = NCGEN_SPLAT(R(0.0));
+        force[2] = NCGEN_SPLAT(R(0.0));
+        force[3] = NCGEN_SPLAT(R(0.0));
+        force[4] = NCGEN_SPLAT(R(0.0));
+        force[5] = NCGEN_SPLAT(R(0.0));
+        force[6] = NCGEN_SPLAT(R(0.0));
+        force[7] = NCGEN_SPLAT(R(0.0));
         /* spring C-D */
         const ncgen_real D_x = q[8];
         const ncgen_real x1 = D_x - R(0.014);
@@ -255,6 +245,7 @@ int andrews_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x4 = R(4530.0) * (x3 - R(0.07785));
         force[8] = -(x1 * x4 / x3);
         force[9] = -(x2 * x4 / x3);
+        force[10] = NCGEN_SPLAT(R(0.033));
     }
 
     return NCGEN_OK;
@@ -282,12 +273,12 @@ int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real dE_y = qd[3];
         const ncgen_real x8 = dE_y * dE_y;
         const ncgen_real x9 = R(0.004252216879183673) * (x7 + x8) - dE_y * (R(0.007572609120000001) * dE_x);
-        const ncgen_real x10 = dE_x - dH_x;
+        const ncgen_real x10 = dH_x - dE_x;
         const ncgen_real x11 = dH_y - dE_y;
-        const ncgen_real x12 = dE_x - dG_x;
+        const ncgen_real x12 = dG_x - dE_x;
         const ncgen_real x13 = dG_y - dE_y;
         const ncgen_real dF_x = qd[0];
-        const ncgen_real x14 = dF_x - dE_x;
+        const ncgen_real x14 = dE_x - dF_x;
         const ncgen_real dF_y = qd[1];
         const ncgen_real x15 = dE_y - dF_y;
         const ncgen_real x16 = dF_x * dF_x;
@@ -315,6 +306,136 @@ int andrews_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         /* torque on beta */
         const ncgen_real dbeta = qd[10];
         energy[2] = R(0.033) * dbeta;
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 152 operations, 2 of them elementary functions */
+int andrews_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[1], cosine[1];
+    (void)t;
+    (void)p;
+
+    ncgen_sincos(1, q + 10, sine, cosine);
+
+    {
+        /* row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007 */
+        const ncgen_real F_x = q[0];
+        const ncgen_real F_y = q[1];
+        const ncgen_real x1 = R(71.42857142857143) * (F_x * F_x + F_y * F_y - R(4.9000000000000005e-05));
+        constraints[0] = x1;
+        constraints[10] = R(142.85714285714286) * F_x;
+        constraints[11] = R(142.85714285714286) * F_y;
+        const ncgen_real dF_x = qd[0];
+        const ncgen_real dF_y = qd[1];
+        constraints[39] = -(R(142.85714285714286) * (dF_x * dF_x + dF_y * dF_y));
+        /* row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028 */
+        const ncgen_real E_x = q[2];
+        const ncgen_real x2 = F_x - E_x;
+        const ncgen_real E_y = q[3];
+        const ncgen_real x3 = F_y - E_y;
+        const ncgen_real x4 = R(17.857142857142858) * (x2 * x2 + x3 * x3 - R(0.0007840000000000001));
+        constraints[1] = x4;
+        const ncgen_real x5 = R(35.714285714285715) * x2;
+        constraints[12] = x5;
+        const ncgen_real x6 = R(35.714285714285715) * x3;
+        constraints[13] = x6;
+        constraints[14] = -x5;
+        constraints[15] = -x6;
+        const ncgen_real dE_x = qd[2];
+        const ncgen_real x7 = dF_x - dE_x;
+        const ncgen_real dE_y = qd[3];
+        const ncgen_real x8 = dF_y - dE_y;
+        constraints[40] = -(R(35.714285714285715) * (x7 * x7 + x8 * x8));
+        /* row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035 */
+        const ncgen_real x9 = -R(0.03635) - E_x;
+        const ncgen_real x10 = R(0.03273) - E_y;
+        const ncgen_real x11 = R(14.285714285714285) * (x9 * x9 + x10 * x10 - R(0.0012250000000000002));
+        constraints[2] = x11;
+        constraints[16] = -(R(28.57142857142857) * x9);
+        constraints[17] = -(R(28.57142857142857) * x10);
+        constraints[41] = -(R(28.57142857142857) * (dE_x * dE_x + dE_y * dE_y));
+        /* row 4: combination D.x (body K3): (e - c a x b).x = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429 */
+        const ncgen_real D_x = q[8];
+        const ncgen_real x12 = D_x + R(0.01765571428571429) - R(0.5142857142857142) * E_x;
+        constraints[3] = x12 - R(0.5714285714285714) * x10;
+        constraints[18] = NCGEN_SPLAT(-R(0.5142857142857142));
+        constraints[19] = NCGEN_SPLAT(R(0.5714285714285714));
+        constraints[20] = NCGEN_SPLAT(R(1.0));
+        constraints[42] = NCGEN_SPLAT(R(0.0));
+        /* row 5: combination D.y (body K3): (e - c a x b).y = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429 */
+        const ncgen_real D_y = q[9];
+        const ncgen_real x13 = D_y - R(0.015897428571428573) - R(0.5142857142857142) * E_y;
+        constraints[4] = x13 - R(0.5714285714285714) * (E_x + R(0.03635));
+        constraints[21] = NCGEN_SPLAT(-R(0.5714285714285714));
+        constraints[22] = NCGEN_SPLAT(-R(0.5142857142857142));
+        constraints[23] = NCGEN_SPLAT(R(1.0));
+        constraints[43] = NCGEN_SPLAT(R(0.0));
+        /* row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
+        const ncgen_real G_x = q[4];
+        const ncgen_real x14 = E_x - G_x;
+        const ncgen_real G_y = q[5];
+        const ncgen_real x15 = E_y - G_y;
+        const ncgen_real x16 = R(24.999999999999986) * (x14 * x14 + x15 * x15 - R(0.00040000000000000045));
+        constraints[5] = x16;
+        const ncgen_real x17 = R(49.99999999999997) * x14;
+        constraints[24] = x17;
+        const ncgen_real x18 = R(49.99999999999997) * x15;
+        constraints[25] = x18;
+        constraints[26] = -x17;
+        constraints[27] = -x18;
+        const ncgen_real dG_x = qd[4];
+        const ncgen_real x19 = dE_x - dG_x;
+        const ncgen_real dG_y = qd[5];
+        const ncgen_real x20 = dE_y - dG_y;
+        constraints[44] = -(R(49.99999999999997) * (x19 * x19 + x20 * x20));
+        /* row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04 */
+        const ncgen_real x21 = -R(0.06934) - G_x;
+        const ncgen_real x22 = -R(0.00227) - G_y;
+        const ncgen_real x23 = R(12.500000000000002) * (x21 * x21 + x22 * x22 - R(0.0015999999999999994));
+        constraints[6] = x23;
+        constraints[28] = -(R(25.000000000000004) * x21);
+        constraints[29] = -(R(25.000000000000004) * x22);
+        constraints[45] = -(R(25.000000000000004) * (dG_x * dG_x + dG_y * dG_y));
+        /* row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02 */
+        const ncgen_real H_x = q[6];
+        const ncgen_real x24 = E_x - H_x;
+        const ncgen_real H_y = q[7];
+        const ncgen_real x25 = E_y - H_y;
+        constraints[7] = R(25.0) * (x24 * x24 + x25 * x25 - R(0.0004));
+        const ncgen_real x26 = R(50.0) * x24;
+        constraints[30] = x26;
+        const ncgen_real x27 = R(50.0) * x25;
+        constraints[31] = x27;
+        constraints[32] = -x26;
+        constraints[33] = -x27;
+        const ncgen_real dH_x = qd[6];
+        const ncgen_real x28 = dE_x - dH_x;
+        const ncgen_real dH_y = qd[7];
+        const ncgen_real x29 = dE_y - dH_y;
+        constraints[46] = -(R(50.0) * (x28 * x28 + x29 * x29));
+        /* row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04 */
+        const ncgen_real x30 = -R(0.06934) - H_x;
+        const ncgen_real x31 = -R(0.00227) - H_y;
+        constraints[8] = R(12.5) * (x30 * x30 + x31 * x31 - R(0.0016));
+        constraints[34] = -(R(25.0) * x30);
+        constraints[35] = -(R(25.0) * x31);
+        constraints[47] = -(R(25.0) * (dH_x * dH_x + dH_y * dH_y));
+        /* row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1 */
+        const ncgen_real sin_beta = sine[0];
+        const ncgen_real cos_beta = cosine[0];
+        const ncgen_real x32 = R(142.85714285714286) * (F_x * sin_beta - F_y * cos_beta);
+        constraints[9] = x32;
+        constraints[36] = R(142.85714285714286) * sin_beta;
+        constraints[37] = -(R(142.85714285714286) * cos_beta);
+        const ncgen_real x33 = R(142.85714285714286) * (F_y * sin_beta + F_x * cos_beta);
+        constraints[38] = x33;
+        const ncgen_real dbeta = qd[10];
+        const ncgen_real x34 = dbeta * dbeta;
+        const ncgen_real x35 = R(2.0) * dbeta;
+        const ncgen_real x36 = sin_beta * (F_x * x34) - cos_beta * (dF_x * x35) - sin_beta * (dF_y * x35);
+        constraints[48] = R(142.85714285714286) * (x36 - cos_beta * (F_y * x34));
     }
 
     return NCGEN_OK;
@@ -377,7 +498,7 @@ const ncgen_model *andrews_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "andrews",
-        .fingerprint = "489de99da4ef0bfe",
+        .fingerprint = "b767cf38c255f999",
         .n_coordinates = 11,
         .n_rows = 10,
         .n_parameters = 0,
@@ -393,6 +514,7 @@ const ncgen_model *andrews_model(void)
         .mass = andrews_mass,
         .force = andrews_force,
         .energy = andrews_energy,
+        .constraints = andrews_constraints,
     };
     return &model;
 }

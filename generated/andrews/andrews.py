@@ -60,19 +60,11 @@ MASS_PATTERN = (
 )
 
 _number_1 = np.array([
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5142857142857142, 0.5714285714285714, 1.0,
-    -0.5714285714285714, -0.5142857142857142, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0
-])
-_number_2 = np.array([
     0.0473525781887755, 0.0003209024234693879, 0.0473525781887755, 0.0003209024234693879,
     0.0003209024234693879, 0.01839522579632653, 3.5419635000002634e-05, 3.541963499999992e-05,
     0.0003209024234693879, 0.01839522579632653, 3.5419635000002634e-05, 3.541963499999992e-05,
     3.5419635000002634e-05, 0.039455545365000004, 3.5419635000002634e-05, 0.039455545365000004,
     3.541963499999992e-05, 0.022805271821249994, 3.541963499999992e-05, 0.022805271821249994
-])
-_number_3 = np.array([
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.033
 ])
 
 
@@ -148,9 +140,6 @@ def phi_q(t, q, p):
     phi_q = _output(29, t, q, p)
     sine = np.sin(q[..., 10, None])
     cosine = np.cos(q[..., 10, None])
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:29] = x1
     # row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007
     F_x = q[..., 0]
     phi_q[..., 0] = 142.85714285714286 * F_x
@@ -168,6 +157,12 @@ def phi_q(t, q, p):
     # row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
     phi_q[..., 6] = -(28.57142857142857 * (-0.03635 - E_x))
     phi_q[..., 7] = -(28.57142857142857 * (0.03273 - E_y))
+    phi_q[..., 8] = -0.5142857142857142
+    phi_q[..., 9] = 0.5714285714285714
+    phi_q[..., 10] = 1.0
+    phi_q[..., 11] = -0.5714285714285714
+    phi_q[..., 12] = -0.5142857142857142
+    phi_q[..., 13] = 1.0
     # row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
     G_x = q[..., 4]
     x3 = 49.99999999999997 * (E_x - G_x)
@@ -207,8 +202,6 @@ def gamma(t, q, qd, p):
     gamma = _output(10, t, q, qd, p)
     sine = np.sin(q[..., 10, None])
     cosine = np.cos(q[..., 10, None])
-    # constant part
-    gamma[..., 0:10] = 0.0
     # row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007
     dF_x = qd[..., 0]
     dF_y = qd[..., 1]
@@ -221,6 +214,8 @@ def gamma(t, q, qd, p):
     gamma[..., 1] = -(35.714285714285715 * (x1 * x1 + x2 * x2))
     # row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
     gamma[..., 2] = -(28.57142857142857 * (dE_x * dE_x + dE_y * dE_y))
+    gamma[..., 3] = 0.0
+    gamma[..., 4] = 0.0
     # row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
     dG_x = qd[..., 4]
     x3 = dE_x - dG_x
@@ -255,7 +250,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(20, t, q, p)
     # constant part
-    x1 = _number_2
+    x1 = _number_1
     mass[..., 0:20] = x1
     return mass
 
@@ -264,9 +259,14 @@ def force(t, q, qd, p):
     """11 numbers, 14 operations."""
     t = np.asarray(t)
     force = _output(11, t, q, qd, p)
-    # constant part
-    x1 = _number_3
-    force[..., 0:11] = x1
+    force[..., 0] = 0.0
+    force[..., 1] = 0.0
+    force[..., 2] = 0.0
+    force[..., 3] = 0.0
+    force[..., 4] = 0.0
+    force[..., 5] = 0.0
+    force[..., 6] = 0.0
+    force[..., 7] = 0.0
     # spring C-D
     D_x = q[..., 8]
     x1 = D_x - 0.014
@@ -276,6 +276,7 @@ def force(t, q, qd, p):
     x4 = 4530.0 * (x3 - 0.07785)
     force[..., 8] = -(x1 * x4 / x3)
     force[..., 9] = -(x2 * x4 / x3)
+    force[..., 10] = 0.033
     return force
 
 
@@ -299,12 +300,12 @@ def energy(t, q, qd, p):
     dE_y = qd[..., 3]
     x8 = dE_y * dE_y
     x9 = 0.004252216879183673 * (x7 + x8) - dE_y * (0.007572609120000001 * dE_x)
-    x10 = dE_x - dH_x
+    x10 = dH_x - dE_x
     x11 = dH_y - dE_y
-    x12 = dE_x - dG_x
+    x12 = dG_x - dE_x
     x13 = dG_y - dE_y
     dF_x = qd[..., 0]
-    x14 = dF_x - dE_x
+    x14 = dE_x - dF_x
     dF_y = qd[..., 1]
     x15 = dE_y - dF_y
     x16 = dF_x * dF_x
@@ -330,3 +331,126 @@ def energy(t, q, qd, p):
     dbeta = qd[..., 10]
     energy[..., 2] = 0.033 * dbeta
     return energy
+
+
+def constraints(t, q, qd, p):
+    """49 numbers, 152 operations."""
+    t = np.asarray(t)
+    constraints = _output(49, t, q, qd, p)
+    sine = np.sin(q[..., 10, None])
+    cosine = np.cos(q[..., 10, None])
+    # row 1: 1000 distance O-F (body K1): |a|^2 - L^2 = 0 with a = O-F, L = 0.007
+    F_x = q[..., 0]
+    F_y = q[..., 1]
+    x1 = 71.42857142857143 * (F_x * F_x + F_y * F_y - 4.9000000000000005e-05)
+    constraints[..., 0] = x1
+    constraints[..., 10] = 142.85714285714286 * F_x
+    constraints[..., 11] = 142.85714285714286 * F_y
+    dF_x = qd[..., 0]
+    dF_y = qd[..., 1]
+    constraints[..., 39] = -(142.85714285714286 * (dF_x * dF_x + dF_y * dF_y))
+    # row 2: 1000 distance F-E (body K2): |a|^2 - L^2 = 0 with a = F-E, L = 0.028
+    E_x = q[..., 2]
+    x2 = F_x - E_x
+    E_y = q[..., 3]
+    x3 = F_y - E_y
+    x4 = 17.857142857142858 * (x2 * x2 + x3 * x3 - 0.0007840000000000001)
+    constraints[..., 1] = x4
+    x5 = 35.714285714285715 * x2
+    constraints[..., 12] = x5
+    x6 = 35.714285714285715 * x3
+    constraints[..., 13] = x6
+    constraints[..., 14] = -x5
+    constraints[..., 15] = -x6
+    dE_x = qd[..., 2]
+    x7 = dF_x - dE_x
+    dE_y = qd[..., 3]
+    x8 = dF_y - dE_y
+    constraints[..., 40] = -(35.714285714285715 * (x7 * x7 + x8 * x8))
+    # row 3: 1000 distance B-E (body K3): |a|^2 - L^2 = 0 with a = B-E, L = 0.035
+    x9 = -0.03635 - E_x
+    x10 = 0.03273 - E_y
+    x11 = 14.285714285714285 * (x9 * x9 + x10 * x10 - 0.0012250000000000002)
+    constraints[..., 2] = x11
+    constraints[..., 16] = -(28.57142857142857 * x9)
+    constraints[..., 17] = -(28.57142857142857 * x10)
+    constraints[..., 41] = -(28.57142857142857 * (dE_x * dE_x + dE_y * dE_y))
+    # row 4: combination D.x (body K3): (e - c a x b).x = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429
+    D_x = q[..., 8]
+    x12 = D_x + 0.01765571428571429 - 0.5142857142857142 * E_x - 0.5714285714285714 * x10
+    constraints[..., 3] = x12
+    constraints[..., 18] = -0.5142857142857142
+    constraints[..., 19] = 0.5714285714285714
+    constraints[..., 20] = 1.0
+    constraints[..., 42] = 0.0
+    # row 5: combination D.y (body K3): (e - c a x b).y = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429
+    D_y = q[..., 9]
+    x13 = D_y - 0.015897428571428573 - 0.5142857142857142 * E_y - 0.5714285714285714 * (E_x + 0.03635)
+    constraints[..., 4] = x13
+    constraints[..., 21] = -0.5714285714285714
+    constraints[..., 22] = -0.5142857142857142
+    constraints[..., 23] = 1.0
+    constraints[..., 43] = 0.0
+    # row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02
+    G_x = q[..., 4]
+    x14 = E_x - G_x
+    G_y = q[..., 5]
+    x15 = E_y - G_y
+    x16 = 24.999999999999986 * (x14 * x14 + x15 * x15 - 0.00040000000000000045)
+    constraints[..., 5] = x16
+    x17 = 49.99999999999997 * x14
+    constraints[..., 24] = x17
+    x18 = 49.99999999999997 * x15
+    constraints[..., 25] = x18
+    constraints[..., 26] = -x17
+    constraints[..., 27] = -x18
+    dG_x = qd[..., 4]
+    x19 = dE_x - dG_x
+    dG_y = qd[..., 5]
+    x20 = dE_y - dG_y
+    constraints[..., 44] = -(49.99999999999997 * (x19 * x19 + x20 * x20))
+    # row 7: 1000 distance A-G (body K5): |a|^2 - L^2 = 0 with a = A-G, L = 0.04
+    x21 = -0.06934 - G_x
+    x22 = -0.00227 - G_y
+    x23 = 12.500000000000002 * (x21 * x21 + x22 * x22 - 0.0015999999999999994)
+    constraints[..., 6] = x23
+    constraints[..., 28] = -(25.000000000000004 * x21)
+    constraints[..., 29] = -(25.000000000000004 * x22)
+    constraints[..., 45] = -(25.000000000000004 * (dG_x * dG_x + dG_y * dG_y))
+    # row 8: 1000 distance E-H (body K6): |a|^2 - L^2 = 0 with a = E-H, L = 0.02
+    H_x = q[..., 6]
+    x24 = E_x - H_x
+    H_y = q[..., 7]
+    x25 = E_y - H_y
+    constraints[..., 7] = 25.0 * (x24 * x24 + x25 * x25 - 0.0004)
+    x26 = 50.0 * x24
+    constraints[..., 30] = x26
+    x27 = 50.0 * x25
+    constraints[..., 31] = x27
+    constraints[..., 32] = -x26
+    constraints[..., 33] = -x27
+    dH_x = qd[..., 6]
+    x28 = dE_x - dH_x
+    dH_y = qd[..., 7]
+    x29 = dE_y - dH_y
+    constraints[..., 46] = -(50.0 * (x28 * x28 + x29 * x29))
+    # row 9: 1000 distance A-H (body K7): |a|^2 - L^2 = 0 with a = A-H, L = 0.04
+    x30 = -0.06934 - H_x
+    x31 = -0.00227 - H_y
+    constraints[..., 8] = 12.5 * (x30 * x30 + x31 * x31 - 0.0016)
+    constraints[..., 34] = -(25.0 * x30)
+    constraints[..., 35] = -(25.0 * x31)
+    constraints[..., 47] = -(25.0 * (dH_x * dH_x + dH_y * dH_y))
+    # row 10: 1014 angle beta (coordinate beta): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = F-O, n = z, psi = beta, ln = 1
+    sin_beta = sine[..., 0]
+    cos_beta = cosine[..., 0]
+    constraints[..., 9] = 142.85714285714286 * (F_x * sin_beta - F_y * cos_beta)
+    constraints[..., 36] = 142.85714285714286 * sin_beta
+    constraints[..., 37] = -(142.85714285714286 * cos_beta)
+    constraints[..., 38] = 142.85714285714286 * (F_y * sin_beta + F_x * cos_beta)
+    dbeta = qd[..., 10]
+    x32 = dbeta * dbeta
+    x33 = 2.0 * dbeta
+    x34 = sin_beta * (F_x * x32) - cos_beta * (dF_x * x33) - sin_beta * (dF_y * x33)
+    constraints[..., 48] = 142.85714285714286 * (x34 - cos_beta * (F_y * x32))
+    return constraints

@@ -6,32 +6,18 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar bennett_number_1[74] = {
-    R(0.0), R(0.0), R(0.0), -R(0.5832118435198042), -R(1.1664236870396083), R(1.7496355305594127),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    -R(0.26726124191242434), -R(0.5345224838248487), R(0.8017837257372731), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(1.0585122480499263), -R(1.0585122480499263), R(1.5877683720748894),
-    -R(0.485071250072666), R(0.485071250072666), -R(0.727606875108999), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar bennett_number_2[12] = {
+static const ncgen_scalar bennett_number_1[12] = {
     R(0.6666666666666666), R(0.16666666666666666), R(0.6666666666666666), R(0.16666666666666666),
     R(0.6666666666666666), R(0.16666666666666666), R(0.16666666666666666), R(0.6666666666666667),
     R(0.16666666666666666), R(0.6666666666666667), R(0.16666666666666666), R(0.6666666666666667)
 };
-static const ncgen_scalar bennett_number_3[14] = {
+static const ncgen_scalar bennett_number_2[14] = {
     R(0.0), R(0.0), -R(9.81), R(0.0), R(0.0), -R(9.81), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0)
 };
-static const ncgen_scalar bennett_number_4[3] = {
-    R(0.0), R(0.9810000000000001), R(0.0)
-};
 
 
-/* phi: 139 operations, 4 of them elementary functions */
+/* phi: 135 operations, 4 of them elementary functions */
 int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[2], cosine[2];
@@ -51,87 +37,80 @@ int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x4 = R(1.0910894511799618) * (x1 * x1 + x2 * x2 + x3 * x3 - R(0.21000000000000005));
         phi[0] = x4;
         /* row 2: 1002 angle uB, C-B (body BC): u.a - L c = 0 with u = uB, a = C-B, L = 0.458258, c = 0 */
-        const ncgen_real x5 = C_z - R(0.2);
-        const ncgen_real x6 = C_x - R(0.2);
-        const ncgen_real x7 = C_y - R(0.2);
-        const ncgen_real x8 = R(0.8017837257372731) * x5 - (R(0.26726124191242434) * x6 + R(0.5345224838248487) * x7);
-        phi[1] = R(2.1821789023599236) * x8;
+        const ncgen_real x5 = R(0.26726124191242434) * x1 + R(0.5345224838248487) * x2 - R(0.8017837257372731) * x3;
+        phi[1] = R(2.1821789023599236) * x5;
         /* row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC */
         const ncgen_real uC_x = q[6];
         const ncgen_real uC_y = q[7];
         const ncgen_real uC_z = q[8];
-        const ncgen_real x9 = R(0.5) * (uC_x * uC_x + uC_y * uC_y + uC_z * uC_z - R(1.0));
-        phi[2] = x9;
+        const ncgen_real x6 = R(0.5) * (uC_x * uC_x + uC_y * uC_y + uC_z * uC_z - R(1.0));
+        phi[2] = x6;
         /* row 4: 1002 angle uC, C-B (body BC): u.a - L c = 0 with u = uC, a = C-B, L = 0.458258, c = 0 */
-        const ncgen_real x10 = R(2.1821789023599236) * (x6 * uC_x + x7 * uC_y + x5 * uC_z);
-        phi[3] = x10;
+        const ncgen_real x7 = R(2.1821789023599236) * (x1 * uC_x + x2 * uC_y + x3 * uC_z);
+        phi[3] = -x7;
         /* row 5: 1003 angle uC, uB (body BC): u.v - c = 0 with u = uC, v = uB, c = 0.453743 */
-        const ncgen_real x11 = R(0.26726124191242434) * uC_x + R(0.5345224838248487) * uC_y;
-        const ncgen_real x12 = R(0.8017837257372731) * uC_z - x11 - R(0.45374260648651515);
-        phi[4] = x12;
+        const ncgen_real x8 = R(0.26726124191242434) * uC_x + R(0.5345224838248487) * uC_y;
+        const ncgen_real x9 = R(0.8017837257372731) * uC_z - x8 - R(0.45374260648651515);
+        phi[4] = x9;
         /* row 6: 1000 distance C-D (body CD): |a|^2 - L^2 = 0 with a = C-D, L = 0.360555 */
         const ncgen_real D_x = q[3];
-        const ncgen_real x13 = C_x - D_x;
+        const ncgen_real x10 = C_x - D_x;
         const ncgen_real D_y = q[4];
-        const ncgen_real x14 = C_y - D_y;
+        const ncgen_real x11 = C_y - D_y;
         const ncgen_real D_z = q[5];
-        const ncgen_real x15 = C_z - D_z;
-        const ncgen_real x16 = x13 * x13 + x14 * x14 + x15 * x15 - R(0.13000000000000003);
-        phi[5] = R(1.3867504905630728) * x16;
+        const ncgen_real x12 = C_z - D_z;
+        const ncgen_real x13 = x10 * x10 + x11 * x11 + x12 * x12 - R(0.13000000000000003);
+        phi[5] = R(1.3867504905630728) * x13;
         /* row 7: 1002 angle uC, D-C (body CD): u.a - L c = 0 with u = uC, a = D-C, L = 0.360555, c = 0 */
-        const ncgen_real x17 = D_x - C_x;
-        const ncgen_real x18 = D_y - C_y;
-        const ncgen_real x19 = D_z - C_z;
-        const ncgen_real x20 = R(2.7735009811261455) * (uC_x * x17 + uC_y * x18 + uC_z * x19);
-        phi[6] = x20;
+        const ncgen_real x14 = R(2.7735009811261455) * (uC_x * x10 + uC_y * x11 + uC_z * x12);
+        phi[6] = -x14;
         /* row 8: 1001 unit uD (body CD): |u|^2 - 1 = 0 with u = uD */
         const ncgen_real uD_x = q[9];
         const ncgen_real uD_y = q[10];
         const ncgen_real uD_z = q[11];
-        const ncgen_real x21 = R(0.5) * (uD_x * uD_x + uD_y * uD_y + uD_z * uD_z - R(1.0));
-        phi[7] = x21;
+        const ncgen_real x15 = R(0.5) * (uD_x * uD_x + uD_y * uD_y + uD_z * uD_z - R(1.0));
+        phi[7] = x15;
         /* row 9: 1002 angle uD, D-C (body CD): u.a - L c = 0 with u = uD, a = D-C, L = 0.360555, c = 0 */
-        const ncgen_real x22 = R(2.7735009811261455) * (uD_x * x17 + uD_y * x18 + uD_z * x19);
-        phi[8] = x22;
+        const ncgen_real x16 = R(2.7735009811261455) * (uD_x * x10 + uD_y * x11 + uD_z * x12);
+        phi[8] = -x16;
         /* row 10: 1003 angle uD, uC (body CD): u.v - c = 0 with u = uD, v = uC, c = -0.713024 */
-        const ncgen_real x23 = uC_x * uD_x + uC_y * uD_y + uC_z * uD_z + R(0.7130240959073809);
-        phi[9] = x23;
+        const ncgen_real x17 = uC_x * uD_x + uC_y * uD_y + uC_z * uD_z + R(0.7130240959073809);
+        phi[9] = x17;
         /* row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258 */
-        const ncgen_real x24 = D_x - R(0.2);
-        const ncgen_real x25 = D_y + R(0.1);
-        const ncgen_real x26 = x24 * x24 + x25 * x25 + D_z * D_z - R(0.21000000000000005);
-        phi[10] = R(1.0910894511799618) * x26;
+        const ncgen_real x18 = D_x - R(0.2);
+        const ncgen_real x19 = D_y + R(0.1);
+        const ncgen_real x20 = x18 * x18 + x19 * x19 + D_z * D_z - R(0.21000000000000005);
+        phi[10] = R(1.0910894511799618) * x20;
         /* row 12: 1002 angle uD, A-D (body DA): u.a - L c = 0 with u = uD, a = A-D, L = 0.458258, c = 0 */
-        const ncgen_real x27 = R(0.2) - D_x;
-        const ncgen_real x28 = -R(0.1) - D_y;
-        const ncgen_real x29 = R(2.1821789023599236) * (uD_x * x27 + uD_y * x28 - uD_z * D_z);
-        phi[11] = x29;
+        const ncgen_real x21 = -R(0.1) - D_y;
+        const ncgen_real x22 = R(2.1821789023599236) * (uD_y * x21 - uD_x * x18 - uD_z * D_z);
+        phi[11] = x22;
         /* row 13: 1002 angle uA, A-D (body DA): u.a - L c = 0 with u = uA, a = A-D, L = 0.458258, c = 0 */
-        const ncgen_real x30 = R(0.485071250072666) * x28 - R(0.485071250072666) * x27 + R(0.727606875108999) * D_z;
-        phi[12] = R(2.1821789023599236) * x30;
+        const ncgen_real x23 = R(0.485071250072666) * x18 + R(0.485071250072666) * x21 + R(0.727606875108999) * D_z;
+        phi[12] = R(2.1821789023599236) * x23;
         /* row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743 */
-        const ncgen_real x31 = R(0.485071250072666) * uD_y - R(0.485071250072666) * uD_x;
-        const ncgen_real x32 = x31 - R(0.727606875108999) * uD_z - R(0.45374260648651515);
-        phi[13] = x32;
+        const ncgen_real x24 = R(0.485071250072666) * uD_y - R(0.485071250072666) * uD_x;
+        const ncgen_real x25 = x24 - R(0.727606875108999) * uD_z - R(0.45374260648651515);
+        phi[13] = x25;
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
         const ncgen_real sin_theta1 = sine[0];
-        const ncgen_real x33 = (R(0.30000000000000004) * x28 - R(0.2) * D_z) * sin_theta1;
-        const ncgen_real x34 = R(0.485071250072666) * (R(0.2) * x28 + R(0.30000000000000004) * D_z);
-        const ncgen_real x35 = x34 + R(0.0970142500145332) * x27 + R(0.21828206253269974) * x27;
+        const ncgen_real x26 = (R(0.30000000000000004) * x21 - R(0.2) * D_z) * sin_theta1;
+        const ncgen_real x27 = R(0.485071250072666) * (R(0.2) * x21 + R(0.30000000000000004) * D_z);
+        const ncgen_real x28 = x27 - R(0.0970142500145332) * x18 - R(0.21828206253269974) * x18;
         const ncgen_real cos_theta1 = cosine[0];
-        phi[14] = R(6.052275326688023) * (x33 + x35 * cos_theta1);
+        phi[14] = R(6.052275326688023) * (x26 + x28 * cos_theta1);
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
-        const ncgen_real sin_theta2 = sine[1];
-        const ncgen_real x36 = R(0.26726124191242434) * (R(0.30000000000000004) * x5 - R(0.2) * x7);
-        const ncgen_real x37 = x36 + R(0.10690449676496974) * x6 + R(0.24053511772118197) * x6;
+        const ncgen_real x29 = R(0.26726124191242434) * (R(0.2) * x2 - R(0.30000000000000004) * x3);
+        const ncgen_real x30 = x29 - R(0.10690449676496974) * x1 - R(0.24053511772118197) * x1;
         const ncgen_real cos_theta2 = cosine[1];
-        const ncgen_real x38 = (R(0.30000000000000004) * x7 + R(0.2) * x5) * sin_theta2 + x37 * cos_theta2;
-        phi[15] = R(6.052275326688023) * x38;
+        const ncgen_real sin_theta2 = sine[1];
+        const ncgen_real x31 = x30 * cos_theta2 - (R(0.30000000000000004) * x2 + R(0.2) * x3) * sin_theta2;
+        phi[15] = R(6.052275326688023) * x31;
     }
 
     return NCGEN_OK;
 }
-/* phi_q: 116 operations, 4 of them elementary functions */
+/* phi_q: 104 operations, 4 of them elementary functions */
 int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     ncgen_real sine[2], cosine[2];
@@ -140,20 +119,23 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     ncgen_sincos(2, q + 12, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 74; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance B-C (body BC): |a|^2 - L^2 = 0 with a = B-C, L = 0.458258 */
         const ncgen_real C_x = q[0];
-        phi_q[0] = -(R(2.1821789023599236) * (R(0.2) - C_x));
+        const ncgen_real x1 = R(0.2) - C_x;
+        const ncgen_real x2 = -(R(2.1821789023599236) * x1);
+        phi_q[0] = x2;
         const ncgen_real C_y = q[1];
-        phi_q[1] = -(R(2.1821789023599236) * (R(0.2) - C_y));
+        const ncgen_real x3 = R(0.2) - C_y;
+        const ncgen_real x4 = -(R(2.1821789023599236) * x3);
+        phi_q[1] = x4;
         const ncgen_real C_z = q[2];
-        phi_q[2] = -(R(2.1821789023599236) * (R(0.2) - C_z));
+        const ncgen_real x5 = R(0.2) - C_z;
+        const ncgen_real x6 = -(R(2.1821789023599236) * x5);
+        phi_q[2] = x6;
+        phi_q[3] = NCGEN_SPLAT(-R(0.5832118435198042));
+        phi_q[4] = NCGEN_SPLAT(-R(1.1664236870396083));
+        phi_q[5] = NCGEN_SPLAT(R(1.7496355305594127));
         /* row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC */
         const ncgen_real uC_x = q[6];
         phi_q[6] = uC_x;
@@ -165,40 +147,40 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[9] = R(2.1821789023599236) * uC_x;
         phi_q[10] = R(2.1821789023599236) * uC_y;
         phi_q[11] = R(2.1821789023599236) * uC_z;
-        const ncgen_real x1 = C_x - R(0.2);
-        phi_q[12] = R(2.1821789023599236) * x1;
-        const ncgen_real x2 = C_y - R(0.2);
-        phi_q[13] = R(2.1821789023599236) * x2;
-        const ncgen_real x3 = C_z - R(0.2);
-        phi_q[14] = R(2.1821789023599236) * x3;
+        phi_q[12] = x2;
+        phi_q[13] = x4;
+        phi_q[14] = x6;
+        phi_q[15] = NCGEN_SPLAT(-R(0.26726124191242434));
+        phi_q[16] = NCGEN_SPLAT(-R(0.5345224838248487));
+        phi_q[17] = NCGEN_SPLAT(R(0.8017837257372731));
         /* row 6: 1000 distance C-D (body CD): |a|^2 - L^2 = 0 with a = C-D, L = 0.360555 */
         const ncgen_real D_x = q[3];
-        const ncgen_real x4 = R(2.7735009811261455) * (C_x - D_x);
-        phi_q[18] = x4;
+        const ncgen_real x7 = R(2.7735009811261455) * (C_x - D_x);
+        phi_q[18] = x7;
         const ncgen_real D_y = q[4];
-        const ncgen_real x5 = R(2.7735009811261455) * (C_y - D_y);
-        phi_q[19] = x5;
+        const ncgen_real x8 = R(2.7735009811261455) * (C_y - D_y);
+        phi_q[19] = x8;
         const ncgen_real D_z = q[5];
-        const ncgen_real x6 = R(2.7735009811261455) * (C_z - D_z);
-        phi_q[20] = x6;
-        phi_q[21] = -x4;
-        phi_q[22] = -x5;
-        phi_q[23] = -x6;
+        const ncgen_real x9 = R(2.7735009811261455) * (C_z - D_z);
+        phi_q[20] = x9;
+        const ncgen_real x10 = -x7;
+        phi_q[21] = x10;
+        const ncgen_real x11 = -x8;
+        phi_q[22] = x11;
+        const ncgen_real x12 = -x9;
+        phi_q[23] = x12;
         /* row 7: 1002 angle uC, D-C (body CD): u.a - L c = 0 with u = uC, a = D-C, L = 0.360555, c = 0 */
-        const ncgen_real x7 = R(2.7735009811261455) * uC_x;
-        phi_q[24] = -x7;
-        const ncgen_real x8 = R(2.7735009811261455) * uC_y;
-        phi_q[25] = -x8;
-        const ncgen_real x9 = R(2.7735009811261455) * uC_z;
-        phi_q[26] = -x9;
-        phi_q[27] = x7;
-        phi_q[28] = x8;
-        phi_q[29] = x9;
-        const ncgen_real x10 = R(2.7735009811261455) * (D_x - C_x);
+        const ncgen_real x13 = R(2.7735009811261455) * uC_x;
+        phi_q[24] = -x13;
+        const ncgen_real x14 = R(2.7735009811261455) * uC_y;
+        phi_q[25] = -x14;
+        const ncgen_real x15 = R(2.7735009811261455) * uC_z;
+        phi_q[26] = -x15;
+        phi_q[27] = x13;
+        phi_q[28] = x14;
+        phi_q[29] = x15;
         phi_q[30] = x10;
-        const ncgen_real x11 = R(2.7735009811261455) * (D_y - C_y);
         phi_q[31] = x11;
-        const ncgen_real x12 = R(2.7735009811261455) * (D_z - C_z);
         phi_q[32] = x12;
         /* row 8: 1001 unit uD (body CD): |u|^2 - 1 = 0 with u = uD */
         const ncgen_real uD_x = q[9];
@@ -208,15 +190,15 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real uD_z = q[11];
         phi_q[35] = uD_z;
         /* row 9: 1002 angle uD, D-C (body CD): u.a - L c = 0 with u = uD, a = D-C, L = 0.360555, c = 0 */
-        const ncgen_real x13 = R(2.7735009811261455) * uD_x;
-        phi_q[36] = -x13;
-        const ncgen_real x14 = R(2.7735009811261455) * uD_y;
-        phi_q[37] = -x14;
-        const ncgen_real x15 = R(2.7735009811261455) * uD_z;
-        phi_q[38] = -x15;
-        phi_q[39] = x13;
-        phi_q[40] = x14;
-        phi_q[41] = x15;
+        const ncgen_real x16 = R(2.7735009811261455) * uD_x;
+        phi_q[36] = -x16;
+        const ncgen_real x17 = R(2.7735009811261455) * uD_y;
+        phi_q[37] = -x17;
+        const ncgen_real x18 = R(2.7735009811261455) * uD_z;
+        phi_q[38] = -x18;
+        phi_q[39] = x16;
+        phi_q[40] = x17;
+        phi_q[41] = x18;
         phi_q[42] = x10;
         phi_q[43] = x11;
         phi_q[44] = x12;
@@ -228,48 +210,55 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[49] = uC_y;
         phi_q[50] = uC_z;
         /* row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258 */
-        phi_q[51] = R(2.1821789023599236) * (D_x - R(0.2));
+        const ncgen_real x19 = D_x - R(0.2);
+        const ncgen_real x20 = R(2.1821789023599236) * x19;
+        phi_q[51] = x20;
         phi_q[52] = R(2.1821789023599236) * (D_y + R(0.1));
-        const ncgen_real x16 = R(2.1821789023599236) * D_z;
-        phi_q[53] = x16;
+        const ncgen_real x21 = R(2.1821789023599236) * D_z;
+        phi_q[53] = x21;
         /* row 12: 1002 angle uD, A-D (body DA): u.a - L c = 0 with u = uD, a = A-D, L = 0.458258, c = 0 */
         phi_q[54] = -(R(2.1821789023599236) * uD_x);
         phi_q[55] = -(R(2.1821789023599236) * uD_y);
         phi_q[56] = -(R(2.1821789023599236) * uD_z);
-        const ncgen_real x17 = R(0.2) - D_x;
-        phi_q[57] = R(2.1821789023599236) * x17;
-        const ncgen_real x18 = -R(0.1) - D_y;
-        phi_q[58] = R(2.1821789023599236) * x18;
-        phi_q[59] = -x16;
+        phi_q[57] = -x20;
+        const ncgen_real x22 = -R(0.1) - D_y;
+        phi_q[58] = R(2.1821789023599236) * x22;
+        phi_q[59] = -x21;
+        phi_q[60] = NCGEN_SPLAT(R(1.0585122480499263));
+        phi_q[61] = NCGEN_SPLAT(-R(1.0585122480499263));
+        phi_q[62] = NCGEN_SPLAT(R(1.5877683720748894));
+        phi_q[63] = NCGEN_SPLAT(-R(0.485071250072666));
+        phi_q[64] = NCGEN_SPLAT(R(0.485071250072666));
+        phi_q[65] = NCGEN_SPLAT(-R(0.727606875108999));
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
         const ncgen_real cos_theta1 = cosine[0];
         phi_q[66] = -(R(1.9082600930253333) * cos_theta1);
         const ncgen_real sin_theta1 = sine[0];
-        const ncgen_real x19 = R(0.30000000000000004) * sin_theta1 + R(0.0970142500145332) * cos_theta1;
-        phi_q[67] = -(R(6.052275326688023) * x19);
-        const ncgen_real x20 = R(0.2) * sin_theta1 - R(0.14552137502179982) * cos_theta1;
-        phi_q[68] = -(R(6.052275326688023) * x20);
-        const ncgen_real x21 = cos_theta1 * (R(0.30000000000000004) * x18 - R(0.2) * D_z);
-        const ncgen_real x22 = R(0.485071250072666) * (R(0.2) * x18 + R(0.30000000000000004) * D_z);
-        const ncgen_real x23 = x22 + R(0.0970142500145332) * x17 + R(0.21828206253269974) * x17;
-        phi_q[69] = R(6.052275326688023) * (x21 - sin_theta1 * x23);
+        const ncgen_real x23 = R(0.30000000000000004) * sin_theta1 + R(0.0970142500145332) * cos_theta1;
+        phi_q[67] = -(R(6.052275326688023) * x23);
+        const ncgen_real x24 = R(0.2) * sin_theta1 - R(0.14552137502179982) * cos_theta1;
+        phi_q[68] = -(R(6.052275326688023) * x24);
+        const ncgen_real x25 = cos_theta1 * (R(0.30000000000000004) * x22 - R(0.2) * D_z);
+        const ncgen_real x26 = R(0.485071250072666) * (R(0.2) * x22 + R(0.30000000000000004) * D_z);
+        const ncgen_real x27 = x26 - R(0.0970142500145332) * x19 - R(0.21828206253269974) * x19;
+        phi_q[69] = R(6.052275326688023) * (x25 - sin_theta1 * x27);
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real cos_theta2 = cosine[1];
         phi_q[70] = R(2.1028002062685345) * cos_theta2;
         const ncgen_real sin_theta2 = sine[1];
-        const ncgen_real x24 = R(0.30000000000000004) * sin_theta2 - R(0.05345224838248487) * cos_theta2;
-        phi_q[71] = R(6.052275326688023) * x24;
-        const ncgen_real x25 = R(0.2) * sin_theta2 + R(0.08017837257372731) * cos_theta2;
-        phi_q[72] = R(6.052275326688023) * x25;
-        const ncgen_real x26 = R(0.26726124191242434) * (R(0.30000000000000004) * x3 - R(0.2) * x2);
-        const ncgen_real x27 = x26 + R(0.10690449676496974) * x1 + R(0.24053511772118197) * x1;
-        const ncgen_real x28 = cos_theta2 * (R(0.30000000000000004) * x2 + R(0.2) * x3) - sin_theta2 * x27;
-        phi_q[73] = R(6.052275326688023) * x28;
+        const ncgen_real x28 = R(0.30000000000000004) * sin_theta2 - R(0.05345224838248487) * cos_theta2;
+        phi_q[71] = R(6.052275326688023) * x28;
+        const ncgen_real x29 = R(0.2) * sin_theta2 + R(0.08017837257372731) * cos_theta2;
+        phi_q[72] = R(6.052275326688023) * x29;
+        const ncgen_real x30 = R(0.26726124191242434) * (R(0.2) * x3 - R(0.30000000000000004) * x5);
+        const ncgen_real x31 = x30 - R(0.10690449676496974) * x1 - R(0.24053511772118197) * x1;
+        const ncgen_real x32 = cos_theta2 * (R(0.30000000000000004) * x3 + R(0.2) * x5) + sin_theta2 * x31;
+        phi_q[73] = -(R(6.052275326688023) * x32);
     }
 
     return NCGEN_OK;
 }
-/* gamma: 154 operations, 4 of them elementary functions */
+/* gamma: 149 operations, 4 of them elementary functions */
 int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[2], cosine[2];
@@ -278,11 +267,6 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     ncgen_sincos(2, q + 12, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 16; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* row 1: 1000 distance B-C (body BC): |a|^2 - L^2 = 0 with a = B-C, L = 0.458258 */
         const ncgen_real dC_x = qd[0];
@@ -290,6 +274,7 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dC_z = qd[2];
         const ncgen_real x1 = R(2.1821789023599236) * (dC_x * dC_x + dC_y * dC_y + dC_z * dC_z);
         gamma[0] = -x1;
+        gamma[1] = NCGEN_SPLAT(R(0.0));
         /* row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC */
         const ncgen_real duC_x = qd[6];
         const ncgen_real duC_y = qd[7];
@@ -298,6 +283,7 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 4: 1002 angle uC, C-B (body BC): u.a - L c = 0 with u = uC, a = C-B, L = 0.458258, c = 0 */
         const ncgen_real x2 = R(4.364357804719847) * (dC_x * duC_x + dC_y * duC_y + dC_z * duC_z);
         gamma[3] = -x2;
+        gamma[4] = NCGEN_SPLAT(R(0.0));
         /* row 6: 1000 distance C-D (body CD): |a|^2 - L^2 = 0 with a = C-D, L = 0.360555 */
         const ncgen_real dD_x = qd[3];
         const ncgen_real x3 = dC_x - dD_x;
@@ -307,67 +293,66 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x5 = dC_z - dD_z;
         gamma[5] = -(R(2.7735009811261455) * (x3 * x3 + x4 * x4 + x5 * x5));
         /* row 7: 1002 angle uC, D-C (body CD): u.a - L c = 0 with u = uC, a = D-C, L = 0.360555, c = 0 */
-        const ncgen_real x6 = dD_x - dC_x;
-        const ncgen_real x7 = dD_y - dC_y;
-        const ncgen_real x8 = dD_z - dC_z;
-        const ncgen_real x9 = R(5.547001962252291) * (duC_x * x6 + duC_y * x7 + duC_z * x8);
-        gamma[6] = -x9;
+        const ncgen_real x6 = R(5.547001962252291) * (duC_x * x3 + duC_y * x4 + duC_z * x5);
+        gamma[6] = x6;
         /* row 8: 1001 unit uD (body CD): |u|^2 - 1 = 0 with u = uD */
         const ncgen_real duD_x = qd[9];
         const ncgen_real duD_y = qd[10];
         const ncgen_real duD_z = qd[11];
         gamma[7] = -(duD_x * duD_x + duD_y * duD_y + duD_z * duD_z);
         /* row 9: 1002 angle uD, D-C (body CD): u.a - L c = 0 with u = uD, a = D-C, L = 0.360555, c = 0 */
-        const ncgen_real x10 = R(5.547001962252291) * (duD_x * x6 + duD_y * x7 + duD_z * x8);
-        gamma[8] = -x10;
+        const ncgen_real x7 = R(5.547001962252291) * (duD_x * x3 + duD_y * x4 + duD_z * x5);
+        gamma[8] = x7;
         /* row 10: 1003 angle uD, uC (body CD): u.v - c = 0 with u = uD, v = uC, c = -0.713024 */
-        const ncgen_real x11 = -(R(2.0) * (duC_x * duD_x + duC_y * duD_y + duC_z * duD_z));
-        gamma[9] = x11;
+        const ncgen_real x8 = -(R(2.0) * (duC_x * duD_x + duC_y * duD_y + duC_z * duD_z));
+        gamma[9] = x8;
         /* row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258 */
-        const ncgen_real x12 = R(2.1821789023599236) * (dD_x * dD_x + dD_y * dD_y + dD_z * dD_z);
-        gamma[10] = -x12;
+        const ncgen_real x9 = R(2.1821789023599236) * (dD_x * dD_x + dD_y * dD_y + dD_z * dD_z);
+        gamma[10] = -x9;
         /* row 12: 1002 angle uD, A-D (body DA): u.a - L c = 0 with u = uD, a = A-D, L = 0.458258, c = 0 */
-        const ncgen_real x13 = R(4.364357804719847) * (duD_x * dD_x + duD_y * dD_y + duD_z * dD_z);
-        gamma[11] = x13;
+        const ncgen_real x10 = R(4.364357804719847) * (duD_x * dD_x + duD_y * dD_y + duD_z * dD_z);
+        gamma[11] = x10;
+        gamma[12] = NCGEN_SPLAT(R(0.0));
+        gamma[13] = NCGEN_SPLAT(R(0.0));
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
         const ncgen_real sin_theta1 = sine[0];
         const ncgen_real D_y = q[4];
-        const ncgen_real x14 = -R(0.1) - D_y;
+        const ncgen_real x11 = -R(0.1) - D_y;
         const ncgen_real D_z = q[5];
         const ncgen_real dtheta1 = qd[12];
-        const ncgen_real x15 = dtheta1 * dtheta1;
-        const ncgen_real x16 = sin_theta1 * ((R(0.30000000000000004) * x14 - R(0.2) * D_z) * x15);
+        const ncgen_real x12 = dtheta1 * dtheta1;
+        const ncgen_real x13 = sin_theta1 * ((R(0.30000000000000004) * x11 - R(0.2) * D_z) * x12);
         const ncgen_real cos_theta1 = cosine[0];
-        const ncgen_real x17 = R(2.0) * dtheta1;
-        const ncgen_real x18 = cos_theta1 * (x17 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
-        const ncgen_real x19 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
-        const ncgen_real x20 = R(0.21828206253269974) * dD_x - x19 + R(0.0970142500145332) * dD_x;
-        const ncgen_real x21 = R(0.485071250072666) * (R(0.2) * x14 + R(0.30000000000000004) * D_z);
+        const ncgen_real x14 = R(2.0) * dtheta1;
+        const ncgen_real x15 = cos_theta1 * (x14 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
+        const ncgen_real x16 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
+        const ncgen_real x17 = R(0.21828206253269974) * dD_x - x16 + R(0.0970142500145332) * dD_x;
         const ncgen_real D_x = q[3];
-        const ncgen_real x22 = R(0.2) - D_x;
-        const ncgen_real x23 = x21 + R(0.21828206253269974) * x22 + R(0.0970142500145332) * x22;
-        const ncgen_real x24 = x16 + x18 - sin_theta1 * (x17 * x20) + cos_theta1 * (x15 * x23);
-        gamma[14] = R(6.052275326688023) * x24;
+        const ncgen_real x18 = R(0.2) - D_x;
+        const ncgen_real x19 = R(0.485071250072666) * (R(0.2) * x11 + R(0.30000000000000004) * D_z);
+        const ncgen_real x20 = R(0.0970142500145332) * x18 + (x19 + R(0.21828206253269974) * x18);
+        const ncgen_real x21 = x13 + x15 - sin_theta1 * (x14 * x17) + cos_theta1 * (x12 * x20);
+        gamma[14] = R(6.052275326688023) * x21;
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real sin_theta2 = sine[1];
         const ncgen_real C_y = q[1];
-        const ncgen_real x25 = C_y - R(0.2);
+        const ncgen_real x22 = C_y - R(0.2);
         const ncgen_real C_z = q[2];
-        const ncgen_real x26 = C_z - R(0.2);
+        const ncgen_real x23 = C_z - R(0.2);
         const ncgen_real dtheta2 = qd[13];
-        const ncgen_real x27 = dtheta2 * dtheta2;
-        const ncgen_real x28 = sin_theta2 * ((R(0.30000000000000004) * x25 + R(0.2) * x26) * x27);
+        const ncgen_real x24 = dtheta2 * dtheta2;
+        const ncgen_real x25 = sin_theta2 * ((R(0.30000000000000004) * x22 + R(0.2) * x23) * x24);
         const ncgen_real cos_theta2 = cosine[1];
-        const ncgen_real x29 = R(2.0) * dtheta2;
-        const ncgen_real x30 = cos_theta2 * (x29 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
-        const ncgen_real x31 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
-        const ncgen_real x32 = x31 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
-        const ncgen_real x33 = R(0.26726124191242434) * (R(0.30000000000000004) * x26 - R(0.2) * x25);
+        const ncgen_real x26 = R(2.0) * dtheta2;
+        const ncgen_real x27 = cos_theta2 * (x26 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
+        const ncgen_real x28 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
+        const ncgen_real x29 = x28 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
         const ncgen_real C_x = q[0];
-        const ncgen_real x34 = C_x - R(0.2);
-        const ncgen_real x35 = x33 + R(0.24053511772118197) * x34 + R(0.10690449676496974) * x34;
-        const ncgen_real x36 = x28 - x30 + sin_theta2 * (x29 * x32) + cos_theta2 * (x27 * x35);
-        gamma[15] = R(6.052275326688023) * x36;
+        const ncgen_real x30 = C_x - R(0.2);
+        const ncgen_real x31 = R(0.26726124191242434) * (R(0.30000000000000004) * x23 - R(0.2) * x22);
+        const ncgen_real x32 = R(0.10690449676496974) * x30 + (x31 + R(0.24053511772118197) * x30);
+        const ncgen_real x33 = x25 - x27 + sin_theta2 * (x26 * x29) + cos_theta2 * (x24 * x32);
+        gamma[15] = R(6.052275326688023) * x33;
     }
 
     return NCGEN_OK;
@@ -381,7 +366,7 @@ int bennett_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 12; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_1[i]);
         mass[i] = x1;
     }
 
@@ -397,7 +382,7 @@ int bennett_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 14; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_3[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_2[i]);
         force[i] = x1;
     }
 
@@ -408,12 +393,6 @@ int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(bennett_number_4[i]);
-        energy[i] = x1;
-    }
 
     {
         /* C.x; C.y; C.z; D.x; D.y; D.z; C.x D.x; C.y D.y; C.z D.z */
@@ -432,6 +411,258 @@ int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real D_z = q[5];
         const ncgen_real C_z = q[2];
         energy[1] = R(9.81) * D_z + (R(9.81) * C_z + R(0.9810000000000001));
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 326 operations, 4 of them elementary functions */
+int bennett_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[2], cosine[2];
+    (void)t;
+    (void)p;
+
+    ncgen_sincos(2, q + 12, sine, cosine);
+
+    {
+        /* row 1: 1000 distance B-C (body BC): |a|^2 - L^2 = 0 with a = B-C, L = 0.458258 */
+        const ncgen_real C_x = q[0];
+        const ncgen_real x1 = R(0.2) - C_x;
+        const ncgen_real C_y = q[1];
+        const ncgen_real x2 = R(0.2) - C_y;
+        const ncgen_real C_z = q[2];
+        const ncgen_real x3 = R(0.2) - C_z;
+        const ncgen_real x4 = R(1.0910894511799618) * (x1 * x1 + x2 * x2 + x3 * x3 - R(0.21000000000000005));
+        constraints[0] = x4;
+        const ncgen_real x5 = -(R(2.1821789023599236) * x1);
+        constraints[16] = x5;
+        const ncgen_real x6 = -(R(2.1821789023599236) * x2);
+        constraints[17] = x6;
+        const ncgen_real x7 = -(R(2.1821789023599236) * x3);
+        constraints[18] = x7;
+        const ncgen_real dC_x = qd[0];
+        const ncgen_real dC_y = qd[1];
+        const ncgen_real dC_z = qd[2];
+        const ncgen_real x8 = R(2.1821789023599236) * (dC_x * dC_x + dC_y * dC_y + dC_z * dC_z);
+        constraints[90] = -x8;
+        /* row 2: 1002 angle uB, C-B (body BC): u.a - L c = 0 with u = uB, a = C-B, L = 0.458258, c = 0 */
+        const ncgen_real x9 = R(0.26726124191242434) * x1 + R(0.5345224838248487) * x2 - R(0.8017837257372731) * x3;
+        constraints[1] = R(2.1821789023599236) * x9;
+        constraints[19] = NCGEN_SPLAT(-R(0.5832118435198042));
+        constraints[20] = NCGEN_SPLAT(-R(1.1664236870396083));
+        constraints[21] = NCGEN_SPLAT(R(1.7496355305594127));
+        constraints[91] = NCGEN_SPLAT(R(0.0));
+        /* row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC */
+        const ncgen_real uC_x = q[6];
+        const ncgen_real uC_y = q[7];
+        const ncgen_real uC_z = q[8];
+        const ncgen_real x10 = R(0.5) * (uC_x * uC_x + uC_y * uC_y + uC_z * uC_z - R(1.0));
+        constraints[2] = x10;
+        constraints[22] = uC_x;
+        constraints[23] = uC_y;
+        constraints[24] = uC_z;
+        const ncgen_real duC_x = qd[6];
+        const ncgen_real duC_y = qd[7];
+        const ncgen_real duC_z = qd[8];
+        constraints[92] = -(duC_x * duC_x + duC_y * duC_y + duC_z * duC_z);
+        /* row 4: 1002 angle uC, C-B (body BC): u.a - L c = 0 with u = uC, a = C-B, L = 0.458258, c = 0 */
+        const ncgen_real x11 = R(2.1821789023599236) * (x1 * uC_x + x2 * uC_y + x3 * uC_z);
+        constraints[3] = -x11;
+        constraints[25] = R(2.1821789023599236) * uC_x;
+        constraints[26] = R(2.1821789023599236) * uC_y;
+        constraints[27] = R(2.1821789023599236) * uC_z;
+        constraints[28] = x5;
+        constraints[29] = x6;
+        constraints[30] = x7;
+        const ncgen_real x12 = R(4.364357804719847) * (dC_x * duC_x + dC_y * duC_y + dC_z * duC_z);
+        constraints[93] = -x12;
+        /* row 5: 1003 angle uC, uB (body BC): u.v - c = 0 with u = uC, v = uB, c = 0.453743 */
+        const ncgen_real x13 = R(0.26726124191242434) * uC_x + R(0.5345224838248487) * uC_y;
+        const ncgen_real x14 = R(0.8017837257372731) * uC_z - x13 - R(0.45374260648651515);
+        constraints[4] = x14;
+        constraints[31] = NCGEN_SPLAT(-R(0.26726124191242434));
+        constraints[32] = NCGEN_SPLAT(-R(0.5345224838248487));
+        constraints[33] = NCGEN_SPLAT(R(0.8017837257372731));
+        constraints[94] = NCGEN_SPLAT(R(0.0));
+        /* row 6: 1000 distance C-D (body CD): |a|^2 - L^2 = 0 with a = C-D, L = 0.360555 */
+        const ncgen_real D_x = q[3];
+        const ncgen_real x15 = C_x - D_x;
+        const ncgen_real D_y = q[4];
+        const ncgen_real x16 = C_y - D_y;
+        const ncgen_real D_z = q[5];
+        const ncgen_real x17 = C_z - D_z;
+        const ncgen_real x18 = x15 * x15 + x16 * x16 + x17 * x17 - R(0.13000000000000003);
+        constraints[5] = R(1.3867504905630728) * x18;
+        const ncgen_real x19 = R(2.7735009811261455) * x15;
+        constraints[34] = x19;
+        const ncgen_real x20 = R(2.7735009811261455) * x16;
+        constraints[35] = x20;
+        const ncgen_real x21 = R(2.7735009811261455) * x17;
+        constraints[36] = x21;
+        const ncgen_real x22 = -x19;
+        constraints[37] = x22;
+        const ncgen_real x23 = -x20;
+        constraints[38] = x23;
+        const ncgen_real x24 = -x21;
+        constraints[39] = x24;
+        const ncgen_real dD_x = qd[3];
+        const ncgen_real x25 = dC_x - dD_x;
+        const ncgen_real dD_y = qd[4];
+        const ncgen_real x26 = dC_y - dD_y;
+        const ncgen_real dD_z = qd[5];
+        const ncgen_real x27 = dC_z - dD_z;
+        const ncgen_real x28 = R(2.7735009811261455) * (x25 * x25 + x26 * x26 + x27 * x27);
+        constraints[95] = -x28;
+        /* row 7: 1002 angle uC, D-C (body CD): u.a - L c = 0 with u = uC, a = D-C, L = 0.360555, c = 0 */
+        const ncgen_real x29 = R(2.7735009811261455) * (uC_x * x15 + uC_y * x16 + uC_z * x17);
+        constraints[6] = -x29;
+        const ncgen_real x30 = R(2.7735009811261455) * uC_x;
+        constraints[40] = -x30;
+        const ncgen_real x31 = R(2.7735009811261455) * uC_y;
+        constraints[41] = -x31;
+        const ncgen_real x32 = R(2.7735009811261455) * uC_z;
+        constraints[42] = -x32;
+        constraints[43] = x30;
+        constraints[44] = x31;
+        constraints[45] = x32;
+        constraints[46] = x22;
+        constraints[47] = x23;
+        constraints[48] = x24;
+        const ncgen_real x33 = R(5.547001962252291) * (duC_x * x25 + duC_y * x26 + duC_z * x27);
+        constraints[96] = x33;
+        /* row 8: 1001 unit uD (body CD): |u|^2 - 1 = 0 with u = uD */
+        const ncgen_real uD_x = q[9];
+        const ncgen_real uD_y = q[10];
+        const ncgen_real uD_z = q[11];
+        const ncgen_real x34 = R(0.5) * (uD_x * uD_x + uD_y * uD_y + uD_z * uD_z - R(1.0));
+        constraints[7] = x34;
+        constraints[49] = uD_x;
+        constraints[50] = uD_y;
+        constraints[51] = uD_z;
+        const ncgen_real duD_x = qd[9];
+        const ncgen_real duD_y = qd[10];
+        const ncgen_real duD_z = qd[11];
+        constraints[97] = -(duD_x * duD_x + duD_y * duD_y + duD_z * duD_z);
+        /* row 9: 1002 angle uD, D-C (body CD): u.a - L c = 0 with u = uD, a = D-C, L = 0.360555, c = 0 */
+        const ncgen_real x35 = R(2.7735009811261455) * (x15 * uD_x + x16 * uD_y + x17 * uD_z);
+        constraints[8] = -x35;
+        const ncgen_real x36 = R(2.7735009811261455) * uD_x;
+        constraints[52] = -x36;
+        const ncgen_real x37 = R(2.7735009811261455) * uD_y;
+        constraints[53] = -x37;
+        const ncgen_real x38 = R(2.7735009811261455) * uD_z;
+        constraints[54] = -x38;
+        constraints[55] = x36;
+        constraints[56] = x37;
+        constraints[57] = x38;
+        constraints[58] = x22;
+        constraints[59] = x23;
+        constraints[60] = x24;
+        const ncgen_real x39 = R(5.547001962252291) * (x25 * duD_x + x26 * duD_y + x27 * duD_z);
+        constraints[98] = x39;
+        /* row 10: 1003 angle uD, uC (body CD): u.v - c = 0 with u = uD, v = uC, c = -0.713024 */
+        const ncgen_real x40 = uC_x * uD_x + uC_y * uD_y + uC_z * uD_z + R(0.7130240959073809);
+        constraints[9] = x40;
+        constraints[61] = uD_x;
+        constraints[62] = uD_y;
+        constraints[63] = uD_z;
+        constraints[64] = uC_x;
+        constraints[65] = uC_y;
+        constraints[66] = uC_z;
+        const ncgen_real x41 = -(R(2.0) * (duC_x * duD_x + duC_y * duD_y + duC_z * duD_z));
+        constraints[99] = x41;
+        /* row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258 */
+        const ncgen_real x42 = D_x - R(0.2);
+        const ncgen_real x43 = D_y + R(0.1);
+        const ncgen_real x44 = x42 * x42 + x43 * x43 + D_z * D_z - R(0.21000000000000005);
+        constraints[10] = R(1.0910894511799618) * x44;
+        const ncgen_real x45 = R(2.1821789023599236) * x42;
+        constraints[67] = x45;
+        constraints[68] = R(2.1821789023599236) * x43;
+        const ncgen_real x46 = R(2.1821789023599236) * D_z;
+        constraints[69] = x46;
+        const ncgen_real x47 = R(2.1821789023599236) * (dD_x * dD_x + dD_y * dD_y + dD_z * dD_z);
+        constraints[100] = -x47;
+        /* row 12: 1002 angle uD, A-D (body DA): u.a - L c = 0 with u = uD, a = A-D, L = 0.458258, c = 0 */
+        const ncgen_real x48 = -R(0.1) - D_y;
+        const ncgen_real x49 = R(2.1821789023599236) * (uD_y * x48 - uD_x * x42 - D_z * uD_z);
+        constraints[11] = x49;
+        constraints[70] = -(R(2.1821789023599236) * uD_x);
+        constraints[71] = -(R(2.1821789023599236) * uD_y);
+        constraints[72] = -(R(2.1821789023599236) * uD_z);
+        constraints[73] = -x45;
+        constraints[74] = R(2.1821789023599236) * x48;
+        constraints[75] = -x46;
+        const ncgen_real x50 = R(4.364357804719847) * (dD_x * duD_x + dD_y * duD_y + dD_z * duD_z);
+        constraints[101] = x50;
+        /* row 13: 1002 angle uA, A-D (body DA): u.a - L c = 0 with u = uA, a = A-D, L = 0.458258, c = 0 */
+        const ncgen_real x51 = R(0.485071250072666) * x42 + R(0.485071250072666) * x48 + R(0.727606875108999) * D_z;
+        constraints[12] = R(2.1821789023599236) * x51;
+        constraints[76] = NCGEN_SPLAT(R(1.0585122480499263));
+        constraints[77] = NCGEN_SPLAT(-R(1.0585122480499263));
+        constraints[78] = NCGEN_SPLAT(R(1.5877683720748894));
+        constraints[102] = NCGEN_SPLAT(R(0.0));
+        /* row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743 */
+        const ncgen_real x52 = R(0.485071250072666) * uD_y - R(0.485071250072666) * uD_x;
+        const ncgen_real x53 = x52 - R(0.727606875108999) * uD_z - R(0.45374260648651515);
+        constraints[13] = x53;
+        constraints[79] = NCGEN_SPLAT(-R(0.485071250072666));
+        constraints[80] = NCGEN_SPLAT(R(0.485071250072666));
+        constraints[81] = NCGEN_SPLAT(-R(0.727606875108999));
+        constraints[103] = NCGEN_SPLAT(R(0.0));
+        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
+        const ncgen_real x54 = R(0.30000000000000004) * x48 - R(0.2) * D_z;
+        const ncgen_real sin_theta1 = sine[0];
+        const ncgen_real x55 = R(0.485071250072666) * (R(0.2) * x48 + R(0.30000000000000004) * D_z);
+        const ncgen_real x56 = R(0.0970142500145332) * x42;
+        const ncgen_real x57 = R(0.21828206253269974) * x42;
+        const ncgen_real x58 = x55 - x56 - x57;
+        const ncgen_real cos_theta1 = cosine[0];
+        const ncgen_real x59 = R(6.052275326688023) * (x54 * sin_theta1 + x58 * cos_theta1);
+        constraints[14] = x59;
+        constraints[82] = -(R(1.9082600930253333) * cos_theta1);
+        const ncgen_real x60 = R(0.30000000000000004) * sin_theta1 + R(0.0970142500145332) * cos_theta1;
+        constraints[83] = -(R(6.052275326688023) * x60);
+        const ncgen_real x61 = R(0.2) * sin_theta1 - R(0.14552137502179982) * cos_theta1;
+        constraints[84] = -(R(6.052275326688023) * x61);
+        const ncgen_real x62 = R(6.052275326688023) * (x54 * cos_theta1 - sin_theta1 * x58);
+        constraints[85] = x62;
+        const ncgen_real dtheta1 = qd[12];
+        const ncgen_real x63 = dtheta1 * dtheta1;
+        const ncgen_real x64 = R(2.0) * dtheta1;
+        const ncgen_real x65 = cos_theta1 * (x64 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
+        const ncgen_real x66 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
+        const ncgen_real x67 = R(0.21828206253269974) * dD_x - x66 + R(0.0970142500145332) * dD_x;
+        const ncgen_real x68 = sin_theta1 * (x54 * x63) + x65 - sin_theta1 * (x64 * x67);
+        const ncgen_real x69 = R(6.052275326688023) * (x68 + cos_theta1 * (x63 * (x55 - x57 - x56)));
+        constraints[104] = x69;
+        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
+        const ncgen_real x70 = R(0.26726124191242434) * (R(0.2) * x2 - R(0.30000000000000004) * x3);
+        const ncgen_real x71 = R(0.10690449676496974) * x1;
+        const ncgen_real x72 = R(0.24053511772118197) * x1;
+        const ncgen_real x73 = x70 - x71 - x72;
+        const ncgen_real cos_theta2 = cosine[1];
+        const ncgen_real x74 = R(0.30000000000000004) * x2 + R(0.2) * x3;
+        const ncgen_real sin_theta2 = sine[1];
+        const ncgen_real x75 = R(6.052275326688023) * (x73 * cos_theta2 - x74 * sin_theta2);
+        constraints[15] = x75;
+        constraints[86] = R(2.1028002062685345) * cos_theta2;
+        const ncgen_real x76 = R(0.30000000000000004) * sin_theta2 - R(0.05345224838248487) * cos_theta2;
+        constraints[87] = R(6.052275326688023) * x76;
+        const ncgen_real x77 = R(0.2) * sin_theta2 + R(0.08017837257372731) * cos_theta2;
+        constraints[88] = R(6.052275326688023) * x77;
+        const ncgen_real x78 = R(6.052275326688023) * (cos_theta2 * x74 + x73 * sin_theta2);
+        constraints[89] = -x78;
+        const ncgen_real dtheta2 = qd[13];
+        const ncgen_real x79 = R(2.0) * dtheta2;
+        const ncgen_real x80 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
+        const ncgen_real x81 = x80 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
+        const ncgen_real x82 = dtheta2 * dtheta2;
+        const ncgen_real x83 = cos_theta2 * (x79 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
+        const ncgen_real x84 = sin_theta2 * (x79 * x81) - (sin_theta2 * (x74 * x82) + x83);
+        const ncgen_real x85 = R(6.052275326688023) * (x84 + cos_theta2 * (x82 * (x70 - x72 - x71)));
+        constraints[105] = x85;
     }
 
     return NCGEN_OK;
@@ -504,7 +735,7 @@ const ncgen_model *bennett_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bennett",
-        .fingerprint = "a995e74083d82991",
+        .fingerprint = "56afbd563b43c086",
         .n_coordinates = 14,
         .n_rows = 16,
         .n_parameters = 0,
@@ -520,6 +751,7 @@ const ncgen_model *bennett_model(void)
         .mass = bennett_mass,
         .force = bennett_force,
         .energy = bennett_energy,
+        .constraints = bennett_constraints,
     };
     return &model;
 }

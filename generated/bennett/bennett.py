@@ -70,23 +70,12 @@ MASS_PATTERN = (
 )
 
 _number_1 = np.array([
-    0.0, 0.0, 0.0, -0.5832118435198042, -1.1664236870396083, 1.7496355305594127, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, -0.26726124191242434, -0.5345224838248487, 0.8017837257372731, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0585122480499263,
-    -1.0585122480499263, 1.5877683720748894, -0.485071250072666, 0.485071250072666, -0.727606875108999, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-])
-_number_2 = np.array([
     0.6666666666666666, 0.16666666666666666, 0.6666666666666666, 0.16666666666666666, 0.6666666666666666,
     0.16666666666666666, 0.16666666666666666, 0.6666666666666667, 0.16666666666666666, 0.6666666666666667,
     0.16666666666666666, 0.6666666666666667
 ])
-_number_3 = np.array([
+_number_2 = np.array([
     0.0, 0.0, -9.81, 0.0, 0.0, -9.81, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-])
-_number_4 = np.array([
-    0.0, 0.9810000000000001, 0.0
 ])
 
 
@@ -97,7 +86,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """16 numbers, 139 operations."""
+    """16 numbers, 135 operations."""
     t = np.asarray(t)
     phi = _output(16, t, q, p)
     sine = np.sin(q[..., 12:14])
@@ -112,96 +101,96 @@ def phi(t, q, p):
     x4 = 1.0910894511799618 * (x1 * x1 + x2 * x2 + x3 * x3 - 0.21000000000000005)
     phi[..., 0] = x4
     # row 2: 1002 angle uB, C-B (body BC): u.a - L c = 0 with u = uB, a = C-B, L = 0.458258, c = 0
-    x5 = C_z - 0.2
-    x6 = C_x - 0.2
-    x7 = C_y - 0.2
-    x8 = 0.8017837257372731 * x5 - (0.26726124191242434 * x6 + 0.5345224838248487 * x7)
-    phi[..., 1] = 2.1821789023599236 * x8
+    x5 = 0.26726124191242434 * x1 + 0.5345224838248487 * x2 - 0.8017837257372731 * x3
+    phi[..., 1] = 2.1821789023599236 * x5
     # row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC
     uC_x = q[..., 6]
     uC_y = q[..., 7]
     uC_z = q[..., 8]
     phi[..., 2] = 0.5 * (uC_x * uC_x + uC_y * uC_y + uC_z * uC_z - 1.0)
     # row 4: 1002 angle uC, C-B (body BC): u.a - L c = 0 with u = uC, a = C-B, L = 0.458258, c = 0
-    phi[..., 3] = 2.1821789023599236 * (x6 * uC_x + x7 * uC_y + x5 * uC_z)
+    x6 = -(2.1821789023599236 * (x1 * uC_x + x2 * uC_y + x3 * uC_z))
+    phi[..., 3] = x6
     # row 5: 1003 angle uC, uB (body BC): u.v - c = 0 with u = uC, v = uB, c = 0.453743
-    x9 = 0.8017837257372731 * uC_z - (0.26726124191242434 * uC_x + 0.5345224838248487 * uC_y)
-    phi[..., 4] = x9 - 0.45374260648651515
+    x7 = 0.8017837257372731 * uC_z - (0.26726124191242434 * uC_x + 0.5345224838248487 * uC_y)
+    phi[..., 4] = x7 - 0.45374260648651515
     # row 6: 1000 distance C-D (body CD): |a|^2 - L^2 = 0 with a = C-D, L = 0.360555
     D_x = q[..., 3]
-    x10 = C_x - D_x
+    x8 = C_x - D_x
     D_y = q[..., 4]
-    x11 = C_y - D_y
+    x9 = C_y - D_y
     D_z = q[..., 5]
-    x12 = C_z - D_z
-    x13 = 1.3867504905630728 * (x10 * x10 + x11 * x11 + x12 * x12 - 0.13000000000000003)
-    phi[..., 5] = x13
+    x10 = C_z - D_z
+    x11 = 1.3867504905630728 * (x8 * x8 + x9 * x9 + x10 * x10 - 0.13000000000000003)
+    phi[..., 5] = x11
     # row 7: 1002 angle uC, D-C (body CD): u.a - L c = 0 with u = uC, a = D-C, L = 0.360555, c = 0
-    x14 = D_x - C_x
-    x15 = D_y - C_y
-    x16 = D_z - C_z
-    x17 = 2.7735009811261455 * (uC_x * x14 + uC_y * x15 + uC_z * x16)
-    phi[..., 6] = x17
+    x12 = 2.7735009811261455 * (uC_x * x8 + uC_y * x9 + uC_z * x10)
+    phi[..., 6] = -x12
     # row 8: 1001 unit uD (body CD): |u|^2 - 1 = 0 with u = uD
     uD_x = q[..., 9]
     uD_y = q[..., 10]
     uD_z = q[..., 11]
     phi[..., 7] = 0.5 * (uD_x * uD_x + uD_y * uD_y + uD_z * uD_z - 1.0)
     # row 9: 1002 angle uD, D-C (body CD): u.a - L c = 0 with u = uD, a = D-C, L = 0.360555, c = 0
-    x18 = 2.7735009811261455 * (uD_x * x14 + uD_y * x15 + uD_z * x16)
-    phi[..., 8] = x18
+    x13 = 2.7735009811261455 * (uD_x * x8 + uD_y * x9 + uD_z * x10)
+    phi[..., 8] = -x13
     # row 10: 1003 angle uD, uC (body CD): u.v - c = 0 with u = uD, v = uC, c = -0.713024
-    x19 = uC_x * uD_x + uC_y * uD_y + uC_z * uD_z + 0.7130240959073809
-    phi[..., 9] = x19
+    x14 = uC_x * uD_x + uC_y * uD_y + uC_z * uD_z + 0.7130240959073809
+    phi[..., 9] = x14
     # row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258
-    x20 = D_x - 0.2
-    x21 = D_y + 0.1
-    x22 = 1.0910894511799618 * (x20 * x20 + x21 * x21 + D_z * D_z - 0.21000000000000005)
-    phi[..., 10] = x22
+    x15 = D_x - 0.2
+    x16 = D_y + 0.1
+    x17 = 1.0910894511799618 * (x15 * x15 + x16 * x16 + D_z * D_z - 0.21000000000000005)
+    phi[..., 10] = x17
     # row 12: 1002 angle uD, A-D (body DA): u.a - L c = 0 with u = uD, a = A-D, L = 0.458258, c = 0
-    x23 = 0.2 - D_x
-    x24 = -0.1 - D_y
-    x25 = 2.1821789023599236 * (uD_x * x23 + uD_y * x24 - uD_z * D_z)
-    phi[..., 11] = x25
+    x18 = -0.1 - D_y
+    x19 = 2.1821789023599236 * (uD_y * x18 - uD_x * x15 - uD_z * D_z)
+    phi[..., 11] = x19
     # row 13: 1002 angle uA, A-D (body DA): u.a - L c = 0 with u = uA, a = A-D, L = 0.458258, c = 0
-    x26 = 0.485071250072666 * x24 - 0.485071250072666 * x23 + 0.727606875108999 * D_z
-    phi[..., 12] = 2.1821789023599236 * x26
+    x20 = 0.485071250072666 * x15 + 0.485071250072666 * x18 + 0.727606875108999 * D_z
+    phi[..., 12] = 2.1821789023599236 * x20
     # row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743
-    x27 = 0.485071250072666 * uD_y - 0.485071250072666 * uD_x - 0.727606875108999 * uD_z
-    phi[..., 13] = x27 - 0.45374260648651515
+    x21 = 0.485071250072666 * uD_y - 0.485071250072666 * uD_x - 0.727606875108999 * uD_z
+    phi[..., 13] = x21 - 0.45374260648651515
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
     sin_theta1 = sine[..., 0]
-    x28 = 0.485071250072666 * (0.2 * x24 + 0.30000000000000004 * D_z)
-    x29 = x28 + 0.0970142500145332 * x23 + 0.21828206253269974 * x23
+    x22 = 0.485071250072666 * (0.2 * x18 + 0.30000000000000004 * D_z)
+    x23 = x22 - 0.0970142500145332 * x15 - 0.21828206253269974 * x15
     cos_theta1 = cosine[..., 0]
-    x30 = (0.30000000000000004 * x24 - 0.2 * D_z) * sin_theta1 + x29 * cos_theta1
-    phi[..., 14] = 6.052275326688023 * x30
+    x24 = (0.30000000000000004 * x18 - 0.2 * D_z) * sin_theta1 + x23 * cos_theta1
+    phi[..., 14] = 6.052275326688023 * x24
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
-    sin_theta2 = sine[..., 1]
-    x31 = 0.26726124191242434 * (0.30000000000000004 * x5 - 0.2 * x7)
-    x32 = x31 + 0.10690449676496974 * x6 + 0.24053511772118197 * x6
+    x25 = 0.26726124191242434 * (0.2 * x2 - 0.30000000000000004 * x3)
+    x26 = x25 - 0.10690449676496974 * x1 - 0.24053511772118197 * x1
     cos_theta2 = cosine[..., 1]
-    x33 = (0.30000000000000004 * x7 + 0.2 * x5) * sin_theta2 + x32 * cos_theta2
-    phi[..., 15] = 6.052275326688023 * x33
+    sin_theta2 = sine[..., 1]
+    x27 = x26 * cos_theta2 - (0.30000000000000004 * x2 + 0.2 * x3) * sin_theta2
+    phi[..., 15] = 6.052275326688023 * x27
     return phi
 
 
 def phi_q(t, q, p):
-    """74 numbers, 116 operations."""
+    """74 numbers, 104 operations."""
     t = np.asarray(t)
     phi_q = _output(74, t, q, p)
     sine = np.sin(q[..., 12:14])
     cosine = np.cos(q[..., 12:14])
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:74] = x1
     # row 1: 1000 distance B-C (body BC): |a|^2 - L^2 = 0 with a = B-C, L = 0.458258
     C_x = q[..., 0]
-    phi_q[..., 0] = -(2.1821789023599236 * (0.2 - C_x))
+    x1 = 0.2 - C_x
+    x2 = -(2.1821789023599236 * x1)
+    phi_q[..., 0] = x2
     C_y = q[..., 1]
-    phi_q[..., 1] = -(2.1821789023599236 * (0.2 - C_y))
+    x3 = 0.2 - C_y
+    x4 = -(2.1821789023599236 * x3)
+    phi_q[..., 1] = x4
     C_z = q[..., 2]
-    phi_q[..., 2] = -(2.1821789023599236 * (0.2 - C_z))
+    x5 = 0.2 - C_z
+    x6 = -(2.1821789023599236 * x5)
+    phi_q[..., 2] = x6
+    phi_q[..., 3] = -0.5832118435198042
+    phi_q[..., 4] = -1.1664236870396083
+    phi_q[..., 5] = 1.7496355305594127
     # row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC
     uC_x = q[..., 6]
     phi_q[..., 6] = uC_x
@@ -213,40 +202,40 @@ def phi_q(t, q, p):
     phi_q[..., 9] = 2.1821789023599236 * uC_x
     phi_q[..., 10] = 2.1821789023599236 * uC_y
     phi_q[..., 11] = 2.1821789023599236 * uC_z
-    x1 = C_x - 0.2
-    phi_q[..., 12] = 2.1821789023599236 * x1
-    x2 = C_y - 0.2
-    phi_q[..., 13] = 2.1821789023599236 * x2
-    x3 = C_z - 0.2
-    phi_q[..., 14] = 2.1821789023599236 * x3
+    phi_q[..., 12] = x2
+    phi_q[..., 13] = x4
+    phi_q[..., 14] = x6
+    phi_q[..., 15] = -0.26726124191242434
+    phi_q[..., 16] = -0.5345224838248487
+    phi_q[..., 17] = 0.8017837257372731
     # row 6: 1000 distance C-D (body CD): |a|^2 - L^2 = 0 with a = C-D, L = 0.360555
     D_x = q[..., 3]
-    x4 = 2.7735009811261455 * (C_x - D_x)
-    phi_q[..., 18] = x4
+    x7 = 2.7735009811261455 * (C_x - D_x)
+    phi_q[..., 18] = x7
     D_y = q[..., 4]
-    x5 = 2.7735009811261455 * (C_y - D_y)
-    phi_q[..., 19] = x5
+    x8 = 2.7735009811261455 * (C_y - D_y)
+    phi_q[..., 19] = x8
     D_z = q[..., 5]
-    x6 = 2.7735009811261455 * (C_z - D_z)
-    phi_q[..., 20] = x6
-    phi_q[..., 21] = -x4
-    phi_q[..., 22] = -x5
-    phi_q[..., 23] = -x6
+    x9 = 2.7735009811261455 * (C_z - D_z)
+    phi_q[..., 20] = x9
+    x10 = -x7
+    phi_q[..., 21] = x10
+    x11 = -x8
+    phi_q[..., 22] = x11
+    x12 = -x9
+    phi_q[..., 23] = x12
     # row 7: 1002 angle uC, D-C (body CD): u.a - L c = 0 with u = uC, a = D-C, L = 0.360555, c = 0
-    x7 = 2.7735009811261455 * uC_x
-    phi_q[..., 24] = -x7
-    x8 = 2.7735009811261455 * uC_y
-    phi_q[..., 25] = -x8
-    x9 = 2.7735009811261455 * uC_z
-    phi_q[..., 26] = -x9
-    phi_q[..., 27] = x7
-    phi_q[..., 28] = x8
-    phi_q[..., 29] = x9
-    x10 = 2.7735009811261455 * (D_x - C_x)
+    x13 = 2.7735009811261455 * uC_x
+    phi_q[..., 24] = -x13
+    x14 = 2.7735009811261455 * uC_y
+    phi_q[..., 25] = -x14
+    x15 = 2.7735009811261455 * uC_z
+    phi_q[..., 26] = -x15
+    phi_q[..., 27] = x13
+    phi_q[..., 28] = x14
+    phi_q[..., 29] = x15
     phi_q[..., 30] = x10
-    x11 = 2.7735009811261455 * (D_y - C_y)
     phi_q[..., 31] = x11
-    x12 = 2.7735009811261455 * (D_z - C_z)
     phi_q[..., 32] = x12
     # row 8: 1001 unit uD (body CD): |u|^2 - 1 = 0 with u = uD
     uD_x = q[..., 9]
@@ -256,15 +245,15 @@ def phi_q(t, q, p):
     uD_z = q[..., 11]
     phi_q[..., 35] = uD_z
     # row 9: 1002 angle uD, D-C (body CD): u.a - L c = 0 with u = uD, a = D-C, L = 0.360555, c = 0
-    x13 = 2.7735009811261455 * uD_x
-    phi_q[..., 36] = -x13
-    x14 = 2.7735009811261455 * uD_y
-    phi_q[..., 37] = -x14
-    x15 = 2.7735009811261455 * uD_z
-    phi_q[..., 38] = -x15
-    phi_q[..., 39] = x13
-    phi_q[..., 40] = x14
-    phi_q[..., 41] = x15
+    x16 = 2.7735009811261455 * uD_x
+    phi_q[..., 36] = -x16
+    x17 = 2.7735009811261455 * uD_y
+    phi_q[..., 37] = -x17
+    x18 = 2.7735009811261455 * uD_z
+    phi_q[..., 38] = -x18
+    phi_q[..., 39] = x16
+    phi_q[..., 40] = x17
+    phi_q[..., 41] = x18
     phi_q[..., 42] = x10
     phi_q[..., 43] = x11
     phi_q[..., 44] = x12
@@ -276,60 +265,66 @@ def phi_q(t, q, p):
     phi_q[..., 49] = uC_y
     phi_q[..., 50] = uC_z
     # row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258
-    phi_q[..., 51] = 2.1821789023599236 * (D_x - 0.2)
+    x19 = D_x - 0.2
+    x20 = 2.1821789023599236 * x19
+    phi_q[..., 51] = x20
     phi_q[..., 52] = 2.1821789023599236 * (D_y + 0.1)
-    x16 = 2.1821789023599236 * D_z
-    phi_q[..., 53] = x16
+    x21 = 2.1821789023599236 * D_z
+    phi_q[..., 53] = x21
     # row 12: 1002 angle uD, A-D (body DA): u.a - L c = 0 with u = uD, a = A-D, L = 0.458258, c = 0
     phi_q[..., 54] = -(2.1821789023599236 * uD_x)
     phi_q[..., 55] = -(2.1821789023599236 * uD_y)
     phi_q[..., 56] = -(2.1821789023599236 * uD_z)
-    x17 = 0.2 - D_x
-    phi_q[..., 57] = 2.1821789023599236 * x17
-    x18 = -0.1 - D_y
-    phi_q[..., 58] = 2.1821789023599236 * x18
-    phi_q[..., 59] = -x16
+    phi_q[..., 57] = -x20
+    x22 = -0.1 - D_y
+    phi_q[..., 58] = 2.1821789023599236 * x22
+    phi_q[..., 59] = -x21
+    phi_q[..., 60] = 1.0585122480499263
+    phi_q[..., 61] = -1.0585122480499263
+    phi_q[..., 62] = 1.5877683720748894
+    phi_q[..., 63] = -0.485071250072666
+    phi_q[..., 64] = 0.485071250072666
+    phi_q[..., 65] = -0.727606875108999
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
     cos_theta1 = cosine[..., 0]
     phi_q[..., 66] = -(1.9082600930253333 * cos_theta1)
     sin_theta1 = sine[..., 0]
-    x19 = 0.30000000000000004 * sin_theta1 + 0.0970142500145332 * cos_theta1
-    phi_q[..., 67] = -(6.052275326688023 * x19)
-    x20 = 6.052275326688023 * (0.2 * sin_theta1 - 0.14552137502179982 * cos_theta1)
-    phi_q[..., 68] = -x20
-    x21 = 0.485071250072666 * (0.2 * x18 + 0.30000000000000004 * D_z)
-    x22 = x21 + 0.0970142500145332 * x17 + 0.21828206253269974 * x17
-    x23 = cos_theta1 * (0.30000000000000004 * x18 - 0.2 * D_z) - sin_theta1 * x22
-    phi_q[..., 69] = 6.052275326688023 * x23
+    x23 = 0.30000000000000004 * sin_theta1 + 0.0970142500145332 * cos_theta1
+    phi_q[..., 67] = -(6.052275326688023 * x23)
+    x24 = 6.052275326688023 * (0.2 * sin_theta1 - 0.14552137502179982 * cos_theta1)
+    phi_q[..., 68] = -x24
+    x25 = 0.485071250072666 * (0.2 * x22 + 0.30000000000000004 * D_z)
+    x26 = x25 - 0.0970142500145332 * x19 - 0.21828206253269974 * x19
+    x27 = cos_theta1 * (0.30000000000000004 * x22 - 0.2 * D_z) - sin_theta1 * x26
+    phi_q[..., 69] = 6.052275326688023 * x27
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
     cos_theta2 = cosine[..., 1]
     phi_q[..., 70] = 2.1028002062685345 * cos_theta2
     sin_theta2 = sine[..., 1]
-    x24 = 0.30000000000000004 * sin_theta2 - 0.05345224838248487 * cos_theta2
-    phi_q[..., 71] = 6.052275326688023 * x24
-    x25 = 6.052275326688023 * (0.2 * sin_theta2 + 0.08017837257372731 * cos_theta2)
-    phi_q[..., 72] = x25
-    x26 = 0.26726124191242434 * (0.30000000000000004 * x3 - 0.2 * x2)
-    x27 = x26 + 0.10690449676496974 * x1 + 0.24053511772118197 * x1
-    x28 = cos_theta2 * (0.30000000000000004 * x2 + 0.2 * x3) - sin_theta2 * x27
-    phi_q[..., 73] = 6.052275326688023 * x28
+    x28 = 0.30000000000000004 * sin_theta2 - 0.05345224838248487 * cos_theta2
+    phi_q[..., 71] = 6.052275326688023 * x28
+    x29 = 6.052275326688023 * (0.2 * sin_theta2 + 0.08017837257372731 * cos_theta2)
+    phi_q[..., 72] = x29
+    x30 = 0.26726124191242434 * (0.2 * x3 - 0.30000000000000004 * x5)
+    x31 = x30 - 0.10690449676496974 * x1 - 0.24053511772118197 * x1
+    x32 = cos_theta2 * (0.30000000000000004 * x3 + 0.2 * x5) + sin_theta2 * x31
+    phi_q[..., 73] = -(6.052275326688023 * x32)
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """16 numbers, 154 operations."""
+    """16 numbers, 149 operations."""
     t = np.asarray(t)
     gamma = _output(16, t, q, qd, p)
     sine = np.sin(q[..., 12:14])
     cosine = np.cos(q[..., 12:14])
-    # constant part
-    gamma[..., 0:16] = 0.0
     # row 1: 1000 distance B-C (body BC): |a|^2 - L^2 = 0 with a = B-C, L = 0.458258
     dC_x = qd[..., 0]
     dC_y = qd[..., 1]
     dC_z = qd[..., 2]
     x1 = 2.1821789023599236 * (dC_x * dC_x + dC_y * dC_y + dC_z * dC_z)
     gamma[..., 0] = -x1
+    gamma[..., 1] = 0.0
     # row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC
     duC_x = qd[..., 6]
     duC_y = qd[..., 7]
@@ -338,6 +333,7 @@ def gamma(t, q, qd, p):
     # row 4: 1002 angle uC, C-B (body BC): u.a - L c = 0 with u = uC, a = C-B, L = 0.458258, c = 0
     x2 = 4.364357804719847 * (dC_x * duC_x + dC_y * duC_y + dC_z * duC_z)
     gamma[..., 3] = -x2
+    gamma[..., 4] = 0.0
     # row 6: 1000 distance C-D (body CD): |a|^2 - L^2 = 0 with a = C-D, L = 0.360555
     dD_x = qd[..., 3]
     x3 = dC_x - dD_x
@@ -347,66 +343,65 @@ def gamma(t, q, qd, p):
     x5 = dC_z - dD_z
     gamma[..., 5] = -(2.7735009811261455 * (x3 * x3 + x4 * x4 + x5 * x5))
     # row 7: 1002 angle uC, D-C (body CD): u.a - L c = 0 with u = uC, a = D-C, L = 0.360555, c = 0
-    x6 = dD_x - dC_x
-    x7 = dD_y - dC_y
-    x8 = dD_z - dC_z
-    x9 = 5.547001962252291 * (duC_x * x6 + duC_y * x7 + duC_z * x8)
-    gamma[..., 6] = -x9
+    x6 = 5.547001962252291 * (duC_x * x3 + duC_y * x4 + duC_z * x5)
+    gamma[..., 6] = x6
     # row 8: 1001 unit uD (body CD): |u|^2 - 1 = 0 with u = uD
     duD_x = qd[..., 9]
     duD_y = qd[..., 10]
     duD_z = qd[..., 11]
     gamma[..., 7] = -(duD_x * duD_x + duD_y * duD_y + duD_z * duD_z)
     # row 9: 1002 angle uD, D-C (body CD): u.a - L c = 0 with u = uD, a = D-C, L = 0.360555, c = 0
-    x10 = 5.547001962252291 * (duD_x * x6 + duD_y * x7 + duD_z * x8)
-    gamma[..., 8] = -x10
+    x7 = 5.547001962252291 * (duD_x * x3 + duD_y * x4 + duD_z * x5)
+    gamma[..., 8] = x7
     # row 10: 1003 angle uD, uC (body CD): u.v - c = 0 with u = uD, v = uC, c = -0.713024
     gamma[..., 9] = -(2.0 * (duC_x * duD_x + duC_y * duD_y + duC_z * duD_z))
     # row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258
-    x11 = 2.1821789023599236 * (dD_x * dD_x + dD_y * dD_y + dD_z * dD_z)
-    gamma[..., 10] = -x11
+    x8 = 2.1821789023599236 * (dD_x * dD_x + dD_y * dD_y + dD_z * dD_z)
+    gamma[..., 10] = -x8
     # row 12: 1002 angle uD, A-D (body DA): u.a - L c = 0 with u = uD, a = A-D, L = 0.458258, c = 0
-    x12 = 4.364357804719847 * (duD_x * dD_x + duD_y * dD_y + duD_z * dD_z)
-    gamma[..., 11] = x12
+    x9 = 4.364357804719847 * (duD_x * dD_x + duD_y * dD_y + duD_z * dD_z)
+    gamma[..., 11] = x9
+    gamma[..., 12] = 0.0
+    gamma[..., 13] = 0.0
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
     sin_theta1 = sine[..., 0]
     D_y = q[..., 4]
-    x13 = -0.1 - D_y
+    x10 = -0.1 - D_y
     D_z = q[..., 5]
     dtheta1 = qd[..., 12]
-    x14 = dtheta1 * dtheta1
-    x15 = sin_theta1 * ((0.30000000000000004 * x13 - 0.2 * D_z) * x14)
+    x11 = dtheta1 * dtheta1
+    x12 = sin_theta1 * ((0.30000000000000004 * x10 - 0.2 * D_z) * x11)
     cos_theta1 = cosine[..., 0]
-    x16 = 2.0 * dtheta1
-    x17 = cos_theta1 * (x16 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
-    x18 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
-    x19 = 0.21828206253269974 * dD_x - x18 + 0.0970142500145332 * dD_x
-    x20 = 0.485071250072666 * (0.2 * x13 + 0.30000000000000004 * D_z)
+    x13 = 2.0 * dtheta1
+    x14 = cos_theta1 * (x13 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
+    x15 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
+    x16 = 0.21828206253269974 * dD_x - x15 + 0.0970142500145332 * dD_x
     D_x = q[..., 3]
-    x21 = 0.2 - D_x
-    x22 = x20 + 0.21828206253269974 * x21 + 0.0970142500145332 * x21
-    x23 = x15 + x17 - sin_theta1 * (x16 * x19) + cos_theta1 * (x14 * x22)
-    gamma[..., 14] = 6.052275326688023 * x23
+    x17 = 0.2 - D_x
+    x18 = 0.485071250072666 * (0.2 * x10 + 0.30000000000000004 * D_z)
+    x19 = 0.0970142500145332 * x17 + (x18 + 0.21828206253269974 * x17)
+    x20 = x12 + x14 - sin_theta1 * (x13 * x16) + cos_theta1 * (x11 * x19)
+    gamma[..., 14] = 6.052275326688023 * x20
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
     sin_theta2 = sine[..., 1]
     C_y = q[..., 1]
-    x24 = C_y - 0.2
+    x21 = C_y - 0.2
     C_z = q[..., 2]
-    x25 = C_z - 0.2
+    x22 = C_z - 0.2
     dtheta2 = qd[..., 13]
-    x26 = dtheta2 * dtheta2
-    x27 = sin_theta2 * ((0.30000000000000004 * x24 + 0.2 * x25) * x26)
+    x23 = dtheta2 * dtheta2
+    x24 = sin_theta2 * ((0.30000000000000004 * x21 + 0.2 * x22) * x23)
     cos_theta2 = cosine[..., 1]
-    x28 = 2.0 * dtheta2
-    x29 = cos_theta2 * (x28 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
-    x30 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
-    x31 = x30 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
-    x32 = 0.26726124191242434 * (0.30000000000000004 * x25 - 0.2 * x24)
+    x25 = 2.0 * dtheta2
+    x26 = cos_theta2 * (x25 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
+    x27 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
+    x28 = x27 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
     C_x = q[..., 0]
-    x33 = C_x - 0.2
-    x34 = x32 + 0.24053511772118197 * x33 + 0.10690449676496974 * x33
-    x35 = x27 - x29 + sin_theta2 * (x28 * x31) + cos_theta2 * (x26 * x34)
-    gamma[..., 15] = 6.052275326688023 * x35
+    x29 = C_x - 0.2
+    x30 = 0.26726124191242434 * (0.30000000000000004 * x22 - 0.2 * x21)
+    x31 = 0.10690449676496974 * x29 + (x30 + 0.24053511772118197 * x29)
+    x32 = x24 - x26 + sin_theta2 * (x25 * x28) + cos_theta2 * (x23 * x31)
+    gamma[..., 15] = 6.052275326688023 * x32
     return gamma
 
 
@@ -415,7 +410,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(12, t, q, p)
     # constant part
-    x1 = _number_2
+    x1 = _number_1
     mass[..., 0:12] = x1
     return mass
 
@@ -425,7 +420,7 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(14, t, q, qd, p)
     # constant part
-    x1 = _number_3
+    x1 = _number_2
     force[..., 0:14] = x1
     return force
 
@@ -434,9 +429,6 @@ def energy(t, q, qd, p):
     """3 numbers, 30 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    x1 = _number_4
-    energy[..., 0:3] = x1
     # C.x; C.y; C.z; D.x; D.y; D.z; C.x D.x; C.y D.y; C.z D.z
     dD_z = qd[..., 5]
     dC_z = qd[..., 2]
@@ -453,4 +445,246 @@ def energy(t, q, qd, p):
     D_z = q[..., 5]
     C_z = q[..., 2]
     energy[..., 1] = 9.81 * D_z + (9.81 * C_z + 0.9810000000000001)
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """106 numbers, 326 operations."""
+    t = np.asarray(t)
+    constraints = _output(106, t, q, qd, p)
+    sine = np.sin(q[..., 12:14])
+    cosine = np.cos(q[..., 12:14])
+    # row 1: 1000 distance B-C (body BC): |a|^2 - L^2 = 0 with a = B-C, L = 0.458258
+    C_x = q[..., 0]
+    x1 = 0.2 - C_x
+    C_y = q[..., 1]
+    x2 = 0.2 - C_y
+    C_z = q[..., 2]
+    x3 = 0.2 - C_z
+    x4 = 1.0910894511799618 * (x1 * x1 + x2 * x2 + x3 * x3 - 0.21000000000000005)
+    constraints[..., 0] = x4
+    x5 = -(2.1821789023599236 * x1)
+    constraints[..., 16] = x5
+    x6 = -(2.1821789023599236 * x2)
+    constraints[..., 17] = x6
+    x7 = -(2.1821789023599236 * x3)
+    constraints[..., 18] = x7
+    dC_x = qd[..., 0]
+    dC_y = qd[..., 1]
+    dC_z = qd[..., 2]
+    x8 = 2.1821789023599236 * (dC_x * dC_x + dC_y * dC_y + dC_z * dC_z)
+    constraints[..., 90] = -x8
+    # row 2: 1002 angle uB, C-B (body BC): u.a - L c = 0 with u = uB, a = C-B, L = 0.458258, c = 0
+    x9 = 0.26726124191242434 * x1 + 0.5345224838248487 * x2 - 0.8017837257372731 * x3
+    constraints[..., 1] = 2.1821789023599236 * x9
+    constraints[..., 19] = -0.5832118435198042
+    constraints[..., 20] = -1.1664236870396083
+    constraints[..., 21] = 1.7496355305594127
+    constraints[..., 91] = 0.0
+    # row 3: 1001 unit uC (body BC): |u|^2 - 1 = 0 with u = uC
+    uC_x = q[..., 6]
+    uC_y = q[..., 7]
+    uC_z = q[..., 8]
+    constraints[..., 2] = 0.5 * (uC_x * uC_x + uC_y * uC_y + uC_z * uC_z - 1.0)
+    constraints[..., 22] = uC_x
+    constraints[..., 23] = uC_y
+    constraints[..., 24] = uC_z
+    duC_x = qd[..., 6]
+    duC_y = qd[..., 7]
+    duC_z = qd[..., 8]
+    constraints[..., 92] = -(duC_x * duC_x + duC_y * duC_y + duC_z * duC_z)
+    # row 4: 1002 angle uC, C-B (body BC): u.a - L c = 0 with u = uC, a = C-B, L = 0.458258, c = 0
+    x10 = -(2.1821789023599236 * (x1 * uC_x + x2 * uC_y + x3 * uC_z))
+    constraints[..., 3] = x10
+    constraints[..., 25] = 2.1821789023599236 * uC_x
+    constraints[..., 26] = 2.1821789023599236 * uC_y
+    constraints[..., 27] = 2.1821789023599236 * uC_z
+    constraints[..., 28] = x5
+    constraints[..., 29] = x6
+    constraints[..., 30] = x7
+    x11 = 4.364357804719847 * (dC_x * duC_x + dC_y * duC_y + dC_z * duC_z)
+    constraints[..., 93] = -x11
+    # row 5: 1003 angle uC, uB (body BC): u.v - c = 0 with u = uC, v = uB, c = 0.453743
+    x12 = 0.8017837257372731 * uC_z - (0.26726124191242434 * uC_x + 0.5345224838248487 * uC_y)
+    constraints[..., 4] = x12 - 0.45374260648651515
+    constraints[..., 31] = -0.26726124191242434
+    constraints[..., 32] = -0.5345224838248487
+    constraints[..., 33] = 0.8017837257372731
+    constraints[..., 94] = 0.0
+    # row 6: 1000 distance C-D (body CD): |a|^2 - L^2 = 0 with a = C-D, L = 0.360555
+    D_x = q[..., 3]
+    x13 = C_x - D_x
+    D_y = q[..., 4]
+    x14 = C_y - D_y
+    D_z = q[..., 5]
+    x15 = C_z - D_z
+    x16 = 1.3867504905630728 * (x13 * x13 + x14 * x14 + x15 * x15 - 0.13000000000000003)
+    constraints[..., 5] = x16
+    x17 = 2.7735009811261455 * x13
+    constraints[..., 34] = x17
+    x18 = 2.7735009811261455 * x14
+    constraints[..., 35] = x18
+    x19 = 2.7735009811261455 * x15
+    constraints[..., 36] = x19
+    x20 = -x17
+    constraints[..., 37] = x20
+    x21 = -x18
+    constraints[..., 38] = x21
+    x22 = -x19
+    constraints[..., 39] = x22
+    dD_x = qd[..., 3]
+    x23 = dC_x - dD_x
+    dD_y = qd[..., 4]
+    x24 = dC_y - dD_y
+    dD_z = qd[..., 5]
+    x25 = dC_z - dD_z
+    x26 = -(2.7735009811261455 * (x23 * x23 + x24 * x24 + x25 * x25))
+    constraints[..., 95] = x26
+    # row 7: 1002 angle uC, D-C (body CD): u.a - L c = 0 with u = uC, a = D-C, L = 0.360555, c = 0
+    x27 = 2.7735009811261455 * (uC_x * x13 + uC_y * x14 + uC_z * x15)
+    constraints[..., 6] = -x27
+    x28 = 2.7735009811261455 * uC_x
+    constraints[..., 40] = -x28
+    x29 = 2.7735009811261455 * uC_y
+    constraints[..., 41] = -x29
+    x30 = 2.7735009811261455 * uC_z
+    constraints[..., 42] = -x30
+    constraints[..., 43] = x28
+    constraints[..., 44] = x29
+    constraints[..., 45] = x30
+    constraints[..., 46] = x20
+    constraints[..., 47] = x21
+    constraints[..., 48] = x22
+    x31 = 5.547001962252291 * (duC_x * x23 + duC_y * x24 + duC_z * x25)
+    constraints[..., 96] = x31
+    # row 8: 1001 unit uD (body CD): |u|^2 - 1 = 0 with u = uD
+    uD_x = q[..., 9]
+    uD_y = q[..., 10]
+    uD_z = q[..., 11]
+    constraints[..., 7] = 0.5 * (uD_x * uD_x + uD_y * uD_y + uD_z * uD_z - 1.0)
+    constraints[..., 49] = uD_x
+    constraints[..., 50] = uD_y
+    constraints[..., 51] = uD_z
+    duD_x = qd[..., 9]
+    duD_y = qd[..., 10]
+    duD_z = qd[..., 11]
+    constraints[..., 97] = -(duD_x * duD_x + duD_y * duD_y + duD_z * duD_z)
+    # row 9: 1002 angle uD, D-C (body CD): u.a - L c = 0 with u = uD, a = D-C, L = 0.360555, c = 0
+    x32 = 2.7735009811261455 * (x13 * uD_x + x14 * uD_y + x15 * uD_z)
+    constraints[..., 8] = -x32
+    x33 = 2.7735009811261455 * uD_x
+    constraints[..., 52] = -x33
+    x34 = 2.7735009811261455 * uD_y
+    constraints[..., 53] = -x34
+    x35 = 2.7735009811261455 * uD_z
+    constraints[..., 54] = -x35
+    constraints[..., 55] = x33
+    constraints[..., 56] = x34
+    constraints[..., 57] = x35
+    constraints[..., 58] = x20
+    constraints[..., 59] = x21
+    constraints[..., 60] = x22
+    x36 = 5.547001962252291 * (x23 * duD_x + x24 * duD_y + x25 * duD_z)
+    constraints[..., 98] = x36
+    # row 10: 1003 angle uD, uC (body CD): u.v - c = 0 with u = uD, v = uC, c = -0.713024
+    x37 = uC_x * uD_x + uC_y * uD_y + uC_z * uD_z + 0.7130240959073809
+    constraints[..., 9] = x37
+    constraints[..., 61] = uD_x
+    constraints[..., 62] = uD_y
+    constraints[..., 63] = uD_z
+    constraints[..., 64] = uC_x
+    constraints[..., 65] = uC_y
+    constraints[..., 66] = uC_z
+    constraints[..., 99] = -(2.0 * (duC_x * duD_x + duC_y * duD_y + duC_z * duD_z))
+    # row 11: 1000 distance D-A (body DA): |a|^2 - L^2 = 0 with a = D-A, L = 0.458258
+    x38 = D_x - 0.2
+    x39 = D_y + 0.1
+    x40 = 1.0910894511799618 * (x38 * x38 + x39 * x39 + D_z * D_z - 0.21000000000000005)
+    constraints[..., 10] = x40
+    x41 = 2.1821789023599236 * x38
+    constraints[..., 67] = x41
+    constraints[..., 68] = 2.1821789023599236 * x39
+    x42 = 2.1821789023599236 * D_z
+    constraints[..., 69] = x42
+    x43 = 2.1821789023599236 * (dD_x * dD_x + dD_y * dD_y + dD_z * dD_z)
+    constraints[..., 100] = -x43
+    # row 12: 1002 angle uD, A-D (body DA): u.a - L c = 0 with u = uD, a = A-D, L = 0.458258, c = 0
+    x44 = -0.1 - D_y
+    x45 = 2.1821789023599236 * (uD_y * x44 - uD_x * x38 - D_z * uD_z)
+    constraints[..., 11] = x45
+    constraints[..., 70] = -(2.1821789023599236 * uD_x)
+    constraints[..., 71] = -(2.1821789023599236 * uD_y)
+    constraints[..., 72] = -(2.1821789023599236 * uD_z)
+    constraints[..., 73] = -x41
+    constraints[..., 74] = 2.1821789023599236 * x44
+    constraints[..., 75] = -x42
+    x46 = 4.364357804719847 * (dD_x * duD_x + dD_y * duD_y + dD_z * duD_z)
+    constraints[..., 101] = x46
+    # row 13: 1002 angle uA, A-D (body DA): u.a - L c = 0 with u = uA, a = A-D, L = 0.458258, c = 0
+    x47 = 0.485071250072666 * x38 + 0.485071250072666 * x44 + 0.727606875108999 * D_z
+    constraints[..., 12] = 2.1821789023599236 * x47
+    constraints[..., 76] = 1.0585122480499263
+    constraints[..., 77] = -1.0585122480499263
+    constraints[..., 78] = 1.5877683720748894
+    constraints[..., 102] = 0.0
+    # row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743
+    x48 = 0.485071250072666 * uD_y - 0.485071250072666 * uD_x - 0.727606875108999 * uD_z
+    constraints[..., 13] = x48 - 0.45374260648651515
+    constraints[..., 79] = -0.485071250072666
+    constraints[..., 80] = 0.485071250072666
+    constraints[..., 81] = -0.727606875108999
+    constraints[..., 103] = 0.0
+    # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
+    x49 = 0.30000000000000004 * x44 - 0.2 * D_z
+    sin_theta1 = sine[..., 0]
+    x50 = 0.485071250072666 * (0.2 * x44 + 0.30000000000000004 * D_z)
+    x51 = 0.0970142500145332 * x38
+    x52 = 0.21828206253269974 * x38
+    x53 = x50 - x51 - x52
+    cos_theta1 = cosine[..., 0]
+    x54 = 6.052275326688023 * (x49 * sin_theta1 + x53 * cos_theta1)
+    constraints[..., 14] = x54
+    constraints[..., 82] = -(1.9082600930253333 * cos_theta1)
+    x55 = 0.30000000000000004 * sin_theta1 + 0.0970142500145332 * cos_theta1
+    constraints[..., 83] = -(6.052275326688023 * x55)
+    x56 = 6.052275326688023 * (0.2 * sin_theta1 - 0.14552137502179982 * cos_theta1)
+    constraints[..., 84] = -x56
+    x57 = 6.052275326688023 * (x49 * cos_theta1 - sin_theta1 * x53)
+    constraints[..., 85] = x57
+    dtheta1 = qd[..., 12]
+    x58 = dtheta1 * dtheta1
+    x59 = 2.0 * dtheta1
+    x60 = cos_theta1 * (x59 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
+    x61 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
+    x62 = 0.21828206253269974 * dD_x - x61 + 0.0970142500145332 * dD_x
+    x63 = sin_theta1 * (x49 * x58) + x60 - sin_theta1 * (x59 * x62)
+    x64 = 6.052275326688023 * (x63 + cos_theta1 * (x58 * (x50 - x52 - x51)))
+    constraints[..., 104] = x64
+    # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
+    x65 = 0.26726124191242434 * (0.2 * x2 - 0.30000000000000004 * x3)
+    x66 = 0.10690449676496974 * x1
+    x67 = 0.24053511772118197 * x1
+    x68 = x65 - x66 - x67
+    cos_theta2 = cosine[..., 1]
+    x69 = 0.30000000000000004 * x2 + 0.2 * x3
+    sin_theta2 = sine[..., 1]
+    x70 = 6.052275326688023 * (x68 * cos_theta2 - x69 * sin_theta2)
+    constraints[..., 15] = x70
+    constraints[..., 86] = 2.1028002062685345 * cos_theta2
+    x71 = 0.30000000000000004 * sin_theta2 - 0.05345224838248487 * cos_theta2
+    constraints[..., 87] = 6.052275326688023 * x71
+    x72 = 6.052275326688023 * (0.2 * sin_theta2 + 0.08017837257372731 * cos_theta2)
+    constraints[..., 88] = x72
+    x73 = 6.052275326688023 * (cos_theta2 * x69 + x68 * sin_theta2)
+    constraints[..., 89] = -x73
+    dtheta2 = qd[..., 13]
+    x74 = 2.0 * dtheta2
+    x75 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
+    x76 = x75 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
+    x77 = dtheta2 * dtheta2
+    x78 = cos_theta2 * (x74 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
+    x79 = sin_theta2 * (x74 * x76) - (sin_theta2 * (x69 * x77) + x78)
+    x80 = 6.052275326688023 * (x79 + cos_theta2 * (x77 * (x65 - x67 - x66)))
+    constraints[..., 105] = x80
+    return constraints

@@ -6,20 +6,7 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar bricard_number_1[124] = {
-    R(0.0), R(0.0), R(0.0), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), -R(1.0), R(1.0)
-};
-static const ncgen_scalar bricard_number_2[30] = {
+static const ncgen_scalar bricard_number_1[30] = {
     R(0.6666666666666666), R(0.16666666666666669), R(0.6666666666666666), R(0.16666666666666669),
     R(0.6666666666666666), R(0.16666666666666669), R(0.16666666666666669), R(0.6666666666666666),
     R(0.16666666666666669), R(0.16666666666666669), R(0.6666666666666666), R(0.16666666666666669),
@@ -29,14 +16,14 @@ static const ncgen_scalar bricard_number_2[30] = {
     R(0.16666666666666669), R(0.6666666666666666), R(0.16666666666666669), R(0.6666666666666666),
     R(0.16666666666666669), R(0.6666666666666666)
 };
-static const ncgen_scalar bricard_number_3[24] = {
+static const ncgen_scalar bricard_number_2[24] = {
     R(0.0), -R(9.81), R(0.0), R(0.0), -R(9.81), R(0.0), R(0.0), -R(9.81), R(0.0), R(0.0), -R(9.81),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0)
 };
 
 
-/* phi: 139 operations */
+/* phi: 136 operations */
 int bricard_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -70,72 +57,63 @@ int bricard_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x5 = P2_z - P3_z;
         phi[5] = R(0.5) * (x3 * x3 + x4 * x4 + x5 * x5 - R(1.0));
         /* row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
-        const ncgen_real x6 = P3_x - P2_x;
-        const ncgen_real x7 = P3_y - P2_y;
-        const ncgen_real x8 = P3_z - P2_z;
-        phi[6] = u2_x * x6 + u2_y * x7 + u2_z * x8;
+        phi[6] = -(u2_x * x3 + u2_y * x4 + u2_z * x5);
         /* row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
         const ncgen_real u3_x = q[15];
         const ncgen_real u3_y = q[16];
         const ncgen_real u3_z = q[17];
-        const ncgen_real x9 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
-        phi[7] = x9;
+        const ncgen_real x6 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
+        phi[7] = x6;
         /* row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
-        phi[8] = u3_x * x6 + u3_y * x7 + u3_z * x8;
+        phi[8] = -(u3_x * x3 + u3_y * x4 + u3_z * x5);
         /* row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
         phi[9] = u2_x * u3_x + u2_y * u3_y + u2_z * u3_z;
         /* row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
         const ncgen_real P4_x = q[6];
-        const ncgen_real x10 = P3_x - P4_x;
+        const ncgen_real x7 = P3_x - P4_x;
         const ncgen_real P4_y = q[7];
-        const ncgen_real x11 = P3_y - P4_y;
+        const ncgen_real x8 = P3_y - P4_y;
         const ncgen_real P4_z = q[8];
-        const ncgen_real x12 = P3_z - P4_z;
-        phi[10] = R(0.5) * (x10 * x10 + x11 * x11 + x12 * x12 - R(1.0));
+        const ncgen_real x9 = P3_z - P4_z;
+        phi[10] = R(0.5) * (x7 * x7 + x8 * x8 + x9 * x9 - R(1.0));
         /* row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
-        const ncgen_real x13 = P4_x - P3_x;
-        const ncgen_real x14 = P4_y - P3_y;
-        const ncgen_real x15 = P4_z - P3_z;
-        phi[11] = u3_x * x13 + u3_y * x14 + u3_z * x15;
+        phi[11] = -(u3_x * x7 + u3_y * x8 + u3_z * x9);
         /* row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
         const ncgen_real u4_x = q[18];
         const ncgen_real u4_y = q[19];
         const ncgen_real u4_z = q[20];
-        const ncgen_real x16 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
-        phi[12] = x16;
+        const ncgen_real x10 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
+        phi[12] = x10;
         /* row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
-        phi[13] = u4_x * x13 + u4_y * x14 + u4_z * x15;
+        phi[13] = -(u4_x * x7 + u4_y * x8 + u4_z * x9);
         /* row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
         phi[14] = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z;
         /* row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
         const ncgen_real P5_x = q[9];
-        const ncgen_real x17 = P4_x - P5_x;
+        const ncgen_real x11 = P4_x - P5_x;
         const ncgen_real P5_y = q[10];
-        const ncgen_real x18 = P4_y - P5_y;
+        const ncgen_real x12 = P4_y - P5_y;
         const ncgen_real P5_z = q[11];
-        const ncgen_real x19 = P4_z - P5_z;
-        phi[15] = R(0.5) * (x17 * x17 + x18 * x18 + x19 * x19 - R(1.0));
+        const ncgen_real x13 = P4_z - P5_z;
+        phi[15] = R(0.5) * (x11 * x11 + x12 * x12 + x13 * x13 - R(1.0));
         /* row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
-        const ncgen_real x20 = P5_x - P4_x;
-        const ncgen_real x21 = P5_y - P4_y;
-        const ncgen_real x22 = P5_z - P4_z;
-        phi[16] = u4_x * x20 + u4_y * x21 + u4_z * x22;
+        phi[16] = -(u4_x * x11 + u4_y * x12 + u4_z * x13);
         /* row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
         const ncgen_real u5_x = q[21];
         const ncgen_real u5_y = q[22];
         const ncgen_real u5_z = q[23];
-        const ncgen_real x23 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
-        phi[17] = x23;
+        const ncgen_real x14 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+        phi[17] = x14;
         /* row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
-        phi[18] = u5_x * x20 + u5_y * x21 + u5_z * x22;
+        phi[18] = -(u5_x * x11 + u5_y * x12 + u5_z * x13);
         /* row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
         phi[19] = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z;
         /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
-        const ncgen_real x24 = P5_z - R(1.0);
-        const ncgen_real x25 = R(0.5) * (P5_x * P5_x + P5_y * P5_y + x24 * x24 - R(1.0));
-        phi[20] = x25;
+        const ncgen_real x15 = P5_z - R(1.0);
+        const ncgen_real x16 = R(0.5) * (P5_x * P5_x + P5_y * P5_y + x15 * x15 - R(1.0));
+        phi[20] = x16;
         /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
-        phi[21] = u5_z * (R(1.0) - P5_z) - (u5_x * P5_x + u5_y * P5_y);
+        phi[21] = -(u5_x * P5_x + u5_y * P5_y + u5_z * x15);
         /* row 23: 1002 angle u6, P6-P5 (body rod5): u.a - L c = 0 with u = u6, a = P6-P5, L = 1, c = 0 */
         phi[22] = -P5_x;
         /* row 24: 1003 angle u6, u5 (body rod5): u.v - c = 0 with u = u6, v = u5, c = 0 */
@@ -150,12 +128,6 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 124; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(bricard_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance P1-P2 (body rod1): |a|^2 - L^2 = 0 with a = P1-P2, L = 1 */
         const ncgen_real P2_x = q[0];
@@ -164,6 +136,7 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[1] = P2_y;
         const ncgen_real P2_z = q[2];
         phi_q[2] = P2_z;
+        phi_q[3] = NCGEN_SPLAT(R(1.0));
         /* row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
         const ncgen_real u2_x = q[12];
         phi_q[4] = u2_x;
@@ -178,19 +151,23 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[10] = P2_x;
         phi_q[11] = P2_y;
         phi_q[12] = P2_z;
+        phi_q[13] = NCGEN_SPLAT(R(1.0));
         /* row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
         const ncgen_real P3_x = q[3];
-        phi_q[14] = P2_x - P3_x;
+        const ncgen_real x1 = P2_x - P3_x;
+        phi_q[14] = x1;
         const ncgen_real P3_y = q[4];
-        phi_q[15] = P2_y - P3_y;
+        const ncgen_real x2 = P2_y - P3_y;
+        phi_q[15] = x2;
         const ncgen_real P3_z = q[5];
-        phi_q[16] = P2_z - P3_z;
-        const ncgen_real x1 = P3_x - P2_x;
-        phi_q[17] = x1;
-        const ncgen_real x2 = P3_y - P2_y;
-        phi_q[18] = x2;
-        const ncgen_real x3 = P3_z - P2_z;
-        phi_q[19] = x3;
+        const ncgen_real x3 = P2_z - P3_z;
+        phi_q[16] = x3;
+        const ncgen_real x4 = -x1;
+        phi_q[17] = x4;
+        const ncgen_real x5 = -x2;
+        phi_q[18] = x5;
+        const ncgen_real x6 = -x3;
+        phi_q[19] = x6;
         /* row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
         phi_q[20] = -u2_x;
         phi_q[21] = -u2_y;
@@ -198,9 +175,9 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[23] = u2_x;
         phi_q[24] = u2_y;
         phi_q[25] = u2_z;
-        phi_q[26] = x1;
-        phi_q[27] = x2;
-        phi_q[28] = x3;
+        phi_q[26] = x4;
+        phi_q[27] = x5;
+        phi_q[28] = x6;
         /* row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
         const ncgen_real u3_x = q[15];
         phi_q[29] = u3_x;
@@ -209,18 +186,18 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real u3_z = q[17];
         phi_q[31] = u3_z;
         /* row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
-        const ncgen_real x4 = -u3_x;
-        phi_q[32] = x4;
-        const ncgen_real x5 = -u3_y;
-        phi_q[33] = x5;
-        const ncgen_real x6 = -u3_z;
-        phi_q[34] = x6;
+        const ncgen_real x7 = -u3_x;
+        phi_q[32] = x7;
+        const ncgen_real x8 = -u3_y;
+        phi_q[33] = x8;
+        const ncgen_real x9 = -u3_z;
+        phi_q[34] = x9;
         phi_q[35] = u3_x;
         phi_q[36] = u3_y;
         phi_q[37] = u3_z;
-        phi_q[38] = x1;
-        phi_q[39] = x2;
-        phi_q[40] = x3;
+        phi_q[38] = x4;
+        phi_q[39] = x5;
+        phi_q[40] = x6;
         /* row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
         phi_q[41] = u3_x;
         phi_q[42] = u3_y;
@@ -230,27 +207,30 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[46] = u2_z;
         /* row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
         const ncgen_real P4_x = q[6];
-        phi_q[47] = P3_x - P4_x;
+        const ncgen_real x10 = P3_x - P4_x;
+        phi_q[47] = x10;
         const ncgen_real P4_y = q[7];
-        phi_q[48] = P3_y - P4_y;
+        const ncgen_real x11 = P3_y - P4_y;
+        phi_q[48] = x11;
         const ncgen_real P4_z = q[8];
-        phi_q[49] = P3_z - P4_z;
-        const ncgen_real x7 = P4_x - P3_x;
-        phi_q[50] = x7;
-        const ncgen_real x8 = P4_y - P3_y;
-        phi_q[51] = x8;
-        const ncgen_real x9 = P4_z - P3_z;
-        phi_q[52] = x9;
+        const ncgen_real x12 = P3_z - P4_z;
+        phi_q[49] = x12;
+        const ncgen_real x13 = -x10;
+        phi_q[50] = x13;
+        const ncgen_real x14 = -x11;
+        phi_q[51] = x14;
+        const ncgen_real x15 = -x12;
+        phi_q[52] = x15;
         /* row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
-        phi_q[53] = x4;
-        phi_q[54] = x5;
-        phi_q[55] = x6;
+        phi_q[53] = x7;
+        phi_q[54] = x8;
+        phi_q[55] = x9;
         phi_q[56] = u3_x;
         phi_q[57] = u3_y;
         phi_q[58] = u3_z;
-        phi_q[59] = x7;
-        phi_q[60] = x8;
-        phi_q[61] = x9;
+        phi_q[59] = x13;
+        phi_q[60] = x14;
+        phi_q[61] = x15;
         /* row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
         const ncgen_real u4_x = q[18];
         phi_q[62] = u4_x;
@@ -259,18 +239,18 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real u4_z = q[20];
         phi_q[64] = u4_z;
         /* row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
-        const ncgen_real x10 = -u4_x;
-        phi_q[65] = x10;
-        const ncgen_real x11 = -u4_y;
-        phi_q[66] = x11;
-        const ncgen_real x12 = -u4_z;
-        phi_q[67] = x12;
+        const ncgen_real x16 = -u4_x;
+        phi_q[65] = x16;
+        const ncgen_real x17 = -u4_y;
+        phi_q[66] = x17;
+        const ncgen_real x18 = -u4_z;
+        phi_q[67] = x18;
         phi_q[68] = u4_x;
         phi_q[69] = u4_y;
         phi_q[70] = u4_z;
-        phi_q[71] = x7;
-        phi_q[72] = x8;
-        phi_q[73] = x9;
+        phi_q[71] = x13;
+        phi_q[72] = x14;
+        phi_q[73] = x15;
         /* row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
         phi_q[74] = u4_x;
         phi_q[75] = u4_y;
@@ -280,27 +260,30 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[79] = u3_z;
         /* row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
         const ncgen_real P5_x = q[9];
-        phi_q[80] = P4_x - P5_x;
+        const ncgen_real x19 = P4_x - P5_x;
+        phi_q[80] = x19;
         const ncgen_real P5_y = q[10];
-        phi_q[81] = P4_y - P5_y;
+        const ncgen_real x20 = P4_y - P5_y;
+        phi_q[81] = x20;
         const ncgen_real P5_z = q[11];
-        phi_q[82] = P4_z - P5_z;
-        const ncgen_real x13 = P5_x - P4_x;
-        phi_q[83] = x13;
-        const ncgen_real x14 = P5_y - P4_y;
-        phi_q[84] = x14;
-        const ncgen_real x15 = P5_z - P4_z;
-        phi_q[85] = x15;
+        const ncgen_real x21 = P4_z - P5_z;
+        phi_q[82] = x21;
+        const ncgen_real x22 = -x19;
+        phi_q[83] = x22;
+        const ncgen_real x23 = -x20;
+        phi_q[84] = x23;
+        const ncgen_real x24 = -x21;
+        phi_q[85] = x24;
         /* row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
-        phi_q[86] = x10;
-        phi_q[87] = x11;
-        phi_q[88] = x12;
+        phi_q[86] = x16;
+        phi_q[87] = x17;
+        phi_q[88] = x18;
         phi_q[89] = u4_x;
         phi_q[90] = u4_y;
         phi_q[91] = u4_z;
-        phi_q[92] = x13;
-        phi_q[93] = x14;
-        phi_q[94] = x15;
+        phi_q[92] = x22;
+        phi_q[93] = x23;
+        phi_q[94] = x24;
         /* row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
         const ncgen_real u5_x = q[21];
         phi_q[95] = u5_x;
@@ -309,18 +292,18 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real u5_z = q[23];
         phi_q[97] = u5_z;
         /* row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
-        const ncgen_real x16 = -u5_x;
-        phi_q[98] = x16;
-        const ncgen_real x17 = -u5_y;
-        phi_q[99] = x17;
-        const ncgen_real x18 = -u5_z;
-        phi_q[100] = x18;
+        const ncgen_real x25 = -u5_x;
+        phi_q[98] = x25;
+        const ncgen_real x26 = -u5_y;
+        phi_q[99] = x26;
+        const ncgen_real x27 = -u5_z;
+        phi_q[100] = x27;
         phi_q[101] = u5_x;
         phi_q[102] = u5_y;
         phi_q[103] = u5_z;
-        phi_q[104] = x13;
-        phi_q[105] = x14;
-        phi_q[106] = x15;
+        phi_q[104] = x22;
+        phi_q[105] = x23;
+        phi_q[106] = x24;
         /* row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
         phi_q[107] = u5_x;
         phi_q[108] = u5_y;
@@ -331,29 +314,27 @@ int bricard_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
         phi_q[113] = P5_x;
         phi_q[114] = P5_y;
-        phi_q[115] = P5_z - R(1.0);
+        const ncgen_real x28 = P5_z - R(1.0);
+        phi_q[115] = x28;
         /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
-        phi_q[116] = x16;
-        phi_q[117] = x17;
-        phi_q[118] = x18;
+        phi_q[116] = x25;
+        phi_q[117] = x26;
+        phi_q[118] = x27;
         phi_q[119] = -P5_x;
         phi_q[120] = -P5_y;
-        phi_q[121] = R(1.0) - P5_z;
+        phi_q[121] = -x28;
+        phi_q[122] = NCGEN_SPLAT(-R(1.0));
+        phi_q[123] = NCGEN_SPLAT(R(1.0));
     }
 
     return NCGEN_OK;
 }
-/* gamma: 148 operations */
+/* gamma: 133 operations */
 int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     (void)t;
     (void)q;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 24; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1000 distance P1-P2 (body rod1): |a|^2 - L^2 = 0 with a = P1-P2, L = 1 */
@@ -361,6 +342,7 @@ int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dP2_y = qd[1];
         const ncgen_real dP2_z = qd[2];
         gamma[0] = -(dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z);
+        gamma[1] = NCGEN_SPLAT(R(0.0));
         /* row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
         const ncgen_real du2_x = qd[12];
         const ncgen_real du2_y = qd[13];
@@ -369,6 +351,7 @@ int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0 */
         const ncgen_real x1 = -(R(2.0) * (dP2_x * du2_x + dP2_y * du2_y + dP2_z * du2_z));
         gamma[3] = x1;
+        gamma[4] = NCGEN_SPLAT(R(0.0));
         /* row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
         const ncgen_real dP3_x = qd[3];
         const ncgen_real x2 = dP2_x - dP3_x;
@@ -378,70 +361,63 @@ int bricard_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x4 = dP2_z - dP3_z;
         gamma[5] = -(x2 * x2 + x3 * x3 + x4 * x4);
         /* row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
-        const ncgen_real x5 = dP3_x - dP2_x;
-        const ncgen_real x6 = dP3_y - dP2_y;
-        const ncgen_real x7 = dP3_z - dP2_z;
-        gamma[6] = -(R(2.0) * (du2_x * x5 + du2_y * x6 + du2_z * x7));
+        gamma[6] = R(2.0) * (du2_x * x2 + du2_y * x3 + du2_z * x4);
         /* row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
         const ncgen_real du3_x = qd[15];
         const ncgen_real du3_y = qd[16];
         const ncgen_real du3_z = qd[17];
         gamma[7] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
         /* row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
-        gamma[8] = -(R(2.0) * (du3_x * x5 + du3_y * x6 + du3_z * x7));
+        gamma[8] = R(2.0) * (du3_x * x2 + du3_y * x3 + du3_z * x4);
         /* row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
-        const ncgen_real x8 = -(R(2.0) * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z));
-        gamma[9] = x8;
+        const ncgen_real x5 = -(R(2.0) * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z));
+        gamma[9] = x5;
         /* row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
         const ncgen_real dP4_x = qd[6];
-        const ncgen_real x9 = dP3_x - dP4_x;
+        const ncgen_real x6 = dP3_x - dP4_x;
         const ncgen_real dP4_y = qd[7];
-        const ncgen_real x10 = dP3_y - dP4_y;
+        const ncgen_real x7 = dP3_y - dP4_y;
         const ncgen_real dP4_z = qd[8];
-        const ncgen_real x11 = dP3_z - dP4_z;
-        gamma[10] = -(x9 * x9 + x10 * x10 + x11 * x11);
+        const ncgen_real x8 = dP3_z - dP4_z;
+        gamma[10] = -(x6 * x6 + x7 * x7 + x8 * x8);
         /* row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
-        const ncgen_real x12 = dP4_x - dP3_x;
-        const ncgen_real x13 = dP4_y - dP3_y;
-        const ncgen_real x14 = dP4_z - dP3_z;
-        gamma[11] = -(R(2.0) * (du3_x * x12 + du3_y * x13 + du3_z * x14));
+        gamma[11] = R(2.0) * (du3_x * x6 + du3_y * x7 + du3_z * x8);
         /* row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
         const ncgen_real du4_x = qd[18];
         const ncgen_real du4_y = qd[19];
         const ncgen_real du4_z = qd[20];
         gamma[12] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
         /* row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
-        gamma[13] = -(R(2.0) * (du4_x * x12 + du4_y * x13 + du4_z * x14));
+        gamma[13] = R(2.0) * (du4_x * x6 + du4_y * x7 + du4_z * x8);
         /* row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
-        const ncgen_real x15 = -(R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
-        gamma[14] = x15;
+        const ncgen_real x9 = -(R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+        gamma[14] = x9;
         /* row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
         const ncgen_real dP5_x = qd[9];
-        const ncgen_real x16 = dP4_x - dP5_x;
+        const ncgen_real x10 = dP4_x - dP5_x;
         const ncgen_real dP5_y = qd[10];
-        const ncgen_real x17 = dP4_y - dP5_y;
+        const ncgen_real x11 = dP4_y - dP5_y;
         const ncgen_real dP5_z = qd[11];
-        const ncgen_real x18 = dP4_z - dP5_z;
-        gamma[15] = -(x16 * x16 + x17 * x17 + x18 * x18);
+        const ncgen_real x12 = dP4_z - dP5_z;
+        gamma[15] = -(x10 * x10 + x11 * x11 + x12 * x12);
         /* row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
-        const ncgen_real x19 = dP5_x - dP4_x;
-        const ncgen_real x20 = dP5_y - dP4_y;
-        const ncgen_real x21 = dP5_z - dP4_z;
-        gamma[16] = -(R(2.0) * (du4_x * x19 + du4_y * x20 + du4_z * x21));
+        gamma[16] = R(2.0) * (du4_x * x10 + du4_y * x11 + du4_z * x12);
         /* row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
         const ncgen_real du5_x = qd[21];
         const ncgen_real du5_y = qd[22];
         const ncgen_real du5_z = qd[23];
         gamma[17] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
         /* row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
-        gamma[18] = -(R(2.0) * (du5_x * x19 + du5_y * x20 + du5_z * x21));
+        gamma[18] = R(2.0) * (du5_x * x10 + du5_y * x11 + du5_z * x12);
         /* row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
-        const ncgen_real x22 = -(R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
-        gamma[19] = x22;
+        const ncgen_real x13 = -(R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+        gamma[19] = x13;
         /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
         gamma[20] = -(dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z);
         /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
         gamma[21] = R(2.0) * (du5_x * dP5_x + du5_y * dP5_y + du5_z * dP5_z);
+        gamma[22] = NCGEN_SPLAT(R(0.0));
+        gamma[23] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -455,7 +431,7 @@ int bricard_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(bricard_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(bricard_number_1[i]);
         mass[i] = x1;
     }
 
@@ -471,7 +447,7 @@ int bricard_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     /* constant part */
     for (int i = 0; i < 24; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(bricard_number_3[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(bricard_number_2[i]);
         force[i] = x1;
     }
 
@@ -482,11 +458,6 @@ int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* P2.x; P2.y; P2.z; P3.x; P3.y; P3.z; P4.x; P4.y; P4.z; P5.x; P5.y; P5.z; P2.x P3.x; P2.y P3.y; P2.z P3.z; P3.x P4.x; P3.y P4.y; P3.z P4.z; P4.x P5.x; P4.y P5.y; P4.z P5.z */
@@ -520,6 +491,310 @@ int bricard_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real P3_y = q[4];
         const ncgen_real x11 = R(9.81) * P5_y + (R(9.81) * P4_y + (R(9.81) * P2_y + R(9.81) * P3_y));
         energy[1] = x11;
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 292 operations */
+int bricard_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance P1-P2 (body rod1): |a|^2 - L^2 = 0 with a = P1-P2, L = 1 */
+        const ncgen_real P2_x = q[0];
+        const ncgen_real P2_y = q[1];
+        const ncgen_real P2_z = q[2];
+        const ncgen_real x1 = R(0.5) * (P2_x * P2_x + P2_y * P2_y + P2_z * P2_z - R(1.0));
+        constraints[0] = x1;
+        constraints[24] = P2_x;
+        constraints[25] = P2_y;
+        constraints[26] = P2_z;
+        const ncgen_real dP2_x = qd[0];
+        const ncgen_real dP2_y = qd[1];
+        const ncgen_real dP2_z = qd[2];
+        constraints[148] = -(dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z);
+        /* row 2: 1002 angle u1, P2-P1 (body rod1): u.a - L c = 0 with u = u1, a = P2-P1, L = 1, c = 0 */
+        constraints[1] = P2_y;
+        constraints[27] = NCGEN_SPLAT(R(1.0));
+        constraints[149] = NCGEN_SPLAT(R(0.0));
+        /* row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2 */
+        const ncgen_real u2_x = q[12];
+        const ncgen_real u2_y = q[13];
+        const ncgen_real u2_z = q[14];
+        const ncgen_real x2 = R(0.5) * (u2_x * u2_x + u2_y * u2_y + u2_z * u2_z - R(1.0));
+        constraints[2] = x2;
+        constraints[28] = u2_x;
+        constraints[29] = u2_y;
+        constraints[30] = u2_z;
+        const ncgen_real du2_x = qd[12];
+        const ncgen_real du2_y = qd[13];
+        const ncgen_real du2_z = qd[14];
+        constraints[150] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z);
+        /* row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0 */
+        constraints[3] = P2_x * u2_x + P2_y * u2_y + P2_z * u2_z;
+        constraints[31] = u2_x;
+        constraints[32] = u2_y;
+        constraints[33] = u2_z;
+        constraints[34] = P2_x;
+        constraints[35] = P2_y;
+        constraints[36] = P2_z;
+        const ncgen_real x3 = -(R(2.0) * (dP2_x * du2_x + dP2_y * du2_y + dP2_z * du2_z));
+        constraints[151] = x3;
+        /* row 5: 1003 angle u2, u1 (body rod1): u.v - c = 0 with u = u2, v = u1, c = 0 */
+        constraints[4] = u2_y;
+        constraints[37] = NCGEN_SPLAT(R(1.0));
+        constraints[152] = NCGEN_SPLAT(R(0.0));
+        /* row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1 */
+        const ncgen_real P3_x = q[3];
+        const ncgen_real x4 = P2_x - P3_x;
+        const ncgen_real P3_y = q[4];
+        const ncgen_real x5 = P2_y - P3_y;
+        const ncgen_real P3_z = q[5];
+        const ncgen_real x6 = P2_z - P3_z;
+        constraints[5] = R(0.5) * (x4 * x4 + x5 * x5 + x6 * x6 - R(1.0));
+        constraints[38] = x4;
+        constraints[39] = x5;
+        constraints[40] = x6;
+        const ncgen_real x7 = -x4;
+        constraints[41] = x7;
+        const ncgen_real x8 = -x5;
+        constraints[42] = x8;
+        const ncgen_real x9 = -x6;
+        constraints[43] = x9;
+        const ncgen_real dP3_x = qd[3];
+        const ncgen_real x10 = dP2_x - dP3_x;
+        const ncgen_real dP3_y = qd[4];
+        const ncgen_real x11 = dP2_y - dP3_y;
+        const ncgen_real dP3_z = qd[5];
+        const ncgen_real x12 = dP2_z - dP3_z;
+        constraints[153] = -(x10 * x10 + x11 * x11 + x12 * x12);
+        /* row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0 */
+        constraints[6] = -(u2_x * x4 + u2_y * x5 + u2_z * x6);
+        constraints[44] = -u2_x;
+        constraints[45] = -u2_y;
+        constraints[46] = -u2_z;
+        constraints[47] = u2_x;
+        constraints[48] = u2_y;
+        constraints[49] = u2_z;
+        constraints[50] = x7;
+        constraints[51] = x8;
+        constraints[52] = x9;
+        constraints[154] = R(2.0) * (du2_x * x10 + du2_y * x11 + du2_z * x12);
+        /* row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3 */
+        const ncgen_real u3_x = q[15];
+        const ncgen_real u3_y = q[16];
+        const ncgen_real u3_z = q[17];
+        const ncgen_real x13 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
+        constraints[7] = x13;
+        constraints[53] = u3_x;
+        constraints[54] = u3_y;
+        constraints[55] = u3_z;
+        const ncgen_real du3_x = qd[15];
+        const ncgen_real du3_y = qd[16];
+        const ncgen_real du3_z = qd[17];
+        constraints[155] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
+        /* row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0 */
+        constraints[8] = -(x4 * u3_x + x5 * u3_y + x6 * u3_z);
+        const ncgen_real x14 = -u3_x;
+        constraints[56] = x14;
+        const ncgen_real x15 = -u3_y;
+        constraints[57] = x15;
+        const ncgen_real x16 = -u3_z;
+        constraints[58] = x16;
+        constraints[59] = u3_x;
+        constraints[60] = u3_y;
+        constraints[61] = u3_z;
+        constraints[62] = x7;
+        constraints[63] = x8;
+        constraints[64] = x9;
+        constraints[156] = R(2.0) * (x10 * du3_x + x11 * du3_y + x12 * du3_z);
+        /* row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0 */
+        constraints[9] = u2_x * u3_x + u2_y * u3_y + u2_z * u3_z;
+        constraints[65] = u3_x;
+        constraints[66] = u3_y;
+        constraints[67] = u3_z;
+        constraints[68] = u2_x;
+        constraints[69] = u2_y;
+        constraints[70] = u2_z;
+        const ncgen_real x17 = -(R(2.0) * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z));
+        constraints[157] = x17;
+        /* row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1 */
+        const ncgen_real P4_x = q[6];
+        const ncgen_real x18 = P3_x - P4_x;
+        const ncgen_real P4_y = q[7];
+        const ncgen_real x19 = P3_y - P4_y;
+        const ncgen_real P4_z = q[8];
+        const ncgen_real x20 = P3_z - P4_z;
+        constraints[10] = R(0.5) * (x18 * x18 + x19 * x19 + x20 * x20 - R(1.0));
+        constraints[71] = x18;
+        constraints[72] = x19;
+        constraints[73] = x20;
+        const ncgen_real x21 = -x18;
+        constraints[74] = x21;
+        const ncgen_real x22 = -x19;
+        constraints[75] = x22;
+        const ncgen_real x23 = -x20;
+        constraints[76] = x23;
+        const ncgen_real dP4_x = qd[6];
+        const ncgen_real x24 = dP3_x - dP4_x;
+        const ncgen_real dP4_y = qd[7];
+        const ncgen_real x25 = dP3_y - dP4_y;
+        const ncgen_real dP4_z = qd[8];
+        const ncgen_real x26 = dP3_z - dP4_z;
+        constraints[158] = -(x24 * x24 + x25 * x25 + x26 * x26);
+        /* row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0 */
+        constraints[11] = -(u3_x * x18 + u3_y * x19 + u3_z * x20);
+        constraints[77] = x14;
+        constraints[78] = x15;
+        constraints[79] = x16;
+        constraints[80] = u3_x;
+        constraints[81] = u3_y;
+        constraints[82] = u3_z;
+        constraints[83] = x21;
+        constraints[84] = x22;
+        constraints[85] = x23;
+        constraints[159] = R(2.0) * (du3_x * x24 + du3_y * x25 + du3_z * x26);
+        /* row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4 */
+        const ncgen_real u4_x = q[18];
+        const ncgen_real u4_y = q[19];
+        const ncgen_real u4_z = q[20];
+        const ncgen_real x27 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
+        constraints[12] = x27;
+        constraints[86] = u4_x;
+        constraints[87] = u4_y;
+        constraints[88] = u4_z;
+        const ncgen_real du4_x = qd[18];
+        const ncgen_real du4_y = qd[19];
+        const ncgen_real du4_z = qd[20];
+        constraints[160] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
+        /* row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0 */
+        constraints[13] = -(x18 * u4_x + x19 * u4_y + x20 * u4_z);
+        const ncgen_real x28 = -u4_x;
+        constraints[89] = x28;
+        const ncgen_real x29 = -u4_y;
+        constraints[90] = x29;
+        const ncgen_real x30 = -u4_z;
+        constraints[91] = x30;
+        constraints[92] = u4_x;
+        constraints[93] = u4_y;
+        constraints[94] = u4_z;
+        constraints[95] = x21;
+        constraints[96] = x22;
+        constraints[97] = x23;
+        constraints[161] = R(2.0) * (x24 * du4_x + x25 * du4_y + x26 * du4_z);
+        /* row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0 */
+        constraints[14] = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z;
+        constraints[98] = u4_x;
+        constraints[99] = u4_y;
+        constraints[100] = u4_z;
+        constraints[101] = u3_x;
+        constraints[102] = u3_y;
+        constraints[103] = u3_z;
+        const ncgen_real x31 = -(R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+        constraints[162] = x31;
+        /* row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1 */
+        const ncgen_real P5_x = q[9];
+        const ncgen_real x32 = P4_x - P5_x;
+        const ncgen_real P5_y = q[10];
+        const ncgen_real x33 = P4_y - P5_y;
+        const ncgen_real P5_z = q[11];
+        const ncgen_real x34 = P4_z - P5_z;
+        constraints[15] = R(0.5) * (x32 * x32 + x33 * x33 + x34 * x34 - R(1.0));
+        constraints[104] = x32;
+        constraints[105] = x33;
+        constraints[106] = x34;
+        const ncgen_real x35 = -x32;
+        constraints[107] = x35;
+        const ncgen_real x36 = -x33;
+        constraints[108] = x36;
+        const ncgen_real x37 = -x34;
+        constraints[109] = x37;
+        const ncgen_real dP5_x = qd[9];
+        const ncgen_real x38 = dP4_x - dP5_x;
+        const ncgen_real dP5_y = qd[10];
+        const ncgen_real x39 = dP4_y - dP5_y;
+        const ncgen_real dP5_z = qd[11];
+        const ncgen_real x40 = dP4_z - dP5_z;
+        constraints[163] = -(x38 * x38 + x39 * x39 + x40 * x40);
+        /* row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0 */
+        constraints[16] = -(u4_x * x32 + u4_y * x33 + u4_z * x34);
+        constraints[110] = x28;
+        constraints[111] = x29;
+        constraints[112] = x30;
+        constraints[113] = u4_x;
+        constraints[114] = u4_y;
+        constraints[115] = u4_z;
+        constraints[116] = x35;
+        constraints[117] = x36;
+        constraints[118] = x37;
+        constraints[164] = R(2.0) * (du4_x * x38 + du4_y * x39 + du4_z * x40);
+        /* row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5 */
+        const ncgen_real u5_x = q[21];
+        const ncgen_real u5_y = q[22];
+        const ncgen_real u5_z = q[23];
+        const ncgen_real x41 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+        constraints[17] = x41;
+        constraints[119] = u5_x;
+        constraints[120] = u5_y;
+        constraints[121] = u5_z;
+        const ncgen_real du5_x = qd[21];
+        const ncgen_real du5_y = qd[22];
+        const ncgen_real du5_z = qd[23];
+        constraints[165] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
+        /* row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0 */
+        constraints[18] = -(x32 * u5_x + x33 * u5_y + x34 * u5_z);
+        const ncgen_real x42 = -u5_x;
+        constraints[122] = x42;
+        const ncgen_real x43 = -u5_y;
+        constraints[123] = x43;
+        const ncgen_real x44 = -u5_z;
+        constraints[124] = x44;
+        constraints[125] = u5_x;
+        constraints[126] = u5_y;
+        constraints[127] = u5_z;
+        constraints[128] = x35;
+        constraints[129] = x36;
+        constraints[130] = x37;
+        constraints[166] = R(2.0) * (x38 * du5_x + x39 * du5_y + x40 * du5_z);
+        /* row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0 */
+        constraints[19] = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z;
+        constraints[131] = u5_x;
+        constraints[132] = u5_y;
+        constraints[133] = u5_z;
+        constraints[134] = u4_x;
+        constraints[135] = u4_y;
+        constraints[136] = u4_z;
+        const ncgen_real x45 = -(R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+        constraints[167] = x45;
+        /* row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1 */
+        const ncgen_real x46 = P5_z - R(1.0);
+        const ncgen_real x47 = R(0.5) * (P5_x * P5_x + P5_y * P5_y + x46 * x46 - R(1.0));
+        constraints[20] = x47;
+        constraints[137] = P5_x;
+        constraints[138] = P5_y;
+        constraints[139] = x46;
+        constraints[168] = -(dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z);
+        /* row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0 */
+        constraints[21] = -(P5_x * u5_x + P5_y * u5_y + u5_z * x46);
+        constraints[140] = x42;
+        constraints[141] = x43;
+        constraints[142] = x44;
+        const ncgen_real x48 = -P5_x;
+        constraints[143] = x48;
+        constraints[144] = -P5_y;
+        constraints[145] = -x46;
+        constraints[169] = R(2.0) * (dP5_x * du5_x + dP5_y * du5_y + dP5_z * du5_z);
+        /* row 23: 1002 angle u6, P6-P5 (body rod5): u.a - L c = 0 with u = u6, a = P6-P5, L = 1, c = 0 */
+        constraints[22] = x48;
+        constraints[146] = NCGEN_SPLAT(-R(1.0));
+        constraints[170] = NCGEN_SPLAT(R(0.0));
+        /* row 24: 1003 angle u6, u5 (body rod5): u.v - c = 0 with u = u6, v = u5, c = 0 */
+        constraints[23] = u5_x;
+        constraints[147] = NCGEN_SPLAT(R(1.0));
+        constraints[171] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -613,7 +888,7 @@ const ncgen_model *bricard_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bricard",
-        .fingerprint = "e8a0973dca7fbe35",
+        .fingerprint = "7880368beec4c418",
         .n_coordinates = 24,
         .n_rows = 24,
         .n_parameters = 0,
@@ -629,6 +904,7 @@ const ncgen_model *bricard_model(void)
         .mass = bricard_mass,
         .force = bricard_force,
         .energy = bricard_energy,
+        .constraints = bricard_constraints,
     };
     return &model;
 }

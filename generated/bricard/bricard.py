@@ -90,14 +90,6 @@ MASS_PATTERN = (
 )
 
 _number_1 = np.array([
-    0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 1.0
-])
-_number_2 = np.array([
     0.6666666666666666, 0.16666666666666669, 0.6666666666666666, 0.16666666666666669, 0.6666666666666666,
     0.16666666666666669, 0.16666666666666669, 0.6666666666666666, 0.16666666666666669, 0.16666666666666669,
     0.6666666666666666, 0.16666666666666669, 0.16666666666666669, 0.6666666666666666, 0.16666666666666669,
@@ -105,7 +97,7 @@ _number_2 = np.array([
     0.16666666666666669, 0.16666666666666669, 0.6666666666666666, 0.16666666666666669, 0.16666666666666669,
     0.6666666666666666, 0.16666666666666669, 0.6666666666666666, 0.16666666666666669, 0.6666666666666666
 ])
-_number_3 = np.array([
+_number_2 = np.array([
     0.0, -9.81, 0.0, 0.0, -9.81, 0.0, 0.0, -9.81, 0.0, 0.0, -9.81, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0
 ])
@@ -118,7 +110,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """24 numbers, 139 operations."""
+    """24 numbers, 136 operations."""
     t = np.asarray(t)
     phi = _output(24, t, q, p)
     # row 1: 1000 distance P1-P2 (body rod1): |a|^2 - L^2 = 0 with a = P1-P2, L = 1
@@ -146,68 +138,59 @@ def phi(t, q, p):
     x3 = P2_z - P3_z
     phi[..., 5] = 0.5 * (x1 * x1 + x2 * x2 + x3 * x3 - 1.0)
     # row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
-    x4 = P3_x - P2_x
-    x5 = P3_y - P2_y
-    x6 = P3_z - P2_z
-    phi[..., 6] = u2_x * x4 + u2_y * x5 + u2_z * x6
+    phi[..., 6] = -(u2_x * x1 + u2_y * x2 + u2_z * x3)
     # row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
     u3_x = q[..., 15]
     u3_y = q[..., 16]
     u3_z = q[..., 17]
     phi[..., 7] = 0.5 * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - 1.0)
     # row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
-    phi[..., 8] = u3_x * x4 + u3_y * x5 + u3_z * x6
+    phi[..., 8] = -(u3_x * x1 + u3_y * x2 + u3_z * x3)
     # row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
     phi[..., 9] = u2_x * u3_x + u2_y * u3_y + u2_z * u3_z
     # row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
     P4_x = q[..., 6]
-    x7 = P3_x - P4_x
+    x4 = P3_x - P4_x
     P4_y = q[..., 7]
-    x8 = P3_y - P4_y
+    x5 = P3_y - P4_y
     P4_z = q[..., 8]
-    x9 = P3_z - P4_z
-    phi[..., 10] = 0.5 * (x7 * x7 + x8 * x8 + x9 * x9 - 1.0)
+    x6 = P3_z - P4_z
+    phi[..., 10] = 0.5 * (x4 * x4 + x5 * x5 + x6 * x6 - 1.0)
     # row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
-    x10 = P4_x - P3_x
-    x11 = P4_y - P3_y
-    x12 = P4_z - P3_z
-    phi[..., 11] = u3_x * x10 + u3_y * x11 + u3_z * x12
+    phi[..., 11] = -(u3_x * x4 + u3_y * x5 + u3_z * x6)
     # row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
     u4_x = q[..., 18]
     u4_y = q[..., 19]
     u4_z = q[..., 20]
     phi[..., 12] = 0.5 * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - 1.0)
     # row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
-    phi[..., 13] = u4_x * x10 + u4_y * x11 + u4_z * x12
+    phi[..., 13] = -(u4_x * x4 + u4_y * x5 + u4_z * x6)
     # row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
     phi[..., 14] = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z
     # row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
     P5_x = q[..., 9]
-    x13 = P4_x - P5_x
+    x7 = P4_x - P5_x
     P5_y = q[..., 10]
-    x14 = P4_y - P5_y
+    x8 = P4_y - P5_y
     P5_z = q[..., 11]
-    x15 = P4_z - P5_z
-    phi[..., 15] = 0.5 * (x13 * x13 + x14 * x14 + x15 * x15 - 1.0)
+    x9 = P4_z - P5_z
+    phi[..., 15] = 0.5 * (x7 * x7 + x8 * x8 + x9 * x9 - 1.0)
     # row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
-    x16 = P5_x - P4_x
-    x17 = P5_y - P4_y
-    x18 = P5_z - P4_z
-    phi[..., 16] = u4_x * x16 + u4_y * x17 + u4_z * x18
+    phi[..., 16] = -(u4_x * x7 + u4_y * x8 + u4_z * x9)
     # row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
     u5_x = q[..., 21]
     u5_y = q[..., 22]
     u5_z = q[..., 23]
     phi[..., 17] = 0.5 * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - 1.0)
     # row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
-    phi[..., 18] = u5_x * x16 + u5_y * x17 + u5_z * x18
+    phi[..., 18] = -(u5_x * x7 + u5_y * x8 + u5_z * x9)
     # row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
     phi[..., 19] = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z
     # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
-    x19 = P5_z - 1.0
-    phi[..., 20] = 0.5 * (P5_x * P5_x + P5_y * P5_y + x19 * x19 - 1.0)
+    x10 = P5_z - 1.0
+    phi[..., 20] = 0.5 * (P5_x * P5_x + P5_y * P5_y + x10 * x10 - 1.0)
     # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
-    phi[..., 21] = u5_z * (1.0 - P5_z) - (u5_x * P5_x + u5_y * P5_y)
+    phi[..., 21] = -(u5_x * P5_x + u5_y * P5_y + u5_z * x10)
     # row 23: 1002 angle u6, P6-P5 (body rod5): u.a - L c = 0 with u = u6, a = P6-P5, L = 1, c = 0
     phi[..., 22] = -P5_x
     # row 24: 1003 angle u6, u5 (body rod5): u.v - c = 0 with u = u6, v = u5, c = 0
@@ -219,9 +202,6 @@ def phi_q(t, q, p):
     """124 numbers, 34 operations."""
     t = np.asarray(t)
     phi_q = _output(124, t, q, p)
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:124] = x1
     # row 1: 1000 distance P1-P2 (body rod1): |a|^2 - L^2 = 0 with a = P1-P2, L = 1
     P2_x = q[..., 0]
     phi_q[..., 0] = P2_x
@@ -229,6 +209,7 @@ def phi_q(t, q, p):
     phi_q[..., 1] = P2_y
     P2_z = q[..., 2]
     phi_q[..., 2] = P2_z
+    phi_q[..., 3] = 1.0
     # row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
     u2_x = q[..., 12]
     phi_q[..., 4] = u2_x
@@ -243,19 +224,23 @@ def phi_q(t, q, p):
     phi_q[..., 10] = P2_x
     phi_q[..., 11] = P2_y
     phi_q[..., 12] = P2_z
+    phi_q[..., 13] = 1.0
     # row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
     P3_x = q[..., 3]
-    phi_q[..., 14] = P2_x - P3_x
+    x1 = P2_x - P3_x
+    phi_q[..., 14] = x1
     P3_y = q[..., 4]
-    phi_q[..., 15] = P2_y - P3_y
+    x2 = P2_y - P3_y
+    phi_q[..., 15] = x2
     P3_z = q[..., 5]
-    phi_q[..., 16] = P2_z - P3_z
-    x1 = P3_x - P2_x
-    phi_q[..., 17] = x1
-    x2 = P3_y - P2_y
-    phi_q[..., 18] = x2
-    x3 = P3_z - P2_z
-    phi_q[..., 19] = x3
+    x3 = P2_z - P3_z
+    phi_q[..., 16] = x3
+    x4 = -x1
+    phi_q[..., 17] = x4
+    x5 = -x2
+    phi_q[..., 18] = x5
+    x6 = -x3
+    phi_q[..., 19] = x6
     # row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
     phi_q[..., 20] = -u2_x
     phi_q[..., 21] = -u2_y
@@ -263,9 +248,9 @@ def phi_q(t, q, p):
     phi_q[..., 23] = u2_x
     phi_q[..., 24] = u2_y
     phi_q[..., 25] = u2_z
-    phi_q[..., 26] = x1
-    phi_q[..., 27] = x2
-    phi_q[..., 28] = x3
+    phi_q[..., 26] = x4
+    phi_q[..., 27] = x5
+    phi_q[..., 28] = x6
     # row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
     u3_x = q[..., 15]
     phi_q[..., 29] = u3_x
@@ -274,18 +259,18 @@ def phi_q(t, q, p):
     u3_z = q[..., 17]
     phi_q[..., 31] = u3_z
     # row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
-    x4 = -u3_x
-    phi_q[..., 32] = x4
-    x5 = -u3_y
-    phi_q[..., 33] = x5
-    x6 = -u3_z
-    phi_q[..., 34] = x6
+    x7 = -u3_x
+    phi_q[..., 32] = x7
+    x8 = -u3_y
+    phi_q[..., 33] = x8
+    x9 = -u3_z
+    phi_q[..., 34] = x9
     phi_q[..., 35] = u3_x
     phi_q[..., 36] = u3_y
     phi_q[..., 37] = u3_z
-    phi_q[..., 38] = x1
-    phi_q[..., 39] = x2
-    phi_q[..., 40] = x3
+    phi_q[..., 38] = x4
+    phi_q[..., 39] = x5
+    phi_q[..., 40] = x6
     # row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
     phi_q[..., 41] = u3_x
     phi_q[..., 42] = u3_y
@@ -295,27 +280,30 @@ def phi_q(t, q, p):
     phi_q[..., 46] = u2_z
     # row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
     P4_x = q[..., 6]
-    phi_q[..., 47] = P3_x - P4_x
+    x10 = P3_x - P4_x
+    phi_q[..., 47] = x10
     P4_y = q[..., 7]
-    phi_q[..., 48] = P3_y - P4_y
+    x11 = P3_y - P4_y
+    phi_q[..., 48] = x11
     P4_z = q[..., 8]
-    phi_q[..., 49] = P3_z - P4_z
-    x7 = P4_x - P3_x
-    phi_q[..., 50] = x7
-    x8 = P4_y - P3_y
-    phi_q[..., 51] = x8
-    x9 = P4_z - P3_z
-    phi_q[..., 52] = x9
+    x12 = P3_z - P4_z
+    phi_q[..., 49] = x12
+    x13 = -x10
+    phi_q[..., 50] = x13
+    x14 = -x11
+    phi_q[..., 51] = x14
+    x15 = -x12
+    phi_q[..., 52] = x15
     # row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
-    phi_q[..., 53] = x4
-    phi_q[..., 54] = x5
-    phi_q[..., 55] = x6
+    phi_q[..., 53] = x7
+    phi_q[..., 54] = x8
+    phi_q[..., 55] = x9
     phi_q[..., 56] = u3_x
     phi_q[..., 57] = u3_y
     phi_q[..., 58] = u3_z
-    phi_q[..., 59] = x7
-    phi_q[..., 60] = x8
-    phi_q[..., 61] = x9
+    phi_q[..., 59] = x13
+    phi_q[..., 60] = x14
+    phi_q[..., 61] = x15
     # row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
     u4_x = q[..., 18]
     phi_q[..., 62] = u4_x
@@ -324,18 +312,18 @@ def phi_q(t, q, p):
     u4_z = q[..., 20]
     phi_q[..., 64] = u4_z
     # row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
-    x10 = -u4_x
-    phi_q[..., 65] = x10
-    x11 = -u4_y
-    phi_q[..., 66] = x11
-    x12 = -u4_z
-    phi_q[..., 67] = x12
+    x16 = -u4_x
+    phi_q[..., 65] = x16
+    x17 = -u4_y
+    phi_q[..., 66] = x17
+    x18 = -u4_z
+    phi_q[..., 67] = x18
     phi_q[..., 68] = u4_x
     phi_q[..., 69] = u4_y
     phi_q[..., 70] = u4_z
-    phi_q[..., 71] = x7
-    phi_q[..., 72] = x8
-    phi_q[..., 73] = x9
+    phi_q[..., 71] = x13
+    phi_q[..., 72] = x14
+    phi_q[..., 73] = x15
     # row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
     phi_q[..., 74] = u4_x
     phi_q[..., 75] = u4_y
@@ -345,27 +333,30 @@ def phi_q(t, q, p):
     phi_q[..., 79] = u3_z
     # row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
     P5_x = q[..., 9]
-    phi_q[..., 80] = P4_x - P5_x
+    x19 = P4_x - P5_x
+    phi_q[..., 80] = x19
     P5_y = q[..., 10]
-    phi_q[..., 81] = P4_y - P5_y
+    x20 = P4_y - P5_y
+    phi_q[..., 81] = x20
     P5_z = q[..., 11]
-    phi_q[..., 82] = P4_z - P5_z
-    x13 = P5_x - P4_x
-    phi_q[..., 83] = x13
-    x14 = P5_y - P4_y
-    phi_q[..., 84] = x14
-    x15 = P5_z - P4_z
-    phi_q[..., 85] = x15
+    x21 = P4_z - P5_z
+    phi_q[..., 82] = x21
+    x22 = -x19
+    phi_q[..., 83] = x22
+    x23 = -x20
+    phi_q[..., 84] = x23
+    x24 = -x21
+    phi_q[..., 85] = x24
     # row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
-    phi_q[..., 86] = x10
-    phi_q[..., 87] = x11
-    phi_q[..., 88] = x12
+    phi_q[..., 86] = x16
+    phi_q[..., 87] = x17
+    phi_q[..., 88] = x18
     phi_q[..., 89] = u4_x
     phi_q[..., 90] = u4_y
     phi_q[..., 91] = u4_z
-    phi_q[..., 92] = x13
-    phi_q[..., 93] = x14
-    phi_q[..., 94] = x15
+    phi_q[..., 92] = x22
+    phi_q[..., 93] = x23
+    phi_q[..., 94] = x24
     # row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
     u5_x = q[..., 21]
     phi_q[..., 95] = u5_x
@@ -374,18 +365,18 @@ def phi_q(t, q, p):
     u5_z = q[..., 23]
     phi_q[..., 97] = u5_z
     # row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
-    x16 = -u5_x
-    phi_q[..., 98] = x16
-    x17 = -u5_y
-    phi_q[..., 99] = x17
-    x18 = -u5_z
-    phi_q[..., 100] = x18
+    x25 = -u5_x
+    phi_q[..., 98] = x25
+    x26 = -u5_y
+    phi_q[..., 99] = x26
+    x27 = -u5_z
+    phi_q[..., 100] = x27
     phi_q[..., 101] = u5_x
     phi_q[..., 102] = u5_y
     phi_q[..., 103] = u5_z
-    phi_q[..., 104] = x13
-    phi_q[..., 105] = x14
-    phi_q[..., 106] = x15
+    phi_q[..., 104] = x22
+    phi_q[..., 105] = x23
+    phi_q[..., 106] = x24
     # row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
     phi_q[..., 107] = u5_x
     phi_q[..., 108] = u5_y
@@ -396,28 +387,30 @@ def phi_q(t, q, p):
     # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
     phi_q[..., 113] = P5_x
     phi_q[..., 114] = P5_y
-    phi_q[..., 115] = P5_z - 1.0
+    x28 = P5_z - 1.0
+    phi_q[..., 115] = x28
     # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
-    phi_q[..., 116] = x16
-    phi_q[..., 117] = x17
-    phi_q[..., 118] = x18
+    phi_q[..., 116] = x25
+    phi_q[..., 117] = x26
+    phi_q[..., 118] = x27
     phi_q[..., 119] = -P5_x
     phi_q[..., 120] = -P5_y
-    phi_q[..., 121] = 1.0 - P5_z
+    phi_q[..., 121] = -x28
+    phi_q[..., 122] = -1.0
+    phi_q[..., 123] = 1.0
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """24 numbers, 148 operations."""
+    """24 numbers, 133 operations."""
     t = np.asarray(t)
     gamma = _output(24, t, q, qd, p)
-    # constant part
-    gamma[..., 0:24] = 0.0
     # row 1: 1000 distance P1-P2 (body rod1): |a|^2 - L^2 = 0 with a = P1-P2, L = 1
     dP2_x = qd[..., 0]
     dP2_y = qd[..., 1]
     dP2_z = qd[..., 2]
     gamma[..., 0] = -(dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z)
+    gamma[..., 1] = 0.0
     # row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
     du2_x = qd[..., 12]
     du2_y = qd[..., 13]
@@ -425,6 +418,7 @@ def gamma(t, q, qd, p):
     gamma[..., 2] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z)
     # row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0
     gamma[..., 3] = -(2.0 * (dP2_x * du2_x + dP2_y * du2_y + dP2_z * du2_z))
+    gamma[..., 4] = 0.0
     # row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
     dP3_x = qd[..., 3]
     x1 = dP2_x - dP3_x
@@ -434,67 +428,60 @@ def gamma(t, q, qd, p):
     x3 = dP2_z - dP3_z
     gamma[..., 5] = -(x1 * x1 + x2 * x2 + x3 * x3)
     # row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
-    x4 = dP3_x - dP2_x
-    x5 = dP3_y - dP2_y
-    x6 = dP3_z - dP2_z
-    gamma[..., 6] = -(2.0 * (du2_x * x4 + du2_y * x5 + du2_z * x6))
+    gamma[..., 6] = 2.0 * (du2_x * x1 + du2_y * x2 + du2_z * x3)
     # row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
     du3_x = qd[..., 15]
     du3_y = qd[..., 16]
     du3_z = qd[..., 17]
     gamma[..., 7] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z)
     # row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
-    gamma[..., 8] = -(2.0 * (du3_x * x4 + du3_y * x5 + du3_z * x6))
+    gamma[..., 8] = 2.0 * (du3_x * x1 + du3_y * x2 + du3_z * x3)
     # row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
     gamma[..., 9] = -(2.0 * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z))
     # row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
     dP4_x = qd[..., 6]
-    x7 = dP3_x - dP4_x
+    x4 = dP3_x - dP4_x
     dP4_y = qd[..., 7]
-    x8 = dP3_y - dP4_y
+    x5 = dP3_y - dP4_y
     dP4_z = qd[..., 8]
-    x9 = dP3_z - dP4_z
-    gamma[..., 10] = -(x7 * x7 + x8 * x8 + x9 * x9)
+    x6 = dP3_z - dP4_z
+    gamma[..., 10] = -(x4 * x4 + x5 * x5 + x6 * x6)
     # row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
-    x10 = dP4_x - dP3_x
-    x11 = dP4_y - dP3_y
-    x12 = dP4_z - dP3_z
-    gamma[..., 11] = -(2.0 * (du3_x * x10 + du3_y * x11 + du3_z * x12))
+    gamma[..., 11] = 2.0 * (du3_x * x4 + du3_y * x5 + du3_z * x6)
     # row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
     du4_x = qd[..., 18]
     du4_y = qd[..., 19]
     du4_z = qd[..., 20]
     gamma[..., 12] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z)
     # row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
-    gamma[..., 13] = -(2.0 * (du4_x * x10 + du4_y * x11 + du4_z * x12))
+    gamma[..., 13] = 2.0 * (du4_x * x4 + du4_y * x5 + du4_z * x6)
     # row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
     gamma[..., 14] = -(2.0 * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z))
     # row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
     dP5_x = qd[..., 9]
-    x13 = dP4_x - dP5_x
+    x7 = dP4_x - dP5_x
     dP5_y = qd[..., 10]
-    x14 = dP4_y - dP5_y
+    x8 = dP4_y - dP5_y
     dP5_z = qd[..., 11]
-    x15 = dP4_z - dP5_z
-    gamma[..., 15] = -(x13 * x13 + x14 * x14 + x15 * x15)
+    x9 = dP4_z - dP5_z
+    gamma[..., 15] = -(x7 * x7 + x8 * x8 + x9 * x9)
     # row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
-    x16 = dP5_x - dP4_x
-    x17 = dP5_y - dP4_y
-    x18 = dP5_z - dP4_z
-    gamma[..., 16] = -(2.0 * (du4_x * x16 + du4_y * x17 + du4_z * x18))
+    gamma[..., 16] = 2.0 * (du4_x * x7 + du4_y * x8 + du4_z * x9)
     # row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
     du5_x = qd[..., 21]
     du5_y = qd[..., 22]
     du5_z = qd[..., 23]
     gamma[..., 17] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z)
     # row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
-    gamma[..., 18] = -(2.0 * (du5_x * x16 + du5_y * x17 + du5_z * x18))
+    gamma[..., 18] = 2.0 * (du5_x * x7 + du5_y * x8 + du5_z * x9)
     # row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
     gamma[..., 19] = -(2.0 * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z))
     # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
     gamma[..., 20] = -(dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z)
     # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
     gamma[..., 21] = 2.0 * (du5_x * dP5_x + du5_y * dP5_y + du5_z * dP5_z)
+    gamma[..., 22] = 0.0
+    gamma[..., 23] = 0.0
     return gamma
 
 
@@ -503,7 +490,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(30, t, q, p)
     # constant part
-    x1 = _number_2
+    x1 = _number_1
     mass[..., 0:30] = x1
     return mass
 
@@ -513,7 +500,7 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(24, t, q, qd, p)
     # constant part
-    x1 = _number_3
+    x1 = _number_2
     force[..., 0:24] = x1
     return force
 
@@ -522,8 +509,6 @@ def energy(t, q, qd, p):
     """3 numbers, 69 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
     # P2.x; P2.y; P2.z; P3.x; P3.y; P3.z; P4.x; P4.y; P4.z; P5.x; P5.y; P5.z; P2.x P3.x; P2.y P3.y; P2.z P3.z; P3.x P4.x; P3.y P4.y; P3.z P4.z; P4.x P5.x; P4.y P5.y; P4.z P5.z
     dP5_z = qd[..., 11]
     dP4_z = qd[..., 8]
@@ -555,4 +540,294 @@ def energy(t, q, qd, p):
     P3_y = q[..., 4]
     x11 = 9.81 * P5_y + (9.81 * P4_y + (9.81 * P2_y + 9.81 * P3_y))
     energy[..., 1] = x11
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """172 numbers, 292 operations."""
+    t = np.asarray(t)
+    constraints = _output(172, t, q, qd, p)
+    # row 1: 1000 distance P1-P2 (body rod1): |a|^2 - L^2 = 0 with a = P1-P2, L = 1
+    P2_x = q[..., 0]
+    P2_y = q[..., 1]
+    P2_z = q[..., 2]
+    constraints[..., 0] = 0.5 * (P2_x * P2_x + P2_y * P2_y + P2_z * P2_z - 1.0)
+    constraints[..., 24] = P2_x
+    constraints[..., 25] = P2_y
+    constraints[..., 26] = P2_z
+    dP2_x = qd[..., 0]
+    dP2_y = qd[..., 1]
+    dP2_z = qd[..., 2]
+    constraints[..., 148] = -(dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z)
+    # row 2: 1002 angle u1, P2-P1 (body rod1): u.a - L c = 0 with u = u1, a = P2-P1, L = 1, c = 0
+    constraints[..., 1] = P2_y
+    constraints[..., 27] = 1.0
+    constraints[..., 149] = 0.0
+    # row 3: 1001 unit u2 (body rod1): |u|^2 - 1 = 0 with u = u2
+    u2_x = q[..., 12]
+    u2_y = q[..., 13]
+    u2_z = q[..., 14]
+    constraints[..., 2] = 0.5 * (u2_x * u2_x + u2_y * u2_y + u2_z * u2_z - 1.0)
+    constraints[..., 28] = u2_x
+    constraints[..., 29] = u2_y
+    constraints[..., 30] = u2_z
+    du2_x = qd[..., 12]
+    du2_y = qd[..., 13]
+    du2_z = qd[..., 14]
+    constraints[..., 150] = -(du2_x * du2_x + du2_y * du2_y + du2_z * du2_z)
+    # row 4: 1002 angle u2, P2-P1 (body rod1): u.a - L c = 0 with u = u2, a = P2-P1, L = 1, c = 0
+    constraints[..., 3] = P2_x * u2_x + P2_y * u2_y + P2_z * u2_z
+    constraints[..., 31] = u2_x
+    constraints[..., 32] = u2_y
+    constraints[..., 33] = u2_z
+    constraints[..., 34] = P2_x
+    constraints[..., 35] = P2_y
+    constraints[..., 36] = P2_z
+    constraints[..., 151] = -(2.0 * (dP2_x * du2_x + dP2_y * du2_y + dP2_z * du2_z))
+    # row 5: 1003 angle u2, u1 (body rod1): u.v - c = 0 with u = u2, v = u1, c = 0
+    constraints[..., 4] = u2_y
+    constraints[..., 37] = 1.0
+    constraints[..., 152] = 0.0
+    # row 6: 1000 distance P2-P3 (body rod2): |a|^2 - L^2 = 0 with a = P2-P3, L = 1
+    P3_x = q[..., 3]
+    x1 = P2_x - P3_x
+    P3_y = q[..., 4]
+    x2 = P2_y - P3_y
+    P3_z = q[..., 5]
+    x3 = P2_z - P3_z
+    constraints[..., 5] = 0.5 * (x1 * x1 + x2 * x2 + x3 * x3 - 1.0)
+    constraints[..., 38] = x1
+    constraints[..., 39] = x2
+    constraints[..., 40] = x3
+    x4 = -x1
+    constraints[..., 41] = x4
+    x5 = -x2
+    constraints[..., 42] = x5
+    x6 = -x3
+    constraints[..., 43] = x6
+    dP3_x = qd[..., 3]
+    x7 = dP2_x - dP3_x
+    dP3_y = qd[..., 4]
+    x8 = dP2_y - dP3_y
+    dP3_z = qd[..., 5]
+    x9 = dP2_z - dP3_z
+    constraints[..., 153] = -(x7 * x7 + x8 * x8 + x9 * x9)
+    # row 7: 1002 angle u2, P3-P2 (body rod2): u.a - L c = 0 with u = u2, a = P3-P2, L = 1, c = 0
+    constraints[..., 6] = -(u2_x * x1 + u2_y * x2 + u2_z * x3)
+    constraints[..., 44] = -u2_x
+    constraints[..., 45] = -u2_y
+    constraints[..., 46] = -u2_z
+    constraints[..., 47] = u2_x
+    constraints[..., 48] = u2_y
+    constraints[..., 49] = u2_z
+    constraints[..., 50] = x4
+    constraints[..., 51] = x5
+    constraints[..., 52] = x6
+    constraints[..., 154] = 2.0 * (du2_x * x7 + du2_y * x8 + du2_z * x9)
+    # row 8: 1001 unit u3 (body rod2): |u|^2 - 1 = 0 with u = u3
+    u3_x = q[..., 15]
+    u3_y = q[..., 16]
+    u3_z = q[..., 17]
+    constraints[..., 7] = 0.5 * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - 1.0)
+    constraints[..., 53] = u3_x
+    constraints[..., 54] = u3_y
+    constraints[..., 55] = u3_z
+    du3_x = qd[..., 15]
+    du3_y = qd[..., 16]
+    du3_z = qd[..., 17]
+    constraints[..., 155] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z)
+    # row 9: 1002 angle u3, P3-P2 (body rod2): u.a - L c = 0 with u = u3, a = P3-P2, L = 1, c = 0
+    constraints[..., 8] = -(x1 * u3_x + x2 * u3_y + x3 * u3_z)
+    x10 = -u3_x
+    constraints[..., 56] = x10
+    x11 = -u3_y
+    constraints[..., 57] = x11
+    x12 = -u3_z
+    constraints[..., 58] = x12
+    constraints[..., 59] = u3_x
+    constraints[..., 60] = u3_y
+    constraints[..., 61] = u3_z
+    constraints[..., 62] = x4
+    constraints[..., 63] = x5
+    constraints[..., 64] = x6
+    constraints[..., 156] = 2.0 * (x7 * du3_x + x8 * du3_y + x9 * du3_z)
+    # row 10: 1003 angle u3, u2 (body rod2): u.v - c = 0 with u = u3, v = u2, c = 0
+    constraints[..., 9] = u2_x * u3_x + u2_y * u3_y + u2_z * u3_z
+    constraints[..., 65] = u3_x
+    constraints[..., 66] = u3_y
+    constraints[..., 67] = u3_z
+    constraints[..., 68] = u2_x
+    constraints[..., 69] = u2_y
+    constraints[..., 70] = u2_z
+    constraints[..., 157] = -(2.0 * (du2_x * du3_x + du2_y * du3_y + du2_z * du3_z))
+    # row 11: 1000 distance P3-P4 (body rod3): |a|^2 - L^2 = 0 with a = P3-P4, L = 1
+    P4_x = q[..., 6]
+    x13 = P3_x - P4_x
+    P4_y = q[..., 7]
+    x14 = P3_y - P4_y
+    P4_z = q[..., 8]
+    x15 = P3_z - P4_z
+    constraints[..., 10] = 0.5 * (x13 * x13 + x14 * x14 + x15 * x15 - 1.0)
+    constraints[..., 71] = x13
+    constraints[..., 72] = x14
+    constraints[..., 73] = x15
+    x16 = -x13
+    constraints[..., 74] = x16
+    x17 = -x14
+    constraints[..., 75] = x17
+    x18 = -x15
+    constraints[..., 76] = x18
+    dP4_x = qd[..., 6]
+    x19 = dP3_x - dP4_x
+    dP4_y = qd[..., 7]
+    x20 = dP3_y - dP4_y
+    dP4_z = qd[..., 8]
+    x21 = dP3_z - dP4_z
+    constraints[..., 158] = -(x19 * x19 + x20 * x20 + x21 * x21)
+    # row 12: 1002 angle u3, P4-P3 (body rod3): u.a - L c = 0 with u = u3, a = P4-P3, L = 1, c = 0
+    constraints[..., 11] = -(u3_x * x13 + u3_y * x14 + u3_z * x15)
+    constraints[..., 77] = x10
+    constraints[..., 78] = x11
+    constraints[..., 79] = x12
+    constraints[..., 80] = u3_x
+    constraints[..., 81] = u3_y
+    constraints[..., 82] = u3_z
+    constraints[..., 83] = x16
+    constraints[..., 84] = x17
+    constraints[..., 85] = x18
+    constraints[..., 159] = 2.0 * (du3_x * x19 + du3_y * x20 + du3_z * x21)
+    # row 13: 1001 unit u4 (body rod3): |u|^2 - 1 = 0 with u = u4
+    u4_x = q[..., 18]
+    u4_y = q[..., 19]
+    u4_z = q[..., 20]
+    constraints[..., 12] = 0.5 * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - 1.0)
+    constraints[..., 86] = u4_x
+    constraints[..., 87] = u4_y
+    constraints[..., 88] = u4_z
+    du4_x = qd[..., 18]
+    du4_y = qd[..., 19]
+    du4_z = qd[..., 20]
+    constraints[..., 160] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z)
+    # row 14: 1002 angle u4, P4-P3 (body rod3): u.a - L c = 0 with u = u4, a = P4-P3, L = 1, c = 0
+    constraints[..., 13] = -(x13 * u4_x + x14 * u4_y + x15 * u4_z)
+    x22 = -u4_x
+    constraints[..., 89] = x22
+    x23 = -u4_y
+    constraints[..., 90] = x23
+    x24 = -u4_z
+    constraints[..., 91] = x24
+    constraints[..., 92] = u4_x
+    constraints[..., 93] = u4_y
+    constraints[..., 94] = u4_z
+    constraints[..., 95] = x16
+    constraints[..., 96] = x17
+    constraints[..., 97] = x18
+    constraints[..., 161] = 2.0 * (x19 * du4_x + x20 * du4_y + x21 * du4_z)
+    # row 15: 1003 angle u4, u3 (body rod3): u.v - c = 0 with u = u4, v = u3, c = 0
+    constraints[..., 14] = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z
+    constraints[..., 98] = u4_x
+    constraints[..., 99] = u4_y
+    constraints[..., 100] = u4_z
+    constraints[..., 101] = u3_x
+    constraints[..., 102] = u3_y
+    constraints[..., 103] = u3_z
+    constraints[..., 162] = -(2.0 * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z))
+    # row 16: 1000 distance P4-P5 (body rod4): |a|^2 - L^2 = 0 with a = P4-P5, L = 1
+    P5_x = q[..., 9]
+    x25 = P4_x - P5_x
+    P5_y = q[..., 10]
+    x26 = P4_y - P5_y
+    P5_z = q[..., 11]
+    x27 = P4_z - P5_z
+    constraints[..., 15] = 0.5 * (x25 * x25 + x26 * x26 + x27 * x27 - 1.0)
+    constraints[..., 104] = x25
+    constraints[..., 105] = x26
+    constraints[..., 106] = x27
+    x28 = -x25
+    constraints[..., 107] = x28
+    x29 = -x26
+    constraints[..., 108] = x29
+    x30 = -x27
+    constraints[..., 109] = x30
+    dP5_x = qd[..., 9]
+    x31 = dP4_x - dP5_x
+    dP5_y = qd[..., 10]
+    x32 = dP4_y - dP5_y
+    dP5_z = qd[..., 11]
+    x33 = dP4_z - dP5_z
+    constraints[..., 163] = -(x31 * x31 + x32 * x32 + x33 * x33)
+    # row 17: 1002 angle u4, P5-P4 (body rod4): u.a - L c = 0 with u = u4, a = P5-P4, L = 1, c = 0
+    constraints[..., 16] = -(u4_x * x25 + u4_y * x26 + u4_z * x27)
+    constraints[..., 110] = x22
+    constraints[..., 111] = x23
+    constraints[..., 112] = x24
+    constraints[..., 113] = u4_x
+    constraints[..., 114] = u4_y
+    constraints[..., 115] = u4_z
+    constraints[..., 116] = x28
+    constraints[..., 117] = x29
+    constraints[..., 118] = x30
+    constraints[..., 164] = 2.0 * (du4_x * x31 + du4_y * x32 + du4_z * x33)
+    # row 18: 1001 unit u5 (body rod4): |u|^2 - 1 = 0 with u = u5
+    u5_x = q[..., 21]
+    u5_y = q[..., 22]
+    u5_z = q[..., 23]
+    constraints[..., 17] = 0.5 * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - 1.0)
+    constraints[..., 119] = u5_x
+    constraints[..., 120] = u5_y
+    constraints[..., 121] = u5_z
+    du5_x = qd[..., 21]
+    du5_y = qd[..., 22]
+    du5_z = qd[..., 23]
+    constraints[..., 165] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z)
+    # row 19: 1002 angle u5, P5-P4 (body rod4): u.a - L c = 0 with u = u5, a = P5-P4, L = 1, c = 0
+    constraints[..., 18] = -(x25 * u5_x + x26 * u5_y + x27 * u5_z)
+    x34 = -u5_x
+    constraints[..., 122] = x34
+    x35 = -u5_y
+    constraints[..., 123] = x35
+    x36 = -u5_z
+    constraints[..., 124] = x36
+    constraints[..., 125] = u5_x
+    constraints[..., 126] = u5_y
+    constraints[..., 127] = u5_z
+    constraints[..., 128] = x28
+    constraints[..., 129] = x29
+    constraints[..., 130] = x30
+    constraints[..., 166] = 2.0 * (x31 * du5_x + x32 * du5_y + x33 * du5_z)
+    # row 20: 1003 angle u5, u4 (body rod4): u.v - c = 0 with u = u5, v = u4, c = 0
+    constraints[..., 19] = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z
+    constraints[..., 131] = u5_x
+    constraints[..., 132] = u5_y
+    constraints[..., 133] = u5_z
+    constraints[..., 134] = u4_x
+    constraints[..., 135] = u4_y
+    constraints[..., 136] = u4_z
+    constraints[..., 167] = -(2.0 * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z))
+    # row 21: 1000 distance P5-P6 (body rod5): |a|^2 - L^2 = 0 with a = P5-P6, L = 1
+    x37 = P5_z - 1.0
+    constraints[..., 20] = 0.5 * (P5_x * P5_x + P5_y * P5_y + x37 * x37 - 1.0)
+    constraints[..., 137] = P5_x
+    constraints[..., 138] = P5_y
+    constraints[..., 139] = x37
+    constraints[..., 168] = -(dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z)
+    # row 22: 1002 angle u5, P6-P5 (body rod5): u.a - L c = 0 with u = u5, a = P6-P5, L = 1, c = 0
+    constraints[..., 21] = -(P5_x * u5_x + P5_y * u5_y + u5_z * x37)
+    constraints[..., 140] = x34
+    constraints[..., 141] = x35
+    constraints[..., 142] = x36
+    x38 = -P5_x
+    constraints[..., 143] = x38
+    constraints[..., 144] = -P5_y
+    constraints[..., 145] = -x37
+    constraints[..., 169] = 2.0 * (dP5_x * du5_x + dP5_y * du5_y + dP5_z * du5_z)
+    # row 23: 1002 angle u6, P6-P5 (body rod5): u.a - L c = 0 with u = u6, a = P6-P5, L = 1, c = 0
+    constraints[..., 22] = x38
+    constraints[..., 146] = -1.0
+    constraints[..., 170] = 0.0
+    # row 24: 1003 angle u6, u5 (body rod5): u.v - c = 0 with u = u6, v = u5, c = 0
+    constraints[..., 23] = u5_x
+    constraints[..., 147] = 1.0
+    constraints[..., 171] = 0.0
+    return constraints

@@ -471,6 +471,259 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
+/* constraints: 251 operations */
+int chain_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance P0-P1 (body link1): |a|^2 - L^2 = 0 with a = P0-P1, L = 0.1 */
+        const ncgen_real P1_x = q[0];
+        const ncgen_real P1_y = q[1];
+        const ncgen_real P1_z = q[2];
+        const ncgen_real x1 = P1_x * P1_x + P1_y * P1_y + P1_z * P1_z - R(0.010000000000000002);
+        constraints[0] = R(5.0) * x1;
+        constraints[10] = R(10.0) * P1_x;
+        constraints[11] = R(10.0) * P1_y;
+        constraints[12] = R(10.0) * P1_z;
+        const ncgen_real dP1_x = qd[0];
+        const ncgen_real dP1_y = qd[1];
+        const ncgen_real dP1_z = qd[2];
+        const ncgen_real x2 = R(10.0) * (dP1_x * dP1_x + dP1_y * dP1_y + dP1_z * dP1_z);
+        constraints[67] = -x2;
+        /* row 2: 1000 distance P1-P2 (body link2): |a|^2 - L^2 = 0 with a = P1-P2, L = 0.1 */
+        const ncgen_real P2_x = q[3];
+        const ncgen_real x3 = P1_x - P2_x;
+        const ncgen_real P2_y = q[4];
+        const ncgen_real x4 = P1_y - P2_y;
+        const ncgen_real P2_z = q[5];
+        const ncgen_real x5 = P1_z - P2_z;
+        const ncgen_real x6 = R(5.000000000000001) * (x3 * x3 + x4 * x4 + x5 * x5 - R(0.009999999999999995));
+        constraints[1] = x6;
+        const ncgen_real x7 = R(10.000000000000002) * x3;
+        constraints[13] = x7;
+        const ncgen_real x8 = R(10.000000000000002) * x4;
+        constraints[14] = x8;
+        const ncgen_real x9 = R(10.000000000000002) * x5;
+        constraints[15] = x9;
+        constraints[16] = -x7;
+        constraints[17] = -x8;
+        constraints[18] = -x9;
+        const ncgen_real dP2_x = qd[3];
+        const ncgen_real x10 = dP1_x - dP2_x;
+        const ncgen_real dP2_y = qd[4];
+        const ncgen_real x11 = dP1_y - dP2_y;
+        const ncgen_real dP2_z = qd[5];
+        const ncgen_real x12 = dP1_z - dP2_z;
+        const ncgen_real x13 = R(10.000000000000002) * (x10 * x10 + x11 * x11 + x12 * x12);
+        constraints[68] = -x13;
+        /* row 3: 1000 distance P2-P3 (body link3): |a|^2 - L^2 = 0 with a = P2-P3, L = 0.1 */
+        const ncgen_real P3_x = q[6];
+        const ncgen_real x14 = P2_x - P3_x;
+        const ncgen_real P3_y = q[7];
+        const ncgen_real x15 = P2_y - P3_y;
+        const ncgen_real P3_z = q[8];
+        const ncgen_real x16 = P2_z - P3_z;
+        const ncgen_real x17 = x14 * x14 + x15 * x15 + x16 * x16 - R(0.010000000000000002);
+        constraints[2] = R(5.0) * x17;
+        const ncgen_real x18 = R(10.0) * x14;
+        constraints[19] = x18;
+        const ncgen_real x19 = R(10.0) * x15;
+        constraints[20] = x19;
+        const ncgen_real x20 = R(10.0) * x16;
+        constraints[21] = x20;
+        constraints[22] = -x18;
+        constraints[23] = -x19;
+        constraints[24] = -x20;
+        const ncgen_real dP3_x = qd[6];
+        const ncgen_real x21 = dP2_x - dP3_x;
+        const ncgen_real dP3_y = qd[7];
+        const ncgen_real x22 = dP2_y - dP3_y;
+        const ncgen_real dP3_z = qd[8];
+        const ncgen_real x23 = dP2_z - dP3_z;
+        constraints[69] = -(R(10.0) * (x21 * x21 + x22 * x22 + x23 * x23));
+        /* row 4: 1000 distance P3-P4 (body link4): |a|^2 - L^2 = 0 with a = P3-P4, L = 0.1 */
+        const ncgen_real P4_x = q[9];
+        const ncgen_real x24 = P3_x - P4_x;
+        const ncgen_real P4_y = q[10];
+        const ncgen_real x25 = P3_y - P4_y;
+        const ncgen_real P4_z = q[11];
+        const ncgen_real x26 = P3_z - P4_z;
+        const ncgen_real x27 = x24 * x24 + x25 * x25 + x26 * x26 - R(0.009999999999999998);
+        constraints[3] = R(5.0) * x27;
+        const ncgen_real x28 = R(10.0) * x24;
+        constraints[25] = x28;
+        const ncgen_real x29 = R(10.0) * x25;
+        constraints[26] = x29;
+        const ncgen_real x30 = R(10.0) * x26;
+        constraints[27] = x30;
+        constraints[28] = -x28;
+        constraints[29] = -x29;
+        constraints[30] = -x30;
+        const ncgen_real dP4_x = qd[9];
+        const ncgen_real x31 = dP3_x - dP4_x;
+        const ncgen_real dP4_y = qd[10];
+        const ncgen_real x32 = dP3_y - dP4_y;
+        const ncgen_real dP4_z = qd[11];
+        const ncgen_real x33 = dP3_z - dP4_z;
+        constraints[70] = -(R(10.0) * (x31 * x31 + x32 * x32 + x33 * x33));
+        /* row 5: 1000 distance P4-P5 (body link5): |a|^2 - L^2 = 0 with a = P4-P5, L = 0.1 */
+        const ncgen_real P5_x = q[12];
+        const ncgen_real x34 = P4_x - P5_x;
+        const ncgen_real P5_y = q[13];
+        const ncgen_real x35 = P4_y - P5_y;
+        const ncgen_real P5_z = q[14];
+        const ncgen_real x36 = P4_z - P5_z;
+        const ncgen_real x37 = x34 * x34 + x35 * x35 + x36 * x36 - R(0.009999999999999998);
+        constraints[4] = R(5.0) * x37;
+        const ncgen_real x38 = R(10.0) * x34;
+        constraints[31] = x38;
+        const ncgen_real x39 = R(10.0) * x35;
+        constraints[32] = x39;
+        const ncgen_real x40 = R(10.0) * x36;
+        constraints[33] = x40;
+        constraints[34] = -x38;
+        constraints[35] = -x39;
+        constraints[36] = -x40;
+        const ncgen_real dP5_x = qd[12];
+        const ncgen_real x41 = dP4_x - dP5_x;
+        const ncgen_real dP5_y = qd[13];
+        const ncgen_real x42 = dP4_y - dP5_y;
+        const ncgen_real dP5_z = qd[14];
+        const ncgen_real x43 = dP4_z - dP5_z;
+        constraints[71] = -(R(10.0) * (x41 * x41 + x42 * x42 + x43 * x43));
+        /* row 6: 1000 distance P5-P6 (body link6): |a|^2 - L^2 = 0 with a = P5-P6, L = 0.1 */
+        const ncgen_real P6_x = q[15];
+        const ncgen_real x44 = P5_x - P6_x;
+        const ncgen_real P6_y = q[16];
+        const ncgen_real x45 = P5_y - P6_y;
+        const ncgen_real P6_z = q[17];
+        const ncgen_real x46 = P5_z - P6_z;
+        const ncgen_real x47 = x44 * x44 + x45 * x45 + x46 * x46 - R(0.009999999999999995);
+        constraints[5] = R(5.000000000000001) * x47;
+        const ncgen_real x48 = R(10.000000000000002) * x44;
+        constraints[37] = x48;
+        const ncgen_real x49 = R(10.000000000000002) * x45;
+        constraints[38] = x49;
+        const ncgen_real x50 = R(10.000000000000002) * x46;
+        constraints[39] = x50;
+        constraints[40] = -x48;
+        constraints[41] = -x49;
+        constraints[42] = -x50;
+        const ncgen_real dP6_x = qd[15];
+        const ncgen_real x51 = dP5_x - dP6_x;
+        const ncgen_real dP6_y = qd[16];
+        const ncgen_real x52 = dP5_y - dP6_y;
+        const ncgen_real dP6_z = qd[17];
+        const ncgen_real x53 = dP5_z - dP6_z;
+        const ncgen_real x54 = R(10.000000000000002) * (x51 * x51 + x52 * x52 + x53 * x53);
+        constraints[72] = -x54;
+        /* row 7: 1000 distance P6-P7 (body link7): |a|^2 - L^2 = 0 with a = P6-P7, L = 0.1 */
+        const ncgen_real P7_x = q[18];
+        const ncgen_real x55 = P6_x - P7_x;
+        const ncgen_real P7_y = q[19];
+        const ncgen_real x56 = P6_y - P7_y;
+        const ncgen_real P7_z = q[20];
+        const ncgen_real x57 = P6_z - P7_z;
+        const ncgen_real x58 = x55 * x55 + x56 * x56 + x57 * x57 - R(0.009999999999999998);
+        constraints[6] = R(5.0) * x58;
+        const ncgen_real x59 = R(10.0) * x55;
+        constraints[43] = x59;
+        const ncgen_real x60 = R(10.0) * x56;
+        constraints[44] = x60;
+        const ncgen_real x61 = R(10.0) * x57;
+        constraints[45] = x61;
+        constraints[46] = -x59;
+        constraints[47] = -x60;
+        constraints[48] = -x61;
+        const ncgen_real dP7_x = qd[18];
+        const ncgen_real x62 = dP6_x - dP7_x;
+        const ncgen_real dP7_y = qd[19];
+        const ncgen_real x63 = dP6_y - dP7_y;
+        const ncgen_real dP7_z = qd[20];
+        const ncgen_real x64 = dP6_z - dP7_z;
+        constraints[73] = -(R(10.0) * (x62 * x62 + x63 * x63 + x64 * x64));
+        /* row 8: 1000 distance P7-P8 (body link8): |a|^2 - L^2 = 0 with a = P7-P8, L = 0.1 */
+        const ncgen_real P8_x = q[21];
+        const ncgen_real x65 = P7_x - P8_x;
+        const ncgen_real P8_y = q[22];
+        const ncgen_real x66 = P7_y - P8_y;
+        const ncgen_real P8_z = q[23];
+        const ncgen_real x67 = P7_z - P8_z;
+        const ncgen_real x68 = x65 * x65 + x66 * x66 + x67 * x67 - R(0.010000000000000002);
+        constraints[7] = R(5.0) * x68;
+        const ncgen_real x69 = R(10.0) * x65;
+        constraints[49] = x69;
+        const ncgen_real x70 = R(10.0) * x66;
+        constraints[50] = x70;
+        const ncgen_real x71 = R(10.0) * x67;
+        constraints[51] = x71;
+        constraints[52] = -x69;
+        constraints[53] = -x70;
+        constraints[54] = -x71;
+        const ncgen_real dP8_x = qd[21];
+        const ncgen_real x72 = dP7_x - dP8_x;
+        const ncgen_real dP8_y = qd[22];
+        const ncgen_real x73 = dP7_y - dP8_y;
+        const ncgen_real dP8_z = qd[23];
+        const ncgen_real x74 = dP7_z - dP8_z;
+        constraints[74] = -(R(10.0) * (x72 * x72 + x73 * x73 + x74 * x74));
+        /* row 9: 1000 distance P8-P9 (body link9): |a|^2 - L^2 = 0 with a = P8-P9, L = 0.1 */
+        const ncgen_real P9_x = q[24];
+        const ncgen_real x75 = P8_x - P9_x;
+        const ncgen_real P9_y = q[25];
+        const ncgen_real x76 = P8_y - P9_y;
+        const ncgen_real P9_z = q[26];
+        const ncgen_real x77 = P8_z - P9_z;
+        const ncgen_real x78 = x75 * x75 + x76 * x76 + x77 * x77 - R(0.009999999999999998);
+        constraints[8] = R(5.0) * x78;
+        const ncgen_real x79 = R(10.0) * x75;
+        constraints[55] = x79;
+        const ncgen_real x80 = R(10.0) * x76;
+        constraints[56] = x80;
+        const ncgen_real x81 = R(10.0) * x77;
+        constraints[57] = x81;
+        constraints[58] = -x79;
+        constraints[59] = -x80;
+        constraints[60] = -x81;
+        const ncgen_real dP9_x = qd[24];
+        const ncgen_real x82 = dP8_x - dP9_x;
+        const ncgen_real dP9_y = qd[25];
+        const ncgen_real x83 = dP8_y - dP9_y;
+        const ncgen_real dP9_z = qd[26];
+        const ncgen_real x84 = dP8_z - dP9_z;
+        constraints[75] = -(R(10.0) * (x82 * x82 + x83 * x83 + x84 * x84));
+        /* row 10: 1000 distance P9-P10 (body link10): |a|^2 - L^2 = 0 with a = P9-P10, L = 0.1 */
+        const ncgen_real P10_x = q[27];
+        const ncgen_real x85 = P9_x - P10_x;
+        const ncgen_real P10_y = q[28];
+        const ncgen_real x86 = P9_y - P10_y;
+        const ncgen_real P10_z = q[29];
+        const ncgen_real x87 = P9_z - P10_z;
+        const ncgen_real x88 = x85 * x85 + x86 * x86 + x87 * x87 - R(0.010000000000000007);
+        constraints[9] = R(4.999999999999998) * x88;
+        const ncgen_real x89 = R(9.999999999999996) * x85;
+        constraints[61] = x89;
+        const ncgen_real x90 = R(9.999999999999996) * x86;
+        constraints[62] = x90;
+        const ncgen_real x91 = R(9.999999999999996) * x87;
+        constraints[63] = x91;
+        constraints[64] = -x89;
+        constraints[65] = -x90;
+        constraints[66] = -x91;
+        const ncgen_real dP10_x = qd[27];
+        const ncgen_real x92 = dP9_x - dP10_x;
+        const ncgen_real dP10_y = qd[28];
+        const ncgen_real x93 = dP9_y - dP10_y;
+        const ncgen_real dP10_z = qd[29];
+        const ncgen_real x94 = dP9_z - dP10_z;
+        const ncgen_real x95 = R(9.999999999999996) * (x92 * x92 + x93 * x93 + x94 * x94);
+        constraints[76] = -x95;
+    }
+
+    return NCGEN_OK;
+}
 static const char *const chain_coordinate_names[] = {
     "P1.x",
     "P1.y",
@@ -559,7 +812,7 @@ const ncgen_model *chain_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "chain",
-        .fingerprint = "dd252b062ebf7073",
+        .fingerprint = "3b342d7ca66be0d4",
         .n_coordinates = 30,
         .n_rows = 10,
         .n_parameters = 0,
@@ -575,6 +828,7 @@ const ncgen_model *chain_model(void)
         .mass = chain_mass,
         .force = chain_force,
         .energy = chain_energy,
+        .constraints = chain_constraints,
     };
     return &model;
 }

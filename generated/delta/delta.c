@@ -17,44 +17,7 @@ static const int delta_index_3[27] = {
     31, 32
 };
 
-static const ncgen_scalar delta_number_1[288] = {
-    R(0.0), R(0.0), R(0.0), -R(1.1904761904761902), R(2.0619652471058063), -R(1.0000000000000004),
-    R(1.0), -R(1.0000000000000004), R(1.0), -R(1.0000000000000004), R(1.0), -R(1.0000000000000002),
-    R(1.0), -R(1.0000000000000002), R(1.0), -R(1.0000000000000002), R(1.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), -R(1.1904761904761914), -R(2.061965247105806),
-    -R(1.0000000000000002), R(1.0), -R(1.0000000000000002), R(1.0), -R(1.0000000000000002), R(1.0),
-    -R(1.0000000000000002), R(1.0), -R(1.0000000000000002), R(1.0), -R(1.0000000000000002), R(1.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(2.380952380952381),
-    -R(4.373738568383404e-16), -R(1.0000000000000004), R(1.0), -R(1.0000000000000004), R(1.0),
-    -R(1.0000000000000004), R(1.0), -R(1.0000000000000002), R(1.0), -R(1.0000000000000002), R(1.0),
-    -R(1.0000000000000002), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), -R(0.9999999999999991),
-    R(2.1721066374645472), -R(2.172106637464548), R(1.0), -R(0.9999999999999991),
-    R(2.1721066374645472), -R(2.172106637464548), R(1.0), -R(0.9999999999999991),
-    R(2.1721066374645472), -R(2.172106637464548), R(1.0), -R(1.8531646934131842),
-    R(3.0252713308777346), -R(2.17210663746455), R(1.0), -R(1.8531646934131842),
-    R(3.0252713308777346), -R(2.17210663746455), R(1.0), -R(1.8531646934131842),
-    R(3.0252713308777346), -R(2.17210663746455), R(1.0), -R(1.8531646934131856),
-    R(1.853164693413187), -R(1.0000000000000013), R(1.0), -R(1.8531646934131856),
-    R(1.853164693413187), -R(1.0000000000000013), R(1.0), -R(1.8531646934131856),
-    R(1.853164693413187), -R(1.0000000000000013), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar delta_number_2[99] = {
+static const ncgen_scalar delta_number_1[99] = {
     R(0.5), R(0.5), R(0.5), R(0.049999999999999996), R(0.025), R(0.049999999999999996), R(0.025),
     R(0.049999999999999996), R(0.025), R(0.049999999999999996), R(0.025), R(0.049999999999999996),
     R(0.025), R(0.049999999999999996), R(0.025), R(0.5000000000000001), R(0.5000000000000001),
@@ -80,16 +43,7 @@ static const ncgen_scalar delta_number_2[99] = {
     R(0.025), R(0.049999999999999996), R(0.025), R(0.049999999999999996), R(0.025),
     R(0.049999999999999996), R(0.025), R(0.049999999999999996)
 };
-static const ncgen_scalar delta_number_3[60] = {
-    R(0.0), R(0.0), -R(7.357500000000001), R(0.0), R(0.0), -R(0.73575), R(0.0), R(0.0),
-    -R(0.73575), R(0.0), R(0.0), R(0.0), -R(7.357500000000002), R(0.0), R(0.0), -R(0.73575),
-    R(0.0), R(0.0), -R(0.73575), R(0.0), R(0.0), R(0.0), -R(7.357500000000002), R(0.0), R(0.0),
-    -R(0.73575), R(0.0), R(0.0), -R(0.73575), R(0.0), R(0.0), R(0.0), -R(10.065598547461121),
-    R(0.0), R(0.0), R(9.156887251970202), R(0.0), R(0.0), -R(11.108538704509083), R(0.0), R(0.0),
-    -R(0.73575), R(0.0), R(0.0), -R(0.73575), R(0.0), R(0.0), -R(0.73575), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar delta_number_4[45] = {
+static const ncgen_scalar delta_number_2[45] = {
     R(0.25), R(0.25), R(0.25), R(0.25000000000000006), R(0.25000000000000006),
     R(0.25000000000000006), R(0.25000000000000006), R(0.25000000000000006), R(0.25000000000000006),
     R(0.024999999999999998), R(0.024999999999999998), R(0.024999999999999998),
@@ -104,7 +58,7 @@ static const ncgen_scalar delta_number_4[45] = {
     R(0.024999999999999998), R(0.024999999999999998), R(0.024999999999999998),
     R(0.024999999999999998), R(0.024999999999999998), R(0.024999999999999998)
 };
-static const ncgen_scalar delta_number_5[27] = {
+static const ncgen_scalar delta_number_3[27] = {
     R(0.025), R(0.025), R(0.025), R(0.025), R(0.025), R(0.025), R(0.024999999999999998),
     R(0.024999999999999998), R(0.024999999999999998), R(0.024999999999999998),
     R(0.024999999999999998), R(0.024999999999999998), R(0.025), R(0.025), R(0.025), R(0.025),
@@ -114,7 +68,7 @@ static const ncgen_scalar delta_number_5[27] = {
 };
 
 
-/* phi: 439 operations, 6 of them elementary functions */
+/* phi: 421 operations, 6 of them elementary functions */
 int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[3], cosine[3];
@@ -136,301 +90,298 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x3 = R(1.1904761904761905) * (x1 * x1 + x2 * x2 + E1_z * E1_z - R(0.17639999999999997));
         phi[0] = x3;
         /* row 2: 1002 angle t1, E1-A1 (body arm1): u.a - L c = 0 with u = t1, a = E1-A1, L = 0.42, c = 0 */
-        const ncgen_real x4 = E1_y - R(0.16499999999999998);
-        const ncgen_real x5 = E1_x - R(0.2857883832488648);
-        const ncgen_real x6 = R(2.380952380952381) * (R(0.8660254037844387) * x4 - R(0.49999999999999994) * x5);
-        phi[1] = x6;
+        const ncgen_real x4 = R(2.380952380952381) * (R(0.49999999999999994) * x1 - R(0.8660254037844387) * x2);
+        phi[1] = x4;
         /* row 3: combination E1a.x (body arm1): (e - c a x b).x = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
         const ncgen_real E1a_x = q[3];
-        const ncgen_real x7 = E1a_x + R(1.2691553730131524e-16) - R(1.0000000000000004) * E1_x;
-        phi[2] = x7 - R(0.040000000000000015);
+        const ncgen_real x5 = E1a_x + R(1.2691553730131524e-16) - R(1.0000000000000004) * E1_x;
+        phi[2] = x5 - R(0.040000000000000015);
         /* row 4: combination E1a.y (body arm1): (e - c a x b).y = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
         const ncgen_real E1a_y = q[4];
-        const ncgen_real x8 = E1a_y + R(7.327471962526032e-17) - R(1.0000000000000004) * E1_y;
-        phi[3] = x8 + R(0.06928203230275513);
+        const ncgen_real x6 = E1a_y + R(7.327471962526032e-17) - R(1.0000000000000004) * E1_y;
+        phi[3] = x6 + R(0.06928203230275513);
         /* row 5: combination E1a.z (body arm1): (e - c a x b).z = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
         const ncgen_real E1a_z = q[5];
         phi[4] = E1a_z - R(1.0000000000000004) * E1_z;
         /* row 6: combination E1b.x (body arm1): (e - c a x b).x = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_x = q[6];
-        const ncgen_real x9 = E1b_x + R(6.345776865065762e-17) - R(1.0000000000000002) * E1_x;
-        phi[5] = x9 + R(0.03999999999999999);
+        const ncgen_real x7 = E1b_x + R(6.345776865065762e-17) - R(1.0000000000000002) * E1_x;
+        phi[5] = x7 + R(0.03999999999999999);
         /* row 7: combination E1b.y (body arm1): (e - c a x b).y = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_y = q[7];
-        const ncgen_real x10 = E1b_y + R(3.663735981263016e-17) - R(1.0000000000000002) * E1_y;
-        phi[6] = x10 - R(0.06928203230275509);
+        const ncgen_real x8 = E1b_y + R(3.663735981263016e-17) - R(1.0000000000000002) * E1_y;
+        phi[6] = x8 - R(0.06928203230275509);
         /* row 8: combination E1b.z (body arm1): (e - c a x b).z = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_z = q[8];
         phi[7] = E1b_z - R(1.0000000000000002) * E1_z;
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real sin_psi1 = sine[0];
-        const ncgen_real x11 = (R(0.8660254037844387) * x5 + R(0.49999999999999994) * x4) * sin_psi1;
-        const ncgen_real x12 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        const ncgen_real x9 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
         const ncgen_real cos_psi1 = cosine[0];
-        phi[8] = R(2.380952380952381) * (x11 + x12 * cos_psi1);
+        const ncgen_real sin_psi1 = sine[0];
+        const ncgen_real x10 = (R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2) * sin_psi1;
+        phi[8] = R(2.380952380952381) * (x9 * cos_psi1 - x10);
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real E2_x = q[10];
-        const ncgen_real x13 = -R(0.28578838324886474) - E2_x;
+        const ncgen_real x11 = -R(0.28578838324886474) - E2_x;
         const ncgen_real E2_y = q[11];
-        const ncgen_real x14 = R(0.16500000000000012) - E2_y;
+        const ncgen_real x12 = R(0.16500000000000012) - E2_y;
         const ncgen_real E2_z = q[12];
-        const ncgen_real x15 = x13 * x13 + x14 * x14 + E2_z * E2_z - R(0.17639999999999997);
-        phi[9] = R(1.1904761904761905) * x15;
+        const ncgen_real x13 = x11 * x11 + x12 * x12 + E2_z * E2_z - R(0.17639999999999997);
+        phi[9] = R(1.1904761904761905) * x13;
         /* row 11: 1002 angle t2, E2-A2 (body arm2): u.a - L c = 0 with u = t2, a = E2-A2, L = 0.42, c = 0 */
-        const ncgen_real x16 = E2_x + R(0.28578838324886474);
-        const ncgen_real x17 = E2_y - R(0.16500000000000012);
-        const ncgen_real x18 = R(0.5000000000000003) * x16 + R(0.8660254037844385) * x17;
-        phi[10] = -(R(2.380952380952381) * x18);
+        const ncgen_real x14 = E2_x + R(0.28578838324886474);
+        const ncgen_real x15 = R(0.8660254037844385) * x12 - R(0.5000000000000003) * x14;
+        phi[10] = R(2.380952380952381) * x15;
         /* row 12: combination E2a.x (body arm2): (e - c a x b).x = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
         const ncgen_real E2a_x = q[13];
-        const ncgen_real x19 = R(1.0000000000000002) * E2_x;
-        const ncgen_real x20 = E2a_x - R(6.345776865065761e-17) - x19 - R(0.04000000000000001);
-        phi[11] = x20;
+        const ncgen_real x16 = R(1.0000000000000002) * E2_x;
+        const ncgen_real x17 = E2a_x - R(6.345776865065761e-17) - x16 - R(0.04000000000000001);
+        phi[11] = x17;
         /* row 13: combination E2a.y (body arm2): (e - c a x b).y = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
         const ncgen_real E2a_y = q[14];
-        const ncgen_real x21 = R(1.0000000000000002) * E2_y;
-        const ncgen_real x22 = E2a_y + R(3.663735981263019e-17) - x21 - R(0.06928203230275505);
-        phi[12] = x22;
+        const ncgen_real x18 = R(1.0000000000000002) * E2_y;
+        const ncgen_real x19 = E2a_y + R(3.663735981263019e-17) - x18 - R(0.06928203230275505);
+        phi[12] = x19;
         /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
         const ncgen_real E2a_z = q[15];
-        const ncgen_real x23 = R(1.0000000000000002) * E2_z;
-        phi[13] = E2a_z - x23;
+        const ncgen_real x20 = R(1.0000000000000002) * E2_z;
+        phi[13] = E2a_z - x20;
         /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
         const ncgen_real E2b_x = q[16];
-        const ncgen_real x24 = E2b_x - R(6.345776865065761e-17) - x19 + R(0.04000000000000005);
-        phi[14] = x24;
+        const ncgen_real x21 = E2b_x - R(6.345776865065761e-17) - x16 + R(0.04000000000000005);
+        phi[14] = x21;
         /* row 16: combination E2b.y (body arm2): (e - c a x b).y = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
         const ncgen_real E2b_y = q[17];
-        const ncgen_real x25 = R(3.663735981263019e-17) + E2b_y - x21 + R(0.06928203230275512);
-        phi[15] = x25;
+        const ncgen_real x22 = R(3.663735981263019e-17) + E2b_y - x18 + R(0.06928203230275512);
+        phi[15] = x22;
         /* row 17: combination E2b.z (body arm2): (e - c a x b).z = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
         const ncgen_real E2b_z = q[18];
-        phi[16] = E2b_z - x23;
+        phi[16] = E2b_z - x20;
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real x26 = R(0.5000000000000003) * x17 - R(0.8660254037844385) * x16;
-        const ncgen_real sin_psi2 = sine[1];
-        const ncgen_real x27 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        const ncgen_real x23 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
         const ncgen_real cos_psi2 = cosine[1];
-        phi[17] = R(2.380952380952381) * (x26 * sin_psi2 + x27 * cos_psi2);
+        const ncgen_real x24 = R(0.8660254037844385) * x14 + R(0.5000000000000003) * x12;
+        const ncgen_real sin_psi2 = sine[1];
+        phi[17] = R(2.380952380952381) * (x23 * cos_psi2 - x24 * sin_psi2);
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real E3_x = q[20];
-        const ncgen_real x28 = -R(6.062001655779399e-17) - E3_x;
+        const ncgen_real x25 = -R(6.062001655779399e-17) - E3_x;
         const ncgen_real E3_y = q[21];
-        const ncgen_real x29 = -R(0.33) - E3_y;
+        const ncgen_real x26 = -R(0.33) - E3_y;
         const ncgen_real E3_z = q[22];
-        const ncgen_real x30 = x28 * x28 + x29 * x29 + E3_z * E3_z - R(0.17639999999999997);
-        phi[18] = R(1.1904761904761905) * x30;
+        const ncgen_real x27 = x25 * x25 + x26 * x26 + E3_z * E3_z - R(0.17639999999999997);
+        phi[18] = R(1.1904761904761905) * x27;
         /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
-        const ncgen_real x31 = E3_x + R(6.062001655779399e-17);
-        const ncgen_real x32 = E3_y + R(0.33);
-        const ncgen_real x33 = R(2.380952380952381) * (x31 - R(1.8369701987210297e-16) * x32);
-        phi[19] = x33;
+        const ncgen_real x28 = E3_x + R(6.062001655779399e-17);
+        const ncgen_real x29 = E3_y + R(0.33);
+        const ncgen_real x30 = R(2.380952380952381) * (x28 - R(1.8369701987210297e-16) * x29);
+        phi[19] = x30;
         /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
         const ncgen_real E3a_x = q[23];
-        const ncgen_real x34 = E3a_x - R(2.6920695254248444e-32) - R(1.0000000000000004) * E3_x;
-        phi[20] = x34 + R(0.08000000000000018);
+        const ncgen_real x31 = E3a_x - R(2.6920695254248444e-32) - R(1.0000000000000004) * E3_x;
+        phi[20] = x31 + R(0.08000000000000018);
         /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
         const ncgen_real E3a_y = q[24];
-        const ncgen_real x35 = E3a_y - R(1.4654943925052067e-16) - R(1.0000000000000004) * E3_y;
-        phi[21] = x35 - R(1.469576158976827e-17);
+        const ncgen_real x32 = E3a_y - R(1.4654943925052067e-16) - R(1.0000000000000004) * E3_y;
+        phi[21] = x32 - R(1.469576158976827e-17);
         /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
         const ncgen_real E3a_z = q[25];
         phi[22] = E3a_z - R(1.0000000000000004) * E3_z;
         /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
         const ncgen_real E3b_x = q[26];
-        const ncgen_real x36 = E3b_x - R(1.3460347627124222e-32) - R(1.0000000000000002) * E3_x;
-        phi[23] = x36 - R(0.07999999999999986);
+        const ncgen_real x33 = E3b_x - R(1.3460347627124222e-32) - R(1.0000000000000002) * E3_x;
+        phi[23] = x33 - R(0.07999999999999986);
         /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
         const ncgen_real E3b_y = q[27];
-        const ncgen_real x37 = E3b_y - R(7.327471962526034e-17) - R(1.0000000000000002) * E3_y;
-        phi[24] = x37 + R(1.4695761589768212e-17);
+        const ncgen_real x34 = E3b_y - R(7.327471962526034e-17) - R(1.0000000000000002) * E3_y;
+        phi[24] = x34 + R(1.4695761589768212e-17);
         /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
         const ncgen_real E3b_z = q[28];
         phi[25] = E3b_z - R(1.0000000000000002) * E3_z;
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
         const ncgen_real cos_psi3 = cosine[2];
         const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x38 = (E3_z + R(3.374459510989179e-32) * E3_z) * cos_psi3 - (x32 + R(1.8369701987210297e-16) * x31) * sin_psi3;
-        phi[26] = R(2.380952380952381) * x38;
+        const ncgen_real x35 = (E3_z + R(3.374459510989179e-32) * E3_z) * cos_psi3 - (x29 + R(1.8369701987210297e-16) * x28) * sin_psi3;
+        phi[26] = R(2.380952380952381) * x35;
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real P1a_x = q[30];
-        const ncgen_real x39 = E1a_x - P1a_x;
+        const ncgen_real x36 = E1a_x - P1a_x;
         const ncgen_real P1a_y = q[31];
-        const ncgen_real x40 = E1a_y - P1a_y;
+        const ncgen_real x37 = E1a_y - P1a_y;
         const ncgen_real P1a_z = q[32];
-        const ncgen_real x41 = E1a_z - P1a_z;
-        const ncgen_real x42 = R(0.47393364928909953) * (x39 * x39 + x40 * x40 + x41 * x41 - R(1.113025));
-        phi[27] = x42;
+        const ncgen_real x38 = E1a_z - P1a_z;
+        const ncgen_real x39 = R(0.47393364928909953) * (x36 * x36 + x37 * x37 + x38 * x38 - R(1.113025));
+        phi[27] = x39;
         /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
         const ncgen_real P1b_x = q[33];
-        const ncgen_real x43 = E1b_x - P1b_x;
+        const ncgen_real x40 = E1b_x - P1b_x;
         const ncgen_real P1b_y = q[34];
-        const ncgen_real x44 = E1b_y - P1b_y;
+        const ncgen_real x41 = E1b_y - P1b_y;
         const ncgen_real P1b_z = q[35];
-        const ncgen_real x45 = E1b_z - P1b_z;
-        const ncgen_real x46 = R(0.47393364928909953) * (x43 * x43 + x44 * x44 + x45 * x45 - R(1.113025));
-        phi[28] = x46;
+        const ncgen_real x42 = E1b_z - P1b_z;
+        const ncgen_real x43 = R(0.47393364928909953) * (x40 * x40 + x41 * x41 + x42 * x42 - R(1.113025));
+        phi[28] = x43;
         /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
         const ncgen_real P2a_x = q[36];
-        const ncgen_real x47 = E2a_x - P2a_x;
+        const ncgen_real x44 = E2a_x - P2a_x;
         const ncgen_real P2a_y = q[37];
-        const ncgen_real x48 = E2a_y - P2a_y;
+        const ncgen_real x45 = E2a_y - P2a_y;
         const ncgen_real P2a_z = q[38];
-        const ncgen_real x49 = E2a_z - P2a_z;
-        const ncgen_real x50 = x47 * x47 + x48 * x48 + x49 * x49 - R(1.1130250000000004);
-        phi[29] = R(0.4739336492890995) * x50;
+        const ncgen_real x46 = E2a_z - P2a_z;
+        const ncgen_real x47 = x44 * x44 + x45 * x45 + x46 * x46 - R(1.1130250000000004);
+        phi[29] = R(0.4739336492890995) * x47;
         /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
         const ncgen_real P2b_x = q[39];
-        const ncgen_real x51 = E2b_x - P2b_x;
+        const ncgen_real x48 = E2b_x - P2b_x;
         const ncgen_real P2b_y = q[40];
-        const ncgen_real x52 = E2b_y - P2b_y;
+        const ncgen_real x49 = E2b_y - P2b_y;
         const ncgen_real P2b_z = q[41];
-        const ncgen_real x53 = E2b_z - P2b_z;
-        const ncgen_real x54 = x51 * x51 + x52 * x52 + x53 * x53 - R(1.1130250000000004);
-        phi[30] = R(0.4739336492890995) * x54;
+        const ncgen_real x50 = E2b_z - P2b_z;
+        const ncgen_real x51 = x48 * x48 + x49 * x49 + x50 * x50 - R(1.1130250000000004);
+        phi[30] = R(0.4739336492890995) * x51;
         /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
         const ncgen_real P3a_x = q[42];
-        const ncgen_real x55 = E3a_x - P3a_x;
+        const ncgen_real x52 = E3a_x - P3a_x;
         const ncgen_real P3a_y = q[43];
-        const ncgen_real x56 = E3a_y - P3a_y;
+        const ncgen_real x53 = E3a_y - P3a_y;
         const ncgen_real P3a_z = q[44];
-        const ncgen_real x57 = E3a_z - P3a_z;
-        const ncgen_real x58 = R(0.47393364928909953) * (x55 * x55 + x56 * x56 + x57 * x57 - R(1.113025));
-        phi[31] = x58;
+        const ncgen_real x54 = E3a_z - P3a_z;
+        const ncgen_real x55 = R(0.47393364928909953) * (x52 * x52 + x53 * x53 + x54 * x54 - R(1.113025));
+        phi[31] = x55;
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real P3b_x = q[45];
-        const ncgen_real x59 = E3b_x - P3b_x;
+        const ncgen_real x56 = E3b_x - P3b_x;
         const ncgen_real P3b_y = q[46];
-        const ncgen_real x60 = E3b_y - P3b_y;
+        const ncgen_real x57 = E3b_y - P3b_y;
         const ncgen_real P3b_z = q[47];
-        const ncgen_real x61 = E3b_z - P3b_z;
-        const ncgen_real x62 = R(0.47393364928909953) * (x59 * x59 + x60 * x60 + x61 * x61 - R(1.113025));
-        phi[32] = x62;
+        const ncgen_real x58 = E3b_z - P3b_z;
+        const ncgen_real x59 = R(0.47393364928909953) * (x56 * x56 + x57 * x57 + x58 * x58 - R(1.113025));
+        phi[32] = x59;
         /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
-        const ncgen_real x63 = P1a_x - P1b_x;
-        const ncgen_real x64 = P1a_y - P1b_y;
-        const ncgen_real x65 = P1a_z - P1b_z;
-        const ncgen_real x66 = x63 * x63 + x64 * x64 + x65 * x65 - R(0.02560000000000001);
-        phi[33] = R(3.1249999999999996) * x66;
+        const ncgen_real x60 = P1a_x - P1b_x;
+        const ncgen_real x61 = P1a_y - P1b_y;
+        const ncgen_real x62 = P1a_z - P1b_z;
+        const ncgen_real x63 = x60 * x60 + x61 * x61 + x62 * x62 - R(0.02560000000000001);
+        phi[33] = R(3.1249999999999996) * x63;
         /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
-        const ncgen_real x67 = P1a_x - P2a_x;
-        const ncgen_real x68 = P1a_y - P2a_y;
-        const ncgen_real x69 = P1a_z - P2a_z;
-        const ncgen_real x70 = R(1.945142479610587) * (x67 * x67 + x68 * x68 + x69 * x69 - R(0.066075));
-        phi[34] = x70;
+        const ncgen_real x64 = P1a_x - P2a_x;
+        const ncgen_real x65 = P1a_y - P2a_y;
+        const ncgen_real x66 = P1a_z - P2a_z;
+        const ncgen_real x67 = R(1.945142479610587) * (x64 * x64 + x65 * x65 + x66 * x66 - R(0.066075));
+        phi[34] = x67;
         /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
-        const ncgen_real x71 = P2a_x - P1b_x;
-        const ncgen_real x72 = P2a_y - P1b_y;
-        const ncgen_real x73 = P2a_z - P1b_z;
-        const ncgen_real x74 = x71 * x71 + x72 * x72 + x73 * x73 - R(0.018633983848622415);
-        phi[35] = R(3.662833242076714) * x74;
+        const ncgen_real x68 = P2a_x - P1b_x;
+        const ncgen_real x69 = P2a_y - P1b_y;
+        const ncgen_real x70 = P2a_z - P1b_z;
+        const ncgen_real x71 = x68 * x68 + x69 * x69 + x70 * x70 - R(0.018633983848622415);
+        phi[35] = R(3.662833242076714) * x71;
         /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
         const ncgen_real C_x = q[48];
-        const ncgen_real x75 = P1a_x - C_x;
+        const ncgen_real x72 = P1a_x - C_x;
         const ncgen_real C_y = q[49];
-        const ncgen_real x76 = P1a_y - C_y;
+        const ncgen_real x73 = P1a_y - C_y;
         const ncgen_real C_z = q[50];
-        const ncgen_real x77 = P1a_z - C_z;
-        const ncgen_real x78 = x75 * x75 + x76 * x76 + x77 * x77 - R(0.028424999999999992);
-        phi[36] = R(2.965649129302967) * x78;
+        const ncgen_real x74 = P1a_z - C_z;
+        const ncgen_real x75 = x72 * x72 + x73 * x73 + x74 * x74 - R(0.028424999999999992);
+        phi[36] = R(2.965649129302967) * x75;
         /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
-        const ncgen_real x79 = C_x - P1b_x;
-        const ncgen_real x80 = C_y - P1b_y;
-        const ncgen_real x81 = C_z - P1b_z;
-        const ncgen_real x82 = x79 * x79 + x80 * x80 + x81 * x81 - R(0.028424999999999985);
-        phi[37] = R(2.9656491293029674) * x82;
+        const ncgen_real x76 = C_x - P1b_x;
+        const ncgen_real x77 = C_y - P1b_y;
+        const ncgen_real x78 = C_z - P1b_z;
+        const ncgen_real x79 = x76 * x76 + x77 * x77 + x78 * x78 - R(0.028424999999999985);
+        phi[37] = R(2.9656491293029674) * x79;
         /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
-        const ncgen_real x83 = C_x - P2a_x;
-        const ncgen_real x84 = C_y - P2a_y;
-        const ncgen_real x85 = C_z - P2a_z;
-        const ncgen_real x86 = x83 * x83 + x84 * x84 + x85 * x85 - R(0.028425000000000002);
-        phi[38] = R(2.9656491293029665) * x86;
+        const ncgen_real x80 = C_x - P2a_x;
+        const ncgen_real x81 = C_y - P2a_y;
+        const ncgen_real x82 = C_z - P2a_z;
+        const ncgen_real x83 = x80 * x80 + x81 * x81 + x82 * x82 - R(0.028425000000000002);
+        phi[38] = R(2.9656491293029665) * x83;
         /* row 40: combination P2b.x (body platform): (e - c a x b).x = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x87 = P2b_x - R(0.9999999999999991) * P1a_x + R(2.1721066374645472) * P1b_x;
-        phi[39] = x87 - R(2.172106637464548) * P2a_x;
+        const ncgen_real x84 = P2b_x - R(0.9999999999999991) * P1a_x + R(2.1721066374645472) * P1b_x;
+        phi[39] = x84 - R(2.172106637464548) * P2a_x;
         /* row 41: combination P2b.y (body platform): (e - c a x b).y = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x88 = P2b_y - R(0.9999999999999991) * P1a_y + R(2.1721066374645472) * P1b_y;
-        phi[40] = x88 - R(2.172106637464548) * P2a_y;
+        const ncgen_real x85 = P2b_y - R(0.9999999999999991) * P1a_y + R(2.1721066374645472) * P1b_y;
+        phi[40] = x85 - R(2.172106637464548) * P2a_y;
         /* row 42: combination P2b.z (body platform): (e - c a x b).z = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x89 = P2b_z - R(0.9999999999999991) * P1a_z + R(2.1721066374645472) * P1b_z;
-        phi[41] = x89 - R(2.172106637464548) * P2a_z;
+        const ncgen_real x86 = P2b_z - R(0.9999999999999991) * P1a_z + R(2.1721066374645472) * P1b_z;
+        phi[41] = x86 - R(2.172106637464548) * P2a_z;
         /* row 43: combination P3a.x (body platform): (e - c a x b).x = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x90 = P3a_x - R(1.8531646934131842) * P1a_x + R(3.0252713308777346) * P1b_x;
-        phi[42] = x90 - R(2.17210663746455) * P2a_x;
+        const ncgen_real x87 = P3a_x - R(1.8531646934131842) * P1a_x + R(3.0252713308777346) * P1b_x;
+        phi[42] = x87 - R(2.17210663746455) * P2a_x;
         /* row 44: combination P3a.y (body platform): (e - c a x b).y = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x91 = P3a_y - R(1.8531646934131842) * P1a_y + R(3.0252713308777346) * P1b_y;
-        phi[43] = x91 - R(2.17210663746455) * P2a_y;
+        const ncgen_real x88 = P3a_y - R(1.8531646934131842) * P1a_y + R(3.0252713308777346) * P1b_y;
+        phi[43] = x88 - R(2.17210663746455) * P2a_y;
         /* row 45: combination P3a.z (body platform): (e - c a x b).z = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x92 = P3a_z - R(1.8531646934131842) * P1a_z + R(3.0252713308777346) * P1b_z;
-        phi[44] = x92 - R(2.17210663746455) * P2a_z;
+        const ncgen_real x89 = P3a_z - R(1.8531646934131842) * P1a_z + R(3.0252713308777346) * P1b_z;
+        phi[44] = x89 - R(2.17210663746455) * P2a_z;
         /* row 46: combination P3b.x (body platform): (e - c a x b).x = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x93 = P3b_x - R(1.8531646934131856) * P1a_x + R(1.853164693413187) * P1b_x;
-        phi[45] = x93 - R(1.0000000000000013) * P2a_x;
+        const ncgen_real x90 = P3b_x - R(1.8531646934131856) * P1a_x + R(1.853164693413187) * P1b_x;
+        phi[45] = x90 - R(1.0000000000000013) * P2a_x;
         /* row 47: combination P3b.y (body platform): (e - c a x b).y = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x94 = P3b_y - R(1.8531646934131856) * P1a_y + R(1.853164693413187) * P1b_y;
-        phi[46] = x94 - R(1.0000000000000013) * P2a_y;
+        const ncgen_real x91 = P3b_y - R(1.8531646934131856) * P1a_y + R(1.853164693413187) * P1b_y;
+        phi[46] = x91 - R(1.0000000000000013) * P2a_y;
         /* row 48: combination P3b.z (body platform): (e - c a x b).z = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x95 = P3b_z - R(1.8531646934131856) * P1a_z + R(1.853164693413187) * P1b_z;
-        phi[47] = x95 - R(1.0000000000000013) * P2a_z;
+        const ncgen_real x92 = P3b_z - R(1.8531646934131856) * P1a_z + R(1.853164693413187) * P1b_z;
+        phi[47] = x92 - R(1.0000000000000013) * P2a_z;
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real n1_x = q[51];
         const ncgen_real n1_y = q[52];
         const ncgen_real n1_z = q[53];
-        const ncgen_real x96 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
-        phi[48] = x96;
+        const ncgen_real x93 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
+        phi[48] = x93;
         /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x97 = n1_x * (P1a_x - E1a_x) + n1_y * (P1a_y - E1a_y) + n1_z * (P1a_z - E1a_z);
-        phi[49] = R(0.9478672985781991) * x97;
+        const ncgen_real x94 = R(0.9478672985781991) * (x36 * n1_x + x37 * n1_y + x38 * n1_z);
+        phi[49] = -x94;
         /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        const ncgen_real x98 = n1_x * (P1b_x - E1b_x) + n1_y * (P1b_y - E1b_y) + n1_z * (P1b_z - E1b_z);
-        phi[50] = R(0.9478672985781991) * x98;
+        const ncgen_real x95 = R(0.9478672985781991) * (x40 * n1_x + x41 * n1_y + x42 * n1_z);
+        phi[50] = -x95;
         /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
-        const ncgen_real x99 = n1_x * (E1b_x - E1a_x) + n1_y * (E1b_y - E1a_y) + n1_z * (E1b_z - E1a_z);
-        phi[51] = R(6.249999999999999) * x99;
+        const ncgen_real x96 = n1_x * (E1b_x - E1a_x) + n1_y * (E1b_y - E1a_y) + n1_z * (E1b_z - E1a_z);
+        phi[51] = R(6.249999999999999) * x96;
         /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        const ncgen_real x100 = n1_x * (P1b_x - P1a_x) + n1_y * (P1b_y - P1a_y) + n1_z * (P1b_z - P1a_z);
-        phi[52] = R(6.249999999999999) * x100;
+        const ncgen_real x97 = R(6.249999999999999) * (x60 * n1_x + x61 * n1_y + x62 * n1_z);
+        phi[52] = -x97;
         /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
         const ncgen_real n2_x = q[54];
         const ncgen_real n2_y = q[55];
         const ncgen_real n2_z = q[56];
-        const ncgen_real x101 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
-        phi[53] = x101;
+        const ncgen_real x98 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
+        phi[53] = x98;
         /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x102 = n2_x * (P2a_x - E2a_x) + n2_y * (P2a_y - E2a_y) + n2_z * (P2a_z - E2a_z);
-        phi[54] = R(0.947867298578199) * x102;
+        const ncgen_real x99 = R(0.947867298578199) * (x44 * n2_x + x45 * n2_y + x46 * n2_z);
+        phi[54] = -x99;
         /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        const ncgen_real x103 = n2_x * (P2b_x - E2b_x) + n2_y * (P2b_y - E2b_y) + n2_z * (P2b_z - E2b_z);
-        phi[55] = R(0.947867298578199) * x103;
+        const ncgen_real x100 = R(0.947867298578199) * (x48 * n2_x + x49 * n2_y + x50 * n2_z);
+        phi[55] = -x100;
         /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
-        const ncgen_real x104 = n2_x * (E2b_x - E2a_x) + n2_y * (E2b_y - E2a_y) + n2_z * (E2b_z - E2a_z);
-        phi[56] = R(6.249999999999999) * x104;
+        const ncgen_real x101 = n2_x * (E2b_x - E2a_x) + n2_y * (E2b_y - E2a_y) + n2_z * (E2b_z - E2a_z);
+        phi[56] = R(6.249999999999999) * x101;
         /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
-        const ncgen_real x105 = n2_x * (P2b_x - P2a_x) + n2_y * (P2b_y - P2a_y) + n2_z * (P2b_z - P2a_z);
-        phi[57] = R(6.249999999999999) * x105;
+        const ncgen_real x102 = n2_x * (P2b_x - P2a_x) + n2_y * (P2b_y - P2a_y) + n2_z * (P2b_z - P2a_z);
+        phi[57] = R(6.249999999999999) * x102;
         /* row 59: 1001 unit n3 (body rod3a): |u|^2 - 1 = 0 with u = n3 */
         const ncgen_real n3_x = q[57];
         const ncgen_real n3_y = q[58];
         const ncgen_real n3_z = q[59];
-        const ncgen_real x106 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
-        phi[58] = x106;
+        const ncgen_real x103 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
+        phi[58] = x103;
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x107 = n3_x * (P3a_x - E3a_x) + n3_y * (P3a_y - E3a_y) + n3_z * (P3a_z - E3a_z);
-        phi[59] = R(0.9478672985781991) * x107;
+        const ncgen_real x104 = R(0.9478672985781991) * (x52 * n3_x + x53 * n3_y + x54 * n3_z);
+        phi[59] = -x104;
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        const ncgen_real x108 = n3_x * (P3b_x - E3b_x) + n3_y * (P3b_y - E3b_y) + n3_z * (P3b_z - E3b_z);
-        phi[60] = R(0.9478672985781991) * x108;
+        const ncgen_real x105 = R(0.9478672985781991) * (x56 * n3_x + x57 * n3_y + x58 * n3_z);
+        phi[60] = -x105;
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
-        const ncgen_real x109 = n3_x * (E3b_x - E3a_x) + n3_y * (E3b_y - E3a_y) + n3_z * (E3b_z - E3a_z);
-        phi[61] = R(6.25) * x109;
+        const ncgen_real x106 = n3_x * (E3b_x - E3a_x) + n3_y * (E3b_y - E3a_y) + n3_z * (E3b_z - E3a_z);
+        phi[61] = R(6.25) * x106;
         /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
-        const ncgen_real x110 = n3_x * (P3b_x - P3a_x) + n3_y * (P3b_y - P3a_y) + n3_z * (P3b_z - P3a_z);
-        phi[62] = R(6.25) * x110;
+        const ncgen_real x107 = n3_x * (P3b_x - P3a_x) + n3_y * (P3b_y - P3a_y) + n3_z * (P3b_z - P3a_z);
+        phi[62] = R(6.25) * x107;
     }
 
     return NCGEN_OK;
 }
-/* phi_q: 290 operations, 6 of them elementary functions */
+/* phi_q: 247 operations, 6 of them elementary functions */
 int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     ncgen_real sine[3], cosine[3];
@@ -442,224 +393,319 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         angle[i] = q[10 * i + 9];
     ncgen_sincos(3, angle, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 288; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(delta_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance A1-E1 (body arm1): |a|^2 - L^2 = 0 with a = A1-E1, L = 0.42 */
         const ncgen_real E1_x = q[0];
-        phi_q[0] = -(R(2.380952380952381) * (R(0.2857883832488648) - E1_x));
+        const ncgen_real x1 = R(0.2857883832488648) - E1_x;
+        phi_q[0] = -(R(2.380952380952381) * x1);
         const ncgen_real E1_y = q[1];
-        const ncgen_real x1 = -(R(2.380952380952381) * (R(0.16499999999999998) - E1_y));
-        phi_q[1] = x1;
+        const ncgen_real x2 = R(0.16499999999999998) - E1_y;
+        phi_q[1] = -(R(2.380952380952381) * x2);
         const ncgen_real E1_z = q[2];
         phi_q[2] = R(2.380952380952381) * E1_z;
+        phi_q[3] = NCGEN_SPLAT(-R(1.1904761904761902));
+        phi_q[4] = NCGEN_SPLAT(R(2.0619652471058063));
+        phi_q[5] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[6] = NCGEN_SPLAT(R(1.0));
+        phi_q[7] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[8] = NCGEN_SPLAT(R(1.0));
+        phi_q[9] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[10] = NCGEN_SPLAT(R(1.0));
+        phi_q[11] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[12] = NCGEN_SPLAT(R(1.0));
+        phi_q[13] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[14] = NCGEN_SPLAT(R(1.0));
+        phi_q[15] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[16] = NCGEN_SPLAT(R(1.0));
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
         const ncgen_real sin_psi1 = sine[0];
         phi_q[17] = R(2.0619652471058063) * sin_psi1;
         phi_q[18] = R(1.1904761904761902) * sin_psi1;
         const ncgen_real cos_psi1 = cosine[0];
         phi_q[19] = R(2.380952380952381) * cos_psi1;
-        const ncgen_real x2 = R(0.8660254037844387) * (E1_x - R(0.2857883832488648)) + R(0.49999999999999994) * (E1_y - R(0.16499999999999998));
-        const ncgen_real x3 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
-        phi_q[20] = R(2.380952380952381) * (cos_psi1 * x2 - sin_psi1 * x3);
+        const ncgen_real x3 = cos_psi1 * (R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2);
+        const ncgen_real x4 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        phi_q[20] = -(R(2.380952380952381) * (x3 + sin_psi1 * x4));
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real E2_x = q[10];
-        const ncgen_real x4 = -(R(2.380952380952381) * (-R(0.28578838324886474) - E2_x));
-        phi_q[21] = x4;
+        const ncgen_real x5 = -(R(2.380952380952381) * (-R(0.28578838324886474) - E2_x));
+        phi_q[21] = x5;
         const ncgen_real E2_y = q[11];
-        const ncgen_real x5 = -(R(2.380952380952381) * (R(0.16500000000000012) - E2_y));
-        phi_q[22] = x5;
+        const ncgen_real x6 = R(0.16500000000000012) - E2_y;
+        phi_q[22] = -(R(2.380952380952381) * x6);
         const ncgen_real E2_z = q[12];
         phi_q[23] = R(2.380952380952381) * E2_z;
+        phi_q[24] = NCGEN_SPLAT(-R(1.1904761904761914));
+        phi_q[25] = NCGEN_SPLAT(-R(2.061965247105806));
+        phi_q[26] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[27] = NCGEN_SPLAT(R(1.0));
+        phi_q[28] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[29] = NCGEN_SPLAT(R(1.0));
+        phi_q[30] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[31] = NCGEN_SPLAT(R(1.0));
+        phi_q[32] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[33] = NCGEN_SPLAT(R(1.0));
+        phi_q[34] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[35] = NCGEN_SPLAT(R(1.0));
+        phi_q[36] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[37] = NCGEN_SPLAT(R(1.0));
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
         const ncgen_real sin_psi2 = sine[1];
         phi_q[38] = -(R(2.061965247105806) * sin_psi2);
         phi_q[39] = R(1.1904761904761914) * sin_psi2;
         const ncgen_real cos_psi2 = cosine[1];
         phi_q[40] = R(2.380952380952381) * cos_psi2;
-        const ncgen_real x6 = R(0.5000000000000003) * (E2_y - R(0.16500000000000012)) - R(0.8660254037844385) * (E2_x + R(0.28578838324886474));
-        const ncgen_real x7 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
-        phi_q[41] = R(2.380952380952381) * (cos_psi2 * x6 - sin_psi2 * x7);
+        const ncgen_real x7 = R(0.8660254037844385) * (E2_x + R(0.28578838324886474)) + R(0.5000000000000003) * x6;
+        const ncgen_real x8 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        const ncgen_real x9 = -(R(2.380952380952381) * (cos_psi2 * x7 + sin_psi2 * x8));
+        phi_q[41] = x9;
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real E3_x = q[20];
-        const ncgen_real x8 = R(2.380952380952381) * (-R(6.062001655779399e-17) - E3_x);
-        phi_q[42] = -x8;
+        const ncgen_real x10 = R(2.380952380952381) * (-R(6.062001655779399e-17) - E3_x);
+        phi_q[42] = -x10;
         const ncgen_real E3_y = q[21];
         phi_q[43] = -(R(2.380952380952381) * (-R(0.33) - E3_y));
         const ncgen_real E3_z = q[22];
         phi_q[44] = R(2.380952380952381) * E3_z;
+        phi_q[45] = NCGEN_SPLAT(R(2.380952380952381));
+        phi_q[46] = NCGEN_SPLAT(-R(4.373738568383404e-16));
+        phi_q[47] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[48] = NCGEN_SPLAT(R(1.0));
+        phi_q[49] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[50] = NCGEN_SPLAT(R(1.0));
+        phi_q[51] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[52] = NCGEN_SPLAT(R(1.0));
+        phi_q[53] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[54] = NCGEN_SPLAT(R(1.0));
+        phi_q[55] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[56] = NCGEN_SPLAT(R(1.0));
+        phi_q[57] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[58] = NCGEN_SPLAT(R(1.0));
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
         const ncgen_real sin_psi3 = sine[2];
         phi_q[59] = -(R(4.373738568383404e-16) * sin_psi3);
         phi_q[60] = -(R(2.380952380952381) * sin_psi3);
         const ncgen_real cos_psi3 = cosine[2];
         phi_q[61] = R(2.380952380952381) * cos_psi3;
-        const ncgen_real x9 = R(1.8369701987210297e-16) * (E3_x + R(6.062001655779399e-17));
-        const ncgen_real x10 = cos_psi3 * (E3_y + R(0.33) + x9) + sin_psi3 * (E3_z + R(3.374459510989179e-32) * E3_z);
-        phi_q[62] = -(R(2.380952380952381) * x10);
+        const ncgen_real x11 = R(1.8369701987210297e-16) * (E3_x + R(6.062001655779399e-17));
+        const ncgen_real x12 = cos_psi3 * (E3_y + R(0.33) + x11) + sin_psi3 * (E3_z + R(3.374459510989179e-32) * E3_z);
+        phi_q[62] = -(R(2.380952380952381) * x12);
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real E1a_x = q[3];
         const ncgen_real P1a_x = q[30];
-        const ncgen_real x11 = R(0.9478672985781991) * (E1a_x - P1a_x);
-        phi_q[63] = x11;
+        const ncgen_real x13 = R(0.9478672985781991) * (E1a_x - P1a_x);
+        phi_q[63] = x13;
         const ncgen_real E1a_y = q[4];
         const ncgen_real P1a_y = q[31];
-        const ncgen_real x12 = R(0.9478672985781991) * (E1a_y - P1a_y);
-        phi_q[64] = x12;
+        const ncgen_real x14 = R(0.9478672985781991) * (E1a_y - P1a_y);
+        phi_q[64] = x14;
         const ncgen_real E1a_z = q[5];
         const ncgen_real P1a_z = q[32];
-        const ncgen_real x13 = R(0.9478672985781991) * (E1a_z - P1a_z);
-        phi_q[65] = x13;
-        phi_q[66] = -x11;
-        phi_q[67] = -x12;
-        phi_q[68] = -x13;
+        const ncgen_real x15 = R(0.9478672985781991) * (E1a_z - P1a_z);
+        phi_q[65] = x15;
+        const ncgen_real x16 = -x13;
+        phi_q[66] = x16;
+        const ncgen_real x17 = -x14;
+        phi_q[67] = x17;
+        const ncgen_real x18 = -x15;
+        phi_q[68] = x18;
         /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
         const ncgen_real E1b_x = q[6];
         const ncgen_real P1b_x = q[33];
-        const ncgen_real x14 = R(0.9478672985781991) * (E1b_x - P1b_x);
-        phi_q[69] = x14;
+        const ncgen_real x19 = R(0.9478672985781991) * (E1b_x - P1b_x);
+        phi_q[69] = x19;
         const ncgen_real E1b_y = q[7];
         const ncgen_real P1b_y = q[34];
-        const ncgen_real x15 = R(0.9478672985781991) * (E1b_y - P1b_y);
-        phi_q[70] = x15;
+        const ncgen_real x20 = R(0.9478672985781991) * (E1b_y - P1b_y);
+        phi_q[70] = x20;
         const ncgen_real E1b_z = q[8];
         const ncgen_real P1b_z = q[35];
-        const ncgen_real x16 = R(0.9478672985781991) * (E1b_z - P1b_z);
-        phi_q[71] = x16;
-        phi_q[72] = -x14;
-        phi_q[73] = -x15;
-        phi_q[74] = -x16;
+        const ncgen_real x21 = R(0.9478672985781991) * (E1b_z - P1b_z);
+        phi_q[71] = x21;
+        const ncgen_real x22 = -x19;
+        phi_q[72] = x22;
+        const ncgen_real x23 = -x20;
+        phi_q[73] = x23;
+        const ncgen_real x24 = -x21;
+        phi_q[74] = x24;
         /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
         const ncgen_real E2a_x = q[13];
         const ncgen_real P2a_x = q[36];
-        const ncgen_real x17 = R(0.947867298578199) * (E2a_x - P2a_x);
-        phi_q[75] = x17;
+        const ncgen_real x25 = R(0.947867298578199) * (E2a_x - P2a_x);
+        phi_q[75] = x25;
         const ncgen_real E2a_y = q[14];
         const ncgen_real P2a_y = q[37];
-        const ncgen_real x18 = R(0.947867298578199) * (E2a_y - P2a_y);
-        phi_q[76] = x18;
+        const ncgen_real x26 = R(0.947867298578199) * (E2a_y - P2a_y);
+        phi_q[76] = x26;
         const ncgen_real E2a_z = q[15];
         const ncgen_real P2a_z = q[38];
-        const ncgen_real x19 = R(0.947867298578199) * (E2a_z - P2a_z);
-        phi_q[77] = x19;
-        phi_q[78] = -x17;
-        phi_q[79] = -x18;
-        phi_q[80] = -x19;
+        const ncgen_real x27 = R(0.947867298578199) * (E2a_z - P2a_z);
+        phi_q[77] = x27;
+        const ncgen_real x28 = -x25;
+        phi_q[78] = x28;
+        const ncgen_real x29 = -x26;
+        phi_q[79] = x29;
+        const ncgen_real x30 = -x27;
+        phi_q[80] = x30;
         /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
         const ncgen_real E2b_x = q[16];
         const ncgen_real P2b_x = q[39];
-        const ncgen_real x20 = R(0.947867298578199) * (E2b_x - P2b_x);
-        phi_q[81] = x20;
+        const ncgen_real x31 = R(0.947867298578199) * (E2b_x - P2b_x);
+        phi_q[81] = x31;
         const ncgen_real E2b_y = q[17];
         const ncgen_real P2b_y = q[40];
-        const ncgen_real x21 = R(0.947867298578199) * (E2b_y - P2b_y);
-        phi_q[82] = x21;
+        const ncgen_real x32 = R(0.947867298578199) * (E2b_y - P2b_y);
+        phi_q[82] = x32;
         const ncgen_real E2b_z = q[18];
         const ncgen_real P2b_z = q[41];
-        const ncgen_real x22 = R(0.947867298578199) * (E2b_z - P2b_z);
-        phi_q[83] = x22;
-        phi_q[84] = -x20;
-        phi_q[85] = -x21;
-        phi_q[86] = -x22;
+        const ncgen_real x33 = R(0.947867298578199) * (E2b_z - P2b_z);
+        phi_q[83] = x33;
+        const ncgen_real x34 = -x31;
+        phi_q[84] = x34;
+        const ncgen_real x35 = -x32;
+        phi_q[85] = x35;
+        const ncgen_real x36 = -x33;
+        phi_q[86] = x36;
         /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
         const ncgen_real E3a_x = q[23];
         const ncgen_real P3a_x = q[42];
-        const ncgen_real x23 = R(0.9478672985781991) * (E3a_x - P3a_x);
-        phi_q[87] = x23;
+        const ncgen_real x37 = R(0.9478672985781991) * (E3a_x - P3a_x);
+        phi_q[87] = x37;
         const ncgen_real E3a_y = q[24];
         const ncgen_real P3a_y = q[43];
-        const ncgen_real x24 = R(0.9478672985781991) * (E3a_y - P3a_y);
-        phi_q[88] = x24;
+        const ncgen_real x38 = R(0.9478672985781991) * (E3a_y - P3a_y);
+        phi_q[88] = x38;
         const ncgen_real E3a_z = q[25];
         const ncgen_real P3a_z = q[44];
-        const ncgen_real x25 = R(0.9478672985781991) * (E3a_z - P3a_z);
-        phi_q[89] = x25;
-        phi_q[90] = -x23;
-        phi_q[91] = -x24;
-        phi_q[92] = -x25;
+        const ncgen_real x39 = R(0.9478672985781991) * (E3a_z - P3a_z);
+        phi_q[89] = x39;
+        const ncgen_real x40 = -x37;
+        phi_q[90] = x40;
+        const ncgen_real x41 = -x38;
+        phi_q[91] = x41;
+        const ncgen_real x42 = -x39;
+        phi_q[92] = x42;
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real E3b_x = q[26];
         const ncgen_real P3b_x = q[45];
-        const ncgen_real x26 = R(0.9478672985781991) * (E3b_x - P3b_x);
-        phi_q[93] = x26;
+        const ncgen_real x43 = R(0.9478672985781991) * (E3b_x - P3b_x);
+        phi_q[93] = x43;
         const ncgen_real E3b_y = q[27];
         const ncgen_real P3b_y = q[46];
-        const ncgen_real x27 = R(0.9478672985781991) * (E3b_y - P3b_y);
-        phi_q[94] = x27;
+        const ncgen_real x44 = R(0.9478672985781991) * (E3b_y - P3b_y);
+        phi_q[94] = x44;
         const ncgen_real E3b_z = q[28];
         const ncgen_real P3b_z = q[47];
-        const ncgen_real x28 = R(0.9478672985781991) * (E3b_z - P3b_z);
-        phi_q[95] = x28;
-        phi_q[96] = -x26;
-        phi_q[97] = -x27;
-        phi_q[98] = -x28;
+        const ncgen_real x45 = R(0.9478672985781991) * (E3b_z - P3b_z);
+        phi_q[95] = x45;
+        const ncgen_real x46 = -x43;
+        phi_q[96] = x46;
+        const ncgen_real x47 = -x44;
+        phi_q[97] = x47;
+        const ncgen_real x48 = -x45;
+        phi_q[98] = x48;
         /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
-        const ncgen_real x29 = R(6.249999999999999) * (P1a_x - P1b_x);
-        phi_q[99] = x29;
-        const ncgen_real x30 = R(6.249999999999999) * (P1a_y - P1b_y);
-        phi_q[100] = x30;
-        const ncgen_real x31 = R(6.249999999999999) * (P1a_z - P1b_z);
-        phi_q[101] = x31;
-        phi_q[102] = -x29;
-        phi_q[103] = -x30;
-        phi_q[104] = -x31;
+        const ncgen_real x49 = R(6.249999999999999) * (P1a_x - P1b_x);
+        phi_q[99] = x49;
+        const ncgen_real x50 = R(6.249999999999999) * (P1a_y - P1b_y);
+        phi_q[100] = x50;
+        const ncgen_real x51 = R(6.249999999999999) * (P1a_z - P1b_z);
+        phi_q[101] = x51;
+        const ncgen_real x52 = -x49;
+        phi_q[102] = x52;
+        const ncgen_real x53 = -x50;
+        phi_q[103] = x53;
+        const ncgen_real x54 = -x51;
+        phi_q[104] = x54;
         /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
-        const ncgen_real x32 = R(3.890284959221174) * (P1a_x - P2a_x);
-        phi_q[105] = x32;
-        const ncgen_real x33 = R(3.890284959221174) * (P1a_y - P2a_y);
-        phi_q[106] = x33;
-        const ncgen_real x34 = R(3.890284959221174) * (P1a_z - P2a_z);
-        phi_q[107] = x34;
-        phi_q[108] = -x32;
-        phi_q[109] = -x33;
-        phi_q[110] = -x34;
+        const ncgen_real x55 = R(3.890284959221174) * (P1a_x - P2a_x);
+        phi_q[105] = x55;
+        const ncgen_real x56 = R(3.890284959221174) * (P1a_y - P2a_y);
+        phi_q[106] = x56;
+        const ncgen_real x57 = R(3.890284959221174) * (P1a_z - P2a_z);
+        phi_q[107] = x57;
+        phi_q[108] = -x55;
+        phi_q[109] = -x56;
+        phi_q[110] = -x57;
         /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
-        const ncgen_real x35 = R(7.325666484153428) * (P2a_x - P1b_x);
-        phi_q[111] = -x35;
-        const ncgen_real x36 = R(7.325666484153428) * (P2a_y - P1b_y);
-        phi_q[112] = -x36;
-        const ncgen_real x37 = R(7.325666484153428) * (P2a_z - P1b_z);
-        phi_q[113] = -x37;
-        phi_q[114] = x35;
-        phi_q[115] = x36;
-        phi_q[116] = x37;
+        const ncgen_real x58 = R(7.325666484153428) * (P2a_x - P1b_x);
+        phi_q[111] = -x58;
+        const ncgen_real x59 = R(7.325666484153428) * (P2a_y - P1b_y);
+        phi_q[112] = -x59;
+        const ncgen_real x60 = R(7.325666484153428) * (P2a_z - P1b_z);
+        phi_q[113] = -x60;
+        phi_q[114] = x58;
+        phi_q[115] = x59;
+        phi_q[116] = x60;
         /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
         const ncgen_real C_x = q[48];
-        const ncgen_real x38 = R(5.931298258605934) * (P1a_x - C_x);
-        phi_q[117] = x38;
+        const ncgen_real x61 = R(5.931298258605934) * (P1a_x - C_x);
+        phi_q[117] = x61;
         const ncgen_real C_y = q[49];
-        const ncgen_real x39 = R(5.931298258605934) * (P1a_y - C_y);
-        phi_q[118] = x39;
+        const ncgen_real x62 = R(5.931298258605934) * (P1a_y - C_y);
+        phi_q[118] = x62;
         const ncgen_real C_z = q[50];
-        const ncgen_real x40 = R(5.931298258605934) * (P1a_z - C_z);
-        phi_q[119] = x40;
-        phi_q[120] = -x38;
-        phi_q[121] = -x39;
-        phi_q[122] = -x40;
+        const ncgen_real x63 = R(5.931298258605934) * (P1a_z - C_z);
+        phi_q[119] = x63;
+        phi_q[120] = -x61;
+        phi_q[121] = -x62;
+        phi_q[122] = -x63;
         /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
-        const ncgen_real x41 = R(5.931298258605935) * (C_x - P1b_x);
-        phi_q[123] = -x41;
-        const ncgen_real x42 = R(5.931298258605935) * (C_y - P1b_y);
-        phi_q[124] = -x42;
-        const ncgen_real x43 = R(5.931298258605935) * (C_z - P1b_z);
-        phi_q[125] = -x43;
-        phi_q[126] = x41;
-        phi_q[127] = x42;
-        phi_q[128] = x43;
+        const ncgen_real x64 = R(5.931298258605935) * (C_x - P1b_x);
+        phi_q[123] = -x64;
+        const ncgen_real x65 = R(5.931298258605935) * (C_y - P1b_y);
+        phi_q[124] = -x65;
+        const ncgen_real x66 = R(5.931298258605935) * (C_z - P1b_z);
+        phi_q[125] = -x66;
+        phi_q[126] = x64;
+        phi_q[127] = x65;
+        phi_q[128] = x66;
         /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
-        const ncgen_real x44 = R(5.931298258605933) * (C_x - P2a_x);
-        phi_q[129] = -x44;
-        const ncgen_real x45 = R(5.931298258605933) * (C_y - P2a_y);
-        phi_q[130] = -x45;
-        const ncgen_real x46 = R(5.931298258605933) * (C_z - P2a_z);
-        phi_q[131] = -x46;
-        phi_q[132] = x44;
-        phi_q[133] = x45;
-        phi_q[134] = x46;
+        const ncgen_real x67 = R(5.931298258605933) * (C_x - P2a_x);
+        phi_q[129] = -x67;
+        const ncgen_real x68 = R(5.931298258605933) * (C_y - P2a_y);
+        phi_q[130] = -x68;
+        const ncgen_real x69 = R(5.931298258605933) * (C_z - P2a_z);
+        phi_q[131] = -x69;
+        phi_q[132] = x67;
+        phi_q[133] = x68;
+        phi_q[134] = x69;
+        phi_q[135] = NCGEN_SPLAT(-R(0.9999999999999991));
+        phi_q[136] = NCGEN_SPLAT(R(2.1721066374645472));
+        phi_q[137] = NCGEN_SPLAT(-R(2.172106637464548));
+        phi_q[138] = NCGEN_SPLAT(R(1.0));
+        phi_q[139] = NCGEN_SPLAT(-R(0.9999999999999991));
+        phi_q[140] = NCGEN_SPLAT(R(2.1721066374645472));
+        phi_q[141] = NCGEN_SPLAT(-R(2.172106637464548));
+        phi_q[142] = NCGEN_SPLAT(R(1.0));
+        phi_q[143] = NCGEN_SPLAT(-R(0.9999999999999991));
+        phi_q[144] = NCGEN_SPLAT(R(2.1721066374645472));
+        phi_q[145] = NCGEN_SPLAT(-R(2.172106637464548));
+        phi_q[146] = NCGEN_SPLAT(R(1.0));
+        phi_q[147] = NCGEN_SPLAT(-R(1.8531646934131842));
+        phi_q[148] = NCGEN_SPLAT(R(3.0252713308777346));
+        phi_q[149] = NCGEN_SPLAT(-R(2.17210663746455));
+        phi_q[150] = NCGEN_SPLAT(R(1.0));
+        phi_q[151] = NCGEN_SPLAT(-R(1.8531646934131842));
+        phi_q[152] = NCGEN_SPLAT(R(3.0252713308777346));
+        phi_q[153] = NCGEN_SPLAT(-R(2.17210663746455));
+        phi_q[154] = NCGEN_SPLAT(R(1.0));
+        phi_q[155] = NCGEN_SPLAT(-R(1.8531646934131842));
+        phi_q[156] = NCGEN_SPLAT(R(3.0252713308777346));
+        phi_q[157] = NCGEN_SPLAT(-R(2.17210663746455));
+        phi_q[158] = NCGEN_SPLAT(R(1.0));
+        phi_q[159] = NCGEN_SPLAT(-R(1.8531646934131856));
+        phi_q[160] = NCGEN_SPLAT(R(1.853164693413187));
+        phi_q[161] = NCGEN_SPLAT(-R(1.0000000000000013));
+        phi_q[162] = NCGEN_SPLAT(R(1.0));
+        phi_q[163] = NCGEN_SPLAT(-R(1.8531646934131856));
+        phi_q[164] = NCGEN_SPLAT(R(1.853164693413187));
+        phi_q[165] = NCGEN_SPLAT(-R(1.0000000000000013));
+        phi_q[166] = NCGEN_SPLAT(R(1.0));
+        phi_q[167] = NCGEN_SPLAT(-R(1.8531646934131856));
+        phi_q[168] = NCGEN_SPLAT(R(1.853164693413187));
+        phi_q[169] = NCGEN_SPLAT(-R(1.0000000000000013));
+        phi_q[170] = NCGEN_SPLAT(R(1.0));
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real n1_x = q[51];
         phi_q[171] = n1_x;
@@ -668,57 +714,57 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real n1_z = q[53];
         phi_q[173] = n1_z;
         /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x47 = R(0.9478672985781991) * n1_x;
-        const ncgen_real x48 = -x47;
-        phi_q[174] = x48;
-        const ncgen_real x49 = R(0.9478672985781991) * n1_y;
-        const ncgen_real x50 = -x49;
-        phi_q[175] = x50;
-        const ncgen_real x51 = R(0.9478672985781991) * n1_z;
-        const ncgen_real x52 = -x51;
-        phi_q[176] = x52;
-        phi_q[177] = x47;
-        phi_q[178] = x49;
-        phi_q[179] = x51;
-        phi_q[180] = R(0.9478672985781991) * (P1a_x - E1a_x);
-        phi_q[181] = R(0.9478672985781991) * (P1a_y - E1a_y);
-        phi_q[182] = R(0.9478672985781991) * (P1a_z - E1a_z);
+        const ncgen_real x70 = R(0.9478672985781991) * n1_x;
+        const ncgen_real x71 = -x70;
+        phi_q[174] = x71;
+        const ncgen_real x72 = R(0.9478672985781991) * n1_y;
+        const ncgen_real x73 = -x72;
+        phi_q[175] = x73;
+        const ncgen_real x74 = R(0.9478672985781991) * n1_z;
+        const ncgen_real x75 = -x74;
+        phi_q[176] = x75;
+        phi_q[177] = x70;
+        phi_q[178] = x72;
+        phi_q[179] = x74;
+        phi_q[180] = x16;
+        phi_q[181] = x17;
+        phi_q[182] = x18;
         /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        phi_q[183] = x48;
-        phi_q[184] = x50;
-        phi_q[185] = x52;
-        phi_q[186] = x47;
-        phi_q[187] = x49;
-        phi_q[188] = x51;
-        phi_q[189] = R(0.9478672985781991) * (P1b_x - E1b_x);
-        phi_q[190] = R(0.9478672985781991) * (P1b_y - E1b_y);
-        phi_q[191] = R(0.9478672985781991) * (P1b_z - E1b_z);
+        phi_q[183] = x71;
+        phi_q[184] = x73;
+        phi_q[185] = x75;
+        phi_q[186] = x70;
+        phi_q[187] = x72;
+        phi_q[188] = x74;
+        phi_q[189] = x22;
+        phi_q[190] = x23;
+        phi_q[191] = x24;
         /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
-        const ncgen_real x53 = R(6.249999999999999) * n1_x;
-        const ncgen_real x54 = -x53;
-        phi_q[192] = x54;
-        const ncgen_real x55 = R(6.249999999999999) * n1_y;
-        const ncgen_real x56 = -x55;
-        phi_q[193] = x56;
-        const ncgen_real x57 = R(6.249999999999999) * n1_z;
-        const ncgen_real x58 = -x57;
-        phi_q[194] = x58;
-        phi_q[195] = x53;
-        phi_q[196] = x55;
-        phi_q[197] = x57;
+        const ncgen_real x76 = R(6.249999999999999) * n1_x;
+        const ncgen_real x77 = -x76;
+        phi_q[192] = x77;
+        const ncgen_real x78 = R(6.249999999999999) * n1_y;
+        const ncgen_real x79 = -x78;
+        phi_q[193] = x79;
+        const ncgen_real x80 = R(6.249999999999999) * n1_z;
+        const ncgen_real x81 = -x80;
+        phi_q[194] = x81;
+        phi_q[195] = x76;
+        phi_q[196] = x78;
+        phi_q[197] = x80;
         phi_q[198] = R(6.249999999999999) * (E1b_x - E1a_x);
         phi_q[199] = R(6.249999999999999) * (E1b_y - E1a_y);
         phi_q[200] = R(6.249999999999999) * (E1b_z - E1a_z);
         /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        phi_q[201] = x54;
-        phi_q[202] = x56;
-        phi_q[203] = x58;
-        phi_q[204] = x53;
-        phi_q[205] = x55;
-        phi_q[206] = x57;
-        phi_q[207] = R(6.249999999999999) * (P1b_x - P1a_x);
-        phi_q[208] = R(6.249999999999999) * (P1b_y - P1a_y);
-        phi_q[209] = R(6.249999999999999) * (P1b_z - P1a_z);
+        phi_q[201] = x77;
+        phi_q[202] = x79;
+        phi_q[203] = x81;
+        phi_q[204] = x76;
+        phi_q[205] = x78;
+        phi_q[206] = x80;
+        phi_q[207] = x52;
+        phi_q[208] = x53;
+        phi_q[209] = x54;
         /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
         const ncgen_real n2_x = q[54];
         phi_q[210] = n2_x;
@@ -727,54 +773,54 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real n2_z = q[56];
         phi_q[212] = n2_z;
         /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x59 = R(0.947867298578199) * n2_x;
-        const ncgen_real x60 = -x59;
-        phi_q[213] = x60;
-        const ncgen_real x61 = R(0.947867298578199) * n2_y;
-        const ncgen_real x62 = -x61;
-        phi_q[214] = x62;
-        const ncgen_real x63 = R(0.947867298578199) * n2_z;
-        const ncgen_real x64 = -x63;
-        phi_q[215] = x64;
-        phi_q[216] = x59;
-        phi_q[217] = x61;
-        phi_q[218] = x63;
-        phi_q[219] = R(0.947867298578199) * (P2a_x - E2a_x);
-        phi_q[220] = R(0.947867298578199) * (P2a_y - E2a_y);
-        phi_q[221] = R(0.947867298578199) * (P2a_z - E2a_z);
+        const ncgen_real x82 = R(0.947867298578199) * n2_x;
+        const ncgen_real x83 = -x82;
+        phi_q[213] = x83;
+        const ncgen_real x84 = R(0.947867298578199) * n2_y;
+        const ncgen_real x85 = -x84;
+        phi_q[214] = x85;
+        const ncgen_real x86 = R(0.947867298578199) * n2_z;
+        const ncgen_real x87 = -x86;
+        phi_q[215] = x87;
+        phi_q[216] = x82;
+        phi_q[217] = x84;
+        phi_q[218] = x86;
+        phi_q[219] = x28;
+        phi_q[220] = x29;
+        phi_q[221] = x30;
         /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        phi_q[222] = x60;
-        phi_q[223] = x62;
-        phi_q[224] = x64;
-        phi_q[225] = x59;
-        phi_q[226] = x61;
-        phi_q[227] = x63;
-        phi_q[228] = R(0.947867298578199) * (P2b_x - E2b_x);
-        phi_q[229] = R(0.947867298578199) * (P2b_y - E2b_y);
-        phi_q[230] = R(0.947867298578199) * (P2b_z - E2b_z);
+        phi_q[222] = x83;
+        phi_q[223] = x85;
+        phi_q[224] = x87;
+        phi_q[225] = x82;
+        phi_q[226] = x84;
+        phi_q[227] = x86;
+        phi_q[228] = x34;
+        phi_q[229] = x35;
+        phi_q[230] = x36;
         /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
-        const ncgen_real x65 = R(6.249999999999999) * n2_x;
-        const ncgen_real x66 = -x65;
-        phi_q[231] = x66;
-        const ncgen_real x67 = R(6.249999999999999) * n2_y;
-        const ncgen_real x68 = -x67;
-        phi_q[232] = x68;
-        const ncgen_real x69 = R(6.249999999999999) * n2_z;
-        const ncgen_real x70 = -x69;
-        phi_q[233] = x70;
-        phi_q[234] = x65;
-        phi_q[235] = x67;
-        phi_q[236] = x69;
+        const ncgen_real x88 = R(6.249999999999999) * n2_x;
+        const ncgen_real x89 = -x88;
+        phi_q[231] = x89;
+        const ncgen_real x90 = R(6.249999999999999) * n2_y;
+        const ncgen_real x91 = -x90;
+        phi_q[232] = x91;
+        const ncgen_real x92 = R(6.249999999999999) * n2_z;
+        const ncgen_real x93 = -x92;
+        phi_q[233] = x93;
+        phi_q[234] = x88;
+        phi_q[235] = x90;
+        phi_q[236] = x92;
         phi_q[237] = R(6.249999999999999) * (E2b_x - E2a_x);
         phi_q[238] = R(6.249999999999999) * (E2b_y - E2a_y);
         phi_q[239] = R(6.249999999999999) * (E2b_z - E2a_z);
         /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
-        phi_q[240] = x66;
-        phi_q[241] = x68;
-        phi_q[242] = x70;
-        phi_q[243] = x65;
-        phi_q[244] = x67;
-        phi_q[245] = x69;
+        phi_q[240] = x89;
+        phi_q[241] = x91;
+        phi_q[242] = x93;
+        phi_q[243] = x88;
+        phi_q[244] = x90;
+        phi_q[245] = x92;
         phi_q[246] = R(6.249999999999999) * (P2b_x - P2a_x);
         phi_q[247] = R(6.249999999999999) * (P2b_y - P2a_y);
         phi_q[248] = R(6.249999999999999) * (P2b_z - P2a_z);
@@ -786,54 +832,54 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real n3_z = q[59];
         phi_q[251] = n3_z;
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x71 = R(0.9478672985781991) * n3_x;
-        const ncgen_real x72 = -x71;
-        phi_q[252] = x72;
-        const ncgen_real x73 = R(0.9478672985781991) * n3_y;
-        const ncgen_real x74 = -x73;
-        phi_q[253] = x74;
-        const ncgen_real x75 = R(0.9478672985781991) * n3_z;
-        const ncgen_real x76 = -x75;
-        phi_q[254] = x76;
-        phi_q[255] = x71;
-        phi_q[256] = x73;
-        phi_q[257] = x75;
-        phi_q[258] = R(0.9478672985781991) * (P3a_x - E3a_x);
-        phi_q[259] = R(0.9478672985781991) * (P3a_y - E3a_y);
-        phi_q[260] = R(0.9478672985781991) * (P3a_z - E3a_z);
+        const ncgen_real x94 = R(0.9478672985781991) * n3_x;
+        const ncgen_real x95 = -x94;
+        phi_q[252] = x95;
+        const ncgen_real x96 = R(0.9478672985781991) * n3_y;
+        const ncgen_real x97 = -x96;
+        phi_q[253] = x97;
+        const ncgen_real x98 = R(0.9478672985781991) * n3_z;
+        const ncgen_real x99 = -x98;
+        phi_q[254] = x99;
+        phi_q[255] = x94;
+        phi_q[256] = x96;
+        phi_q[257] = x98;
+        phi_q[258] = x40;
+        phi_q[259] = x41;
+        phi_q[260] = x42;
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        phi_q[261] = x72;
-        phi_q[262] = x74;
-        phi_q[263] = x76;
-        phi_q[264] = x71;
-        phi_q[265] = x73;
-        phi_q[266] = x75;
-        phi_q[267] = R(0.9478672985781991) * (P3b_x - E3b_x);
-        phi_q[268] = R(0.9478672985781991) * (P3b_y - E3b_y);
-        phi_q[269] = R(0.9478672985781991) * (P3b_z - E3b_z);
+        phi_q[261] = x95;
+        phi_q[262] = x97;
+        phi_q[263] = x99;
+        phi_q[264] = x94;
+        phi_q[265] = x96;
+        phi_q[266] = x98;
+        phi_q[267] = x46;
+        phi_q[268] = x47;
+        phi_q[269] = x48;
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
-        const ncgen_real x77 = R(6.25) * n3_x;
-        const ncgen_real x78 = -x77;
-        phi_q[270] = x78;
-        const ncgen_real x79 = R(6.25) * n3_y;
-        const ncgen_real x80 = -x79;
-        phi_q[271] = x80;
-        const ncgen_real x81 = R(6.25) * n3_z;
-        const ncgen_real x82 = -x81;
-        phi_q[272] = x82;
-        phi_q[273] = x77;
-        phi_q[274] = x79;
-        phi_q[275] = x81;
+        const ncgen_real x100 = R(6.25) * n3_x;
+        const ncgen_real x101 = -x100;
+        phi_q[270] = x101;
+        const ncgen_real x102 = R(6.25) * n3_y;
+        const ncgen_real x103 = -x102;
+        phi_q[271] = x103;
+        const ncgen_real x104 = R(6.25) * n3_z;
+        const ncgen_real x105 = -x104;
+        phi_q[272] = x105;
+        phi_q[273] = x100;
+        phi_q[274] = x102;
+        phi_q[275] = x104;
         phi_q[276] = R(6.25) * (E3b_x - E3a_x);
         phi_q[277] = R(6.25) * (E3b_y - E3a_y);
         phi_q[278] = R(6.25) * (E3b_z - E3a_z);
         /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
-        phi_q[279] = x78;
-        phi_q[280] = x80;
-        phi_q[281] = x82;
-        phi_q[282] = x77;
-        phi_q[283] = x79;
-        phi_q[284] = x81;
+        phi_q[279] = x101;
+        phi_q[280] = x103;
+        phi_q[281] = x105;
+        phi_q[282] = x100;
+        phi_q[283] = x102;
+        phi_q[284] = x104;
         phi_q[285] = R(6.25) * (P3b_x - P3a_x);
         phi_q[286] = R(6.25) * (P3b_y - P3a_y);
         phi_q[287] = R(6.25) * (P3b_z - P3a_z);
@@ -841,7 +887,7 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-/* gamma: 365 operations, 6 of them elementary functions */
+/* gamma: 337 operations, 6 of them elementary functions */
 int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[3], cosine[3];
@@ -853,11 +899,6 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         angle[i] = q[10 * i + 9];
     ncgen_sincos(3, angle, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 63; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* row 1: 1000 distance A1-E1 (body arm1): |a|^2 - L^2 = 0 with a = A1-E1, L = 0.42 */
         const ncgen_real dE1_x = qd[0];
@@ -865,6 +906,13 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dE1_z = qd[2];
         const ncgen_real x1 = R(2.380952380952381) * (dE1_x * dE1_x + dE1_y * dE1_y + dE1_z * dE1_z);
         gamma[0] = -x1;
+        gamma[1] = NCGEN_SPLAT(R(0.0));
+        gamma[2] = NCGEN_SPLAT(R(0.0));
+        gamma[3] = NCGEN_SPLAT(R(0.0));
+        gamma[4] = NCGEN_SPLAT(R(0.0));
+        gamma[5] = NCGEN_SPLAT(R(0.0));
+        gamma[6] = NCGEN_SPLAT(R(0.0));
+        gamma[7] = NCGEN_SPLAT(R(0.0));
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
         const ncgen_real sin_psi1 = sine[0];
         const ncgen_real E1_x = q[0];
@@ -886,6 +934,13 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dE2_z = qd[12];
         const ncgen_real x9 = R(2.380952380952381) * (dE2_x * dE2_x + dE2_y * dE2_y + dE2_z * dE2_z);
         gamma[9] = -x9;
+        gamma[10] = NCGEN_SPLAT(R(0.0));
+        gamma[11] = NCGEN_SPLAT(R(0.0));
+        gamma[12] = NCGEN_SPLAT(R(0.0));
+        gamma[13] = NCGEN_SPLAT(R(0.0));
+        gamma[14] = NCGEN_SPLAT(R(0.0));
+        gamma[15] = NCGEN_SPLAT(R(0.0));
+        gamma[16] = NCGEN_SPLAT(R(0.0));
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
         const ncgen_real sin_psi2 = sine[1];
         const ncgen_real E2_y = q[11];
@@ -907,6 +962,13 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dE3_z = qd[22];
         const ncgen_real x17 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
         gamma[18] = -x17;
+        gamma[19] = NCGEN_SPLAT(R(0.0));
+        gamma[20] = NCGEN_SPLAT(R(0.0));
+        gamma[21] = NCGEN_SPLAT(R(0.0));
+        gamma[22] = NCGEN_SPLAT(R(0.0));
+        gamma[23] = NCGEN_SPLAT(R(0.0));
+        gamma[24] = NCGEN_SPLAT(R(0.0));
+        gamma[25] = NCGEN_SPLAT(R(0.0));
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
         const ncgen_real cos_psi3 = cosine[2];
         const ncgen_real dpsi3 = qd[29];
@@ -1033,34 +1095,43 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x71 = dC_z - dP2a_z;
         const ncgen_real x72 = R(5.931298258605933) * (x69 * x69 + x70 * x70 + x71 * x71);
         gamma[38] = -x72;
+        gamma[39] = NCGEN_SPLAT(R(0.0));
+        gamma[40] = NCGEN_SPLAT(R(0.0));
+        gamma[41] = NCGEN_SPLAT(R(0.0));
+        gamma[42] = NCGEN_SPLAT(R(0.0));
+        gamma[43] = NCGEN_SPLAT(R(0.0));
+        gamma[44] = NCGEN_SPLAT(R(0.0));
+        gamma[45] = NCGEN_SPLAT(R(0.0));
+        gamma[46] = NCGEN_SPLAT(R(0.0));
+        gamma[47] = NCGEN_SPLAT(R(0.0));
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real dn1_x = qd[51];
         const ncgen_real dn1_y = qd[52];
         const ncgen_real dn1_z = qd[53];
         gamma[48] = -(dn1_x * dn1_x + dn1_y * dn1_y + dn1_z * dn1_z);
         /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x73 = dn1_x * (dP1a_x - dE1a_x) + dn1_y * (dP1a_y - dE1a_y) + dn1_z * (dP1a_z - dE1a_z);
-        gamma[49] = -(R(1.8957345971563981) * x73);
+        const ncgen_real x73 = R(1.8957345971563981) * (x25 * dn1_x + x26 * dn1_y + x27 * dn1_z);
+        gamma[49] = x73;
         /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        const ncgen_real x74 = dn1_x * (dP1b_x - dE1b_x) + dn1_y * (dP1b_y - dE1b_y) + dn1_z * (dP1b_z - dE1b_z);
-        gamma[50] = -(R(1.8957345971563981) * x74);
+        const ncgen_real x74 = R(1.8957345971563981) * (x29 * dn1_x + x30 * dn1_y + x31 * dn1_z);
+        gamma[50] = x74;
         /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
         const ncgen_real x75 = dn1_x * (dE1b_x - dE1a_x) + dn1_y * (dE1b_y - dE1a_y) + dn1_z * (dE1b_z - dE1a_z);
         gamma[51] = -(R(12.499999999999998) * x75);
         /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        const ncgen_real x76 = dn1_x * (dP1b_x - dP1a_x) + dn1_y * (dP1b_y - dP1a_y) + dn1_z * (dP1b_z - dP1a_z);
-        gamma[52] = -(R(12.499999999999998) * x76);
+        const ncgen_real x76 = R(12.499999999999998) * (x49 * dn1_x + x50 * dn1_y + x51 * dn1_z);
+        gamma[52] = x76;
         /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
         const ncgen_real dn2_x = qd[54];
         const ncgen_real dn2_y = qd[55];
         const ncgen_real dn2_z = qd[56];
         gamma[53] = -(dn2_x * dn2_x + dn2_y * dn2_y + dn2_z * dn2_z);
         /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x77 = dn2_x * (dP2a_x - dE2a_x) + dn2_y * (dP2a_y - dE2a_y) + dn2_z * (dP2a_z - dE2a_z);
-        gamma[54] = -(R(1.895734597156398) * x77);
+        const ncgen_real x77 = R(1.895734597156398) * (x33 * dn2_x + x34 * dn2_y + x35 * dn2_z);
+        gamma[54] = x77;
         /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        const ncgen_real x78 = dn2_x * (dP2b_x - dE2b_x) + dn2_y * (dP2b_y - dE2b_y) + dn2_z * (dP2b_z - dE2b_z);
-        gamma[55] = -(R(1.895734597156398) * x78);
+        const ncgen_real x78 = R(1.895734597156398) * (x37 * dn2_x + x38 * dn2_y + x39 * dn2_z);
+        gamma[55] = x78;
         /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
         const ncgen_real x79 = dn2_x * (dE2b_x - dE2a_x) + dn2_y * (dE2b_y - dE2a_y) + dn2_z * (dE2b_z - dE2a_z);
         gamma[56] = -(R(12.499999999999998) * x79);
@@ -1073,11 +1144,11 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dn3_z = qd[59];
         gamma[58] = -(dn3_x * dn3_x + dn3_y * dn3_y + dn3_z * dn3_z);
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x81 = dn3_x * (dP3a_x - dE3a_x) + dn3_y * (dP3a_y - dE3a_y) + dn3_z * (dP3a_z - dE3a_z);
-        gamma[59] = -(R(1.8957345971563981) * x81);
+        const ncgen_real x81 = R(1.8957345971563981) * (x41 * dn3_x + x42 * dn3_y + x43 * dn3_z);
+        gamma[59] = x81;
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        const ncgen_real x82 = dn3_x * (dP3b_x - dE3b_x) + dn3_y * (dP3b_y - dE3b_y) + dn3_z * (dP3b_z - dE3b_z);
-        gamma[60] = -(R(1.8957345971563981) * x82);
+        const ncgen_real x82 = R(1.8957345971563981) * (x45 * dn3_x + x46 * dn3_y + x47 * dn3_z);
+        gamma[60] = x82;
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
         const ncgen_real x83 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
         gamma[61] = -(R(12.5) * x83);
@@ -1097,7 +1168,7 @@ int delta_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 99; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(delta_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(delta_number_1[i]);
         mass[i] = x1;
     }
 
@@ -1108,13 +1179,16 @@ int delta_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 {
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 60; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(delta_number_3[i]);
-        force[i] = x1;
-    }
-
     {
+        force[0] = NCGEN_SPLAT(R(0.0));
+        force[1] = NCGEN_SPLAT(R(0.0));
+        force[2] = NCGEN_SPLAT(-R(7.357500000000001));
+        force[3] = NCGEN_SPLAT(R(0.0));
+        force[4] = NCGEN_SPLAT(R(0.0));
+        force[5] = NCGEN_SPLAT(-R(0.73575));
+        force[6] = NCGEN_SPLAT(R(0.0));
+        force[7] = NCGEN_SPLAT(R(0.0));
+        force[8] = NCGEN_SPLAT(-R(0.73575));
         /* motor of psi1 */
         const ncgen_real psi1 = q[9];
         const ncgen_real dpsi1 = qd[9];
@@ -1122,15 +1196,63 @@ int delta_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real t_ = t;
         const ncgen_real x2 = NCGEN_COS(R(7.853981633974483) * t_);
         force[9] = x1 - R(100.0) * x2;
+        force[10] = NCGEN_SPLAT(R(0.0));
+        force[11] = NCGEN_SPLAT(R(0.0));
+        force[12] = NCGEN_SPLAT(-R(7.357500000000002));
+        force[13] = NCGEN_SPLAT(R(0.0));
+        force[14] = NCGEN_SPLAT(R(0.0));
+        force[15] = NCGEN_SPLAT(-R(0.73575));
+        force[16] = NCGEN_SPLAT(R(0.0));
+        force[17] = NCGEN_SPLAT(R(0.0));
+        force[18] = NCGEN_SPLAT(-R(0.73575));
         /* motor of psi2 */
         const ncgen_real psi2 = q[19];
         const ncgen_real dpsi2 = qd[19];
         const ncgen_real x3 = R(40.0) * x2;
         force[19] = R(160.0) - R(400.0) * psi2 - R(20.0) * dpsi2 - x3;
+        force[20] = NCGEN_SPLAT(R(0.0));
+        force[21] = NCGEN_SPLAT(R(0.0));
+        force[22] = NCGEN_SPLAT(-R(7.357500000000002));
+        force[23] = NCGEN_SPLAT(R(0.0));
+        force[24] = NCGEN_SPLAT(R(0.0));
+        force[25] = NCGEN_SPLAT(-R(0.73575));
+        force[26] = NCGEN_SPLAT(R(0.0));
+        force[27] = NCGEN_SPLAT(R(0.0));
+        force[28] = NCGEN_SPLAT(-R(0.73575));
         /* motor of psi3 */
         const ncgen_real psi3 = q[29];
         const ncgen_real dpsi3 = qd[29];
         force[29] = x3 + R(80.0) - R(400.0) * psi3 - R(20.0) * dpsi3;
+        force[30] = NCGEN_SPLAT(R(0.0));
+        force[31] = NCGEN_SPLAT(R(0.0));
+        force[32] = NCGEN_SPLAT(-R(10.065598547461121));
+        force[33] = NCGEN_SPLAT(R(0.0));
+        force[34] = NCGEN_SPLAT(R(0.0));
+        force[35] = NCGEN_SPLAT(R(9.156887251970202));
+        force[36] = NCGEN_SPLAT(R(0.0));
+        force[37] = NCGEN_SPLAT(R(0.0));
+        force[38] = NCGEN_SPLAT(-R(11.108538704509083));
+        force[39] = NCGEN_SPLAT(R(0.0));
+        force[40] = NCGEN_SPLAT(R(0.0));
+        force[41] = NCGEN_SPLAT(-R(0.73575));
+        force[42] = NCGEN_SPLAT(R(0.0));
+        force[43] = NCGEN_SPLAT(R(0.0));
+        force[44] = NCGEN_SPLAT(-R(0.73575));
+        force[45] = NCGEN_SPLAT(R(0.0));
+        force[46] = NCGEN_SPLAT(R(0.0));
+        force[47] = NCGEN_SPLAT(-R(0.73575));
+        force[48] = NCGEN_SPLAT(R(0.0));
+        force[49] = NCGEN_SPLAT(R(0.0));
+        force[50] = NCGEN_SPLAT(R(0.0));
+        force[51] = NCGEN_SPLAT(R(0.0));
+        force[52] = NCGEN_SPLAT(R(0.0));
+        force[53] = NCGEN_SPLAT(R(0.0));
+        force[54] = NCGEN_SPLAT(R(0.0));
+        force[55] = NCGEN_SPLAT(R(0.0));
+        force[56] = NCGEN_SPLAT(R(0.0));
+        force[57] = NCGEN_SPLAT(R(0.0));
+        force[58] = NCGEN_SPLAT(R(0.0));
+        force[59] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -1190,7 +1312,7 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   P2a.z, E2b.x, E2b.y, E2b.z, P2b.x, P2b.y, P2b.z, E3a.x, E3a.y, E3a.z, P3a.x, P3a.y, */
     /*   P3a.z, E3b.x, E3b.y, E3b.z, P3b.x, P3b.y, P3b.z */
     for (int i = 0; i < 45; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(delta_number_4[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(delta_number_2[i]);
         const ncgen_real dx = qd[delta_index_1[i]];
         energy[0] += x1 * (dx * dx);
     }
@@ -1204,8 +1326,920 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     for (int i = 0; i < 27; ++i) {
         const ncgen_real dy = qd[delta_index_2[i] + 30];
         const ncgen_real dx = qd[delta_index_3[i] + 3];
-        const ncgen_real m = NCGEN_SPLAT(delta_number_5[i]);
+        const ncgen_real m = NCGEN_SPLAT(delta_number_3[i]);
         energy[0] += dy * (dx * m);
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 895 operations, 6 of them elementary functions */
+int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[3], cosine[3];
+    (void)t;
+    (void)p;
+
+    ncgen_real angle[3];
+    for (int i = 0; i < 3; ++i)
+        angle[i] = q[10 * i + 9];
+    ncgen_sincos(3, angle, sine, cosine);
+
+    {
+        /* row 1: 1000 distance A1-E1 (body arm1): |a|^2 - L^2 = 0 with a = A1-E1, L = 0.42 */
+        const ncgen_real E1_x = q[0];
+        const ncgen_real x1 = R(0.2857883832488648) - E1_x;
+        const ncgen_real E1_y = q[1];
+        const ncgen_real x2 = R(0.16499999999999998) - E1_y;
+        const ncgen_real E1_z = q[2];
+        const ncgen_real x3 = R(1.1904761904761905) * (x1 * x1 + x2 * x2 + E1_z * E1_z - R(0.17639999999999997));
+        constraints[0] = x3;
+        constraints[63] = -(R(2.380952380952381) * x1);
+        constraints[64] = -(R(2.380952380952381) * x2);
+        constraints[65] = R(2.380952380952381) * E1_z;
+        const ncgen_real dE1_x = qd[0];
+        const ncgen_real dE1_y = qd[1];
+        const ncgen_real dE1_z = qd[2];
+        const ncgen_real x4 = R(2.380952380952381) * (dE1_x * dE1_x + dE1_y * dE1_y + dE1_z * dE1_z);
+        constraints[351] = -x4;
+        /* row 2: 1002 angle t1, E1-A1 (body arm1): u.a - L c = 0 with u = t1, a = E1-A1, L = 0.42, c = 0 */
+        const ncgen_real x5 = R(2.380952380952381) * (R(0.49999999999999994) * x1 - R(0.8660254037844387) * x2);
+        constraints[1] = x5;
+        constraints[66] = NCGEN_SPLAT(-R(1.1904761904761902));
+        constraints[67] = NCGEN_SPLAT(R(2.0619652471058063));
+        constraints[352] = NCGEN_SPLAT(R(0.0));
+        /* row 3: combination E1a.x (body arm1): (e - c a x b).x = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        const ncgen_real E1a_x = q[3];
+        const ncgen_real x6 = E1a_x + R(1.2691553730131524e-16) - R(1.0000000000000004) * E1_x;
+        constraints[2] = x6 - R(0.040000000000000015);
+        constraints[68] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[69] = NCGEN_SPLAT(R(1.0));
+        constraints[353] = NCGEN_SPLAT(R(0.0));
+        /* row 4: combination E1a.y (body arm1): (e - c a x b).y = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        const ncgen_real E1a_y = q[4];
+        const ncgen_real x7 = E1a_y + R(7.327471962526032e-17) - R(1.0000000000000004) * E1_y;
+        constraints[3] = x7 + R(0.06928203230275513);
+        constraints[70] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[71] = NCGEN_SPLAT(R(1.0));
+        constraints[354] = NCGEN_SPLAT(R(0.0));
+        /* row 5: combination E1a.z (body arm1): (e - c a x b).z = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        const ncgen_real E1a_z = q[5];
+        constraints[4] = E1a_z - R(1.0000000000000004) * E1_z;
+        constraints[72] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[73] = NCGEN_SPLAT(R(1.0));
+        constraints[355] = NCGEN_SPLAT(R(0.0));
+        /* row 6: combination E1b.x (body arm1): (e - c a x b).x = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        const ncgen_real E1b_x = q[6];
+        const ncgen_real x8 = E1b_x + R(6.345776865065762e-17) - R(1.0000000000000002) * E1_x;
+        constraints[5] = x8 + R(0.03999999999999999);
+        constraints[74] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[75] = NCGEN_SPLAT(R(1.0));
+        constraints[356] = NCGEN_SPLAT(R(0.0));
+        /* row 7: combination E1b.y (body arm1): (e - c a x b).y = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        const ncgen_real E1b_y = q[7];
+        const ncgen_real x9 = E1b_y + R(3.663735981263016e-17) - R(1.0000000000000002) * E1_y;
+        constraints[6] = x9 - R(0.06928203230275509);
+        constraints[76] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[77] = NCGEN_SPLAT(R(1.0));
+        constraints[357] = NCGEN_SPLAT(R(0.0));
+        /* row 8: combination E1b.z (body arm1): (e - c a x b).z = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        const ncgen_real E1b_z = q[8];
+        constraints[7] = E1b_z - R(1.0000000000000002) * E1_z;
+        constraints[78] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[79] = NCGEN_SPLAT(R(1.0));
+        constraints[358] = NCGEN_SPLAT(R(0.0));
+        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
+        const ncgen_real x10 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        const ncgen_real cos_psi1 = cosine[0];
+        const ncgen_real x11 = R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2;
+        const ncgen_real sin_psi1 = sine[0];
+        constraints[8] = R(2.380952380952381) * (x10 * cos_psi1 - x11 * sin_psi1);
+        constraints[80] = R(2.0619652471058063) * sin_psi1;
+        constraints[81] = R(1.1904761904761902) * sin_psi1;
+        constraints[82] = R(2.380952380952381) * cos_psi1;
+        const ncgen_real x12 = -(R(2.380952380952381) * (cos_psi1 * x11 + x10 * sin_psi1));
+        constraints[83] = x12;
+        const ncgen_real dpsi1 = qd[9];
+        const ncgen_real x13 = R(2.0) * dpsi1;
+        const ncgen_real x14 = R(0.24999999999999994) * dE1_z + R(0.7500000000000001) * dE1_z;
+        const ncgen_real x15 = dpsi1 * dpsi1;
+        const ncgen_real x16 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
+        const ncgen_real x17 = sin_psi1 * (x13 * x14) - (sin_psi1 * (x11 * x15) + cos_psi1 * (x13 * x16));
+        constraints[359] = R(2.380952380952381) * (x17 + cos_psi1 * (x10 * x15));
+        /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
+        const ncgen_real E2_x = q[10];
+        const ncgen_real x18 = -R(0.28578838324886474) - E2_x;
+        const ncgen_real E2_y = q[11];
+        const ncgen_real x19 = R(0.16500000000000012) - E2_y;
+        const ncgen_real E2_z = q[12];
+        const ncgen_real x20 = x18 * x18 + x19 * x19 + E2_z * E2_z - R(0.17639999999999997);
+        constraints[9] = R(1.1904761904761905) * x20;
+        constraints[84] = -(R(2.380952380952381) * x18);
+        constraints[85] = -(R(2.380952380952381) * x19);
+        constraints[86] = R(2.380952380952381) * E2_z;
+        const ncgen_real dE2_x = qd[10];
+        const ncgen_real dE2_y = qd[11];
+        const ncgen_real dE2_z = qd[12];
+        const ncgen_real x21 = R(2.380952380952381) * (dE2_x * dE2_x + dE2_y * dE2_y + dE2_z * dE2_z);
+        constraints[360] = -x21;
+        /* row 11: 1002 angle t2, E2-A2 (body arm2): u.a - L c = 0 with u = t2, a = E2-A2, L = 0.42, c = 0 */
+        const ncgen_real x22 = E2_x + R(0.28578838324886474);
+        const ncgen_real x23 = R(0.8660254037844385) * x19 - R(0.5000000000000003) * x22;
+        constraints[10] = R(2.380952380952381) * x23;
+        constraints[87] = NCGEN_SPLAT(-R(1.1904761904761914));
+        constraints[88] = NCGEN_SPLAT(-R(2.061965247105806));
+        constraints[361] = NCGEN_SPLAT(R(0.0));
+        /* row 12: combination E2a.x (body arm2): (e - c a x b).x = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
+        const ncgen_real E2a_x = q[13];
+        const ncgen_real x24 = R(1.0000000000000002) * E2_x;
+        const ncgen_real x25 = E2a_x - R(6.345776865065761e-17) - x24 - R(0.04000000000000001);
+        constraints[11] = x25;
+        constraints[89] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[90] = NCGEN_SPLAT(R(1.0));
+        constraints[362] = NCGEN_SPLAT(R(0.0));
+        /* row 13: combination E2a.y (body arm2): (e - c a x b).y = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
+        const ncgen_real E2a_y = q[14];
+        const ncgen_real x26 = R(1.0000000000000002) * E2_y;
+        const ncgen_real x27 = E2a_y + R(3.663735981263019e-17) - x26 - R(0.06928203230275505);
+        constraints[12] = x27;
+        constraints[91] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[92] = NCGEN_SPLAT(R(1.0));
+        constraints[363] = NCGEN_SPLAT(R(0.0));
+        /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
+        const ncgen_real E2a_z = q[15];
+        const ncgen_real x28 = R(1.0000000000000002) * E2_z;
+        constraints[13] = E2a_z - x28;
+        constraints[93] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[94] = NCGEN_SPLAT(R(1.0));
+        constraints[364] = NCGEN_SPLAT(R(0.0));
+        /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        const ncgen_real E2b_x = q[16];
+        const ncgen_real x29 = E2b_x - R(6.345776865065761e-17) - x24 + R(0.04000000000000005);
+        constraints[14] = x29;
+        constraints[95] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[96] = NCGEN_SPLAT(R(1.0));
+        constraints[365] = NCGEN_SPLAT(R(0.0));
+        /* row 16: combination E2b.y (body arm2): (e - c a x b).y = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        const ncgen_real E2b_y = q[17];
+        const ncgen_real x30 = R(3.663735981263019e-17) + E2b_y - x26 + R(0.06928203230275512);
+        constraints[15] = x30;
+        constraints[97] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[98] = NCGEN_SPLAT(R(1.0));
+        constraints[366] = NCGEN_SPLAT(R(0.0));
+        /* row 17: combination E2b.z (body arm2): (e - c a x b).z = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        const ncgen_real E2b_z = q[18];
+        constraints[16] = E2b_z - x28;
+        constraints[99] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[100] = NCGEN_SPLAT(R(1.0));
+        constraints[367] = NCGEN_SPLAT(R(0.0));
+        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
+        const ncgen_real x31 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        const ncgen_real cos_psi2 = cosine[1];
+        const ncgen_real x32 = R(0.8660254037844385) * x22 + R(0.5000000000000003) * x19;
+        const ncgen_real sin_psi2 = sine[1];
+        constraints[17] = R(2.380952380952381) * (x31 * cos_psi2 - x32 * sin_psi2);
+        constraints[101] = -(R(2.061965247105806) * sin_psi2);
+        constraints[102] = R(1.1904761904761914) * sin_psi2;
+        constraints[103] = R(2.380952380952381) * cos_psi2;
+        const ncgen_real x33 = -(R(2.380952380952381) * (cos_psi2 * x32 + x31 * sin_psi2));
+        constraints[104] = x33;
+        const ncgen_real dpsi2 = qd[19];
+        const ncgen_real x34 = R(2.0) * dpsi2;
+        const ncgen_real x35 = R(0.25000000000000033) * dE2_z + R(0.7499999999999997) * dE2_z;
+        const ncgen_real x36 = dpsi2 * dpsi2;
+        const ncgen_real x37 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
+        const ncgen_real x38 = sin_psi2 * (x34 * x35) - (sin_psi2 * (x32 * x36) + cos_psi2 * (x34 * x37));
+        constraints[368] = R(2.380952380952381) * (x38 + cos_psi2 * (x31 * x36));
+        /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
+        const ncgen_real E3_x = q[20];
+        const ncgen_real x39 = -R(6.062001655779399e-17) - E3_x;
+        const ncgen_real E3_y = q[21];
+        const ncgen_real x40 = -R(0.33) - E3_y;
+        const ncgen_real E3_z = q[22];
+        const ncgen_real x41 = x39 * x39 + x40 * x40 + E3_z * E3_z - R(0.17639999999999997);
+        constraints[18] = R(1.1904761904761905) * x41;
+        constraints[105] = -(R(2.380952380952381) * x39);
+        constraints[106] = -(R(2.380952380952381) * x40);
+        constraints[107] = R(2.380952380952381) * E3_z;
+        const ncgen_real dE3_x = qd[20];
+        const ncgen_real dE3_y = qd[21];
+        const ncgen_real dE3_z = qd[22];
+        const ncgen_real x42 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
+        constraints[369] = -x42;
+        /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
+        const ncgen_real x43 = E3_x + R(6.062001655779399e-17);
+        const ncgen_real x44 = E3_y + R(0.33);
+        const ncgen_real x45 = R(2.380952380952381) * (x43 - R(1.8369701987210297e-16) * x44);
+        constraints[19] = x45;
+        constraints[108] = NCGEN_SPLAT(R(2.380952380952381));
+        constraints[109] = NCGEN_SPLAT(-R(4.373738568383404e-16));
+        constraints[370] = NCGEN_SPLAT(R(0.0));
+        /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        const ncgen_real E3a_x = q[23];
+        const ncgen_real x46 = E3a_x - R(2.6920695254248444e-32) - R(1.0000000000000004) * E3_x;
+        constraints[20] = x46 + R(0.08000000000000018);
+        constraints[110] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[111] = NCGEN_SPLAT(R(1.0));
+        constraints[371] = NCGEN_SPLAT(R(0.0));
+        /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        const ncgen_real E3a_y = q[24];
+        const ncgen_real x47 = E3a_y - R(1.4654943925052067e-16) - R(1.0000000000000004) * E3_y;
+        constraints[21] = x47 - R(1.469576158976827e-17);
+        constraints[112] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[113] = NCGEN_SPLAT(R(1.0));
+        constraints[372] = NCGEN_SPLAT(R(0.0));
+        /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        const ncgen_real E3a_z = q[25];
+        constraints[22] = E3a_z - R(1.0000000000000004) * E3_z;
+        constraints[114] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[115] = NCGEN_SPLAT(R(1.0));
+        constraints[373] = NCGEN_SPLAT(R(0.0));
+        /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        const ncgen_real E3b_x = q[26];
+        const ncgen_real x48 = E3b_x - R(1.3460347627124222e-32) - R(1.0000000000000002) * E3_x;
+        constraints[23] = x48 - R(0.07999999999999986);
+        constraints[116] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[117] = NCGEN_SPLAT(R(1.0));
+        constraints[374] = NCGEN_SPLAT(R(0.0));
+        /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        const ncgen_real E3b_y = q[27];
+        const ncgen_real x49 = E3b_y - R(7.327471962526034e-17) - R(1.0000000000000002) * E3_y;
+        constraints[24] = x49 + R(1.4695761589768212e-17);
+        constraints[118] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[119] = NCGEN_SPLAT(R(1.0));
+        constraints[375] = NCGEN_SPLAT(R(0.0));
+        /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        const ncgen_real E3b_z = q[28];
+        constraints[25] = E3b_z - R(1.0000000000000002) * E3_z;
+        constraints[120] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[121] = NCGEN_SPLAT(R(1.0));
+        constraints[376] = NCGEN_SPLAT(R(0.0));
+        /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
+        const ncgen_real x50 = E3_z + R(3.374459510989179e-32) * E3_z;
+        const ncgen_real cos_psi3 = cosine[2];
+        const ncgen_real x51 = x44 + R(1.8369701987210297e-16) * x43;
+        const ncgen_real sin_psi3 = sine[2];
+        constraints[26] = R(2.380952380952381) * (x50 * cos_psi3 - x51 * sin_psi3);
+        constraints[122] = -(R(4.373738568383404e-16) * sin_psi3);
+        constraints[123] = -(R(2.380952380952381) * sin_psi3);
+        constraints[124] = R(2.380952380952381) * cos_psi3;
+        const ncgen_real x52 = -(R(2.380952380952381) * (cos_psi3 * x51 + x50 * sin_psi3));
+        constraints[125] = x52;
+        const ncgen_real dpsi3 = qd[29];
+        const ncgen_real x53 = R(2.0) * dpsi3;
+        const ncgen_real x54 = cos_psi3 * (x53 * (dE3_y + R(1.8369701987210297e-16) * dE3_x));
+        const ncgen_real x55 = dpsi3 * dpsi3;
+        const ncgen_real x56 = sin_psi3 * (x53 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
+        const ncgen_real x57 = x54 - sin_psi3 * (x51 * x55) + x56 + cos_psi3 * (x50 * x55);
+        constraints[377] = R(2.380952380952381) * x57;
+        /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
+        const ncgen_real P1a_x = q[30];
+        const ncgen_real x58 = E1a_x - P1a_x;
+        const ncgen_real P1a_y = q[31];
+        const ncgen_real x59 = E1a_y - P1a_y;
+        const ncgen_real P1a_z = q[32];
+        const ncgen_real x60 = E1a_z - P1a_z;
+        const ncgen_real x61 = R(0.47393364928909953) * (x58 * x58 + x59 * x59 + x60 * x60 - R(1.113025));
+        constraints[27] = x61;
+        const ncgen_real x62 = R(0.9478672985781991) * x58;
+        constraints[126] = x62;
+        const ncgen_real x63 = R(0.9478672985781991) * x59;
+        constraints[127] = x63;
+        const ncgen_real x64 = R(0.9478672985781991) * x60;
+        constraints[128] = x64;
+        const ncgen_real x65 = -x62;
+        constraints[129] = x65;
+        const ncgen_real x66 = -x63;
+        constraints[130] = x66;
+        const ncgen_real x67 = -x64;
+        constraints[131] = x67;
+        const ncgen_real dE1a_x = qd[3];
+        const ncgen_real dP1a_x = qd[30];
+        const ncgen_real x68 = dE1a_x - dP1a_x;
+        const ncgen_real dE1a_y = qd[4];
+        const ncgen_real dP1a_y = qd[31];
+        const ncgen_real x69 = dE1a_y - dP1a_y;
+        const ncgen_real dE1a_z = qd[5];
+        const ncgen_real dP1a_z = qd[32];
+        const ncgen_real x70 = dE1a_z - dP1a_z;
+        const ncgen_real x71 = R(0.9478672985781991) * (x68 * x68 + x69 * x69 + x70 * x70);
+        constraints[378] = -x71;
+        /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
+        const ncgen_real P1b_x = q[33];
+        const ncgen_real x72 = E1b_x - P1b_x;
+        const ncgen_real P1b_y = q[34];
+        const ncgen_real x73 = E1b_y - P1b_y;
+        const ncgen_real P1b_z = q[35];
+        const ncgen_real x74 = E1b_z - P1b_z;
+        const ncgen_real x75 = R(0.47393364928909953) * (x72 * x72 + x73 * x73 + x74 * x74 - R(1.113025));
+        constraints[28] = x75;
+        const ncgen_real x76 = R(0.9478672985781991) * x72;
+        constraints[132] = x76;
+        const ncgen_real x77 = R(0.9478672985781991) * x73;
+        constraints[133] = x77;
+        const ncgen_real x78 = R(0.9478672985781991) * x74;
+        constraints[134] = x78;
+        const ncgen_real x79 = -x76;
+        constraints[135] = x79;
+        const ncgen_real x80 = -x77;
+        constraints[136] = x80;
+        const ncgen_real x81 = -x78;
+        constraints[137] = x81;
+        const ncgen_real dE1b_x = qd[6];
+        const ncgen_real dP1b_x = qd[33];
+        const ncgen_real x82 = dE1b_x - dP1b_x;
+        const ncgen_real dE1b_y = qd[7];
+        const ncgen_real dP1b_y = qd[34];
+        const ncgen_real x83 = dE1b_y - dP1b_y;
+        const ncgen_real dE1b_z = qd[8];
+        const ncgen_real dP1b_z = qd[35];
+        const ncgen_real x84 = dE1b_z - dP1b_z;
+        const ncgen_real x85 = R(0.9478672985781991) * (x82 * x82 + x83 * x83 + x84 * x84);
+        constraints[379] = -x85;
+        /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
+        const ncgen_real P2a_x = q[36];
+        const ncgen_real x86 = E2a_x - P2a_x;
+        const ncgen_real P2a_y = q[37];
+        const ncgen_real x87 = E2a_y - P2a_y;
+        const ncgen_real P2a_z = q[38];
+        const ncgen_real x88 = E2a_z - P2a_z;
+        const ncgen_real x89 = x86 * x86 + x87 * x87 + x88 * x88 - R(1.1130250000000004);
+        constraints[29] = R(0.4739336492890995) * x89;
+        const ncgen_real x90 = R(0.947867298578199) * x86;
+        constraints[138] = x90;
+        const ncgen_real x91 = R(0.947867298578199) * x87;
+        constraints[139] = x91;
+        const ncgen_real x92 = R(0.947867298578199) * x88;
+        constraints[140] = x92;
+        const ncgen_real x93 = -x90;
+        constraints[141] = x93;
+        const ncgen_real x94 = -x91;
+        constraints[142] = x94;
+        const ncgen_real x95 = -x92;
+        constraints[143] = x95;
+        const ncgen_real dE2a_x = qd[13];
+        const ncgen_real dP2a_x = qd[36];
+        const ncgen_real x96 = dE2a_x - dP2a_x;
+        const ncgen_real dE2a_y = qd[14];
+        const ncgen_real dP2a_y = qd[37];
+        const ncgen_real x97 = dE2a_y - dP2a_y;
+        const ncgen_real dE2a_z = qd[15];
+        const ncgen_real dP2a_z = qd[38];
+        const ncgen_real x98 = dE2a_z - dP2a_z;
+        const ncgen_real x99 = R(0.947867298578199) * (x96 * x96 + x97 * x97 + x98 * x98);
+        constraints[380] = -x99;
+        /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
+        const ncgen_real P2b_x = q[39];
+        const ncgen_real x100 = E2b_x - P2b_x;
+        const ncgen_real P2b_y = q[40];
+        const ncgen_real x101 = E2b_y - P2b_y;
+        const ncgen_real P2b_z = q[41];
+        const ncgen_real x102 = E2b_z - P2b_z;
+        const ncgen_real x103 = x100 * x100 + x101 * x101 + x102 * x102 - R(1.1130250000000004);
+        constraints[30] = R(0.4739336492890995) * x103;
+        const ncgen_real x104 = R(0.947867298578199) * x100;
+        constraints[144] = x104;
+        const ncgen_real x105 = R(0.947867298578199) * x101;
+        constraints[145] = x105;
+        const ncgen_real x106 = R(0.947867298578199) * x102;
+        constraints[146] = x106;
+        const ncgen_real x107 = -x104;
+        constraints[147] = x107;
+        const ncgen_real x108 = -x105;
+        constraints[148] = x108;
+        const ncgen_real x109 = -x106;
+        constraints[149] = x109;
+        const ncgen_real dE2b_x = qd[16];
+        const ncgen_real dP2b_x = qd[39];
+        const ncgen_real x110 = dE2b_x - dP2b_x;
+        const ncgen_real dE2b_y = qd[17];
+        const ncgen_real dP2b_y = qd[40];
+        const ncgen_real x111 = dE2b_y - dP2b_y;
+        const ncgen_real dE2b_z = qd[18];
+        const ncgen_real dP2b_z = qd[41];
+        const ncgen_real x112 = dE2b_z - dP2b_z;
+        const ncgen_real x113 = R(0.947867298578199) * (x110 * x110 + x111 * x111 + x112 * x112);
+        constraints[381] = -x113;
+        /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
+        const ncgen_real P3a_x = q[42];
+        const ncgen_real x114 = E3a_x - P3a_x;
+        const ncgen_real P3a_y = q[43];
+        const ncgen_real x115 = E3a_y - P3a_y;
+        const ncgen_real P3a_z = q[44];
+        const ncgen_real x116 = E3a_z - P3a_z;
+        const ncgen_real x117 = R(0.47393364928909953) * (x114 * x114 + x115 * x115 + x116 * x116 - R(1.113025));
+        constraints[31] = x117;
+        const ncgen_real x118 = R(0.9478672985781991) * x114;
+        constraints[150] = x118;
+        const ncgen_real x119 = R(0.9478672985781991) * x115;
+        constraints[151] = x119;
+        const ncgen_real x120 = R(0.9478672985781991) * x116;
+        constraints[152] = x120;
+        const ncgen_real x121 = -x118;
+        constraints[153] = x121;
+        const ncgen_real x122 = -x119;
+        constraints[154] = x122;
+        const ncgen_real x123 = -x120;
+        constraints[155] = x123;
+        const ncgen_real dE3a_x = qd[23];
+        const ncgen_real dP3a_x = qd[42];
+        const ncgen_real x124 = dE3a_x - dP3a_x;
+        const ncgen_real dE3a_y = qd[24];
+        const ncgen_real dP3a_y = qd[43];
+        const ncgen_real x125 = dE3a_y - dP3a_y;
+        const ncgen_real dE3a_z = qd[25];
+        const ncgen_real dP3a_z = qd[44];
+        const ncgen_real x126 = dE3a_z - dP3a_z;
+        const ncgen_real x127 = R(0.9478672985781991) * (x124 * x124 + x125 * x125 + x126 * x126);
+        constraints[382] = -x127;
+        /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
+        const ncgen_real P3b_x = q[45];
+        const ncgen_real x128 = E3b_x - P3b_x;
+        const ncgen_real P3b_y = q[46];
+        const ncgen_real x129 = E3b_y - P3b_y;
+        const ncgen_real P3b_z = q[47];
+        const ncgen_real x130 = E3b_z - P3b_z;
+        const ncgen_real x131 = R(0.47393364928909953) * (x128 * x128 + x129 * x129 + x130 * x130 - R(1.113025));
+        constraints[32] = x131;
+        const ncgen_real x132 = R(0.9478672985781991) * x128;
+        constraints[156] = x132;
+        const ncgen_real x133 = R(0.9478672985781991) * x129;
+        constraints[157] = x133;
+        const ncgen_real x134 = R(0.9478672985781991) * x130;
+        constraints[158] = x134;
+        const ncgen_real x135 = -x132;
+        constraints[159] = x135;
+        const ncgen_real x136 = -x133;
+        constraints[160] = x136;
+        const ncgen_real x137 = -x134;
+        constraints[161] = x137;
+        const ncgen_real dE3b_x = qd[26];
+        const ncgen_real dP3b_x = qd[45];
+        const ncgen_real x138 = dE3b_x - dP3b_x;
+        const ncgen_real dE3b_y = qd[27];
+        const ncgen_real dP3b_y = qd[46];
+        const ncgen_real x139 = dE3b_y - dP3b_y;
+        const ncgen_real dE3b_z = qd[28];
+        const ncgen_real dP3b_z = qd[47];
+        const ncgen_real x140 = dE3b_z - dP3b_z;
+        const ncgen_real x141 = R(0.9478672985781991) * (x138 * x138 + x139 * x139 + x140 * x140);
+        constraints[383] = -x141;
+        /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
+        const ncgen_real x142 = P1a_x - P1b_x;
+        const ncgen_real x143 = P1a_y - P1b_y;
+        const ncgen_real x144 = P1a_z - P1b_z;
+        const ncgen_real x145 = x142 * x142 + x143 * x143 + x144 * x144 - R(0.02560000000000001);
+        constraints[33] = R(3.1249999999999996) * x145;
+        const ncgen_real x146 = R(6.249999999999999) * x142;
+        constraints[162] = x146;
+        const ncgen_real x147 = R(6.249999999999999) * x143;
+        constraints[163] = x147;
+        const ncgen_real x148 = R(6.249999999999999) * x144;
+        constraints[164] = x148;
+        const ncgen_real x149 = -x146;
+        constraints[165] = x149;
+        const ncgen_real x150 = -x147;
+        constraints[166] = x150;
+        const ncgen_real x151 = -x148;
+        constraints[167] = x151;
+        const ncgen_real x152 = dP1a_x - dP1b_x;
+        const ncgen_real x153 = dP1a_y - dP1b_y;
+        const ncgen_real x154 = dP1a_z - dP1b_z;
+        const ncgen_real x155 = R(6.249999999999999) * (x152 * x152 + x153 * x153 + x154 * x154);
+        constraints[384] = -x155;
+        /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
+        const ncgen_real x156 = P1a_x - P2a_x;
+        const ncgen_real x157 = P1a_y - P2a_y;
+        const ncgen_real x158 = P1a_z - P2a_z;
+        const ncgen_real x159 = R(1.945142479610587) * (x156 * x156 + x157 * x157 + x158 * x158 - R(0.066075));
+        constraints[34] = x159;
+        const ncgen_real x160 = R(3.890284959221174) * x156;
+        constraints[168] = x160;
+        const ncgen_real x161 = R(3.890284959221174) * x157;
+        constraints[169] = x161;
+        const ncgen_real x162 = R(3.890284959221174) * x158;
+        constraints[170] = x162;
+        constraints[171] = -x160;
+        constraints[172] = -x161;
+        constraints[173] = -x162;
+        const ncgen_real x163 = dP1a_x - dP2a_x;
+        const ncgen_real x164 = dP1a_y - dP2a_y;
+        const ncgen_real x165 = dP1a_z - dP2a_z;
+        const ncgen_real x166 = R(3.890284959221174) * (x163 * x163 + x164 * x164 + x165 * x165);
+        constraints[385] = -x166;
+        /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
+        const ncgen_real x167 = P2a_x - P1b_x;
+        const ncgen_real x168 = P2a_y - P1b_y;
+        const ncgen_real x169 = P2a_z - P1b_z;
+        const ncgen_real x170 = x167 * x167 + x168 * x168 + x169 * x169 - R(0.018633983848622415);
+        constraints[35] = R(3.662833242076714) * x170;
+        const ncgen_real x171 = R(7.325666484153428) * x167;
+        constraints[174] = -x171;
+        const ncgen_real x172 = R(7.325666484153428) * x168;
+        constraints[175] = -x172;
+        const ncgen_real x173 = R(7.325666484153428) * x169;
+        constraints[176] = -x173;
+        constraints[177] = x171;
+        constraints[178] = x172;
+        constraints[179] = x173;
+        const ncgen_real x174 = dP2a_x - dP1b_x;
+        const ncgen_real x175 = dP2a_y - dP1b_y;
+        const ncgen_real x176 = dP2a_z - dP1b_z;
+        const ncgen_real x177 = R(7.325666484153428) * (x174 * x174 + x175 * x175 + x176 * x176);
+        constraints[386] = -x177;
+        /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
+        const ncgen_real C_x = q[48];
+        const ncgen_real x178 = P1a_x - C_x;
+        const ncgen_real C_y = q[49];
+        const ncgen_real x179 = P1a_y - C_y;
+        const ncgen_real C_z = q[50];
+        const ncgen_real x180 = P1a_z - C_z;
+        const ncgen_real x181 = x178 * x178 + x179 * x179 + x180 * x180 - R(0.028424999999999992);
+        constraints[36] = R(2.965649129302967) * x181;
+        const ncgen_real x182 = R(5.931298258605934) * x178;
+        constraints[180] = x182;
+        const ncgen_real x183 = R(5.931298258605934) * x179;
+        constraints[181] = x183;
+        const ncgen_real x184 = R(5.931298258605934) * x180;
+        constraints[182] = x184;
+        constraints[183] = -x182;
+        constraints[184] = -x183;
+        constraints[185] = -x184;
+        const ncgen_real dC_x = qd[48];
+        const ncgen_real x185 = dP1a_x - dC_x;
+        const ncgen_real dC_y = qd[49];
+        const ncgen_real x186 = dP1a_y - dC_y;
+        const ncgen_real dC_z = qd[50];
+        const ncgen_real x187 = dP1a_z - dC_z;
+        const ncgen_real x188 = R(5.931298258605934) * (x185 * x185 + x186 * x186 + x187 * x187);
+        constraints[387] = -x188;
+        /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
+        const ncgen_real x189 = C_x - P1b_x;
+        const ncgen_real x190 = C_y - P1b_y;
+        const ncgen_real x191 = C_z - P1b_z;
+        const ncgen_real x192 = x189 * x189 + x190 * x190 + x191 * x191 - R(0.028424999999999985);
+        constraints[37] = R(2.9656491293029674) * x192;
+        const ncgen_real x193 = R(5.931298258605935) * x189;
+        constraints[186] = -x193;
+        const ncgen_real x194 = R(5.931298258605935) * x190;
+        constraints[187] = -x194;
+        const ncgen_real x195 = R(5.931298258605935) * x191;
+        constraints[188] = -x195;
+        constraints[189] = x193;
+        constraints[190] = x194;
+        constraints[191] = x195;
+        const ncgen_real x196 = dC_x - dP1b_x;
+        const ncgen_real x197 = dC_y - dP1b_y;
+        const ncgen_real x198 = dC_z - dP1b_z;
+        const ncgen_real x199 = R(5.931298258605935) * (x196 * x196 + x197 * x197 + x198 * x198);
+        constraints[388] = -x199;
+        /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
+        const ncgen_real x200 = C_x - P2a_x;
+        const ncgen_real x201 = C_y - P2a_y;
+        const ncgen_real x202 = C_z - P2a_z;
+        const ncgen_real x203 = x200 * x200 + x201 * x201 + x202 * x202 - R(0.028425000000000002);
+        constraints[38] = R(2.9656491293029665) * x203;
+        const ncgen_real x204 = R(5.931298258605933) * x200;
+        constraints[192] = -x204;
+        const ncgen_real x205 = R(5.931298258605933) * x201;
+        constraints[193] = -x205;
+        const ncgen_real x206 = R(5.931298258605933) * x202;
+        constraints[194] = -x206;
+        constraints[195] = x204;
+        constraints[196] = x205;
+        constraints[197] = x206;
+        const ncgen_real x207 = dC_x - dP2a_x;
+        const ncgen_real x208 = dC_y - dP2a_y;
+        const ncgen_real x209 = dC_z - dP2a_z;
+        const ncgen_real x210 = R(5.931298258605933) * (x207 * x207 + x208 * x208 + x209 * x209);
+        constraints[389] = -x210;
+        /* row 40: combination P2b.x (body platform): (e - c a x b).x = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
+        const ncgen_real x211 = P2b_x - R(0.9999999999999991) * P1a_x + R(2.1721066374645472) * P1b_x;
+        constraints[39] = x211 - R(2.172106637464548) * P2a_x;
+        constraints[198] = NCGEN_SPLAT(-R(0.9999999999999991));
+        constraints[199] = NCGEN_SPLAT(R(2.1721066374645472));
+        constraints[200] = NCGEN_SPLAT(-R(2.172106637464548));
+        constraints[201] = NCGEN_SPLAT(R(1.0));
+        constraints[390] = NCGEN_SPLAT(R(0.0));
+        /* row 41: combination P2b.y (body platform): (e - c a x b).y = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
+        const ncgen_real x212 = P2b_y - R(0.9999999999999991) * P1a_y + R(2.1721066374645472) * P1b_y;
+        constraints[40] = x212 - R(2.172106637464548) * P2a_y;
+        constraints[202] = NCGEN_SPLAT(-R(0.9999999999999991));
+        constraints[203] = NCGEN_SPLAT(R(2.1721066374645472));
+        constraints[204] = NCGEN_SPLAT(-R(2.172106637464548));
+        constraints[205] = NCGEN_SPLAT(R(1.0));
+        constraints[391] = NCGEN_SPLAT(R(0.0));
+        /* row 42: combination P2b.z (body platform): (e - c a x b).z = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
+        const ncgen_real x213 = P2b_z - R(0.9999999999999991) * P1a_z + R(2.1721066374645472) * P1b_z;
+        constraints[41] = x213 - R(2.172106637464548) * P2a_z;
+        constraints[206] = NCGEN_SPLAT(-R(0.9999999999999991));
+        constraints[207] = NCGEN_SPLAT(R(2.1721066374645472));
+        constraints[208] = NCGEN_SPLAT(-R(2.172106637464548));
+        constraints[209] = NCGEN_SPLAT(R(1.0));
+        constraints[392] = NCGEN_SPLAT(R(0.0));
+        /* row 43: combination P3a.x (body platform): (e - c a x b).x = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
+        const ncgen_real x214 = P3a_x - R(1.8531646934131842) * P1a_x + R(3.0252713308777346) * P1b_x;
+        constraints[42] = x214 - R(2.17210663746455) * P2a_x;
+        constraints[210] = NCGEN_SPLAT(-R(1.8531646934131842));
+        constraints[211] = NCGEN_SPLAT(R(3.0252713308777346));
+        constraints[212] = NCGEN_SPLAT(-R(2.17210663746455));
+        constraints[213] = NCGEN_SPLAT(R(1.0));
+        constraints[393] = NCGEN_SPLAT(R(0.0));
+        /* row 44: combination P3a.y (body platform): (e - c a x b).y = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
+        const ncgen_real x215 = P3a_y - R(1.8531646934131842) * P1a_y + R(3.0252713308777346) * P1b_y;
+        constraints[43] = x215 - R(2.17210663746455) * P2a_y;
+        constraints[214] = NCGEN_SPLAT(-R(1.8531646934131842));
+        constraints[215] = NCGEN_SPLAT(R(3.0252713308777346));
+        constraints[216] = NCGEN_SPLAT(-R(2.17210663746455));
+        constraints[217] = NCGEN_SPLAT(R(1.0));
+        constraints[394] = NCGEN_SPLAT(R(0.0));
+        /* row 45: combination P3a.z (body platform): (e - c a x b).z = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
+        const ncgen_real x216 = P3a_z - R(1.8531646934131842) * P1a_z + R(3.0252713308777346) * P1b_z;
+        constraints[44] = x216 - R(2.17210663746455) * P2a_z;
+        constraints[218] = NCGEN_SPLAT(-R(1.8531646934131842));
+        constraints[219] = NCGEN_SPLAT(R(3.0252713308777346));
+        constraints[220] = NCGEN_SPLAT(-R(2.17210663746455));
+        constraints[221] = NCGEN_SPLAT(R(1.0));
+        constraints[395] = NCGEN_SPLAT(R(0.0));
+        /* row 46: combination P3b.x (body platform): (e - c a x b).x = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
+        const ncgen_real x217 = P3b_x - R(1.8531646934131856) * P1a_x + R(1.853164693413187) * P1b_x;
+        constraints[45] = x217 - R(1.0000000000000013) * P2a_x;
+        constraints[222] = NCGEN_SPLAT(-R(1.8531646934131856));
+        constraints[223] = NCGEN_SPLAT(R(1.853164693413187));
+        constraints[224] = NCGEN_SPLAT(-R(1.0000000000000013));
+        constraints[225] = NCGEN_SPLAT(R(1.0));
+        constraints[396] = NCGEN_SPLAT(R(0.0));
+        /* row 47: combination P3b.y (body platform): (e - c a x b).y = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
+        const ncgen_real x218 = P3b_y - R(1.8531646934131856) * P1a_y + R(1.853164693413187) * P1b_y;
+        constraints[46] = x218 - R(1.0000000000000013) * P2a_y;
+        constraints[226] = NCGEN_SPLAT(-R(1.8531646934131856));
+        constraints[227] = NCGEN_SPLAT(R(1.853164693413187));
+        constraints[228] = NCGEN_SPLAT(-R(1.0000000000000013));
+        constraints[229] = NCGEN_SPLAT(R(1.0));
+        constraints[397] = NCGEN_SPLAT(R(0.0));
+        /* row 48: combination P3b.z (body platform): (e - c a x b).z = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
+        const ncgen_real x219 = P3b_z - R(1.8531646934131856) * P1a_z + R(1.853164693413187) * P1b_z;
+        constraints[47] = x219 - R(1.0000000000000013) * P2a_z;
+        constraints[230] = NCGEN_SPLAT(-R(1.8531646934131856));
+        constraints[231] = NCGEN_SPLAT(R(1.853164693413187));
+        constraints[232] = NCGEN_SPLAT(-R(1.0000000000000013));
+        constraints[233] = NCGEN_SPLAT(R(1.0));
+        constraints[398] = NCGEN_SPLAT(R(0.0));
+        /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
+        const ncgen_real n1_x = q[51];
+        const ncgen_real n1_y = q[52];
+        const ncgen_real n1_z = q[53];
+        const ncgen_real x220 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
+        constraints[48] = x220;
+        constraints[234] = n1_x;
+        constraints[235] = n1_y;
+        constraints[236] = n1_z;
+        const ncgen_real dn1_x = qd[51];
+        const ncgen_real dn1_y = qd[52];
+        const ncgen_real dn1_z = qd[53];
+        constraints[399] = -(dn1_x * dn1_x + dn1_y * dn1_y + dn1_z * dn1_z);
+        /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
+        const ncgen_real x221 = R(0.9478672985781991) * (x58 * n1_x + x59 * n1_y + x60 * n1_z);
+        constraints[49] = -x221;
+        const ncgen_real x222 = R(0.9478672985781991) * n1_x;
+        const ncgen_real x223 = -x222;
+        constraints[237] = x223;
+        const ncgen_real x224 = R(0.9478672985781991) * n1_y;
+        const ncgen_real x225 = -x224;
+        constraints[238] = x225;
+        const ncgen_real x226 = R(0.9478672985781991) * n1_z;
+        const ncgen_real x227 = -x226;
+        constraints[239] = x227;
+        constraints[240] = x222;
+        constraints[241] = x224;
+        constraints[242] = x226;
+        constraints[243] = x65;
+        constraints[244] = x66;
+        constraints[245] = x67;
+        const ncgen_real x228 = R(1.8957345971563981) * (x68 * dn1_x + x69 * dn1_y + x70 * dn1_z);
+        constraints[400] = x228;
+        /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
+        const ncgen_real x229 = R(0.9478672985781991) * (x72 * n1_x + x73 * n1_y + x74 * n1_z);
+        constraints[50] = -x229;
+        constraints[246] = x223;
+        constraints[247] = x225;
+        constraints[248] = x227;
+        constraints[249] = x222;
+        constraints[250] = x224;
+        constraints[251] = x226;
+        constraints[252] = x79;
+        constraints[253] = x80;
+        constraints[254] = x81;
+        const ncgen_real x230 = R(1.8957345971563981) * (x82 * dn1_x + x83 * dn1_y + x84 * dn1_z);
+        constraints[401] = x230;
+        /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
+        const ncgen_real x231 = E1b_x - E1a_x;
+        const ncgen_real x232 = E1b_y - E1a_y;
+        const ncgen_real x233 = E1b_z - E1a_z;
+        const ncgen_real x234 = R(6.249999999999999) * (n1_x * x231 + n1_y * x232 + n1_z * x233);
+        constraints[51] = x234;
+        const ncgen_real x235 = R(6.249999999999999) * n1_x;
+        const ncgen_real x236 = -x235;
+        constraints[255] = x236;
+        const ncgen_real x237 = R(6.249999999999999) * n1_y;
+        const ncgen_real x238 = -x237;
+        constraints[256] = x238;
+        const ncgen_real x239 = R(6.249999999999999) * n1_z;
+        const ncgen_real x240 = -x239;
+        constraints[257] = x240;
+        constraints[258] = x235;
+        constraints[259] = x237;
+        constraints[260] = x239;
+        constraints[261] = R(6.249999999999999) * x231;
+        constraints[262] = R(6.249999999999999) * x232;
+        constraints[263] = R(6.249999999999999) * x233;
+        const ncgen_real x241 = dn1_x * (dE1b_x - dE1a_x) + dn1_y * (dE1b_y - dE1a_y) + dn1_z * (dE1b_z - dE1a_z);
+        constraints[402] = -(R(12.499999999999998) * x241);
+        /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
+        const ncgen_real x242 = R(6.249999999999999) * (x142 * n1_x + x143 * n1_y + x144 * n1_z);
+        constraints[52] = -x242;
+        constraints[264] = x236;
+        constraints[265] = x238;
+        constraints[266] = x240;
+        constraints[267] = x235;
+        constraints[268] = x237;
+        constraints[269] = x239;
+        constraints[270] = x149;
+        constraints[271] = x150;
+        constraints[272] = x151;
+        const ncgen_real x243 = R(12.499999999999998) * (x152 * dn1_x + x153 * dn1_y + x154 * dn1_z);
+        constraints[403] = x243;
+        /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
+        const ncgen_real n2_x = q[54];
+        const ncgen_real n2_y = q[55];
+        const ncgen_real n2_z = q[56];
+        const ncgen_real x244 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
+        constraints[53] = x244;
+        constraints[273] = n2_x;
+        constraints[274] = n2_y;
+        constraints[275] = n2_z;
+        const ncgen_real dn2_x = qd[54];
+        const ncgen_real dn2_y = qd[55];
+        const ncgen_real dn2_z = qd[56];
+        constraints[404] = -(dn2_x * dn2_x + dn2_y * dn2_y + dn2_z * dn2_z);
+        /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
+        const ncgen_real x245 = R(0.947867298578199) * (x86 * n2_x + x87 * n2_y + x88 * n2_z);
+        constraints[54] = -x245;
+        const ncgen_real x246 = R(0.947867298578199) * n2_x;
+        const ncgen_real x247 = -x246;
+        constraints[276] = x247;
+        const ncgen_real x248 = R(0.947867298578199) * n2_y;
+        const ncgen_real x249 = -x248;
+        constraints[277] = x249;
+        const ncgen_real x250 = R(0.947867298578199) * n2_z;
+        const ncgen_real x251 = -x250;
+        constraints[278] = x251;
+        constraints[279] = x246;
+        constraints[280] = x248;
+        constraints[281] = x250;
+        constraints[282] = x93;
+        constraints[283] = x94;
+        constraints[284] = x95;
+        const ncgen_real x252 = R(1.895734597156398) * (x96 * dn2_x + x97 * dn2_y + x98 * dn2_z);
+        constraints[405] = x252;
+        /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
+        const ncgen_real x253 = R(0.947867298578199) * (x100 * n2_x + x101 * n2_y + x102 * n2_z);
+        constraints[55] = -x253;
+        constraints[285] = x247;
+        constraints[286] = x249;
+        constraints[287] = x251;
+        constraints[288] = x246;
+        constraints[289] = x248;
+        constraints[290] = x250;
+        constraints[291] = x107;
+        constraints[292] = x108;
+        constraints[293] = x109;
+        const ncgen_real x254 = R(1.895734597156398) * (x110 * dn2_x + x111 * dn2_y + x112 * dn2_z);
+        constraints[406] = x254;
+        /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
+        const ncgen_real x255 = E2b_x - E2a_x;
+        const ncgen_real x256 = E2b_y - E2a_y;
+        const ncgen_real x257 = E2b_z - E2a_z;
+        const ncgen_real x258 = R(6.249999999999999) * (n2_x * x255 + n2_y * x256 + n2_z * x257);
+        constraints[56] = x258;
+        const ncgen_real x259 = R(6.249999999999999) * n2_x;
+        const ncgen_real x260 = -x259;
+        constraints[294] = x260;
+        const ncgen_real x261 = R(6.249999999999999) * n2_y;
+        const ncgen_real x262 = -x261;
+        constraints[295] = x262;
+        const ncgen_real x263 = R(6.249999999999999) * n2_z;
+        const ncgen_real x264 = -x263;
+        constraints[296] = x264;
+        constraints[297] = x259;
+        constraints[298] = x261;
+        constraints[299] = x263;
+        constraints[300] = R(6.249999999999999) * x255;
+        constraints[301] = R(6.249999999999999) * x256;
+        constraints[302] = R(6.249999999999999) * x257;
+        const ncgen_real x265 = dn2_x * (dE2b_x - dE2a_x) + dn2_y * (dE2b_y - dE2a_y) + dn2_z * (dE2b_z - dE2a_z);
+        constraints[407] = -(R(12.499999999999998) * x265);
+        /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
+        const ncgen_real x266 = P2b_x - P2a_x;
+        const ncgen_real x267 = P2b_y - P2a_y;
+        const ncgen_real x268 = P2b_z - P2a_z;
+        const ncgen_real x269 = R(6.249999999999999) * (n2_x * x266 + n2_y * x267 + n2_z * x268);
+        constraints[57] = x269;
+        constraints[303] = x260;
+        constraints[304] = x262;
+        constraints[305] = x264;
+        constraints[306] = x259;
+        constraints[307] = x261;
+        constraints[308] = x263;
+        constraints[309] = R(6.249999999999999) * x266;
+        constraints[310] = R(6.249999999999999) * x267;
+        constraints[311] = R(6.249999999999999) * x268;
+        const ncgen_real x270 = dn2_x * (dP2b_x - dP2a_x) + dn2_y * (dP2b_y - dP2a_y) + dn2_z * (dP2b_z - dP2a_z);
+        constraints[408] = -(R(12.499999999999998) * x270);
+        /* row 59: 1001 unit n3 (body rod3a): |u|^2 - 1 = 0 with u = n3 */
+        const ncgen_real n3_x = q[57];
+        const ncgen_real n3_y = q[58];
+        const ncgen_real n3_z = q[59];
+        const ncgen_real x271 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
+        constraints[58] = x271;
+        constraints[312] = n3_x;
+        constraints[313] = n3_y;
+        constraints[314] = n3_z;
+        const ncgen_real dn3_x = qd[57];
+        const ncgen_real dn3_y = qd[58];
+        const ncgen_real dn3_z = qd[59];
+        constraints[409] = -(dn3_x * dn3_x + dn3_y * dn3_y + dn3_z * dn3_z);
+        /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
+        const ncgen_real x272 = R(0.9478672985781991) * (x114 * n3_x + x115 * n3_y + x116 * n3_z);
+        constraints[59] = -x272;
+        const ncgen_real x273 = R(0.9478672985781991) * n3_x;
+        const ncgen_real x274 = -x273;
+        constraints[315] = x274;
+        const ncgen_real x275 = R(0.9478672985781991) * n3_y;
+        const ncgen_real x276 = -x275;
+        constraints[316] = x276;
+        const ncgen_real x277 = R(0.9478672985781991) * n3_z;
+        const ncgen_real x278 = -x277;
+        constraints[317] = x278;
+        constraints[318] = x273;
+        constraints[319] = x275;
+        constraints[320] = x277;
+        constraints[321] = x121;
+        constraints[322] = x122;
+        constraints[323] = x123;
+        const ncgen_real x279 = R(1.8957345971563981) * (x124 * dn3_x + x125 * dn3_y + x126 * dn3_z);
+        constraints[410] = x279;
+        /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
+        const ncgen_real x280 = R(0.9478672985781991) * (x128 * n3_x + x129 * n3_y + x130 * n3_z);
+        constraints[60] = -x280;
+        constraints[324] = x274;
+        constraints[325] = x276;
+        constraints[326] = x278;
+        constraints[327] = x273;
+        constraints[328] = x275;
+        constraints[329] = x277;
+        constraints[330] = x135;
+        constraints[331] = x136;
+        constraints[332] = x137;
+        const ncgen_real x281 = R(1.8957345971563981) * (x138 * dn3_x + x139 * dn3_y + x140 * dn3_z);
+        constraints[411] = x281;
+        /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
+        const ncgen_real x282 = E3b_x - E3a_x;
+        const ncgen_real x283 = E3b_y - E3a_y;
+        const ncgen_real x284 = E3b_z - E3a_z;
+        constraints[61] = R(6.25) * (n3_x * x282 + n3_y * x283 + n3_z * x284);
+        const ncgen_real x285 = R(6.25) * n3_x;
+        const ncgen_real x286 = -x285;
+        constraints[333] = x286;
+        const ncgen_real x287 = R(6.25) * n3_y;
+        const ncgen_real x288 = -x287;
+        constraints[334] = x288;
+        const ncgen_real x289 = R(6.25) * n3_z;
+        const ncgen_real x290 = -x289;
+        constraints[335] = x290;
+        constraints[336] = x285;
+        constraints[337] = x287;
+        constraints[338] = x289;
+        constraints[339] = R(6.25) * x282;
+        constraints[340] = R(6.25) * x283;
+        constraints[341] = R(6.25) * x284;
+        const ncgen_real x291 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
+        constraints[412] = -(R(12.5) * x291);
+        /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
+        const ncgen_real x292 = P3b_x - P3a_x;
+        const ncgen_real x293 = P3b_y - P3a_y;
+        const ncgen_real x294 = P3b_z - P3a_z;
+        constraints[62] = R(6.25) * (n3_x * x292 + n3_y * x293 + n3_z * x294);
+        constraints[342] = x286;
+        constraints[343] = x288;
+        constraints[344] = x290;
+        constraints[345] = x285;
+        constraints[346] = x287;
+        constraints[347] = x289;
+        constraints[348] = R(6.25) * x292;
+        constraints[349] = R(6.25) * x293;
+        constraints[350] = R(6.25) * x294;
+        const ncgen_real x295 = dn3_x * (dP3b_x - dP3a_x) + dn3_y * (dP3b_y - dP3a_y) + dn3_z * (dP3b_z - dP3a_z);
+        constraints[413] = -(R(12.5) * x295);
     }
 
     return NCGEN_OK;
@@ -1400,7 +2434,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "0e34f3d3cca34c75",
+        .fingerprint = "59d2cb5dfd4049ca",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,
@@ -1416,6 +2450,7 @@ const ncgen_model *delta_model(void)
         .mass = delta_mass,
         .force = delta_force,
         .energy = delta_energy,
+        .constraints = delta_constraints,
     };
     return &model;
 }

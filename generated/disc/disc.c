@@ -6,24 +6,7 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar disc_number_1[107] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(1.0), R(0.0), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    -R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), -R(1.0), -R(0.3), R(1.0), -R(1.0), -R(0.3),
-    R(1.0), -R(1.0), -R(0.3), R(1.0), -R(1.0), -R(0.15000000000000002), -R(0.2598076211353315),
-    R(1.0), -R(1.0), -R(0.15000000000000002), -R(0.2598076211353315), R(1.0), -R(1.0),
-    -R(0.15000000000000002), -R(0.2598076211353315), R(1.0), -R(1.0), R(0.14999999999999994),
-    -R(0.2598076211353316), R(1.0), -R(1.0), R(0.14999999999999994), -R(0.2598076211353316),
-    R(1.0), -R(1.0), R(0.14999999999999994), -R(0.2598076211353316), R(1.0), -R(1.0), R(0.3),
-    R(1.0), -R(1.0), R(0.3), R(1.0), -R(1.0), R(0.3), R(1.0), -R(1.0), R(0.15000000000000013),
-    R(0.25980762113533146), R(1.0), -R(1.0), R(0.15000000000000013), R(0.25980762113533146),
-    R(1.0), -R(1.0), R(0.15000000000000013), R(0.25980762113533146), R(1.0), -R(1.0),
-    -R(0.1499999999999998), R(0.25980762113533173), R(1.0), -R(1.0), -R(0.1499999999999998),
-    R(0.25980762113533173), R(1.0), -R(1.0), -R(0.1499999999999998), R(0.25980762113533173),
-    R(1.0)
-};
-static const ncgen_scalar disc_number_2[27] = {
+static const ncgen_scalar disc_number_1[27] = {
     R(2.6666666666666665), -R(0.3333333333333333), -R(0.3333333333333333), R(2.6666666666666665),
     -R(0.3333333333333333), -R(0.3333333333333333), R(2.6666666666666665), -R(0.3333333333333333),
     -R(0.3333333333333333), -R(0.3333333333333333), R(0.6666666666666667), -R(0.3333333333333334),
@@ -32,7 +15,7 @@ static const ncgen_scalar disc_number_2[27] = {
     R(0.6666666666666667), -R(0.3333333333333333), -R(0.3333333333333334), R(0.6666666666666667),
     -R(0.3333333333333333), -R(0.3333333333333334), R(0.6666666666666667)
 };
-static const ncgen_scalar disc_number_3[30] = {
+static const ncgen_scalar disc_number_2[30] = {
     R(0.0), R(0.0), -R(19.62), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
@@ -44,11 +27,6 @@ int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 27; ++i) {
-        phi[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
@@ -79,6 +57,8 @@ int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         /* row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0 */
         const ncgen_real C_z = q[2];
         phi[6] = C_z - R(0.3) * NCGEN_SQRT(R(1.0) - x1);
+        phi[7] = NCGEN_SPLAT(R(0.0));
+        phi[8] = NCGEN_SPLAT(R(0.0));
         /* row 10: combination P1.x (body disc): (e - c a x b).x = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0 */
         const ncgen_real P1_x = q[12];
         const ncgen_real C_x = q[0];
@@ -154,17 +134,11 @@ int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
 
     return NCGEN_OK;
 }
-/* phi_q: 47 operations, 1 of them elementary functions */
+/* phi_q: 46 operations, 1 of them elementary functions */
 int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 107; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(disc_number_1[i]);
-        phi_q[i] = x1;
-    }
 
     {
         /* row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
@@ -209,44 +183,107 @@ int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[24] = v_x;
         phi_q[25] = v_y;
         phi_q[26] = v_z;
+        phi_q[27] = NCGEN_SPLAT(R(1.0));
         /* row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0 */
-        const ncgen_real x1 = u_z * u_z;
-        const ncgen_real x2 = NCGEN_SQRT(R(1.0) - x1);
+        const ncgen_real x1 = R(1.0) - u_z * u_z;
+        const ncgen_real x2 = NCGEN_SQRT(x1);
         phi_q[28] = R(0.3) * u_z / x2;
+        phi_q[29] = NCGEN_SPLAT(R(1.0));
         /* row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0 */
-        const ncgen_real x3 = x1 - R(1.0);
-        const ncgen_real x4 = u_z * (R(0.3) * u_x);
-        const ncgen_real x5 = R(0.3) * x3 * (u_x * v_y - u_y * v_x) / x2 + (u_y * v_z - u_z * v_y) * x4 / x2;
-        const ncgen_real x6 = u_z * (R(0.3) * u_y);
-        const ncgen_real x7 = x5 + x6 * (u_z * v_x - u_x * v_z) / x2;
-        const ncgen_real x8 = -(v_z * x7);
-        phi_q[30] = x8;
-        phi_q[31] = v_x * x7;
-        const ncgen_real x9 = u_z * x7;
-        phi_q[32] = x9;
-        const ncgen_real x10 = x3 * (R(0.3) * v_z) / x2 + v_x * x4 / x2 + v_y * x6 / x2;
-        phi_q[33] = x10;
-        phi_q[34] = -(u_x * x7);
+        const ncgen_real x3 = u_z * (R(0.3) * u_x);
+        const ncgen_real x4 = (u_y * v_z - u_z * v_y) * x3 / x2 - R(0.3) * x1 * (u_x * v_y - u_y * v_x) / x2;
+        const ncgen_real x5 = u_z * (R(0.3) * u_y);
+        const ncgen_real x6 = x4 + x5 * (u_z * v_x - u_x * v_z) / x2;
+        const ncgen_real x7 = -(v_z * x6);
+        phi_q[30] = x7;
+        phi_q[31] = v_x * x6;
+        const ncgen_real x8 = u_z * x6;
+        phi_q[32] = x8;
+        const ncgen_real x9 = v_x * x3 / x2 - x1 * (R(0.3) * v_z) / x2 + v_y * x5 / x2;
+        phi_q[33] = x9;
+        phi_q[34] = -(u_x * x6);
+        phi_q[35] = NCGEN_SPLAT(-R(1.0));
         /* row 9: no slip of disc (joint rolling of disc): -1.0*rate(C.x) - 1.0*rate(v.x)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) - 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(rate(u.y)*v.z - rate(u.z)*v.y - rate(v.y)*u.z + rate(v.z)*u.y) = 0 */
-        phi_q[36] = x8;
-        phi_q[37] = v_y * x7;
-        phi_q[38] = -x10;
-        phi_q[39] = x9;
-        phi_q[40] = -(u_y * x7);
+        phi_q[36] = x7;
+        phi_q[37] = v_y * x6;
+        phi_q[38] = -x9;
+        phi_q[39] = x8;
+        phi_q[40] = -(u_y * x6);
+        phi_q[41] = NCGEN_SPLAT(-R(1.0));
+        phi_q[42] = NCGEN_SPLAT(-R(0.3));
+        phi_q[43] = NCGEN_SPLAT(R(1.0));
+        phi_q[44] = NCGEN_SPLAT(-R(1.0));
+        phi_q[45] = NCGEN_SPLAT(-R(0.3));
+        phi_q[46] = NCGEN_SPLAT(R(1.0));
+        phi_q[47] = NCGEN_SPLAT(-R(1.0));
+        phi_q[48] = NCGEN_SPLAT(-R(0.3));
+        phi_q[49] = NCGEN_SPLAT(R(1.0));
+        phi_q[50] = NCGEN_SPLAT(-R(1.0));
+        phi_q[51] = NCGEN_SPLAT(-R(0.15000000000000002));
+        phi_q[52] = NCGEN_SPLAT(-R(0.2598076211353315));
+        phi_q[53] = NCGEN_SPLAT(R(1.0));
+        phi_q[54] = NCGEN_SPLAT(-R(1.0));
+        phi_q[55] = NCGEN_SPLAT(-R(0.15000000000000002));
+        phi_q[56] = NCGEN_SPLAT(-R(0.2598076211353315));
+        phi_q[57] = NCGEN_SPLAT(R(1.0));
+        phi_q[58] = NCGEN_SPLAT(-R(1.0));
+        phi_q[59] = NCGEN_SPLAT(-R(0.15000000000000002));
+        phi_q[60] = NCGEN_SPLAT(-R(0.2598076211353315));
+        phi_q[61] = NCGEN_SPLAT(R(1.0));
+        phi_q[62] = NCGEN_SPLAT(-R(1.0));
+        phi_q[63] = NCGEN_SPLAT(R(0.14999999999999994));
+        phi_q[64] = NCGEN_SPLAT(-R(0.2598076211353316));
+        phi_q[65] = NCGEN_SPLAT(R(1.0));
+        phi_q[66] = NCGEN_SPLAT(-R(1.0));
+        phi_q[67] = NCGEN_SPLAT(R(0.14999999999999994));
+        phi_q[68] = NCGEN_SPLAT(-R(0.2598076211353316));
+        phi_q[69] = NCGEN_SPLAT(R(1.0));
+        phi_q[70] = NCGEN_SPLAT(-R(1.0));
+        phi_q[71] = NCGEN_SPLAT(R(0.14999999999999994));
+        phi_q[72] = NCGEN_SPLAT(-R(0.2598076211353316));
+        phi_q[73] = NCGEN_SPLAT(R(1.0));
+        phi_q[74] = NCGEN_SPLAT(-R(1.0));
+        phi_q[75] = NCGEN_SPLAT(R(0.3));
+        phi_q[76] = NCGEN_SPLAT(R(1.0));
+        phi_q[77] = NCGEN_SPLAT(-R(1.0));
+        phi_q[78] = NCGEN_SPLAT(R(0.3));
+        phi_q[79] = NCGEN_SPLAT(R(1.0));
+        phi_q[80] = NCGEN_SPLAT(-R(1.0));
+        phi_q[81] = NCGEN_SPLAT(R(0.3));
+        phi_q[82] = NCGEN_SPLAT(R(1.0));
+        phi_q[83] = NCGEN_SPLAT(-R(1.0));
+        phi_q[84] = NCGEN_SPLAT(R(0.15000000000000013));
+        phi_q[85] = NCGEN_SPLAT(R(0.25980762113533146));
+        phi_q[86] = NCGEN_SPLAT(R(1.0));
+        phi_q[87] = NCGEN_SPLAT(-R(1.0));
+        phi_q[88] = NCGEN_SPLAT(R(0.15000000000000013));
+        phi_q[89] = NCGEN_SPLAT(R(0.25980762113533146));
+        phi_q[90] = NCGEN_SPLAT(R(1.0));
+        phi_q[91] = NCGEN_SPLAT(-R(1.0));
+        phi_q[92] = NCGEN_SPLAT(R(0.15000000000000013));
+        phi_q[93] = NCGEN_SPLAT(R(0.25980762113533146));
+        phi_q[94] = NCGEN_SPLAT(R(1.0));
+        phi_q[95] = NCGEN_SPLAT(-R(1.0));
+        phi_q[96] = NCGEN_SPLAT(-R(0.1499999999999998));
+        phi_q[97] = NCGEN_SPLAT(R(0.25980762113533173));
+        phi_q[98] = NCGEN_SPLAT(R(1.0));
+        phi_q[99] = NCGEN_SPLAT(-R(1.0));
+        phi_q[100] = NCGEN_SPLAT(-R(0.1499999999999998));
+        phi_q[101] = NCGEN_SPLAT(R(0.25980762113533173));
+        phi_q[102] = NCGEN_SPLAT(R(1.0));
+        phi_q[103] = NCGEN_SPLAT(-R(1.0));
+        phi_q[104] = NCGEN_SPLAT(-R(0.1499999999999998));
+        phi_q[105] = NCGEN_SPLAT(R(0.25980762113533173));
+        phi_q[106] = NCGEN_SPLAT(R(1.0));
     }
 
     return NCGEN_OK;
 }
-/* gamma: 245 operations, 2 of them elementary functions */
+/* gamma: 243 operations, 2 of them elementary functions */
 int disc_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 27; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
@@ -281,51 +318,68 @@ int disc_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x7 = NCGEN_SQRT(x6);
         gamma[6] = -(R(0.3) * x1 * (R(1.0) + x5 / x6) / x7);
         /* row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0 */
-        const ncgen_real x8 = R(0.3) * u_z;
+        const ncgen_real x8 = R(0.3) * dv_y;
         const ncgen_real u_y = q[4];
         const ncgen_real v_z = q[8];
         const ncgen_real v_y = q[7];
         const ncgen_real x9 = u_y * v_z - u_z * v_y;
-        const ncgen_real x10 = x5 - R(1.0);
-        const ncgen_real x11 = R(0.3) * u_y;
-        const ncgen_real x12 = u_z * x11;
-        const ncgen_real x13 = x8 * x9 / x7 + R(0.3) * v_y * x10 / x7 - v_z * x12 / x7;
-        const ncgen_real v_x = q[6];
         const ncgen_real u_x = q[3];
-        const ncgen_real x14 = du_z * v_x + dv_x * u_z - du_x * v_z - dv_z * u_x;
-        const ncgen_real x15 = R(0.3) * dv_y;
-        const ncgen_real x16 = u_z * x15;
-        const ncgen_real x17 = u_x * v_y - u_y * v_x;
-        const ncgen_real x18 = R(0.3) * u_x;
-        const ncgen_real x19 = u_z * x18;
-        const ncgen_real x20 = u_z * v_x - u_x * v_z;
-        const ncgen_real x21 = R(0.3) * x10 * x17 / x7 + x9 * x19 / x7 + x12 * x20 / x7;
-        const ncgen_real x22 = dv_z * x21;
-        const ncgen_real x23 = x8 * x20 / x7 + v_z * x19 / x7 - x10 * (R(0.3) * v_x) / x7;
-        const ncgen_real x24 = du_x * (x13 * x14 + v_x * x16 / x7 - x22) + du_y * (x14 * x23 + v_y * x16 / x7);
-        const ncgen_real x25 = R(0.6) * u_z;
-        const ncgen_real x26 = x5 * x18;
-        const ncgen_real x27 = NCGEN_POW(x6, R(1.5));
-        const ncgen_real x28 = v_x * x18 / x7 + v_y * x11 / x7 + v_z * x25 / x7 + v_x * x26 / x27;
-        const ncgen_real x29 = x5 * x11;
-        const ncgen_real x30 = x28 + v_y * x29 / x27 + x10 * (v_z * x8) / x27;
-        const ncgen_real x31 = x9 * x18 / x7 + x11 * x20 / x7 + x17 * x25 / x7 + x9 * x26 / x27;
-        const ncgen_real x32 = x31 + v_x * x12 / x7 + x20 * x29 / x27 + x17 * (x8 * x10) / x27;
-        const ncgen_real x33 = x32 - v_y * x19 / x7;
-        const ncgen_real x34 = du_z * x21;
-        const ncgen_real x35 = x29 / x7 - x10 * x11 / x7;
-        const ncgen_real x36 = x24 + du_z * (dv_x * x21 + dv_y * x30 + x14 * x33) + dv_x * (x34 + x14 * x35 + u_z * (u_x * x15) / x7);
-        const ncgen_real x37 = x10 * x18 / x7 - x26 / x7;
-        const ncgen_real x38 = x36 + dv_y * (x14 * x37 + u_z * (u_y * x15) / x7) + dv_z * (x10 * x15 / x7 - du_x * x21);
-        gamma[7] = -x38;
+        const ncgen_real x10 = R(0.3) * u_x;
+        const ncgen_real x11 = u_z * x10;
+        const ncgen_real v_x = q[6];
+        const ncgen_real x12 = u_x * v_y - u_y * v_x;
+        const ncgen_real x13 = R(0.3) * u_y;
+        const ncgen_real x14 = u_z * x13;
+        const ncgen_real x15 = u_z * v_x - u_x * v_z;
+        const ncgen_real x16 = x9 * x11 / x7 - R(0.3) * x6 * x12 / x7 + x14 * x15 / x7;
+        const ncgen_real x17 = R(0.3) * u_z;
+        const ncgen_real x18 = x17 * x9 / x7 - x6 * (R(0.3) * v_y) / x7 - v_z * x14 / x7;
+        const ncgen_real x19 = du_z * v_x + dv_x * u_z - du_x * v_z - dv_z * u_x;
+        const ncgen_real x20 = u_z * x8;
+        const ncgen_real x21 = dv_z * x16;
+        const ncgen_real x22 = x17 * x15 / x7 + v_z * x11 / x7 + x6 * (R(0.3) * v_x) / x7;
+        const ncgen_real x23 = du_x * (x18 * x19 + v_x * x20 / x7 - x21) + du_y * (x19 * x22 + v_y * x20 / x7);
+        const ncgen_real x24 = R(0.6) * u_z;
+        const ncgen_real x25 = x5 * x10;
+        const ncgen_real x26 = NCGEN_POW(x6, R(1.5));
+        const ncgen_real x27 = v_x * x10 / x7 + v_y * x13 / x7 + v_z * x24 / x7 + v_x * x25 / x26;
+        const ncgen_real x28 = x5 * x13;
+        const ncgen_real x29 = x27 + v_y * x28 / x26 - x6 * (v_z * x17) / x26;
+        const ncgen_real x30 = x9 * x10 / x7 + x13 * x15 / x7 + x12 * x24 / x7 + x9 * x25 / x26;
+        const ncgen_real x31 = x30 + v_x * x14 / x7 + x15 * x28 / x26 - x12 * (x6 * x17) / x26;
+        const ncgen_real x32 = x31 - v_y * x11 / x7;
+        const ncgen_real x33 = du_z * x16;
+        const ncgen_real x34 = x28 / x7 + x6 * x13 / x7;
+        const ncgen_real x35 = x23 + du_z * (dv_x * x16 + dv_y * x29 + x19 * x32) + dv_x * (x33 + x19 * x34 + u_z * (u_x * x8) / x7);
+        const ncgen_real x36 = x6 * x10 / x7 + x25 / x7;
+        const ncgen_real x37 = dv_z * (x6 * x8 / x7 + du_x * x16) - (x35 + dv_y * (u_z * (u_y * x8) / x7 - x19 * x36));
+        gamma[7] = x37;
         /* row 9: no slip of disc (joint rolling of disc): -1.0*rate(C.x) - 1.0*rate(v.x)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) - 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(rate(u.y)*v.z - rate(u.z)*v.y - rate(v.y)*u.z + rate(v.z)*u.y) = 0 */
-        const ncgen_real x39 = du_y * v_z + dv_z * u_y - du_z * v_y - dv_y * u_z;
-        const ncgen_real x40 = R(0.3) * dv_x;
-        const ncgen_real x41 = u_z * x40;
-        const ncgen_real x42 = du_x * (x13 * x39 + v_x * x41 / x7) + du_y * (x22 + x23 * x39 + v_y * x41 / x7);
-        const ncgen_real x43 = x42 - du_z * (dv_y * x21 - dv_x * x30 - x33 * x39) + dv_x * (x35 * x39 + u_z * (u_x * x40) / x7);
-        const ncgen_real x44 = x43 - dv_y * (x34 - x37 * x39 - u_z * (u_y * x40) / x7) + dv_z * (du_y * x21 + x10 * x40 / x7);
-        gamma[8] = x44;
+        const ncgen_real x38 = du_y * v_z + dv_z * u_y - du_z * v_y - dv_y * u_z;
+        const ncgen_real x39 = R(0.3) * dv_x;
+        const ncgen_real x40 = u_z * x39;
+        const ncgen_real x41 = du_x * (x18 * x38 + v_x * x40 / x7) + du_y * (x21 + x22 * x38 + v_y * x40 / x7);
+        const ncgen_real x42 = x41 - du_z * (dv_y * x16 - dv_x * x29 - x32 * x38) + dv_x * (x34 * x38 + u_z * (u_x * x39) / x7);
+        const ncgen_real x43 = x42 - dv_y * (x33 + x36 * x38 - u_z * (u_y * x39) / x7) - dv_z * (x6 * x39 / x7 - du_y * x16);
+        gamma[8] = x43;
+        gamma[9] = NCGEN_SPLAT(R(0.0));
+        gamma[10] = NCGEN_SPLAT(R(0.0));
+        gamma[11] = NCGEN_SPLAT(R(0.0));
+        gamma[12] = NCGEN_SPLAT(R(0.0));
+        gamma[13] = NCGEN_SPLAT(R(0.0));
+        gamma[14] = NCGEN_SPLAT(R(0.0));
+        gamma[15] = NCGEN_SPLAT(R(0.0));
+        gamma[16] = NCGEN_SPLAT(R(0.0));
+        gamma[17] = NCGEN_SPLAT(R(0.0));
+        gamma[18] = NCGEN_SPLAT(R(0.0));
+        gamma[19] = NCGEN_SPLAT(R(0.0));
+        gamma[20] = NCGEN_SPLAT(R(0.0));
+        gamma[21] = NCGEN_SPLAT(R(0.0));
+        gamma[22] = NCGEN_SPLAT(R(0.0));
+        gamma[23] = NCGEN_SPLAT(R(0.0));
+        gamma[24] = NCGEN_SPLAT(R(0.0));
+        gamma[25] = NCGEN_SPLAT(R(0.0));
+        gamma[26] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -339,7 +393,7 @@ int disc_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(disc_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(disc_number_1[i]);
         mass[i] = x1;
     }
 
@@ -355,7 +409,7 @@ int disc_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     /* constant part */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(disc_number_3[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(disc_number_2[i]);
         force[i] = x1;
     }
 
@@ -366,11 +420,6 @@ int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; C.x P2.x; C.y P2.y; C.z P2.z; P1.x P2.x; P1.y P2.y; P1.z P2.z */
@@ -397,6 +446,309 @@ int disc_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* C.z */
         const ncgen_real C_z = q[2];
         energy[1] = R(19.62) * C_z;
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 372 operations, 2 of them elementary functions */
+int disc_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u */
+        const ncgen_real u_x = q[3];
+        const ncgen_real u_y = q[4];
+        const ncgen_real u_z = q[5];
+        const ncgen_real x1 = u_z * u_z;
+        constraints[0] = R(0.5) * (u_x * u_x + u_y * u_y + x1 - R(1.0));
+        constraints[27] = u_x;
+        constraints[28] = u_y;
+        constraints[29] = u_z;
+        const ncgen_real du_x = qd[3];
+        const ncgen_real du_y = qd[4];
+        const ncgen_real du_z = qd[5];
+        const ncgen_real x2 = du_z * du_z;
+        constraints[134] = -(du_x * du_x + du_y * du_y + x2);
+        /* row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v */
+        const ncgen_real v_x = q[6];
+        const ncgen_real v_y = q[7];
+        const ncgen_real v_z = q[8];
+        constraints[1] = R(0.5) * (v_x * v_x + v_y * v_y + v_z * v_z - R(1.0));
+        constraints[30] = v_x;
+        constraints[31] = v_y;
+        constraints[32] = v_z;
+        const ncgen_real dv_x = qd[6];
+        const ncgen_real dv_y = qd[7];
+        const ncgen_real dv_z = qd[8];
+        constraints[135] = -(dv_x * dv_x + dv_y * dv_y + dv_z * dv_z);
+        /* row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0 */
+        constraints[2] = u_x * v_x + u_y * v_y + u_z * v_z;
+        constraints[33] = v_x;
+        constraints[34] = v_y;
+        constraints[35] = v_z;
+        constraints[36] = u_x;
+        constraints[37] = u_y;
+        constraints[38] = u_z;
+        constraints[136] = -(R(2.0) * (du_x * dv_x + du_y * dv_y + du_z * dv_z));
+        /* row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux */
+        const ncgen_real x_disc_aux_x = q[9];
+        const ncgen_real x_disc_aux_y = q[10];
+        const ncgen_real x3 = x_disc_aux_x * x_disc_aux_x + x_disc_aux_y * x_disc_aux_y;
+        const ncgen_real x_disc_aux_z = q[11];
+        constraints[3] = R(0.5) * (x3 + x_disc_aux_z * x_disc_aux_z - R(1.0));
+        constraints[39] = x_disc_aux_x;
+        constraints[40] = x_disc_aux_y;
+        constraints[41] = x_disc_aux_z;
+        const ncgen_real ddisc_aux_x = qd[9];
+        const ncgen_real ddisc_aux_y = qd[10];
+        const ncgen_real ddisc_aux_z = qd[11];
+        const ncgen_real x4 = ddisc_aux_x * ddisc_aux_x + ddisc_aux_y * ddisc_aux_y + ddisc_aux_z * ddisc_aux_z;
+        constraints[137] = -x4;
+        /* row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0 */
+        const ncgen_real x5 = u_x * x_disc_aux_x + u_y * x_disc_aux_y + u_z * x_disc_aux_z;
+        constraints[4] = x5;
+        constraints[42] = x_disc_aux_x;
+        constraints[43] = x_disc_aux_y;
+        constraints[44] = x_disc_aux_z;
+        constraints[45] = u_x;
+        constraints[46] = u_y;
+        constraints[47] = u_z;
+        const ncgen_real x6 = du_x * ddisc_aux_x + du_y * ddisc_aux_y + du_z * ddisc_aux_z;
+        constraints[138] = -(R(2.0) * x6);
+        /* row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0 */
+        const ncgen_real x7 = v_x * x_disc_aux_x + v_y * x_disc_aux_y + v_z * x_disc_aux_z;
+        constraints[5] = x7;
+        constraints[48] = x_disc_aux_x;
+        constraints[49] = x_disc_aux_y;
+        constraints[50] = x_disc_aux_z;
+        constraints[51] = v_x;
+        constraints[52] = v_y;
+        constraints[53] = v_z;
+        const ncgen_real x8 = dv_x * ddisc_aux_x + dv_y * ddisc_aux_y + dv_z * ddisc_aux_z;
+        constraints[139] = -(R(2.0) * x8);
+        /* row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0 */
+        const ncgen_real C_z = q[2];
+        const ncgen_real x9 = R(1.0) - x1;
+        const ncgen_real x10 = NCGEN_SQRT(x9);
+        constraints[6] = C_z - R(0.3) * x10;
+        constraints[54] = NCGEN_SPLAT(R(1.0));
+        const ncgen_real x11 = R(0.3) * u_z;
+        constraints[55] = x11 / x10;
+        constraints[140] = -(R(0.3) * x2 * (R(1.0) + x1 / x9) / x10);
+        constraints[7] = NCGEN_SPLAT(R(0.0));
+        constraints[56] = NCGEN_SPLAT(R(1.0));
+        /* row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0 */
+        const ncgen_real x12 = u_y * v_z - u_z * v_y;
+        const ncgen_real x13 = R(0.3) * u_x;
+        const ncgen_real x14 = u_z * x13;
+        const ncgen_real x15 = u_x * v_y - u_y * v_x;
+        const ncgen_real x16 = R(0.3) * u_y;
+        const ncgen_real x17 = u_z * x16;
+        const ncgen_real x18 = u_z * v_x - u_x * v_z;
+        const ncgen_real x19 = x12 * x14 / x10 - R(0.3) * x9 * x15 / x10 + x17 * x18 / x10;
+        const ncgen_real x20 = -(v_z * x19);
+        constraints[57] = x20;
+        constraints[58] = v_x * x19;
+        const ncgen_real x21 = u_z * x19;
+        constraints[59] = x21;
+        const ncgen_real x22 = R(0.3) * v_z;
+        const ncgen_real x23 = v_x * x14 / x10 - x9 * x22 / x10 + v_y * x17 / x10;
+        constraints[60] = x23;
+        constraints[61] = -(u_x * x19);
+        const ncgen_real x24 = R(0.3) * dv_y;
+        const ncgen_real x25 = R(0.3) * v_y;
+        const ncgen_real x26 = x11 * x12 / x10 - x9 * x25 / x10 - v_z * x17 / x10;
+        const ncgen_real x27 = v_x * du_z + u_z * dv_x - v_z * du_x - u_x * dv_z;
+        const ncgen_real x28 = u_z * x24;
+        const ncgen_real x29 = x19 * dv_z;
+        const ncgen_real x30 = R(0.3) * v_x;
+        const ncgen_real x31 = x11 * x18 / x10 + v_z * x14 / x10 + x9 * x30 / x10;
+        const ncgen_real x32 = du_x * (x26 * x27 + v_x * x28 / x10 - x29) + du_y * (x27 * x31 + v_y * x28 / x10);
+        const ncgen_real x33 = R(0.6) * u_z;
+        const ncgen_real x34 = x1 * x13;
+        const ncgen_real x35 = NCGEN_POW(x9, R(1.5));
+        const ncgen_real x36 = v_x * x13 / x10 + v_y * x16 / x10 + v_z * x33 / x10 + v_x * x34 / x35;
+        const ncgen_real x37 = x1 * x16;
+        const ncgen_real x38 = x36 + v_y * x37 / x35 - x9 * (v_z * x11) / x35;
+        const ncgen_real x39 = x12 * x13 / x10 + x16 * x18 / x10 + x15 * x33 / x10 + x12 * x34 / x35;
+        const ncgen_real x40 = x39 + v_x * x17 / x10 + x18 * x37 / x35 - x15 * (x9 * x11) / x35;
+        const ncgen_real x41 = x40 - v_y * x14 / x10;
+        const ncgen_real x42 = x19 * du_z;
+        const ncgen_real x43 = x37 / x10 + x9 * x16 / x10;
+        const ncgen_real x44 = x32 + du_z * (x19 * dv_x + dv_y * x38 + x27 * x41) + dv_x * (x42 + x27 * x43 + u_z * (u_x * x24) / x10);
+        const ncgen_real x45 = x9 * x13 / x10 + x34 / x10;
+        const ncgen_real x46 = dv_z * (x9 * x24 / x10 + x19 * du_x) - (x44 + dv_y * (u_z * (u_y * x24) / x10 - x27 * x45));
+        constraints[141] = x46;
+        constraints[8] = NCGEN_SPLAT(R(0.0));
+        constraints[62] = NCGEN_SPLAT(-R(1.0));
+        /* row 9: no slip of disc (joint rolling of disc): -1.0*rate(C.x) - 1.0*rate(v.x)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) - 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(rate(u.y)*v.z - rate(u.z)*v.y - rate(v.y)*u.z + rate(v.z)*u.y) = 0 */
+        constraints[63] = x20;
+        constraints[64] = v_y * x19;
+        constraints[65] = -x23;
+        constraints[66] = x21;
+        constraints[67] = -(u_y * x19);
+        const ncgen_real x47 = v_z * du_y + u_y * dv_z - v_y * du_z - u_z * dv_y;
+        const ncgen_real x48 = R(0.3) * dv_x;
+        const ncgen_real x49 = u_z * x48;
+        const ncgen_real x50 = du_x * (x26 * x47 + v_x * x49 / x10) + du_y * (x29 + x31 * x47 + v_y * x49 / x10);
+        const ncgen_real x51 = x50 - du_z * (x19 * dv_y - dv_x * x38 - x41 * x47) + dv_x * (x43 * x47 + u_z * (u_x * x48) / x10);
+        const ncgen_real x52 = x51 - dv_y * (x42 + x45 * x47 - u_z * (u_y * x48) / x10) - dv_z * (x9 * x48 / x10 - x19 * du_y);
+        constraints[142] = x52;
+        /* row 10: combination P1.x (body disc): (e - c a x b).x = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0 */
+        const ncgen_real P1_x = q[12];
+        const ncgen_real C_x = q[0];
+        constraints[9] = P1_x - C_x - x30;
+        constraints[68] = NCGEN_SPLAT(-R(1.0));
+        constraints[69] = NCGEN_SPLAT(-R(0.3));
+        constraints[70] = NCGEN_SPLAT(R(1.0));
+        constraints[143] = NCGEN_SPLAT(R(0.0));
+        /* row 11: combination P1.y (body disc): (e - c a x b).y = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0 */
+        const ncgen_real P1_y = q[13];
+        const ncgen_real C_y = q[1];
+        constraints[10] = P1_y - C_y - x25;
+        constraints[71] = NCGEN_SPLAT(-R(1.0));
+        constraints[72] = NCGEN_SPLAT(-R(0.3));
+        constraints[73] = NCGEN_SPLAT(R(1.0));
+        constraints[144] = NCGEN_SPLAT(R(0.0));
+        /* row 12: combination P1.z (body disc): (e - c a x b).z = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0 */
+        const ncgen_real P1_z = q[14];
+        constraints[11] = P1_z - C_z - x22;
+        constraints[74] = NCGEN_SPLAT(-R(1.0));
+        constraints[75] = NCGEN_SPLAT(-R(0.3));
+        constraints[76] = NCGEN_SPLAT(R(1.0));
+        constraints[145] = NCGEN_SPLAT(R(0.0));
+        /* row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P2_x = q[15];
+        const ncgen_real x53 = P2_x - C_x - R(0.15000000000000002) * v_x - R(0.2598076211353315) * x_disc_aux_x;
+        constraints[12] = x53;
+        constraints[77] = NCGEN_SPLAT(-R(1.0));
+        constraints[78] = NCGEN_SPLAT(-R(0.15000000000000002));
+        constraints[79] = NCGEN_SPLAT(-R(0.2598076211353315));
+        constraints[80] = NCGEN_SPLAT(R(1.0));
+        constraints[146] = NCGEN_SPLAT(R(0.0));
+        /* row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P2_y = q[16];
+        const ncgen_real x54 = P2_y - C_y - R(0.15000000000000002) * v_y - R(0.2598076211353315) * x_disc_aux_y;
+        constraints[13] = x54;
+        constraints[81] = NCGEN_SPLAT(-R(1.0));
+        constraints[82] = NCGEN_SPLAT(-R(0.15000000000000002));
+        constraints[83] = NCGEN_SPLAT(-R(0.2598076211353315));
+        constraints[84] = NCGEN_SPLAT(R(1.0));
+        constraints[147] = NCGEN_SPLAT(R(0.0));
+        /* row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P2_z = q[17];
+        const ncgen_real x55 = P2_z - C_z - R(0.15000000000000002) * v_z - R(0.2598076211353315) * x_disc_aux_z;
+        constraints[14] = x55;
+        constraints[85] = NCGEN_SPLAT(-R(1.0));
+        constraints[86] = NCGEN_SPLAT(-R(0.15000000000000002));
+        constraints[87] = NCGEN_SPLAT(-R(0.2598076211353315));
+        constraints[88] = NCGEN_SPLAT(R(1.0));
+        constraints[148] = NCGEN_SPLAT(R(0.0));
+        /* row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P3_x = q[18];
+        const ncgen_real x56 = P3_x - C_x + R(0.14999999999999994) * v_x - R(0.2598076211353316) * x_disc_aux_x;
+        constraints[15] = x56;
+        constraints[89] = NCGEN_SPLAT(-R(1.0));
+        constraints[90] = NCGEN_SPLAT(R(0.14999999999999994));
+        constraints[91] = NCGEN_SPLAT(-R(0.2598076211353316));
+        constraints[92] = NCGEN_SPLAT(R(1.0));
+        constraints[149] = NCGEN_SPLAT(R(0.0));
+        /* row 17: combination P3.y (body disc): (e - c a x b).y = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P3_y = q[19];
+        const ncgen_real x57 = P3_y - C_y + R(0.14999999999999994) * v_y - R(0.2598076211353316) * x_disc_aux_y;
+        constraints[16] = x57;
+        constraints[93] = NCGEN_SPLAT(-R(1.0));
+        constraints[94] = NCGEN_SPLAT(R(0.14999999999999994));
+        constraints[95] = NCGEN_SPLAT(-R(0.2598076211353316));
+        constraints[96] = NCGEN_SPLAT(R(1.0));
+        constraints[150] = NCGEN_SPLAT(R(0.0));
+        /* row 18: combination P3.z (body disc): (e - c a x b).z = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
+        const ncgen_real P3_z = q[20];
+        const ncgen_real x58 = P3_z - C_z + R(0.14999999999999994) * v_z - R(0.2598076211353316) * x_disc_aux_z;
+        constraints[17] = x58;
+        constraints[97] = NCGEN_SPLAT(-R(1.0));
+        constraints[98] = NCGEN_SPLAT(R(0.14999999999999994));
+        constraints[99] = NCGEN_SPLAT(-R(0.2598076211353316));
+        constraints[100] = NCGEN_SPLAT(R(1.0));
+        constraints[151] = NCGEN_SPLAT(R(0.0));
+        /* row 19: combination P4.x (body disc): (e - c a x b).x = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0 */
+        const ncgen_real P4_x = q[21];
+        constraints[18] = x30 + (P4_x - C_x);
+        constraints[101] = NCGEN_SPLAT(-R(1.0));
+        constraints[102] = NCGEN_SPLAT(R(0.3));
+        constraints[103] = NCGEN_SPLAT(R(1.0));
+        constraints[152] = NCGEN_SPLAT(R(0.0));
+        /* row 20: combination P4.y (body disc): (e - c a x b).y = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0 */
+        const ncgen_real P4_y = q[22];
+        constraints[19] = x25 + (P4_y - C_y);
+        constraints[104] = NCGEN_SPLAT(-R(1.0));
+        constraints[105] = NCGEN_SPLAT(R(0.3));
+        constraints[106] = NCGEN_SPLAT(R(1.0));
+        constraints[153] = NCGEN_SPLAT(R(0.0));
+        /* row 21: combination P4.z (body disc): (e - c a x b).z = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0 */
+        const ncgen_real P4_z = q[23];
+        constraints[20] = x22 + (P4_z - C_z);
+        constraints[107] = NCGEN_SPLAT(-R(1.0));
+        constraints[108] = NCGEN_SPLAT(R(0.3));
+        constraints[109] = NCGEN_SPLAT(R(1.0));
+        constraints[154] = NCGEN_SPLAT(R(0.0));
+        /* row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P5_x = q[24];
+        const ncgen_real x59 = P5_x - C_x + R(0.15000000000000013) * v_x + R(0.25980762113533146) * x_disc_aux_x;
+        constraints[21] = x59;
+        constraints[110] = NCGEN_SPLAT(-R(1.0));
+        constraints[111] = NCGEN_SPLAT(R(0.15000000000000013));
+        constraints[112] = NCGEN_SPLAT(R(0.25980762113533146));
+        constraints[113] = NCGEN_SPLAT(R(1.0));
+        constraints[155] = NCGEN_SPLAT(R(0.0));
+        /* row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P5_y = q[25];
+        const ncgen_real x60 = P5_y - C_y + R(0.15000000000000013) * v_y + R(0.25980762113533146) * x_disc_aux_y;
+        constraints[22] = x60;
+        constraints[114] = NCGEN_SPLAT(-R(1.0));
+        constraints[115] = NCGEN_SPLAT(R(0.15000000000000013));
+        constraints[116] = NCGEN_SPLAT(R(0.25980762113533146));
+        constraints[117] = NCGEN_SPLAT(R(1.0));
+        constraints[156] = NCGEN_SPLAT(R(0.0));
+        /* row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P5_z = q[26];
+        const ncgen_real x61 = P5_z - C_z + R(0.15000000000000013) * v_z + R(0.25980762113533146) * x_disc_aux_z;
+        constraints[23] = x61;
+        constraints[118] = NCGEN_SPLAT(-R(1.0));
+        constraints[119] = NCGEN_SPLAT(R(0.15000000000000013));
+        constraints[120] = NCGEN_SPLAT(R(0.25980762113533146));
+        constraints[121] = NCGEN_SPLAT(R(1.0));
+        constraints[157] = NCGEN_SPLAT(R(0.0));
+        /* row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P6_x = q[27];
+        const ncgen_real x62 = P6_x - C_x - R(0.1499999999999998) * v_x + R(0.25980762113533173) * x_disc_aux_x;
+        constraints[24] = x62;
+        constraints[122] = NCGEN_SPLAT(-R(1.0));
+        constraints[123] = NCGEN_SPLAT(-R(0.1499999999999998));
+        constraints[124] = NCGEN_SPLAT(R(0.25980762113533173));
+        constraints[125] = NCGEN_SPLAT(R(1.0));
+        constraints[158] = NCGEN_SPLAT(R(0.0));
+        /* row 26: combination P6.y (body disc): (e - c a x b).y = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P6_y = q[28];
+        const ncgen_real x63 = P6_y - C_y - R(0.1499999999999998) * v_y + R(0.25980762113533173) * x_disc_aux_y;
+        constraints[25] = x63;
+        constraints[126] = NCGEN_SPLAT(-R(1.0));
+        constraints[127] = NCGEN_SPLAT(-R(0.1499999999999998));
+        constraints[128] = NCGEN_SPLAT(R(0.25980762113533173));
+        constraints[129] = NCGEN_SPLAT(R(1.0));
+        constraints[159] = NCGEN_SPLAT(R(0.0));
+        /* row 27: combination P6.z (body disc): (e - c a x b).z = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
+        const ncgen_real P6_z = q[29];
+        const ncgen_real x64 = P6_z - C_z - R(0.1499999999999998) * v_z + R(0.25980762113533173) * x_disc_aux_z;
+        constraints[26] = x64;
+        constraints[130] = NCGEN_SPLAT(-R(1.0));
+        constraints[131] = NCGEN_SPLAT(-R(0.1499999999999998));
+        constraints[132] = NCGEN_SPLAT(R(0.25980762113533173));
+        constraints[133] = NCGEN_SPLAT(R(1.0));
+        constraints[160] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -504,7 +856,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "3f434bcbf3bd0d03",
+        .fingerprint = "e48b7e5bc2cca612",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,
@@ -520,6 +872,7 @@ const ncgen_model *disc_model(void)
         .mass = disc_mass,
         .force = disc_force,
         .energy = disc_energy,
+        .constraints = disc_constraints,
     };
     return &model;
 }

@@ -104,17 +104,6 @@ MASS_PATTERN = (
 )
 
 _number_1 = np.array([
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0, 0.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    -1.0, -0.3, 1.0, -1.0, -0.3, 1.0, -1.0, -0.3, 1.0, -1.0, -0.15000000000000002, -0.2598076211353315, 1.0,
-    -1.0, -0.15000000000000002, -0.2598076211353315, 1.0, -1.0, -0.15000000000000002, -0.2598076211353315,
-    1.0, -1.0, 0.14999999999999994, -0.2598076211353316, 1.0, -1.0, 0.14999999999999994, -0.2598076211353316,
-    1.0, -1.0, 0.14999999999999994, -0.2598076211353316, 1.0, -1.0, 0.3, 1.0, -1.0, 0.3, 1.0, -1.0, 0.3, 1.0,
-    -1.0, 0.15000000000000013, 0.25980762113533146, 1.0, -1.0, 0.15000000000000013, 0.25980762113533146, 1.0,
-    -1.0, 0.15000000000000013, 0.25980762113533146, 1.0, -1.0, -0.1499999999999998, 0.25980762113533173, 1.0,
-    -1.0, -0.1499999999999998, 0.25980762113533173, 1.0, -1.0, -0.1499999999999998, 0.25980762113533173, 1.0
-])
-_number_2 = np.array([
     2.6666666666666665, -0.3333333333333333, -0.3333333333333333, 2.6666666666666665, -0.3333333333333333,
     -0.3333333333333333, 2.6666666666666665, -0.3333333333333333, -0.3333333333333333, -0.3333333333333333,
     0.6666666666666667, -0.3333333333333334, -0.3333333333333333, 0.6666666666666667, -0.3333333333333334,
@@ -122,7 +111,7 @@ _number_2 = np.array([
     0.6666666666666667, -0.3333333333333333, -0.3333333333333334, 0.6666666666666667, -0.3333333333333333,
     -0.3333333333333334, 0.6666666666666667
 ])
-_number_3 = np.array([
+_number_2 = np.array([
     0.0, 0.0, -19.62, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
 ])
@@ -138,8 +127,6 @@ def phi(t, q, p):
     """27 numbers, 115 operations."""
     t = np.asarray(t)
     phi = _output(27, t, q, p)
-    # constant part
-    phi[..., 0:27] = 0.0
     # row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
     u_x = q[..., 3]
     u_y = q[..., 4]
@@ -166,6 +153,8 @@ def phi(t, q, p):
     # row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0
     C_z = q[..., 2]
     phi[..., 6] = C_z - 0.3 * np.sqrt(1.0 - x1)
+    phi[..., 7] = 0.0
+    phi[..., 8] = 0.0
     # row 10: combination P1.x (body disc): (e - c a x b).x = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0
     P1_x = q[..., 12]
     C_x = q[..., 0]
@@ -241,12 +230,9 @@ def phi(t, q, p):
 
 
 def phi_q(t, q, p):
-    """107 numbers, 47 operations."""
+    """107 numbers, 46 operations."""
     t = np.asarray(t)
     phi_q = _output(107, t, q, p)
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:107] = x1
     # row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
     u_x = q[..., 3]
     phi_q[..., 0] = u_x
@@ -289,39 +275,105 @@ def phi_q(t, q, p):
     phi_q[..., 24] = v_x
     phi_q[..., 25] = v_y
     phi_q[..., 26] = v_z
+    phi_q[..., 27] = 1.0
     # row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0
-    x1 = u_z * u_z
-    x2 = np.sqrt(1.0 - x1)
+    x1 = 1.0 - u_z * u_z
+    x2 = np.sqrt(x1)
     phi_q[..., 28] = 0.3 * u_z / x2
+    phi_q[..., 29] = 1.0
     # row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0
-    x3 = x1 - 1.0
-    x4 = u_z * (0.3 * u_x)
-    x5 = 0.3 * x3 * (u_x * v_y - u_y * v_x) / x2 + (u_y * v_z - u_z * v_y) * x4 / x2
-    x6 = u_z * (0.3 * u_y)
-    x7 = x5 + x6 * (u_z * v_x - u_x * v_z) / x2
-    x8 = -(v_z * x7)
-    phi_q[..., 30] = x8
-    phi_q[..., 31] = v_x * x7
-    x9 = u_z * x7
-    phi_q[..., 32] = x9
-    x10 = x3 * (0.3 * v_z) / x2 + v_x * x4 / x2 + v_y * x6 / x2
-    phi_q[..., 33] = x10
-    phi_q[..., 34] = -(u_x * x7)
+    x3 = u_z * (0.3 * u_x)
+    x4 = (u_y * v_z - u_z * v_y) * x3 / x2 - 0.3 * x1 * (u_x * v_y - u_y * v_x) / x2
+    x5 = u_z * (0.3 * u_y)
+    x6 = x4 + x5 * (u_z * v_x - u_x * v_z) / x2
+    x7 = -(v_z * x6)
+    phi_q[..., 30] = x7
+    phi_q[..., 31] = v_x * x6
+    x8 = u_z * x6
+    phi_q[..., 32] = x8
+    x9 = v_x * x3 / x2 - x1 * (0.3 * v_z) / x2 + v_y * x5 / x2
+    phi_q[..., 33] = x9
+    phi_q[..., 34] = -(u_x * x6)
+    phi_q[..., 35] = -1.0
     # row 9: no slip of disc (joint rolling of disc): -1.0*rate(C.x) - 1.0*rate(v.x)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) - 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(rate(u.y)*v.z - rate(u.z)*v.y - rate(v.y)*u.z + rate(v.z)*u.y) = 0
-    phi_q[..., 36] = x8
-    phi_q[..., 37] = v_y * x7
-    phi_q[..., 38] = -x10
-    phi_q[..., 39] = x9
-    phi_q[..., 40] = -(u_y * x7)
+    phi_q[..., 36] = x7
+    phi_q[..., 37] = v_y * x6
+    phi_q[..., 38] = -x9
+    phi_q[..., 39] = x8
+    phi_q[..., 40] = -(u_y * x6)
+    phi_q[..., 41] = -1.0
+    phi_q[..., 42] = -0.3
+    phi_q[..., 43] = 1.0
+    phi_q[..., 44] = -1.0
+    phi_q[..., 45] = -0.3
+    phi_q[..., 46] = 1.0
+    phi_q[..., 47] = -1.0
+    phi_q[..., 48] = -0.3
+    phi_q[..., 49] = 1.0
+    phi_q[..., 50] = -1.0
+    phi_q[..., 51] = -0.15000000000000002
+    phi_q[..., 52] = -0.2598076211353315
+    phi_q[..., 53] = 1.0
+    phi_q[..., 54] = -1.0
+    phi_q[..., 55] = -0.15000000000000002
+    phi_q[..., 56] = -0.2598076211353315
+    phi_q[..., 57] = 1.0
+    phi_q[..., 58] = -1.0
+    phi_q[..., 59] = -0.15000000000000002
+    phi_q[..., 60] = -0.2598076211353315
+    phi_q[..., 61] = 1.0
+    phi_q[..., 62] = -1.0
+    phi_q[..., 63] = 0.14999999999999994
+    phi_q[..., 64] = -0.2598076211353316
+    phi_q[..., 65] = 1.0
+    phi_q[..., 66] = -1.0
+    phi_q[..., 67] = 0.14999999999999994
+    phi_q[..., 68] = -0.2598076211353316
+    phi_q[..., 69] = 1.0
+    phi_q[..., 70] = -1.0
+    phi_q[..., 71] = 0.14999999999999994
+    phi_q[..., 72] = -0.2598076211353316
+    phi_q[..., 73] = 1.0
+    phi_q[..., 74] = -1.0
+    phi_q[..., 75] = 0.3
+    phi_q[..., 76] = 1.0
+    phi_q[..., 77] = -1.0
+    phi_q[..., 78] = 0.3
+    phi_q[..., 79] = 1.0
+    phi_q[..., 80] = -1.0
+    phi_q[..., 81] = 0.3
+    phi_q[..., 82] = 1.0
+    phi_q[..., 83] = -1.0
+    phi_q[..., 84] = 0.15000000000000013
+    phi_q[..., 85] = 0.25980762113533146
+    phi_q[..., 86] = 1.0
+    phi_q[..., 87] = -1.0
+    phi_q[..., 88] = 0.15000000000000013
+    phi_q[..., 89] = 0.25980762113533146
+    phi_q[..., 90] = 1.0
+    phi_q[..., 91] = -1.0
+    phi_q[..., 92] = 0.15000000000000013
+    phi_q[..., 93] = 0.25980762113533146
+    phi_q[..., 94] = 1.0
+    phi_q[..., 95] = -1.0
+    phi_q[..., 96] = -0.1499999999999998
+    phi_q[..., 97] = 0.25980762113533173
+    phi_q[..., 98] = 1.0
+    phi_q[..., 99] = -1.0
+    phi_q[..., 100] = -0.1499999999999998
+    phi_q[..., 101] = 0.25980762113533173
+    phi_q[..., 102] = 1.0
+    phi_q[..., 103] = -1.0
+    phi_q[..., 104] = -0.1499999999999998
+    phi_q[..., 105] = 0.25980762113533173
+    phi_q[..., 106] = 1.0
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """27 numbers, 245 operations."""
+    """27 numbers, 243 operations."""
     t = np.asarray(t)
     gamma = _output(27, t, q, qd, p)
-    # constant part
-    gamma[..., 0:27] = 0.0
     # row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
     du_x = qd[..., 3]
     du_y = qd[..., 4]
@@ -354,51 +406,68 @@ def gamma(t, q, qd, p):
     x7 = np.sqrt(x6)
     gamma[..., 6] = -(0.3 * x1 * (1.0 + x5 / x6) / x7)
     # row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0
-    x8 = 0.3 * u_z
+    x8 = 0.3 * dv_y
     u_y = q[..., 4]
     v_z = q[..., 8]
     v_y = q[..., 7]
     x9 = u_y * v_z - u_z * v_y
-    x10 = x5 - 1.0
-    x11 = 0.3 * u_y
-    x12 = u_z * x11
-    x13 = x8 * x9 / x7 + 0.3 * v_y * x10 / x7 - v_z * x12 / x7
-    v_x = q[..., 6]
     u_x = q[..., 3]
-    x14 = du_z * v_x + dv_x * u_z - du_x * v_z - dv_z * u_x
-    x15 = 0.3 * dv_y
-    x16 = u_z * x15
-    x17 = u_x * v_y - u_y * v_x
-    x18 = 0.3 * u_x
-    x19 = u_z * x18
-    x20 = u_z * v_x - u_x * v_z
-    x21 = 0.3 * x10 * x17 / x7 + x9 * x19 / x7 + x12 * x20 / x7
-    x22 = dv_z * x21
-    x23 = x8 * x20 / x7 + v_z * x19 / x7 - x10 * (0.3 * v_x) / x7
-    x24 = du_x * (x13 * x14 + v_x * x16 / x7 - x22) + du_y * (x14 * x23 + v_y * x16 / x7)
-    x25 = 0.6 * u_z
-    x26 = x5 * x18
-    x27 = np.power(x6, 1.5)
-    x28 = v_x * x18 / x7 + v_y * x11 / x7 + v_z * x25 / x7 + v_x * x26 / x27
-    x29 = x5 * x11
-    x30 = x28 + v_y * x29 / x27 + x10 * (v_z * x8) / x27
-    x31 = x9 * x18 / x7 + x11 * x20 / x7 + x17 * x25 / x7 + x9 * x26 / x27
-    x32 = x31 + v_x * x12 / x7 + x20 * x29 / x27 + x17 * (x8 * x10) / x27
-    x33 = x32 - v_y * x19 / x7
-    x34 = du_z * x21
-    x35 = x29 / x7 - x10 * x11 / x7
-    x36 = x24 + du_z * (dv_x * x21 + dv_y * x30 + x14 * x33) + dv_x * (x34 + x14 * x35 + u_z * (u_x * x15) / x7)
-    x37 = x10 * x18 / x7 - x26 / x7
-    x38 = x36 + dv_y * (x14 * x37 + u_z * (u_y * x15) / x7) + dv_z * (x10 * x15 / x7 - du_x * x21)
-    gamma[..., 7] = -x38
+    x10 = 0.3 * u_x
+    x11 = u_z * x10
+    v_x = q[..., 6]
+    x12 = u_x * v_y - u_y * v_x
+    x13 = 0.3 * u_y
+    x14 = u_z * x13
+    x15 = u_z * v_x - u_x * v_z
+    x16 = x9 * x11 / x7 - 0.3 * x6 * x12 / x7 + x14 * x15 / x7
+    x17 = 0.3 * u_z
+    x18 = x17 * x9 / x7 - x6 * (0.3 * v_y) / x7 - v_z * x14 / x7
+    x19 = du_z * v_x + dv_x * u_z - du_x * v_z - dv_z * u_x
+    x20 = u_z * x8
+    x21 = dv_z * x16
+    x22 = x17 * x15 / x7 + v_z * x11 / x7 + x6 * (0.3 * v_x) / x7
+    x23 = du_x * (x18 * x19 + v_x * x20 / x7 - x21) + du_y * (x19 * x22 + v_y * x20 / x7)
+    x24 = 0.6 * u_z
+    x25 = x5 * x10
+    x26 = np.power(x6, 1.5)
+    x27 = v_x * x10 / x7 + v_y * x13 / x7 + v_z * x24 / x7 + v_x * x25 / x26
+    x28 = x5 * x13
+    x29 = x27 + v_y * x28 / x26 - x6 * (v_z * x17) / x26
+    x30 = x9 * x10 / x7 + x13 * x15 / x7 + x12 * x24 / x7 + x9 * x25 / x26
+    x31 = x30 + v_x * x14 / x7 + x15 * x28 / x26 - x12 * (x6 * x17) / x26
+    x32 = x31 - v_y * x11 / x7
+    x33 = du_z * x16
+    x34 = x28 / x7 + x6 * x13 / x7
+    x35 = x23 + du_z * (dv_x * x16 + dv_y * x29 + x19 * x32) + dv_x * (x33 + x19 * x34 + u_z * (u_x * x8) / x7)
+    x36 = x6 * x10 / x7 + x25 / x7
+    x37 = dv_z * (x6 * x8 / x7 + du_x * x16) - (x35 + dv_y * (u_z * (u_y * x8) / x7 - x19 * x36))
+    gamma[..., 7] = x37
     # row 9: no slip of disc (joint rolling of disc): -1.0*rate(C.x) - 1.0*rate(v.x)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) - 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(rate(u.y)*v.z - rate(u.z)*v.y - rate(v.y)*u.z + rate(v.z)*u.y) = 0
-    x39 = du_y * v_z + dv_z * u_y - du_z * v_y - dv_y * u_z
-    x40 = 0.3 * dv_x
-    x41 = u_z * x40
-    x42 = du_x * (x13 * x39 + v_x * x41 / x7) + du_y * (x22 + x23 * x39 + v_y * x41 / x7)
-    x43 = x42 - du_z * (dv_y * x21 - dv_x * x30 - x33 * x39) + dv_x * (x35 * x39 + u_z * (u_x * x40) / x7)
-    x44 = x43 - dv_y * (x34 - x37 * x39 - u_z * (u_y * x40) / x7) + dv_z * (du_y * x21 + x10 * x40 / x7)
-    gamma[..., 8] = x44
+    x38 = du_y * v_z + dv_z * u_y - du_z * v_y - dv_y * u_z
+    x39 = 0.3 * dv_x
+    x40 = u_z * x39
+    x41 = du_x * (x18 * x38 + v_x * x40 / x7) + du_y * (x21 + x22 * x38 + v_y * x40 / x7)
+    x42 = x41 - du_z * (dv_y * x16 - dv_x * x29 - x32 * x38) + dv_x * (x34 * x38 + u_z * (u_x * x39) / x7)
+    x43 = x42 - dv_y * (x33 + x36 * x38 - u_z * (u_y * x39) / x7) - dv_z * (x6 * x39 / x7 - du_y * x16)
+    gamma[..., 8] = x43
+    gamma[..., 9] = 0.0
+    gamma[..., 10] = 0.0
+    gamma[..., 11] = 0.0
+    gamma[..., 12] = 0.0
+    gamma[..., 13] = 0.0
+    gamma[..., 14] = 0.0
+    gamma[..., 15] = 0.0
+    gamma[..., 16] = 0.0
+    gamma[..., 17] = 0.0
+    gamma[..., 18] = 0.0
+    gamma[..., 19] = 0.0
+    gamma[..., 20] = 0.0
+    gamma[..., 21] = 0.0
+    gamma[..., 22] = 0.0
+    gamma[..., 23] = 0.0
+    gamma[..., 24] = 0.0
+    gamma[..., 25] = 0.0
+    gamma[..., 26] = 0.0
     return gamma
 
 
@@ -407,7 +476,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(27, t, q, p)
     # constant part
-    x1 = _number_2
+    x1 = _number_1
     mass[..., 0:27] = x1
     return mass
 
@@ -417,7 +486,7 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(30, t, q, qd, p)
     # constant part
-    x1 = _number_3
+    x1 = _number_2
     force[..., 0:30] = x1
     return force
 
@@ -426,8 +495,6 @@ def energy(t, q, qd, p):
     """3 numbers, 51 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
     # C.x; C.y; C.z; P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; C.x P1.x; C.y P1.y; C.z P1.z; C.x P2.x; C.y P2.y; C.z P2.z; P1.x P2.x; P1.y P2.y; P1.z P2.z
     dP2_z = qd[..., 17]
     dP2_y = qd[..., 16]
@@ -452,4 +519,301 @@ def energy(t, q, qd, p):
     # C.z
     C_z = q[..., 2]
     energy[..., 1] = 19.62 * C_z
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """161 numbers, 372 operations."""
+    t = np.asarray(t)
+    constraints = _output(161, t, q, qd, p)
+    # row 1: 1001 unit u (body disc): |u|^2 - 1 = 0 with u = u
+    u_x = q[..., 3]
+    u_y = q[..., 4]
+    u_z = q[..., 5]
+    x1 = u_z * u_z
+    constraints[..., 0] = 0.5 * (u_x * u_x + u_y * u_y + x1 - 1.0)
+    constraints[..., 27] = u_x
+    constraints[..., 28] = u_y
+    constraints[..., 29] = u_z
+    du_x = qd[..., 3]
+    du_y = qd[..., 4]
+    du_z = qd[..., 5]
+    x2 = du_z * du_z
+    constraints[..., 134] = -(du_x * du_x + du_y * du_y + x2)
+    # row 2: 1001 unit v (body disc): |u|^2 - 1 = 0 with u = v
+    v_x = q[..., 6]
+    v_y = q[..., 7]
+    v_z = q[..., 8]
+    constraints[..., 1] = 0.5 * (v_x * v_x + v_y * v_y + v_z * v_z - 1.0)
+    constraints[..., 30] = v_x
+    constraints[..., 31] = v_y
+    constraints[..., 32] = v_z
+    dv_x = qd[..., 6]
+    dv_y = qd[..., 7]
+    dv_z = qd[..., 8]
+    constraints[..., 135] = -(dv_x * dv_x + dv_y * dv_y + dv_z * dv_z)
+    # row 3: 1003 angle v, u (body disc): u.v - c = 0 with u = v, v = u, c = 0
+    constraints[..., 2] = u_x * v_x + u_y * v_y + u_z * v_z
+    constraints[..., 33] = v_x
+    constraints[..., 34] = v_y
+    constraints[..., 35] = v_z
+    constraints[..., 36] = u_x
+    constraints[..., 37] = u_y
+    constraints[..., 38] = u_z
+    constraints[..., 136] = -(2.0 * (du_x * dv_x + du_y * dv_y + du_z * dv_z))
+    # row 4: 1001 unit disc.aux (body disc): |u|^2 - 1 = 0 with u = disc.aux
+    disc_aux_x = q[..., 9]
+    disc_aux_y = q[..., 10]
+    disc_aux_z = q[..., 11]
+    x3 = disc_aux_x * disc_aux_x + disc_aux_y * disc_aux_y + disc_aux_z * disc_aux_z
+    constraints[..., 3] = 0.5 * (x3 - 1.0)
+    constraints[..., 39] = disc_aux_x
+    constraints[..., 40] = disc_aux_y
+    constraints[..., 41] = disc_aux_z
+    ddisc_aux_x = qd[..., 9]
+    ddisc_aux_y = qd[..., 10]
+    ddisc_aux_z = qd[..., 11]
+    x4 = ddisc_aux_x * ddisc_aux_x + ddisc_aux_y * ddisc_aux_y + ddisc_aux_z * ddisc_aux_z
+    constraints[..., 137] = -x4
+    # row 5: 1003 angle disc.aux, u (body disc): u.v - c = 0 with u = disc.aux, v = u, c = 0
+    constraints[..., 4] = u_x * disc_aux_x + u_y * disc_aux_y + u_z * disc_aux_z
+    constraints[..., 42] = disc_aux_x
+    constraints[..., 43] = disc_aux_y
+    constraints[..., 44] = disc_aux_z
+    constraints[..., 45] = u_x
+    constraints[..., 46] = u_y
+    constraints[..., 47] = u_z
+    x5 = du_x * ddisc_aux_x + du_y * ddisc_aux_y + du_z * ddisc_aux_z
+    constraints[..., 138] = -(2.0 * x5)
+    # row 6: 1003 angle disc.aux, v (body disc): u.v - c = 0 with u = disc.aux, v = v, c = 0
+    constraints[..., 5] = v_x * disc_aux_x + v_y * disc_aux_y + v_z * disc_aux_z
+    constraints[..., 48] = disc_aux_x
+    constraints[..., 49] = disc_aux_y
+    constraints[..., 50] = disc_aux_z
+    constraints[..., 51] = v_x
+    constraints[..., 52] = v_y
+    constraints[..., 53] = v_z
+    x6 = dv_x * ddisc_aux_x + dv_y * ddisc_aux_y + dv_z * ddisc_aux_z
+    constraints[..., 139] = -(2.0 * x6)
+    # row 7: contact of disc (joint rolling of disc): 1.0*C.z - 0.3*sqrt(1 - 1.0*u.z**2) = 0
+    C_z = q[..., 2]
+    x7 = 1.0 - x1
+    x8 = np.sqrt(x7)
+    constraints[..., 6] = C_z - 0.3 * x8
+    constraints[..., 54] = 1.0
+    x9 = 0.3 * u_z
+    constraints[..., 55] = x9 / x8
+    constraints[..., 140] = -(0.3 * x2 * (1.0 + x1 / x7) / x8)
+    constraints[..., 7] = 0.0
+    constraints[..., 56] = 1.0
+    # row 8: no slip of disc (joint rolling of disc): 1.0*rate(C.y) + 1.0*rate(v.y)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) + 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(-rate(u.x)*v.z + rate(u.z)*v.x + rate(v.x)*u.z - rate(v.z)*u.x) = 0
+    x10 = u_y * v_z - u_z * v_y
+    x11 = 0.3 * u_x
+    x12 = u_z * x11
+    x13 = u_x * v_y - u_y * v_x
+    x14 = 0.3 * u_y
+    x15 = u_z * x14
+    x16 = u_z * v_x - u_x * v_z
+    x17 = x10 * x12 / x8 - 0.3 * x7 * x13 / x8 + x15 * x16 / x8
+    x18 = -(v_z * x17)
+    constraints[..., 57] = x18
+    constraints[..., 58] = v_x * x17
+    x19 = u_z * x17
+    constraints[..., 59] = x19
+    x20 = 0.3 * v_z
+    x21 = v_x * x12 / x8 - x7 * x20 / x8 + v_y * x15 / x8
+    constraints[..., 60] = x21
+    constraints[..., 61] = -(u_x * x17)
+    x22 = 0.3 * dv_y
+    x23 = 0.3 * v_y
+    x24 = x9 * x10 / x8 - x7 * x23 / x8 - v_z * x15 / x8
+    x25 = v_x * du_z + u_z * dv_x - v_z * du_x - u_x * dv_z
+    x26 = u_z * x22
+    x27 = x17 * dv_z
+    x28 = 0.3 * v_x
+    x29 = x9 * x16 / x8 + v_z * x12 / x8 + x7 * x28 / x8
+    x30 = du_x * (x24 * x25 + v_x * x26 / x8 - x27) + du_y * (x25 * x29 + v_y * x26 / x8)
+    x31 = 0.6 * u_z
+    x32 = x1 * x11
+    x33 = np.power(x7, 1.5)
+    x34 = v_x * x11 / x8 + v_y * x14 / x8 + v_z * x31 / x8 + v_x * x32 / x33
+    x35 = x1 * x14
+    x36 = x34 + v_y * x35 / x33 - x7 * (v_z * x9) / x33
+    x37 = x10 * x11 / x8 + x14 * x16 / x8 + x13 * x31 / x8 + x10 * x32 / x33
+    x38 = x37 + v_x * x15 / x8 + x16 * x35 / x33 - x13 * (x7 * x9) / x33
+    x39 = x38 - v_y * x12 / x8
+    x40 = x17 * du_z
+    x41 = x35 / x8 + x7 * x14 / x8
+    x42 = x30 + du_z * (x17 * dv_x + dv_y * x36 + x25 * x39) + dv_x * (x40 + x25 * x41 + u_z * (u_x * x22) / x8)
+    x43 = x7 * x11 / x8 + x32 / x8
+    x44 = dv_z * (x7 * x22 / x8 + x17 * du_x) - (x42 + dv_y * (u_z * (u_y * x22) / x8 - x25 * x43))
+    constraints[..., 141] = x44
+    constraints[..., 8] = 0.0
+    constraints[..., 62] = -1.0
+    # row 9: no slip of disc (joint rolling of disc): -1.0*rate(C.x) - 1.0*rate(v.x)*(0.3*u.x*u.z*v.x/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*v.y/sqrt(1 - 1.0*u.z**2) + 0.3*v.z*(1.0*u.z**2 - 1.0)/sqrt(1 - 1.0*u.z**2)) - 1.0*(0.3*u.x*u.z*(u.y*v.z - u.z*v.y)/sqrt(1 - 1.0*u.z**2) + 0.3*u.y*u.z*(-u.x*v.z + u.z*v.x)/sqrt(1 - 1.0*u.z**2) + 0.3*(1.0*u.z**2 - 1.0)*(u.x*v.y - u.y*v.x)/sqrt(1 - 1.0*u.z**2))*(rate(u.y)*v.z - rate(u.z)*v.y - rate(v.y)*u.z + rate(v.z)*u.y) = 0
+    constraints[..., 63] = x18
+    constraints[..., 64] = v_y * x17
+    constraints[..., 65] = -x21
+    constraints[..., 66] = x19
+    constraints[..., 67] = -(u_y * x17)
+    x45 = v_z * du_y + u_y * dv_z - v_y * du_z - u_z * dv_y
+    x46 = 0.3 * dv_x
+    x47 = u_z * x46
+    x48 = du_x * (x24 * x45 + v_x * x47 / x8) + du_y * (x27 + x29 * x45 + v_y * x47 / x8)
+    x49 = x48 - du_z * (x17 * dv_y - dv_x * x36 - x39 * x45) + dv_x * (x41 * x45 + u_z * (u_x * x46) / x8)
+    x50 = x49 - dv_y * (x40 + x43 * x45 - u_z * (u_y * x46) / x8) - dv_z * (x7 * x46 / x8 - x17 * du_y)
+    constraints[..., 142] = x50
+    # row 10: combination P1.x (body disc): (e - c a x b).x = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0
+    P1_x = q[..., 12]
+    C_x = q[..., 0]
+    constraints[..., 9] = P1_x - C_x - x28
+    constraints[..., 68] = -1.0
+    constraints[..., 69] = -0.3
+    constraints[..., 70] = 1.0
+    constraints[..., 143] = 0.0
+    # row 11: combination P1.y (body disc): (e - c a x b).y = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0
+    P1_y = q[..., 13]
+    C_y = q[..., 1]
+    constraints[..., 10] = P1_y - C_y - x23
+    constraints[..., 71] = -1.0
+    constraints[..., 72] = -0.3
+    constraints[..., 73] = 1.0
+    constraints[..., 144] = 0.0
+    # row 12: combination P1.z (body disc): (e - c a x b).z = 0 with e = P1-C-0.3*v, a = P1-C-0.3*v, b = P1-C-0.3*v, c = 0
+    P1_z = q[..., 14]
+    constraints[..., 11] = P1_z - C_z - x20
+    constraints[..., 74] = -1.0
+    constraints[..., 75] = -0.3
+    constraints[..., 76] = 1.0
+    constraints[..., 145] = 0.0
+    # row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
+    P2_x = q[..., 15]
+    x51 = P2_x - C_x - 0.15000000000000002 * v_x - 0.2598076211353315 * disc_aux_x
+    constraints[..., 12] = x51
+    constraints[..., 77] = -1.0
+    constraints[..., 78] = -0.15000000000000002
+    constraints[..., 79] = -0.2598076211353315
+    constraints[..., 80] = 1.0
+    constraints[..., 146] = 0.0
+    # row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
+    P2_y = q[..., 16]
+    x52 = P2_y - C_y - 0.15000000000000002 * v_y - 0.2598076211353315 * disc_aux_y
+    constraints[..., 13] = x52
+    constraints[..., 81] = -1.0
+    constraints[..., 82] = -0.15000000000000002
+    constraints[..., 83] = -0.2598076211353315
+    constraints[..., 84] = 1.0
+    constraints[..., 147] = 0.0
+    # row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
+    P2_z = q[..., 17]
+    x53 = P2_z - C_z - 0.15000000000000002 * v_z - 0.2598076211353315 * disc_aux_z
+    constraints[..., 14] = x53
+    constraints[..., 85] = -1.0
+    constraints[..., 86] = -0.15000000000000002
+    constraints[..., 87] = -0.2598076211353315
+    constraints[..., 88] = 1.0
+    constraints[..., 148] = 0.0
+    # row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
+    P3_x = q[..., 18]
+    x54 = P3_x - C_x + 0.14999999999999994 * v_x - 0.2598076211353316 * disc_aux_x
+    constraints[..., 15] = x54
+    constraints[..., 89] = -1.0
+    constraints[..., 90] = 0.14999999999999994
+    constraints[..., 91] = -0.2598076211353316
+    constraints[..., 92] = 1.0
+    constraints[..., 149] = 0.0
+    # row 17: combination P3.y (body disc): (e - c a x b).y = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
+    P3_y = q[..., 19]
+    x55 = P3_y - C_y + 0.14999999999999994 * v_y - 0.2598076211353316 * disc_aux_y
+    constraints[..., 16] = x55
+    constraints[..., 93] = -1.0
+    constraints[..., 94] = 0.14999999999999994
+    constraints[..., 95] = -0.2598076211353316
+    constraints[..., 96] = 1.0
+    constraints[..., 150] = 0.0
+    # row 18: combination P3.z (body disc): (e - c a x b).z = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
+    P3_z = q[..., 20]
+    x56 = P3_z - C_z + 0.14999999999999994 * v_z - 0.2598076211353316 * disc_aux_z
+    constraints[..., 17] = x56
+    constraints[..., 97] = -1.0
+    constraints[..., 98] = 0.14999999999999994
+    constraints[..., 99] = -0.2598076211353316
+    constraints[..., 100] = 1.0
+    constraints[..., 151] = 0.0
+    # row 19: combination P4.x (body disc): (e - c a x b).x = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0
+    P4_x = q[..., 21]
+    constraints[..., 18] = x28 + (P4_x - C_x)
+    constraints[..., 101] = -1.0
+    constraints[..., 102] = 0.3
+    constraints[..., 103] = 1.0
+    constraints[..., 152] = 0.0
+    # row 20: combination P4.y (body disc): (e - c a x b).y = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0
+    P4_y = q[..., 22]
+    constraints[..., 19] = x23 + (P4_y - C_y)
+    constraints[..., 104] = -1.0
+    constraints[..., 105] = 0.3
+    constraints[..., 106] = 1.0
+    constraints[..., 153] = 0.0
+    # row 21: combination P4.z (body disc): (e - c a x b).z = 0 with e = P4-C+0.3*v, a = P4-C+0.3*v, b = P4-C+0.3*v, c = 0
+    P4_z = q[..., 23]
+    constraints[..., 20] = x20 + (P4_z - C_z)
+    constraints[..., 107] = -1.0
+    constraints[..., 108] = 0.3
+    constraints[..., 109] = 1.0
+    constraints[..., 154] = 0.0
+    # row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
+    P5_x = q[..., 24]
+    x57 = P5_x - C_x + 0.15000000000000013 * v_x + 0.25980762113533146 * disc_aux_x
+    constraints[..., 21] = x57
+    constraints[..., 110] = -1.0
+    constraints[..., 111] = 0.15000000000000013
+    constraints[..., 112] = 0.25980762113533146
+    constraints[..., 113] = 1.0
+    constraints[..., 155] = 0.0
+    # row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
+    P5_y = q[..., 25]
+    x58 = P5_y - C_y + 0.15000000000000013 * v_y + 0.25980762113533146 * disc_aux_y
+    constraints[..., 22] = x58
+    constraints[..., 114] = -1.0
+    constraints[..., 115] = 0.15000000000000013
+    constraints[..., 116] = 0.25980762113533146
+    constraints[..., 117] = 1.0
+    constraints[..., 156] = 0.0
+    # row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
+    P5_z = q[..., 26]
+    x59 = P5_z - C_z + 0.15000000000000013 * v_z + 0.25980762113533146 * disc_aux_z
+    constraints[..., 23] = x59
+    constraints[..., 118] = -1.0
+    constraints[..., 119] = 0.15000000000000013
+    constraints[..., 120] = 0.25980762113533146
+    constraints[..., 121] = 1.0
+    constraints[..., 157] = 0.0
+    # row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
+    P6_x = q[..., 27]
+    x60 = P6_x - C_x - 0.1499999999999998 * v_x + 0.25980762113533173 * disc_aux_x
+    constraints[..., 24] = x60
+    constraints[..., 122] = -1.0
+    constraints[..., 123] = -0.1499999999999998
+    constraints[..., 124] = 0.25980762113533173
+    constraints[..., 125] = 1.0
+    constraints[..., 158] = 0.0
+    # row 26: combination P6.y (body disc): (e - c a x b).y = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
+    P6_y = q[..., 28]
+    x61 = P6_y - C_y - 0.1499999999999998 * v_y + 0.25980762113533173 * disc_aux_y
+    constraints[..., 25] = x61
+    constraints[..., 126] = -1.0
+    constraints[..., 127] = -0.1499999999999998
+    constraints[..., 128] = 0.25980762113533173
+    constraints[..., 129] = 1.0
+    constraints[..., 159] = 0.0
+    # row 27: combination P6.z (body disc): (e - c a x b).z = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
+    P6_z = q[..., 29]
+    x62 = P6_z - C_z - 0.1499999999999998 * v_z + 0.25980762113533173 * disc_aux_z
+    constraints[..., 26] = x62
+    constraints[..., 130] = -1.0
+    constraints[..., 131] = -0.1499999999999998
+    constraints[..., 132] = 0.25980762113533173
+    constraints[..., 133] = 1.0
+    constraints[..., 160] = 0.0
+    return constraints

@@ -120,16 +120,11 @@ int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; upper; lower */
-        const ncgen_real dB_x = qd[0];
         const ncgen_real dC_x = qd[2];
-        const ncgen_real x1 = dB_x - dC_x;
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real x1 = dC_x - dB_x;
         const ncgen_real dC_y = qd[3];
         const ncgen_real dB_y = qd[1];
         const ncgen_real x2 = dC_y - dB_y;
@@ -143,6 +138,44 @@ int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
         const ncgen_real B_y = q[1];
         const ncgen_real C_y = q[3];
         energy[1] = R(7.3575) * B_y + R(2.4525) * C_y;
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 27 operations */
+int doublependulum_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance A-B (body upper): |a|^2 - L^2 = 0 with a = A-B, L = 1 */
+        const ncgen_real B_x = q[0];
+        const ncgen_real B_y = q[1];
+        constraints[0] = R(0.5) * (B_x * B_x + B_y * B_y - R(1.0));
+        constraints[2] = B_x;
+        constraints[3] = B_y;
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real dB_y = qd[1];
+        constraints[8] = -(dB_x * dB_x + dB_y * dB_y);
+        /* row 2: 1000 distance B-C (body lower): |a|^2 - L^2 = 0 with a = B-C, L = 0.8 */
+        const ncgen_real C_x = q[2];
+        const ncgen_real x1 = B_x - C_x;
+        const ncgen_real C_y = q[3];
+        const ncgen_real x2 = B_y - C_y;
+        constraints[1] = R(0.625) * (x1 * x1 + x2 * x2 - R(0.6400000000000001));
+        const ncgen_real x3 = R(1.25) * x1;
+        constraints[4] = x3;
+        const ncgen_real x4 = R(1.25) * x2;
+        constraints[5] = x4;
+        constraints[6] = -x3;
+        constraints[7] = -x4;
+        const ncgen_real dC_x = qd[2];
+        const ncgen_real x5 = dB_x - dC_x;
+        const ncgen_real dC_y = qd[3];
+        const ncgen_real x6 = dB_y - dC_y;
+        constraints[9] = -(R(1.25) * (x5 * x5 + x6 * x6));
     }
 
     return NCGEN_OK;
@@ -187,7 +220,7 @@ const ncgen_model *doublependulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "doublependulum",
-        .fingerprint = "42996c23151b9557",
+        .fingerprint = "1bc183935072f996",
         .n_coordinates = 4,
         .n_rows = 2,
         .n_parameters = 0,
@@ -203,6 +236,7 @@ const ncgen_model *doublependulum_model(void)
         .mass = doublependulum_mass,
         .force = doublependulum_force,
         .energy = doublependulum_energy,
+        .constraints = doublependulum_constraints,
     };
     return &model;
 }

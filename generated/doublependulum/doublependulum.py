@@ -136,12 +136,10 @@ def energy(t, q, qd, p):
     """3 numbers, 30 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
     # B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; upper; lower
-    dB_x = qd[..., 0]
     dC_x = qd[..., 2]
-    x1 = dB_x - dC_x
+    dB_x = qd[..., 0]
+    x1 = dC_x - dB_x
     dC_y = qd[..., 3]
     dB_y = qd[..., 1]
     x2 = dC_y - dB_y
@@ -155,4 +153,38 @@ def energy(t, q, qd, p):
     B_y = q[..., 1]
     C_y = q[..., 3]
     energy[..., 1] = 7.3575 * B_y + 2.4525 * C_y
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """10 numbers, 27 operations."""
+    t = np.asarray(t)
+    constraints = _output(10, t, q, qd, p)
+    # row 1: 1000 distance A-B (body upper): |a|^2 - L^2 = 0 with a = A-B, L = 1
+    B_x = q[..., 0]
+    B_y = q[..., 1]
+    constraints[..., 0] = 0.5 * (B_x * B_x + B_y * B_y - 1.0)
+    constraints[..., 2] = B_x
+    constraints[..., 3] = B_y
+    dB_x = qd[..., 0]
+    dB_y = qd[..., 1]
+    constraints[..., 8] = -(dB_x * dB_x + dB_y * dB_y)
+    # row 2: 1000 distance B-C (body lower): |a|^2 - L^2 = 0 with a = B-C, L = 0.8
+    C_x = q[..., 2]
+    x1 = B_x - C_x
+    C_y = q[..., 3]
+    x2 = B_y - C_y
+    constraints[..., 1] = 0.625 * (x1 * x1 + x2 * x2 - 0.6400000000000001)
+    x3 = 1.25 * x1
+    constraints[..., 4] = x3
+    x4 = 1.25 * x2
+    constraints[..., 5] = x4
+    constraints[..., 6] = -x3
+    constraints[..., 7] = -x4
+    dC_x = qd[..., 2]
+    x5 = dB_x - dC_x
+    dC_y = qd[..., 3]
+    x6 = dB_y - dC_y
+    constraints[..., 9] = -(1.25 * (x5 * x5 + x6 * x6))
+    return constraints

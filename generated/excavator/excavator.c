@@ -6,25 +6,7 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar excavator_number_1[83] = {
-    R(0.0), R(0.0), -R(0.4203022814007834), -R(0.05253778517509788), R(1.0),
-    R(0.05253778517509788), -R(0.4203022814007834), R(1.0), -R(0.47284006657588135),
-    R(0.11558312738521555), R(1.0), -R(0.11558312738521555), -R(0.47284006657588135), R(1.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), -R(1.2367765827959616), -R(0.08879121854848554),
-    R(0.2367765827959615), R(0.08879121854848554), R(1.0), R(0.08879121854848554),
-    -R(1.2367765827959616), -R(0.08879121854848554), R(0.2367765827959615), R(1.0),
-    -R(0.8890109768143931), -R(0.1775824370969712), -R(0.11098902318560692), R(0.1775824370969712),
-    R(1.0), R(0.1775824370969712), -R(0.8890109768143931), -R(0.1775824370969712),
-    -R(0.11098902318560692), R(1.0), -R(0.1860804966388825), -R(0.03699634106186897),
-    -R(0.8139195033611175), R(0.03699634106186897), R(1.0), R(0.03699634106186897),
-    -R(0.1860804966388825), -R(0.03699634106186897), -R(0.8139195033611175), R(1.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), -R(0.8644681135824974), -R(0.33882971604375683),
-    -R(0.13553188641750258), R(0.33882971604375683), R(1.0), R(0.33882971604375683),
-    -R(0.8644681135824974), -R(0.33882971604375683), -R(0.13553188641750258), R(1.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar excavator_number_2[22] = {
+static const ncgen_scalar excavator_number_1[22] = {
     R(128.93706527936538), R(22.25826342551656), -R(5.54945115928032), R(128.93706527936538),
     R(5.54945115928032), R(22.25826342551656), R(22.25826342551656), R(5.54945115928032),
     R(59.69610470482898), R(10.334831290169781), -R(9.487232049225142), -R(5.54945115928032),
@@ -32,15 +14,9 @@ static const ncgen_scalar excavator_number_2[22] = {
     R(10.334831290169781), R(9.487232049225142), R(22.87048088211835), -R(9.487232049225142),
     R(10.334831290169781), R(22.87048088211835)
 };
-static const ncgen_scalar excavator_number_3[23] = {
-    R(2.9005486157687983), -R(1803.2714846397064), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(38.6296305303587), -R(905.3570463152554), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    -R(93.06974640289864), -R(325.7441124101466), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0)
-};
 
 
-/* phi: 123 operations */
+/* phi: 121 operations */
 int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -82,69 +58,68 @@ int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 8: combination R.y (body stick): (e - c a x b).y = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
         const ncgen_real R_y = q[9];
         const ncgen_real x10 = R_y - R(1.2367765827959616) * B_y + R(0.2367765827959615) * C_y;
-        const ncgen_real x11 = C_x - B_x;
-        phi[7] = x10 - R(0.08879121854848554) * x11;
+        phi[7] = x10 + R(0.08879121854848554) * x6;
         /* row 9: combination K.x (body stick): (e - c a x b).x = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
         const ncgen_real K_x = q[10];
-        const ncgen_real x12 = K_x - R(0.8890109768143931) * B_x - R(0.11098902318560692) * C_x;
-        phi[8] = x12 - R(0.1775824370969712) * x7;
+        const ncgen_real x11 = K_x - R(0.8890109768143931) * B_x - R(0.11098902318560692) * C_x;
+        phi[8] = x11 - R(0.1775824370969712) * x7;
         /* row 10: combination K.y (body stick): (e - c a x b).y = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
         const ncgen_real K_y = q[11];
-        const ncgen_real x13 = K_y - R(0.8890109768143931) * B_y - R(0.11098902318560692) * C_y;
-        phi[9] = x13 - R(0.1775824370969712) * x11;
+        const ncgen_real x12 = K_y - R(0.8890109768143931) * B_y - R(0.11098902318560692) * C_y;
+        phi[9] = x12 + R(0.1775824370969712) * x6;
         /* row 11: combination H.x (body stick): (e - c a x b).x = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
         const ncgen_real H_x = q[12];
-        const ncgen_real x14 = H_x - R(0.1860804966388825) * B_x - R(0.8139195033611175) * C_x;
-        phi[10] = x14 - R(0.03699634106186897) * x7;
+        const ncgen_real x13 = H_x - R(0.1860804966388825) * B_x - R(0.8139195033611175) * C_x;
+        phi[10] = x13 - R(0.03699634106186897) * x7;
         /* row 12: combination H.y (body stick): (e - c a x b).y = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
         const ncgen_real H_y = q[13];
-        const ncgen_real x15 = H_y - R(0.1860804966388825) * B_y - R(0.8139195033611175) * C_y;
-        phi[11] = x15 - R(0.03699634106186897) * x11;
+        const ncgen_real x14 = H_y - R(0.1860804966388825) * B_y - R(0.8139195033611175) * C_y;
+        phi[11] = x14 + R(0.03699634106186897) * x6;
         /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
         const ncgen_real T_x = q[14];
-        const ncgen_real x16 = C_x - T_x;
+        const ncgen_real x15 = C_x - T_x;
         const ncgen_real T_y = q[15];
-        const ncgen_real x17 = C_y - T_y;
-        const ncgen_real x18 = R(0.8470742901093914) * (x16 * x16 + x17 * x17 - R(0.34841513128899987));
-        phi[12] = x18;
+        const ncgen_real x16 = C_y - T_y;
+        const ncgen_real x17 = R(0.8470742901093914) * (x15 * x15 + x16 * x16 - R(0.34841513128899987));
+        phi[12] = x17;
         /* row 14: combination F.x (body bucket): (e - c a x b).x = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
         const ncgen_real F_x = q[16];
-        const ncgen_real x19 = F_x - R(0.8644681135824974) * C_x - R(0.13553188641750258) * T_x;
-        phi[13] = x19 - R(0.33882971604375683) * x17;
+        const ncgen_real x18 = F_x - R(0.8644681135824974) * C_x - R(0.13553188641750258) * T_x;
+        phi[13] = x18 - R(0.33882971604375683) * x16;
         /* row 15: combination F.y (body bucket): (e - c a x b).y = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
         const ncgen_real F_y = q[17];
-        const ncgen_real x20 = F_y - R(0.8644681135824974) * C_y - R(0.13553188641750258) * T_y;
-        phi[14] = x20 - R(0.33882971604375683) * (T_x - C_x);
+        const ncgen_real x19 = F_y - R(0.8644681135824974) * C_y - R(0.13553188641750258) * T_y;
+        phi[14] = x19 + R(0.33882971604375683) * x15;
         /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
         const ncgen_real E_x = q[18];
-        const ncgen_real x21 = H_x - E_x;
+        const ncgen_real x20 = H_x - E_x;
         const ncgen_real E_y = q[19];
-        const ncgen_real x22 = H_y - E_y;
-        const ncgen_real x23 = R(1.6666666666666659) * (x21 * x21 + x22 * x22 - R(0.0900000000000001));
-        phi[15] = x23;
+        const ncgen_real x21 = H_y - E_y;
+        const ncgen_real x22 = R(1.6666666666666659) * (x20 * x20 + x21 * x21 - R(0.0900000000000001));
+        phi[15] = x22;
         /* row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
-        const ncgen_real x24 = E_x - F_x;
-        const ncgen_real x25 = E_y - F_y;
-        const ncgen_real x26 = R(1.7857142857142856) * (x24 * x24 + x25 * x25 - R(0.07840000000000001));
-        phi[16] = x26;
+        const ncgen_real x23 = E_x - F_x;
+        const ncgen_real x24 = E_y - F_y;
+        const ncgen_real x25 = R(1.7857142857142856) * (x23 * x23 + x24 * x24 - R(0.07840000000000001));
+        phi[16] = x25;
         /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
-        const ncgen_real x27 = L_x - R(0.3);
-        const ncgen_real x28 = L_y + R(0.3);
+        const ncgen_real x26 = L_x - R(0.3);
+        const ncgen_real x27 = L_y + R(0.3);
         const ncgen_real lift = q[20];
-        const ncgen_real x29 = R(0.5887748958537457) * (x27 * x27 + x28 * x28 - lift * lift);
-        phi[17] = x29;
+        const ncgen_real x28 = R(0.5887748958537457) * (x26 * x26 + x27 * x27 - lift * lift);
+        phi[17] = x28;
         /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
-        const ncgen_real x30 = R_x - D_x;
-        const ncgen_real x31 = R_y - D_y;
+        const ncgen_real x29 = R_x - D_x;
+        const ncgen_real x30 = R_y - D_y;
         const ncgen_real crowd = q[21];
-        const ncgen_real x32 = R(0.4286331546435795) * (x30 * x30 + x31 * x31 - crowd * crowd);
-        phi[18] = x32;
+        const ncgen_real x31 = R(0.4286331546435795) * (x29 * x29 + x30 * x30 - crowd * crowd);
+        phi[18] = x31;
         /* row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl */
-        const ncgen_real x33 = E_x - K_x;
-        const ncgen_real x34 = E_y - K_y;
+        const ncgen_real x32 = E_x - K_x;
+        const ncgen_real x33 = E_y - K_y;
         const ncgen_real curl = q[22];
-        const ncgen_real x35 = R(0.444449255892656) * (x33 * x33 + x34 * x34 - curl * curl);
-        phi[19] = x35;
+        const ncgen_real x34 = R(0.444449255892656) * (x32 * x32 + x33 * x33 - curl * curl);
+        phi[19] = x34;
     }
 
     return NCGEN_OK;
@@ -155,18 +130,24 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 83; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(excavator_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance O-B (body boom): |a|^2 - L^2 = 0 with a = O-B, L = 1.90339 */
         const ncgen_real B_x = q[0];
         phi_q[0] = R(0.5253778517509793) * B_x;
         const ncgen_real B_y = q[1];
         phi_q[1] = R(0.5253778517509793) * B_y;
+        phi_q[2] = NCGEN_SPLAT(-R(0.4203022814007834));
+        phi_q[3] = NCGEN_SPLAT(-R(0.05253778517509788));
+        phi_q[4] = NCGEN_SPLAT(R(1.0));
+        phi_q[5] = NCGEN_SPLAT(R(0.05253778517509788));
+        phi_q[6] = NCGEN_SPLAT(-R(0.4203022814007834));
+        phi_q[7] = NCGEN_SPLAT(R(1.0));
+        phi_q[8] = NCGEN_SPLAT(-R(0.47284006657588135));
+        phi_q[9] = NCGEN_SPLAT(R(0.11558312738521555));
+        phi_q[10] = NCGEN_SPLAT(R(1.0));
+        phi_q[11] = NCGEN_SPLAT(-R(0.11558312738521555));
+        phi_q[12] = NCGEN_SPLAT(-R(0.47284006657588135));
+        phi_q[13] = NCGEN_SPLAT(R(1.0));
         /* row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
         const ncgen_real C_x = q[6];
         const ncgen_real x1 = R(0.7399268212373795) * (B_x - C_x);
@@ -176,6 +157,36 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         phi_q[15] = x2;
         phi_q[16] = -x1;
         phi_q[17] = -x2;
+        phi_q[18] = NCGEN_SPLAT(-R(1.2367765827959616));
+        phi_q[19] = NCGEN_SPLAT(-R(0.08879121854848554));
+        phi_q[20] = NCGEN_SPLAT(R(0.2367765827959615));
+        phi_q[21] = NCGEN_SPLAT(R(0.08879121854848554));
+        phi_q[22] = NCGEN_SPLAT(R(1.0));
+        phi_q[23] = NCGEN_SPLAT(R(0.08879121854848554));
+        phi_q[24] = NCGEN_SPLAT(-R(1.2367765827959616));
+        phi_q[25] = NCGEN_SPLAT(-R(0.08879121854848554));
+        phi_q[26] = NCGEN_SPLAT(R(0.2367765827959615));
+        phi_q[27] = NCGEN_SPLAT(R(1.0));
+        phi_q[28] = NCGEN_SPLAT(-R(0.8890109768143931));
+        phi_q[29] = NCGEN_SPLAT(-R(0.1775824370969712));
+        phi_q[30] = NCGEN_SPLAT(-R(0.11098902318560692));
+        phi_q[31] = NCGEN_SPLAT(R(0.1775824370969712));
+        phi_q[32] = NCGEN_SPLAT(R(1.0));
+        phi_q[33] = NCGEN_SPLAT(R(0.1775824370969712));
+        phi_q[34] = NCGEN_SPLAT(-R(0.8890109768143931));
+        phi_q[35] = NCGEN_SPLAT(-R(0.1775824370969712));
+        phi_q[36] = NCGEN_SPLAT(-R(0.11098902318560692));
+        phi_q[37] = NCGEN_SPLAT(R(1.0));
+        phi_q[38] = NCGEN_SPLAT(-R(0.1860804966388825));
+        phi_q[39] = NCGEN_SPLAT(-R(0.03699634106186897));
+        phi_q[40] = NCGEN_SPLAT(-R(0.8139195033611175));
+        phi_q[41] = NCGEN_SPLAT(R(0.03699634106186897));
+        phi_q[42] = NCGEN_SPLAT(R(1.0));
+        phi_q[43] = NCGEN_SPLAT(R(0.03699634106186897));
+        phi_q[44] = NCGEN_SPLAT(-R(0.1860804966388825));
+        phi_q[45] = NCGEN_SPLAT(-R(0.03699634106186897));
+        phi_q[46] = NCGEN_SPLAT(-R(0.8139195033611175));
+        phi_q[47] = NCGEN_SPLAT(R(1.0));
         /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
         const ncgen_real T_x = q[14];
         const ncgen_real x3 = R(1.6941485802187828) * (C_x - T_x);
@@ -185,6 +196,16 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         phi_q[49] = x4;
         phi_q[50] = -x3;
         phi_q[51] = -x4;
+        phi_q[52] = NCGEN_SPLAT(-R(0.8644681135824974));
+        phi_q[53] = NCGEN_SPLAT(-R(0.33882971604375683));
+        phi_q[54] = NCGEN_SPLAT(-R(0.13553188641750258));
+        phi_q[55] = NCGEN_SPLAT(R(0.33882971604375683));
+        phi_q[56] = NCGEN_SPLAT(R(1.0));
+        phi_q[57] = NCGEN_SPLAT(R(0.33882971604375683));
+        phi_q[58] = NCGEN_SPLAT(-R(0.8644681135824974));
+        phi_q[59] = NCGEN_SPLAT(-R(0.33882971604375683));
+        phi_q[60] = NCGEN_SPLAT(-R(0.13553188641750258));
+        phi_q[61] = NCGEN_SPLAT(R(1.0));
         /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
         const ncgen_real H_x = q[12];
         const ncgen_real E_x = q[18];
@@ -247,28 +268,35 @@ int excavator_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
     (void)q;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 20; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* row 1: 1000 distance O-B (body boom): |a|^2 - L^2 = 0 with a = O-B, L = 1.90339 */
         const ncgen_real dB_x = qd[0];
         const ncgen_real dB_y = qd[1];
         gamma[0] = -(R(0.5253778517509793) * (dB_x * dB_x + dB_y * dB_y));
+        gamma[1] = NCGEN_SPLAT(R(0.0));
+        gamma[2] = NCGEN_SPLAT(R(0.0));
+        gamma[3] = NCGEN_SPLAT(R(0.0));
+        gamma[4] = NCGEN_SPLAT(R(0.0));
         /* row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
         const ncgen_real dC_x = qd[6];
         const ncgen_real x1 = dB_x - dC_x;
         const ncgen_real dC_y = qd[7];
         const ncgen_real x2 = dB_y - dC_y;
         gamma[5] = -(R(0.7399268212373795) * (x1 * x1 + x2 * x2));
+        gamma[6] = NCGEN_SPLAT(R(0.0));
+        gamma[7] = NCGEN_SPLAT(R(0.0));
+        gamma[8] = NCGEN_SPLAT(R(0.0));
+        gamma[9] = NCGEN_SPLAT(R(0.0));
+        gamma[10] = NCGEN_SPLAT(R(0.0));
+        gamma[11] = NCGEN_SPLAT(R(0.0));
         /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
         const ncgen_real dT_x = qd[14];
         const ncgen_real x3 = dC_x - dT_x;
         const ncgen_real dT_y = qd[15];
         const ncgen_real x4 = dC_y - dT_y;
         gamma[12] = -(R(1.6941485802187828) * (x3 * x3 + x4 * x4));
+        gamma[13] = NCGEN_SPLAT(R(0.0));
+        gamma[14] = NCGEN_SPLAT(R(0.0));
         /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
         const ncgen_real dH_x = qd[12];
         const ncgen_real dE_x = qd[18];
@@ -320,7 +348,7 @@ int excavator_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     /* constant part */
     for (int i = 0; i < 22; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(excavator_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(excavator_number_1[i]);
         mass[i] = x1;
     }
 
@@ -331,13 +359,27 @@ int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 {
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 23; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(excavator_number_3[i]);
-        force[i] = x1;
-    }
-
     {
+        force[0] = NCGEN_SPLAT(R(2.9005486157687983));
+        force[1] = NCGEN_SPLAT(-R(1803.2714846397064));
+        force[2] = NCGEN_SPLAT(R(0.0));
+        force[3] = NCGEN_SPLAT(R(0.0));
+        force[4] = NCGEN_SPLAT(R(0.0));
+        force[5] = NCGEN_SPLAT(R(0.0));
+        force[6] = NCGEN_SPLAT(R(38.6296305303587));
+        force[7] = NCGEN_SPLAT(-R(905.3570463152554));
+        force[8] = NCGEN_SPLAT(R(0.0));
+        force[9] = NCGEN_SPLAT(R(0.0));
+        force[10] = NCGEN_SPLAT(R(0.0));
+        force[11] = NCGEN_SPLAT(R(0.0));
+        force[12] = NCGEN_SPLAT(R(0.0));
+        force[13] = NCGEN_SPLAT(R(0.0));
+        force[14] = NCGEN_SPLAT(-R(93.06974640289864));
+        force[15] = NCGEN_SPLAT(-R(325.7441124101466));
+        force[16] = NCGEN_SPLAT(R(0.0));
+        force[17] = NCGEN_SPLAT(R(0.0));
+        force[18] = NCGEN_SPLAT(R(0.0));
+        force[19] = NCGEN_SPLAT(R(0.0));
         /* cylinder lift */
         const ncgen_real t_ = t;
         const ncgen_real x1 = NCGEN_COS(R(1.5707963267948966) * t_);
@@ -359,29 +401,29 @@ int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     return NCGEN_OK;
 }
-/* energy: 119 operations, 1 of them elementary functions */
+/* energy: 117 operations, 1 of them elementary functions */
 int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT energy)
 {
     (void)p;
 
     {
         /* B.x; B.y; C.x; C.y; T.x; T.y; B.x C.x; B.y C.y; C.x T.x; C.y T.y; boom; stick; bucket */
-        const ncgen_real dC_x = qd[6];
         const ncgen_real dT_x = qd[14];
-        const ncgen_real x1 = dC_x - dT_x;
+        const ncgen_real dC_x = qd[6];
+        const ncgen_real x1 = dT_x - dC_x;
         const ncgen_real dT_y = qd[15];
         const ncgen_real dC_y = qd[7];
         const ncgen_real x2 = dT_y - dC_y;
-        const ncgen_real x3 = R(4.500378597792253) * (dT_x - dC_x) + R(9.487232049225142) * dC_x;
-        const ncgen_real x4 = R(4.202489123178735) * (x1 * x1 + x2 * x2) - x2 * (R(2.0) * x3);
-        const ncgen_real x5 = R(2.0) * (R(4.500378597792253) * x2 + R(9.487232049225142) * dC_y);
+        const ncgen_real x3 = R(2.0) * (R(4.500378597792253) * x1 + R(9.487232049225142) * dC_x);
+        const ncgen_real x4 = R(2.0) * (R(4.500378597792253) * x2 + R(9.487232049225142) * dC_y);
+        const ncgen_real x5 = R(4.202489123178735) * (x1 * x1 + x2 * x2) - x2 * x3 + x1 * x4;
         const ncgen_real dB_x = qd[0];
-        const ncgen_real x6 = dB_x - dC_x;
+        const ncgen_real x6 = dC_x - dB_x;
         const ncgen_real dB_y = qd[1];
         const ncgen_real x7 = dC_y - dB_y;
-        const ncgen_real x8 = R(2.053093877949189) * (dC_x - dB_x) + R(5.54945115928032) * dB_x;
-        const ncgen_real x9 = R(6.455309387794916) * (x6 * x6 + x7 * x7) - x7 * (R(2.0) * x8);
-        const ncgen_real x10 = R(2.0) * (R(2.053093877949189) * x7 + R(5.54945115928032) * dB_y);
+        const ncgen_real x8 = R(2.0) * (R(2.053093877949189) * x6 + R(5.54945115928032) * dB_x);
+        const ncgen_real x9 = R(2.0) * (R(2.053093877949189) * x7 + R(5.54945115928032) * dB_y);
+        const ncgen_real x10 = R(6.455309387794916) * (x6 * x6 + x7 * x7) - x7 * x8 + x6 * x9;
         const ncgen_real x11 = dB_x * dB_x;
         const ncgen_real x12 = dB_y * dB_y;
         const ncgen_real x13 = R(8.471344276888573) * (x11 + x12) - dB_y * (R(4.692372080878064) * dB_x);
@@ -390,33 +432,293 @@ int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x16 = dC_x * (R(28.713572813311476) * dB_x) + (R(9.333995879469809) * (dT_y * dT_y) + x15);
         const ncgen_real x17 = dT_x * (R(14.537320413348516) * dC_x) + (dC_y * (R(28.713572813311476) * dB_y) + x16);
         const ncgen_real x18 = R(0.5) * (x13 + dB_x * (R(4.692372080878064) * dB_y)) + (dT_y * (R(14.537320413348516) * dC_y) + x17);
-        const ncgen_real x19 = R(0.5) * (x4 - x1 * x5) + (R(0.5) * (x9 - x6 * x10) + x18);
-        energy[0] = x19;
+        energy[0] = R(0.5) * x5 + (R(0.5) * x10 + x18);
         /* boom; stick; bucket; B.y; C.y; T.y */
         const ncgen_real T_y = q[15];
         const ncgen_real C_y = q[7];
         const ncgen_real B_y = q[1];
-        const ncgen_real B_x = q[0];
-        const ncgen_real C_x = q[6];
-        const ncgen_real x20 = R(51.53956725677114) * B_x - R(54.44011587253994) * (B_x - C_x);
         const ncgen_real T_x = q[14];
-        const ncgen_real x21 = R(1803.2714846397064) * B_y + (x20 - R(93.06974640289864) * (C_x - T_x));
-        const ncgen_real x22 = R(325.7441124101466) * T_y + (R(905.3570463152554) * C_y + x21);
-        energy[1] = x22;
+        const ncgen_real C_x = q[6];
+        const ncgen_real B_x = q[0];
+        const ncgen_real x19 = R(51.53956725677114) * B_x + R(54.44011587253994) * (C_x - B_x);
+        const ncgen_real x20 = R(1803.2714846397064) * B_y + (R(93.06974640289864) * (T_x - C_x) + x19);
+        const ncgen_real x21 = R(325.7441124101466) * T_y + (R(905.3570463152554) * C_y + x20);
+        energy[1] = x21;
         /* cylinder lift; cylinder crowd; cylinder curl */
         const ncgen_real dcurl = qd[22];
         const ncgen_real curl = q[22];
-        const ncgen_real x23 = R(1164987.8211535597) - R(1000000.0) * curl - R(6000.0) * dcurl;
+        const ncgen_real x22 = R(1164987.8211535597) - R(1000000.0) * curl - R(6000.0) * dcurl;
         const ncgen_real t_ = t;
-        const ncgen_real x24 = NCGEN_COS(R(1.5707963267948966) * t_);
+        const ncgen_real x23 = NCGEN_COS(R(1.5707963267948966) * t_);
         const ncgen_real dlift = qd[20];
         const ncgen_real lift = q[20];
-        const ncgen_real x25 = R(799220.9900950027) + R(50000.0) * x24 - R(1000000.0) * lift;
+        const ncgen_real x24 = R(799220.9900950027) + R(50000.0) * x23 - R(1000000.0) * lift;
         const ncgen_real dcrowd = qd[21];
         const ncgen_real crowd = q[21];
-        const ncgen_real x26 = R(1226498.6587791233) - R(1000000.0) * crowd - R(30000.0) * dcrowd;
-        const ncgen_real x27 = dlift * (x25 - R(80000.0) * dlift) + dcrowd * (x26 - R(60000.0) * x24);
-        energy[2] = dcurl * (x23 - R(40000.0) * x24) + x27;
+        const ncgen_real x25 = R(1226498.6587791233) - R(1000000.0) * crowd - R(30000.0) * dcrowd;
+        const ncgen_real x26 = dlift * (x24 - R(80000.0) * dlift) + dcrowd * (x25 - R(60000.0) * x23);
+        energy[2] = dcurl * (x22 - R(40000.0) * x23) + x26;
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 213 operations */
+int excavator_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance O-B (body boom): |a|^2 - L^2 = 0 with a = O-B, L = 1.90339 */
+        const ncgen_real B_x = q[0];
+        const ncgen_real B_y = q[1];
+        const ncgen_real x1 = R(0.26268892587548964) * (B_x * B_x + B_y * B_y - R(3.622901105664));
+        constraints[0] = x1;
+        constraints[20] = R(0.5253778517509793) * B_x;
+        constraints[21] = R(0.5253778517509793) * B_y;
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real dB_y = qd[1];
+        constraints[103] = -(R(0.5253778517509793) * (dB_x * dB_x + dB_y * dB_y));
+        /* row 2: combination L.x (body boom): (e - c a x b).x = 0 with e = L-0.579698*O-0.420302*B, a = z, b = B-O, c = -0.0525378 */
+        const ncgen_real L_x = q[2];
+        const ncgen_real x2 = L_x - R(0.4203022814007834) * B_x - R(0.05253778517509788) * B_y;
+        constraints[1] = x2;
+        constraints[22] = NCGEN_SPLAT(-R(0.4203022814007834));
+        constraints[23] = NCGEN_SPLAT(-R(0.05253778517509788));
+        constraints[24] = NCGEN_SPLAT(R(1.0));
+        constraints[104] = NCGEN_SPLAT(R(0.0));
+        /* row 3: combination L.y (body boom): (e - c a x b).y = 0 with e = L-0.579698*O-0.420302*B, a = z, b = B-O, c = -0.0525378 */
+        const ncgen_real L_y = q[3];
+        const ncgen_real x3 = L_y - R(0.4203022814007834) * B_y + R(0.05253778517509788) * B_x;
+        constraints[2] = x3;
+        constraints[25] = NCGEN_SPLAT(R(0.05253778517509788));
+        constraints[26] = NCGEN_SPLAT(-R(0.4203022814007834));
+        constraints[27] = NCGEN_SPLAT(R(1.0));
+        constraints[105] = NCGEN_SPLAT(R(0.0));
+        /* row 4: combination D.x (body boom): (e - c a x b).x = 0 with e = D-0.52716*O-0.47284*B, a = z, b = B-O, c = 0.115583 */
+        const ncgen_real D_x = q[4];
+        const ncgen_real x4 = D_x - R(0.47284006657588135) * B_x + R(0.11558312738521555) * B_y;
+        constraints[3] = x4;
+        constraints[28] = NCGEN_SPLAT(-R(0.47284006657588135));
+        constraints[29] = NCGEN_SPLAT(R(0.11558312738521555));
+        constraints[30] = NCGEN_SPLAT(R(1.0));
+        constraints[106] = NCGEN_SPLAT(R(0.0));
+        /* row 5: combination D.y (body boom): (e - c a x b).y = 0 with e = D-0.52716*O-0.47284*B, a = z, b = B-O, c = 0.115583 */
+        const ncgen_real D_y = q[5];
+        const ncgen_real x5 = D_y - R(0.47284006657588135) * B_y - R(0.11558312738521555) * B_x;
+        constraints[4] = x5;
+        constraints[31] = NCGEN_SPLAT(-R(0.11558312738521555));
+        constraints[32] = NCGEN_SPLAT(-R(0.47284006657588135));
+        constraints[33] = NCGEN_SPLAT(R(1.0));
+        constraints[107] = NCGEN_SPLAT(R(0.0));
+        /* row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
+        const ncgen_real C_x = q[6];
+        const ncgen_real x6 = B_x - C_x;
+        const ncgen_real C_y = q[7];
+        const ncgen_real x7 = B_y - C_y;
+        const ncgen_real x8 = R(0.36996341061868976) * (x6 * x6 + x7 * x7 - R(1.8265117052250008));
+        constraints[5] = x8;
+        const ncgen_real x9 = R(0.7399268212373795) * x6;
+        constraints[34] = x9;
+        const ncgen_real x10 = R(0.7399268212373795) * x7;
+        constraints[35] = x10;
+        constraints[36] = -x9;
+        constraints[37] = -x10;
+        const ncgen_real dC_x = qd[6];
+        const ncgen_real x11 = dB_x - dC_x;
+        const ncgen_real dC_y = qd[7];
+        const ncgen_real x12 = dB_y - dC_y;
+        constraints[108] = -(R(0.7399268212373795) * (x11 * x11 + x12 * x12));
+        /* row 7: combination R.x (body stick): (e - c a x b).x = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
+        const ncgen_real R_x = q[8];
+        const ncgen_real x13 = R_x - R(1.2367765827959616) * B_x + R(0.2367765827959615) * C_x;
+        constraints[6] = x13 - R(0.08879121854848554) * x7;
+        constraints[38] = NCGEN_SPLAT(-R(1.2367765827959616));
+        constraints[39] = NCGEN_SPLAT(-R(0.08879121854848554));
+        constraints[40] = NCGEN_SPLAT(R(0.2367765827959615));
+        constraints[41] = NCGEN_SPLAT(R(0.08879121854848554));
+        constraints[42] = NCGEN_SPLAT(R(1.0));
+        constraints[109] = NCGEN_SPLAT(R(0.0));
+        /* row 8: combination R.y (body stick): (e - c a x b).y = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
+        const ncgen_real R_y = q[9];
+        const ncgen_real x14 = R_y - R(1.2367765827959616) * B_y + R(0.2367765827959615) * C_y;
+        constraints[7] = x14 + R(0.08879121854848554) * x6;
+        constraints[43] = NCGEN_SPLAT(R(0.08879121854848554));
+        constraints[44] = NCGEN_SPLAT(-R(1.2367765827959616));
+        constraints[45] = NCGEN_SPLAT(-R(0.08879121854848554));
+        constraints[46] = NCGEN_SPLAT(R(0.2367765827959615));
+        constraints[47] = NCGEN_SPLAT(R(1.0));
+        constraints[110] = NCGEN_SPLAT(R(0.0));
+        /* row 9: combination K.x (body stick): (e - c a x b).x = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
+        const ncgen_real K_x = q[10];
+        const ncgen_real x15 = K_x - R(0.8890109768143931) * B_x - R(0.11098902318560692) * C_x;
+        constraints[8] = x15 - R(0.1775824370969712) * x7;
+        constraints[48] = NCGEN_SPLAT(-R(0.8890109768143931));
+        constraints[49] = NCGEN_SPLAT(-R(0.1775824370969712));
+        constraints[50] = NCGEN_SPLAT(-R(0.11098902318560692));
+        constraints[51] = NCGEN_SPLAT(R(0.1775824370969712));
+        constraints[52] = NCGEN_SPLAT(R(1.0));
+        constraints[111] = NCGEN_SPLAT(R(0.0));
+        /* row 10: combination K.y (body stick): (e - c a x b).y = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
+        const ncgen_real K_y = q[11];
+        const ncgen_real x16 = K_y - R(0.8890109768143931) * B_y - R(0.11098902318560692) * C_y;
+        constraints[9] = x16 + R(0.1775824370969712) * x6;
+        constraints[53] = NCGEN_SPLAT(R(0.1775824370969712));
+        constraints[54] = NCGEN_SPLAT(-R(0.8890109768143931));
+        constraints[55] = NCGEN_SPLAT(-R(0.1775824370969712));
+        constraints[56] = NCGEN_SPLAT(-R(0.11098902318560692));
+        constraints[57] = NCGEN_SPLAT(R(1.0));
+        constraints[112] = NCGEN_SPLAT(R(0.0));
+        /* row 11: combination H.x (body stick): (e - c a x b).x = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
+        const ncgen_real H_x = q[12];
+        const ncgen_real x17 = H_x - R(0.1860804966388825) * B_x - R(0.8139195033611175) * C_x;
+        constraints[10] = x17 - R(0.03699634106186897) * x7;
+        constraints[58] = NCGEN_SPLAT(-R(0.1860804966388825));
+        constraints[59] = NCGEN_SPLAT(-R(0.03699634106186897));
+        constraints[60] = NCGEN_SPLAT(-R(0.8139195033611175));
+        constraints[61] = NCGEN_SPLAT(R(0.03699634106186897));
+        constraints[62] = NCGEN_SPLAT(R(1.0));
+        constraints[113] = NCGEN_SPLAT(R(0.0));
+        /* row 12: combination H.y (body stick): (e - c a x b).y = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
+        const ncgen_real H_y = q[13];
+        const ncgen_real x18 = H_y - R(0.1860804966388825) * B_y - R(0.8139195033611175) * C_y;
+        constraints[11] = x18 + R(0.03699634106186897) * x6;
+        constraints[63] = NCGEN_SPLAT(R(0.03699634106186897));
+        constraints[64] = NCGEN_SPLAT(-R(0.1860804966388825));
+        constraints[65] = NCGEN_SPLAT(-R(0.03699634106186897));
+        constraints[66] = NCGEN_SPLAT(-R(0.8139195033611175));
+        constraints[67] = NCGEN_SPLAT(R(1.0));
+        constraints[114] = NCGEN_SPLAT(R(0.0));
+        /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
+        const ncgen_real T_x = q[14];
+        const ncgen_real x19 = C_x - T_x;
+        const ncgen_real T_y = q[15];
+        const ncgen_real x20 = C_y - T_y;
+        const ncgen_real x21 = R(0.8470742901093914) * (x19 * x19 + x20 * x20 - R(0.34841513128899987));
+        constraints[12] = x21;
+        const ncgen_real x22 = R(1.6941485802187828) * x19;
+        constraints[68] = x22;
+        const ncgen_real x23 = R(1.6941485802187828) * x20;
+        constraints[69] = x23;
+        constraints[70] = -x22;
+        constraints[71] = -x23;
+        const ncgen_real dT_x = qd[14];
+        const ncgen_real x24 = dC_x - dT_x;
+        const ncgen_real dT_y = qd[15];
+        const ncgen_real x25 = dC_y - dT_y;
+        constraints[115] = -(R(1.6941485802187828) * (x24 * x24 + x25 * x25));
+        /* row 14: combination F.x (body bucket): (e - c a x b).x = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
+        const ncgen_real F_x = q[16];
+        const ncgen_real x26 = F_x - R(0.8644681135824974) * C_x - R(0.13553188641750258) * T_x;
+        constraints[13] = x26 - R(0.33882971604375683) * x20;
+        constraints[72] = NCGEN_SPLAT(-R(0.8644681135824974));
+        constraints[73] = NCGEN_SPLAT(-R(0.33882971604375683));
+        constraints[74] = NCGEN_SPLAT(-R(0.13553188641750258));
+        constraints[75] = NCGEN_SPLAT(R(0.33882971604375683));
+        constraints[76] = NCGEN_SPLAT(R(1.0));
+        constraints[116] = NCGEN_SPLAT(R(0.0));
+        /* row 15: combination F.y (body bucket): (e - c a x b).y = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
+        const ncgen_real F_y = q[17];
+        const ncgen_real x27 = F_y - R(0.8644681135824974) * C_y - R(0.13553188641750258) * T_y;
+        constraints[14] = x27 + R(0.33882971604375683) * x19;
+        constraints[77] = NCGEN_SPLAT(R(0.33882971604375683));
+        constraints[78] = NCGEN_SPLAT(-R(0.8644681135824974));
+        constraints[79] = NCGEN_SPLAT(-R(0.33882971604375683));
+        constraints[80] = NCGEN_SPLAT(-R(0.13553188641750258));
+        constraints[81] = NCGEN_SPLAT(R(1.0));
+        constraints[117] = NCGEN_SPLAT(R(0.0));
+        /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
+        const ncgen_real E_x = q[18];
+        const ncgen_real x28 = H_x - E_x;
+        const ncgen_real E_y = q[19];
+        const ncgen_real x29 = H_y - E_y;
+        const ncgen_real x30 = R(1.6666666666666659) * (x28 * x28 + x29 * x29 - R(0.0900000000000001));
+        constraints[15] = x30;
+        const ncgen_real x31 = R(3.3333333333333317) * x28;
+        constraints[82] = x31;
+        const ncgen_real x32 = R(3.3333333333333317) * x29;
+        constraints[83] = x32;
+        constraints[84] = -x31;
+        constraints[85] = -x32;
+        const ncgen_real dH_x = qd[12];
+        const ncgen_real dE_x = qd[18];
+        const ncgen_real x33 = dH_x - dE_x;
+        const ncgen_real dH_y = qd[13];
+        const ncgen_real dE_y = qd[19];
+        const ncgen_real x34 = dH_y - dE_y;
+        constraints[118] = -(R(3.3333333333333317) * (x33 * x33 + x34 * x34));
+        /* row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
+        const ncgen_real x35 = E_x - F_x;
+        const ncgen_real x36 = E_y - F_y;
+        const ncgen_real x37 = R(1.7857142857142856) * (x35 * x35 + x36 * x36 - R(0.07840000000000001));
+        constraints[16] = x37;
+        const ncgen_real x38 = R(3.571428571428571) * x35;
+        constraints[86] = -x38;
+        const ncgen_real x39 = R(3.571428571428571) * x36;
+        constraints[87] = -x39;
+        constraints[88] = x38;
+        constraints[89] = x39;
+        const ncgen_real dF_x = qd[16];
+        const ncgen_real x40 = dE_x - dF_x;
+        const ncgen_real dF_y = qd[17];
+        const ncgen_real x41 = dE_y - dF_y;
+        constraints[119] = -(R(3.571428571428571) * (x40 * x40 + x41 * x41));
+        /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
+        const ncgen_real x42 = L_x - R(0.3);
+        const ncgen_real x43 = L_y + R(0.3);
+        const ncgen_real lift = q[20];
+        const ncgen_real x44 = R(0.5887748958537457) * (x42 * x42 + x43 * x43 - lift * lift);
+        constraints[17] = x44;
+        constraints[90] = R(1.1775497917074913) * x42;
+        constraints[91] = R(1.1775497917074913) * x43;
+        constraints[92] = -(R(1.1775497917074913) * lift);
+        const ncgen_real dL_x = qd[2];
+        const ncgen_real dL_y = qd[3];
+        const ncgen_real dlift = qd[20];
+        const ncgen_real x45 = R(1.1775497917074913) * (dL_x * dL_x + dL_y * dL_y - dlift * dlift);
+        constraints[120] = -x45;
+        /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
+        const ncgen_real x46 = R_x - D_x;
+        const ncgen_real x47 = R_y - D_y;
+        const ncgen_real crowd = q[21];
+        const ncgen_real x48 = R(0.4286331546435795) * (x46 * x46 + x47 * x47 - crowd * crowd);
+        constraints[18] = x48;
+        const ncgen_real x49 = R(0.857266309287159) * x46;
+        constraints[93] = -x49;
+        const ncgen_real x50 = R(0.857266309287159) * x47;
+        constraints[94] = -x50;
+        constraints[95] = x49;
+        constraints[96] = x50;
+        constraints[97] = -(R(0.857266309287159) * crowd);
+        const ncgen_real dR_x = qd[8];
+        const ncgen_real dD_x = qd[4];
+        const ncgen_real x51 = dR_x - dD_x;
+        const ncgen_real dR_y = qd[9];
+        const ncgen_real dD_y = qd[5];
+        const ncgen_real x52 = dR_y - dD_y;
+        const ncgen_real dcrowd = qd[21];
+        const ncgen_real x53 = R(0.857266309287159) * (x51 * x51 + x52 * x52 - dcrowd * dcrowd);
+        constraints[121] = -x53;
+        /* row 20: length curl (coordinate curl): |a|^2 - s^2 = 0 with a = E-K, s = curl */
+        const ncgen_real x54 = E_x - K_x;
+        const ncgen_real x55 = E_y - K_y;
+        const ncgen_real curl = q[22];
+        const ncgen_real x56 = R(0.444449255892656) * (x54 * x54 + x55 * x55 - curl * curl);
+        constraints[19] = x56;
+        const ncgen_real x57 = R(0.888898511785312) * x54;
+        constraints[98] = -x57;
+        const ncgen_real x58 = R(0.888898511785312) * x55;
+        constraints[99] = -x58;
+        constraints[100] = x57;
+        constraints[101] = x58;
+        constraints[102] = -(R(0.888898511785312) * curl);
+        const ncgen_real dK_x = qd[10];
+        const ncgen_real x59 = dE_x - dK_x;
+        const ncgen_real dK_y = qd[11];
+        const ncgen_real x60 = dE_y - dK_y;
+        const ncgen_real dcurl = qd[22];
+        const ncgen_real x61 = R(0.888898511785312) * (x59 * x59 + x60 * x60 - dcurl * dcurl);
+        constraints[122] = -x61;
     }
 
     return NCGEN_OK;
@@ -505,7 +807,7 @@ const ncgen_model *excavator_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "excavator",
-        .fingerprint = "fe992b082e9bf572",
+        .fingerprint = "5ba9905994a645ad",
         .n_coordinates = 23,
         .n_rows = 20,
         .n_parameters = 0,
@@ -521,6 +823,7 @@ const ncgen_model *excavator_model(void)
         .mass = excavator_mass,
         .force = excavator_force,
         .energy = excavator_energy,
+        .constraints = excavator_constraints,
     };
     return &model;
 }

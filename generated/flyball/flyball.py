@@ -110,30 +110,9 @@ _index_1 = np.array([
     1, 2, 3, 4, 0, 6, 7, 8, 12, 13, 14, 19, 20, 21, 25, 26, 27
 ])
 _number_1 = np.array([
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.050000000000000044, 1.0, -0.050000000000000044,
-    1.0, 1.0, -0.05, 1.0, -0.05, 1.0, -1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    -0.5, -0.5, 1.0, -0.5, -0.5, 1.0, -0.5, -0.5, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.050000000000000044, 1.0, 0.050000000000000044, 1.0, 1.0, 0.05, 1.0, 0.05, 1.0, -1.0, 1.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -0.5, -0.5, 1.0, -0.5, -0.5, 1.0, -0.5, -0.5, 1.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-])
-_number_2 = np.array([
-    4.0, -1.0, 2.4999999999997245e-06, 2.4999999999997245e-06, 0.0025074999999999976, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0025074999999999976, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.09999999999999999, 0.0, 0.05, 0.0, 0.0, 0.0, 0.0,
-    0.09999999999999999, 0.0, 0.05, 0.0, 0.0, 0.09999999999999999, 0.05, 1.0, 1.0, -1.0, 1.0, 0.0, 0.0, 0.05,
-    0.0, 5.1, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 5.1, 0.0, 0.0, 0.05, 5.1, 0.0, 0.0, 0.09999999999999999, 0.0,
-    0.05, 0.0, 0.0, 0.0, 0.0, 0.09999999999999999, 0.0, 0.05, 0.0, 0.0, 0.09999999999999999, 0.05, 0.0, 0.0,
-    0.05, 0.0, 5.1, 0.0, 0.0, 0.0, 0.0, 0.05, 0.0, 5.1, 0.0, 0.0, 0.05, 5.1
-])
-_number_3 = np.array([
-    -29.43, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -1.4715, 0.0, 0.0, 0.0, 0.0, 0.0, -50.5215, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, -1.4715, 0.0, 0.0, 0.0, 0.0, 0.0, -50.5215, 0.0, 0.0, 0.0, 0.0
-])
-_number_4 = np.array([
     0.0, 1.4715, 0.0
 ])
-_number_5 = np.array([
+_number_2 = np.array([
     1.2499999999998622e-06, 1.2499999999998622e-06, 0.0012537499999999988, 0.0012537499999999988, 2.0,
     0.049999999999999996, 0.049999999999999996, 0.049999999999999996, 2.55, 2.55, 2.55, 0.049999999999999996,
     0.049999999999999996, 0.049999999999999996, 2.55, 2.55, 2.55
@@ -147,7 +126,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """28 numbers, 117 operations."""
+    """28 numbers, 113 operations."""
     t = np.asarray(t)
     phi = _output(28, t, q, p)
     sine = np.sin(q[..., 5:44:13])
@@ -198,9 +177,7 @@ def phi(t, q, p):
     x7 = H1_z - B1_z
     phi[..., 10] = 0.5 * (x5 * x5 + x6 * x6 + x7 * x7 - 1.0)
     # row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0
-    x8 = B1_x - H1_x
-    x9 = B1_y - H1_y
-    phi[..., 11] = f_x * x8 + f_y * x9
+    phi[..., 11] = -(f_x * x5 + f_y * x6)
     # row 13: combination M1.x (body rod1): (e - c a x b).x = 0 with e = M1-0.5*H1-0.5*B1, a = M1-0.5*H1-0.5*B1, b = M1-0.5*H1-0.5*B1, c = 0
     M1_x = q[..., 15]
     phi[..., 12] = M1_x - 0.5 * H1_x - 0.5 * B1_x
@@ -212,10 +189,9 @@ def phi(t, q, p):
     phi[..., 14] = M1_z - 0.5 * H1_z - 0.5 * B1_z
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
     sin_alpha1 = sine[..., 1]
-    x10 = B1_z - H1_z
     cos_alpha1 = cosine[..., 1]
-    x11 = (e_x * x8 + e_y * x9) * sin_alpha1 - (f_x * (e_y * x10) - f_y * (e_x * x10)) * cos_alpha1
-    phi[..., 15] = x11
+    x8 = (e_x * x5 + e_y * x6) * sin_alpha1 + (f_y * (e_x * x7) - f_x * (e_y * x7)) * cos_alpha1
+    phi[..., 15] = -x8
     # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
     H2_x = q[..., 19]
     phi[..., 16] = x1 + H2_x
@@ -236,16 +212,14 @@ def phi(t, q, p):
     phi[..., 21] = K2_z - S_z
     # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
     B2_x = q[..., 25]
-    x12 = H2_x - B2_x
+    x9 = H2_x - B2_x
     B2_y = q[..., 26]
-    x13 = H2_y - B2_y
+    x10 = H2_y - B2_y
     B2_z = q[..., 27]
-    x14 = H2_z - B2_z
-    phi[..., 22] = 0.5 * (x12 * x12 + x13 * x13 + x14 * x14 - 1.0)
+    x11 = H2_z - B2_z
+    phi[..., 22] = 0.5 * (x9 * x9 + x10 * x10 + x11 * x11 - 1.0)
     # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
-    x15 = B2_x - H2_x
-    x16 = B2_y - H2_y
-    phi[..., 23] = f_x * x15 + f_y * x16
+    phi[..., 23] = -(f_x * x9 + f_y * x10)
     # row 25: combination M2.x (body rod2): (e - c a x b).x = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0
     M2_x = q[..., 28]
     phi[..., 24] = M2_x - 0.5 * H2_x - 0.5 * B2_x
@@ -257,10 +231,9 @@ def phi(t, q, p):
     phi[..., 26] = M2_z - 0.5 * H2_z - 0.5 * B2_z
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
     sin_alpha2 = sine[..., 2]
-    x17 = B2_z - H2_z
     cos_alpha2 = cosine[..., 2]
-    x18 = (e_x * x15 + e_y * x16) * sin_alpha2 + (f_x * (e_y * x17) - f_y * (e_x * x17)) * cos_alpha2
-    phi[..., 27] = -x18
+    x12 = (e_x * x9 + e_y * x10) * sin_alpha2 - (f_y * (e_x * x11) - f_x * (e_y * x11)) * cos_alpha2
+    phi[..., 27] = x12
     return phi
 
 
@@ -270,9 +243,6 @@ def phi_q(t, q, p):
     phi_q = _output(97, t, q, p)
     sine = np.sin(q[..., 5:44:13])
     cosine = np.cos(q[..., 5:44:13])
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:97] = x1
     # row 1: 1001 unit e (body shaft): |u|^2 - 1 = 0 with u = e
     e_x = q[..., 1]
     phi_q[..., 0] = e_x
@@ -294,106 +264,148 @@ def phi_q(t, q, p):
     cos_turn = cosine[..., 0]
     phi_q[..., 9] = -cos_turn
     phi_q[..., 10] = e_y * sin_turn + e_x * cos_turn
+    phi_q[..., 11] = -0.050000000000000044
+    phi_q[..., 12] = 1.0
+    phi_q[..., 13] = -0.050000000000000044
+    phi_q[..., 14] = 1.0
+    phi_q[..., 15] = 1.0
+    phi_q[..., 16] = -0.05
+    phi_q[..., 17] = 1.0
+    phi_q[..., 18] = -0.05
+    phi_q[..., 19] = 1.0
+    phi_q[..., 20] = -1.0
+    phi_q[..., 21] = 1.0
     # row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1
     H1_x = q[..., 6]
     B1_x = q[..., 12]
-    phi_q[..., 22] = H1_x - B1_x
+    x1 = H1_x - B1_x
+    phi_q[..., 22] = x1
     H1_y = q[..., 7]
     B1_y = q[..., 13]
-    phi_q[..., 23] = H1_y - B1_y
+    x2 = H1_y - B1_y
+    phi_q[..., 23] = x2
     H1_z = q[..., 8]
     B1_z = q[..., 14]
-    phi_q[..., 24] = H1_z - B1_z
-    x1 = B1_x - H1_x
-    phi_q[..., 25] = x1
-    x2 = B1_y - H1_y
-    phi_q[..., 26] = x2
-    x3 = B1_z - H1_z
-    phi_q[..., 27] = x3
+    x3 = H1_z - B1_z
+    phi_q[..., 24] = x3
+    x4 = -x1
+    phi_q[..., 25] = x4
+    x5 = -x2
+    phi_q[..., 26] = x5
+    phi_q[..., 27] = -x3
     # row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0
-    phi_q[..., 28] = x1
-    phi_q[..., 29] = x2
-    x4 = -f_x
-    phi_q[..., 30] = x4
-    x5 = -f_y
-    phi_q[..., 31] = x5
+    phi_q[..., 28] = x4
+    phi_q[..., 29] = x5
+    x6 = -f_x
+    phi_q[..., 30] = x6
+    x7 = -f_y
+    phi_q[..., 31] = x7
     phi_q[..., 32] = f_x
     phi_q[..., 33] = f_y
+    phi_q[..., 34] = -0.5
+    phi_q[..., 35] = -0.5
+    phi_q[..., 36] = 1.0
+    phi_q[..., 37] = -0.5
+    phi_q[..., 38] = -0.5
+    phi_q[..., 39] = 1.0
+    phi_q[..., 40] = -0.5
+    phi_q[..., 41] = -0.5
+    phi_q[..., 42] = 1.0
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
     sin_alpha1 = sine[..., 1]
     cos_alpha1 = cosine[..., 1]
-    phi_q[..., 43] = x1 * sin_alpha1 + cos_alpha1 * (f_y * x3)
-    phi_q[..., 44] = x2 * sin_alpha1 - cos_alpha1 * (f_x * x3)
-    x6 = e_y * x3
-    phi_q[..., 45] = -(cos_alpha1 * x6)
-    x7 = e_x * x3
-    phi_q[..., 46] = cos_alpha1 * x7
-    x8 = e_x * sin_alpha1
-    phi_q[..., 47] = -x8
-    x9 = e_y * sin_alpha1
-    phi_q[..., 48] = -x9
-    x10 = e_y * f_x - e_x * f_y
-    x11 = cos_alpha1 * x10
-    phi_q[..., 49] = x11
-    phi_q[..., 50] = x8
-    phi_q[..., 51] = x9
-    phi_q[..., 52] = -x11
-    x12 = cos_alpha1 * (e_x * x1 + e_y * x2) + sin_alpha1 * (f_x * x6 - f_y * x7)
-    phi_q[..., 53] = x12
+    phi_q[..., 43] = -(x1 * sin_alpha1 + cos_alpha1 * (f_y * x3))
+    phi_q[..., 44] = cos_alpha1 * (f_x * x3) - x2 * sin_alpha1
+    x8 = e_y * x3
+    phi_q[..., 45] = cos_alpha1 * x8
+    x9 = e_x * x3
+    phi_q[..., 46] = -(cos_alpha1 * x9)
+    x10 = e_x * sin_alpha1
+    phi_q[..., 47] = -x10
+    x11 = e_y * sin_alpha1
+    phi_q[..., 48] = -x11
+    x12 = e_y * f_x - e_x * f_y
+    x13 = cos_alpha1 * x12
+    phi_q[..., 49] = x13
+    phi_q[..., 50] = x10
+    phi_q[..., 51] = x11
+    phi_q[..., 52] = -x13
+    x14 = sin_alpha1 * (f_y * x9 - f_x * x8) - cos_alpha1 * (e_x * x1 + e_y * x2)
+    phi_q[..., 53] = x14
+    phi_q[..., 54] = 0.050000000000000044
+    phi_q[..., 55] = 1.0
+    phi_q[..., 56] = 0.050000000000000044
+    phi_q[..., 57] = 1.0
+    phi_q[..., 58] = 1.0
+    phi_q[..., 59] = 0.05
+    phi_q[..., 60] = 1.0
+    phi_q[..., 61] = 0.05
+    phi_q[..., 62] = 1.0
+    phi_q[..., 63] = -1.0
+    phi_q[..., 64] = 1.0
     # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
     H2_x = q[..., 19]
     B2_x = q[..., 25]
-    phi_q[..., 65] = H2_x - B2_x
+    x15 = H2_x - B2_x
+    phi_q[..., 65] = x15
     H2_y = q[..., 20]
     B2_y = q[..., 26]
-    phi_q[..., 66] = H2_y - B2_y
+    x16 = H2_y - B2_y
+    phi_q[..., 66] = x16
     H2_z = q[..., 21]
     B2_z = q[..., 27]
-    phi_q[..., 67] = H2_z - B2_z
-    x13 = B2_x - H2_x
-    phi_q[..., 68] = x13
-    x14 = B2_y - H2_y
-    phi_q[..., 69] = x14
-    x15 = B2_z - H2_z
-    phi_q[..., 70] = x15
+    x17 = H2_z - B2_z
+    phi_q[..., 67] = x17
+    x18 = -x15
+    phi_q[..., 68] = x18
+    x19 = -x16
+    phi_q[..., 69] = x19
+    phi_q[..., 70] = -x17
     # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
-    phi_q[..., 71] = x13
-    phi_q[..., 72] = x14
-    phi_q[..., 73] = x4
-    phi_q[..., 74] = x5
+    phi_q[..., 71] = x18
+    phi_q[..., 72] = x19
+    phi_q[..., 73] = x6
+    phi_q[..., 74] = x7
     phi_q[..., 75] = f_x
     phi_q[..., 76] = f_y
+    phi_q[..., 77] = -0.5
+    phi_q[..., 78] = -0.5
+    phi_q[..., 79] = 1.0
+    phi_q[..., 80] = -0.5
+    phi_q[..., 81] = -0.5
+    phi_q[..., 82] = 1.0
+    phi_q[..., 83] = -0.5
+    phi_q[..., 84] = -0.5
+    phi_q[..., 85] = 1.0
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    cos_alpha2 = cosine[..., 2]
     sin_alpha2 = sine[..., 2]
-    phi_q[..., 86] = cos_alpha2 * (f_y * x15) - x13 * sin_alpha2
-    phi_q[..., 87] = -(x14 * sin_alpha2 + cos_alpha2 * (f_x * x15))
-    x16 = e_y * x15
-    phi_q[..., 88] = -(cos_alpha2 * x16)
-    x17 = e_x * x15
-    phi_q[..., 89] = cos_alpha2 * x17
-    x18 = e_x * sin_alpha2
-    phi_q[..., 90] = x18
-    x19 = e_y * sin_alpha2
-    phi_q[..., 91] = x19
-    x20 = x10 * cos_alpha2
-    phi_q[..., 92] = x20
-    phi_q[..., 93] = -x18
-    phi_q[..., 94] = -x19
-    phi_q[..., 95] = -x20
-    x21 = sin_alpha2 * (f_x * x16 - f_y * x17) - cos_alpha2 * (e_x * x13 + e_y * x14)
-    phi_q[..., 96] = x21
+    cos_alpha2 = cosine[..., 2]
+    phi_q[..., 86] = x15 * sin_alpha2 - cos_alpha2 * (f_y * x17)
+    phi_q[..., 87] = x16 * sin_alpha2 + cos_alpha2 * (f_x * x17)
+    x20 = e_y * x17
+    phi_q[..., 88] = cos_alpha2 * x20
+    x21 = e_x * x17
+    phi_q[..., 89] = -(cos_alpha2 * x21)
+    x22 = e_x * sin_alpha2
+    phi_q[..., 90] = x22
+    x23 = e_y * sin_alpha2
+    phi_q[..., 91] = x23
+    x24 = x12 * cos_alpha2
+    phi_q[..., 92] = x24
+    phi_q[..., 93] = -x22
+    phi_q[..., 94] = -x23
+    phi_q[..., 95] = -x24
+    x25 = cos_alpha2 * (e_x * x15 + e_y * x16) + sin_alpha2 * (f_y * x21 - f_x * x20)
+    phi_q[..., 96] = x25
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """28 numbers, 190 operations."""
+    """28 numbers, 182 operations."""
     t = np.asarray(t)
     gamma = _output(28, t, q, qd, p)
     sine = np.sin(q[..., 5:44:13])
     cosine = np.cos(q[..., 5:44:13])
-    # constant part
-    gamma[..., 0:28] = 0.0
     # row 1: 1001 unit e (body shaft): |u|^2 - 1 = 0 with u = e
     de_x = qd[..., 1]
     de_y = qd[..., 2]
@@ -414,6 +426,12 @@ def gamma(t, q, qd, p):
     x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
     e_y = q[..., 2]
     gamma[..., 3] = x3 - cos_turn * (e_y * x1)
+    gamma[..., 4] = 0.0
+    gamma[..., 5] = 0.0
+    gamma[..., 6] = 0.0
+    gamma[..., 7] = 0.0
+    gamma[..., 8] = 0.0
+    gamma[..., 9] = 0.0
     # row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1
     dH1_x = qd[..., 6]
     dB1_x = qd[..., 12]
@@ -426,78 +444,84 @@ def gamma(t, q, qd, p):
     x6 = dH1_z - dB1_z
     gamma[..., 10] = -(x4 * x4 + x5 * x5 + x6 * x6)
     # row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0
-    x7 = dB1_x - dH1_x
-    x8 = dB1_y - dH1_y
-    gamma[..., 11] = -(2.0 * (df_x * x7 + df_y * x8))
+    gamma[..., 11] = 2.0 * (df_x * x4 + df_y * x5)
+    gamma[..., 12] = 0.0
+    gamma[..., 13] = 0.0
+    gamma[..., 14] = 0.0
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
     cos_alpha1 = cosine[..., 1]
-    f_x = q[..., 3]
-    x9 = dB1_z - dH1_z
     B1_z = q[..., 14]
     H1_z = q[..., 8]
-    x10 = B1_z - H1_z
-    x11 = e_y * x9 + de_y * x10
+    x7 = B1_z - H1_z
+    x8 = de_y * x7 - e_y * x6
+    f_x = q[..., 3]
     f_y = q[..., 4]
-    x12 = e_x * x9 + de_x * x10
-    x13 = f_x * (de_y * x9) + df_x * x11 - f_y * (de_x * x9) - df_y * x12
+    x9 = de_x * x7 - e_x * x6
+    x10 = df_x * x8 - f_x * (de_y * x6) + f_y * (de_x * x6) - df_y * x9
     sin_alpha1 = sine[..., 1]
     B1_x = q[..., 12]
     H1_x = q[..., 6]
-    x14 = B1_x - H1_x
+    x11 = B1_x - H1_x
     B1_y = q[..., 13]
     H1_y = q[..., 7]
-    x15 = B1_y - H1_y
+    x12 = B1_y - H1_y
     dalpha1 = qd[..., 18]
-    x16 = dalpha1 * dalpha1
-    x17 = cos_alpha1 * (2.0 * x13) + sin_alpha1 * ((e_x * x14 + e_y * x15) * x16)
-    x18 = 2.0 * dalpha1
-    x19 = cos_alpha1 * (x18 * (e_x * x7 + e_y * x8 + de_x * x14 + de_y * x15))
-    x20 = e_y * x10
-    x21 = e_x * x10
-    x22 = sin_alpha1 * (x18 * (f_x * x11 + df_x * x20 - f_y * x12 - df_y * x21))
-    x23 = x17 - sin_alpha1 * (2.0 * (de_x * x7 + de_y * x8)) - x19 - x22
-    gamma[..., 15] = x23 - cos_alpha1 * (x16 * (f_x * x20 - f_y * x21))
+    x13 = dalpha1 * dalpha1
+    x14 = cos_alpha1 * (2.0 * x10) + sin_alpha1 * ((e_x * x11 + e_y * x12) * x13)
+    x15 = 2.0 * dalpha1
+    x16 = cos_alpha1 * (x15 * (de_x * x11 - (e_x * x4 + e_y * x5) + de_y * x12))
+    x17 = e_y * x7
+    x18 = e_x * x7
+    x19 = sin_alpha1 * (x15 * (f_x * x8 + df_x * x17 - f_y * x9 - df_y * x18))
+    x20 = x14 + sin_alpha1 * (2.0 * (de_x * x4 + de_y * x5)) - x16 - x19
+    gamma[..., 15] = x20 - cos_alpha1 * (x13 * (f_x * x17 - f_y * x18))
+    gamma[..., 16] = 0.0
+    gamma[..., 17] = 0.0
+    gamma[..., 18] = 0.0
+    gamma[..., 19] = 0.0
+    gamma[..., 20] = 0.0
+    gamma[..., 21] = 0.0
     # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
     dH2_x = qd[..., 19]
     dB2_x = qd[..., 25]
-    x24 = dH2_x - dB2_x
+    x21 = dH2_x - dB2_x
     dH2_y = qd[..., 20]
     dB2_y = qd[..., 26]
-    x25 = dH2_y - dB2_y
+    x22 = dH2_y - dB2_y
     dH2_z = qd[..., 21]
     dB2_z = qd[..., 27]
-    x26 = dH2_z - dB2_z
-    gamma[..., 22] = -(x24 * x24 + x25 * x25 + x26 * x26)
+    x23 = dH2_z - dB2_z
+    gamma[..., 22] = -(x21 * x21 + x22 * x22 + x23 * x23)
     # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
-    x27 = dB2_x - dH2_x
-    x28 = dB2_y - dH2_y
-    gamma[..., 23] = -(2.0 * (df_x * x27 + df_y * x28))
+    gamma[..., 23] = 2.0 * (df_x * x21 + df_y * x22)
+    gamma[..., 24] = 0.0
+    gamma[..., 25] = 0.0
+    gamma[..., 26] = 0.0
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
     cos_alpha2 = cosine[..., 2]
-    x29 = dB2_z - dH2_z
     B2_z = q[..., 27]
     H2_z = q[..., 21]
-    x30 = B2_z - H2_z
-    x31 = e_y * x29 + de_y * x30
-    x32 = e_x * x29 + de_x * x30
-    x33 = f_x * (de_y * x29) + df_x * x31 - f_y * (de_x * x29) - df_y * x32
+    x24 = B2_z - H2_z
+    x25 = de_y * x24 - e_y * x23
+    x26 = de_x * x24 - e_x * x23
+    x27 = df_x * x25 - f_x * (de_y * x23) + f_y * (de_x * x23) - df_y * x26
     sin_alpha2 = sine[..., 2]
     B2_x = q[..., 25]
     H2_x = q[..., 19]
-    x34 = B2_x - H2_x
+    x28 = B2_x - H2_x
     B2_y = q[..., 26]
     H2_y = q[..., 20]
-    x35 = B2_y - H2_y
+    x29 = B2_y - H2_y
     dalpha2 = qd[..., 31]
-    x36 = dalpha2 * dalpha2
-    x37 = cos_alpha2 * (2.0 * x33) - sin_alpha2 * ((e_x * x34 + e_y * x35) * x36)
-    x38 = 2.0 * dalpha2
-    x39 = cos_alpha2 * (x38 * (e_x * x27 + e_y * x28 + de_x * x34 + de_y * x35))
-    x40 = x37 + sin_alpha2 * (2.0 * (de_x * x27 + de_y * x28)) + x39
-    x41 = e_y * x30
-    x42 = e_x * x30
-    x43 = sin_alpha2 * (x38 * (f_x * x31 + df_x * x41 - f_y * x32 - df_y * x42))
-    gamma[..., 27] = x40 - x43 - cos_alpha2 * (x36 * (f_x * x41 - f_y * x42))
+    x30 = dalpha2 * dalpha2
+    x31 = cos_alpha2 * (2.0 * x27) - sin_alpha2 * ((e_x * x28 + e_y * x29) * x30)
+    x32 = 2.0 * dalpha2
+    x33 = x32 * (de_x * x28 - (e_x * x21 + e_y * x22) + de_y * x29)
+    x34 = x31 - sin_alpha2 * (2.0 * (de_x * x21 + de_y * x22)) + cos_alpha2 * x33
+    x35 = e_y * x24
+    x36 = e_x * x24
+    x37 = sin_alpha2 * (x32 * (f_x * x25 + df_x * x35 - f_y * x26 - df_y * x36))
+    gamma[..., 27] = x34 - x37 - cos_alpha2 * (x30 * (f_x * x35 - f_y * x36))
     return gamma
 
 
@@ -505,9 +529,10 @@ def mass(t, q, p):
     """100 numbers, 80 operations."""
     t = np.asarray(t)
     mass = _output(100, t, q, p)
-    # constant part
-    x1 = _number_2
-    mass[..., 0:100] = x1
+    mass[..., 0] = 4.0
+    mass[..., 1] = -1.0
+    mass[..., 2] = 2.4999999999997245e-06
+    mass[..., 3] = 2.4999999999997245e-06
     # rod1; rod2
     B2_y = q[..., 26]
     H2_y = q[..., 20]
@@ -625,6 +650,10 @@ def mass(t, q, p):
     mass[..., 46] = x51
     x52 = 0.05 - x50
     mass[..., 47] = x52
+    mass[..., 48] = 1.0
+    mass[..., 49] = 1.0
+    mass[..., 50] = -1.0
+    mass[..., 51] = 1.0
     mass[..., 52] = x19
     mass[..., 53] = x28
     mass[..., 54] = x45
@@ -684,9 +713,9 @@ def force(t, q, qd, p):
     """32 numbers, 123 operations."""
     t = np.asarray(t)
     force = _output(32, t, q, qd, p)
-    # constant part
-    x1 = _number_3
-    force[..., 0:32] = x1
+    force[..., 0] = -29.43
+    force[..., 1] = 0.0
+    force[..., 2] = 0.0
     # rod1; rod2
     df_y = qd[..., 4]
     dB1_x = qd[..., 12]
@@ -728,6 +757,7 @@ def force(t, q, qd, p):
     x11 = 4.999999999996994e-06 * (df_y * x6)
     x12 = x1 * (B1_x - H1_x) + x10 * x4 + (x5 * (B2_x - H2_x) + x11 * x8)
     force[..., 4] = -x12
+    force[..., 5] = 0.0
     # rod1
     f_y = q[..., 4]
     x13 = f_y * x1
@@ -770,6 +800,7 @@ def force(t, q, qd, p):
     force[..., 15] = -x22
     force[..., 16] = -x23
     force[..., 17] = -x24
+    force[..., 18] = 0.0
     # rod2
     x25 = f_y * x5
     force[..., 19] = x25
@@ -810,6 +841,7 @@ def force(t, q, qd, p):
     force[..., 28] = -x34
     force[..., 29] = -x35
     force[..., 30] = -x36
+    force[..., 31] = 0.0
     return force
 
 
@@ -818,7 +850,7 @@ def energy(t, q, qd, p):
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # constant part
-    x1 = _number_4
+    x1 = _number_1
     energy[..., 0:3] = x1
     # S.z K1.z; K1.x; K1.y; K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2
     df_y = qd[..., 4]
@@ -915,7 +947,308 @@ def energy(t, q, qd, p):
     # mass-diagonal: m v^2 / 2
     #   e.x, e.y, f.x, f.y, S.z, H1.x, H1.y, H1.z, B1.x, B1.y, B1.z, H2.x, H2.y, H2.z, B2.x,
     #   B2.y, B2.z
-    x1 = _number_5
+    x1 = _number_2
     dx = qd[..., _index_1]
     energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(17), axis=-1)
     return energy
+
+
+def constraints(t, q, qd, p):
+    """153 numbers, 323 operations."""
+    t = np.asarray(t)
+    constraints = _output(153, t, q, qd, p)
+    sine = np.sin(q[..., 5:44:13])
+    cosine = np.cos(q[..., 5:44:13])
+    # row 1: 1001 unit e (body shaft): |u|^2 - 1 = 0 with u = e
+    e_x = q[..., 1]
+    e_y = q[..., 2]
+    constraints[..., 0] = 0.5 * (e_x * e_x + e_y * e_y - 1.0)
+    constraints[..., 28] = e_x
+    constraints[..., 29] = e_y
+    de_x = qd[..., 1]
+    de_y = qd[..., 2]
+    constraints[..., 125] = -(de_x * de_x + de_y * de_y)
+    # row 2: 1001 unit f (body shaft): |u|^2 - 1 = 0 with u = f
+    f_x = q[..., 3]
+    f_y = q[..., 4]
+    constraints[..., 1] = 0.5 * (f_x * f_x + f_y * f_y - 1.0)
+    constraints[..., 30] = f_x
+    constraints[..., 31] = f_y
+    df_x = qd[..., 3]
+    df_y = qd[..., 4]
+    constraints[..., 126] = -(df_x * df_x + df_y * df_y)
+    # row 3: 1003 angle f, e (body shaft): u.v - c = 0 with u = f, v = e, c = 0
+    constraints[..., 2] = e_x * f_x + e_y * f_y
+    constraints[..., 32] = f_x
+    constraints[..., 33] = f_y
+    constraints[..., 34] = e_x
+    constraints[..., 35] = e_y
+    constraints[..., 127] = -(2.0 * (de_x * df_x + de_y * df_y))
+    # row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1
+    sin_turn = sine[..., 0]
+    cos_turn = cosine[..., 0]
+    constraints[..., 3] = e_x * sin_turn - e_y * cos_turn
+    constraints[..., 36] = sin_turn
+    constraints[..., 37] = -cos_turn
+    constraints[..., 38] = e_y * sin_turn + e_x * cos_turn
+    dturn = qd[..., 5]
+    x1 = dturn * dturn
+    x2 = 2.0 * dturn
+    x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
+    constraints[..., 128] = x3 - cos_turn * (e_y * x1)
+    # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    H1_x = q[..., 6]
+    x4 = 0.050000000000000044 * e_x
+    constraints[..., 4] = H1_x - x4
+    constraints[..., 39] = -0.050000000000000044
+    constraints[..., 40] = 1.0
+    constraints[..., 129] = 0.0
+    # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    H1_y = q[..., 7]
+    x5 = 0.050000000000000044 * e_y
+    constraints[..., 5] = H1_y - x5
+    constraints[..., 41] = -0.050000000000000044
+    constraints[..., 42] = 1.0
+    constraints[..., 130] = 0.0
+    # row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    H1_z = q[..., 8]
+    constraints[..., 6] = H1_z - 1.0
+    constraints[..., 43] = 1.0
+    constraints[..., 131] = 0.0
+    # row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
+    K1_x = q[..., 9]
+    x6 = 0.05 * e_x
+    constraints[..., 7] = K1_x - x6
+    constraints[..., 44] = -0.05
+    constraints[..., 45] = 1.0
+    constraints[..., 132] = 0.0
+    # row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
+    K1_y = q[..., 10]
+    x7 = 0.05 * e_y
+    constraints[..., 8] = K1_y - x7
+    constraints[..., 46] = -0.05
+    constraints[..., 47] = 1.0
+    constraints[..., 133] = 0.0
+    # row 10: combination K1.z (body slider): (e - c a x b).z = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
+    K1_z = q[..., 11]
+    S_z = q[..., 0]
+    constraints[..., 9] = K1_z - S_z
+    constraints[..., 48] = -1.0
+    constraints[..., 49] = 1.0
+    constraints[..., 134] = 0.0
+    # row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1
+    B1_x = q[..., 12]
+    x8 = H1_x - B1_x
+    B1_y = q[..., 13]
+    x9 = H1_y - B1_y
+    B1_z = q[..., 14]
+    x10 = H1_z - B1_z
+    constraints[..., 10] = 0.5 * (x8 * x8 + x9 * x9 + x10 * x10 - 1.0)
+    constraints[..., 50] = x8
+    constraints[..., 51] = x9
+    constraints[..., 52] = x10
+    x11 = -x8
+    constraints[..., 53] = x11
+    x12 = -x9
+    constraints[..., 54] = x12
+    constraints[..., 55] = -x10
+    dH1_x = qd[..., 6]
+    dB1_x = qd[..., 12]
+    x13 = dH1_x - dB1_x
+    dH1_y = qd[..., 7]
+    dB1_y = qd[..., 13]
+    x14 = dH1_y - dB1_y
+    dH1_z = qd[..., 8]
+    dB1_z = qd[..., 14]
+    x15 = dH1_z - dB1_z
+    constraints[..., 135] = -(x13 * x13 + x14 * x14 + x15 * x15)
+    # row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0
+    constraints[..., 11] = -(f_x * x8 + f_y * x9)
+    constraints[..., 56] = x11
+    constraints[..., 57] = x12
+    x16 = -f_x
+    constraints[..., 58] = x16
+    x17 = -f_y
+    constraints[..., 59] = x17
+    constraints[..., 60] = f_x
+    constraints[..., 61] = f_y
+    constraints[..., 136] = 2.0 * (df_x * x13 + df_y * x14)
+    # row 13: combination M1.x (body rod1): (e - c a x b).x = 0 with e = M1-0.5*H1-0.5*B1, a = M1-0.5*H1-0.5*B1, b = M1-0.5*H1-0.5*B1, c = 0
+    M1_x = q[..., 15]
+    constraints[..., 12] = M1_x - 0.5 * H1_x - 0.5 * B1_x
+    constraints[..., 62] = -0.5
+    constraints[..., 63] = -0.5
+    constraints[..., 64] = 1.0
+    constraints[..., 137] = 0.0
+    # row 14: combination M1.y (body rod1): (e - c a x b).y = 0 with e = M1-0.5*H1-0.5*B1, a = M1-0.5*H1-0.5*B1, b = M1-0.5*H1-0.5*B1, c = 0
+    M1_y = q[..., 16]
+    constraints[..., 13] = M1_y - 0.5 * H1_y - 0.5 * B1_y
+    constraints[..., 65] = -0.5
+    constraints[..., 66] = -0.5
+    constraints[..., 67] = 1.0
+    constraints[..., 138] = 0.0
+    # row 15: combination M1.z (body rod1): (e - c a x b).z = 0 with e = M1-0.5*H1-0.5*B1, a = M1-0.5*H1-0.5*B1, b = M1-0.5*H1-0.5*B1, c = 0
+    M1_z = q[..., 17]
+    constraints[..., 14] = M1_z - 0.5 * H1_z - 0.5 * B1_z
+    constraints[..., 68] = -0.5
+    constraints[..., 69] = -0.5
+    constraints[..., 70] = 1.0
+    constraints[..., 139] = 0.0
+    # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
+    x18 = e_x * x8 + e_y * x9
+    sin_alpha1 = sine[..., 1]
+    x19 = e_x * x10
+    x20 = e_y * x10
+    x21 = f_y * x19 - f_x * x20
+    cos_alpha1 = cosine[..., 1]
+    constraints[..., 15] = -(x18 * sin_alpha1 + x21 * cos_alpha1)
+    constraints[..., 71] = -(x8 * sin_alpha1 + cos_alpha1 * (f_y * x10))
+    constraints[..., 72] = cos_alpha1 * (f_x * x10) - x9 * sin_alpha1
+    constraints[..., 73] = x20 * cos_alpha1
+    constraints[..., 74] = -(x19 * cos_alpha1)
+    x22 = e_x * sin_alpha1
+    constraints[..., 75] = -x22
+    x23 = e_y * sin_alpha1
+    constraints[..., 76] = -x23
+    x24 = e_y * f_x - e_x * f_y
+    x25 = cos_alpha1 * x24
+    constraints[..., 77] = x25
+    constraints[..., 78] = x22
+    constraints[..., 79] = x23
+    constraints[..., 80] = -x25
+    constraints[..., 81] = sin_alpha1 * x21 - x18 * cos_alpha1
+    x26 = x10 * de_y + e_y * x15
+    x27 = x10 * de_x + e_x * x15
+    x28 = f_y * (de_x * x15) - (df_x * x26 + f_x * (de_y * x15)) + df_y * x27
+    dalpha1 = qd[..., 18]
+    x29 = dalpha1 * dalpha1
+    x30 = cos_alpha1 * (2.0 * x28) - sin_alpha1 * (x18 * x29) + sin_alpha1 * (2.0 * (de_x * x13 + de_y * x14))
+    x31 = 2.0 * dalpha1
+    x32 = cos_alpha1 * (x31 * (x8 * de_x + (e_x * x13 + e_y * x14) + x9 * de_y))
+    x33 = x31 * (f_y * x27 - (f_x * x26 + x20 * df_x) + x19 * df_y)
+    constraints[..., 140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x21 * x29)
+    # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    H2_x = q[..., 19]
+    constraints[..., 16] = x4 + H2_x
+    constraints[..., 82] = 0.050000000000000044
+    constraints[..., 83] = 1.0
+    constraints[..., 141] = 0.0
+    # row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    H2_y = q[..., 20]
+    constraints[..., 17] = x5 + H2_y
+    constraints[..., 84] = 0.050000000000000044
+    constraints[..., 85] = 1.0
+    constraints[..., 142] = 0.0
+    # row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    H2_z = q[..., 21]
+    constraints[..., 18] = H2_z - 1.0
+    constraints[..., 86] = 1.0
+    constraints[..., 143] = 0.0
+    # row 20: combination K2.x (body slider): (e - c a x b).x = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
+    K2_x = q[..., 22]
+    constraints[..., 19] = x6 + K2_x
+    constraints[..., 87] = 0.05
+    constraints[..., 88] = 1.0
+    constraints[..., 144] = 0.0
+    # row 21: combination K2.y (body slider): (e - c a x b).y = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
+    K2_y = q[..., 23]
+    constraints[..., 20] = x7 + K2_y
+    constraints[..., 89] = 0.05
+    constraints[..., 90] = 1.0
+    constraints[..., 145] = 0.0
+    # row 22: combination K2.z (body slider): (e - c a x b).z = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
+    K2_z = q[..., 24]
+    constraints[..., 21] = K2_z - S_z
+    constraints[..., 91] = -1.0
+    constraints[..., 92] = 1.0
+    constraints[..., 146] = 0.0
+    # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
+    B2_x = q[..., 25]
+    x34 = H2_x - B2_x
+    B2_y = q[..., 26]
+    x35 = H2_y - B2_y
+    B2_z = q[..., 27]
+    x36 = H2_z - B2_z
+    constraints[..., 22] = 0.5 * (x34 * x34 + x35 * x35 + x36 * x36 - 1.0)
+    constraints[..., 93] = x34
+    constraints[..., 94] = x35
+    constraints[..., 95] = x36
+    x37 = -x34
+    constraints[..., 96] = x37
+    x38 = -x35
+    constraints[..., 97] = x38
+    constraints[..., 98] = -x36
+    dH2_x = qd[..., 19]
+    dB2_x = qd[..., 25]
+    x39 = dH2_x - dB2_x
+    dH2_y = qd[..., 20]
+    dB2_y = qd[..., 26]
+    x40 = dH2_y - dB2_y
+    dH2_z = qd[..., 21]
+    dB2_z = qd[..., 27]
+    x41 = dH2_z - dB2_z
+    constraints[..., 147] = -(x39 * x39 + x40 * x40 + x41 * x41)
+    # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
+    constraints[..., 23] = -(f_x * x34 + f_y * x35)
+    constraints[..., 99] = x37
+    constraints[..., 100] = x38
+    constraints[..., 101] = x16
+    constraints[..., 102] = x17
+    constraints[..., 103] = f_x
+    constraints[..., 104] = f_y
+    constraints[..., 148] = 2.0 * (df_x * x39 + df_y * x40)
+    # row 25: combination M2.x (body rod2): (e - c a x b).x = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0
+    M2_x = q[..., 28]
+    constraints[..., 24] = M2_x - 0.5 * H2_x - 0.5 * B2_x
+    constraints[..., 105] = -0.5
+    constraints[..., 106] = -0.5
+    constraints[..., 107] = 1.0
+    constraints[..., 149] = 0.0
+    # row 26: combination M2.y (body rod2): (e - c a x b).y = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0
+    M2_y = q[..., 29]
+    constraints[..., 25] = M2_y - 0.5 * H2_y - 0.5 * B2_y
+    constraints[..., 108] = -0.5
+    constraints[..., 109] = -0.5
+    constraints[..., 110] = 1.0
+    constraints[..., 150] = 0.0
+    # row 27: combination M2.z (body rod2): (e - c a x b).z = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0
+    M2_z = q[..., 30]
+    constraints[..., 26] = M2_z - 0.5 * H2_z - 0.5 * B2_z
+    constraints[..., 111] = -0.5
+    constraints[..., 112] = -0.5
+    constraints[..., 113] = 1.0
+    constraints[..., 151] = 0.0
+    # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
+    x42 = e_x * x34 + e_y * x35
+    sin_alpha2 = sine[..., 2]
+    x43 = e_x * x36
+    x44 = e_y * x36
+    x45 = f_y * x43 - f_x * x44
+    cos_alpha2 = cosine[..., 2]
+    constraints[..., 27] = x42 * sin_alpha2 - x45 * cos_alpha2
+    constraints[..., 114] = x34 * sin_alpha2 - cos_alpha2 * (f_y * x36)
+    constraints[..., 115] = x35 * sin_alpha2 + cos_alpha2 * (f_x * x36)
+    constraints[..., 116] = x44 * cos_alpha2
+    constraints[..., 117] = -(x43 * cos_alpha2)
+    x46 = e_x * sin_alpha2
+    constraints[..., 118] = x46
+    x47 = e_y * sin_alpha2
+    constraints[..., 119] = x47
+    x48 = cos_alpha2 * x24
+    constraints[..., 120] = x48
+    constraints[..., 121] = -x46
+    constraints[..., 122] = -x47
+    constraints[..., 123] = -x48
+    constraints[..., 124] = x42 * cos_alpha2 + sin_alpha2 * x45
+    x49 = x36 * de_y + e_y * x41
+    x50 = x36 * de_x + e_x * x41
+    x51 = f_y * (de_x * x41) - (df_x * x49 + f_x * (de_y * x41)) + df_y * x50
+    dalpha2 = qd[..., 31]
+    x52 = dalpha2 * dalpha2
+    x53 = cos_alpha2 * (2.0 * x51) + sin_alpha2 * (x42 * x52) - sin_alpha2 * (2.0 * (de_x * x39 + de_y * x40))
+    x54 = 2.0 * dalpha2
+    x55 = x54 * (x34 * de_x + (e_x * x39 + e_y * x40) + x35 * de_y)
+    x56 = x54 * (f_y * x50 - (f_x * x49 + x44 * df_x) + x43 * df_y)
+    x57 = x53 - cos_alpha2 * x55 - sin_alpha2 * x56 - cos_alpha2 * (x45 * x52)
+    constraints[..., 152] = x57
+    return constraints

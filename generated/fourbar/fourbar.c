@@ -159,11 +159,6 @@ int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; coupler; rocker */
         const ncgen_real dC_x = qd[2];
@@ -171,7 +166,7 @@ int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real dC_y = qd[3];
         const ncgen_real x2 = dC_y * dC_y;
         const ncgen_real dB_x = qd[0];
-        const ncgen_real x3 = dB_x - dC_x;
+        const ncgen_real x3 = dC_x - dB_x;
         const ncgen_real dB_y = qd[1];
         const ncgen_real x4 = dC_y - dB_y;
         const ncgen_real x5 = dB_x * dB_x;
@@ -185,6 +180,68 @@ int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real B_y = q[1];
         const ncgen_real C_y = q[3];
         energy[1] = R(4.905000000000001) * B_y + R(6.867) * C_y;
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 70 operations, 2 of them elementary functions */
+int fourbar_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[1], cosine[1];
+    (void)t;
+    (void)p;
+
+    ncgen_sincos(1, q + 4, sine, cosine);
+
+    {
+        /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.1 */
+        const ncgen_real B_x = q[0];
+        const ncgen_real B_y = q[1];
+        const ncgen_real x1 = R(5.0) * (B_x * B_x + B_y * B_y - R(0.010000000000000002));
+        constraints[0] = x1;
+        constraints[4] = R(10.0) * B_x;
+        constraints[5] = R(10.0) * B_y;
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real dB_y = qd[1];
+        constraints[15] = -(R(10.0) * (dB_x * dB_x + dB_y * dB_y));
+        /* row 2: 1000 distance B-C (body coupler): |a|^2 - L^2 = 0 with a = B-C, L = 0.390512 */
+        const ncgen_real C_x = q[2];
+        const ncgen_real x2 = B_x - C_x;
+        const ncgen_real C_y = q[3];
+        const ncgen_real x3 = B_y - C_y;
+        const ncgen_real x4 = R(1.2803687993289599) * (x2 * x2 + x3 * x3 - R(0.15249999999999994));
+        constraints[1] = x4;
+        const ncgen_real x5 = R(2.5607375986579197) * x2;
+        constraints[6] = x5;
+        const ncgen_real x6 = R(2.5607375986579197) * x3;
+        constraints[7] = x6;
+        constraints[8] = -x5;
+        constraints[9] = -x6;
+        const ncgen_real dC_x = qd[2];
+        const ncgen_real x7 = dB_x - dC_x;
+        const ncgen_real dC_y = qd[3];
+        const ncgen_real x8 = dB_y - dC_y;
+        constraints[16] = -(R(2.5607375986579197) * (x7 * x7 + x8 * x8));
+        /* row 3: 1000 distance C-D (body rocker): |a|^2 - L^2 = 0 with a = C-D, L = 0.304138 */
+        const ncgen_real x9 = C_x - R(0.4);
+        const ncgen_real x10 = R(1.6439898730535731) * (x9 * x9 + C_y * C_y - R(0.09249999999999999));
+        constraints[2] = x10;
+        constraints[10] = R(3.2879797461071463) * x9;
+        constraints[11] = R(3.2879797461071463) * C_y;
+        constraints[17] = -(R(3.2879797461071463) * (dC_x * dC_x + dC_y * dC_y));
+        /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
+        const ncgen_real sin_psi = sine[0];
+        const ncgen_real cos_psi = cosine[0];
+        constraints[3] = R(10.0) * (B_x * sin_psi - B_y * cos_psi);
+        constraints[12] = R(10.0) * sin_psi;
+        constraints[13] = -(R(10.0) * cos_psi);
+        constraints[14] = R(10.0) * (B_y * sin_psi + B_x * cos_psi);
+        const ncgen_real dpsi = qd[4];
+        const ncgen_real x11 = dpsi * dpsi;
+        const ncgen_real x12 = R(2.0) * dpsi;
+        const ncgen_real x13 = sin_psi * (B_x * x11) - cos_psi * (dB_x * x12) - sin_psi * (dB_y * x12);
+        constraints[18] = R(10.0) * (x13 - cos_psi * (B_y * x11));
     }
 
     return NCGEN_OK;
@@ -232,7 +289,7 @@ const ncgen_model *fourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "fourbar",
-        .fingerprint = "f24cfdd613f22001",
+        .fingerprint = "f0205e24d3a38be8",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,
@@ -248,6 +305,7 @@ const ncgen_model *fourbar_model(void)
         .mass = fourbar_mass,
         .force = fourbar_force,
         .energy = fourbar_energy,
+        .constraints = fourbar_constraints,
     };
     return &model;
 }

@@ -32,6 +32,7 @@ int fourbar_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const
 int fourbar_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 8 numbers, 0 operations */
 int fourbar_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 5 numbers, 0 operations */
 int fourbar_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 33 operations */
+int fourbar_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 19 numbers, 70 operations */
 
 #ifdef __cplusplus
 }

@@ -175,15 +175,13 @@ def energy(t, q, qd, p):
     """3 numbers, 33 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
     # B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; coupler; rocker
     dC_x = qd[..., 2]
     x1 = dC_x * dC_x
     dC_y = qd[..., 3]
     x2 = dC_y * dC_y
     dB_x = qd[..., 0]
-    x3 = dB_x - dC_x
+    x3 = dC_x - dB_x
     dB_y = qd[..., 1]
     x4 = dC_y - dB_y
     x5 = dB_x * dB_x
@@ -197,4 +195,60 @@ def energy(t, q, qd, p):
     B_y = q[..., 1]
     C_y = q[..., 3]
     energy[..., 1] = 4.905000000000001 * B_y + 6.867 * C_y
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """19 numbers, 70 operations."""
+    t = np.asarray(t)
+    constraints = _output(19, t, q, qd, p)
+    sine = np.sin(q[..., 4, None])
+    cosine = np.cos(q[..., 4, None])
+    # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.1
+    B_x = q[..., 0]
+    B_y = q[..., 1]
+    constraints[..., 0] = 5.0 * (B_x * B_x + B_y * B_y - 0.010000000000000002)
+    constraints[..., 4] = 10.0 * B_x
+    constraints[..., 5] = 10.0 * B_y
+    dB_x = qd[..., 0]
+    dB_y = qd[..., 1]
+    constraints[..., 15] = -(10.0 * (dB_x * dB_x + dB_y * dB_y))
+    # row 2: 1000 distance B-C (body coupler): |a|^2 - L^2 = 0 with a = B-C, L = 0.390512
+    C_x = q[..., 2]
+    x1 = B_x - C_x
+    C_y = q[..., 3]
+    x2 = B_y - C_y
+    x3 = 1.2803687993289599 * (x1 * x1 + x2 * x2 - 0.15249999999999994)
+    constraints[..., 1] = x3
+    x4 = 2.5607375986579197 * x1
+    constraints[..., 6] = x4
+    x5 = 2.5607375986579197 * x2
+    constraints[..., 7] = x5
+    constraints[..., 8] = -x4
+    constraints[..., 9] = -x5
+    dC_x = qd[..., 2]
+    x6 = dB_x - dC_x
+    dC_y = qd[..., 3]
+    x7 = dB_y - dC_y
+    constraints[..., 16] = -(2.5607375986579197 * (x6 * x6 + x7 * x7))
+    # row 3: 1000 distance C-D (body rocker): |a|^2 - L^2 = 0 with a = C-D, L = 0.304138
+    x8 = C_x - 0.4
+    x9 = 1.6439898730535731 * (x8 * x8 + C_y * C_y - 0.09249999999999999)
+    constraints[..., 2] = x9
+    constraints[..., 10] = 3.2879797461071463 * x8
+    constraints[..., 11] = 3.2879797461071463 * C_y
+    constraints[..., 17] = -(3.2879797461071463 * (dC_x * dC_x + dC_y * dC_y))
+    # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
+    sin_psi = sine[..., 0]
+    cos_psi = cosine[..., 0]
+    constraints[..., 3] = 10.0 * (B_x * sin_psi - B_y * cos_psi)
+    constraints[..., 12] = 10.0 * sin_psi
+    constraints[..., 13] = -(10.0 * cos_psi)
+    constraints[..., 14] = 10.0 * (B_y * sin_psi + B_x * cos_psi)
+    dpsi = qd[..., 4]
+    x10 = dpsi * dpsi
+    x11 = 2.0 * dpsi
+    x12 = sin_psi * (B_x * x10) - cos_psi * (dB_x * x11) - sin_psi * (dB_y * x11)
+    constraints[..., 18] = 10.0 * (x12 - cos_psi * (B_y * x10))
+    return constraints

@@ -213,11 +213,6 @@ int heavytop_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* P.x; P.y; P.z; Q.x; Q.y; Q.z; R.x; R.y; R.z; P.x Q.x; P.y Q.y; P.z Q.z; P.x R.x; P.y R.y; P.z R.z; Q.x R.x; Q.y R.y; Q.z R.z */
         const ncgen_real dR_z = qd[8];
@@ -245,6 +240,120 @@ int heavytop_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         const ncgen_real Q_z = q[5];
         const ncgen_real x10 = R(49.05) * R_z + (R(49.05000000000002) * P_z + R(49.04999999999999) * Q_z);
         energy[1] = x10;
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 129 operations */
+int heavytop_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078 */
+        const ncgen_real P_x = q[0];
+        const ncgen_real P_y = q[1];
+        const ncgen_real P_z = q[2];
+        const ncgen_real x1 = R(0.48507125007266594) * (P_x * P_x + P_y * P_y + P_z * P_z - R(1.0625));
+        constraints[0] = x1;
+        constraints[6] = R(0.9701425001453319) * P_x;
+        constraints[7] = R(0.9701425001453319) * P_y;
+        constraints[8] = R(0.9701425001453319) * P_z;
+        const ncgen_real dP_x = qd[0];
+        const ncgen_real dP_y = qd[1];
+        const ncgen_real dP_z = qd[2];
+        const ncgen_real x2 = R(0.9701425001453319) * (dP_x * dP_x + dP_y * dP_y + dP_z * dP_z);
+        constraints[33] = -x2;
+        /* row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078 */
+        const ncgen_real Q_x = q[3];
+        const ncgen_real Q_y = q[4];
+        const ncgen_real Q_z = q[5];
+        const ncgen_real x3 = R(0.48507125007266594) * (Q_x * Q_x + Q_y * Q_y + Q_z * Q_z - R(1.0625));
+        constraints[1] = x3;
+        constraints[9] = R(0.9701425001453319) * Q_x;
+        constraints[10] = R(0.9701425001453319) * Q_y;
+        constraints[11] = R(0.9701425001453319) * Q_z;
+        const ncgen_real dQ_x = qd[3];
+        const ncgen_real dQ_y = qd[4];
+        const ncgen_real dQ_z = qd[5];
+        const ncgen_real x4 = R(0.9701425001453319) * (dQ_x * dQ_x + dQ_y * dQ_y + dQ_z * dQ_z);
+        constraints[34] = -x4;
+        /* row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013 */
+        const ncgen_real x5 = Q_x - P_x;
+        const ncgen_real x6 = Q_y - P_y;
+        const ncgen_real x7 = Q_z - P_z;
+        const ncgen_real x8 = R(1.1547005383792517) * (x5 * x5 + x6 * x6 + x7 * x7 - R(0.18749999999999997));
+        constraints[2] = x8;
+        const ncgen_real x9 = R(2.3094010767585034) * x5;
+        constraints[12] = -x9;
+        const ncgen_real x10 = R(2.3094010767585034) * x6;
+        constraints[13] = -x10;
+        const ncgen_real x11 = R(2.3094010767585034) * x7;
+        constraints[14] = -x11;
+        constraints[15] = x9;
+        constraints[16] = x10;
+        constraints[17] = x11;
+        const ncgen_real x12 = dQ_x - dP_x;
+        const ncgen_real x13 = dQ_y - dP_y;
+        const ncgen_real x14 = dQ_z - dP_z;
+        const ncgen_real x15 = R(2.3094010767585034) * (x12 * x12 + x13 * x13 + x14 * x14);
+        constraints[35] = -x15;
+        /* row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078 */
+        const ncgen_real R_x = q[6];
+        const ncgen_real R_y = q[7];
+        const ncgen_real R_z = q[8];
+        const ncgen_real x16 = R(0.48507125007266594) * (R_x * R_x + R_y * R_y + R_z * R_z - R(1.0625));
+        constraints[3] = x16;
+        constraints[18] = R(0.9701425001453319) * R_x;
+        constraints[19] = R(0.9701425001453319) * R_y;
+        constraints[20] = R(0.9701425001453319) * R_z;
+        const ncgen_real dR_x = qd[6];
+        const ncgen_real dR_y = qd[7];
+        const ncgen_real dR_z = qd[8];
+        const ncgen_real x17 = R(0.9701425001453319) * (dR_x * dR_x + dR_y * dR_y + dR_z * dR_z);
+        constraints[36] = -x17;
+        /* row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013 */
+        const ncgen_real x18 = R_x - P_x;
+        const ncgen_real x19 = R_y - P_y;
+        const ncgen_real x20 = R_z - P_z;
+        const ncgen_real x21 = x18 * x18 + x19 * x19 + x20 * x20 - R(0.18750000000000008);
+        constraints[4] = R(1.1547005383792512) * x21;
+        const ncgen_real x22 = R(2.3094010767585025) * x18;
+        constraints[21] = -x22;
+        const ncgen_real x23 = R(2.3094010767585025) * x19;
+        constraints[22] = -x23;
+        const ncgen_real x24 = R(2.3094010767585025) * x20;
+        constraints[23] = -x24;
+        constraints[24] = x22;
+        constraints[25] = x23;
+        constraints[26] = x24;
+        const ncgen_real x25 = dR_x - dP_x;
+        const ncgen_real x26 = dR_y - dP_y;
+        const ncgen_real x27 = dR_z - dP_z;
+        const ncgen_real x28 = R(2.3094010767585025) * (x25 * x25 + x26 * x26 + x27 * x27);
+        constraints[37] = -x28;
+        /* row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013 */
+        const ncgen_real x29 = R_x - Q_x;
+        const ncgen_real x30 = R_y - Q_y;
+        const ncgen_real x31 = R_z - Q_z;
+        const ncgen_real x32 = x29 * x29 + x30 * x30 + x31 * x31 - R(0.18749999999999992);
+        constraints[5] = R(1.1547005383792517) * x32;
+        const ncgen_real x33 = R(2.3094010767585034) * x29;
+        constraints[27] = -x33;
+        const ncgen_real x34 = R(2.3094010767585034) * x30;
+        constraints[28] = -x34;
+        const ncgen_real x35 = R(2.3094010767585034) * x31;
+        constraints[29] = -x35;
+        constraints[30] = x33;
+        constraints[31] = x34;
+        constraints[32] = x35;
+        const ncgen_real x36 = dR_x - dQ_x;
+        const ncgen_real x37 = dR_y - dQ_y;
+        const ncgen_real x38 = dR_z - dQ_z;
+        const ncgen_real x39 = R(2.3094010767585034) * (x36 * x36 + x37 * x37 + x38 * x38);
+        constraints[38] = -x39;
     }
 
     return NCGEN_OK;
@@ -299,7 +408,7 @@ const ncgen_model *heavytop_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "heavytop",
-        .fingerprint = "7a0715b258c24f71",
+        .fingerprint = "15b66da55d4d91a8",
         .n_coordinates = 9,
         .n_rows = 6,
         .n_parameters = 0,
@@ -315,6 +424,7 @@ const ncgen_model *heavytop_model(void)
         .mass = heavytop_mass,
         .force = heavytop_force,
         .energy = heavytop_energy,
+        .constraints = heavytop_constraints,
     };
     return &model;
 }

@@ -237,8 +237,6 @@ def energy(t, q, qd, p):
     """3 numbers, 58 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
     # P.x; P.y; P.z; Q.x; Q.y; Q.z; R.x; R.y; R.z; P.x Q.x; P.y Q.y; P.z Q.z; P.x R.x; P.y R.y; P.z R.z; Q.x R.x; Q.y R.y; Q.z R.z
     dR_z = qd[..., 8]
     dQ_z = qd[..., 5]
@@ -265,4 +263,114 @@ def energy(t, q, qd, p):
     Q_z = q[..., 5]
     x10 = 49.05 * R_z + (49.05000000000002 * P_z + 49.04999999999999 * Q_z)
     energy[..., 1] = x10
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """39 numbers, 129 operations."""
+    t = np.asarray(t)
+    constraints = _output(39, t, q, qd, p)
+    # row 1: 1000 distance O-P (body top): |a|^2 - L^2 = 0 with a = O-P, L = 1.03078
+    P_x = q[..., 0]
+    P_y = q[..., 1]
+    P_z = q[..., 2]
+    x1 = 0.48507125007266594 * (P_x * P_x + P_y * P_y + P_z * P_z - 1.0625)
+    constraints[..., 0] = x1
+    constraints[..., 6] = 0.9701425001453319 * P_x
+    constraints[..., 7] = 0.9701425001453319 * P_y
+    constraints[..., 8] = 0.9701425001453319 * P_z
+    dP_x = qd[..., 0]
+    dP_y = qd[..., 1]
+    dP_z = qd[..., 2]
+    x2 = 0.9701425001453319 * (dP_x * dP_x + dP_y * dP_y + dP_z * dP_z)
+    constraints[..., 33] = -x2
+    # row 2: 1000 distance O-Q (body top): |a|^2 - L^2 = 0 with a = O-Q, L = 1.03078
+    Q_x = q[..., 3]
+    Q_y = q[..., 4]
+    Q_z = q[..., 5]
+    x3 = 0.48507125007266594 * (Q_x * Q_x + Q_y * Q_y + Q_z * Q_z - 1.0625)
+    constraints[..., 1] = x3
+    constraints[..., 9] = 0.9701425001453319 * Q_x
+    constraints[..., 10] = 0.9701425001453319 * Q_y
+    constraints[..., 11] = 0.9701425001453319 * Q_z
+    dQ_x = qd[..., 3]
+    dQ_y = qd[..., 4]
+    dQ_z = qd[..., 5]
+    x4 = 0.9701425001453319 * (dQ_x * dQ_x + dQ_y * dQ_y + dQ_z * dQ_z)
+    constraints[..., 34] = -x4
+    # row 3: 1000 distance Q-P (body top): |a|^2 - L^2 = 0 with a = Q-P, L = 0.433013
+    x5 = Q_x - P_x
+    x6 = Q_y - P_y
+    x7 = Q_z - P_z
+    x8 = 1.1547005383792517 * (x5 * x5 + x6 * x6 + x7 * x7 - 0.18749999999999997)
+    constraints[..., 2] = x8
+    x9 = 2.3094010767585034 * x5
+    constraints[..., 12] = -x9
+    x10 = 2.3094010767585034 * x6
+    constraints[..., 13] = -x10
+    x11 = 2.3094010767585034 * x7
+    constraints[..., 14] = -x11
+    constraints[..., 15] = x9
+    constraints[..., 16] = x10
+    constraints[..., 17] = x11
+    x12 = dQ_x - dP_x
+    x13 = dQ_y - dP_y
+    x14 = dQ_z - dP_z
+    x15 = -(2.3094010767585034 * (x12 * x12 + x13 * x13 + x14 * x14))
+    constraints[..., 35] = x15
+    # row 4: 1000 distance O-R (body top): |a|^2 - L^2 = 0 with a = O-R, L = 1.03078
+    R_x = q[..., 6]
+    R_y = q[..., 7]
+    R_z = q[..., 8]
+    x16 = 0.48507125007266594 * (R_x * R_x + R_y * R_y + R_z * R_z - 1.0625)
+    constraints[..., 3] = x16
+    constraints[..., 18] = 0.9701425001453319 * R_x
+    constraints[..., 19] = 0.9701425001453319 * R_y
+    constraints[..., 20] = 0.9701425001453319 * R_z
+    dR_x = qd[..., 6]
+    dR_y = qd[..., 7]
+    dR_z = qd[..., 8]
+    x17 = 0.9701425001453319 * (dR_x * dR_x + dR_y * dR_y + dR_z * dR_z)
+    constraints[..., 36] = -x17
+    # row 5: 1000 distance R-P (body top): |a|^2 - L^2 = 0 with a = R-P, L = 0.433013
+    x18 = R_x - P_x
+    x19 = R_y - P_y
+    x20 = R_z - P_z
+    x21 = 1.1547005383792512 * (x18 * x18 + x19 * x19 + x20 * x20 - 0.18750000000000008)
+    constraints[..., 4] = x21
+    x22 = 2.3094010767585025 * x18
+    constraints[..., 21] = -x22
+    x23 = 2.3094010767585025 * x19
+    constraints[..., 22] = -x23
+    x24 = 2.3094010767585025 * x20
+    constraints[..., 23] = -x24
+    constraints[..., 24] = x22
+    constraints[..., 25] = x23
+    constraints[..., 26] = x24
+    x25 = dR_x - dP_x
+    x26 = dR_y - dP_y
+    x27 = dR_z - dP_z
+    x28 = -(2.3094010767585025 * (x25 * x25 + x26 * x26 + x27 * x27))
+    constraints[..., 37] = x28
+    # row 6: 1000 distance R-Q (body top): |a|^2 - L^2 = 0 with a = R-Q, L = 0.433013
+    x29 = R_x - Q_x
+    x30 = R_y - Q_y
+    x31 = R_z - Q_z
+    x32 = 1.1547005383792517 * (x29 * x29 + x30 * x30 + x31 * x31 - 0.18749999999999992)
+    constraints[..., 5] = x32
+    x33 = 2.3094010767585034 * x29
+    constraints[..., 27] = -x33
+    x34 = 2.3094010767585034 * x30
+    constraints[..., 28] = -x34
+    x35 = 2.3094010767585034 * x31
+    constraints[..., 29] = -x35
+    constraints[..., 30] = x33
+    constraints[..., 31] = x34
+    constraints[..., 32] = x35
+    x36 = dR_x - dQ_x
+    x37 = dR_y - dQ_y
+    x38 = dR_z - dQ_z
+    x39 = -(2.3094010767585034 * (x36 * x36 + x37 * x37 + x38 * x38))
+    constraints[..., 38] = x39
+    return constraints

@@ -6,17 +6,11 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar jansen_number_1[40] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(1.0)
-};
-static const ncgen_scalar jansen_number_2[13] = {
+static const ncgen_scalar jansen_number_1[13] = {
     R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
     R(6.283185307179586)
 };
-static const ncgen_scalar jansen_number_3[40] = {
+static const ncgen_scalar jansen_number_2[40] = {
     R(0.21149999999999997), R(0.04166666666666666), R(0.05158333333333334), R(0.21149999999999997),
     R(0.04166666666666666), R(0.05158333333333334), R(0.04166666666666666), R(0.24549999999999997),
     R(0.046499999999999986), R(0.04166666666666666), R(0.24549999999999997),
@@ -28,12 +22,9 @@ static const ncgen_scalar jansen_number_3[40] = {
     R(0.030583333333333344), R(0.2363333333333333), R(0.05475), R(0.04083333333333333), R(0.05475),
     R(0.1911666666666667), R(0.04083333333333333), R(0.05475), R(0.1911666666666667)
 };
-static const ncgen_scalar jansen_number_4[13] = {
+static const ncgen_scalar jansen_number_3[13] = {
     R(0.0), -R(3.1122225), R(0.0), -R(3.6125325), R(0.0), -R(3.3182325), R(0.0), -R(4.5837225),
     R(0.0), -R(3.4776450000000003), R(0.0), -R(2.8130175000000004), R(0.0)
-};
-static const ncgen_scalar jansen_number_5[3] = {
-    R(0.0), -R(0.231275655), R(0.0)
 };
 
 
@@ -132,12 +123,6 @@ int jansen_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     ncgen_sincos(1, q + 12, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 40; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15 */
         const ncgen_real M_x = q[0];
@@ -218,6 +203,7 @@ int jansen_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real cos_psi = cosine[0];
         phi_q[37] = -(R(6.666666666666667) * cos_psi);
         phi_q[38] = R(6.666666666666667) * (M_y * sin_psi + M_x * cos_psi);
+        phi_q[39] = NCGEN_SPLAT(R(1.0));
     }
 
     return NCGEN_OK;
@@ -231,7 +217,7 @@ int jansen_nu(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
 
     /* constant part */
     for (int i = 0; i < 13; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_1[i]);
         nu[i] = x1;
     }
 
@@ -245,11 +231,6 @@ int jansen_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     (void)p;
 
     ncgen_sincos(1, q + 12, sine, cosine);
-
-    /* constant part */
-    for (int i = 0; i < 13; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15 */
@@ -310,6 +291,7 @@ int jansen_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real x17 = sin_psi * (M_x * x15) - cos_psi * (dM_x * x16) - sin_psi * (dM_y * x16);
         const ncgen_real M_y = q[1];
         gamma[11] = R(6.666666666666667) * (x17 - cos_psi * (M_y * x15));
+        gamma[12] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -323,7 +305,7 @@ int jansen_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 40; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_3[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_2[i]);
         mass[i] = x1;
     }
 
@@ -339,7 +321,7 @@ int jansen_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 13; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_4[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_3[i]);
         force[i] = x1;
     }
 
@@ -350,12 +332,6 @@ int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(jansen_number_5[i]);
-        energy[i] = x1;
-    }
 
     {
         /* M.x; M.y; U.x; U.y; W.x; W.y; L.x; L.y; K.x; K.y; T.x; T.y; M.x U.x; M.y U.y; U.x W.x; U.y W.y; M.x L.x; M.y L.y; W.x K.x; W.y K.y; L.x K.x; L.y K.y; K.x T.x; K.y T.y; L.x T.x; L.y T.y; m; j; e; k; f; g; h; i; b; d; c */
@@ -372,24 +348,24 @@ int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dU_y = qd[3];
         const ncgen_real x6 = dU_y * dU_y;
         const ncgen_real dT_x = qd[10];
-        const ncgen_real x7 = dL_x - dT_x;
+        const ncgen_real x7 = dT_x - dL_x;
         const ncgen_real dT_y = qd[11];
         const ncgen_real x8 = dT_y - dL_y;
         const ncgen_real dK_x = qd[8];
-        const ncgen_real x9 = dK_x - dT_x;
+        const ncgen_real x9 = dT_x - dK_x;
         const ncgen_real dK_y = qd[9];
         const ncgen_real x10 = dT_y - dK_y;
-        const ncgen_real x11 = dL_x - dK_x;
+        const ncgen_real x11 = dK_x - dL_x;
         const ncgen_real x12 = dK_y - dL_y;
-        const ncgen_real x13 = dW_x - dK_x;
+        const ncgen_real x13 = dK_x - dW_x;
         const ncgen_real x14 = dK_y - dW_y;
         const ncgen_real dM_x = qd[0];
-        const ncgen_real x15 = dM_x - dL_x;
+        const ncgen_real x15 = dL_x - dM_x;
         const ncgen_real dM_y = qd[1];
         const ncgen_real x16 = dL_y - dM_y;
-        const ncgen_real x17 = dU_x - dW_x;
+        const ncgen_real x17 = dW_x - dU_x;
         const ncgen_real x18 = dW_y - dU_y;
-        const ncgen_real x19 = dM_x - dU_x;
+        const ncgen_real x19 = dU_x - dM_x;
         const ncgen_real x20 = dU_y - dM_y;
         const ncgen_real x21 = dM_x * dM_x;
         const ncgen_real x22 = dM_y * dM_y;
@@ -421,6 +397,190 @@ int jansen_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x40 = R(3.6125325) * U_y + (R(3.1122225) * M_y - R(0.231275655));
         const ncgen_real x41 = R(3.4776450000000003) * K_y + (R(4.5837225) * L_y + (R(3.3182325) * W_y + x40));
         energy[1] = R(2.8130175000000004) * T_y + x41;
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 215 operations, 2 of them elementary functions */
+int jansen_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[1], cosine[1];
+    (void)p;
+
+    ncgen_sincos(1, q + 12, sine, cosine);
+
+    {
+        /* row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15 */
+        const ncgen_real M_x = q[0];
+        const ncgen_real M_y = q[1];
+        const ncgen_real x1 = R(3.3333333333333335) * (M_x * M_x + M_y * M_y - R(0.0225));
+        constraints[0] = x1;
+        constraints[13] = R(6.666666666666667) * M_x;
+        constraints[14] = R(6.666666666666667) * M_y;
+        const ncgen_real dM_x = qd[0];
+        const ncgen_real dM_y = qd[1];
+        constraints[53] = -(R(6.666666666666667) * (dM_x * dM_x + dM_y * dM_y));
+        /* row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5 */
+        const ncgen_real U_x = q[2];
+        const ncgen_real x2 = M_x - U_x;
+        const ncgen_real U_y = q[3];
+        const ncgen_real x3 = M_y - U_y;
+        const ncgen_real x4 = R(1.0000000000000002) * (x2 * x2 + x3 * x3 - R(0.2499999999999999));
+        constraints[1] = x4;
+        const ncgen_real x5 = R(2.0000000000000004) * x2;
+        constraints[15] = x5;
+        const ncgen_real x6 = R(2.0000000000000004) * x3;
+        constraints[16] = x6;
+        constraints[17] = -x5;
+        constraints[18] = -x6;
+        const ncgen_real dU_x = qd[2];
+        const ncgen_real x7 = dM_x - dU_x;
+        const ncgen_real dU_y = qd[3];
+        const ncgen_real x8 = dM_y - dU_y;
+        constraints[54] = -(R(2.0000000000000004) * (x7 * x7 + x8 * x8));
+        /* row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415 */
+        const ncgen_real x9 = -R(0.38) - U_x;
+        const ncgen_real x10 = -R(0.078) - U_y;
+        const ncgen_real x11 = R(1.2048192771084338) * (x9 * x9 + x10 * x10 - R(0.172225));
+        constraints[2] = x11;
+        constraints[19] = -(R(2.4096385542168677) * x9);
+        constraints[20] = -(R(2.4096385542168677) * x10);
+        constraints[55] = -(R(2.4096385542168677) * (dU_x * dU_x + dU_y * dU_y));
+        /* row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558 */
+        const ncgen_real W_x = q[4];
+        const ncgen_real x12 = U_x - W_x;
+        const ncgen_real W_y = q[5];
+        const ncgen_real x13 = U_y - W_y;
+        const ncgen_real x14 = R(0.896057347670251) * (x12 * x12 + x13 * x13 - R(0.3113639999999999));
+        constraints[3] = x14;
+        const ncgen_real x15 = R(1.792114695340502) * x12;
+        constraints[21] = x15;
+        const ncgen_real x16 = R(1.792114695340502) * x13;
+        constraints[22] = x16;
+        constraints[23] = -x15;
+        constraints[24] = -x16;
+        const ncgen_real dW_x = qd[4];
+        const ncgen_real x17 = dU_x - dW_x;
+        const ncgen_real dW_y = qd[5];
+        const ncgen_real x18 = dU_y - dW_y;
+        constraints[56] = -(R(1.792114695340502) * (x17 * x17 + x18 * x18));
+        /* row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401 */
+        const ncgen_real x19 = -R(0.38) - W_x;
+        const ncgen_real x20 = -R(0.078) - W_y;
+        const ncgen_real x21 = R(1.2468827930174562) * (x19 * x19 + x20 * x20 - R(0.16080100000000003));
+        constraints[4] = x21;
+        constraints[25] = -(R(2.4937655860349124) * x19);
+        constraints[26] = -(R(2.4937655860349124) * x20);
+        constraints[57] = -(R(2.4937655860349124) * (dW_x * dW_x + dW_y * dW_y));
+        /* row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619 */
+        const ncgen_real L_x = q[6];
+        const ncgen_real x22 = M_x - L_x;
+        const ncgen_real L_y = q[7];
+        const ncgen_real x23 = M_y - L_y;
+        const ncgen_real x24 = R(0.8077544426494346) * (x22 * x22 + x23 * x23 - R(0.383161));
+        constraints[5] = x24;
+        const ncgen_real x25 = R(1.6155088852988693) * x22;
+        constraints[27] = x25;
+        const ncgen_real x26 = R(1.6155088852988693) * x23;
+        constraints[28] = x26;
+        constraints[29] = -x25;
+        constraints[30] = -x26;
+        const ncgen_real dL_x = qd[6];
+        const ncgen_real x27 = dM_x - dL_x;
+        const ncgen_real dL_y = qd[7];
+        const ncgen_real x28 = dM_y - dL_y;
+        constraints[58] = -(R(1.6155088852988693) * (x27 * x27 + x28 * x28));
+        /* row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393 */
+        const ncgen_real x29 = -R(0.38) - L_x;
+        const ncgen_real x30 = -R(0.078) - L_y;
+        const ncgen_real x31 = R(1.272264631043257) * (x29 * x29 + x30 * x30 - R(0.15444899999999998));
+        constraints[6] = x31;
+        constraints[31] = -(R(2.544529262086514) * x29);
+        constraints[32] = -(R(2.544529262086514) * x30);
+        constraints[59] = -(R(2.544529262086514) * (dL_x * dL_x + dL_y * dL_y));
+        /* row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394 */
+        const ncgen_real K_x = q[8];
+        const ncgen_real x32 = W_x - K_x;
+        const ncgen_real K_y = q[9];
+        const ncgen_real x33 = W_y - K_y;
+        const ncgen_real x34 = R(1.2690355329949239) * (x32 * x32 + x33 * x33 - R(0.15523599999999996));
+        constraints[7] = x34;
+        const ncgen_real x35 = R(2.5380710659898478) * x32;
+        constraints[33] = x35;
+        const ncgen_real x36 = R(2.5380710659898478) * x33;
+        constraints[34] = x36;
+        constraints[35] = -x35;
+        constraints[36] = -x36;
+        const ncgen_real dK_x = qd[8];
+        const ncgen_real x37 = dW_x - dK_x;
+        const ncgen_real dK_y = qd[9];
+        const ncgen_real x38 = dW_y - dK_y;
+        constraints[60] = -(R(2.5380710659898478) * (x37 * x37 + x38 * x38));
+        /* row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367 */
+        const ncgen_real x39 = L_x - K_x;
+        const ncgen_real x40 = L_y - K_y;
+        const ncgen_real x41 = R(1.3623978201634874) * (x39 * x39 + x40 * x40 - R(0.1346890000000001));
+        constraints[8] = x41;
+        const ncgen_real x42 = R(2.724795640326975) * x39;
+        constraints[37] = x42;
+        const ncgen_real x43 = R(2.724795640326975) * x40;
+        constraints[38] = x43;
+        constraints[39] = -x42;
+        constraints[40] = -x43;
+        const ncgen_real x44 = dL_x - dK_x;
+        const ncgen_real x45 = dL_y - dK_y;
+        constraints[61] = -(R(2.724795640326975) * (x44 * x44 + x45 * x45));
+        /* row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657 */
+        const ncgen_real T_x = q[10];
+        const ncgen_real x46 = K_x - T_x;
+        const ncgen_real T_y = q[11];
+        const ncgen_real x47 = K_y - T_y;
+        const ncgen_real x48 = R(0.76103500761035) * (x46 * x46 + x47 * x47 - R(0.43164900000000006));
+        constraints[9] = x48;
+        const ncgen_real x49 = R(1.5220700152207) * x46;
+        constraints[41] = x49;
+        const ncgen_real x50 = R(1.5220700152207) * x47;
+        constraints[42] = x50;
+        constraints[43] = -x49;
+        constraints[44] = -x50;
+        const ncgen_real dT_x = qd[10];
+        const ncgen_real x51 = dK_x - dT_x;
+        const ncgen_real dT_y = qd[11];
+        const ncgen_real x52 = dK_y - dT_y;
+        constraints[62] = -(R(1.5220700152207) * (x51 * x51 + x52 * x52));
+        /* row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49 */
+        const ncgen_real x53 = L_x - T_x;
+        const ncgen_real x54 = L_y - T_y;
+        const ncgen_real x55 = R(1.0204081632653061) * (x53 * x53 + x54 * x54 - R(0.24009999999999998));
+        constraints[10] = x55;
+        const ncgen_real x56 = R(2.0408163265306123) * x53;
+        constraints[45] = x56;
+        const ncgen_real x57 = R(2.0408163265306123) * x54;
+        constraints[46] = x57;
+        constraints[47] = -x56;
+        constraints[48] = -x57;
+        const ncgen_real x58 = dL_x - dT_x;
+        const ncgen_real x59 = dL_y - dT_y;
+        constraints[63] = -(R(2.0408163265306123) * (x58 * x58 + x59 * x59));
+        /* row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1 */
+        const ncgen_real psi = q[12];
+        const ncgen_real sin_psi = sine[0];
+        const ncgen_real cos_psi = cosine[0];
+        constraints[11] = R(6.666666666666667) * (M_x * sin_psi - M_y * cos_psi);
+        constraints[49] = R(6.666666666666667) * sin_psi;
+        constraints[50] = -(R(6.666666666666667) * cos_psi);
+        constraints[51] = R(6.666666666666667) * (M_y * sin_psi + M_x * cos_psi);
+        const ncgen_real dpsi = qd[12];
+        const ncgen_real x60 = dpsi * dpsi;
+        const ncgen_real x61 = R(2.0) * dpsi;
+        const ncgen_real x62 = sin_psi * (M_x * x60) - cos_psi * (dM_x * x61) - sin_psi * (dM_y * x61);
+        constraints[64] = R(6.666666666666667) * (x62 - cos_psi * (M_y * x60));
+        /* row 13: driver of psi (driver psi): psi - 6.28318530717959*t = 0 */
+        const ncgen_real t_ = t;
+        constraints[12] = psi - R(6.283185307179586) * t_;
+        constraints[52] = NCGEN_SPLAT(R(1.0));
+        constraints[65] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -490,7 +650,7 @@ const ncgen_model *jansen_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "jansen",
-        .fingerprint = "f017d1ebe902f39e",
+        .fingerprint = "5dfda575b5c8d573",
         .n_coordinates = 13,
         .n_rows = 13,
         .n_parameters = 0,
@@ -507,6 +667,7 @@ const ncgen_model *jansen_model(void)
         .mass = jansen_mass,
         .force = jansen_force,
         .energy = jansen_energy,
+        .constraints = jansen_constraints,
     };
     return &model;
 }

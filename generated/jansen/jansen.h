@@ -41,6 +41,7 @@ int jansen_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const 
 int jansen_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 40 numbers, 0 operations */
 int jansen_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 13 numbers, 0 operations */
 int jansen_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 150 operations */
+int jansen_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 66 numbers, 215 operations */
 
 #ifdef __cplusplus
 }

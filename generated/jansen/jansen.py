@@ -67,13 +67,9 @@ MASS_PATTERN = (
 )
 
 _number_1 = np.array([
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0
-])
-_number_2 = np.array([
     0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 6.283185307179586
 ])
-_number_3 = np.array([
+_number_2 = np.array([
     0.21149999999999997, 0.04166666666666666, 0.05158333333333334, 0.21149999999999997, 0.04166666666666666,
     0.05158333333333334, 0.04166666666666666, 0.24549999999999997, 0.046499999999999986, 0.04166666666666666,
     0.24549999999999997, 0.046499999999999986, 0.046499999999999986, 0.2255, 0.03283333333333333,
@@ -83,12 +79,9 @@ _number_3 = np.array([
     0.030583333333333344, 0.2363333333333333, 0.05475, 0.04083333333333333, 0.05475, 0.1911666666666667,
     0.04083333333333333, 0.05475, 0.1911666666666667
 ])
-_number_4 = np.array([
+_number_3 = np.array([
     0.0, -3.1122225, 0.0, -3.6125325, 0.0, -3.3182325, 0.0, -4.5837225, 0.0, -3.4776450000000003, 0.0,
     -2.8130175000000004, 0.0
-])
-_number_5 = np.array([
-    0.0, -0.231275655, 0.0
 ])
 
 
@@ -183,9 +176,6 @@ def phi_q(t, q, p):
     phi_q = _output(40, t, q, p)
     sine = np.sin(q[..., 12, None])
     cosine = np.cos(q[..., 12, None])
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:40] = x1
     # row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15
     M_x = q[..., 0]
     phi_q[..., 0] = 6.666666666666667 * M_x
@@ -265,6 +255,7 @@ def phi_q(t, q, p):
     cos_psi = cosine[..., 0]
     phi_q[..., 37] = -(6.666666666666667 * cos_psi)
     phi_q[..., 38] = 6.666666666666667 * (M_y * sin_psi + M_x * cos_psi)
+    phi_q[..., 39] = 1.0
     return phi_q
 
 
@@ -273,7 +264,7 @@ def nu(t, q, p):
     t = np.asarray(t)
     nu = _output(13, t, q, p)
     # constant part
-    x1 = _number_2
+    x1 = _number_1
     nu[..., 0:13] = x1
     return nu
 
@@ -284,8 +275,6 @@ def gamma(t, q, qd, p):
     gamma = _output(13, t, q, qd, p)
     sine = np.sin(q[..., 12, None])
     cosine = np.cos(q[..., 12, None])
-    # constant part
-    gamma[..., 0:13] = 0.0
     # row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15
     dM_x = qd[..., 0]
     dM_y = qd[..., 1]
@@ -344,6 +333,7 @@ def gamma(t, q, qd, p):
     x17 = sin_psi * (M_x * x15) - cos_psi * (dM_x * x16) - sin_psi * (dM_y * x16)
     M_y = q[..., 1]
     gamma[..., 11] = 6.666666666666667 * (x17 - cos_psi * (M_y * x15))
+    gamma[..., 12] = 0.0
     return gamma
 
 
@@ -352,7 +342,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(40, t, q, p)
     # constant part
-    x1 = _number_3
+    x1 = _number_2
     mass[..., 0:40] = x1
     return mass
 
@@ -362,7 +352,7 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(13, t, q, qd, p)
     # constant part
-    x1 = _number_4
+    x1 = _number_3
     force[..., 0:13] = x1
     return force
 
@@ -371,9 +361,6 @@ def energy(t, q, qd, p):
     """3 numbers, 150 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    x1 = _number_5
-    energy[..., 0:3] = x1
     # M.x; M.y; U.x; U.y; W.x; W.y; L.x; L.y; K.x; K.y; T.x; T.y; M.x U.x; M.y U.y; U.x W.x; U.y W.y; M.x L.x; M.y L.y; W.x K.x; W.y K.y; L.x K.x; L.y K.y; K.x T.x; K.y T.y; L.x T.x; L.y T.y; m; j; e; k; f; g; h; i; b; d; c
     dL_x = qd[..., 6]
     x1 = dL_x * dL_x
@@ -388,24 +375,24 @@ def energy(t, q, qd, p):
     dU_y = qd[..., 3]
     x6 = dU_y * dU_y
     dT_x = qd[..., 10]
-    x7 = dL_x - dT_x
+    x7 = dT_x - dL_x
     dT_y = qd[..., 11]
     x8 = dT_y - dL_y
     dK_x = qd[..., 8]
-    x9 = dK_x - dT_x
+    x9 = dT_x - dK_x
     dK_y = qd[..., 9]
     x10 = dT_y - dK_y
-    x11 = dL_x - dK_x
+    x11 = dK_x - dL_x
     x12 = dK_y - dL_y
-    x13 = dW_x - dK_x
+    x13 = dK_x - dW_x
     x14 = dK_y - dW_y
     dM_x = qd[..., 0]
-    x15 = dM_x - dL_x
+    x15 = dL_x - dM_x
     dM_y = qd[..., 1]
     x16 = dL_y - dM_y
-    x17 = dU_x - dW_x
+    x17 = dW_x - dU_x
     x18 = dW_y - dU_y
-    x19 = dM_x - dU_x
+    x19 = dU_x - dM_x
     x20 = dU_y - dM_y
     x21 = dM_x * dM_x
     x22 = dM_y * dM_y
@@ -437,4 +424,181 @@ def energy(t, q, qd, p):
     x40 = 3.3182325 * W_y + (3.6125325 * U_y + (3.1122225 * M_y - 0.231275655))
     x41 = 2.8130175000000004 * T_y + (3.4776450000000003 * K_y + (4.5837225 * L_y + x40))
     energy[..., 1] = x41
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """66 numbers, 215 operations."""
+    t = np.asarray(t)
+    constraints = _output(66, t, q, qd, p)
+    sine = np.sin(q[..., 12, None])
+    cosine = np.cos(q[..., 12, None])
+    # row 1: 1000 distance O-M (body m): |a|^2 - L^2 = 0 with a = O-M, L = 0.15
+    M_x = q[..., 0]
+    M_y = q[..., 1]
+    constraints[..., 0] = 3.3333333333333335 * (M_x * M_x + M_y * M_y - 0.0225)
+    constraints[..., 13] = 6.666666666666667 * M_x
+    constraints[..., 14] = 6.666666666666667 * M_y
+    dM_x = qd[..., 0]
+    dM_y = qd[..., 1]
+    constraints[..., 53] = -(6.666666666666667 * (dM_x * dM_x + dM_y * dM_y))
+    # row 2: 1000 distance M-U (body j): |a|^2 - L^2 = 0 with a = M-U, L = 0.5
+    U_x = q[..., 2]
+    x1 = M_x - U_x
+    U_y = q[..., 3]
+    x2 = M_y - U_y
+    x3 = 1.0000000000000002 * (x1 * x1 + x2 * x2 - 0.2499999999999999)
+    constraints[..., 1] = x3
+    x4 = 2.0000000000000004 * x1
+    constraints[..., 15] = x4
+    x5 = 2.0000000000000004 * x2
+    constraints[..., 16] = x5
+    constraints[..., 17] = -x4
+    constraints[..., 18] = -x5
+    dU_x = qd[..., 2]
+    x6 = dM_x - dU_x
+    dU_y = qd[..., 3]
+    x7 = dM_y - dU_y
+    constraints[..., 54] = -(2.0000000000000004 * (x6 * x6 + x7 * x7))
+    # row 3: 1000 distance P-U (body b): |a|^2 - L^2 = 0 with a = P-U, L = 0.415
+    x8 = -0.38 - U_x
+    x9 = -0.078 - U_y
+    constraints[..., 2] = 1.2048192771084338 * (x8 * x8 + x9 * x9 - 0.172225)
+    constraints[..., 19] = -(2.4096385542168677 * x8)
+    constraints[..., 20] = -(2.4096385542168677 * x9)
+    constraints[..., 55] = -(2.4096385542168677 * (dU_x * dU_x + dU_y * dU_y))
+    # row 4: 1000 distance U-W (body e): |a|^2 - L^2 = 0 with a = U-W, L = 0.558
+    W_x = q[..., 4]
+    x10 = U_x - W_x
+    W_y = q[..., 5]
+    x11 = U_y - W_y
+    x12 = 0.896057347670251 * (x10 * x10 + x11 * x11 - 0.3113639999999999)
+    constraints[..., 3] = x12
+    x13 = 1.792114695340502 * x10
+    constraints[..., 21] = x13
+    x14 = 1.792114695340502 * x11
+    constraints[..., 22] = x14
+    constraints[..., 23] = -x13
+    constraints[..., 24] = -x14
+    dW_x = qd[..., 4]
+    x15 = dU_x - dW_x
+    dW_y = qd[..., 5]
+    x16 = dU_y - dW_y
+    constraints[..., 56] = -(1.792114695340502 * (x15 * x15 + x16 * x16))
+    # row 5: 1000 distance P-W (body d): |a|^2 - L^2 = 0 with a = P-W, L = 0.401
+    x17 = -0.38 - W_x
+    x18 = -0.078 - W_y
+    x19 = 1.2468827930174562 * (x17 * x17 + x18 * x18 - 0.16080100000000003)
+    constraints[..., 4] = x19
+    constraints[..., 25] = -(2.4937655860349124 * x17)
+    constraints[..., 26] = -(2.4937655860349124 * x18)
+    constraints[..., 57] = -(2.4937655860349124 * (dW_x * dW_x + dW_y * dW_y))
+    # row 6: 1000 distance M-L (body k): |a|^2 - L^2 = 0 with a = M-L, L = 0.619
+    L_x = q[..., 6]
+    x20 = M_x - L_x
+    L_y = q[..., 7]
+    x21 = M_y - L_y
+    constraints[..., 5] = 0.8077544426494346 * (x20 * x20 + x21 * x21 - 0.383161)
+    x22 = 1.6155088852988693 * x20
+    constraints[..., 27] = x22
+    x23 = 1.6155088852988693 * x21
+    constraints[..., 28] = x23
+    constraints[..., 29] = -x22
+    constraints[..., 30] = -x23
+    dL_x = qd[..., 6]
+    x24 = dM_x - dL_x
+    dL_y = qd[..., 7]
+    x25 = dM_y - dL_y
+    constraints[..., 58] = -(1.6155088852988693 * (x24 * x24 + x25 * x25))
+    # row 7: 1000 distance P-L (body c): |a|^2 - L^2 = 0 with a = P-L, L = 0.393
+    x26 = -0.38 - L_x
+    x27 = -0.078 - L_y
+    x28 = 1.272264631043257 * (x26 * x26 + x27 * x27 - 0.15444899999999998)
+    constraints[..., 6] = x28
+    constraints[..., 31] = -(2.544529262086514 * x26)
+    constraints[..., 32] = -(2.544529262086514 * x27)
+    constraints[..., 59] = -(2.544529262086514 * (dL_x * dL_x + dL_y * dL_y))
+    # row 8: 1000 distance W-K (body f): |a|^2 - L^2 = 0 with a = W-K, L = 0.394
+    K_x = q[..., 8]
+    x29 = W_x - K_x
+    K_y = q[..., 9]
+    x30 = W_y - K_y
+    x31 = 1.2690355329949239 * (x29 * x29 + x30 * x30 - 0.15523599999999996)
+    constraints[..., 7] = x31
+    x32 = 2.5380710659898478 * x29
+    constraints[..., 33] = x32
+    x33 = 2.5380710659898478 * x30
+    constraints[..., 34] = x33
+    constraints[..., 35] = -x32
+    constraints[..., 36] = -x33
+    dK_x = qd[..., 8]
+    x34 = dW_x - dK_x
+    dK_y = qd[..., 9]
+    x35 = dW_y - dK_y
+    constraints[..., 60] = -(2.5380710659898478 * (x34 * x34 + x35 * x35))
+    # row 9: 1000 distance L-K (body g): |a|^2 - L^2 = 0 with a = L-K, L = 0.367
+    x36 = L_x - K_x
+    x37 = L_y - K_y
+    x38 = 1.3623978201634874 * (x36 * x36 + x37 * x37 - 0.1346890000000001)
+    constraints[..., 8] = x38
+    x39 = 2.724795640326975 * x36
+    constraints[..., 37] = x39
+    x40 = 2.724795640326975 * x37
+    constraints[..., 38] = x40
+    constraints[..., 39] = -x39
+    constraints[..., 40] = -x40
+    x41 = dL_x - dK_x
+    x42 = dL_y - dK_y
+    constraints[..., 61] = -(2.724795640326975 * (x41 * x41 + x42 * x42))
+    # row 10: 1000 distance K-T (body h): |a|^2 - L^2 = 0 with a = K-T, L = 0.657
+    T_x = q[..., 10]
+    x43 = K_x - T_x
+    T_y = q[..., 11]
+    x44 = K_y - T_y
+    x45 = 0.76103500761035 * (x43 * x43 + x44 * x44 - 0.43164900000000006)
+    constraints[..., 9] = x45
+    x46 = 1.5220700152207 * x43
+    constraints[..., 41] = x46
+    x47 = 1.5220700152207 * x44
+    constraints[..., 42] = x47
+    constraints[..., 43] = -x46
+    constraints[..., 44] = -x47
+    dT_x = qd[..., 10]
+    x48 = dK_x - dT_x
+    dT_y = qd[..., 11]
+    x49 = dK_y - dT_y
+    constraints[..., 62] = -(1.5220700152207 * (x48 * x48 + x49 * x49))
+    # row 11: 1000 distance L-T (body i): |a|^2 - L^2 = 0 with a = L-T, L = 0.49
+    x50 = L_x - T_x
+    x51 = L_y - T_y
+    x52 = 1.0204081632653061 * (x50 * x50 + x51 * x51 - 0.24009999999999998)
+    constraints[..., 10] = x52
+    x53 = 2.0408163265306123 * x50
+    constraints[..., 45] = x53
+    x54 = 2.0408163265306123 * x51
+    constraints[..., 46] = x54
+    constraints[..., 47] = -x53
+    constraints[..., 48] = -x54
+    x55 = dL_x - dT_x
+    x56 = dL_y - dT_y
+    constraints[..., 63] = -(2.0408163265306123 * (x55 * x55 + x56 * x56))
+    # row 12: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = M-O, n = z, psi = psi, ln = 1
+    psi = q[..., 12]
+    sin_psi = sine[..., 0]
+    cos_psi = cosine[..., 0]
+    constraints[..., 11] = 6.666666666666667 * (M_x * sin_psi - M_y * cos_psi)
+    constraints[..., 49] = 6.666666666666667 * sin_psi
+    constraints[..., 50] = -(6.666666666666667 * cos_psi)
+    constraints[..., 51] = 6.666666666666667 * (M_y * sin_psi + M_x * cos_psi)
+    dpsi = qd[..., 12]
+    x57 = dpsi * dpsi
+    x58 = 2.0 * dpsi
+    x59 = sin_psi * (M_x * x57) - cos_psi * (dM_x * x58) - sin_psi * (dM_y * x58)
+    constraints[..., 64] = 6.666666666666667 * (x59 - cos_psi * (M_y * x57))
+    # row 13: driver of psi (driver psi): psi - 6.28318530717959*t = 0
+    t_ = t
+    constraints[..., 12] = psi - 6.283185307179586 * t_
+    constraints[..., 52] = 1.0
+    constraints[..., 65] = 0.0
+    return constraints

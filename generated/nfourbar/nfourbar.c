@@ -73,15 +73,19 @@ int nfourbar_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real B2_y = q[5];
         phi_q[5] = B2_y;
         /* row 4: 1000 distance B0-B1 (body B0B1): |a|^2 - L^2 = 0 with a = B0-B1, L = 1 */
-        phi_q[6] = B0_x - B1_x;
-        phi_q[7] = B0_y - B1_y;
-        phi_q[8] = B1_x - B0_x;
-        phi_q[9] = B1_y - B0_y;
+        const ncgen_real x1 = B0_x - B1_x;
+        phi_q[6] = x1;
+        const ncgen_real x2 = B0_y - B1_y;
+        phi_q[7] = x2;
+        phi_q[8] = -x1;
+        phi_q[9] = -x2;
         /* row 5: 1000 distance B1-B2 (body B1B2): |a|^2 - L^2 = 0 with a = B1-B2, L = 1 */
-        phi_q[10] = B1_x - B2_x;
-        phi_q[11] = B1_y - B2_y;
-        phi_q[12] = B2_x - B1_x;
-        phi_q[13] = B2_y - B1_y;
+        const ncgen_real x3 = B1_x - B2_x;
+        phi_q[10] = x3;
+        const ncgen_real x4 = B1_y - B2_y;
+        phi_q[11] = x4;
+        phi_q[12] = -x3;
+        phi_q[13] = -x4;
     }
 
     return NCGEN_OK;
@@ -155,21 +159,16 @@ int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* B0.x; B0.y; B1.x; B1.y; B2.x; B2.y; B0.x B1.x; B0.y B1.y; B1.x B2.x; B1.y B2.y; A0B0; A1B1; A2B2; B0B1; B1B2 */
-        const ncgen_real dB1_x = qd[2];
         const ncgen_real dB2_x = qd[4];
-        const ncgen_real x1 = dB1_x - dB2_x;
+        const ncgen_real dB1_x = qd[2];
+        const ncgen_real x1 = dB2_x - dB1_x;
         const ncgen_real dB2_y = qd[5];
         const ncgen_real dB1_y = qd[3];
         const ncgen_real x2 = dB2_y - dB1_y;
         const ncgen_real dB0_x = qd[0];
-        const ncgen_real x3 = dB0_x - dB1_x;
+        const ncgen_real x3 = dB1_x - dB0_x;
         const ncgen_real dB0_y = qd[1];
         const ncgen_real x4 = dB1_y - dB0_y;
         const ncgen_real x5 = dB2_x * dB2_x;
@@ -190,6 +189,69 @@ int nfourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         const ncgen_real B0_y = q[1];
         const ncgen_real B1_y = q[3];
         energy[1] = R(9.81) * B2_y + (R(9.81) * B0_y + R(14.715) * B1_y);
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 61 operations */
+int nfourbar_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance A0-B0 (body A0B0): |a|^2 - L^2 = 0 with a = A0-B0, L = 1 */
+        const ncgen_real B0_x = q[0];
+        const ncgen_real B0_y = q[1];
+        constraints[0] = R(0.5) * (B0_x * B0_x + B0_y * B0_y - R(1.0));
+        constraints[5] = B0_x;
+        constraints[6] = B0_y;
+        const ncgen_real dB0_x = qd[0];
+        const ncgen_real dB0_y = qd[1];
+        constraints[19] = -(dB0_x * dB0_x + dB0_y * dB0_y);
+        /* row 2: 1000 distance A1-B1 (body A1B1): |a|^2 - L^2 = 0 with a = A1-B1, L = 1 */
+        const ncgen_real B1_x = q[2];
+        const ncgen_real x1 = R(1.0) - B1_x;
+        const ncgen_real B1_y = q[3];
+        constraints[1] = R(0.5) * (x1 * x1 + B1_y * B1_y - R(1.0));
+        constraints[7] = -x1;
+        constraints[8] = B1_y;
+        const ncgen_real dB1_x = qd[2];
+        const ncgen_real dB1_y = qd[3];
+        constraints[20] = -(dB1_x * dB1_x + dB1_y * dB1_y);
+        /* row 3: 1000 distance A2-B2 (body A2B2): |a|^2 - L^2 = 0 with a = A2-B2, L = 1 */
+        const ncgen_real B2_x = q[4];
+        const ncgen_real x2 = R(2.0) - B2_x;
+        const ncgen_real B2_y = q[5];
+        constraints[2] = R(0.5) * (x2 * x2 + B2_y * B2_y - R(1.0));
+        constraints[9] = -x2;
+        constraints[10] = B2_y;
+        const ncgen_real dB2_x = qd[4];
+        const ncgen_real dB2_y = qd[5];
+        constraints[21] = -(dB2_x * dB2_x + dB2_y * dB2_y);
+        /* row 4: 1000 distance B0-B1 (body B0B1): |a|^2 - L^2 = 0 with a = B0-B1, L = 1 */
+        const ncgen_real x3 = B0_x - B1_x;
+        const ncgen_real x4 = B0_y - B1_y;
+        constraints[3] = R(0.5) * (x3 * x3 + x4 * x4 - R(1.0));
+        constraints[11] = x3;
+        constraints[12] = x4;
+        constraints[13] = -x3;
+        constraints[14] = -x4;
+        const ncgen_real x5 = dB0_x - dB1_x;
+        const ncgen_real x6 = dB0_y - dB1_y;
+        constraints[22] = -(x5 * x5 + x6 * x6);
+        /* row 5: 1000 distance B1-B2 (body B1B2): |a|^2 - L^2 = 0 with a = B1-B2, L = 1 */
+        const ncgen_real x7 = B1_x - B2_x;
+        const ncgen_real x8 = B1_y - B2_y;
+        constraints[4] = R(0.5) * (x7 * x7 + x8 * x8 - R(1.0));
+        constraints[15] = x7;
+        constraints[16] = x8;
+        constraints[17] = -x7;
+        constraints[18] = -x8;
+        const ncgen_real x9 = dB1_x - dB2_x;
+        const ncgen_real x10 = dB1_y - dB2_y;
+        constraints[23] = -(x9 * x9 + x10 * x10);
     }
 
     return NCGEN_OK;
@@ -239,7 +301,7 @@ const ncgen_model *nfourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "nfourbar",
-        .fingerprint = "40c3d0d5cc5d5059",
+        .fingerprint = "5d98add668497783",
         .n_coordinates = 6,
         .n_rows = 5,
         .n_parameters = 0,
@@ -255,6 +317,7 @@ const ncgen_model *nfourbar_model(void)
         .mass = nfourbar_mass,
         .force = nfourbar_force,
         .energy = nfourbar_energy,
+        .constraints = nfourbar_constraints,
     };
     return &model;
 }

@@ -33,6 +33,7 @@ int nfourbar_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, cons
 int nfourbar_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 14 numbers, 0 operations */
 int nfourbar_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 6 numbers, 0 operations */
 int nfourbar_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 57 operations */
+int nfourbar_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 24 numbers, 61 operations */
 
 #ifdef __cplusplus
 }

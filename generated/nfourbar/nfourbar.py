@@ -112,15 +112,19 @@ def phi_q(t, q, p):
     B2_y = q[..., 5]
     phi_q[..., 5] = B2_y
     # row 4: 1000 distance B0-B1 (body B0B1): |a|^2 - L^2 = 0 with a = B0-B1, L = 1
-    phi_q[..., 6] = B0_x - B1_x
-    phi_q[..., 7] = B0_y - B1_y
-    phi_q[..., 8] = B1_x - B0_x
-    phi_q[..., 9] = B1_y - B0_y
+    x1 = B0_x - B1_x
+    phi_q[..., 6] = x1
+    x2 = B0_y - B1_y
+    phi_q[..., 7] = x2
+    phi_q[..., 8] = -x1
+    phi_q[..., 9] = -x2
     # row 5: 1000 distance B1-B2 (body B1B2): |a|^2 - L^2 = 0 with a = B1-B2, L = 1
-    phi_q[..., 10] = B1_x - B2_x
-    phi_q[..., 11] = B1_y - B2_y
-    phi_q[..., 12] = B2_x - B1_x
-    phi_q[..., 13] = B2_y - B1_y
+    x3 = B1_x - B2_x
+    phi_q[..., 10] = x3
+    x4 = B1_y - B2_y
+    phi_q[..., 11] = x4
+    phi_q[..., 12] = -x3
+    phi_q[..., 13] = -x4
     return phi_q
 
 
@@ -175,17 +179,15 @@ def energy(t, q, qd, p):
     """3 numbers, 57 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
     # B0.x; B0.y; B1.x; B1.y; B2.x; B2.y; B0.x B1.x; B0.y B1.y; B1.x B2.x; B1.y B2.y; A0B0; A1B1; A2B2; B0B1; B1B2
-    dB1_x = qd[..., 2]
     dB2_x = qd[..., 4]
-    x1 = dB1_x - dB2_x
+    dB1_x = qd[..., 2]
+    x1 = dB2_x - dB1_x
     dB2_y = qd[..., 5]
     dB1_y = qd[..., 3]
     x2 = dB2_y - dB1_y
     dB0_x = qd[..., 0]
-    x3 = dB0_x - dB1_x
+    x3 = dB1_x - dB0_x
     dB0_y = qd[..., 1]
     x4 = dB1_y - dB0_y
     x5 = dB2_x * dB2_x
@@ -206,4 +208,63 @@ def energy(t, q, qd, p):
     B0_y = q[..., 1]
     B1_y = q[..., 3]
     energy[..., 1] = 9.81 * B2_y + (9.81 * B0_y + 14.715 * B1_y)
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """24 numbers, 61 operations."""
+    t = np.asarray(t)
+    constraints = _output(24, t, q, qd, p)
+    # row 1: 1000 distance A0-B0 (body A0B0): |a|^2 - L^2 = 0 with a = A0-B0, L = 1
+    B0_x = q[..., 0]
+    B0_y = q[..., 1]
+    constraints[..., 0] = 0.5 * (B0_x * B0_x + B0_y * B0_y - 1.0)
+    constraints[..., 5] = B0_x
+    constraints[..., 6] = B0_y
+    dB0_x = qd[..., 0]
+    dB0_y = qd[..., 1]
+    constraints[..., 19] = -(dB0_x * dB0_x + dB0_y * dB0_y)
+    # row 2: 1000 distance A1-B1 (body A1B1): |a|^2 - L^2 = 0 with a = A1-B1, L = 1
+    B1_x = q[..., 2]
+    x1 = 1.0 - B1_x
+    B1_y = q[..., 3]
+    constraints[..., 1] = 0.5 * (x1 * x1 + B1_y * B1_y - 1.0)
+    constraints[..., 7] = -x1
+    constraints[..., 8] = B1_y
+    dB1_x = qd[..., 2]
+    dB1_y = qd[..., 3]
+    constraints[..., 20] = -(dB1_x * dB1_x + dB1_y * dB1_y)
+    # row 3: 1000 distance A2-B2 (body A2B2): |a|^2 - L^2 = 0 with a = A2-B2, L = 1
+    B2_x = q[..., 4]
+    x2 = 2.0 - B2_x
+    B2_y = q[..., 5]
+    constraints[..., 2] = 0.5 * (x2 * x2 + B2_y * B2_y - 1.0)
+    constraints[..., 9] = -x2
+    constraints[..., 10] = B2_y
+    dB2_x = qd[..., 4]
+    dB2_y = qd[..., 5]
+    constraints[..., 21] = -(dB2_x * dB2_x + dB2_y * dB2_y)
+    # row 4: 1000 distance B0-B1 (body B0B1): |a|^2 - L^2 = 0 with a = B0-B1, L = 1
+    x3 = B0_x - B1_x
+    x4 = B0_y - B1_y
+    constraints[..., 3] = 0.5 * (x3 * x3 + x4 * x4 - 1.0)
+    constraints[..., 11] = x3
+    constraints[..., 12] = x4
+    constraints[..., 13] = -x3
+    constraints[..., 14] = -x4
+    x5 = dB0_x - dB1_x
+    x6 = dB0_y - dB1_y
+    constraints[..., 22] = -(x5 * x5 + x6 * x6)
+    # row 5: 1000 distance B1-B2 (body B1B2): |a|^2 - L^2 = 0 with a = B1-B2, L = 1
+    x7 = B1_x - B2_x
+    x8 = B1_y - B2_y
+    constraints[..., 4] = 0.5 * (x7 * x7 + x8 * x8 - 1.0)
+    constraints[..., 15] = x7
+    constraints[..., 16] = x8
+    constraints[..., 17] = -x7
+    constraints[..., 18] = -x8
+    x9 = dB1_x - dB2_x
+    x10 = dB1_y - dB2_y
+    constraints[..., 23] = -(x9 * x9 + x10 * x10)
+    return constraints

@@ -94,6 +94,7 @@ typedef struct ncgen_model {
     ncgen_position_kernel *mass;   /* values of the mass matrix in mass_pattern */
     ncgen_velocity_kernel *force;  /* n_coordinates: applied and velocity-dependent forces */
     ncgen_velocity_kernel *energy; /* 3: kinetic and potential energy (J), power of other forces (W) */
+    ncgen_velocity_kernel *constraints; /* phi, then the values of phi_q, then gamma: quicker than one by one */
 } ncgen_model;
 
 /* Kernels that take accelerations qdd, and multipliers lam of the rows, too. */

@@ -6,17 +6,7 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar panels_number_1[90] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), -R(1.0), -R(1.0), R(1.0), R(1.0), R(1.0), -R(1.0), -R(1.0),
-    R(1.0), -R(2.0), -R(1.0), R(1.0), R(1.0), R(1.0), R(1.0), -R(2.0), -R(1.0), R(1.0), R(1.0),
-    -R(2.0), R(1.0), R(1.0), -R(1.0), R(1.0), -R(1.0), -R(2.0), R(1.0), R(1.0), R(1.0), R(1.0),
-    -R(1.0), -R(1.0), R(1.0), -R(1.0), R(1.0), -R(1.0), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(2.0), R(1.0), R(1.0), R(1.0), R(1.0), R(1.0)
-};
-static const ncgen_scalar panels_number_2[32] = {
+static const ncgen_scalar panels_number_1[32] = {
     R(833.3333333333333), -R(333.33333333333337), R(833.3333333333333), -R(333.33333333333337),
     -R(333.33333333333337), R(334.6666666666667), R(0.6666666666666667), -R(333.33333333333337),
     R(334.6666666666667), R(0.6666666666666667), R(0.6666666666666667), R(5.333333333333334),
@@ -25,7 +15,7 @@ static const ncgen_scalar panels_number_2[32] = {
 };
 
 
-/* phi: 119 operations, 8 of them elementary functions */
+/* phi: 109 operations, 8 of them elementary functions */
 int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[4], cosine[4];
@@ -48,88 +38,77 @@ int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi[1] = K1_x - A_x - x2;
         /* row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
         const ncgen_real K1_y = q[5];
-        const ncgen_real x3 = A_x - H_x;
-        phi[2] = K1_y - A_y - x3;
+        phi[2] = x1 + (K1_y - A_y);
         /* row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
         const ncgen_real K2_x = q[6];
-        const ncgen_real x4 = R(2.0) * H_x;
-        phi[3] = A_x + (K2_x - x4) - x2;
+        const ncgen_real x3 = R(2.0) * H_x;
+        phi[3] = A_x + (K2_x - x3) - x2;
         /* row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
         const ncgen_real K2_y = q[7];
-        const ncgen_real x5 = R(2.0) * H_y;
-        phi[4] = A_y + (K2_y - x5) - x3;
+        const ncgen_real x4 = R(2.0) * H_y;
+        phi[4] = x1 + (A_y + (K2_y - x4));
         /* row 6: combination K3.x (body hub): (e - c a x b).x = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1 */
         const ncgen_real K3_x = q[8];
-        const ncgen_real x6 = A_y - H_y;
-        phi[5] = A_x + (K3_x - x4) - x6;
+        phi[5] = x2 + (A_x + (K3_x - x3));
         /* row 7: combination K3.y (body hub): (e - c a x b).y = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1 */
         const ncgen_real K3_y = q[9];
-        phi[6] = A_y + (K3_y - x5) - x1;
+        phi[6] = A_y + (K3_y - x4) - x1;
         /* row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
         const ncgen_real K4_x = q[10];
-        phi[7] = K4_x - A_x - x6;
+        phi[7] = x2 + (K4_x - A_x);
         /* row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
         const ncgen_real K4_y = q[11];
         phi[8] = K4_y - A_y - x1;
         /* row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
         const ncgen_real P0_x = q[12];
-        const ncgen_real x7 = A_x - P0_x;
+        const ncgen_real x5 = A_x - P0_x;
         const ncgen_real P0_y = q[13];
-        const ncgen_real x8 = A_y - P0_y;
-        phi[9] = R(0.625) * (x7 * x7 + x8 * x8 - R(0.6400000000000001));
+        const ncgen_real x6 = A_y - P0_y;
+        phi[9] = R(0.625) * (x5 * x5 + x6 * x6 - R(0.6400000000000001));
         /* row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
         const ncgen_real P1_x = q[14];
-        const ncgen_real x9 = P0_x - P1_x;
+        const ncgen_real x7 = P0_x - P1_x;
         const ncgen_real P1_y = q[15];
-        const ncgen_real x10 = P0_y - P1_y;
-        const ncgen_real x11 = R(0.3125) * (x9 * x9 + x10 * x10 - R(2.5600000000000005));
-        phi[10] = x11;
+        const ncgen_real x8 = P0_y - P1_y;
+        phi[10] = R(0.3125) * (x7 * x7 + x8 * x8 - R(2.5600000000000005));
         /* row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
         const ncgen_real P2_x = q[16];
-        const ncgen_real x12 = P1_x - P2_x;
+        const ncgen_real x9 = P1_x - P2_x;
         const ncgen_real P2_y = q[17];
-        const ncgen_real x13 = P1_y - P2_y;
-        const ncgen_real x14 = R(0.3125) * (x12 * x12 + x13 * x13 - R(2.5600000000000005));
-        phi[11] = x14;
+        const ncgen_real x10 = P1_y - P2_y;
+        const ncgen_real x11 = R(0.3125) * (x9 * x9 + x10 * x10 - R(2.5600000000000005));
+        phi[11] = x11;
         /* row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
         const ncgen_real P3_x = q[18];
-        const ncgen_real x15 = P2_x - P3_x;
+        const ncgen_real x12 = P2_x - P3_x;
         const ncgen_real P3_y = q[19];
-        const ncgen_real x16 = P2_y - P3_y;
-        const ncgen_real x17 = R(0.3125) * (x15 * x15 + x16 * x16 - R(2.5600000000000005));
-        phi[12] = x17;
+        const ncgen_real x13 = P2_y - P3_y;
+        const ncgen_real x14 = R(0.3125) * (x12 * x12 + x13 * x13 - R(2.5600000000000005));
+        phi[12] = x14;
         /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
-        const ncgen_real x18 = P0_x - A_x;
-        const ncgen_real x19 = P0_y - A_y;
         const ncgen_real psi0 = q[20];
         const ncgen_real sin_psi0 = sine[0];
         const ncgen_real cos_psi0 = cosine[0];
-        const ncgen_real x20 = (x3 * x18 + x6 * x19) * sin_psi0 - (x3 * x19 - x6 * x18) * cos_psi0;
-        phi[13] = R(1.5624999999999998) * x20;
+        const ncgen_real x15 = (x1 * x5 + x2 * x6) * sin_psi0 - (x1 * x6 - x2 * x5) * cos_psi0;
+        phi[13] = R(1.5624999999999998) * x15;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-        const ncgen_real x21 = P1_x - P0_x;
-        const ncgen_real x22 = P1_y - P0_y;
         const ncgen_real psi1 = q[21];
         const ncgen_real sin_psi1 = sine[1];
         const ncgen_real cos_psi1 = cosine[1];
-        const ncgen_real x23 = (x18 * x21 + x19 * x22) * sin_psi1 - (x18 * x22 - x19 * x21) * cos_psi1;
-        phi[14] = R(0.7812499999999999) * x23;
+        const ncgen_real x16 = (x5 * x7 + x6 * x8) * sin_psi1 - (x5 * x8 - x6 * x7) * cos_psi1;
+        phi[14] = R(0.7812499999999999) * x16;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-        const ncgen_real x24 = P2_x - P1_x;
-        const ncgen_real x25 = P2_y - P1_y;
         const ncgen_real psi2 = q[22];
         const ncgen_real sin_psi2 = sine[2];
         const ncgen_real cos_psi2 = cosine[2];
-        const ncgen_real x26 = (x21 * x24 + x22 * x25) * sin_psi2 - (x21 * x25 - x22 * x24) * cos_psi2;
-        phi[15] = R(0.39062499999999994) * x26;
+        const ncgen_real x17 = (x7 * x9 + x8 * x10) * sin_psi2 - (x7 * x10 - x8 * x9) * cos_psi2;
+        phi[15] = R(0.39062499999999994) * x17;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-        const ncgen_real x27 = P3_x - P2_x;
-        const ncgen_real x28 = P3_y - P2_y;
         const ncgen_real psi3 = q[23];
         const ncgen_real sin_psi3 = sine[3];
         const ncgen_real cos_psi3 = cosine[3];
-        const ncgen_real x29 = (x24 * x27 + x25 * x28) * sin_psi3 - (x24 * x28 - x25 * x27) * cos_psi3;
-        phi[16] = R(0.39062499999999994) * x29;
+        const ncgen_real x18 = (x9 * x12 + x10 * x13) * sin_psi3 - (x9 * x13 - x10 * x12) * cos_psi3;
+        phi[16] = R(0.39062499999999994) * x18;
         /* row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0 */
         phi[17] = psi1 + R(2.0) * psi0;
         /* row 19: gear psi1, psi2 (joint gear psi1-psi2): psi1 + psi2 = 0 */
@@ -140,7 +119,7 @@ int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-/* phi_q: 168 operations, 8 of them elementary functions */
+/* phi_q: 162 operations, 8 of them elementary functions */
 int panels_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     ncgen_real sine[4], cosine[4];
@@ -149,143 +128,171 @@ int panels_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     ncgen_sincos(4, q + 20, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 90; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(panels_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
         const ncgen_real H_x = q[0];
         const ncgen_real A_x = q[2];
-        const ncgen_real x1 = R(1.25) * (H_x - A_x);
-        phi_q[0] = x1;
+        const ncgen_real x1 = H_x - A_x;
+        const ncgen_real x2 = R(1.25) * x1;
+        phi_q[0] = x2;
         const ncgen_real H_y = q[1];
         const ncgen_real A_y = q[3];
-        const ncgen_real x2 = H_y - A_y;
-        const ncgen_real x3 = R(1.25) * x2;
-        phi_q[1] = x3;
-        phi_q[2] = -x1;
-        phi_q[3] = -x3;
+        const ncgen_real x3 = H_y - A_y;
+        const ncgen_real x4 = R(1.25) * x3;
+        phi_q[1] = x4;
+        phi_q[2] = -x2;
+        phi_q[3] = -x4;
+        phi_q[4] = NCGEN_SPLAT(-R(1.0));
+        phi_q[5] = NCGEN_SPLAT(-R(1.0));
+        phi_q[6] = NCGEN_SPLAT(R(1.0));
+        phi_q[7] = NCGEN_SPLAT(R(1.0));
+        phi_q[8] = NCGEN_SPLAT(R(1.0));
+        phi_q[9] = NCGEN_SPLAT(-R(1.0));
+        phi_q[10] = NCGEN_SPLAT(-R(1.0));
+        phi_q[11] = NCGEN_SPLAT(R(1.0));
+        phi_q[12] = NCGEN_SPLAT(-R(2.0));
+        phi_q[13] = NCGEN_SPLAT(-R(1.0));
+        phi_q[14] = NCGEN_SPLAT(R(1.0));
+        phi_q[15] = NCGEN_SPLAT(R(1.0));
+        phi_q[16] = NCGEN_SPLAT(R(1.0));
+        phi_q[17] = NCGEN_SPLAT(R(1.0));
+        phi_q[18] = NCGEN_SPLAT(-R(2.0));
+        phi_q[19] = NCGEN_SPLAT(-R(1.0));
+        phi_q[20] = NCGEN_SPLAT(R(1.0));
+        phi_q[21] = NCGEN_SPLAT(R(1.0));
+        phi_q[22] = NCGEN_SPLAT(-R(2.0));
+        phi_q[23] = NCGEN_SPLAT(R(1.0));
+        phi_q[24] = NCGEN_SPLAT(R(1.0));
+        phi_q[25] = NCGEN_SPLAT(-R(1.0));
+        phi_q[26] = NCGEN_SPLAT(R(1.0));
+        phi_q[27] = NCGEN_SPLAT(-R(1.0));
+        phi_q[28] = NCGEN_SPLAT(-R(2.0));
+        phi_q[29] = NCGEN_SPLAT(R(1.0));
+        phi_q[30] = NCGEN_SPLAT(R(1.0));
+        phi_q[31] = NCGEN_SPLAT(R(1.0));
+        phi_q[32] = NCGEN_SPLAT(R(1.0));
+        phi_q[33] = NCGEN_SPLAT(-R(1.0));
+        phi_q[34] = NCGEN_SPLAT(-R(1.0));
+        phi_q[35] = NCGEN_SPLAT(R(1.0));
+        phi_q[36] = NCGEN_SPLAT(-R(1.0));
+        phi_q[37] = NCGEN_SPLAT(R(1.0));
+        phi_q[38] = NCGEN_SPLAT(-R(1.0));
+        phi_q[39] = NCGEN_SPLAT(R(1.0));
         /* row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
         const ncgen_real P0_x = q[12];
-        const ncgen_real x4 = A_x - P0_x;
-        const ncgen_real x5 = R(1.25) * x4;
-        phi_q[40] = x5;
+        const ncgen_real x5 = A_x - P0_x;
+        const ncgen_real x6 = R(1.25) * x5;
+        phi_q[40] = x6;
         const ncgen_real P0_y = q[13];
-        const ncgen_real x6 = A_y - P0_y;
-        const ncgen_real x7 = R(1.25) * x6;
-        phi_q[41] = x7;
-        phi_q[42] = -x5;
-        phi_q[43] = -x7;
+        const ncgen_real x7 = A_y - P0_y;
+        const ncgen_real x8 = R(1.25) * x7;
+        phi_q[41] = x8;
+        phi_q[42] = -x6;
+        phi_q[43] = -x8;
         /* row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
         const ncgen_real P1_x = q[14];
-        const ncgen_real x8 = P0_x - P1_x;
-        const ncgen_real x9 = R(0.625) * x8;
-        phi_q[44] = x9;
+        const ncgen_real x9 = P0_x - P1_x;
+        const ncgen_real x10 = R(0.625) * x9;
+        phi_q[44] = x10;
         const ncgen_real P1_y = q[15];
-        const ncgen_real x10 = P0_y - P1_y;
-        const ncgen_real x11 = R(0.625) * x10;
-        phi_q[45] = x11;
-        phi_q[46] = -x9;
-        phi_q[47] = -x11;
+        const ncgen_real x11 = P0_y - P1_y;
+        const ncgen_real x12 = R(0.625) * x11;
+        phi_q[45] = x12;
+        phi_q[46] = -x10;
+        phi_q[47] = -x12;
         /* row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
         const ncgen_real P2_x = q[16];
-        const ncgen_real x12 = P1_x - P2_x;
-        const ncgen_real x13 = R(0.625) * x12;
-        phi_q[48] = x13;
+        const ncgen_real x13 = P1_x - P2_x;
+        const ncgen_real x14 = R(0.625) * x13;
+        phi_q[48] = x14;
         const ncgen_real P2_y = q[17];
-        const ncgen_real x14 = P1_y - P2_y;
-        const ncgen_real x15 = R(0.625) * x14;
-        phi_q[49] = x15;
-        phi_q[50] = -x13;
-        phi_q[51] = -x15;
+        const ncgen_real x15 = P1_y - P2_y;
+        const ncgen_real x16 = R(0.625) * x15;
+        phi_q[49] = x16;
+        phi_q[50] = -x14;
+        phi_q[51] = -x16;
         /* row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
         const ncgen_real P3_x = q[18];
-        const ncgen_real x16 = P2_x - P3_x;
-        const ncgen_real x17 = R(0.625) * x16;
-        phi_q[52] = x17;
+        const ncgen_real x17 = P2_x - P3_x;
+        const ncgen_real x18 = R(0.625) * x17;
+        phi_q[52] = x18;
         const ncgen_real P3_y = q[19];
-        const ncgen_real x18 = R(0.625) * (P2_y - P3_y);
-        phi_q[53] = x18;
-        phi_q[54] = -x17;
-        phi_q[55] = -x18;
+        const ncgen_real x19 = P2_y - P3_y;
+        const ncgen_real x20 = R(0.625) * x19;
+        phi_q[53] = x20;
+        phi_q[54] = -x18;
+        phi_q[55] = -x20;
         /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
-        const ncgen_real x19 = P0_x - A_x;
-        const ncgen_real sin_psi0 = sine[0];
-        const ncgen_real x20 = P0_y - A_y;
         const ncgen_real cos_psi0 = cosine[0];
-        const ncgen_real x21 = R(1.5624999999999998) * (x19 * sin_psi0 - x20 * cos_psi0);
+        const ncgen_real sin_psi0 = sine[0];
+        const ncgen_real x21 = R(1.5624999999999998) * (x7 * cos_psi0 - x5 * sin_psi0);
         phi_q[56] = -x21;
-        const ncgen_real x22 = R(1.5624999999999998) * (x20 * sin_psi0 - x4 * cos_psi0);
-        phi_q[57] = -x22;
-        const ncgen_real x23 = A_x - H_x;
-        const ncgen_real x24 = R(1.5624999999999998) * (sin_psi0 * x23 - x2 * cos_psi0);
-        phi_q[58] = x21 - x24;
-        const ncgen_real x25 = A_y - H_y;
-        const ncgen_real x26 = R(1.5624999999999998) * (sin_psi0 * x25 - cos_psi0 * x23);
-        phi_q[59] = x22 - x26;
-        phi_q[60] = x24;
-        phi_q[61] = x26;
-        const ncgen_real x27 = cos_psi0 * (x19 * x23 + x20 * x25) + sin_psi0 * (x20 * x23 - x19 * x25);
-        phi_q[62] = R(1.5624999999999998) * x27;
+        const ncgen_real x22 = R(1.5624999999999998) * (x7 * sin_psi0 + x5 * cos_psi0);
+        phi_q[57] = x22;
+        const ncgen_real x23 = R(1.5624999999999998) * (x1 * sin_psi0 + x3 * cos_psi0);
+        phi_q[58] = x21 + x23;
+        const ncgen_real x24 = R(1.5624999999999998) * (x1 * cos_psi0 - x3 * sin_psi0);
+        phi_q[59] = -(x22 + x24);
+        phi_q[60] = -x23;
+        phi_q[61] = x24;
+        const ncgen_real x25 = cos_psi0 * (x1 * x5 + x3 * x7) + sin_psi0 * (x1 * x7 - x3 * x5);
+        phi_q[62] = R(1.5624999999999998) * x25;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
-        const ncgen_real x28 = P1_x - P0_x;
-        const ncgen_real sin_psi1 = sine[1];
-        const ncgen_real x29 = P1_y - P0_y;
         const ncgen_real cos_psi1 = cosine[1];
-        const ncgen_real x30 = R(0.7812499999999999) * (x28 * sin_psi1 - x29 * cos_psi1);
-        phi_q[63] = -x30;
-        const ncgen_real x31 = R(0.7812499999999999) * (x29 * sin_psi1 - x8 * cos_psi1);
-        phi_q[64] = -x31;
-        const ncgen_real x32 = R(0.7812499999999999) * (x19 * sin_psi1 - x6 * cos_psi1);
-        phi_q[65] = x30 - x32;
-        const ncgen_real x33 = R(0.7812499999999999) * (x20 * sin_psi1 - x19 * cos_psi1);
-        phi_q[66] = x31 - x33;
-        phi_q[67] = x32;
-        phi_q[68] = x33;
-        const ncgen_real x34 = cos_psi1 * (x19 * x28 + x20 * x29) + sin_psi1 * (x19 * x29 - x20 * x28);
-        phi_q[69] = R(0.7812499999999999) * x34;
+        const ncgen_real sin_psi1 = sine[1];
+        const ncgen_real x26 = R(0.7812499999999999) * (x11 * cos_psi1 - x9 * sin_psi1);
+        phi_q[63] = -x26;
+        const ncgen_real x27 = R(0.7812499999999999) * (x11 * sin_psi1 + x9 * cos_psi1);
+        phi_q[64] = x27;
+        const ncgen_real x28 = R(0.7812499999999999) * (x5 * sin_psi1 + x7 * cos_psi1);
+        phi_q[65] = x26 + x28;
+        const ncgen_real x29 = R(0.7812499999999999) * (x5 * cos_psi1 - x7 * sin_psi1);
+        phi_q[66] = -(x27 + x29);
+        phi_q[67] = -x28;
+        phi_q[68] = x29;
+        const ncgen_real x30 = cos_psi1 * (x5 * x9 + x7 * x11) + sin_psi1 * (x5 * x11 - x7 * x9);
+        phi_q[69] = R(0.7812499999999999) * x30;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
-        const ncgen_real x35 = P2_x - P1_x;
-        const ncgen_real sin_psi2 = sine[2];
-        const ncgen_real x36 = P2_y - P1_y;
         const ncgen_real cos_psi2 = cosine[2];
-        const ncgen_real x37 = R(0.39062499999999994) * (x35 * sin_psi2 - x36 * cos_psi2);
-        phi_q[70] = -x37;
-        const ncgen_real x38 = R(0.39062499999999994) * (x36 * sin_psi2 - x12 * cos_psi2);
-        phi_q[71] = -x38;
-        const ncgen_real x39 = R(0.39062499999999994) * (x28 * sin_psi2 - x10 * cos_psi2);
-        phi_q[72] = x37 - x39;
-        const ncgen_real x40 = R(0.39062499999999994) * (x29 * sin_psi2 - x28 * cos_psi2);
-        phi_q[73] = x38 - x40;
-        phi_q[74] = x39;
-        phi_q[75] = x40;
-        const ncgen_real x41 = cos_psi2 * (x28 * x35 + x29 * x36) + sin_psi2 * (x28 * x36 - x29 * x35);
-        phi_q[76] = R(0.39062499999999994) * x41;
+        const ncgen_real sin_psi2 = sine[2];
+        const ncgen_real x31 = R(0.39062499999999994) * (x15 * cos_psi2 - x13 * sin_psi2);
+        phi_q[70] = -x31;
+        const ncgen_real x32 = R(0.39062499999999994) * (x15 * sin_psi2 + x13 * cos_psi2);
+        phi_q[71] = x32;
+        const ncgen_real x33 = R(0.39062499999999994) * (x9 * sin_psi2 + x11 * cos_psi2);
+        phi_q[72] = x31 + x33;
+        const ncgen_real x34 = R(0.39062499999999994) * (x9 * cos_psi2 - x11 * sin_psi2);
+        phi_q[73] = -(x32 + x34);
+        phi_q[74] = -x33;
+        phi_q[75] = x34;
+        const ncgen_real x35 = cos_psi2 * (x9 * x13 + x11 * x15) + sin_psi2 * (x9 * x15 - x11 * x13);
+        phi_q[76] = R(0.39062499999999994) * x35;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
-        const ncgen_real x42 = P3_x - P2_x;
-        const ncgen_real sin_psi3 = sine[3];
-        const ncgen_real x43 = P3_y - P2_y;
         const ncgen_real cos_psi3 = cosine[3];
-        const ncgen_real x44 = R(0.39062499999999994) * (x42 * sin_psi3 - x43 * cos_psi3);
-        phi_q[77] = -x44;
-        const ncgen_real x45 = R(0.39062499999999994) * (x43 * sin_psi3 - x16 * cos_psi3);
-        phi_q[78] = -x45;
-        const ncgen_real x46 = R(0.39062499999999994) * (x35 * sin_psi3 - x14 * cos_psi3);
-        phi_q[79] = x44 - x46;
-        const ncgen_real x47 = R(0.39062499999999994) * (x36 * sin_psi3 - x35 * cos_psi3);
-        phi_q[80] = x45 - x47;
-        phi_q[81] = x46;
-        phi_q[82] = x47;
-        const ncgen_real x48 = cos_psi3 * (x35 * x42 + x36 * x43) + sin_psi3 * (x35 * x43 - x36 * x42);
-        phi_q[83] = R(0.39062499999999994) * x48;
+        const ncgen_real sin_psi3 = sine[3];
+        const ncgen_real x36 = R(0.39062499999999994) * (x19 * cos_psi3 - x17 * sin_psi3);
+        phi_q[77] = -x36;
+        const ncgen_real x37 = R(0.39062499999999994) * (x19 * sin_psi3 + x17 * cos_psi3);
+        phi_q[78] = x37;
+        const ncgen_real x38 = R(0.39062499999999994) * (x13 * sin_psi3 + x15 * cos_psi3);
+        phi_q[79] = x36 + x38;
+        const ncgen_real x39 = R(0.39062499999999994) * (x13 * cos_psi3 - x15 * sin_psi3);
+        phi_q[80] = -(x37 + x39);
+        phi_q[81] = -x38;
+        phi_q[82] = x39;
+        const ncgen_real x40 = cos_psi3 * (x13 * x17 + x15 * x19) + sin_psi3 * (x13 * x19 - x15 * x17);
+        phi_q[83] = R(0.39062499999999994) * x40;
+        phi_q[84] = NCGEN_SPLAT(R(2.0));
+        phi_q[85] = NCGEN_SPLAT(R(1.0));
+        phi_q[86] = NCGEN_SPLAT(R(1.0));
+        phi_q[87] = NCGEN_SPLAT(R(1.0));
+        phi_q[88] = NCGEN_SPLAT(R(1.0));
+        phi_q[89] = NCGEN_SPLAT(R(1.0));
     }
 
     return NCGEN_OK;
 }
-/* gamma: 247 operations, 8 of them elementary functions */
+/* gamma: 237 operations, 8 of them elementary functions */
 int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[4], cosine[4];
@@ -293,11 +300,6 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     (void)p;
 
     ncgen_sincos(4, q + 20, sine, cosine);
-
-    /* constant part */
-    for (int i = 0; i < 20; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
@@ -308,6 +310,14 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real dA_y = qd[3];
         const ncgen_real x2 = dH_y - dA_y;
         gamma[0] = -(R(1.25) * (x1 * x1 + x2 * x2));
+        gamma[1] = NCGEN_SPLAT(R(0.0));
+        gamma[2] = NCGEN_SPLAT(R(0.0));
+        gamma[3] = NCGEN_SPLAT(R(0.0));
+        gamma[4] = NCGEN_SPLAT(R(0.0));
+        gamma[5] = NCGEN_SPLAT(R(0.0));
+        gamma[6] = NCGEN_SPLAT(R(0.0));
+        gamma[7] = NCGEN_SPLAT(R(0.0));
+        gamma[8] = NCGEN_SPLAT(R(0.0));
         /* row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
         const ncgen_real dP0_x = qd[12];
         const ncgen_real x3 = dA_x - dP0_x;
@@ -334,84 +344,77 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         gamma[12] = -(R(0.625) * (x9 * x9 + x10 * x10));
         /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
         const ncgen_real cos_psi0 = cosine[0];
-        const ncgen_real x11 = dA_x - dH_x;
-        const ncgen_real x12 = dP0_y - dA_y;
-        const ncgen_real x13 = dA_y - dH_y;
-        const ncgen_real x14 = dP0_x - dA_x;
         const ncgen_real sin_psi0 = sine[0];
         const ncgen_real A_x = q[2];
         const ncgen_real H_x = q[0];
-        const ncgen_real x15 = A_x - H_x;
+        const ncgen_real x11 = A_x - H_x;
         const ncgen_real P0_x = q[12];
-        const ncgen_real x16 = P0_x - A_x;
+        const ncgen_real x12 = P0_x - A_x;
         const ncgen_real A_y = q[3];
         const ncgen_real H_y = q[1];
-        const ncgen_real x17 = A_y - H_y;
+        const ncgen_real x13 = A_y - H_y;
         const ncgen_real P0_y = q[13];
-        const ncgen_real x18 = P0_y - A_y;
+        const ncgen_real x14 = P0_y - A_y;
         const ncgen_real dpsi0 = qd[20];
-        const ncgen_real x19 = dpsi0 * dpsi0;
-        const ncgen_real x20 = cos_psi0 * (R(2.0) * (x11 * x12 - x13 * x14)) + sin_psi0 * ((x15 * x16 + x17 * x18) * x19);
-        const ncgen_real x21 = R(2.0) * dpsi0;
-        const ncgen_real x22 = cos_psi0 * (x21 * (x15 * x14 + x17 * x12 + x16 * x11 + x18 * x13));
-        const ncgen_real x23 = x20 - sin_psi0 * (R(2.0) * (x11 * x14 + x13 * x12)) - x22;
-        const ncgen_real x24 = sin_psi0 * ((x15 * x12 + x18 * x11 - x17 * x14 - x16 * x13) * x21);
-        const ncgen_real x25 = R(1.5624999999999998) * (x23 - x24 - cos_psi0 * ((x15 * x18 - x17 * x16) * x19));
-        gamma[13] = x25;
+        const ncgen_real x15 = dpsi0 * dpsi0;
+        const ncgen_real x16 = cos_psi0 * (R(2.0) * (x1 * x4 - x2 * x3)) + sin_psi0 * ((x11 * x12 + x13 * x14) * x15);
+        const ncgen_real x17 = R(2.0) * dpsi0;
+        const ncgen_real x18 = cos_psi0 * (x17 * (x3 * x11 + x4 * x13 + x1 * x12 + x2 * x14));
+        const ncgen_real x19 = sin_psi0 * ((x3 * x13 - (x4 * x11 + x1 * x14) + x2 * x12) * x17);
+        const ncgen_real x20 = x16 - sin_psi0 * (R(2.0) * (x1 * x3 + x2 * x4)) + x18 - x19;
+        const ncgen_real x21 = R(1.5624999999999998) * (x20 - cos_psi0 * ((x11 * x14 - x13 * x12) * x15));
+        gamma[13] = x21;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
         const ncgen_real cos_psi1 = cosine[1];
-        const ncgen_real x26 = dP1_y - dP0_y;
-        const ncgen_real x27 = dP1_x - dP0_x;
         const ncgen_real sin_psi1 = sine[1];
         const ncgen_real P1_x = q[14];
-        const ncgen_real x28 = P1_x - P0_x;
+        const ncgen_real x22 = P1_x - P0_x;
         const ncgen_real P1_y = q[15];
-        const ncgen_real x29 = P1_y - P0_y;
+        const ncgen_real x23 = P1_y - P0_y;
         const ncgen_real dpsi1 = qd[21];
-        const ncgen_real x30 = dpsi1 * dpsi1;
-        const ncgen_real x31 = cos_psi1 * (R(2.0) * (x14 * x26 - x12 * x27)) + sin_psi1 * ((x16 * x28 + x18 * x29) * x30);
-        const ncgen_real x32 = R(2.0) * dpsi1;
-        const ncgen_real x33 = cos_psi1 * (x32 * (x16 * x27 + x18 * x26 + x14 * x28 + x12 * x29));
-        const ncgen_real x34 = x31 - sin_psi1 * (R(2.0) * (x14 * x27 + x12 * x26)) - x33;
-        const ncgen_real x35 = sin_psi1 * ((x16 * x26 + x14 * x29 - x18 * x27 - x12 * x28) * x32);
-        const ncgen_real x36 = R(0.7812499999999999) * (x34 - x35 - cos_psi1 * ((x16 * x29 - x18 * x28) * x30));
-        gamma[14] = x36;
+        const ncgen_real x24 = dpsi1 * dpsi1;
+        const ncgen_real x25 = cos_psi1 * (R(2.0) * (x3 * x6 - x4 * x5)) + sin_psi1 * ((x12 * x22 + x14 * x23) * x24);
+        const ncgen_real x26 = R(2.0) * dpsi1;
+        const ncgen_real x27 = cos_psi1 * (x26 * (x5 * x12 + x6 * x14 + x3 * x22 + x4 * x23));
+        const ncgen_real x28 = sin_psi1 * ((x5 * x14 - (x6 * x12 + x3 * x23) + x4 * x22) * x26);
+        const ncgen_real x29 = x25 - sin_psi1 * (R(2.0) * (x3 * x5 + x4 * x6)) + x27 - x28;
+        const ncgen_real x30 = R(0.7812499999999999) * (x29 - cos_psi1 * ((x12 * x23 - x14 * x22) * x24));
+        gamma[14] = x30;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
         const ncgen_real cos_psi2 = cosine[2];
-        const ncgen_real x37 = dP2_y - dP1_y;
-        const ncgen_real x38 = dP2_x - dP1_x;
         const ncgen_real sin_psi2 = sine[2];
         const ncgen_real P2_x = q[16];
-        const ncgen_real x39 = P2_x - P1_x;
+        const ncgen_real x31 = P2_x - P1_x;
         const ncgen_real P2_y = q[17];
-        const ncgen_real x40 = P2_y - P1_y;
+        const ncgen_real x32 = P2_y - P1_y;
         const ncgen_real dpsi2 = qd[22];
-        const ncgen_real x41 = dpsi2 * dpsi2;
-        const ncgen_real x42 = cos_psi2 * (R(2.0) * (x27 * x37 - x26 * x38)) + sin_psi2 * ((x28 * x39 + x29 * x40) * x41);
-        const ncgen_real x43 = R(2.0) * dpsi2;
-        const ncgen_real x44 = cos_psi2 * (x43 * (x28 * x38 + x29 * x37 + x27 * x39 + x26 * x40));
-        const ncgen_real x45 = x42 - sin_psi2 * (R(2.0) * (x27 * x38 + x26 * x37)) - x44;
-        const ncgen_real x46 = sin_psi2 * ((x28 * x37 + x27 * x40 - x29 * x38 - x26 * x39) * x43);
-        const ncgen_real x47 = R(0.39062499999999994) * (x45 - x46 - cos_psi2 * ((x28 * x40 - x29 * x39) * x41));
-        gamma[15] = x47;
+        const ncgen_real x33 = dpsi2 * dpsi2;
+        const ncgen_real x34 = cos_psi2 * (R(2.0) * (x5 * x8 - x6 * x7)) + sin_psi2 * ((x22 * x31 + x23 * x32) * x33);
+        const ncgen_real x35 = R(2.0) * dpsi2;
+        const ncgen_real x36 = cos_psi2 * (x35 * (x7 * x22 + x8 * x23 + x5 * x31 + x6 * x32));
+        const ncgen_real x37 = sin_psi2 * ((x7 * x23 - (x8 * x22 + x5 * x32) + x6 * x31) * x35);
+        const ncgen_real x38 = x34 - sin_psi2 * (R(2.0) * (x5 * x7 + x6 * x8)) + x36 - x37;
+        const ncgen_real x39 = R(0.39062499999999994) * (x38 - cos_psi2 * ((x22 * x32 - x23 * x31) * x33));
+        gamma[15] = x39;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
         const ncgen_real cos_psi3 = cosine[3];
-        const ncgen_real x48 = dP3_y - dP2_y;
-        const ncgen_real x49 = dP3_x - dP2_x;
         const ncgen_real sin_psi3 = sine[3];
         const ncgen_real P3_x = q[18];
-        const ncgen_real x50 = P3_x - P2_x;
+        const ncgen_real x40 = P3_x - P2_x;
         const ncgen_real P3_y = q[19];
-        const ncgen_real x51 = P3_y - P2_y;
+        const ncgen_real x41 = P3_y - P2_y;
         const ncgen_real dpsi3 = qd[23];
-        const ncgen_real x52 = dpsi3 * dpsi3;
-        const ncgen_real x53 = cos_psi3 * (R(2.0) * (x38 * x48 - x37 * x49)) + sin_psi3 * ((x39 * x50 + x40 * x51) * x52);
-        const ncgen_real x54 = R(2.0) * dpsi3;
-        const ncgen_real x55 = cos_psi3 * (x54 * (x39 * x49 + x40 * x48 + x38 * x50 + x37 * x51));
-        const ncgen_real x56 = x53 - sin_psi3 * (R(2.0) * (x38 * x49 + x37 * x48)) - x55;
-        const ncgen_real x57 = sin_psi3 * ((x39 * x48 + x38 * x51 - x40 * x49 - x37 * x50) * x54);
-        const ncgen_real x58 = R(0.39062499999999994) * (x56 - x57 - cos_psi3 * ((x39 * x51 - x40 * x50) * x52));
-        gamma[16] = x58;
+        const ncgen_real x42 = dpsi3 * dpsi3;
+        const ncgen_real x43 = cos_psi3 * (R(2.0) * (x7 * x10 - x8 * x9)) + sin_psi3 * ((x31 * x40 + x32 * x41) * x42);
+        const ncgen_real x44 = R(2.0) * dpsi3;
+        const ncgen_real x45 = cos_psi3 * (x44 * (x9 * x31 + x10 * x32 + x7 * x40 + x8 * x41));
+        const ncgen_real x46 = sin_psi3 * ((x9 * x32 - (x10 * x31 + x7 * x41) + x8 * x40) * x44);
+        const ncgen_real x47 = x43 - sin_psi3 * (R(2.0) * (x7 * x9 + x8 * x10)) + x45 - x46;
+        const ncgen_real x48 = R(0.39062499999999994) * (x47 - cos_psi3 * ((x31 * x41 - x32 * x40) * x42));
+        gamma[16] = x48;
+        gamma[17] = NCGEN_SPLAT(R(0.0));
+        gamma[18] = NCGEN_SPLAT(R(0.0));
+        gamma[19] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -425,7 +428,7 @@ int panels_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     /* constant part */
     for (int i = 0; i < 32; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(panels_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(panels_number_1[i]);
         mass[i] = x1;
     }
 
@@ -437,12 +440,27 @@ int panels_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 24; ++i) {
-        force[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
+        force[0] = NCGEN_SPLAT(R(0.0));
+        force[1] = NCGEN_SPLAT(R(0.0));
+        force[2] = NCGEN_SPLAT(R(0.0));
+        force[3] = NCGEN_SPLAT(R(0.0));
+        force[4] = NCGEN_SPLAT(R(0.0));
+        force[5] = NCGEN_SPLAT(R(0.0));
+        force[6] = NCGEN_SPLAT(R(0.0));
+        force[7] = NCGEN_SPLAT(R(0.0));
+        force[8] = NCGEN_SPLAT(R(0.0));
+        force[9] = NCGEN_SPLAT(R(0.0));
+        force[10] = NCGEN_SPLAT(R(0.0));
+        force[11] = NCGEN_SPLAT(R(0.0));
+        force[12] = NCGEN_SPLAT(R(0.0));
+        force[13] = NCGEN_SPLAT(R(0.0));
+        force[14] = NCGEN_SPLAT(R(0.0));
+        force[15] = NCGEN_SPLAT(R(0.0));
+        force[16] = NCGEN_SPLAT(R(0.0));
+        force[17] = NCGEN_SPLAT(R(0.0));
+        force[18] = NCGEN_SPLAT(R(0.0));
+        force[19] = NCGEN_SPLAT(R(0.0));
         /* spring of psi0 */
         const ncgen_real dpsi0 = qd[20];
         const ncgen_real psi0 = q[20];
@@ -471,26 +489,26 @@ int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     {
         /* H.x; H.y; A.x; A.y; P0.x; P0.y; P1.x; P1.y; P2.x; P2.y; P3.x; P3.y; H.x A.x; H.y A.y; A.x P0.x; A.y P0.y; P0.x P1.x; P0.y P1.y; P1.x P2.x; P1.y P2.y; P2.x P3.x; P2.y P3.y; hub; yoke; panel1; panel2; panel3 */
-        const ncgen_real dP2_x = qd[16];
         const ncgen_real dP3_x = qd[18];
-        const ncgen_real x1 = dP2_x - dP3_x;
+        const ncgen_real dP2_x = qd[16];
+        const ncgen_real x1 = dP3_x - dP2_x;
         const ncgen_real dP3_y = qd[19];
         const ncgen_real dP2_y = qd[17];
         const ncgen_real x2 = dP3_y - dP2_y;
         const ncgen_real dP1_x = qd[14];
-        const ncgen_real x3 = dP1_x - dP2_x;
+        const ncgen_real x3 = dP2_x - dP1_x;
         const ncgen_real dP1_y = qd[15];
         const ncgen_real x4 = dP2_y - dP1_y;
         const ncgen_real dP0_x = qd[12];
-        const ncgen_real x5 = dP0_x - dP1_x;
+        const ncgen_real x5 = dP1_x - dP0_x;
         const ncgen_real dP0_y = qd[13];
         const ncgen_real x6 = dP1_y - dP0_y;
         const ncgen_real dA_x = qd[2];
-        const ncgen_real x7 = dA_x - dP0_x;
+        const ncgen_real x7 = dP0_x - dA_x;
         const ncgen_real dA_y = qd[3];
         const ncgen_real x8 = dP0_y - dA_y;
         const ncgen_real dH_x = qd[0];
-        const ncgen_real x9 = dH_x - dA_x;
+        const ncgen_real x9 = dA_x - dH_x;
         const ncgen_real dH_y = qd[1];
         const ncgen_real x10 = dA_y - dH_y;
         const ncgen_real x11 = R(333.3333333333333) * (dH_x * dH_x) + R(333.3333333333333) * (dH_y * dH_y);
@@ -520,6 +538,312 @@ int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dpsi1 = qd[21];
         const ncgen_real x25 = R(4.0) * (dpsi2 * dpsi2) + (R(4.0) * (dpsi0 * dpsi0) + R(4.0) * (dpsi1 * dpsi1));
         energy[2] = -(R(4.0) * (dpsi3 * dpsi3) + x25);
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 424 operations, 8 of them elementary functions */
+int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[4], cosine[4];
+    (void)t;
+    (void)p;
+
+    ncgen_sincos(4, q + 20, sine, cosine);
+
+    {
+        /* row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8 */
+        const ncgen_real H_x = q[0];
+        const ncgen_real A_x = q[2];
+        const ncgen_real x1 = H_x - A_x;
+        const ncgen_real H_y = q[1];
+        const ncgen_real A_y = q[3];
+        const ncgen_real x2 = H_y - A_y;
+        constraints[0] = R(0.625) * (x1 * x1 + x2 * x2 - R(0.6400000000000001));
+        const ncgen_real x3 = R(1.25) * x1;
+        constraints[20] = x3;
+        const ncgen_real x4 = R(1.25) * x2;
+        constraints[21] = x4;
+        constraints[22] = -x3;
+        constraints[23] = -x4;
+        const ncgen_real dH_x = qd[0];
+        const ncgen_real dA_x = qd[2];
+        const ncgen_real x5 = dH_x - dA_x;
+        const ncgen_real dH_y = qd[1];
+        const ncgen_real dA_y = qd[3];
+        const ncgen_real x6 = dH_y - dA_y;
+        constraints[110] = -(R(1.25) * (x5 * x5 + x6 * x6));
+        /* row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
+        const ncgen_real K1_x = q[4];
+        constraints[1] = K1_x - A_x - x2;
+        constraints[24] = NCGEN_SPLAT(-R(1.0));
+        constraints[25] = NCGEN_SPLAT(-R(1.0));
+        constraints[26] = NCGEN_SPLAT(R(1.0));
+        constraints[27] = NCGEN_SPLAT(R(1.0));
+        constraints[111] = NCGEN_SPLAT(R(0.0));
+        /* row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
+        const ncgen_real K1_y = q[5];
+        constraints[2] = x1 + (K1_y - A_y);
+        constraints[28] = NCGEN_SPLAT(R(1.0));
+        constraints[29] = NCGEN_SPLAT(-R(1.0));
+        constraints[30] = NCGEN_SPLAT(-R(1.0));
+        constraints[31] = NCGEN_SPLAT(R(1.0));
+        constraints[112] = NCGEN_SPLAT(R(0.0));
+        /* row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
+        const ncgen_real K2_x = q[6];
+        const ncgen_real x7 = R(2.0) * H_x;
+        constraints[3] = A_x + (K2_x - x7) - x2;
+        constraints[32] = NCGEN_SPLAT(-R(2.0));
+        constraints[33] = NCGEN_SPLAT(-R(1.0));
+        constraints[34] = NCGEN_SPLAT(R(1.0));
+        constraints[35] = NCGEN_SPLAT(R(1.0));
+        constraints[36] = NCGEN_SPLAT(R(1.0));
+        constraints[113] = NCGEN_SPLAT(R(0.0));
+        /* row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
+        const ncgen_real K2_y = q[7];
+        const ncgen_real x8 = R(2.0) * H_y;
+        constraints[4] = x1 + (A_y + (K2_y - x8));
+        constraints[37] = NCGEN_SPLAT(R(1.0));
+        constraints[38] = NCGEN_SPLAT(-R(2.0));
+        constraints[39] = NCGEN_SPLAT(-R(1.0));
+        constraints[40] = NCGEN_SPLAT(R(1.0));
+        constraints[41] = NCGEN_SPLAT(R(1.0));
+        constraints[114] = NCGEN_SPLAT(R(0.0));
+        /* row 6: combination K3.x (body hub): (e - c a x b).x = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1 */
+        const ncgen_real K3_x = q[8];
+        constraints[5] = x2 + (A_x + (K3_x - x7));
+        constraints[42] = NCGEN_SPLAT(-R(2.0));
+        constraints[43] = NCGEN_SPLAT(R(1.0));
+        constraints[44] = NCGEN_SPLAT(R(1.0));
+        constraints[45] = NCGEN_SPLAT(-R(1.0));
+        constraints[46] = NCGEN_SPLAT(R(1.0));
+        constraints[115] = NCGEN_SPLAT(R(0.0));
+        /* row 7: combination K3.y (body hub): (e - c a x b).y = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1 */
+        const ncgen_real K3_y = q[9];
+        constraints[6] = A_y + (K3_y - x8) - x1;
+        constraints[47] = NCGEN_SPLAT(-R(1.0));
+        constraints[48] = NCGEN_SPLAT(-R(2.0));
+        constraints[49] = NCGEN_SPLAT(R(1.0));
+        constraints[50] = NCGEN_SPLAT(R(1.0));
+        constraints[51] = NCGEN_SPLAT(R(1.0));
+        constraints[116] = NCGEN_SPLAT(R(0.0));
+        /* row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
+        const ncgen_real K4_x = q[10];
+        constraints[7] = x2 + (K4_x - A_x);
+        constraints[52] = NCGEN_SPLAT(R(1.0));
+        constraints[53] = NCGEN_SPLAT(-R(1.0));
+        constraints[54] = NCGEN_SPLAT(-R(1.0));
+        constraints[55] = NCGEN_SPLAT(R(1.0));
+        constraints[117] = NCGEN_SPLAT(R(0.0));
+        /* row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
+        const ncgen_real K4_y = q[11];
+        constraints[8] = K4_y - A_y - x1;
+        constraints[56] = NCGEN_SPLAT(-R(1.0));
+        constraints[57] = NCGEN_SPLAT(R(1.0));
+        constraints[58] = NCGEN_SPLAT(-R(1.0));
+        constraints[59] = NCGEN_SPLAT(R(1.0));
+        constraints[118] = NCGEN_SPLAT(R(0.0));
+        /* row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
+        const ncgen_real P0_x = q[12];
+        const ncgen_real x9 = A_x - P0_x;
+        const ncgen_real P0_y = q[13];
+        const ncgen_real x10 = A_y - P0_y;
+        constraints[9] = R(0.625) * (x9 * x9 + x10 * x10 - R(0.6400000000000001));
+        const ncgen_real x11 = R(1.25) * x9;
+        constraints[60] = x11;
+        const ncgen_real x12 = R(1.25) * x10;
+        constraints[61] = x12;
+        constraints[62] = -x11;
+        constraints[63] = -x12;
+        const ncgen_real dP0_x = qd[12];
+        const ncgen_real x13 = dA_x - dP0_x;
+        const ncgen_real dP0_y = qd[13];
+        const ncgen_real x14 = dA_y - dP0_y;
+        constraints[119] = -(R(1.25) * (x13 * x13 + x14 * x14));
+        /* row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6 */
+        const ncgen_real P1_x = q[14];
+        const ncgen_real x15 = P0_x - P1_x;
+        const ncgen_real P1_y = q[15];
+        const ncgen_real x16 = P0_y - P1_y;
+        const ncgen_real x17 = R(0.3125) * (x15 * x15 + x16 * x16 - R(2.5600000000000005));
+        constraints[10] = x17;
+        const ncgen_real x18 = R(0.625) * x15;
+        constraints[64] = x18;
+        const ncgen_real x19 = R(0.625) * x16;
+        constraints[65] = x19;
+        constraints[66] = -x18;
+        constraints[67] = -x19;
+        const ncgen_real dP1_x = qd[14];
+        const ncgen_real x20 = dP0_x - dP1_x;
+        const ncgen_real dP1_y = qd[15];
+        const ncgen_real x21 = dP0_y - dP1_y;
+        constraints[120] = -(R(0.625) * (x20 * x20 + x21 * x21));
+        /* row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6 */
+        const ncgen_real P2_x = q[16];
+        const ncgen_real x22 = P1_x - P2_x;
+        const ncgen_real P2_y = q[17];
+        const ncgen_real x23 = P1_y - P2_y;
+        const ncgen_real x24 = R(0.3125) * (x22 * x22 + x23 * x23 - R(2.5600000000000005));
+        constraints[11] = x24;
+        const ncgen_real x25 = R(0.625) * x22;
+        constraints[68] = x25;
+        const ncgen_real x26 = R(0.625) * x23;
+        constraints[69] = x26;
+        constraints[70] = -x25;
+        constraints[71] = -x26;
+        const ncgen_real dP2_x = qd[16];
+        const ncgen_real x27 = dP1_x - dP2_x;
+        const ncgen_real dP2_y = qd[17];
+        const ncgen_real x28 = dP1_y - dP2_y;
+        constraints[121] = -(R(0.625) * (x27 * x27 + x28 * x28));
+        /* row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6 */
+        const ncgen_real P3_x = q[18];
+        const ncgen_real x29 = P2_x - P3_x;
+        const ncgen_real P3_y = q[19];
+        const ncgen_real x30 = P2_y - P3_y;
+        const ncgen_real x31 = R(0.3125) * (x29 * x29 + x30 * x30 - R(2.5600000000000005));
+        constraints[12] = x31;
+        const ncgen_real x32 = R(0.625) * x29;
+        constraints[72] = x32;
+        const ncgen_real x33 = R(0.625) * x30;
+        constraints[73] = x33;
+        constraints[74] = -x32;
+        constraints[75] = -x33;
+        const ncgen_real dP3_x = qd[18];
+        const ncgen_real x34 = dP2_x - dP3_x;
+        const ncgen_real dP3_y = qd[19];
+        const ncgen_real x35 = dP2_y - dP3_y;
+        constraints[122] = -(R(0.625) * (x34 * x34 + x35 * x35));
+        /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
+        const ncgen_real x36 = x1 * x9 + x2 * x10;
+        const ncgen_real psi0 = q[20];
+        const ncgen_real sin_psi0 = sine[0];
+        const ncgen_real x37 = x1 * x10 - x2 * x9;
+        const ncgen_real cos_psi0 = cosine[0];
+        const ncgen_real x38 = R(1.5624999999999998) * (x36 * sin_psi0 - x37 * cos_psi0);
+        constraints[13] = x38;
+        const ncgen_real x39 = R(1.5624999999999998) * (x10 * cos_psi0 - x9 * sin_psi0);
+        constraints[76] = -x39;
+        const ncgen_real x40 = R(1.5624999999999998) * (x10 * sin_psi0 + x9 * cos_psi0);
+        constraints[77] = x40;
+        const ncgen_real x41 = R(1.5624999999999998) * (x1 * sin_psi0 + x2 * cos_psi0);
+        constraints[78] = x39 + x41;
+        const ncgen_real x42 = R(1.5624999999999998) * (x1 * cos_psi0 - x2 * sin_psi0);
+        constraints[79] = -(x40 + x42);
+        constraints[80] = -x41;
+        constraints[81] = x42;
+        const ncgen_real x43 = R(1.5624999999999998) * (x36 * cos_psi0 + sin_psi0 * x37);
+        constraints[82] = x43;
+        const ncgen_real dpsi0 = qd[20];
+        const ncgen_real x44 = dpsi0 * dpsi0;
+        const ncgen_real x45 = cos_psi0 * (R(2.0) * (x5 * x14 - x6 * x13)) + sin_psi0 * (x36 * x44);
+        const ncgen_real x46 = R(2.0) * dpsi0;
+        const ncgen_real x47 = cos_psi0 * (x46 * (x1 * x13 + x2 * x14 + x9 * x5 + x10 * x6));
+        const ncgen_real x48 = sin_psi0 * (x46 * (x1 * x14 + x10 * x5 - x2 * x13 - x9 * x6));
+        const ncgen_real x49 = x45 - sin_psi0 * (R(2.0) * (x5 * x13 + x6 * x14)) - x47 - x48;
+        constraints[123] = R(1.5624999999999998) * (x49 - cos_psi0 * (x37 * x44));
+        /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
+        const ncgen_real x50 = x9 * x15 + x10 * x16;
+        const ncgen_real psi1 = q[21];
+        const ncgen_real sin_psi1 = sine[1];
+        const ncgen_real x51 = x9 * x16 - x10 * x15;
+        const ncgen_real cos_psi1 = cosine[1];
+        const ncgen_real x52 = R(0.7812499999999999) * (x50 * sin_psi1 - x51 * cos_psi1);
+        constraints[14] = x52;
+        const ncgen_real x53 = R(0.7812499999999999) * (x16 * cos_psi1 - x15 * sin_psi1);
+        constraints[83] = -x53;
+        const ncgen_real x54 = R(0.7812499999999999) * (x16 * sin_psi1 + x15 * cos_psi1);
+        constraints[84] = x54;
+        const ncgen_real x55 = R(0.7812499999999999) * (x9 * sin_psi1 + x10 * cos_psi1);
+        constraints[85] = x53 + x55;
+        const ncgen_real x56 = R(0.7812499999999999) * (x9 * cos_psi1 - x10 * sin_psi1);
+        constraints[86] = -(x54 + x56);
+        constraints[87] = -x55;
+        constraints[88] = x56;
+        const ncgen_real x57 = R(0.7812499999999999) * (x50 * cos_psi1 + sin_psi1 * x51);
+        constraints[89] = x57;
+        const ncgen_real dpsi1 = qd[21];
+        const ncgen_real x58 = dpsi1 * dpsi1;
+        const ncgen_real x59 = cos_psi1 * (R(2.0) * (x13 * x21 - x14 * x20)) + sin_psi1 * (x50 * x58);
+        const ncgen_real x60 = R(2.0) * dpsi1;
+        const ncgen_real x61 = cos_psi1 * (x60 * (x9 * x20 + x10 * x21 + x15 * x13 + x16 * x14));
+        const ncgen_real x62 = x59 - sin_psi1 * (R(2.0) * (x13 * x20 + x14 * x21)) - x61;
+        const ncgen_real x63 = sin_psi1 * (x60 * (x9 * x21 + x16 * x13 - x10 * x20 - x15 * x14));
+        const ncgen_real x64 = R(0.7812499999999999) * (x62 - x63 - cos_psi1 * (x51 * x58));
+        constraints[124] = x64;
+        /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
+        const ncgen_real x65 = x15 * x22 + x16 * x23;
+        const ncgen_real psi2 = q[22];
+        const ncgen_real sin_psi2 = sine[2];
+        const ncgen_real x66 = x15 * x23 - x16 * x22;
+        const ncgen_real cos_psi2 = cosine[2];
+        const ncgen_real x67 = R(0.39062499999999994) * (x65 * sin_psi2 - x66 * cos_psi2);
+        constraints[15] = x67;
+        const ncgen_real x68 = R(0.39062499999999994) * (x23 * cos_psi2 - x22 * sin_psi2);
+        constraints[90] = -x68;
+        const ncgen_real x69 = R(0.39062499999999994) * (x23 * sin_psi2 + x22 * cos_psi2);
+        constraints[91] = x69;
+        const ncgen_real x70 = R(0.39062499999999994) * (x15 * sin_psi2 + x16 * cos_psi2);
+        constraints[92] = x68 + x70;
+        const ncgen_real x71 = R(0.39062499999999994) * (x15 * cos_psi2 - x16 * sin_psi2);
+        constraints[93] = -(x69 + x71);
+        constraints[94] = -x70;
+        constraints[95] = x71;
+        const ncgen_real x72 = R(0.39062499999999994) * (x65 * cos_psi2 + sin_psi2 * x66);
+        constraints[96] = x72;
+        const ncgen_real dpsi2 = qd[22];
+        const ncgen_real x73 = dpsi2 * dpsi2;
+        const ncgen_real x74 = cos_psi2 * (R(2.0) * (x20 * x28 - x21 * x27)) + sin_psi2 * (x65 * x73);
+        const ncgen_real x75 = R(2.0) * dpsi2;
+        const ncgen_real x76 = cos_psi2 * (x75 * (x15 * x27 + x16 * x28 + x22 * x20 + x23 * x21));
+        const ncgen_real x77 = x74 - sin_psi2 * (R(2.0) * (x20 * x27 + x21 * x28)) - x76;
+        const ncgen_real x78 = sin_psi2 * (x75 * (x15 * x28 + x23 * x20 - x16 * x27 - x22 * x21));
+        const ncgen_real x79 = R(0.39062499999999994) * (x77 - x78 - cos_psi2 * (x66 * x73));
+        constraints[125] = x79;
+        /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
+        const ncgen_real x80 = x22 * x29 + x23 * x30;
+        const ncgen_real psi3 = q[23];
+        const ncgen_real sin_psi3 = sine[3];
+        const ncgen_real x81 = x22 * x30 - x23 * x29;
+        const ncgen_real cos_psi3 = cosine[3];
+        const ncgen_real x82 = R(0.39062499999999994) * (x80 * sin_psi3 - x81 * cos_psi3);
+        constraints[16] = x82;
+        const ncgen_real x83 = R(0.39062499999999994) * (x30 * cos_psi3 - x29 * sin_psi3);
+        constraints[97] = -x83;
+        const ncgen_real x84 = R(0.39062499999999994) * (x30 * sin_psi3 + x29 * cos_psi3);
+        constraints[98] = x84;
+        const ncgen_real x85 = R(0.39062499999999994) * (x22 * sin_psi3 + x23 * cos_psi3);
+        constraints[99] = x83 + x85;
+        const ncgen_real x86 = R(0.39062499999999994) * (x22 * cos_psi3 - x23 * sin_psi3);
+        constraints[100] = -(x84 + x86);
+        constraints[101] = -x85;
+        constraints[102] = x86;
+        const ncgen_real x87 = R(0.39062499999999994) * (x80 * cos_psi3 + sin_psi3 * x81);
+        constraints[103] = x87;
+        const ncgen_real dpsi3 = qd[23];
+        const ncgen_real x88 = dpsi3 * dpsi3;
+        const ncgen_real x89 = cos_psi3 * (R(2.0) * (x27 * x35 - x28 * x34)) + sin_psi3 * (x80 * x88);
+        const ncgen_real x90 = R(2.0) * dpsi3;
+        const ncgen_real x91 = cos_psi3 * (x90 * (x22 * x34 + x23 * x35 + x29 * x27 + x30 * x28));
+        const ncgen_real x92 = x89 - sin_psi3 * (R(2.0) * (x27 * x34 + x28 * x35)) - x91;
+        const ncgen_real x93 = sin_psi3 * (x90 * (x22 * x35 + x30 * x27 - x23 * x34 - x29 * x28));
+        const ncgen_real x94 = R(0.39062499999999994) * (x92 - x93 - cos_psi3 * (x81 * x88));
+        constraints[126] = x94;
+        /* row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0 */
+        constraints[17] = psi1 + R(2.0) * psi0;
+        constraints[104] = NCGEN_SPLAT(R(2.0));
+        constraints[105] = NCGEN_SPLAT(R(1.0));
+        constraints[127] = NCGEN_SPLAT(R(0.0));
+        /* row 19: gear psi1, psi2 (joint gear psi1-psi2): psi1 + psi2 = 0 */
+        constraints[18] = psi1 + psi2;
+        constraints[106] = NCGEN_SPLAT(R(1.0));
+        constraints[107] = NCGEN_SPLAT(R(1.0));
+        constraints[128] = NCGEN_SPLAT(R(0.0));
+        /* row 20: gear psi2, psi3 (joint gear psi2-psi3): psi2 + psi3 = 0 */
+        constraints[19] = psi2 + psi3;
+        constraints[108] = NCGEN_SPLAT(R(1.0));
+        constraints[109] = NCGEN_SPLAT(R(1.0));
+        constraints[129] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -608,7 +932,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "55bb10a67fb0cf62",
+        .fingerprint = "09dfcaccca66b9ce",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,
@@ -624,6 +948,7 @@ const ncgen_model *panels_model(void)
         .mass = panels_mass,
         .force = panels_force,
         .energy = panels_energy,
+        .constraints = panels_constraints,
     };
     return &model;
 }

@@ -86,13 +86,6 @@ MASS_PATTERN = (
 )
 
 _number_1 = np.array([
-    0.0, 0.0, 0.0, 0.0, -1.0, -1.0, 1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -2.0, -1.0, 1.0, 1.0, 1.0, 1.0, -2.0,
-    -1.0, 1.0, 1.0, -2.0, 1.0, 1.0, -1.0, 1.0, -1.0, -2.0, 1.0, 1.0, 1.0, 1.0, -1.0, -1.0, 1.0, -1.0, 1.0,
-    -1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    0.0, 0.0, 0.0, 0.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0
-])
-_number_2 = np.array([
     833.3333333333333, -333.33333333333337, 833.3333333333333, -333.33333333333337, -333.33333333333337,
     334.6666666666667, 0.6666666666666667, -333.33333333333337, 334.6666666666667, 0.6666666666666667,
     0.6666666666666667, 5.333333333333334, 2.0, 0.6666666666666667, 5.333333333333334, 2.0, 2.0, 8.0, 2.0,
@@ -107,7 +100,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """20 numbers, 119 operations."""
+    """20 numbers, 109 operations."""
     t = np.asarray(t)
     phi = _output(20, t, q, p)
     sine = np.sin(q[..., 20:24])
@@ -125,85 +118,75 @@ def phi(t, q, p):
     phi[..., 1] = K1_x - A_x - x2
     # row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
     K1_y = q[..., 5]
-    x3 = A_x - H_x
-    phi[..., 2] = K1_y - A_y - x3
+    phi[..., 2] = x1 + (K1_y - A_y)
     # row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
     K2_x = q[..., 6]
-    x4 = 2.0 * H_x
-    phi[..., 3] = A_x + (K2_x - x4) - x2
+    x3 = 2.0 * H_x
+    phi[..., 3] = A_x + (K2_x - x3) - x2
     # row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
     K2_y = q[..., 7]
-    x5 = 2.0 * H_y
-    phi[..., 4] = A_y + (K2_y - x5) - x3
+    x4 = 2.0 * H_y
+    phi[..., 4] = x1 + (A_y + (K2_y - x4))
     # row 6: combination K3.x (body hub): (e - c a x b).x = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1
     K3_x = q[..., 8]
-    x6 = A_y - H_y
-    phi[..., 5] = A_x + (K3_x - x4) - x6
+    phi[..., 5] = x2 + (A_x + (K3_x - x3))
     # row 7: combination K3.y (body hub): (e - c a x b).y = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1
     K3_y = q[..., 9]
-    phi[..., 6] = A_y + (K3_y - x5) - x1
+    phi[..., 6] = A_y + (K3_y - x4) - x1
     # row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
     K4_x = q[..., 10]
-    phi[..., 7] = K4_x - A_x - x6
+    phi[..., 7] = x2 + (K4_x - A_x)
     # row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
     K4_y = q[..., 11]
     phi[..., 8] = K4_y - A_y - x1
     # row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
     P0_x = q[..., 12]
-    x7 = A_x - P0_x
+    x5 = A_x - P0_x
     P0_y = q[..., 13]
-    x8 = A_y - P0_y
-    phi[..., 9] = 0.625 * (x7 * x7 + x8 * x8 - 0.6400000000000001)
+    x6 = A_y - P0_y
+    phi[..., 9] = 0.625 * (x5 * x5 + x6 * x6 - 0.6400000000000001)
     # row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
     P1_x = q[..., 14]
-    x9 = P0_x - P1_x
+    x7 = P0_x - P1_x
     P1_y = q[..., 15]
-    x10 = P0_y - P1_y
-    phi[..., 10] = 0.3125 * (x9 * x9 + x10 * x10 - 2.5600000000000005)
+    x8 = P0_y - P1_y
+    phi[..., 10] = 0.3125 * (x7 * x7 + x8 * x8 - 2.5600000000000005)
     # row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
     P2_x = q[..., 16]
-    x11 = P1_x - P2_x
+    x9 = P1_x - P2_x
     P2_y = q[..., 17]
-    x12 = P1_y - P2_y
-    phi[..., 11] = 0.3125 * (x11 * x11 + x12 * x12 - 2.5600000000000005)
+    x10 = P1_y - P2_y
+    phi[..., 11] = 0.3125 * (x9 * x9 + x10 * x10 - 2.5600000000000005)
     # row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
     P3_x = q[..., 18]
-    x13 = P2_x - P3_x
+    x11 = P2_x - P3_x
     P3_y = q[..., 19]
-    x14 = P2_y - P3_y
-    phi[..., 12] = 0.3125 * (x13 * x13 + x14 * x14 - 2.5600000000000005)
+    x12 = P2_y - P3_y
+    phi[..., 12] = 0.3125 * (x11 * x11 + x12 * x12 - 2.5600000000000005)
     # row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
-    x15 = P0_x - A_x
-    x16 = P0_y - A_y
     psi0 = q[..., 20]
     sin_psi0 = sine[..., 0]
     cos_psi0 = cosine[..., 0]
-    x17 = (x3 * x15 + x6 * x16) * sin_psi0 - (x3 * x16 - x6 * x15) * cos_psi0
-    phi[..., 13] = 1.5624999999999998 * x17
+    x13 = (x1 * x5 + x2 * x6) * sin_psi0 - (x1 * x6 - x2 * x5) * cos_psi0
+    phi[..., 13] = 1.5624999999999998 * x13
     # row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
-    x18 = P1_x - P0_x
-    x19 = P1_y - P0_y
     psi1 = q[..., 21]
     sin_psi1 = sine[..., 1]
     cos_psi1 = cosine[..., 1]
-    x20 = (x15 * x18 + x16 * x19) * sin_psi1 - (x15 * x19 - x16 * x18) * cos_psi1
-    phi[..., 14] = 0.7812499999999999 * x20
+    x14 = (x5 * x7 + x6 * x8) * sin_psi1 - (x5 * x8 - x6 * x7) * cos_psi1
+    phi[..., 14] = 0.7812499999999999 * x14
     # row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
-    x21 = P2_x - P1_x
-    x22 = P2_y - P1_y
     psi2 = q[..., 22]
     sin_psi2 = sine[..., 2]
     cos_psi2 = cosine[..., 2]
-    x23 = (x18 * x21 + x19 * x22) * sin_psi2 - (x18 * x22 - x19 * x21) * cos_psi2
-    phi[..., 15] = 0.39062499999999994 * x23
+    x15 = (x7 * x9 + x8 * x10) * sin_psi2 - (x7 * x10 - x8 * x9) * cos_psi2
+    phi[..., 15] = 0.39062499999999994 * x15
     # row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
-    x24 = P3_x - P2_x
-    x25 = P3_y - P2_y
     psi3 = q[..., 23]
     sin_psi3 = sine[..., 3]
     cos_psi3 = cosine[..., 3]
-    x26 = (x21 * x24 + x22 * x25) * sin_psi3 - (x21 * x25 - x22 * x24) * cos_psi3
-    phi[..., 16] = 0.39062499999999994 * x26
+    x16 = (x9 * x11 + x10 * x12) * sin_psi3 - (x9 * x12 - x10 * x11) * cos_psi3
+    phi[..., 16] = 0.39062499999999994 * x16
     # row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0
     phi[..., 17] = psi1 + 2.0 * psi0
     # row 19: gear psi1, psi2 (joint gear psi1-psi2): psi1 + psi2 = 0
@@ -214,150 +197,179 @@ def phi(t, q, p):
 
 
 def phi_q(t, q, p):
-    """90 numbers, 168 operations."""
+    """90 numbers, 162 operations."""
     t = np.asarray(t)
     phi_q = _output(90, t, q, p)
     sine = np.sin(q[..., 20:24])
     cosine = np.cos(q[..., 20:24])
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:90] = x1
     # row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
     H_x = q[..., 0]
     A_x = q[..., 2]
-    x1 = 1.25 * (H_x - A_x)
-    phi_q[..., 0] = x1
+    x1 = H_x - A_x
+    x2 = 1.25 * x1
+    phi_q[..., 0] = x2
     H_y = q[..., 1]
     A_y = q[..., 3]
-    x2 = H_y - A_y
-    x3 = 1.25 * x2
-    phi_q[..., 1] = x3
-    phi_q[..., 2] = -x1
-    phi_q[..., 3] = -x3
+    x3 = H_y - A_y
+    x4 = 1.25 * x3
+    phi_q[..., 1] = x4
+    phi_q[..., 2] = -x2
+    phi_q[..., 3] = -x4
+    phi_q[..., 4] = -1.0
+    phi_q[..., 5] = -1.0
+    phi_q[..., 6] = 1.0
+    phi_q[..., 7] = 1.0
+    phi_q[..., 8] = 1.0
+    phi_q[..., 9] = -1.0
+    phi_q[..., 10] = -1.0
+    phi_q[..., 11] = 1.0
+    phi_q[..., 12] = -2.0
+    phi_q[..., 13] = -1.0
+    phi_q[..., 14] = 1.0
+    phi_q[..., 15] = 1.0
+    phi_q[..., 16] = 1.0
+    phi_q[..., 17] = 1.0
+    phi_q[..., 18] = -2.0
+    phi_q[..., 19] = -1.0
+    phi_q[..., 20] = 1.0
+    phi_q[..., 21] = 1.0
+    phi_q[..., 22] = -2.0
+    phi_q[..., 23] = 1.0
+    phi_q[..., 24] = 1.0
+    phi_q[..., 25] = -1.0
+    phi_q[..., 26] = 1.0
+    phi_q[..., 27] = -1.0
+    phi_q[..., 28] = -2.0
+    phi_q[..., 29] = 1.0
+    phi_q[..., 30] = 1.0
+    phi_q[..., 31] = 1.0
+    phi_q[..., 32] = 1.0
+    phi_q[..., 33] = -1.0
+    phi_q[..., 34] = -1.0
+    phi_q[..., 35] = 1.0
+    phi_q[..., 36] = -1.0
+    phi_q[..., 37] = 1.0
+    phi_q[..., 38] = -1.0
+    phi_q[..., 39] = 1.0
     # row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
     P0_x = q[..., 12]
-    x4 = A_x - P0_x
-    x5 = 1.25 * x4
-    phi_q[..., 40] = x5
+    x5 = A_x - P0_x
+    x6 = 1.25 * x5
+    phi_q[..., 40] = x6
     P0_y = q[..., 13]
-    x6 = A_y - P0_y
-    x7 = 1.25 * x6
-    phi_q[..., 41] = x7
-    phi_q[..., 42] = -x5
-    phi_q[..., 43] = -x7
+    x7 = A_y - P0_y
+    x8 = 1.25 * x7
+    phi_q[..., 41] = x8
+    phi_q[..., 42] = -x6
+    phi_q[..., 43] = -x8
     # row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
     P1_x = q[..., 14]
-    x8 = P0_x - P1_x
-    x9 = 0.625 * x8
-    phi_q[..., 44] = x9
+    x9 = P0_x - P1_x
+    x10 = 0.625 * x9
+    phi_q[..., 44] = x10
     P1_y = q[..., 15]
-    x10 = P0_y - P1_y
-    x11 = 0.625 * x10
-    phi_q[..., 45] = x11
-    phi_q[..., 46] = -x9
-    phi_q[..., 47] = -x11
+    x11 = P0_y - P1_y
+    x12 = 0.625 * x11
+    phi_q[..., 45] = x12
+    phi_q[..., 46] = -x10
+    phi_q[..., 47] = -x12
     # row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
     P2_x = q[..., 16]
-    x12 = P1_x - P2_x
-    x13 = 0.625 * x12
-    phi_q[..., 48] = x13
+    x13 = P1_x - P2_x
+    x14 = 0.625 * x13
+    phi_q[..., 48] = x14
     P2_y = q[..., 17]
-    x14 = P1_y - P2_y
-    x15 = 0.625 * x14
-    phi_q[..., 49] = x15
-    phi_q[..., 50] = -x13
-    phi_q[..., 51] = -x15
+    x15 = P1_y - P2_y
+    x16 = 0.625 * x15
+    phi_q[..., 49] = x16
+    phi_q[..., 50] = -x14
+    phi_q[..., 51] = -x16
     # row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
     P3_x = q[..., 18]
-    x16 = P2_x - P3_x
-    x17 = 0.625 * x16
-    phi_q[..., 52] = x17
+    x17 = P2_x - P3_x
+    x18 = 0.625 * x17
+    phi_q[..., 52] = x18
     P3_y = q[..., 19]
-    x18 = 0.625 * (P2_y - P3_y)
-    phi_q[..., 53] = x18
-    phi_q[..., 54] = -x17
-    phi_q[..., 55] = -x18
+    x19 = P2_y - P3_y
+    x20 = 0.625 * x19
+    phi_q[..., 53] = x20
+    phi_q[..., 54] = -x18
+    phi_q[..., 55] = -x20
     # row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
-    x19 = P0_x - A_x
-    sin_psi0 = sine[..., 0]
-    x20 = P0_y - A_y
     cos_psi0 = cosine[..., 0]
-    x21 = 1.5624999999999998 * (x19 * sin_psi0 - x20 * cos_psi0)
+    sin_psi0 = sine[..., 0]
+    x21 = 1.5624999999999998 * (x7 * cos_psi0 - x5 * sin_psi0)
     phi_q[..., 56] = -x21
-    x22 = 1.5624999999999998 * (x20 * sin_psi0 - x4 * cos_psi0)
-    phi_q[..., 57] = -x22
-    x23 = A_x - H_x
-    x24 = 1.5624999999999998 * (sin_psi0 * x23 - x2 * cos_psi0)
-    phi_q[..., 58] = x21 - x24
-    x25 = A_y - H_y
-    x26 = 1.5624999999999998 * (sin_psi0 * x25 - cos_psi0 * x23)
-    phi_q[..., 59] = x22 - x26
-    phi_q[..., 60] = x24
-    phi_q[..., 61] = x26
-    x27 = cos_psi0 * (x19 * x23 + x20 * x25) + sin_psi0 * (x20 * x23 - x19 * x25)
-    phi_q[..., 62] = 1.5624999999999998 * x27
+    x22 = 1.5624999999999998 * (x7 * sin_psi0 + x5 * cos_psi0)
+    phi_q[..., 57] = x22
+    x23 = 1.5624999999999998 * (x1 * sin_psi0 + x3 * cos_psi0)
+    phi_q[..., 58] = x21 + x23
+    x24 = 1.5624999999999998 * (x1 * cos_psi0 - x3 * sin_psi0)
+    phi_q[..., 59] = -(x22 + x24)
+    phi_q[..., 60] = -x23
+    phi_q[..., 61] = x24
+    x25 = cos_psi0 * (x1 * x5 + x3 * x7) + sin_psi0 * (x1 * x7 - x3 * x5)
+    phi_q[..., 62] = 1.5624999999999998 * x25
     # row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
-    x28 = P1_x - P0_x
-    sin_psi1 = sine[..., 1]
-    x29 = P1_y - P0_y
     cos_psi1 = cosine[..., 1]
-    x30 = 0.7812499999999999 * (x28 * sin_psi1 - x29 * cos_psi1)
-    phi_q[..., 63] = -x30
-    x31 = 0.7812499999999999 * (x29 * sin_psi1 - x8 * cos_psi1)
-    phi_q[..., 64] = -x31
-    x32 = 0.7812499999999999 * (x19 * sin_psi1 - x6 * cos_psi1)
-    phi_q[..., 65] = x30 - x32
-    x33 = 0.7812499999999999 * (x20 * sin_psi1 - x19 * cos_psi1)
-    phi_q[..., 66] = x31 - x33
-    phi_q[..., 67] = x32
-    phi_q[..., 68] = x33
-    x34 = cos_psi1 * (x19 * x28 + x20 * x29) + sin_psi1 * (x19 * x29 - x20 * x28)
-    phi_q[..., 69] = 0.7812499999999999 * x34
+    sin_psi1 = sine[..., 1]
+    x26 = 0.7812499999999999 * (x11 * cos_psi1 - x9 * sin_psi1)
+    phi_q[..., 63] = -x26
+    x27 = 0.7812499999999999 * (x11 * sin_psi1 + x9 * cos_psi1)
+    phi_q[..., 64] = x27
+    x28 = 0.7812499999999999 * (x5 * sin_psi1 + x7 * cos_psi1)
+    phi_q[..., 65] = x26 + x28
+    x29 = 0.7812499999999999 * (x5 * cos_psi1 - x7 * sin_psi1)
+    phi_q[..., 66] = -(x27 + x29)
+    phi_q[..., 67] = -x28
+    phi_q[..., 68] = x29
+    x30 = cos_psi1 * (x5 * x9 + x7 * x11) + sin_psi1 * (x5 * x11 - x7 * x9)
+    phi_q[..., 69] = 0.7812499999999999 * x30
     # row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
-    x35 = P2_x - P1_x
-    sin_psi2 = sine[..., 2]
-    x36 = P2_y - P1_y
     cos_psi2 = cosine[..., 2]
-    x37 = 0.39062499999999994 * (x35 * sin_psi2 - x36 * cos_psi2)
-    phi_q[..., 70] = -x37
-    x38 = 0.39062499999999994 * (x36 * sin_psi2 - x12 * cos_psi2)
-    phi_q[..., 71] = -x38
-    x39 = 0.39062499999999994 * (x28 * sin_psi2 - x10 * cos_psi2)
-    phi_q[..., 72] = x37 - x39
-    x40 = 0.39062499999999994 * (x29 * sin_psi2 - x28 * cos_psi2)
-    phi_q[..., 73] = x38 - x40
-    phi_q[..., 74] = x39
-    phi_q[..., 75] = x40
-    x41 = cos_psi2 * (x28 * x35 + x29 * x36) + sin_psi2 * (x28 * x36 - x29 * x35)
-    phi_q[..., 76] = 0.39062499999999994 * x41
+    sin_psi2 = sine[..., 2]
+    x31 = 0.39062499999999994 * (x15 * cos_psi2 - x13 * sin_psi2)
+    phi_q[..., 70] = -x31
+    x32 = 0.39062499999999994 * (x15 * sin_psi2 + x13 * cos_psi2)
+    phi_q[..., 71] = x32
+    x33 = 0.39062499999999994 * (x9 * sin_psi2 + x11 * cos_psi2)
+    phi_q[..., 72] = x31 + x33
+    x34 = 0.39062499999999994 * (x9 * cos_psi2 - x11 * sin_psi2)
+    phi_q[..., 73] = -(x32 + x34)
+    phi_q[..., 74] = -x33
+    phi_q[..., 75] = x34
+    x35 = cos_psi2 * (x9 * x13 + x11 * x15) + sin_psi2 * (x9 * x15 - x11 * x13)
+    phi_q[..., 76] = 0.39062499999999994 * x35
     # row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
-    x42 = P3_x - P2_x
-    sin_psi3 = sine[..., 3]
-    x43 = P3_y - P2_y
     cos_psi3 = cosine[..., 3]
-    x44 = 0.39062499999999994 * (x42 * sin_psi3 - x43 * cos_psi3)
-    phi_q[..., 77] = -x44
-    x45 = 0.39062499999999994 * (x43 * sin_psi3 - x16 * cos_psi3)
-    phi_q[..., 78] = -x45
-    x46 = 0.39062499999999994 * (x35 * sin_psi3 - x14 * cos_psi3)
-    phi_q[..., 79] = x44 - x46
-    x47 = 0.39062499999999994 * (x36 * sin_psi3 - x35 * cos_psi3)
-    phi_q[..., 80] = x45 - x47
-    phi_q[..., 81] = x46
-    phi_q[..., 82] = x47
-    x48 = cos_psi3 * (x35 * x42 + x36 * x43) + sin_psi3 * (x35 * x43 - x36 * x42)
-    phi_q[..., 83] = 0.39062499999999994 * x48
+    sin_psi3 = sine[..., 3]
+    x36 = 0.39062499999999994 * (x19 * cos_psi3 - x17 * sin_psi3)
+    phi_q[..., 77] = -x36
+    x37 = 0.39062499999999994 * (x19 * sin_psi3 + x17 * cos_psi3)
+    phi_q[..., 78] = x37
+    x38 = 0.39062499999999994 * (x13 * sin_psi3 + x15 * cos_psi3)
+    phi_q[..., 79] = x36 + x38
+    x39 = 0.39062499999999994 * (x13 * cos_psi3 - x15 * sin_psi3)
+    phi_q[..., 80] = -(x37 + x39)
+    phi_q[..., 81] = -x38
+    phi_q[..., 82] = x39
+    x40 = cos_psi3 * (x13 * x17 + x15 * x19) + sin_psi3 * (x13 * x19 - x15 * x17)
+    phi_q[..., 83] = 0.39062499999999994 * x40
+    phi_q[..., 84] = 2.0
+    phi_q[..., 85] = 1.0
+    phi_q[..., 86] = 1.0
+    phi_q[..., 87] = 1.0
+    phi_q[..., 88] = 1.0
+    phi_q[..., 89] = 1.0
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """20 numbers, 247 operations."""
+    """20 numbers, 237 operations."""
     t = np.asarray(t)
     gamma = _output(20, t, q, qd, p)
     sine = np.sin(q[..., 20:24])
     cosine = np.cos(q[..., 20:24])
-    # constant part
-    gamma[..., 0:20] = 0.0
     # row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
     dH_x = qd[..., 0]
     dA_x = qd[..., 2]
@@ -366,6 +378,14 @@ def gamma(t, q, qd, p):
     dA_y = qd[..., 3]
     x2 = dH_y - dA_y
     gamma[..., 0] = -(1.25 * (x1 * x1 + x2 * x2))
+    gamma[..., 1] = 0.0
+    gamma[..., 2] = 0.0
+    gamma[..., 3] = 0.0
+    gamma[..., 4] = 0.0
+    gamma[..., 5] = 0.0
+    gamma[..., 6] = 0.0
+    gamma[..., 7] = 0.0
+    gamma[..., 8] = 0.0
     # row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
     dP0_x = qd[..., 12]
     x3 = dA_x - dP0_x
@@ -392,84 +412,74 @@ def gamma(t, q, qd, p):
     gamma[..., 12] = -(0.625 * (x9 * x9 + x10 * x10))
     # row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
     cos_psi0 = cosine[..., 0]
-    x11 = dA_x - dH_x
-    x12 = dP0_y - dA_y
-    x13 = dA_y - dH_y
-    x14 = dP0_x - dA_x
     sin_psi0 = sine[..., 0]
     A_x = q[..., 2]
     H_x = q[..., 0]
-    x15 = A_x - H_x
+    x11 = A_x - H_x
     P0_x = q[..., 12]
-    x16 = P0_x - A_x
+    x12 = P0_x - A_x
     A_y = q[..., 3]
     H_y = q[..., 1]
-    x17 = A_y - H_y
+    x13 = A_y - H_y
     P0_y = q[..., 13]
-    x18 = P0_y - A_y
+    x14 = P0_y - A_y
     dpsi0 = qd[..., 20]
-    x19 = dpsi0 * dpsi0
-    x20 = cos_psi0 * (2.0 * (x11 * x12 - x13 * x14)) + sin_psi0 * ((x15 * x16 + x17 * x18) * x19)
-    x21 = 2.0 * dpsi0
-    x22 = cos_psi0 * (x21 * (x15 * x14 + x17 * x12 + x16 * x11 + x18 * x13))
-    x23 = sin_psi0 * ((x15 * x12 + x18 * x11 - x17 * x14 - x16 * x13) * x21)
-    x24 = x20 - sin_psi0 * (2.0 * (x11 * x14 + x13 * x12)) - x22 - x23
-    x25 = 1.5624999999999998 * (x24 - cos_psi0 * ((x15 * x18 - x17 * x16) * x19))
-    gamma[..., 13] = x25
+    x15 = dpsi0 * dpsi0
+    x16 = cos_psi0 * (2.0 * (x1 * x4 - x2 * x3)) + sin_psi0 * ((x11 * x12 + x13 * x14) * x15)
+    x17 = 2.0 * dpsi0
+    x18 = cos_psi0 * (x17 * (x3 * x11 + x4 * x13 + x1 * x12 + x2 * x14))
+    x19 = sin_psi0 * ((x3 * x13 - (x4 * x11 + x1 * x14) + x2 * x12) * x17)
+    x20 = x16 - sin_psi0 * (2.0 * (x1 * x3 + x2 * x4)) + x18 - x19 - cos_psi0 * ((x11 * x14 - x13 * x12) * x15)
+    gamma[..., 13] = 1.5624999999999998 * x20
     # row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
     cos_psi1 = cosine[..., 1]
-    x26 = dP1_y - dP0_y
-    x27 = dP1_x - dP0_x
     sin_psi1 = sine[..., 1]
     P1_x = q[..., 14]
-    x28 = P1_x - P0_x
+    x21 = P1_x - P0_x
     P1_y = q[..., 15]
-    x29 = P1_y - P0_y
+    x22 = P1_y - P0_y
     dpsi1 = qd[..., 21]
-    x30 = dpsi1 * dpsi1
-    x31 = cos_psi1 * (2.0 * (x14 * x26 - x12 * x27)) + sin_psi1 * ((x16 * x28 + x18 * x29) * x30)
-    x32 = 2.0 * dpsi1
-    x33 = cos_psi1 * (x32 * (x16 * x27 + x18 * x26 + x14 * x28 + x12 * x29))
-    x34 = sin_psi1 * ((x16 * x26 + x14 * x29 - x18 * x27 - x12 * x28) * x32)
-    x35 = x31 - sin_psi1 * (2.0 * (x14 * x27 + x12 * x26)) - x33 - x34
-    x36 = 0.7812499999999999 * (x35 - cos_psi1 * ((x16 * x29 - x18 * x28) * x30))
-    gamma[..., 14] = x36
+    x23 = dpsi1 * dpsi1
+    x24 = cos_psi1 * (2.0 * (x3 * x6 - x4 * x5)) + sin_psi1 * ((x12 * x21 + x14 * x22) * x23)
+    x25 = 2.0 * dpsi1
+    x26 = cos_psi1 * (x25 * (x5 * x12 + x6 * x14 + x3 * x21 + x4 * x22))
+    x27 = sin_psi1 * ((x5 * x14 - (x6 * x12 + x3 * x22) + x4 * x21) * x25)
+    x28 = x24 - sin_psi1 * (2.0 * (x3 * x5 + x4 * x6)) + x26 - x27 - cos_psi1 * ((x12 * x22 - x14 * x21) * x23)
+    gamma[..., 14] = 0.7812499999999999 * x28
     # row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
     cos_psi2 = cosine[..., 2]
-    x37 = dP2_y - dP1_y
-    x38 = dP2_x - dP1_x
     sin_psi2 = sine[..., 2]
     P2_x = q[..., 16]
-    x39 = P2_x - P1_x
+    x29 = P2_x - P1_x
     P2_y = q[..., 17]
-    x40 = P2_y - P1_y
+    x30 = P2_y - P1_y
     dpsi2 = qd[..., 22]
-    x41 = dpsi2 * dpsi2
-    x42 = cos_psi2 * (2.0 * (x27 * x37 - x26 * x38)) + sin_psi2 * ((x28 * x39 + x29 * x40) * x41)
-    x43 = 2.0 * dpsi2
-    x44 = cos_psi2 * (x43 * (x28 * x38 + x29 * x37 + x27 * x39 + x26 * x40))
-    x45 = sin_psi2 * ((x28 * x37 + x27 * x40 - x29 * x38 - x26 * x39) * x43)
-    x46 = x42 - sin_psi2 * (2.0 * (x27 * x38 + x26 * x37)) - x44 - x45
-    x47 = 0.39062499999999994 * (x46 - cos_psi2 * ((x28 * x40 - x29 * x39) * x41))
-    gamma[..., 15] = x47
+    x31 = dpsi2 * dpsi2
+    x32 = cos_psi2 * (2.0 * (x5 * x8 - x6 * x7)) + sin_psi2 * ((x21 * x29 + x22 * x30) * x31)
+    x33 = 2.0 * dpsi2
+    x34 = cos_psi2 * (x33 * (x7 * x21 + x8 * x22 + x5 * x29 + x6 * x30))
+    x35 = sin_psi2 * ((x7 * x22 - (x8 * x21 + x5 * x30) + x6 * x29) * x33)
+    x36 = x32 - sin_psi2 * (2.0 * (x5 * x7 + x6 * x8)) + x34 - x35 - cos_psi2 * ((x21 * x30 - x22 * x29) * x31)
+    gamma[..., 15] = 0.39062499999999994 * x36
     # row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
     cos_psi3 = cosine[..., 3]
-    x48 = dP3_y - dP2_y
-    x49 = dP3_x - dP2_x
     sin_psi3 = sine[..., 3]
     P3_x = q[..., 18]
-    x50 = P3_x - P2_x
+    x37 = P3_x - P2_x
     P3_y = q[..., 19]
-    x51 = P3_y - P2_y
+    x38 = P3_y - P2_y
     dpsi3 = qd[..., 23]
-    x52 = dpsi3 * dpsi3
-    x53 = cos_psi3 * (2.0 * (x38 * x48 - x37 * x49)) + sin_psi3 * ((x39 * x50 + x40 * x51) * x52)
-    x54 = 2.0 * dpsi3
-    x55 = cos_psi3 * (x54 * (x39 * x49 + x40 * x48 + x38 * x50 + x37 * x51))
-    x56 = sin_psi3 * ((x39 * x48 + x38 * x51 - x40 * x49 - x37 * x50) * x54)
-    x57 = x53 - sin_psi3 * (2.0 * (x38 * x49 + x37 * x48)) - x55 - x56
-    x58 = 0.39062499999999994 * (x57 - cos_psi3 * ((x39 * x51 - x40 * x50) * x52))
-    gamma[..., 16] = x58
+    x39 = dpsi3 * dpsi3
+    x40 = cos_psi3 * (2.0 * (x7 * x10 - x8 * x9)) + sin_psi3 * ((x29 * x37 + x30 * x38) * x39)
+    x41 = 2.0 * dpsi3
+    x42 = cos_psi3 * (x41 * (x9 * x29 + x10 * x30 + x7 * x37 + x8 * x38))
+    x43 = sin_psi3 * ((x9 * x30 - (x10 * x29 + x7 * x38) + x8 * x37) * x41)
+    x44 = x40 - sin_psi3 * (2.0 * (x7 * x9 + x8 * x10)) + x42 - x43
+    x45 = 0.39062499999999994 * (x44 - cos_psi3 * ((x29 * x38 - x30 * x37) * x39))
+    gamma[..., 16] = x45
+    gamma[..., 17] = 0.0
+    gamma[..., 18] = 0.0
+    gamma[..., 19] = 0.0
     return gamma
 
 
@@ -478,7 +488,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(32, t, q, p)
     # constant part
-    x1 = _number_2
+    x1 = _number_1
     mass[..., 0:32] = x1
     return mass
 
@@ -487,8 +497,26 @@ def force(t, q, qd, p):
     """24 numbers, 16 operations."""
     t = np.asarray(t)
     force = _output(24, t, q, qd, p)
-    # constant part
-    force[..., 0:24] = 0.0
+    force[..., 0] = 0.0
+    force[..., 1] = 0.0
+    force[..., 2] = 0.0
+    force[..., 3] = 0.0
+    force[..., 4] = 0.0
+    force[..., 5] = 0.0
+    force[..., 6] = 0.0
+    force[..., 7] = 0.0
+    force[..., 8] = 0.0
+    force[..., 9] = 0.0
+    force[..., 10] = 0.0
+    force[..., 11] = 0.0
+    force[..., 12] = 0.0
+    force[..., 13] = 0.0
+    force[..., 14] = 0.0
+    force[..., 15] = 0.0
+    force[..., 16] = 0.0
+    force[..., 17] = 0.0
+    force[..., 18] = 0.0
+    force[..., 19] = 0.0
     # spring of psi0
     dpsi0 = qd[..., 20]
     psi0 = q[..., 20]
@@ -513,26 +541,26 @@ def energy(t, q, qd, p):
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # H.x; H.y; A.x; A.y; P0.x; P0.y; P1.x; P1.y; P2.x; P2.y; P3.x; P3.y; H.x A.x; H.y A.y; A.x P0.x; A.y P0.y; P0.x P1.x; P0.y P1.y; P1.x P2.x; P1.y P2.y; P2.x P3.x; P2.y P3.y; hub; yoke; panel1; panel2; panel3
-    dP2_x = qd[..., 16]
     dP3_x = qd[..., 18]
-    x1 = dP2_x - dP3_x
+    dP2_x = qd[..., 16]
+    x1 = dP3_x - dP2_x
     dP3_y = qd[..., 19]
     dP2_y = qd[..., 17]
     x2 = dP3_y - dP2_y
     dP1_x = qd[..., 14]
-    x3 = dP1_x - dP2_x
+    x3 = dP2_x - dP1_x
     dP1_y = qd[..., 15]
     x4 = dP2_y - dP1_y
     dP0_x = qd[..., 12]
-    x5 = dP0_x - dP1_x
+    x5 = dP1_x - dP0_x
     dP0_y = qd[..., 13]
     x6 = dP1_y - dP0_y
     dA_x = qd[..., 2]
-    x7 = dA_x - dP0_x
+    x7 = dP0_x - dA_x
     dA_y = qd[..., 3]
     x8 = dP0_y - dA_y
     dH_x = qd[..., 0]
-    x9 = dH_x - dA_x
+    x9 = dA_x - dH_x
     dH_y = qd[..., 1]
     x10 = dA_y - dH_y
     x11 = 333.3333333333333 * (dH_x * dH_x) + 333.3333333333333 * (dH_y * dH_y)
@@ -561,3 +589,290 @@ def energy(t, q, qd, p):
     x23 = 4.0 * (dpsi2 * dpsi2) + (4.0 * (dpsi0 * dpsi0) + 4.0 * (dpsi1 * dpsi1))
     energy[..., 2] = -(4.0 * (dpsi3 * dpsi3) + x23)
     return energy
+
+
+def constraints(t, q, qd, p):
+    """130 numbers, 424 operations."""
+    t = np.asarray(t)
+    constraints = _output(130, t, q, qd, p)
+    sine = np.sin(q[..., 20:24])
+    cosine = np.cos(q[..., 20:24])
+    # row 1: 1000 distance H-A (body hub): |a|^2 - L^2 = 0 with a = H-A, L = 0.8
+    H_x = q[..., 0]
+    A_x = q[..., 2]
+    x1 = H_x - A_x
+    H_y = q[..., 1]
+    A_y = q[..., 3]
+    x2 = H_y - A_y
+    constraints[..., 0] = 0.625 * (x1 * x1 + x2 * x2 - 0.6400000000000001)
+    x3 = 1.25 * x1
+    constraints[..., 20] = x3
+    x4 = 1.25 * x2
+    constraints[..., 21] = x4
+    constraints[..., 22] = -x3
+    constraints[..., 23] = -x4
+    dH_x = qd[..., 0]
+    dA_x = qd[..., 2]
+    x5 = dH_x - dA_x
+    dH_y = qd[..., 1]
+    dA_y = qd[..., 3]
+    x6 = dH_y - dA_y
+    constraints[..., 110] = -(1.25 * (x5 * x5 + x6 * x6))
+    # row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
+    K1_x = q[..., 4]
+    constraints[..., 1] = K1_x - A_x - x2
+    constraints[..., 24] = -1.0
+    constraints[..., 25] = -1.0
+    constraints[..., 26] = 1.0
+    constraints[..., 27] = 1.0
+    constraints[..., 111] = 0.0
+    # row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
+    K1_y = q[..., 5]
+    constraints[..., 2] = x1 + (K1_y - A_y)
+    constraints[..., 28] = 1.0
+    constraints[..., 29] = -1.0
+    constraints[..., 30] = -1.0
+    constraints[..., 31] = 1.0
+    constraints[..., 112] = 0.0
+    # row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
+    K2_x = q[..., 6]
+    x7 = 2.0 * H_x
+    constraints[..., 3] = A_x + (K2_x - x7) - x2
+    constraints[..., 32] = -2.0
+    constraints[..., 33] = -1.0
+    constraints[..., 34] = 1.0
+    constraints[..., 35] = 1.0
+    constraints[..., 36] = 1.0
+    constraints[..., 113] = 0.0
+    # row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
+    K2_y = q[..., 7]
+    x8 = 2.0 * H_y
+    constraints[..., 4] = x1 + (A_y + (K2_y - x8))
+    constraints[..., 37] = 1.0
+    constraints[..., 38] = -2.0
+    constraints[..., 39] = -1.0
+    constraints[..., 40] = 1.0
+    constraints[..., 41] = 1.0
+    constraints[..., 114] = 0.0
+    # row 6: combination K3.x (body hub): (e - c a x b).x = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1
+    K3_x = q[..., 8]
+    constraints[..., 5] = x2 + (A_x + (K3_x - x7))
+    constraints[..., 42] = -2.0
+    constraints[..., 43] = 1.0
+    constraints[..., 44] = 1.0
+    constraints[..., 45] = -1.0
+    constraints[..., 46] = 1.0
+    constraints[..., 115] = 0.0
+    # row 7: combination K3.y (body hub): (e - c a x b).y = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1
+    K3_y = q[..., 9]
+    constraints[..., 6] = A_y + (K3_y - x8) - x1
+    constraints[..., 47] = -1.0
+    constraints[..., 48] = -2.0
+    constraints[..., 49] = 1.0
+    constraints[..., 50] = 1.0
+    constraints[..., 51] = 1.0
+    constraints[..., 116] = 0.0
+    # row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
+    K4_x = q[..., 10]
+    constraints[..., 7] = x2 + (K4_x - A_x)
+    constraints[..., 52] = 1.0
+    constraints[..., 53] = -1.0
+    constraints[..., 54] = -1.0
+    constraints[..., 55] = 1.0
+    constraints[..., 117] = 0.0
+    # row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
+    K4_y = q[..., 11]
+    constraints[..., 8] = K4_y - A_y - x1
+    constraints[..., 56] = -1.0
+    constraints[..., 57] = 1.0
+    constraints[..., 58] = -1.0
+    constraints[..., 59] = 1.0
+    constraints[..., 118] = 0.0
+    # row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
+    P0_x = q[..., 12]
+    x9 = A_x - P0_x
+    P0_y = q[..., 13]
+    x10 = A_y - P0_y
+    constraints[..., 9] = 0.625 * (x9 * x9 + x10 * x10 - 0.6400000000000001)
+    x11 = 1.25 * x9
+    constraints[..., 60] = x11
+    x12 = 1.25 * x10
+    constraints[..., 61] = x12
+    constraints[..., 62] = -x11
+    constraints[..., 63] = -x12
+    dP0_x = qd[..., 12]
+    x13 = dA_x - dP0_x
+    dP0_y = qd[..., 13]
+    x14 = dA_y - dP0_y
+    constraints[..., 119] = -(1.25 * (x13 * x13 + x14 * x14))
+    # row 11: 1000 distance P0-P1 (body panel1): |a|^2 - L^2 = 0 with a = P0-P1, L = 1.6
+    P1_x = q[..., 14]
+    x15 = P0_x - P1_x
+    P1_y = q[..., 15]
+    x16 = P0_y - P1_y
+    constraints[..., 10] = 0.3125 * (x15 * x15 + x16 * x16 - 2.5600000000000005)
+    x17 = 0.625 * x15
+    constraints[..., 64] = x17
+    x18 = 0.625 * x16
+    constraints[..., 65] = x18
+    constraints[..., 66] = -x17
+    constraints[..., 67] = -x18
+    dP1_x = qd[..., 14]
+    x19 = dP0_x - dP1_x
+    dP1_y = qd[..., 15]
+    x20 = dP0_y - dP1_y
+    constraints[..., 120] = -(0.625 * (x19 * x19 + x20 * x20))
+    # row 12: 1000 distance P1-P2 (body panel2): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.6
+    P2_x = q[..., 16]
+    x21 = P1_x - P2_x
+    P2_y = q[..., 17]
+    x22 = P1_y - P2_y
+    constraints[..., 11] = 0.3125 * (x21 * x21 + x22 * x22 - 2.5600000000000005)
+    x23 = 0.625 * x21
+    constraints[..., 68] = x23
+    x24 = 0.625 * x22
+    constraints[..., 69] = x24
+    constraints[..., 70] = -x23
+    constraints[..., 71] = -x24
+    dP2_x = qd[..., 16]
+    x25 = dP1_x - dP2_x
+    dP2_y = qd[..., 17]
+    x26 = dP1_y - dP2_y
+    constraints[..., 121] = -(0.625 * (x25 * x25 + x26 * x26))
+    # row 13: 1000 distance P2-P3 (body panel3): |a|^2 - L^2 = 0 with a = P2-P3, L = 1.6
+    P3_x = q[..., 18]
+    x27 = P2_x - P3_x
+    P3_y = q[..., 19]
+    x28 = P2_y - P3_y
+    constraints[..., 12] = 0.3125 * (x27 * x27 + x28 * x28 - 2.5600000000000005)
+    x29 = 0.625 * x27
+    constraints[..., 72] = x29
+    x30 = 0.625 * x28
+    constraints[..., 73] = x30
+    constraints[..., 74] = -x29
+    constraints[..., 75] = -x30
+    dP3_x = qd[..., 18]
+    x31 = dP2_x - dP3_x
+    dP3_y = qd[..., 19]
+    x32 = dP2_y - dP3_y
+    constraints[..., 122] = -(0.625 * (x31 * x31 + x32 * x32))
+    # row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
+    x33 = x1 * x9 + x2 * x10
+    psi0 = q[..., 20]
+    sin_psi0 = sine[..., 0]
+    x34 = x1 * x10 - x2 * x9
+    cos_psi0 = cosine[..., 0]
+    constraints[..., 13] = 1.5624999999999998 * (x33 * sin_psi0 - x34 * cos_psi0)
+    x35 = 1.5624999999999998 * (x10 * cos_psi0 - x9 * sin_psi0)
+    constraints[..., 76] = -x35
+    x36 = 1.5624999999999998 * (x10 * sin_psi0 + x9 * cos_psi0)
+    constraints[..., 77] = x36
+    x37 = 1.5624999999999998 * (x1 * sin_psi0 + x2 * cos_psi0)
+    constraints[..., 78] = x35 + x37
+    x38 = 1.5624999999999998 * (x1 * cos_psi0 - x2 * sin_psi0)
+    constraints[..., 79] = -(x36 + x38)
+    constraints[..., 80] = -x37
+    constraints[..., 81] = x38
+    constraints[..., 82] = 1.5624999999999998 * (x33 * cos_psi0 + sin_psi0 * x34)
+    dpsi0 = qd[..., 20]
+    x39 = dpsi0 * dpsi0
+    x40 = cos_psi0 * (2.0 * (x5 * x14 - x6 * x13)) + sin_psi0 * (x33 * x39)
+    x41 = 2.0 * dpsi0
+    x42 = cos_psi0 * (x41 * (x1 * x13 + x2 * x14 + x9 * x5 + x10 * x6))
+    x43 = sin_psi0 * (x41 * (x1 * x14 + x10 * x5 - x2 * x13 - x9 * x6))
+    x44 = x40 - sin_psi0 * (2.0 * (x5 * x13 + x6 * x14)) - x42 - x43
+    constraints[..., 123] = 1.5624999999999998 * (x44 - cos_psi0 * (x34 * x39))
+    # row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
+    x45 = x9 * x15 + x10 * x16
+    psi1 = q[..., 21]
+    sin_psi1 = sine[..., 1]
+    x46 = x9 * x16 - x10 * x15
+    cos_psi1 = cosine[..., 1]
+    constraints[..., 14] = 0.7812499999999999 * (x45 * sin_psi1 - x46 * cos_psi1)
+    x47 = 0.7812499999999999 * (x16 * cos_psi1 - x15 * sin_psi1)
+    constraints[..., 83] = -x47
+    x48 = 0.7812499999999999 * (x16 * sin_psi1 + x15 * cos_psi1)
+    constraints[..., 84] = x48
+    x49 = 0.7812499999999999 * (x9 * sin_psi1 + x10 * cos_psi1)
+    constraints[..., 85] = x47 + x49
+    x50 = 0.7812499999999999 * (x9 * cos_psi1 - x10 * sin_psi1)
+    constraints[..., 86] = -(x48 + x50)
+    constraints[..., 87] = -x49
+    constraints[..., 88] = x50
+    constraints[..., 89] = 0.7812499999999999 * (x45 * cos_psi1 + sin_psi1 * x46)
+    dpsi1 = qd[..., 21]
+    x51 = dpsi1 * dpsi1
+    x52 = cos_psi1 * (2.0 * (x13 * x20 - x14 * x19)) + sin_psi1 * (x45 * x51)
+    x53 = 2.0 * dpsi1
+    x54 = cos_psi1 * (x53 * (x9 * x19 + x10 * x20 + x15 * x13 + x16 * x14))
+    x55 = sin_psi1 * (x53 * (x9 * x20 + x16 * x13 - x10 * x19 - x15 * x14))
+    x56 = x52 - sin_psi1 * (2.0 * (x13 * x19 + x14 * x20)) - x54 - x55
+    constraints[..., 124] = 0.7812499999999999 * (x56 - cos_psi1 * (x46 * x51))
+    # row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
+    x57 = x15 * x21 + x16 * x22
+    psi2 = q[..., 22]
+    sin_psi2 = sine[..., 2]
+    x58 = x15 * x22 - x16 * x21
+    cos_psi2 = cosine[..., 2]
+    constraints[..., 15] = 0.39062499999999994 * (x57 * sin_psi2 - x58 * cos_psi2)
+    x59 = 0.39062499999999994 * (x22 * cos_psi2 - x21 * sin_psi2)
+    constraints[..., 90] = -x59
+    x60 = 0.39062499999999994 * (x22 * sin_psi2 + x21 * cos_psi2)
+    constraints[..., 91] = x60
+    x61 = 0.39062499999999994 * (x15 * sin_psi2 + x16 * cos_psi2)
+    constraints[..., 92] = x59 + x61
+    x62 = 0.39062499999999994 * (x15 * cos_psi2 - x16 * sin_psi2)
+    constraints[..., 93] = -(x60 + x62)
+    constraints[..., 94] = -x61
+    constraints[..., 95] = x62
+    constraints[..., 96] = 0.39062499999999994 * (x57 * cos_psi2 + sin_psi2 * x58)
+    dpsi2 = qd[..., 22]
+    x63 = dpsi2 * dpsi2
+    x64 = cos_psi2 * (2.0 * (x19 * x26 - x20 * x25)) + sin_psi2 * (x57 * x63)
+    x65 = 2.0 * dpsi2
+    x66 = cos_psi2 * (x65 * (x15 * x25 + x16 * x26 + x21 * x19 + x22 * x20))
+    x67 = sin_psi2 * (x65 * (x15 * x26 + x22 * x19 - x16 * x25 - x21 * x20))
+    x68 = x64 - sin_psi2 * (2.0 * (x19 * x25 + x20 * x26)) - x66 - x67
+    constraints[..., 125] = 0.39062499999999994 * (x68 - cos_psi2 * (x58 * x63))
+    # row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
+    x69 = x21 * x27 + x22 * x28
+    psi3 = q[..., 23]
+    sin_psi3 = sine[..., 3]
+    x70 = x21 * x28 - x22 * x27
+    cos_psi3 = cosine[..., 3]
+    constraints[..., 16] = 0.39062499999999994 * (x69 * sin_psi3 - x70 * cos_psi3)
+    x71 = 0.39062499999999994 * (x28 * cos_psi3 - x27 * sin_psi3)
+    constraints[..., 97] = -x71
+    x72 = 0.39062499999999994 * (x28 * sin_psi3 + x27 * cos_psi3)
+    constraints[..., 98] = x72
+    x73 = 0.39062499999999994 * (x21 * sin_psi3 + x22 * cos_psi3)
+    constraints[..., 99] = x71 + x73
+    x74 = 0.39062499999999994 * (x21 * cos_psi3 - x22 * sin_psi3)
+    constraints[..., 100] = -(x72 + x74)
+    constraints[..., 101] = -x73
+    constraints[..., 102] = x74
+    constraints[..., 103] = 0.39062499999999994 * (x69 * cos_psi3 + sin_psi3 * x70)
+    dpsi3 = qd[..., 23]
+    x75 = dpsi3 * dpsi3
+    x76 = cos_psi3 * (2.0 * (x25 * x32 - x26 * x31)) + sin_psi3 * (x69 * x75)
+    x77 = 2.0 * dpsi3
+    x78 = cos_psi3 * (x77 * (x21 * x31 + x22 * x32 + x27 * x25 + x28 * x26))
+    x79 = sin_psi3 * (x77 * (x21 * x32 + x28 * x25 - x22 * x31 - x27 * x26))
+    x80 = x76 - sin_psi3 * (2.0 * (x25 * x31 + x26 * x32)) - x78 - x79
+    constraints[..., 126] = 0.39062499999999994 * (x80 - cos_psi3 * (x70 * x75))
+    # row 18: gear psi0, psi1 (joint gear psi0-psi1): 2*psi0 + psi1 = 0
+    constraints[..., 17] = psi1 + 2.0 * psi0
+    constraints[..., 104] = 2.0
+    constraints[..., 105] = 1.0
+    constraints[..., 127] = 0.0
+    # row 19: gear psi1, psi2 (joint gear psi1-psi2): psi1 + psi2 = 0
+    constraints[..., 18] = psi1 + psi2
+    constraints[..., 106] = 1.0
+    constraints[..., 107] = 1.0
+    constraints[..., 128] = 0.0
+    # row 20: gear psi2, psi3 (joint gear psi2-psi3): psi2 + psi3 = 0
+    constraints[..., 19] = psi2 + psi3
+    constraints[..., 108] = 1.0
+    constraints[..., 109] = 1.0
+    constraints[..., 129] = 0.0
+    return constraints

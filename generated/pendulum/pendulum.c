@@ -94,11 +94,6 @@ int pendulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* B.x; B.y */
         const ncgen_real dB_x = qd[0];
@@ -107,6 +102,27 @@ int pendulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         /* B.y */
         const ncgen_real B_y = q[1];
         energy[1] = R(9.81) * B_y;
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 9 operations */
+int pendulum_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance A-B (user model): |a|^2 - L^2 = 0 with a = A-B, L = 1 */
+        const ncgen_real B_x = q[0];
+        const ncgen_real B_y = q[1];
+        constraints[0] = R(0.5) * (B_x * B_x + B_y * B_y - R(1.0));
+        constraints[1] = B_x;
+        constraints[2] = B_y;
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real dB_y = qd[1];
+        constraints[3] = -(dB_x * dB_x + dB_y * dB_y);
     }
 
     return NCGEN_OK;
@@ -148,7 +164,7 @@ const ncgen_model *pendulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "pendulum",
-        .fingerprint = "b5cb6813e7436032",
+        .fingerprint = "ce88ad66f16f2d01",
         .n_coordinates = 2,
         .n_rows = 1,
         .n_parameters = 0,
@@ -164,6 +180,7 @@ const ncgen_model *pendulum_model(void)
         .mass = pendulum_mass,
         .force = pendulum_force,
         .energy = pendulum_energy,
+        .constraints = pendulum_constraints,
     };
     return &model;
 }

@@ -107,8 +107,6 @@ def energy(t, q, qd, p):
     """3 numbers, 6 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
     # B.x; B.y
     dB_x = qd[..., 0]
     dB_y = qd[..., 1]
@@ -116,4 +114,21 @@ def energy(t, q, qd, p):
     # B.y
     B_y = q[..., 1]
     energy[..., 1] = 9.81 * B_y
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """4 numbers, 9 operations."""
+    t = np.asarray(t)
+    constraints = _output(4, t, q, qd, p)
+    # row 1: 1000 distance A-B (user model): |a|^2 - L^2 = 0 with a = A-B, L = 1
+    B_x = q[..., 0]
+    B_y = q[..., 1]
+    constraints[..., 0] = 0.5 * (B_x * B_x + B_y * B_y - 1.0)
+    constraints[..., 1] = B_x
+    constraints[..., 2] = B_y
+    dB_x = qd[..., 0]
+    dB_y = qd[..., 1]
+    constraints[..., 3] = -(dB_x * dB_x + dB_y * dB_y)
+    return constraints

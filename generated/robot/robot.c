@@ -16,84 +16,10 @@ static const int robot_index_3[21] = {
     0, 1, 2, 6, 7, 8, 9, 10, 11, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18, 19, 20
 };
 
-static const ncgen_scalar robot_number_1[216] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(1.0), -R(1.4282474426101013), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0)
-};
-static const ncgen_scalar robot_number_2[378] = {
-    R(287.3780041982022), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(41.682142452610314), R(0.0),
-    R(0.0), R(0.0), R(287.3780041982022), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(41.682142452610314), R(0.0), R(0.0), R(0.0), R(287.3780041982022), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(41.682142452610314), R(0.0), R(0.0), R(0.0), R(12.9595), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(12.9595), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(12.9595), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(6.642967778465319), R(0.0), R(0.0), R(3.3570322215346806), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(6.642967778465319), R(0.0), R(0.0), R(3.3570322215346806),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(6.642967778465319), R(0.0), R(0.0),
-    R(3.3570322215346806), R(41.682142452610314), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(160.9248034599683), R(0.0), R(0.0), -R(20.5794468867186), -R(48.42165808256183), R(0.0),
-    R(41.682142452610314), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(160.9248034599683), R(0.0),
-    -R(20.5794468867186), -R(48.42165808256183), R(0.0), R(0.0), R(41.682142452610314), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(160.9248034599683), -R(20.5794468867186),
-    -R(48.42165808256183), R(0.0), R(0.0), R(0.0), R(3.3570322215346806), R(0.0), R(0.0),
-    -R(20.5794468867186), R(32.89352236014469), R(0.0), R(0.0), R(27.9137425692788), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(3.3570322215346806), R(0.0), -R(20.5794468867186), R(0.0),
-    R(32.89352236014469), R(0.0), R(27.9137425692788), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(3.3570322215346806), -R(20.5794468867186), R(0.0), R(0.0), R(32.89352236014469),
-    R(27.9137425692788), R(0.0), R(0.0), R(0.0), -R(48.42165808256183), R(27.9137425692788),
-    R(135.2774420586045), R(0.0), R(0.0), R(19.039782247140735), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), -R(48.42165808256183), R(27.9137425692788), R(0.0),
-    R(135.2774420586045), R(0.0), R(0.0), R(19.039782247140735), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), -R(48.42165808256183), R(27.9137425692788), R(0.0), R(0.0),
-    R(135.2774420586045), R(0.0), R(0.0), R(19.039782247140735), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(19.039782247140735), R(0.0), R(0.0), R(32.64759802911444), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(2.619541796013006), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(19.039782247140735), R(0.0), R(0.0), R(32.64759802911444), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(2.619541796013006), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(19.039782247140735), R(0.0), R(0.0), R(32.64759802911444),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(2.619541796013006), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.29), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.29), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.29), R(0.0),
-    R(0.0), R(0.0), R(2.619541796013006), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(12.073536131718818), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(2.619541796013006),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(12.073536131718818), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(2.619541796013006), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(12.073536131718818), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.015), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.015),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.015)
-};
-static const ncgen_scalar robot_number_3[36] = {
-    R(0.0), R(0.0), -R(1226.2500000000002), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    -R(98.10000000000001), R(0.0), R(0.0), -R(1310.6732996537553), R(0.0), R(0.0),
-    -R(427.56738109219026), R(0.0), R(0.0), -R(1312.6693192540542), R(0.0), R(0.0),
-    -R(532.7509055289509), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), -R(144.1390944710492), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar robot_number_4[3] = {
+static const ncgen_scalar robot_number_1[3] = {
     R(0.0), R(882.9000000000001), R(0.0)
 };
-static const ncgen_scalar robot_number_5[30] = {
+static const ncgen_scalar robot_number_2[30] = {
     R(143.6890020991011), R(143.6890020991011), R(143.6890020991011), R(6.47975), R(6.47975),
     R(6.47975), R(80.46240172998415), R(80.46240172998415), R(80.46240172998415),
     R(3.3214838892326597), R(3.3214838892326597), R(3.3214838892326597), R(16.446761180072347),
@@ -102,7 +28,7 @@ static const ncgen_scalar robot_number_5[30] = {
     R(0.145), R(0.145), R(0.145), R(6.036768065859409), R(6.036768065859409), R(6.036768065859409),
     R(0.0075), R(0.0075), R(0.0075)
 };
-static const ncgen_scalar robot_number_6[21] = {
+static const ncgen_scalar robot_number_3[21] = {
     R(41.682142452610314), R(41.682142452610314), R(41.682142452610314), R(3.3570322215346806),
     R(3.3570322215346806), R(3.3570322215346806), -R(48.42165808256183), -R(48.42165808256183),
     -R(48.42165808256183), -R(20.5794468867186), -R(20.5794468867186), -R(20.5794468867186),
@@ -112,7 +38,7 @@ static const ncgen_scalar robot_number_6[21] = {
 };
 
 
-/* phi: 303 operations, 12 of them elementary functions */
+/* phi: 295 operations, 12 of them elementary functions */
 int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[6], cosine[6];
@@ -205,53 +131,50 @@ int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x32 = R(2.527259694077709) * (x20 * u3_x + x21 * u3_y + x22 * u3_z);
         phi[15] = x32;
         /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-        const ncgen_real x33 = r4_x - r6_x;
-        const ncgen_real x34 = r4_y - r6_y;
-        const ncgen_real x35 = r4_z - r6_z;
-        const ncgen_real x36 = R(3.6698325104258656) * (u3_x * x33 + u3_y * x34 + u3_z * x35);
-        phi[16] = x36;
+        const ncgen_real x33 = R(3.6698325104258656) * (x28 * u3_x + x29 * u3_y + x30 * u3_z);
+        phi[16] = -x33;
         /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
         const ncgen_real r7_x = q[18];
-        const ncgen_real x37 = r6_x - r7_x;
+        const ncgen_real x34 = r6_x - r7_x;
         const ncgen_real r7_y = q[19];
-        const ncgen_real x38 = r6_y - r7_y;
+        const ncgen_real x35 = r6_y - r7_y;
         const ncgen_real r7_z = q[20];
-        const ncgen_real x39 = r6_z - r7_z;
-        const ncgen_real x40 = x37 * x37 + x38 * x38 + x39 * x39 - R(1.6901508100000002);
-        phi[17] = R(0.3845982248626067) * x40;
+        const ncgen_real x36 = r6_z - r7_z;
+        const ncgen_real x37 = x34 * x34 + x35 * x35 + x36 * x36 - R(1.6901508100000002);
+        phi[17] = R(0.3845982248626067) * x37;
         /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
-        const ncgen_real x41 = R(0.7691964497252134) * (x37 * u3_x + x38 * u3_y + x39 * u3_z);
-        phi[18] = x41;
+        const ncgen_real x38 = R(0.7691964497252134) * (x34 * u3_x + x35 * u3_y + x36 * u3_z);
+        phi[18] = x38;
         /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
         const ncgen_real u4_x = q[21];
         const ncgen_real u4_y = q[22];
         const ncgen_real u4_z = q[23];
-        const ncgen_real x42 = R(0.7691964497252134) * (x37 * u4_x + x38 * u4_y + x39 * u4_z);
-        phi[19] = x42;
+        const ncgen_real x39 = R(0.7691964497252134) * (x34 * u4_x + x35 * u4_y + x36 * u4_z);
+        phi[19] = x39;
         /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
-        const ncgen_real x43 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
-        phi[20] = x43;
+        const ncgen_real x40 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
+        phi[20] = x40;
         /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
         const ncgen_real r8_x = q[24];
-        const ncgen_real x44 = r7_x - r8_x;
+        const ncgen_real x41 = r7_x - r8_x;
         const ncgen_real r8_y = q[25];
-        const ncgen_real x45 = r7_y - r8_y;
+        const ncgen_real x42 = r7_y - r8_y;
         const ncgen_real r8_z = q[26];
-        const ncgen_real x46 = r7_z - r8_z;
-        const ncgen_real x47 = x44 * x44 + x45 * x45 + x46 * x46 - R(0.052762090000000005);
-        phi[21] = R(2.1767522855898997) * x47;
+        const ncgen_real x43 = r7_z - r8_z;
+        const ncgen_real x44 = x41 * x41 + x42 * x42 + x43 * x43 - R(0.052762090000000005);
+        phi[21] = R(2.1767522855898997) * x44;
         /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
-        const ncgen_real x48 = R(4.3535045711797995) * (x44 * u4_x + x45 * u4_y + x46 * u4_z);
-        phi[22] = x48;
+        const ncgen_real x45 = R(4.3535045711797995) * (x41 * u4_x + x42 * u4_y + x43 * u4_z);
+        phi[22] = x45;
         /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
         const ncgen_real u5_x = q[27];
         const ncgen_real u5_y = q[28];
         const ncgen_real u5_z = q[29];
-        const ncgen_real x49 = R(4.3535045711797995) * (x44 * u5_x + x45 * u5_y + x46 * u5_z);
-        phi[23] = x49;
+        const ncgen_real x46 = R(4.3535045711797995) * (x41 * u5_x + x42 * u5_y + x43 * u5_z);
+        phi[23] = x46;
         /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
-        const ncgen_real x50 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
-        phi[24] = x50;
+        const ncgen_real x47 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+        phi[24] = x47;
         /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
         const ncgen_real sin_psi1 = sine[0];
         const ncgen_real cos_psi1 = cosine[0];
@@ -259,45 +182,39 @@ int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
         const ncgen_real sin_psi2 = sine[1];
         const ncgen_real cos_psi2 = cosine[1];
-        const ncgen_real x51 = (r4_z - r2_z) * sin_psi2 + (x11 * u3_x + u3_y * (r4_x - r2_x)) * cos_psi2;
-        phi[26] = R(0.9120758847136081) * x51;
+        const ncgen_real x48 = R(0.9120758847136081) * (x12 * sin_psi2 + (x10 * u3_y - x11 * u3_x) * cos_psi2);
+        phi[26] = -x48;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
-        const ncgen_real x52 = r7_x - r6_x;
-        const ncgen_real x53 = r7_y - r6_y;
-        const ncgen_real x54 = r7_z - r6_z;
         const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x55 = u3_x * (x34 * x54 - x35 * x53) + u3_y * (x35 * x52 - x33 * x54);
+        const ncgen_real x49 = u3_x * (x29 * x36 - x30 * x35) + u3_y * (x30 * x34 - x28 * x36);
         const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real x56 = (x33 * x52 + x34 * x53 + x35 * x54) * sin_psi3 - (x55 + u3_z * (x33 * x53 - x34 * x52)) * cos_psi3;
-        phi[27] = R(2.822822138105743) * x56;
+        const ncgen_real x50 = (x28 * x34 + x29 * x35 + x30 * x36) * sin_psi3 - (x49 + u3_z * (x28 * x35 - x29 * x34)) * cos_psi3;
+        phi[27] = R(2.822822138105743) * x50;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real sin_psi4 = sine[3];
-        const ncgen_real x57 = x52 * (u3_y * u4_z - u3_z * u4_y) + x53 * (u3_z * u4_x - u3_x * u4_z);
-        const ncgen_real x58 = R(0.7691964497252134) * (x57 + x54 * (u3_x * u4_y - u3_y * u4_x));
+        const ncgen_real x51 = x34 * (u3_y * u4_z - u3_z * u4_y) + x35 * (u3_z * u4_x - u3_x * u4_z);
+        const ncgen_real x52 = R(0.7691964497252134) * (x51 + x36 * (u3_x * u4_y - u3_y * u4_x));
         const ncgen_real cos_psi4 = cosine[3];
-        const ncgen_real x59 = (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * sin_psi4 - x58 * cos_psi4;
-        phi[28] = x59;
+        const ncgen_real x53 = (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * sin_psi4 + x52 * cos_psi4;
+        phi[28] = x53;
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real x60 = r8_x - r7_x;
-        const ncgen_real x61 = r8_y - r7_y;
-        const ncgen_real x62 = r8_z - r7_z;
         const ncgen_real sin_psi5 = sine[4];
-        const ncgen_real x63 = u4_x * (x38 * x62 - x39 * x61) + u4_y * (x39 * x60 - x37 * x62);
+        const ncgen_real x54 = u4_x * (x36 * x42 - x35 * x43) + u4_y * (x34 * x43 - x36 * x41);
         const ncgen_real cos_psi5 = cosine[4];
-        const ncgen_real x64 = (x37 * x60 + x38 * x61 + x39 * x62) * sin_psi5 - (x63 + u4_z * (x37 * x61 - x38 * x60)) * cos_psi5;
-        phi[29] = R(3.3487002600139895) * x64;
+        const ncgen_real x55 = (x34 * x41 + x35 * x42 + x36 * x43) * sin_psi5 + (x54 + u4_z * (x35 * x41 - x34 * x42)) * cos_psi5;
+        phi[29] = -(R(3.3487002600139895) * x55);
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
         const ncgen_real sin_psi6 = sine[5];
-        const ncgen_real x65 = x60 * (u4_y * u5_z - u4_z * u5_y) + x61 * (u4_z * u5_x - u4_x * u5_z);
-        const ncgen_real x66 = R(4.3535045711797995) * (x65 + x62 * (u4_x * u5_y - u4_y * u5_x));
+        const ncgen_real x56 = x41 * (u4_y * u5_z - u4_z * u5_y) + x42 * (u4_z * u5_x - u4_x * u5_z);
+        const ncgen_real x57 = R(4.3535045711797995) * (x56 + x43 * (u4_x * u5_y - u4_y * u5_x));
         const ncgen_real cos_psi6 = cosine[5];
-        const ncgen_real x67 = (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * sin_psi6 - x66 * cos_psi6;
-        phi[30] = x67;
+        const ncgen_real x58 = (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * sin_psi6 + x57 * cos_psi6;
+        phi[30] = x58;
     }
 
     return NCGEN_OK;
 }
-/* phi_q: 466 operations, 12 of them elementary functions */
+/* phi_q: 446 operations, 12 of them elementary functions */
 int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     ncgen_real sine[6], cosine[6];
@@ -305,12 +222,6 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
     (void)p;
 
     ncgen_sincos(6, q + 30, sine, cosine);
-
-    /* constant part */
-    for (int i = 0; i < 216; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(robot_number_1[i]);
-        phi_q[i] = x1;
-    }
 
     {
         /* row 1: 1000 distance r1-r2 (body2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.700159 */
@@ -370,96 +281,106 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[28] = x11;
         const ncgen_real x12 = -x9;
         phi_q[29] = x12;
+        phi_q[30] = NCGEN_SPLAT(R(1.0));
+        phi_q[31] = NCGEN_SPLAT(-R(1.4282474426101013));
         /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
         const ncgen_real r4_x = q[9];
-        const ncgen_real x13 = R(0.9120758847136081) * (r2_x - r4_x);
-        phi_q[32] = x13;
+        const ncgen_real x13 = r2_x - r4_x;
+        const ncgen_real x14 = R(0.9120758847136081) * x13;
+        phi_q[32] = x14;
         const ncgen_real r4_y = q[10];
-        const ncgen_real x14 = r2_y - r4_y;
-        const ncgen_real x15 = R(0.9120758847136081) * x14;
-        phi_q[33] = x15;
+        const ncgen_real x15 = r2_y - r4_y;
+        const ncgen_real x16 = R(0.9120758847136081) * x15;
+        phi_q[33] = x16;
         const ncgen_real r4_z = q[11];
-        const ncgen_real x16 = R(0.9120758847136081) * (r2_z - r4_z);
-        phi_q[34] = x16;
-        phi_q[35] = -x13;
-        phi_q[36] = -x15;
-        phi_q[37] = -x16;
+        const ncgen_real x17 = r2_z - r4_z;
+        const ncgen_real x18 = R(0.9120758847136081) * x17;
+        phi_q[34] = x18;
+        phi_q[35] = -x14;
+        phi_q[36] = -x16;
+        phi_q[37] = -x18;
         /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
-        const ncgen_real x17 = R(0.9120758847136081) * u3_x;
-        phi_q[38] = x17;
-        const ncgen_real x18 = R(0.9120758847136081) * u3_y;
-        phi_q[39] = x18;
-        const ncgen_real x19 = R(0.9120758847136081) * u3_z;
-        phi_q[40] = x19;
-        phi_q[41] = x13;
-        phi_q[42] = x15;
-        phi_q[43] = x16;
-        const ncgen_real x20 = -x17;
-        phi_q[44] = x20;
-        const ncgen_real x21 = -x18;
-        phi_q[45] = x21;
+        const ncgen_real x19 = R(0.9120758847136081) * u3_x;
+        phi_q[38] = x19;
+        const ncgen_real x20 = R(0.9120758847136081) * u3_y;
+        phi_q[39] = x20;
+        const ncgen_real x21 = R(0.9120758847136081) * u3_z;
+        phi_q[40] = x21;
+        phi_q[41] = x14;
+        phi_q[42] = x16;
+        phi_q[43] = x18;
         const ncgen_real x22 = -x19;
-        phi_q[46] = x22;
+        phi_q[44] = x22;
+        const ncgen_real x23 = -x20;
+        phi_q[45] = x23;
+        const ncgen_real x24 = -x21;
+        phi_q[46] = x24;
         /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
         const ncgen_real r5_x = q[12];
-        const ncgen_real x23 = R(0.9120758847136081) * (r3_x - r5_x);
-        phi_q[47] = x23;
+        const ncgen_real x25 = R(0.9120758847136081) * (r3_x - r5_x);
+        phi_q[47] = x25;
         const ncgen_real r5_y = q[13];
-        const ncgen_real x24 = R(0.9120758847136081) * (r3_y - r5_y);
-        phi_q[48] = x24;
+        const ncgen_real x26 = R(0.9120758847136081) * (r3_y - r5_y);
+        phi_q[48] = x26;
         const ncgen_real r5_z = q[14];
-        const ncgen_real x25 = R(0.9120758847136081) * (r3_z - r5_z);
-        phi_q[49] = x25;
-        phi_q[50] = -x23;
-        phi_q[51] = -x24;
-        phi_q[52] = -x25;
+        const ncgen_real x27 = R(0.9120758847136081) * (r3_z - r5_z);
+        phi_q[49] = x27;
+        phi_q[50] = -x25;
+        phi_q[51] = -x26;
+        phi_q[52] = -x27;
         /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
-        phi_q[53] = x23;
-        phi_q[54] = x24;
-        phi_q[55] = x25;
-        phi_q[56] = x17;
-        phi_q[57] = x18;
-        phi_q[58] = x19;
-        phi_q[59] = x20;
-        phi_q[60] = x21;
-        phi_q[61] = x22;
+        phi_q[53] = x25;
+        phi_q[54] = x26;
+        phi_q[55] = x27;
+        phi_q[56] = x19;
+        phi_q[57] = x20;
+        phi_q[58] = x21;
+        phi_q[59] = x22;
+        phi_q[60] = x23;
+        phi_q[61] = x24;
         /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
-        const ncgen_real x26 = R(2.527259694077709) * (r4_x - r5_x);
-        phi_q[62] = x26;
-        const ncgen_real x27 = R(2.527259694077709) * (r4_y - r5_y);
-        phi_q[63] = x27;
-        const ncgen_real x28 = R(2.527259694077709) * (r4_z - r5_z);
-        phi_q[64] = x28;
-        phi_q[65] = -x26;
-        phi_q[66] = -x27;
-        phi_q[67] = -x28;
+        const ncgen_real x28 = R(2.527259694077709) * (r4_x - r5_x);
+        phi_q[62] = x28;
+        const ncgen_real x29 = R(2.527259694077709) * (r4_y - r5_y);
+        phi_q[63] = x29;
+        const ncgen_real x30 = R(2.527259694077709) * (r4_z - r5_z);
+        phi_q[64] = x30;
+        phi_q[65] = -x28;
+        phi_q[66] = -x29;
+        phi_q[67] = -x30;
         /* row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
         const ncgen_real r6_x = q[15];
-        const ncgen_real x29 = R(1.953046773603659) * (r5_x - r6_x);
-        phi_q[68] = x29;
+        const ncgen_real x31 = R(1.953046773603659) * (r5_x - r6_x);
+        phi_q[68] = x31;
         const ncgen_real r6_y = q[16];
-        const ncgen_real x30 = R(1.953046773603659) * (r5_y - r6_y);
-        phi_q[69] = x30;
+        const ncgen_real x32 = R(1.953046773603659) * (r5_y - r6_y);
+        phi_q[69] = x32;
         const ncgen_real r6_z = q[17];
-        const ncgen_real x31 = R(1.953046773603659) * (r5_z - r6_z);
-        phi_q[70] = x31;
-        phi_q[71] = -x29;
-        phi_q[72] = -x30;
-        phi_q[73] = -x31;
+        const ncgen_real x33 = R(1.953046773603659) * (r5_z - r6_z);
+        phi_q[70] = x33;
+        phi_q[71] = -x31;
+        phi_q[72] = -x32;
+        phi_q[73] = -x33;
         /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
-        const ncgen_real x32 = R(3.6698325104258656) * (r6_x - r4_x);
-        phi_q[74] = -x32;
-        const ncgen_real x33 = R(3.6698325104258656) * (r6_y - r4_y);
-        phi_q[75] = -x33;
-        const ncgen_real x34 = R(3.6698325104258656) * (r6_z - r4_z);
-        phi_q[76] = -x34;
-        phi_q[77] = x32;
-        phi_q[78] = x33;
-        phi_q[79] = x34;
+        const ncgen_real x34 = r6_x - r4_x;
+        const ncgen_real x35 = R(3.6698325104258656) * x34;
+        const ncgen_real x36 = -x35;
+        phi_q[74] = x36;
+        const ncgen_real x37 = r6_y - r4_y;
+        const ncgen_real x38 = R(3.6698325104258656) * x37;
+        const ncgen_real x39 = -x38;
+        phi_q[75] = x39;
+        const ncgen_real x40 = r6_z - r4_z;
+        const ncgen_real x41 = R(3.6698325104258656) * x40;
+        const ncgen_real x42 = -x41;
+        phi_q[76] = x42;
+        phi_q[77] = x35;
+        phi_q[78] = x38;
+        phi_q[79] = x41;
         /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
-        phi_q[80] = x26;
-        phi_q[81] = x27;
-        phi_q[82] = x28;
+        phi_q[80] = x28;
+        phi_q[81] = x29;
+        phi_q[82] = x30;
         phi_q[83] = x7;
         phi_q[84] = x8;
         phi_q[85] = x9;
@@ -467,112 +388,112 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[87] = x11;
         phi_q[88] = x12;
         /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-        const ncgen_real x35 = r4_x - r6_x;
-        phi_q[89] = R(3.6698325104258656) * x35;
-        const ncgen_real x36 = r4_y - r6_y;
-        phi_q[90] = R(3.6698325104258656) * x36;
-        const ncgen_real x37 = r4_z - r6_z;
-        phi_q[91] = R(3.6698325104258656) * x37;
-        const ncgen_real x38 = R(3.6698325104258656) * u3_x;
-        phi_q[92] = x38;
-        const ncgen_real x39 = R(3.6698325104258656) * u3_y;
-        phi_q[93] = x39;
-        const ncgen_real x40 = R(3.6698325104258656) * u3_z;
-        phi_q[94] = x40;
-        phi_q[95] = -x38;
-        phi_q[96] = -x39;
-        phi_q[97] = -x40;
+        phi_q[89] = x36;
+        phi_q[90] = x39;
+        phi_q[91] = x42;
+        const ncgen_real x43 = R(3.6698325104258656) * u3_x;
+        phi_q[92] = x43;
+        const ncgen_real x44 = R(3.6698325104258656) * u3_y;
+        phi_q[93] = x44;
+        const ncgen_real x45 = R(3.6698325104258656) * u3_z;
+        phi_q[94] = x45;
+        phi_q[95] = -x43;
+        phi_q[96] = -x44;
+        phi_q[97] = -x45;
         /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
         const ncgen_real r7_x = q[18];
-        const ncgen_real x41 = r6_x - r7_x;
-        const ncgen_real x42 = R(0.7691964497252134) * x41;
-        phi_q[98] = x42;
+        const ncgen_real x46 = r6_x - r7_x;
+        const ncgen_real x47 = R(0.7691964497252134) * x46;
+        phi_q[98] = x47;
         const ncgen_real r7_y = q[19];
-        const ncgen_real x43 = r6_y - r7_y;
-        const ncgen_real x44 = R(0.7691964497252134) * x43;
-        phi_q[99] = x44;
+        const ncgen_real x48 = r6_y - r7_y;
+        const ncgen_real x49 = R(0.7691964497252134) * x48;
+        phi_q[99] = x49;
         const ncgen_real r7_z = q[20];
-        const ncgen_real x45 = r6_z - r7_z;
-        const ncgen_real x46 = R(0.7691964497252134) * x45;
-        phi_q[100] = x46;
-        phi_q[101] = -x42;
-        phi_q[102] = -x44;
-        phi_q[103] = -x46;
+        const ncgen_real x50 = r6_z - r7_z;
+        const ncgen_real x51 = R(0.7691964497252134) * x50;
+        phi_q[100] = x51;
+        phi_q[101] = -x47;
+        phi_q[102] = -x49;
+        phi_q[103] = -x51;
         /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
-        phi_q[104] = x42;
-        phi_q[105] = x44;
-        phi_q[106] = x46;
-        const ncgen_real x47 = R(0.7691964497252134) * u3_x;
-        phi_q[107] = x47;
-        const ncgen_real x48 = R(0.7691964497252134) * u3_y;
-        phi_q[108] = x48;
-        const ncgen_real x49 = R(0.7691964497252134) * u3_z;
-        phi_q[109] = x49;
-        phi_q[110] = -x47;
-        phi_q[111] = -x48;
-        phi_q[112] = -x49;
+        phi_q[104] = x47;
+        phi_q[105] = x49;
+        phi_q[106] = x51;
+        const ncgen_real x52 = R(0.7691964497252134) * u3_x;
+        phi_q[107] = x52;
+        const ncgen_real x53 = R(0.7691964497252134) * u3_y;
+        phi_q[108] = x53;
+        const ncgen_real x54 = R(0.7691964497252134) * u3_z;
+        phi_q[109] = x54;
+        phi_q[110] = -x52;
+        phi_q[111] = -x53;
+        phi_q[112] = -x54;
         /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
         const ncgen_real u4_x = q[21];
-        const ncgen_real x50 = R(0.7691964497252134) * u4_x;
-        phi_q[113] = x50;
+        const ncgen_real x55 = R(0.7691964497252134) * u4_x;
+        phi_q[113] = x55;
         const ncgen_real u4_y = q[22];
-        const ncgen_real x51 = R(0.7691964497252134) * u4_y;
-        phi_q[114] = x51;
+        const ncgen_real x56 = R(0.7691964497252134) * u4_y;
+        phi_q[114] = x56;
         const ncgen_real u4_z = q[23];
-        const ncgen_real x52 = R(0.7691964497252134) * u4_z;
-        phi_q[115] = x52;
-        phi_q[116] = -x50;
-        phi_q[117] = -x51;
-        phi_q[118] = -x52;
-        phi_q[119] = x42;
-        phi_q[120] = x44;
-        phi_q[121] = x46;
+        const ncgen_real x57 = R(0.7691964497252134) * u4_z;
+        phi_q[115] = x57;
+        phi_q[116] = -x55;
+        phi_q[117] = -x56;
+        phi_q[118] = -x57;
+        phi_q[119] = x47;
+        phi_q[120] = x49;
+        phi_q[121] = x51;
         /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
         phi_q[122] = u4_x;
         phi_q[123] = u4_y;
         phi_q[124] = u4_z;
         /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
         const ncgen_real r8_x = q[24];
-        const ncgen_real x53 = R(4.3535045711797995) * (r7_x - r8_x);
-        phi_q[125] = x53;
+        const ncgen_real x58 = r7_x - r8_x;
+        const ncgen_real x59 = R(4.3535045711797995) * x58;
+        phi_q[125] = x59;
         const ncgen_real r8_y = q[25];
-        const ncgen_real x54 = R(4.3535045711797995) * (r7_y - r8_y);
-        phi_q[126] = x54;
+        const ncgen_real x60 = r7_y - r8_y;
+        const ncgen_real x61 = R(4.3535045711797995) * x60;
+        phi_q[126] = x61;
         const ncgen_real r8_z = q[26];
-        const ncgen_real x55 = R(4.3535045711797995) * (r7_z - r8_z);
-        phi_q[127] = x55;
-        phi_q[128] = -x53;
-        phi_q[129] = -x54;
-        phi_q[130] = -x55;
+        const ncgen_real x62 = r7_z - r8_z;
+        const ncgen_real x63 = R(4.3535045711797995) * x62;
+        phi_q[127] = x63;
+        phi_q[128] = -x59;
+        phi_q[129] = -x61;
+        phi_q[130] = -x63;
         /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
-        const ncgen_real x56 = R(4.3535045711797995) * u4_x;
-        phi_q[131] = x56;
-        const ncgen_real x57 = R(4.3535045711797995) * u4_y;
-        phi_q[132] = x57;
-        const ncgen_real x58 = R(4.3535045711797995) * u4_z;
-        phi_q[133] = x58;
-        phi_q[134] = x53;
-        phi_q[135] = x54;
-        phi_q[136] = x55;
-        phi_q[137] = -x56;
-        phi_q[138] = -x57;
-        phi_q[139] = -x58;
+        const ncgen_real x64 = R(4.3535045711797995) * u4_x;
+        phi_q[131] = x64;
+        const ncgen_real x65 = R(4.3535045711797995) * u4_y;
+        phi_q[132] = x65;
+        const ncgen_real x66 = R(4.3535045711797995) * u4_z;
+        phi_q[133] = x66;
+        phi_q[134] = x59;
+        phi_q[135] = x61;
+        phi_q[136] = x63;
+        phi_q[137] = -x64;
+        phi_q[138] = -x65;
+        phi_q[139] = -x66;
         /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
         const ncgen_real u5_x = q[27];
-        const ncgen_real x59 = R(4.3535045711797995) * u5_x;
-        phi_q[140] = x59;
+        const ncgen_real x67 = R(4.3535045711797995) * u5_x;
+        phi_q[140] = x67;
         const ncgen_real u5_y = q[28];
-        const ncgen_real x60 = R(4.3535045711797995) * u5_y;
-        phi_q[141] = x60;
+        const ncgen_real x68 = R(4.3535045711797995) * u5_y;
+        phi_q[141] = x68;
         const ncgen_real u5_z = q[29];
-        const ncgen_real x61 = R(4.3535045711797995) * u5_z;
-        phi_q[142] = x61;
-        phi_q[143] = -x59;
-        phi_q[144] = -x60;
-        phi_q[145] = -x61;
-        phi_q[146] = x53;
-        phi_q[147] = x54;
-        phi_q[148] = x55;
+        const ncgen_real x69 = R(4.3535045711797995) * u5_z;
+        phi_q[142] = x69;
+        phi_q[143] = -x67;
+        phi_q[144] = -x68;
+        phi_q[145] = -x69;
+        phi_q[146] = x59;
+        phi_q[147] = x61;
+        phi_q[148] = x63;
         /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
         phi_q[149] = u5_x;
         phi_q[150] = u5_y;
@@ -585,150 +506,146 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[154] = u3_y * cos_psi1 - u3_x * sin_psi1;
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
         const ncgen_real cos_psi2 = cosine[1];
-        const ncgen_real x62 = R(0.9120758847136081) * (u3_y * cos_psi2);
-        phi_q[155] = -x62;
-        const ncgen_real x63 = R(0.9120758847136081) * (u3_x * cos_psi2);
-        phi_q[156] = x63;
+        const ncgen_real x70 = R(0.9120758847136081) * (u3_y * cos_psi2);
+        phi_q[155] = -x70;
+        const ncgen_real x71 = R(0.9120758847136081) * (u3_x * cos_psi2);
+        phi_q[156] = x71;
         const ncgen_real sin_psi2 = sine[1];
-        const ncgen_real x64 = R(0.9120758847136081) * sin_psi2;
-        phi_q[157] = -x64;
-        phi_q[158] = x15 * cos_psi2;
-        const ncgen_real x65 = r4_x - r2_x;
-        phi_q[159] = cos_psi2 * (R(0.9120758847136081) * x65);
-        phi_q[160] = x62;
-        phi_q[161] = -x63;
-        phi_q[162] = x64;
-        const ncgen_real x66 = (r4_z - r2_z) * cos_psi2 - sin_psi2 * (u3_y * x65 + x14 * u3_x);
-        phi_q[163] = R(0.9120758847136081) * x66;
+        const ncgen_real x72 = R(0.9120758847136081) * sin_psi2;
+        phi_q[157] = -x72;
+        phi_q[158] = x16 * cos_psi2;
+        phi_q[159] = -(x14 * cos_psi2);
+        phi_q[160] = x70;
+        phi_q[161] = -x71;
+        phi_q[162] = x72;
+        const ncgen_real x73 = R(0.9120758847136081) * (sin_psi2 * (x13 * u3_y - x15 * u3_x) - x17 * cos_psi2);
+        phi_q[163] = x73;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
         const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real x67 = r7_z - r6_z;
-        const ncgen_real x68 = r7_y - r6_y;
-        const ncgen_real x69 = x36 * x67 - x37 * x68;
-        phi_q[164] = -(cos_psi3 * (R(2.822822138105743) * x69));
-        const ncgen_real x70 = r7_x - r6_x;
-        const ncgen_real x71 = x37 * x70 - x35 * x67;
-        phi_q[165] = -(cos_psi3 * (R(2.822822138105743) * x71));
-        const ncgen_real x72 = x35 * x68 - x36 * x70;
-        phi_q[166] = -(cos_psi3 * (R(2.822822138105743) * x72));
+        const ncgen_real x74 = x37 * x50 - x40 * x48;
+        phi_q[164] = -(cos_psi3 * (R(2.822822138105743) * x74));
+        const ncgen_real x75 = x40 * x46 - x34 * x50;
+        phi_q[165] = -(cos_psi3 * (R(2.822822138105743) * x75));
+        const ncgen_real x76 = x34 * x48 - x37 * x46;
+        phi_q[166] = -(cos_psi3 * (R(2.822822138105743) * x76));
         const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x73 = u3_z * x68 - u3_y * x67;
-        const ncgen_real x74 = R(2.822822138105743) * (x70 * sin_psi3 - cos_psi3 * x73);
-        phi_q[167] = x74;
-        const ncgen_real x75 = u3_x * x67 - u3_z * x70;
-        const ncgen_real x76 = R(2.822822138105743) * (x68 * sin_psi3 - cos_psi3 * x75);
-        phi_q[168] = x76;
-        const ncgen_real x77 = u3_y * x70 - u3_x * x68;
-        const ncgen_real x78 = R(2.822822138105743) * (x67 * sin_psi3 - cos_psi3 * x77);
-        phi_q[169] = x78;
-        const ncgen_real x79 = R(2.822822138105743) * (x35 * sin_psi3 - cos_psi3 * (u3_y * x37 - u3_z * x36));
-        phi_q[170] = -(x74 + x79);
-        const ncgen_real x80 = R(2.822822138105743) * (x36 * sin_psi3 - cos_psi3 * (u3_z * x35 - u3_x * x37));
-        phi_q[171] = -(x76 + x80);
-        const ncgen_real x81 = R(2.822822138105743) * (x37 * sin_psi3 - cos_psi3 * (u3_x * x36 - u3_y * x35));
-        phi_q[172] = -(x78 + x81);
-        phi_q[173] = x79;
-        phi_q[174] = x80;
-        phi_q[175] = x81;
-        const ncgen_real x82 = cos_psi3 * (x35 * x70 + x36 * x68 + x37 * x67) + sin_psi3 * (u3_x * x69 + u3_y * x71 + u3_z * x72);
-        phi_q[176] = R(2.822822138105743) * x82;
+        const ncgen_real x77 = x50 * u3_y - x48 * u3_z;
+        const ncgen_real x78 = R(2.822822138105743) * (x46 * sin_psi3 + cos_psi3 * x77);
+        phi_q[167] = -x78;
+        const ncgen_real x79 = x46 * u3_z - x50 * u3_x;
+        const ncgen_real x80 = R(2.822822138105743) * (x48 * sin_psi3 + cos_psi3 * x79);
+        phi_q[168] = -x80;
+        const ncgen_real x81 = x48 * u3_x - x46 * u3_y;
+        const ncgen_real x82 = R(2.822822138105743) * (x50 * sin_psi3 + cos_psi3 * x81);
+        phi_q[169] = -x82;
+        const ncgen_real x83 = R(2.822822138105743) * (x34 * sin_psi3 + cos_psi3 * (x37 * u3_z - x40 * u3_y));
+        phi_q[170] = x78 + x83;
+        const ncgen_real x84 = R(2.822822138105743) * (x37 * sin_psi3 + cos_psi3 * (x40 * u3_x - x34 * u3_z));
+        phi_q[171] = x80 + x84;
+        const ncgen_real x85 = R(2.822822138105743) * (x40 * sin_psi3 + cos_psi3 * (x34 * u3_y - x37 * u3_x));
+        phi_q[172] = x82 + x85;
+        phi_q[173] = -x83;
+        phi_q[174] = -x84;
+        phi_q[175] = -x85;
+        const ncgen_real x86 = cos_psi3 * (x34 * x46 + x37 * x48 + x40 * x50) + sin_psi3 * (u3_x * x74 + u3_y * x75 + u3_z * x76);
+        phi_q[176] = R(2.822822138105743) * x86;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real sin_psi4 = sine[3];
         const ncgen_real cos_psi4 = cosine[3];
-        const ncgen_real x83 = cos_psi4 * (R(0.7691964497252134) * (u4_y * x67 - u4_z * x68));
-        phi_q[177] = u4_x * sin_psi4 - x83;
-        const ncgen_real x84 = cos_psi4 * (R(0.7691964497252134) * (u4_z * x70 - u4_x * x67));
-        phi_q[178] = u4_y * sin_psi4 - x84;
-        const ncgen_real x85 = cos_psi4 * (R(0.7691964497252134) * (u4_x * x68 - u4_y * x70));
-        phi_q[179] = u4_z * sin_psi4 - x85;
-        const ncgen_real x86 = u3_y * u4_z - u3_z * u4_y;
-        const ncgen_real x87 = cos_psi4 * (R(0.7691964497252134) * x86);
-        phi_q[180] = x87;
-        const ncgen_real x88 = u3_z * u4_x - u3_x * u4_z;
-        const ncgen_real x89 = cos_psi4 * (R(0.7691964497252134) * x88);
-        phi_q[181] = x89;
-        const ncgen_real x90 = u3_x * u4_y - u3_y * u4_x;
-        const ncgen_real x91 = cos_psi4 * (R(0.7691964497252134) * x90);
-        phi_q[182] = x91;
-        phi_q[183] = -x87;
-        phi_q[184] = -x89;
-        phi_q[185] = -x91;
-        const ncgen_real x92 = u3_x * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x73);
-        phi_q[186] = x92;
-        const ncgen_real x93 = u3_y * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x75);
-        phi_q[187] = x93;
-        const ncgen_real x94 = u3_z * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x77);
-        phi_q[188] = x94;
-        const ncgen_real x95 = R(0.7691964497252134) * (x70 * x86 + x68 * x88 + x67 * x90);
-        const ncgen_real x96 = cos_psi4 * (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) + sin_psi4 * x95;
-        phi_q[189] = x96;
+        const ncgen_real x87 = x50 * u4_y - x48 * u4_z;
+        const ncgen_real x88 = u4_x * sin_psi4 + cos_psi4 * (R(0.7691964497252134) * x87);
+        phi_q[177] = x88;
+        const ncgen_real x89 = x46 * u4_z - x50 * u4_x;
+        const ncgen_real x90 = u4_y * sin_psi4 + cos_psi4 * (R(0.7691964497252134) * x89);
+        phi_q[178] = x90;
+        const ncgen_real x91 = x48 * u4_x - x46 * u4_y;
+        const ncgen_real x92 = u4_z * sin_psi4 + cos_psi4 * (R(0.7691964497252134) * x91);
+        phi_q[179] = x92;
+        const ncgen_real x93 = u3_y * u4_z - u3_z * u4_y;
+        const ncgen_real x94 = cos_psi4 * (R(0.7691964497252134) * x93);
+        phi_q[180] = x94;
+        const ncgen_real x95 = u3_z * u4_x - u3_x * u4_z;
+        const ncgen_real x96 = cos_psi4 * (R(0.7691964497252134) * x95);
+        phi_q[181] = x96;
+        const ncgen_real x97 = u3_x * u4_y - u3_y * u4_x;
+        const ncgen_real x98 = cos_psi4 * (R(0.7691964497252134) * x97);
+        phi_q[182] = x98;
+        phi_q[183] = -x94;
+        phi_q[184] = -x96;
+        phi_q[185] = -x98;
+        const ncgen_real x99 = u3_x * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x77);
+        phi_q[186] = x99;
+        const ncgen_real x100 = u3_y * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x79);
+        phi_q[187] = x100;
+        const ncgen_real x101 = u3_z * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x81);
+        phi_q[188] = x101;
+        const ncgen_real x102 = R(0.7691964497252134) * (x46 * x93 + x48 * x95 + x50 * x97);
+        const ncgen_real x103 = cos_psi4 * (u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) - sin_psi4 * x102;
+        phi_q[189] = x103;
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
-        const ncgen_real x97 = r8_x - r7_x;
         const ncgen_real sin_psi5 = sine[4];
         const ncgen_real cos_psi5 = cosine[4];
-        const ncgen_real x98 = r8_y - r7_y;
-        const ncgen_real x99 = r8_z - r7_z;
-        const ncgen_real x100 = u4_z * x98 - u4_y * x99;
-        const ncgen_real x101 = R(3.3487002600139895) * (x97 * sin_psi5 - cos_psi5 * x100);
-        phi_q[190] = x101;
-        const ncgen_real x102 = u4_x * x99 - u4_z * x97;
-        const ncgen_real x103 = R(3.3487002600139895) * (x98 * sin_psi5 - cos_psi5 * x102);
-        phi_q[191] = x103;
-        const ncgen_real x104 = u4_y * x97 - u4_x * x98;
-        const ncgen_real x105 = R(3.3487002600139895) * (x99 * sin_psi5 - cos_psi5 * x104);
-        phi_q[192] = x105;
-        const ncgen_real x106 = R(3.3487002600139895) * (x41 * sin_psi5 - cos_psi5 * (x45 * u4_y - x43 * u4_z));
-        phi_q[193] = -(x101 + x106);
-        const ncgen_real x107 = R(3.3487002600139895) * (x43 * sin_psi5 - cos_psi5 * (x41 * u4_z - x45 * u4_x));
-        phi_q[194] = -(x103 + x107);
-        const ncgen_real x108 = R(3.3487002600139895) * (x45 * sin_psi5 - cos_psi5 * (x43 * u4_x - x41 * u4_y));
-        phi_q[195] = -(x105 + x108);
-        const ncgen_real x109 = x43 * x99 - x45 * x98;
-        phi_q[196] = -(cos_psi5 * (R(3.3487002600139895) * x109));
-        const ncgen_real x110 = x45 * x97 - x41 * x99;
-        phi_q[197] = -(cos_psi5 * (R(3.3487002600139895) * x110));
-        const ncgen_real x111 = x41 * x98 - x43 * x97;
-        phi_q[198] = -(cos_psi5 * (R(3.3487002600139895) * x111));
-        phi_q[199] = x106;
-        phi_q[200] = x107;
-        phi_q[201] = x108;
-        const ncgen_real x112 = cos_psi5 * (x41 * x97 + x43 * x98 + x45 * x99) + sin_psi5 * (u4_x * x109 + u4_y * x110 + u4_z * x111);
-        phi_q[202] = R(3.3487002600139895) * x112;
+        const ncgen_real x104 = x62 * u4_y - x60 * u4_z;
+        const ncgen_real x105 = R(3.3487002600139895) * (x58 * sin_psi5 + cos_psi5 * x104);
+        phi_q[190] = -x105;
+        const ncgen_real x106 = x58 * u4_z - x62 * u4_x;
+        const ncgen_real x107 = R(3.3487002600139895) * (x60 * sin_psi5 + cos_psi5 * x106);
+        phi_q[191] = -x107;
+        const ncgen_real x108 = x60 * u4_x - x58 * u4_y;
+        const ncgen_real x109 = R(3.3487002600139895) * (x62 * sin_psi5 + cos_psi5 * x108);
+        phi_q[192] = -x109;
+        const ncgen_real x110 = R(3.3487002600139895) * (x46 * sin_psi5 - cos_psi5 * x87);
+        phi_q[193] = x105 - x110;
+        const ncgen_real x111 = R(3.3487002600139895) * (x48 * sin_psi5 - cos_psi5 * x89);
+        phi_q[194] = x107 - x111;
+        const ncgen_real x112 = R(3.3487002600139895) * (x50 * sin_psi5 - cos_psi5 * x91);
+        phi_q[195] = x109 - x112;
+        const ncgen_real x113 = x50 * x60 - x48 * x62;
+        phi_q[196] = -(cos_psi5 * (R(3.3487002600139895) * x113));
+        const ncgen_real x114 = x46 * x62 - x50 * x58;
+        phi_q[197] = -(cos_psi5 * (R(3.3487002600139895) * x114));
+        const ncgen_real x115 = x48 * x58 - x46 * x60;
+        phi_q[198] = -(cos_psi5 * (R(3.3487002600139895) * x115));
+        phi_q[199] = x110;
+        phi_q[200] = x111;
+        phi_q[201] = x112;
+        const ncgen_real x116 = sin_psi5 * (u4_x * x113 + u4_y * x114 + u4_z * x115) - cos_psi5 * (x46 * x58 + x48 * x60 + x50 * x62);
+        phi_q[202] = R(3.3487002600139895) * x116;
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
         const ncgen_real cos_psi6 = cosine[5];
-        const ncgen_real x113 = u4_y * u5_z - u4_z * u5_y;
-        const ncgen_real x114 = cos_psi6 * (R(4.3535045711797995) * x113);
-        phi_q[203] = x114;
-        const ncgen_real x115 = u4_z * u5_x - u4_x * u5_z;
-        const ncgen_real x116 = cos_psi6 * (R(4.3535045711797995) * x115);
-        phi_q[204] = x116;
-        const ncgen_real x117 = u4_x * u5_y - u4_y * u5_x;
+        const ncgen_real x117 = u4_y * u5_z - u4_z * u5_y;
         const ncgen_real x118 = cos_psi6 * (R(4.3535045711797995) * x117);
-        phi_q[205] = x118;
+        phi_q[203] = x118;
+        const ncgen_real x119 = u4_z * u5_x - u4_x * u5_z;
+        const ncgen_real x120 = cos_psi6 * (R(4.3535045711797995) * x119);
+        phi_q[204] = x120;
+        const ncgen_real x121 = u4_x * u5_y - u4_y * u5_x;
+        const ncgen_real x122 = cos_psi6 * (R(4.3535045711797995) * x121);
+        phi_q[205] = x122;
         const ncgen_real sin_psi6 = sine[5];
-        const ncgen_real x119 = cos_psi6 * (R(4.3535045711797995) * (u5_y * x99 - u5_z * x98));
-        phi_q[206] = u5_x * sin_psi6 - x119;
-        const ncgen_real x120 = cos_psi6 * (R(4.3535045711797995) * (u5_z * x97 - u5_x * x99));
-        phi_q[207] = u5_y * sin_psi6 - x120;
-        const ncgen_real x121 = cos_psi6 * (R(4.3535045711797995) * (u5_x * x98 - u5_y * x97));
-        phi_q[208] = u5_z * sin_psi6 - x121;
-        phi_q[209] = -x114;
-        phi_q[210] = -x116;
-        phi_q[211] = -x118;
-        const ncgen_real x122 = u4_x * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x100);
-        phi_q[212] = x122;
-        const ncgen_real x123 = u4_y * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x102);
-        phi_q[213] = x123;
-        const ncgen_real x124 = u4_z * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x104);
-        phi_q[214] = x124;
-        const ncgen_real x125 = R(4.3535045711797995) * (x97 * x113 + x98 * x115 + x99 * x117);
-        const ncgen_real x126 = cos_psi6 * (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) + sin_psi6 * x125;
-        phi_q[215] = x126;
+        const ncgen_real x123 = cos_psi6 * (R(4.3535045711797995) * (x60 * u5_z - x62 * u5_y));
+        phi_q[206] = u5_x * sin_psi6 - x123;
+        const ncgen_real x124 = cos_psi6 * (R(4.3535045711797995) * (x62 * u5_x - x58 * u5_z));
+        phi_q[207] = u5_y * sin_psi6 - x124;
+        const ncgen_real x125 = cos_psi6 * (R(4.3535045711797995) * (x58 * u5_y - x60 * u5_x));
+        phi_q[208] = u5_z * sin_psi6 - x125;
+        phi_q[209] = -x118;
+        phi_q[210] = -x120;
+        phi_q[211] = -x122;
+        const ncgen_real x126 = u4_x * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x104);
+        phi_q[212] = x126;
+        const ncgen_real x127 = u4_y * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x106);
+        phi_q[213] = x127;
+        const ncgen_real x128 = u4_z * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x108);
+        phi_q[214] = x128;
+        const ncgen_real x129 = R(4.3535045711797995) * (x58 * x117 + x60 * x119 + x62 * x121);
+        const ncgen_real x130 = cos_psi6 * (u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) - sin_psi6 * x129;
+        phi_q[215] = x130;
     }
 
     return NCGEN_OK;
 }
-/* gamma: 691 operations, 12 of them elementary functions */
+/* gamma: 677 operations, 12 of them elementary functions */
 int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[6], cosine[6];
@@ -736,11 +653,6 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
     (void)p;
 
     ncgen_sincos(6, q + 30, sine, cosine);
-
-    /* constant part */
-    for (int i = 0; i < 31; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1000 distance r1-r2 (body2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.700159 */
@@ -771,6 +683,8 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
         const ncgen_real x7 = R(5.054519388155418) * (x2 * du3_x + x3 * du3_y + x4 * du3_z);
         gamma[5] = -x7;
+        gamma[6] = NCGEN_SPLAT(R(0.0));
+        gamma[7] = NCGEN_SPLAT(R(0.0));
         /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
         const ncgen_real dr4_x = qd[9];
         const ncgen_real x8 = dr2_x - dr4_x;
@@ -820,201 +734,187 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x30 = R(5.054519388155418) * (x18 * du3_x + x19 * du3_y + x20 * du3_z);
         gamma[15] = -x30;
         /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-        const ncgen_real x31 = dr4_x - dr6_x;
-        const ncgen_real x32 = dr4_y - dr6_y;
-        const ncgen_real x33 = dr4_z - dr6_z;
-        const ncgen_real x34 = R(7.339665020851731) * (du3_x * x31 + du3_y * x32 + du3_z * x33);
-        gamma[16] = -x34;
+        const ncgen_real x31 = R(7.339665020851731) * (x26 * du3_x + x27 * du3_y + x28 * du3_z);
+        gamma[16] = x31;
         /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
         const ncgen_real dr7_x = qd[18];
-        const ncgen_real x35 = dr6_x - dr7_x;
+        const ncgen_real x32 = dr6_x - dr7_x;
         const ncgen_real dr7_y = qd[19];
-        const ncgen_real x36 = dr6_y - dr7_y;
+        const ncgen_real x33 = dr6_y - dr7_y;
         const ncgen_real dr7_z = qd[20];
-        const ncgen_real x37 = dr6_z - dr7_z;
-        const ncgen_real x38 = R(0.7691964497252134) * (x35 * x35 + x36 * x36 + x37 * x37);
-        gamma[17] = -x38;
+        const ncgen_real x34 = dr6_z - dr7_z;
+        const ncgen_real x35 = R(0.7691964497252134) * (x32 * x32 + x33 * x33 + x34 * x34);
+        gamma[17] = -x35;
         /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
-        const ncgen_real x39 = R(1.5383928994504268) * (x35 * du3_x + x36 * du3_y + x37 * du3_z);
-        gamma[18] = -x39;
+        const ncgen_real x36 = R(1.5383928994504268) * (x32 * du3_x + x33 * du3_y + x34 * du3_z);
+        gamma[18] = -x36;
         /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
         const ncgen_real du4_x = qd[21];
         const ncgen_real du4_y = qd[22];
         const ncgen_real du4_z = qd[23];
-        const ncgen_real x40 = R(1.5383928994504268) * (x35 * du4_x + x36 * du4_y + x37 * du4_z);
-        gamma[19] = -x40;
+        const ncgen_real x37 = R(1.5383928994504268) * (x32 * du4_x + x33 * du4_y + x34 * du4_z);
+        gamma[19] = -x37;
         /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
         gamma[20] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
         /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
         const ncgen_real dr8_x = qd[24];
-        const ncgen_real x41 = dr7_x - dr8_x;
+        const ncgen_real x38 = dr7_x - dr8_x;
         const ncgen_real dr8_y = qd[25];
-        const ncgen_real x42 = dr7_y - dr8_y;
+        const ncgen_real x39 = dr7_y - dr8_y;
         const ncgen_real dr8_z = qd[26];
-        const ncgen_real x43 = dr7_z - dr8_z;
-        const ncgen_real x44 = R(4.3535045711797995) * (x41 * x41 + x42 * x42 + x43 * x43);
-        gamma[21] = -x44;
+        const ncgen_real x40 = dr7_z - dr8_z;
+        const ncgen_real x41 = R(4.3535045711797995) * (x38 * x38 + x39 * x39 + x40 * x40);
+        gamma[21] = -x41;
         /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
-        const ncgen_real x45 = R(8.707009142359599) * (x41 * du4_x + x42 * du4_y + x43 * du4_z);
-        gamma[22] = -x45;
+        const ncgen_real x42 = R(8.707009142359599) * (x38 * du4_x + x39 * du4_y + x40 * du4_z);
+        gamma[22] = -x42;
         /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
         const ncgen_real du5_x = qd[27];
         const ncgen_real du5_y = qd[28];
         const ncgen_real du5_z = qd[29];
-        const ncgen_real x46 = R(8.707009142359599) * (x41 * du5_x + x42 * du5_y + x43 * du5_z);
-        gamma[23] = -x46;
+        const ncgen_real x43 = R(8.707009142359599) * (x38 * du5_x + x39 * du5_y + x40 * du5_z);
+        gamma[23] = -x43;
         /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
         gamma[24] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
         /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
         const ncgen_real sin_psi1 = sine[0];
         const ncgen_real u3_y = q[4];
         const ncgen_real dpsi1 = qd[30];
-        const ncgen_real x47 = dpsi1 * dpsi1;
+        const ncgen_real x44 = dpsi1 * dpsi1;
         const ncgen_real cos_psi1 = cosine[0];
-        const ncgen_real x48 = R(2.0) * dpsi1;
-        const ncgen_real x49 = sin_psi1 * (u3_y * x47) - cos_psi1 * (du3_y * x48) + sin_psi1 * (du3_x * x48);
+        const ncgen_real x45 = R(2.0) * dpsi1;
+        const ncgen_real x46 = sin_psi1 * (u3_y * x44) - cos_psi1 * (du3_y * x45) + sin_psi1 * (du3_x * x45);
         const ncgen_real u3_x = q[3];
-        gamma[25] = x49 + cos_psi1 * (u3_x * x47);
+        gamma[25] = x46 + cos_psi1 * (u3_x * x44);
         /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
         const ncgen_real cos_psi2 = cosine[1];
         const ncgen_real sin_psi2 = sine[1];
         const ncgen_real r4_z = q[11];
         const ncgen_real r2_z = q[2];
         const ncgen_real dpsi2 = qd[31];
-        const ncgen_real x50 = dpsi2 * dpsi2;
-        const ncgen_real x51 = cos_psi2 * (R(2.0) * (x8 * du3_y - x9 * du3_x)) + sin_psi2 * ((r4_z - r2_z) * x50);
-        const ncgen_real x52 = R(2.0) * dpsi2;
-        const ncgen_real r2_y = q[1];
+        const ncgen_real x47 = dpsi2 * dpsi2;
+        const ncgen_real x48 = cos_psi2 * (R(2.0) * (x8 * du3_y - x9 * du3_x)) + sin_psi2 * ((r4_z - r2_z) * x47);
+        const ncgen_real x49 = R(2.0) * dpsi2;
         const ncgen_real r4_y = q[10];
-        const ncgen_real x53 = r2_y - r4_y;
-        const ncgen_real r2_x = q[0];
+        const ncgen_real r2_y = q[1];
+        const ncgen_real x50 = r4_y - r2_y;
         const ncgen_real r4_x = q[9];
-        const ncgen_real x54 = r2_x - r4_x;
-        const ncgen_real x55 = x52 * (x8 * u3_y - (x9 * u3_x + du3_x * x53) + du3_y * x54);
-        const ncgen_real x56 = x51 - cos_psi2 * ((dr4_z - dr2_z) * x52) - sin_psi2 * x55;
-        const ncgen_real x57 = R(0.9120758847136081) * (x56 - cos_psi2 * (x50 * (u3_y * x54 - u3_x * x53)));
-        gamma[26] = x57;
+        const ncgen_real r2_x = q[0];
+        const ncgen_real x51 = r4_x - r2_x;
+        const ncgen_real x52 = x49 * (du3_x * x50 - x9 * u3_x + x8 * u3_y - du3_y * x51);
+        const ncgen_real x53 = x48 + cos_psi2 * (x10 * x49) - sin_psi2 * x52 - cos_psi2 * (x47 * (u3_x * x50 - u3_y * x51));
+        gamma[26] = R(0.9120758847136081) * x53;
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
         const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real x58 = dr7_z - dr6_z;
-        const ncgen_real x59 = dr7_y - dr6_y;
         const ncgen_real u3_z = q[5];
-        const ncgen_real x60 = dr7_x - dr6_x;
-        const ncgen_real x61 = u3_x * (x32 * x58 - x33 * x59) + u3_z * (x31 * x59 - x32 * x60);
-        const ncgen_real r6_y = q[16];
-        const ncgen_real x62 = r4_y - r6_y;
-        const ncgen_real r7_z = q[20];
+        const ncgen_real x54 = u3_x * (x27 * x34 - x28 * x33) + u3_z * (x26 * x33 - x27 * x32);
         const ncgen_real r6_z = q[17];
-        const ncgen_real x63 = r7_z - r6_z;
-        const ncgen_real x64 = r4_z - r6_z;
+        const ncgen_real x55 = r4_z - r6_z;
+        const ncgen_real r6_y = q[16];
+        const ncgen_real x56 = r4_y - r6_y;
+        const ncgen_real r7_z = q[20];
+        const ncgen_real x57 = r7_z - r6_z;
         const ncgen_real r7_y = q[19];
-        const ncgen_real x65 = r7_y - r6_y;
-        const ncgen_real x66 = x62 * x58 + x32 * x63 - x64 * x59 - x33 * x65;
+        const ncgen_real x58 = r7_y - r6_y;
+        const ncgen_real x59 = x33 * x55 - (x34 * x56 + x27 * x57) + x28 * x58;
         const ncgen_real r6_x = q[15];
-        const ncgen_real x67 = r4_x - r6_x;
+        const ncgen_real x60 = r4_x - r6_x;
         const ncgen_real r7_x = q[18];
-        const ncgen_real x68 = r7_x - r6_x;
-        const ncgen_real x69 = x67 * x59 + x31 * x65 - x62 * x60 - x32 * x68;
-        const ncgen_real x70 = x61 + du3_x * x66 + du3_z * x69 - u3_y * (x31 * x58 - x33 * x60);
-        const ncgen_real x71 = x67 * x58 + x31 * x63 - x64 * x60 - x33 * x68;
+        const ncgen_real x61 = r7_x - r6_x;
+        const ncgen_real x62 = x32 * x56 - (x33 * x60 + x26 * x58) + x27 * x61;
+        const ncgen_real x63 = x54 + du3_x * x59 + du3_z * x62 - u3_y * (x26 * x34 - x28 * x32);
+        const ncgen_real x64 = x32 * x55 - (x34 * x60 + x26 * x57) + x28 * x61;
         const ncgen_real sin_psi3 = sine[2];
         const ncgen_real dpsi3 = qd[32];
-        const ncgen_real x72 = dpsi3 * dpsi3;
-        const ncgen_real x73 = cos_psi3 * (R(2.0) * (x70 - du3_y * x71)) + sin_psi3 * ((x67 * x68 + x62 * x65 + x64 * x63) * x72);
-        const ncgen_real x74 = sin_psi3 * (R(2.0) * (x31 * x60 + x32 * x59 + x33 * x58));
-        const ncgen_real x75 = R(2.0) * dpsi3;
-        const ncgen_real x76 = x67 * x60 + x62 * x59 + x64 * x58 + x31 * x68 + x32 * x65;
-        const ncgen_real x77 = x62 * x63 - x64 * x65;
-        const ncgen_real x78 = x67 * x65 - x62 * x68;
-        const ncgen_real x79 = u3_x * x66 + u3_z * x69 + du3_x * x77 + du3_z * x78 - u3_y * x71;
-        const ncgen_real x80 = x67 * x63 - x64 * x68;
-        const ncgen_real x81 = x73 - x74 - cos_psi3 * (x75 * (x76 + x33 * x63)) - sin_psi3 * (x75 * (x79 - du3_y * x80));
-        const ncgen_real x82 = cos_psi3 * (x72 * (u3_x * x77 + u3_z * x78 - u3_y * x80));
-        gamma[27] = R(2.822822138105743) * (x81 - x82);
+        const ncgen_real x65 = dpsi3 * dpsi3;
+        const ncgen_real x66 = cos_psi3 * (R(2.0) * (x63 - du3_y * x64)) + sin_psi3 * ((x60 * x61 + x56 * x58 + x55 * x57) * x65);
+        const ncgen_real x67 = sin_psi3 * (R(2.0) * (x26 * x32 + x27 * x33 + x28 * x34));
+        const ncgen_real x68 = R(2.0) * dpsi3;
+        const ncgen_real x69 = x32 * x60 + x33 * x56 + x34 * x55 + x26 * x61 + x27 * x58;
+        const ncgen_real x70 = x56 * x57 - x55 * x58;
+        const ncgen_real x71 = x60 * x58 - x56 * x61;
+        const ncgen_real x72 = u3_x * x59 + u3_z * x62 + du3_x * x70 + du3_z * x71 - u3_y * x64;
+        const ncgen_real x73 = x55 * x61 - x60 * x57;
+        const ncgen_real x74 = x66 - x67 + cos_psi3 * (x68 * (x69 + x28 * x57)) - sin_psi3 * (x68 * (x72 + du3_y * x73));
+        const ncgen_real x75 = cos_psi3 * (x65 * (u3_y * x73 + (u3_x * x70 + u3_z * x71)));
+        gamma[27] = R(2.822822138105743) * (x74 - x75);
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real cos_psi4 = cosine[3];
-        const ncgen_real x83 = x68 * (du3_y * du4_z - du3_z * du4_y) + x63 * (du3_x * du4_y - du3_y * du4_x);
+        const ncgen_real x76 = x61 * (du3_y * du4_z - du3_z * du4_y) + x57 * (du3_x * du4_y - du3_y * du4_x);
         const ncgen_real u4_z = q[23];
         const ncgen_real u4_y = q[22];
-        const ncgen_real x84 = du4_z * u3_y + du3_y * u4_z - du4_y * u3_z - du3_z * u4_y;
+        const ncgen_real x77 = du4_z * u3_y + du3_y * u4_z - du4_y * u3_z - du3_z * u4_y;
         const ncgen_real u4_x = q[21];
-        const ncgen_real x85 = du4_y * u3_x + du3_x * u4_y - du4_x * u3_y - du3_y * u4_x;
-        const ncgen_real x86 = x83 + x60 * x84 + x58 * x85 - x65 * (du3_x * du4_z - du3_z * du4_x);
-        const ncgen_real x87 = du4_z * u3_x + du3_x * u4_z - du4_x * u3_z - du3_z * u4_x;
+        const ncgen_real x78 = du4_y * u3_x + du3_x * u4_y - du4_x * u3_y - du3_y * u4_x;
+        const ncgen_real x79 = x76 - x32 * x77 - x34 * x78 - x58 * (du3_x * du4_z - du3_z * du4_x);
+        const ncgen_real x80 = du4_z * u3_x + du3_x * u4_z - du4_x * u3_z - du3_z * u4_x;
         const ncgen_real sin_psi4 = sine[3];
         const ncgen_real dpsi4 = qd[33];
-        const ncgen_real x88 = dpsi4 * dpsi4;
-        const ncgen_real x89 = sin_psi4 * ((u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * x88);
-        const ncgen_real x90 = cos_psi4 * (R(1.5383928994504268) * (x86 - x59 * x87)) + x89;
-        const ncgen_real x91 = sin_psi4 * (R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
-        const ncgen_real x92 = du4_x * u3_x + du4_y * u3_y + du4_z * u3_z + du3_x * u4_x;
-        const ncgen_real x93 = cos_psi4 * (R(2.0) * dpsi4 * (x92 + du3_y * u4_y + du3_z * u4_z));
-        const ncgen_real x94 = u3_y * u4_z - u3_z * u4_y;
-        const ncgen_real x95 = u3_x * u4_y - u3_y * u4_x;
-        const ncgen_real x96 = x68 * x84 + x63 * x85 + x60 * x94 + x58 * x95 - x65 * x87;
-        const ncgen_real x97 = u3_x * u4_z - u3_z * u4_x;
-        const ncgen_real x98 = sin_psi4 * (R(1.5383928994504268) * dpsi4 * (x96 - x59 * x97));
-        const ncgen_real x99 = R(0.7691964497252134) * x88 * (x68 * x94 + x63 * x95 - x65 * x97);
-        gamma[28] = x90 - x91 - x93 - x98 - cos_psi4 * x99;
+        const ncgen_real x81 = dpsi4 * dpsi4;
+        const ncgen_real x82 = sin_psi4 * ((u3_x * u4_x + u3_y * u4_y + u3_z * u4_z) * x81);
+        const ncgen_real x83 = cos_psi4 * (R(1.5383928994504268) * (x79 + x33 * x80)) + x82;
+        const ncgen_real x84 = sin_psi4 * (R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+        const ncgen_real x85 = du4_x * u3_x + du4_y * u3_y + du4_z * u3_z + du3_x * u4_x;
+        const ncgen_real x86 = cos_psi4 * (R(2.0) * dpsi4 * (x85 + du3_y * u4_y + du3_z * u4_z));
+        const ncgen_real x87 = u3_y * u4_z - u3_z * u4_y;
+        const ncgen_real x88 = u3_x * u4_y - u3_y * u4_x;
+        const ncgen_real x89 = x61 * x77 + x57 * x78 - x32 * x87 - x34 * x88 - x58 * x80;
+        const ncgen_real x90 = u3_z * u4_x - u3_x * u4_z;
+        const ncgen_real x91 = sin_psi4 * (R(1.5383928994504268) * dpsi4 * (x89 - x33 * x90));
+        const ncgen_real x92 = R(0.7691964497252134) * x81 * (x58 * x90 + (x61 * x87 + x57 * x88));
+        gamma[28] = x83 - x84 - x86 - x91 - cos_psi4 * x92;
         /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
         const ncgen_real cos_psi5 = cosine[4];
-        const ncgen_real x100 = dr8_z - dr7_z;
-        const ncgen_real x101 = dr8_y - dr7_y;
-        const ncgen_real x102 = dr8_x - dr7_x;
-        const ncgen_real x103 = u4_x * (x36 * x100 - x37 * x101) + u4_z * (x35 * x101 - x36 * x102);
-        const ncgen_real x104 = r6_y - r7_y;
+        const ncgen_real x93 = u4_x * (x34 * x39 - x33 * x40) + u4_z * (x33 * x38 - x32 * x39);
         const ncgen_real r8_z = q[26];
-        const ncgen_real x105 = r8_z - r7_z;
-        const ncgen_real x106 = r6_z - r7_z;
+        const ncgen_real x94 = r8_z - r7_z;
         const ncgen_real r8_y = q[25];
-        const ncgen_real x107 = r8_y - r7_y;
-        const ncgen_real x108 = x104 * x100 + x36 * x105 - x106 * x101 - x37 * x107;
-        const ncgen_real x109 = r6_x - r7_x;
+        const ncgen_real x95 = r8_y - r7_y;
+        const ncgen_real x96 = x40 * x58 + x33 * x94 - x39 * x57 - x34 * x95;
         const ncgen_real r8_x = q[24];
-        const ncgen_real x110 = r8_x - r7_x;
-        const ncgen_real x111 = x109 * x101 + x35 * x107 - x104 * x102 - x36 * x110;
-        const ncgen_real x112 = x103 + du4_x * x108 + du4_z * x111 - u4_y * (x35 * x100 - x37 * x102);
-        const ncgen_real x113 = x109 * x100 + x35 * x105 - x106 * x102 - x37 * x110;
+        const ncgen_real x97 = r8_x - r7_x;
+        const ncgen_real x98 = x39 * x61 + x32 * x95 - x38 * x58 - x33 * x97;
+        const ncgen_real x99 = x93 + du4_x * x96 + du4_z * x98 - u4_y * (x34 * x38 - x32 * x40);
+        const ncgen_real x100 = x40 * x61 + x32 * x94 - x38 * x57 - x34 * x97;
         const ncgen_real sin_psi5 = sine[4];
         const ncgen_real dpsi5 = qd[34];
-        const ncgen_real x114 = dpsi5 * dpsi5;
-        const ncgen_real x115 = sin_psi5 * ((x109 * x110 + x104 * x107 + x106 * x105) * x114);
-        const ncgen_real x116 = sin_psi5 * (R(2.0) * (x35 * x102 + x36 * x101 + x37 * x100));
-        const ncgen_real x117 = cos_psi5 * (R(2.0) * (x112 - du4_y * x113)) + x115 - x116;
-        const ncgen_real x118 = R(2.0) * dpsi5;
-        const ncgen_real x119 = x109 * x102 + x104 * x101 + x106 * x100 + x35 * x110 + x36 * x107;
-        const ncgen_real x120 = x104 * x105 - x106 * x107;
-        const ncgen_real x121 = x109 * x107 - x104 * x110;
-        const ncgen_real x122 = u4_x * x108 + u4_z * x111 + du4_x * x120 + du4_z * x121 - u4_y * x113;
-        const ncgen_real x123 = x109 * x105 - x106 * x110;
-        const ncgen_real x124 = x117 - cos_psi5 * (x118 * (x119 + x37 * x105)) - sin_psi5 * (x118 * (x122 - du4_y * x123));
-        const ncgen_real x125 = cos_psi5 * (x114 * (u4_x * x120 + u4_z * x121 - u4_y * x123));
-        gamma[29] = R(3.3487002600139895) * (x124 - x125);
+        const ncgen_real x101 = dpsi5 * dpsi5;
+        const ncgen_real x102 = cos_psi5 * (R(2.0) * (x99 - du4_y * x100)) - sin_psi5 * ((x61 * x97 + x58 * x95 + x57 * x94) * x101);
+        const ncgen_real x103 = sin_psi5 * (R(2.0) * (x32 * x38 + x33 * x39 + x34 * x40));
+        const ncgen_real x104 = R(2.0) * dpsi5;
+        const ncgen_real x105 = x38 * x61 + x39 * x58 + x40 * x57 + x32 * x97 + x33 * x95;
+        const ncgen_real x106 = x57 * x95 - x58 * x94;
+        const ncgen_real x107 = x58 * x97 - x61 * x95;
+        const ncgen_real x108 = u4_x * x96 + u4_z * x98 + du4_x * x106 + du4_z * x107 - u4_y * x100;
+        const ncgen_real x109 = x61 * x94 - x57 * x97;
+        const ncgen_real x110 = x102 + x103 - cos_psi5 * (x104 * (x105 + x34 * x94)) - sin_psi5 * (x104 * (x108 + du4_y * x109));
+        const ncgen_real x111 = cos_psi5 * (x101 * (u4_y * x109 + (u4_x * x106 + u4_z * x107)));
+        gamma[29] = R(3.3487002600139895) * (x110 - x111);
         /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
         const ncgen_real cos_psi6 = cosine[5];
-        const ncgen_real x126 = x110 * (du4_y * du5_z - du4_z * du5_y) + x105 * (du4_x * du5_y - du4_y * du5_x);
+        const ncgen_real x112 = x97 * (du4_y * du5_z - du4_z * du5_y) + x94 * (du4_x * du5_y - du4_y * du5_x);
         const ncgen_real u5_z = q[29];
         const ncgen_real u5_y = q[28];
-        const ncgen_real x127 = du5_z * u4_y + du4_y * u5_z - du5_y * u4_z - du4_z * u5_y;
+        const ncgen_real x113 = du5_z * u4_y + du4_y * u5_z - du5_y * u4_z - du4_z * u5_y;
         const ncgen_real u5_x = q[27];
-        const ncgen_real x128 = du5_y * u4_x + du4_x * u5_y - du5_x * u4_y - du4_y * u5_x;
-        const ncgen_real x129 = x126 + x102 * x127 + x100 * x128 - x107 * (du4_x * du5_z - du4_z * du5_x);
-        const ncgen_real x130 = du5_z * u4_x + du4_x * u5_z - du5_x * u4_z - du4_z * u5_x;
+        const ncgen_real x114 = du5_y * u4_x + du4_x * u5_y - du5_x * u4_y - du4_y * u5_x;
+        const ncgen_real x115 = x112 - x38 * x113 - x40 * x114 - x95 * (du4_x * du5_z - du4_z * du5_x);
+        const ncgen_real x116 = du5_z * u4_x + du4_x * u5_z - du5_x * u4_z - du4_z * u5_x;
         const ncgen_real sin_psi6 = sine[5];
         const ncgen_real dpsi6 = qd[35];
-        const ncgen_real x131 = dpsi6 * dpsi6;
-        const ncgen_real x132 = sin_psi6 * ((u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * x131);
-        const ncgen_real x133 = cos_psi6 * (R(8.707009142359599) * (x129 - x101 * x130)) + x132;
-        const ncgen_real x134 = sin_psi6 * (R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
-        const ncgen_real x135 = du5_x * u4_x + du5_y * u4_y + du5_z * u4_z + du4_x * u5_x;
-        const ncgen_real x136 = cos_psi6 * (R(2.0) * dpsi6 * (x135 + du4_y * u5_y + du4_z * u5_z));
-        const ncgen_real x137 = u4_y * u5_z - u4_z * u5_y;
-        const ncgen_real x138 = u4_x * u5_y - u4_y * u5_x;
-        const ncgen_real x139 = x110 * x127 + x105 * x128 + x102 * x137 + x100 * x138 - x107 * x130;
-        const ncgen_real x140 = u4_x * u5_z - u4_z * u5_x;
-        const ncgen_real x141 = sin_psi6 * (R(8.707009142359599) * dpsi6 * (x139 - x101 * x140));
-        const ncgen_real x142 = R(4.3535045711797995) * x131 * (x110 * x137 + x105 * x138 - x107 * x140);
-        gamma[30] = x133 - x134 - x136 - x141 - cos_psi6 * x142;
+        const ncgen_real x117 = dpsi6 * dpsi6;
+        const ncgen_real x118 = sin_psi6 * ((u4_x * u5_x + u4_y * u5_y + u4_z * u5_z) * x117);
+        const ncgen_real x119 = cos_psi6 * (R(8.707009142359599) * (x115 + x39 * x116)) + x118;
+        const ncgen_real x120 = sin_psi6 * (R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+        const ncgen_real x121 = du5_x * u4_x + du5_y * u4_y + du5_z * u4_z + du4_x * u5_x;
+        const ncgen_real x122 = cos_psi6 * (R(2.0) * dpsi6 * (x121 + du4_y * u5_y + du4_z * u5_z));
+        const ncgen_real x123 = u4_y * u5_z - u4_z * u5_y;
+        const ncgen_real x124 = u4_x * u5_y - u4_y * u5_x;
+        const ncgen_real x125 = x97 * x113 + x94 * x114 - x38 * x123 - x40 * x124 - x95 * x116;
+        const ncgen_real x126 = u4_z * u5_x - u4_x * u5_z;
+        const ncgen_real x127 = sin_psi6 * (R(8.707009142359599) * dpsi6 * (x125 - x39 * x126));
+        const ncgen_real x128 = R(4.3535045711797995) * x117 * (x95 * x126 + (x97 * x123 + x94 * x124));
+        gamma[30] = x119 - x120 - x122 - x127 - cos_psi6 * x128;
     }
 
     return NCGEN_OK;
@@ -1024,12 +924,6 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 378; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(robot_number_2[i]);
-        mass[i] = x1;
-    }
 
     {
         /* body3 */
@@ -1330,6 +1224,8 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         mass[123] = x4 + R(160.9248034599683);
         mass[124] = x7;
         mass[125] = x9;
+        mass[126] = NCGEN_SPLAT(-R(20.5794468867186));
+        mass[127] = NCGEN_SPLAT(-R(48.42165808256183));
         mass[128] = x6;
         mass[129] = x34;
         mass[130] = x25;
@@ -1339,6 +1235,8 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         mass[134] = x7;
         mass[135] = x24 + R(160.9248034599683);
         mass[136] = x26;
+        mass[137] = NCGEN_SPLAT(-R(20.5794468867186));
+        mass[138] = NCGEN_SPLAT(-R(48.42165808256183));
         mass[139] = x8;
         mass[140] = x25;
         mass[141] = x43;
@@ -1348,6 +1246,8 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         mass[145] = x9;
         mass[146] = x26;
         mass[147] = x36 + R(160.9248034599683);
+        mass[148] = NCGEN_SPLAT(-R(20.5794468867186));
+        mass[149] = NCGEN_SPLAT(-R(48.42165808256183));
         /* body4 */
         mass[150] = x72;
         mass[151] = x89;
@@ -1355,31 +1255,39 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         mass[153] = x125;
         mass[154] = x121;
         mass[155] = x123;
+        mass[156] = NCGEN_SPLAT(-R(20.5794468867186));
         mass[157] = x119 + R(32.89352236014469);
         mass[158] = x122;
         mass[159] = x124;
+        mass[160] = NCGEN_SPLAT(R(27.9137425692788));
         mass[161] = x66;
         mass[162] = x96;
         mass[163] = x108;
         mass[164] = x121;
         mass[165] = x129;
         mass[166] = x127;
+        mass[167] = NCGEN_SPLAT(-R(20.5794468867186));
         mass[168] = x122;
         mass[169] = x126 + R(32.89352236014469);
         mass[170] = x128;
+        mass[171] = NCGEN_SPLAT(R(27.9137425692788));
         mass[172] = x69;
         mass[173] = x93;
         mass[174] = x112;
         mass[175] = x123;
         mass[176] = x127;
         mass[177] = x131;
+        mass[178] = NCGEN_SPLAT(-R(20.5794468867186));
         mass[179] = x124;
         mass[180] = x128;
         mass[181] = x130 + R(32.89352236014469);
+        mass[182] = NCGEN_SPLAT(R(27.9137425692788));
         /* body6 */
         mass[183] = x75;
         mass[184] = x98;
         mass[185] = x114;
+        mass[186] = NCGEN_SPLAT(-R(48.42165808256183));
+        mass[187] = NCGEN_SPLAT(R(27.9137425692788));
         /* body6; body7 */
         const ncgen_real u4_y = q[22];
         const ncgen_real x132 = u4_y * u4_y;
@@ -1417,13 +1325,15 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x154 = -x153;
         mass[195] = x154;
         const ncgen_real x155 = R(0.38428507637356846) * x44;
-        const ncgen_real x156 = u4_z * x151;
-        const ncgen_real x157 = x155 - x156;
+        const ncgen_real x156 = u4_z * x151 - x155;
+        const ncgen_real x157 = -x156;
         mass[196] = x157;
         /* body6 */
         mass[197] = x78;
         mass[198] = x100;
         mass[199] = x116;
+        mass[200] = NCGEN_SPLAT(-R(48.42165808256183));
+        mass[201] = NCGEN_SPLAT(R(27.9137425692788));
         /* body6; body7 */
         mass[202] = x142;
         const ncgen_real x158 = u4_x * u4_x;
@@ -1442,8 +1352,8 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         mass[207] = x164;
         /* body7 */
         const ncgen_real x167 = R(0.9614328671821492) * x44;
-        const ncgen_real x168 = u4_x * x167;
-        const ncgen_real x169 = x152 - x168;
+        const ncgen_real x168 = u4_x * x167 - x152;
+        const ncgen_real x169 = -x168;
         mass[208] = x169;
         const ncgen_real x170 = x56 * u4_x;
         const ncgen_real x171 = R(0.9614328671821492) * (x149 + x170);
@@ -1456,6 +1366,8 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         mass[211] = x81;
         mass[212] = x102;
         mass[213] = x117;
+        mass[214] = NCGEN_SPLAT(-R(48.42165808256183));
+        mass[215] = NCGEN_SPLAT(R(27.9137425692788));
         /* body6; body7 */
         mass[216] = x146;
         mass[217] = x165;
@@ -1472,8 +1384,8 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x180 = x155 + u4_x * x179;
         const ncgen_real x181 = -x180;
         mass[222] = x181;
-        const ncgen_real x182 = u4_y * x179;
-        const ncgen_real x183 = x172 - x182;
+        const ncgen_real x182 = u4_y * x179 - x172;
+        const ncgen_real x183 = -x182;
         mass[223] = x183;
         const ncgen_real x184 = R(0.9614328671821492) * (x148 + x170);
         mass[224] = x184;
@@ -1521,7 +1433,7 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x206 = x153 - x205;
         mass[235] = x206;
         const ncgen_real x207 = u4_z * x204;
-        const ncgen_real x208 = x156 - x155 - x207;
+        const ncgen_real x208 = x156 - x207;
         mass[236] = x208;
         /* body8; body9 */
         const ncgen_real x209 = R(2.619541796013006) - x188 - x187;
@@ -1563,7 +1475,7 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         /* body8; body7 */
         const ncgen_real x226 = R(0.7581200820513364) * x197;
         const ncgen_real x227 = u4_x * x226;
-        const ncgen_real x228 = x168 - x152 - x227;
+        const ncgen_real x228 = x168 - x227;
         mass[252] = x228;
         const ncgen_real x229 = u4_x * x203;
         const ncgen_real x230 = R(0.7581200820513364) * (x200 + x229);
@@ -1609,7 +1521,7 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x247 = x180 - x246;
         mass[270] = x247;
         const ncgen_real x248 = u4_y * x245;
-        const ncgen_real x249 = x182 - x172 - x248;
+        const ncgen_real x249 = x182 - x248;
         mass[271] = x249;
         const ncgen_real x250 = R(0.7581200820513364) * (x198 + x229);
         const ncgen_real x251 = x250 - x184;
@@ -1777,201 +1689,185 @@ int robot_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
 
     return NCGEN_OK;
 }
-/* force: 256 operations */
+/* force: 247 operations */
 int robot_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT force)
 {
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 36; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(robot_number_3[i]);
-        force[i] = x1;
-    }
-
     {
         /* body3 */
-        const ncgen_real u3_y = q[4];
-        const ncgen_real du3_y = qd[4];
-        const ncgen_real dr4_x = qd[9];
-        const ncgen_real dr2_x = qd[0];
-        const ncgen_real x1 = dr4_x - dr2_x;
-        const ncgen_real dr4_y = qd[10];
-        const ncgen_real dr2_y = qd[1];
-        const ncgen_real x2 = dr4_y - dr2_y;
-        const ncgen_real du3_x = qd[3];
-        const ncgen_real x3 = R(3.7235057095750737) * (du3_y * x1 - x2 * du3_x);
-        const ncgen_real x4 = u3_y * x3;
         const ncgen_real u3_z = q[5];
         const ncgen_real dr4_z = qd[11];
         const ncgen_real dr2_z = qd[2];
-        const ncgen_real x5 = dr4_z - dr2_z;
+        const ncgen_real x1 = dr4_z - dr2_z;
+        const ncgen_real du3_x = qd[3];
         const ncgen_real du3_z = qd[5];
-        const ncgen_real x6 = R(3.7235057095750737) * (x5 * du3_x - du3_z * x1);
-        const ncgen_real x7 = u3_z * x6;
-        force[0] = x4 - x7;
-        const ncgen_real x8 = R(3.7235057095750737) * (x2 * du3_z - x5 * du3_y);
-        const ncgen_real x9 = u3_z * x8;
+        const ncgen_real dr4_x = qd[9];
+        const ncgen_real dr2_x = qd[0];
+        const ncgen_real x2 = dr4_x - dr2_x;
+        const ncgen_real x3 = R(3.7235057095750737) * (x1 * du3_x - du3_z * x2);
+        const ncgen_real u3_y = q[4];
+        const ncgen_real du3_y = qd[4];
+        const ncgen_real dr4_y = qd[10];
+        const ncgen_real dr2_y = qd[1];
+        const ncgen_real x4 = dr4_y - dr2_y;
+        const ncgen_real x5 = R(3.7235057095750737) * (du3_y * x2 - x4 * du3_x);
+        const ncgen_real x6 = u3_z * x3 - u3_y * x5;
+        force[0] = -x6;
         const ncgen_real u3_x = q[3];
-        const ncgen_real x10 = x3 * u3_x;
-        force[1] = x9 - x10;
-        const ncgen_real x11 = x6 * u3_x;
-        const ncgen_real x12 = u3_y * x8;
-        force[2] = x11 - x12 - R(1226.2500000000002);
+        const ncgen_real x7 = R(3.7235057095750737) * (x4 * du3_z - x1 * du3_y);
+        const ncgen_real x8 = x5 * u3_x - u3_z * x7;
+        force[1] = -x8;
+        const ncgen_real x9 = u3_y * x7 - x3 * u3_x;
+        force[2] = -R(1226.2500000000002) - x9;
         /* body3; body4; body6 */
         const ncgen_real dr7_x = qd[18];
         const ncgen_real dr6_x = qd[15];
-        const ncgen_real x13 = dr7_x - dr6_x;
+        const ncgen_real x10 = dr7_x - dr6_x;
         const ncgen_real dr7_y = qd[19];
         const ncgen_real dr6_y = qd[16];
-        const ncgen_real x14 = dr7_y - dr6_y;
-        const ncgen_real x15 = R(0.7099958139238474) * (du3_y * x13 - du3_x * x14);
+        const ncgen_real x11 = dr7_y - dr6_y;
+        const ncgen_real x12 = R(0.7099958139238474) * (du3_y * x10 - du3_x * x11);
         const ncgen_real r7_y = q[19];
         const ncgen_real r6_y = q[16];
-        const ncgen_real x16 = r7_y - r6_y;
+        const ncgen_real x13 = r7_y - r6_y;
         const ncgen_real dr7_z = qd[20];
         const ncgen_real dr6_z = qd[17];
-        const ncgen_real x17 = dr7_z - dr6_z;
-        const ncgen_real x18 = R(0.7099958139238474) * (du3_x * x17 - du3_z * x13);
+        const ncgen_real x14 = dr7_z - dr6_z;
+        const ncgen_real x15 = R(0.7099958139238474) * (du3_x * x14 - du3_z * x10);
         const ncgen_real r7_z = q[20];
         const ncgen_real r6_z = q[17];
-        const ncgen_real x19 = r7_z - r6_z;
+        const ncgen_real x16 = r7_z - r6_z;
         const ncgen_real r4_y = q[10];
         const ncgen_real r2_y = q[1];
-        const ncgen_real x20 = r4_y - r2_y;
+        const ncgen_real x17 = r4_y - r2_y;
         const ncgen_real r4_z = q[11];
         const ncgen_real r2_z = q[2];
-        const ncgen_real x21 = r4_z - r2_z;
+        const ncgen_real x18 = r4_z - r2_z;
         const ncgen_real dr5_x = qd[12];
         const ncgen_real dr3_x = qd[6];
-        const ncgen_real x22 = dr5_x - dr3_x;
+        const ncgen_real x19 = dr5_x - dr3_x;
         const ncgen_real dr5_y = qd[13];
         const ncgen_real dr3_y = qd[7];
-        const ncgen_real x23 = dr5_y - dr3_y;
-        const ncgen_real x24 = R(0.041594120973805555) * (du3_y * x22 - du3_x * x23);
+        const ncgen_real x20 = dr5_y - dr3_y;
+        const ncgen_real x21 = R(0.041594120973805555) * (du3_y * x19 - du3_x * x20);
         const ncgen_real r5_y = q[13];
         const ncgen_real r3_y = q[7];
-        const ncgen_real x25 = r5_y - r3_y;
+        const ncgen_real x22 = r5_y - r3_y;
         const ncgen_real dr5_z = qd[14];
         const ncgen_real dr3_z = qd[8];
-        const ncgen_real x26 = dr5_z - dr3_z;
-        const ncgen_real x27 = R(0.041594120973805555) * (du3_x * x26 - du3_z * x22);
+        const ncgen_real x23 = dr5_z - dr3_z;
+        const ncgen_real x24 = R(0.041594120973805555) * (du3_x * x23 - du3_z * x19);
         const ncgen_real r5_z = q[14];
         const ncgen_real r3_z = q[8];
-        const ncgen_real x28 = r5_z - r3_z;
-        const ncgen_real x29 = x15 * x16 - x18 * x19 + (x3 * x20 - x6 * x21 + (x24 * x25 - x27 * x28));
-        force[3] = x29;
-        const ncgen_real x30 = R(0.7099958139238474) * (du3_z * x14 - du3_y * x17);
+        const ncgen_real x25 = r5_z - r3_z;
+        const ncgen_real x26 = x12 * x13 - x15 * x16 + (x5 * x17 - x3 * x18 + (x21 * x22 - x24 * x25));
+        force[3] = x26;
+        const ncgen_real x27 = R(0.7099958139238474) * (du3_z * x11 - du3_y * x14);
         const ncgen_real r7_x = q[18];
         const ncgen_real r6_x = q[15];
-        const ncgen_real x31 = r7_x - r6_x;
+        const ncgen_real x28 = r7_x - r6_x;
         const ncgen_real r4_x = q[9];
         const ncgen_real r2_x = q[0];
-        const ncgen_real x32 = r4_x - r2_x;
-        const ncgen_real x33 = R(0.041594120973805555) * (du3_z * x23 - du3_y * x26);
+        const ncgen_real x29 = r4_x - r2_x;
+        const ncgen_real x30 = R(0.041594120973805555) * (du3_z * x20 - du3_y * x23);
         const ncgen_real r5_x = q[12];
         const ncgen_real r3_x = q[6];
-        const ncgen_real x34 = r5_x - r3_x;
-        const ncgen_real x35 = x30 * x19 - x15 * x31 + (x8 * x21 - x3 * x32 + (x33 * x28 - x24 * x34));
-        force[4] = x35;
-        const ncgen_real x36 = x18 * x31 - x30 * x16 + (x6 * x32 - x8 * x20 + (x27 * x34 - x33 * x25));
-        force[5] = x36;
+        const ncgen_real x31 = r5_x - r3_x;
+        const ncgen_real x32 = x27 * x16 - x12 * x28 + (x7 * x18 - x5 * x29 + (x30 * x25 - x21 * x31));
+        force[4] = x32;
+        const ncgen_real x33 = x15 * x28 - x27 * x13 + (x3 * x29 - x7 * x17 + (x24 * x31 - x30 * x22));
+        force[5] = x33;
         /* body4 */
-        const ncgen_real x37 = u3_y * x24;
-        const ncgen_real x38 = u3_z * x27;
-        force[6] = x37 - x38;
-        const ncgen_real x39 = u3_z * x33;
-        const ncgen_real x40 = u3_x * x24;
-        force[7] = x39 - x40;
-        const ncgen_real x41 = u3_x * x27;
-        const ncgen_real x42 = u3_y * x33;
-        force[8] = x41 - x42 - R(98.10000000000001);
+        const ncgen_real x34 = u3_z * x24 - u3_y * x21;
+        force[6] = -x34;
+        const ncgen_real x35 = u3_x * x21 - u3_z * x30;
+        force[7] = -x35;
+        const ncgen_real x36 = u3_y * x30 - u3_x * x24;
+        force[8] = -R(98.10000000000001) - x36;
         /* body3 */
-        force[9] = x7 - x4;
-        force[10] = x10 - x9;
-        force[11] = x12 - x11 - R(1310.6732996537553);
+        force[9] = x6;
+        force[10] = x8;
+        force[11] = x9 - R(1310.6732996537553);
         /* body4 */
-        force[12] = x38 - x37;
-        force[13] = x40 - x39;
-        force[14] = x42 - x41 - R(427.56738109219026);
+        force[12] = x34;
+        force[13] = x35;
+        force[14] = x36 - R(427.56738109219026);
         /* body6; body7 */
-        const ncgen_real x43 = u3_y * x15;
-        const ncgen_real x44 = u3_z * x18;
+        const ncgen_real x37 = u3_z * x15 - u3_y * x12;
         const ncgen_real du4_z = qd[23];
         const ncgen_real du4_y = qd[22];
-        const ncgen_real x45 = x14 * du4_z - x17 * du4_y;
+        const ncgen_real x38 = x11 * du4_z - x14 * du4_y;
         const ncgen_real u4_y = q[22];
         const ncgen_real du4_x = qd[21];
-        const ncgen_real x46 = x13 * du4_y - x14 * du4_x;
-        const ncgen_real x47 = R(1.9228657343642983) * x46;
+        const ncgen_real x39 = x10 * du4_y - x11 * du4_x;
+        const ncgen_real x40 = R(1.9228657343642983) * x39;
         const ncgen_real u4_z = q[23];
-        const ncgen_real x48 = x17 * du4_x - x13 * du4_z;
-        const ncgen_real x49 = R(1.9228657343642983) * x48;
-        const ncgen_real x50 = R(0.7685701527471369) * x45 - u4_y * x47 + u4_z * x49;
-        force[15] = x43 - x44 - x50;
-        const ncgen_real x51 = u3_z * x30;
-        const ncgen_real x52 = u3_x * x15;
-        const ncgen_real x53 = R(1.9228657343642983) * x45;
+        const ncgen_real x41 = x14 * du4_x - x10 * du4_z;
+        const ncgen_real x42 = R(1.9228657343642983) * x41;
+        const ncgen_real x43 = R(0.7685701527471369) * x38 - u4_y * x40 + u4_z * x42;
+        force[15] = -(x37 + x43);
+        const ncgen_real x44 = u3_x * x12 - u3_z * x27;
+        const ncgen_real x45 = R(1.9228657343642983) * x38;
         const ncgen_real u4_x = q[21];
-        const ncgen_real x54 = R(0.7685701527471369) * x48 - u4_z * x53 + u4_x * x47;
-        force[16] = x51 - x52 - x54;
-        const ncgen_real x55 = u3_x * x18;
-        const ncgen_real x56 = u3_y * x30;
-        const ncgen_real x57 = R(0.7685701527471369) * x46 - u4_x * x49 + u4_y * x53;
-        force[17] = x55 - x56 - R(1312.6693192540542) - x57;
+        const ncgen_real x46 = R(0.7685701527471369) * x41 - u4_z * x45 + u4_x * x40;
+        force[16] = -(x44 + x46);
+        const ncgen_real x47 = u3_y * x27 - u3_x * x15;
+        const ncgen_real x48 = R(0.7685701527471369) * x39 - u4_x * x42 + u4_y * x45;
+        force[17] = -R(1312.6693192540542) - x47 - x48;
         /* body6; body8; body9; body7 */
-        const ncgen_real u5_y = q[28];
-        const ncgen_real dr8_x = qd[24];
-        const ncgen_real x58 = dr8_x - dr7_x;
-        const ncgen_real du5_y = qd[28];
-        const ncgen_real dr8_y = qd[25];
-        const ncgen_real x59 = dr8_y - dr7_y;
-        const ncgen_real du5_x = qd[27];
-        const ncgen_real x60 = R(0.5685900615385022) * (x58 * du5_y - x59 * du5_x);
-        const ncgen_real x61 = u5_y * x60;
-        const ncgen_real u5_z = q[29];
         const ncgen_real dr8_z = qd[26];
-        const ncgen_real x62 = dr8_z - dr7_z;
+        const ncgen_real x49 = dr8_z - dr7_z;
+        const ncgen_real dr8_x = qd[24];
+        const ncgen_real x50 = dr8_x - dr7_x;
+        const ncgen_real x51 = R(1.5162401641026728) * (x49 * du4_x - du4_z * x50);
+        const ncgen_real dr8_y = qd[25];
+        const ncgen_real x52 = dr8_y - dr7_y;
+        const ncgen_real x53 = R(1.5162401641026728) * (du4_y * x50 - x52 * du4_x);
+        const ncgen_real x54 = u4_z * x51 - u4_y * x53;
+        const ncgen_real u5_z = q[29];
+        const ncgen_real du5_x = qd[27];
         const ncgen_real du5_z = qd[29];
-        const ncgen_real x63 = R(0.5685900615385022) * (x62 * du5_x - x58 * du5_z);
-        const ncgen_real x64 = u5_z * x63;
-        const ncgen_real x65 = R(1.5162401641026728) * (du4_y * x58 - x59 * du4_x);
-        const ncgen_real x66 = u4_y * x65;
-        const ncgen_real x67 = R(1.5162401641026728) * (x62 * du4_x - du4_z * x58);
-        const ncgen_real x68 = u4_z * x67;
-        force[18] = x50 + (x61 - x64 + (x44 - x43 + (x66 - x68)));
-        const ncgen_real x69 = R(0.5685900615385022) * (x59 * du5_z - x62 * du5_y);
-        const ncgen_real x70 = u5_z * x69;
+        const ncgen_real x55 = R(0.5685900615385022) * (x49 * du5_x - x50 * du5_z);
+        const ncgen_real u5_y = q[28];
+        const ncgen_real du5_y = qd[28];
+        const ncgen_real x56 = R(0.5685900615385022) * (x50 * du5_y - x52 * du5_x);
+        const ncgen_real x57 = u5_z * x55 - u5_y * x56;
+        force[18] = x43 + (x37 - x54 - x57);
+        const ncgen_real x58 = R(1.5162401641026728) * (x52 * du4_z - x49 * du4_y);
+        const ncgen_real x59 = x53 * u4_x - u4_z * x58;
         const ncgen_real u5_x = q[27];
-        const ncgen_real x71 = x60 * u5_x;
-        const ncgen_real x72 = R(1.5162401641026728) * (x59 * du4_z - x62 * du4_y);
-        const ncgen_real x73 = u4_z * x72;
-        const ncgen_real x74 = x65 * u4_x;
-        force[19] = x54 + (x70 - x71 + (x52 - x51 + (x73 - x74)));
-        const ncgen_real x75 = x63 * u5_x;
-        const ncgen_real x76 = u5_y * x69;
-        const ncgen_real x77 = x67 * u4_x;
-        const ncgen_real x78 = u4_y * x72;
-        const ncgen_real x79 = x75 - x76 + (x77 - x78 + (x56 - x55 - R(532.7509055289509)));
-        force[20] = x57 + x79;
+        const ncgen_real x60 = R(0.5685900615385022) * (x52 * du5_z - x49 * du5_y);
+        const ncgen_real x61 = x56 * u5_x - u5_z * x60;
+        force[19] = x46 + (x44 - x59 - x61);
+        const ncgen_real x62 = u4_y * x58 - x51 * u4_x;
+        const ncgen_real x63 = u5_y * x60 - x55 * u5_x;
+        force[20] = x48 + (x47 - R(532.7509055289509) - x62 - x63);
         /* body8; body7 */
         const ncgen_real r8_y = q[25];
-        const ncgen_real x80 = r8_y - r7_y;
+        const ncgen_real x64 = r8_y - r7_y;
         const ncgen_real r8_z = q[26];
-        const ncgen_real x81 = r8_z - r7_z;
-        force[21] = x65 * x80 - x67 * x81 + (x16 * x47 - x19 * x49);
+        const ncgen_real x65 = r8_z - r7_z;
+        force[21] = x53 * x64 - x51 * x65 + (x13 * x40 - x16 * x42);
         const ncgen_real r8_x = q[24];
-        const ncgen_real x82 = r8_x - r7_x;
-        force[22] = x72 * x81 - x65 * x82 + (x19 * x53 - x31 * x47);
-        force[23] = x67 * x82 - x72 * x80 + (x31 * x49 - x16 * x53);
+        const ncgen_real x66 = r8_x - r7_x;
+        force[22] = x58 * x65 - x53 * x66 + (x16 * x45 - x28 * x40);
+        force[23] = x51 * x66 - x58 * x64 + (x28 * x42 - x13 * x45);
         /* body8; body9 */
-        force[24] = x68 - x66 + (x64 - x61);
-        force[25] = x74 - x73 + (x71 - x70);
-        force[26] = x76 - x75 + (x78 - x77 - R(144.1390944710492));
+        force[24] = x54 + x57;
+        force[25] = x59 + x61;
+        force[26] = x63 + (x62 - R(144.1390944710492));
         /* body9 */
-        force[27] = x80 * x60 - x81 * x63;
-        force[28] = x81 * x69 - x82 * x60;
-        force[29] = x82 * x63 - x80 * x69;
+        force[27] = x64 * x56 - x65 * x55;
+        force[28] = x65 * x60 - x66 * x56;
+        force[29] = x66 * x55 - x64 * x60;
+        force[30] = NCGEN_SPLAT(R(0.0));
+        force[31] = NCGEN_SPLAT(R(0.0));
+        force[32] = NCGEN_SPLAT(R(0.0));
+        force[33] = NCGEN_SPLAT(R(0.0));
+        force[34] = NCGEN_SPLAT(R(0.0));
+        force[35] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -1984,7 +1880,7 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(robot_number_4[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(robot_number_1[i]);
         energy[i] = x1;
     }
 
@@ -2111,7 +2007,7 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   r2.x, r2.y, r2.z, u3.x, u3.y, u3.z, r4.x, r4.y, r4.z, r3.x, r3.y, r3.z, r5.x, r5.y, r5.z, */
     /*   r6.x, r6.y, r6.z, r7.x, r7.y, r7.z, u4.x, u4.y, u4.z, r8.x, r8.y, r8.z, u5.x, u5.y, u5.z */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(robot_number_5[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(robot_number_2[i]);
         const ncgen_real dx = qd[robot_index_1[i]];
         energy[0] += x1 * (dx * dx);
     }
@@ -2123,8 +2019,699 @@ int robot_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     for (int i = 0; i < 21; ++i) {
         const ncgen_real dy = qd[robot_index_2[i] + 9];
         const ncgen_real dx = qd[robot_index_3[i]];
-        const ncgen_real m = NCGEN_SPLAT(robot_number_6[i]);
+        const ncgen_real m = NCGEN_SPLAT(robot_number_3[i]);
         energy[0] += dy * (dx * m);
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 1206 operations, 12 of them elementary functions */
+int robot_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[6], cosine[6];
+    (void)t;
+    (void)p;
+
+    ncgen_sincos(6, q + 30, sine, cosine);
+
+    {
+        /* row 1: 1000 distance r1-r2 (body2): |a|^2 - L^2 = 0 with a = r1-r2, L = 0.700159 */
+        const ncgen_real r2_x = q[0];
+        const ncgen_real r2_y = q[1];
+        const ncgen_real r2_z = q[2];
+        const ncgen_real x1 = r2_x * r2_x + r2_y * r2_y + r2_z * r2_z - R(0.49022233000000004);
+        constraints[0] = R(0.7141237213050506) * x1;
+        const ncgen_real x2 = R(1.4282474426101013) * r2_x;
+        constraints[31] = x2;
+        const ncgen_real x3 = R(1.4282474426101013) * r2_y;
+        constraints[32] = x3;
+        const ncgen_real x4 = R(1.4282474426101013) * r2_z;
+        constraints[33] = x4;
+        const ncgen_real dr2_x = qd[0];
+        const ncgen_real dr2_y = qd[1];
+        const ncgen_real dr2_z = qd[2];
+        const ncgen_real x5 = R(1.4282474426101013) * (dr2_x * dr2_x + dr2_y * dr2_y + dr2_z * dr2_z);
+        constraints[247] = -x5;
+        /* row 2: 1000 distance r2-r3 (body2): |a|^2 - L^2 = 0 with a = r2-r3, L = 0.395685 */
+        const ncgen_real r3_x = q[6];
+        const ncgen_real x6 = r2_x - r3_x;
+        const ncgen_real r3_y = q[7];
+        const ncgen_real x7 = r2_y - r3_y;
+        const ncgen_real r3_z = q[8];
+        const ncgen_real x8 = r2_z - r3_z;
+        const ncgen_real x9 = R(1.2636298470388545) * (x6 * x6 + x7 * x7 + x8 * x8 - R(0.15656700999999998));
+        constraints[1] = x9;
+        const ncgen_real x10 = R(2.527259694077709) * x6;
+        constraints[34] = x10;
+        const ncgen_real x11 = R(2.527259694077709) * x7;
+        constraints[35] = x11;
+        const ncgen_real x12 = R(2.527259694077709) * x8;
+        constraints[36] = x12;
+        constraints[37] = -x10;
+        constraints[38] = -x11;
+        constraints[39] = -x12;
+        const ncgen_real dr3_x = qd[6];
+        const ncgen_real x13 = dr2_x - dr3_x;
+        const ncgen_real dr3_y = qd[7];
+        const ncgen_real x14 = dr2_y - dr3_y;
+        const ncgen_real dr3_z = qd[8];
+        const ncgen_real x15 = dr2_z - dr3_z;
+        const ncgen_real x16 = R(2.527259694077709) * (x13 * x13 + x14 * x14 + x15 * x15);
+        constraints[248] = -x16;
+        /* row 3: 1000 distance r3-r1 (body2): |a|^2 - L^2 = 0 with a = r3-r1, L = 0.748345 */
+        const ncgen_real x17 = r3_x * r3_x + r3_y * r3_y + r3_z * r3_z - R(0.5600197800000001);
+        constraints[2] = R(0.6681413050325653) * x17;
+        constraints[40] = R(1.3362826100651306) * r3_x;
+        constraints[41] = R(1.3362826100651306) * r3_y;
+        constraints[42] = R(1.3362826100651306) * r3_z;
+        const ncgen_real x18 = R(1.3362826100651306) * (dr3_x * dr3_x + dr3_y * dr3_y + dr3_z * dr3_z);
+        constraints[249] = -x18;
+        /* row 4: 1001 unit u3 (body2): |u|^2 - 1 = 0 with u = u3 */
+        const ncgen_real u3_x = q[3];
+        const ncgen_real u3_y = q[4];
+        const ncgen_real u3_z = q[5];
+        const ncgen_real x19 = R(0.5) * (u3_x * u3_x + u3_y * u3_y + u3_z * u3_z - R(1.0));
+        constraints[3] = x19;
+        constraints[43] = u3_x;
+        constraints[44] = u3_y;
+        constraints[45] = u3_z;
+        const ncgen_real du3_x = qd[3];
+        const ncgen_real du3_y = qd[4];
+        const ncgen_real du3_z = qd[5];
+        constraints[250] = -(du3_x * du3_x + du3_y * du3_y + du3_z * du3_z);
+        /* row 5: 1002 angle u3, r1-r2 (body2): u.a - L c = 0 with u = u3, a = r1-r2, L = 0.700159, c = 0 */
+        const ncgen_real x20 = R(1.4282474426101013) * (r2_x * u3_x + r2_y * u3_y + r2_z * u3_z);
+        constraints[4] = -x20;
+        constraints[46] = -(R(1.4282474426101013) * u3_x);
+        constraints[47] = -(R(1.4282474426101013) * u3_y);
+        constraints[48] = -(R(1.4282474426101013) * u3_z);
+        constraints[49] = -x2;
+        constraints[50] = -x3;
+        constraints[51] = -x4;
+        const ncgen_real x21 = R(2.8564948852202026) * (dr2_x * du3_x + dr2_y * du3_y + dr2_z * du3_z);
+        constraints[251] = x21;
+        /* row 6: 1002 angle u3, r2-r3 (body2): u.a - L c = 0 with u = u3, a = r2-r3, L = 0.395685, c = 0 */
+        const ncgen_real x22 = R(2.527259694077709) * (x6 * u3_x + x7 * u3_y + x8 * u3_z);
+        constraints[5] = x22;
+        const ncgen_real x23 = R(2.527259694077709) * u3_x;
+        constraints[52] = x23;
+        const ncgen_real x24 = R(2.527259694077709) * u3_y;
+        constraints[53] = x24;
+        const ncgen_real x25 = R(2.527259694077709) * u3_z;
+        constraints[54] = x25;
+        constraints[55] = x10;
+        constraints[56] = x11;
+        constraints[57] = x12;
+        const ncgen_real x26 = -x23;
+        constraints[58] = x26;
+        const ncgen_real x27 = -x24;
+        constraints[59] = x27;
+        const ncgen_real x28 = -x25;
+        constraints[60] = x28;
+        const ncgen_real x29 = R(5.054519388155418) * (x13 * du3_x + x14 * du3_y + x15 * du3_z);
+        constraints[252] = -x29;
+        /* row 7: 1003 angle u1, u3 (body2): u.v - c = 0 with u = u1, v = u3, c = 0 */
+        constraints[6] = u3_z;
+        constraints[61] = NCGEN_SPLAT(R(1.0));
+        constraints[253] = NCGEN_SPLAT(R(0.0));
+        /* row 8: 1002 angle u1, r1-r2 (body2): u.a - L c = 0 with u = u1, a = r1-r2, L = 0.700159, c = -0.954498 */
+        constraints[7] = R(1.4282474426101013) * (R(0.6683) - r2_z);
+        constraints[62] = NCGEN_SPLAT(-R(1.4282474426101013));
+        constraints[254] = NCGEN_SPLAT(R(0.0));
+        /* row 9: 1000 distance r2-r4 (body3): |a|^2 - L^2 = 0 with a = r2-r4, L = 1.0964 */
+        const ncgen_real r4_x = q[9];
+        const ncgen_real x30 = r2_x - r4_x;
+        const ncgen_real r4_y = q[10];
+        const ncgen_real x31 = r2_y - r4_y;
+        const ncgen_real r4_z = q[11];
+        const ncgen_real x32 = r2_z - r4_z;
+        const ncgen_real x33 = R(0.45603794235680406) * (x30 * x30 + x31 * x31 + x32 * x32 - R(1.20209296));
+        constraints[8] = x33;
+        const ncgen_real x34 = R(0.9120758847136081) * x30;
+        constraints[63] = x34;
+        const ncgen_real x35 = R(0.9120758847136081) * x31;
+        constraints[64] = x35;
+        const ncgen_real x36 = R(0.9120758847136081) * x32;
+        constraints[65] = x36;
+        constraints[66] = -x34;
+        constraints[67] = -x35;
+        constraints[68] = -x36;
+        const ncgen_real dr4_x = qd[9];
+        const ncgen_real x37 = dr2_x - dr4_x;
+        const ncgen_real dr4_y = qd[10];
+        const ncgen_real x38 = dr2_y - dr4_y;
+        const ncgen_real dr4_z = qd[11];
+        const ncgen_real x39 = dr2_z - dr4_z;
+        const ncgen_real x40 = R(0.9120758847136081) * (x37 * x37 + x38 * x38 + x39 * x39);
+        constraints[255] = -x40;
+        /* row 10: 1002 angle u3, r2-r4 (body3): u.a - L c = 0 with u = u3, a = r2-r4, L = 1.0964, c = 0 */
+        const ncgen_real x41 = R(0.9120758847136081) * (u3_x * x30 + u3_y * x31 + u3_z * x32);
+        constraints[9] = x41;
+        const ncgen_real x42 = R(0.9120758847136081) * u3_x;
+        constraints[69] = x42;
+        const ncgen_real x43 = R(0.9120758847136081) * u3_y;
+        constraints[70] = x43;
+        const ncgen_real x44 = R(0.9120758847136081) * u3_z;
+        constraints[71] = x44;
+        constraints[72] = x34;
+        constraints[73] = x35;
+        constraints[74] = x36;
+        const ncgen_real x45 = -x42;
+        constraints[75] = x45;
+        const ncgen_real x46 = -x43;
+        constraints[76] = x46;
+        const ncgen_real x47 = -x44;
+        constraints[77] = x47;
+        const ncgen_real x48 = R(1.8241517694272162) * (du3_x * x37 + du3_y * x38 + du3_z * x39);
+        constraints[256] = -x48;
+        /* row 11: 1000 distance r3-r5 (body4): |a|^2 - L^2 = 0 with a = r3-r5, L = 1.0964 */
+        const ncgen_real r5_x = q[12];
+        const ncgen_real x49 = r3_x - r5_x;
+        const ncgen_real r5_y = q[13];
+        const ncgen_real x50 = r3_y - r5_y;
+        const ncgen_real r5_z = q[14];
+        const ncgen_real x51 = r3_z - r5_z;
+        const ncgen_real x52 = R(0.45603794235680406) * (x49 * x49 + x50 * x50 + x51 * x51 - R(1.20209296));
+        constraints[10] = x52;
+        const ncgen_real x53 = R(0.9120758847136081) * x49;
+        constraints[78] = x53;
+        const ncgen_real x54 = R(0.9120758847136081) * x50;
+        constraints[79] = x54;
+        const ncgen_real x55 = R(0.9120758847136081) * x51;
+        constraints[80] = x55;
+        constraints[81] = -x53;
+        constraints[82] = -x54;
+        constraints[83] = -x55;
+        const ncgen_real dr5_x = qd[12];
+        const ncgen_real x56 = dr3_x - dr5_x;
+        const ncgen_real dr5_y = qd[13];
+        const ncgen_real x57 = dr3_y - dr5_y;
+        const ncgen_real dr5_z = qd[14];
+        const ncgen_real x58 = dr3_z - dr5_z;
+        const ncgen_real x59 = R(0.9120758847136081) * (x56 * x56 + x57 * x57 + x58 * x58);
+        constraints[257] = -x59;
+        /* row 12: 1002 angle u3, r3-r5 (body4): u.a - L c = 0 with u = u3, a = r3-r5, L = 1.0964, c = 0 */
+        const ncgen_real x60 = R(0.9120758847136081) * (u3_x * x49 + u3_y * x50 + u3_z * x51);
+        constraints[11] = x60;
+        constraints[84] = x53;
+        constraints[85] = x54;
+        constraints[86] = x55;
+        constraints[87] = x42;
+        constraints[88] = x43;
+        constraints[89] = x44;
+        constraints[90] = x45;
+        constraints[91] = x46;
+        constraints[92] = x47;
+        const ncgen_real x61 = R(1.8241517694272162) * (du3_x * x56 + du3_y * x57 + du3_z * x58);
+        constraints[258] = -x61;
+        /* row 13: 1000 distance r4-r5 (body5): |a|^2 - L^2 = 0 with a = r4-r5, L = 0.395685 */
+        const ncgen_real x62 = r4_x - r5_x;
+        const ncgen_real x63 = r4_y - r5_y;
+        const ncgen_real x64 = r4_z - r5_z;
+        const ncgen_real x65 = x62 * x62 + x63 * x63 + x64 * x64 - R(0.15656700999999998);
+        constraints[12] = R(1.2636298470388545) * x65;
+        const ncgen_real x66 = R(2.527259694077709) * x62;
+        constraints[93] = x66;
+        const ncgen_real x67 = R(2.527259694077709) * x63;
+        constraints[94] = x67;
+        const ncgen_real x68 = R(2.527259694077709) * x64;
+        constraints[95] = x68;
+        constraints[96] = -x66;
+        constraints[97] = -x67;
+        constraints[98] = -x68;
+        const ncgen_real x69 = dr4_x - dr5_x;
+        const ncgen_real x70 = dr4_y - dr5_y;
+        const ncgen_real x71 = dr4_z - dr5_z;
+        const ncgen_real x72 = R(2.527259694077709) * (x69 * x69 + x70 * x70 + x71 * x71);
+        constraints[259] = -x72;
+        /* row 14: 1000 distance r5-r6 (body5): |a|^2 - L^2 = 0 with a = r5-r6, L = 0.512021 */
+        const ncgen_real r6_x = q[15];
+        const ncgen_real x73 = r5_x - r6_x;
+        const ncgen_real r6_y = q[16];
+        const ncgen_real x74 = r5_y - r6_y;
+        const ncgen_real r6_z = q[17];
+        const ncgen_real x75 = r5_z - r6_z;
+        const ncgen_real x76 = R(0.9765233868018295) * (x73 * x73 + x74 * x74 + x75 * x75 - R(0.262165));
+        constraints[13] = x76;
+        const ncgen_real x77 = R(1.953046773603659) * x73;
+        constraints[99] = x77;
+        const ncgen_real x78 = R(1.953046773603659) * x74;
+        constraints[100] = x78;
+        const ncgen_real x79 = R(1.953046773603659) * x75;
+        constraints[101] = x79;
+        constraints[102] = -x77;
+        constraints[103] = -x78;
+        constraints[104] = -x79;
+        const ncgen_real dr6_x = qd[15];
+        const ncgen_real x80 = dr5_x - dr6_x;
+        const ncgen_real dr6_y = qd[16];
+        const ncgen_real x81 = dr5_y - dr6_y;
+        const ncgen_real dr6_z = qd[17];
+        const ncgen_real x82 = dr5_z - dr6_z;
+        const ncgen_real x83 = R(1.953046773603659) * (x80 * x80 + x81 * x81 + x82 * x82);
+        constraints[260] = -x83;
+        /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
+        const ncgen_real x84 = r6_x - r4_x;
+        const ncgen_real x85 = r6_y - r4_y;
+        const ncgen_real x86 = r6_z - r4_z;
+        const ncgen_real x87 = x84 * x84 + x85 * x85 + x86 * x86 - R(0.07425189000000008);
+        constraints[14] = R(1.8349162552129328) * x87;
+        const ncgen_real x88 = R(3.6698325104258656) * x84;
+        const ncgen_real x89 = -x88;
+        constraints[105] = x89;
+        const ncgen_real x90 = R(3.6698325104258656) * x85;
+        const ncgen_real x91 = -x90;
+        constraints[106] = x91;
+        const ncgen_real x92 = R(3.6698325104258656) * x86;
+        const ncgen_real x93 = -x92;
+        constraints[107] = x93;
+        constraints[108] = x88;
+        constraints[109] = x90;
+        constraints[110] = x92;
+        const ncgen_real x94 = dr6_x - dr4_x;
+        const ncgen_real x95 = dr6_y - dr4_y;
+        const ncgen_real x96 = dr6_z - dr4_z;
+        const ncgen_real x97 = R(3.6698325104258656) * (x94 * x94 + x95 * x95 + x96 * x96);
+        constraints[261] = -x97;
+        /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
+        const ncgen_real x98 = R(2.527259694077709) * (u3_x * x62 + u3_y * x63 + u3_z * x64);
+        constraints[15] = x98;
+        constraints[111] = x66;
+        constraints[112] = x67;
+        constraints[113] = x68;
+        constraints[114] = x23;
+        constraints[115] = x24;
+        constraints[116] = x25;
+        constraints[117] = x26;
+        constraints[118] = x27;
+        constraints[119] = x28;
+        const ncgen_real x99 = R(5.054519388155418) * (du3_x * x69 + du3_y * x70 + du3_z * x71);
+        constraints[262] = -x99;
+        /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
+        const ncgen_real x100 = R(3.6698325104258656) * (u3_x * x84 + u3_y * x85 + u3_z * x86);
+        constraints[16] = -x100;
+        constraints[120] = x89;
+        constraints[121] = x91;
+        constraints[122] = x93;
+        const ncgen_real x101 = R(3.6698325104258656) * u3_x;
+        constraints[123] = x101;
+        const ncgen_real x102 = R(3.6698325104258656) * u3_y;
+        constraints[124] = x102;
+        const ncgen_real x103 = R(3.6698325104258656) * u3_z;
+        constraints[125] = x103;
+        constraints[126] = -x101;
+        constraints[127] = -x102;
+        constraints[128] = -x103;
+        const ncgen_real x104 = R(7.339665020851731) * (du3_x * x94 + du3_y * x95 + du3_z * x96);
+        constraints[263] = x104;
+        /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
+        const ncgen_real r7_x = q[18];
+        const ncgen_real x105 = r6_x - r7_x;
+        const ncgen_real r7_y = q[19];
+        const ncgen_real x106 = r6_y - r7_y;
+        const ncgen_real r7_z = q[20];
+        const ncgen_real x107 = r6_z - r7_z;
+        const ncgen_real x108 = x105 * x105 + x106 * x106 + x107 * x107 - R(1.6901508100000002);
+        constraints[17] = R(0.3845982248626067) * x108;
+        const ncgen_real x109 = R(0.7691964497252134) * x105;
+        constraints[129] = x109;
+        const ncgen_real x110 = R(0.7691964497252134) * x106;
+        constraints[130] = x110;
+        const ncgen_real x111 = R(0.7691964497252134) * x107;
+        constraints[131] = x111;
+        constraints[132] = -x109;
+        constraints[133] = -x110;
+        constraints[134] = -x111;
+        const ncgen_real dr7_x = qd[18];
+        const ncgen_real x112 = dr6_x - dr7_x;
+        const ncgen_real dr7_y = qd[19];
+        const ncgen_real x113 = dr6_y - dr7_y;
+        const ncgen_real dr7_z = qd[20];
+        const ncgen_real x114 = dr6_z - dr7_z;
+        const ncgen_real x115 = R(0.7691964497252134) * (x112 * x112 + x113 * x113 + x114 * x114);
+        constraints[264] = -x115;
+        /* row 19: 1002 angle u3, r6-r7 (body6): u.a - L c = 0 with u = u3, a = r6-r7, L = 1.30006, c = 0 */
+        const ncgen_real x116 = R(0.7691964497252134) * (u3_x * x105 + u3_y * x106 + u3_z * x107);
+        constraints[18] = x116;
+        constraints[135] = x109;
+        constraints[136] = x110;
+        constraints[137] = x111;
+        const ncgen_real x117 = R(0.7691964497252134) * u3_x;
+        constraints[138] = x117;
+        const ncgen_real x118 = R(0.7691964497252134) * u3_y;
+        constraints[139] = x118;
+        const ncgen_real x119 = R(0.7691964497252134) * u3_z;
+        constraints[140] = x119;
+        constraints[141] = -x117;
+        constraints[142] = -x118;
+        constraints[143] = -x119;
+        const ncgen_real x120 = R(1.5383928994504268) * (du3_x * x112 + du3_y * x113 + du3_z * x114);
+        constraints[265] = -x120;
+        /* row 20: 1002 angle u4, r6-r7 (body7): u.a - L c = 0 with u = u4, a = r6-r7, L = 1.30006, c = 0 */
+        const ncgen_real u4_x = q[21];
+        const ncgen_real u4_y = q[22];
+        const ncgen_real u4_z = q[23];
+        const ncgen_real x121 = R(0.7691964497252134) * (x105 * u4_x + x106 * u4_y + x107 * u4_z);
+        constraints[19] = x121;
+        const ncgen_real x122 = R(0.7691964497252134) * u4_x;
+        constraints[144] = x122;
+        const ncgen_real x123 = R(0.7691964497252134) * u4_y;
+        constraints[145] = x123;
+        const ncgen_real x124 = R(0.7691964497252134) * u4_z;
+        constraints[146] = x124;
+        constraints[147] = -x122;
+        constraints[148] = -x123;
+        constraints[149] = -x124;
+        constraints[150] = x109;
+        constraints[151] = x110;
+        constraints[152] = x111;
+        const ncgen_real du4_x = qd[21];
+        const ncgen_real du4_y = qd[22];
+        const ncgen_real du4_z = qd[23];
+        const ncgen_real x125 = R(1.5383928994504268) * (x112 * du4_x + x113 * du4_y + x114 * du4_z);
+        constraints[266] = -x125;
+        /* row 21: 1001 unit u4 (body7): |u|^2 - 1 = 0 with u = u4 */
+        const ncgen_real x126 = R(0.5) * (u4_x * u4_x + u4_y * u4_y + u4_z * u4_z - R(1.0));
+        constraints[20] = x126;
+        constraints[153] = u4_x;
+        constraints[154] = u4_y;
+        constraints[155] = u4_z;
+        constraints[267] = -(du4_x * du4_x + du4_y * du4_y + du4_z * du4_z);
+        /* row 22: 1000 distance r7-r8 (body8): |a|^2 - L^2 = 0 with a = r7-r8, L = 0.2297 */
+        const ncgen_real r8_x = q[24];
+        const ncgen_real x127 = r7_x - r8_x;
+        const ncgen_real r8_y = q[25];
+        const ncgen_real x128 = r7_y - r8_y;
+        const ncgen_real r8_z = q[26];
+        const ncgen_real x129 = r7_z - r8_z;
+        const ncgen_real x130 = x127 * x127 + x128 * x128 + x129 * x129 - R(0.052762090000000005);
+        constraints[21] = R(2.1767522855898997) * x130;
+        const ncgen_real x131 = R(4.3535045711797995) * x127;
+        constraints[156] = x131;
+        const ncgen_real x132 = R(4.3535045711797995) * x128;
+        constraints[157] = x132;
+        const ncgen_real x133 = R(4.3535045711797995) * x129;
+        constraints[158] = x133;
+        constraints[159] = -x131;
+        constraints[160] = -x132;
+        constraints[161] = -x133;
+        const ncgen_real dr8_x = qd[24];
+        const ncgen_real x134 = dr7_x - dr8_x;
+        const ncgen_real dr8_y = qd[25];
+        const ncgen_real x135 = dr7_y - dr8_y;
+        const ncgen_real dr8_z = qd[26];
+        const ncgen_real x136 = dr7_z - dr8_z;
+        const ncgen_real x137 = R(4.3535045711797995) * (x134 * x134 + x135 * x135 + x136 * x136);
+        constraints[268] = -x137;
+        /* row 23: 1002 angle u4, r7-r8 (body8): u.a - L c = 0 with u = u4, a = r7-r8, L = 0.2297, c = 0 */
+        const ncgen_real x138 = R(4.3535045711797995) * (u4_x * x127 + u4_y * x128 + u4_z * x129);
+        constraints[22] = x138;
+        const ncgen_real x139 = R(4.3535045711797995) * u4_x;
+        constraints[162] = x139;
+        const ncgen_real x140 = R(4.3535045711797995) * u4_y;
+        constraints[163] = x140;
+        const ncgen_real x141 = R(4.3535045711797995) * u4_z;
+        constraints[164] = x141;
+        constraints[165] = x131;
+        constraints[166] = x132;
+        constraints[167] = x133;
+        constraints[168] = -x139;
+        constraints[169] = -x140;
+        constraints[170] = -x141;
+        const ncgen_real x142 = R(8.707009142359599) * (du4_x * x134 + du4_y * x135 + du4_z * x136);
+        constraints[269] = -x142;
+        /* row 24: 1002 angle u5, r7-r8 (body9): u.a - L c = 0 with u = u5, a = r7-r8, L = 0.2297, c = 0 */
+        const ncgen_real u5_x = q[27];
+        const ncgen_real u5_y = q[28];
+        const ncgen_real u5_z = q[29];
+        const ncgen_real x143 = R(4.3535045711797995) * (x127 * u5_x + x128 * u5_y + x129 * u5_z);
+        constraints[23] = x143;
+        const ncgen_real x144 = R(4.3535045711797995) * u5_x;
+        constraints[171] = x144;
+        const ncgen_real x145 = R(4.3535045711797995) * u5_y;
+        constraints[172] = x145;
+        const ncgen_real x146 = R(4.3535045711797995) * u5_z;
+        constraints[173] = x146;
+        constraints[174] = -x144;
+        constraints[175] = -x145;
+        constraints[176] = -x146;
+        constraints[177] = x131;
+        constraints[178] = x132;
+        constraints[179] = x133;
+        const ncgen_real du5_x = qd[27];
+        const ncgen_real du5_y = qd[28];
+        const ncgen_real du5_z = qd[29];
+        const ncgen_real x147 = R(8.707009142359599) * (x134 * du5_x + x135 * du5_y + x136 * du5_z);
+        constraints[270] = -x147;
+        /* row 25: 1001 unit u5 (body9): |u|^2 - 1 = 0 with u = u5 */
+        const ncgen_real x148 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
+        constraints[24] = x148;
+        constraints[180] = u5_x;
+        constraints[181] = u5_y;
+        constraints[182] = u5_z;
+        constraints[271] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
+        /* row 26: 1012 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u2, b = u3, n = u1, psi = psi1, ln = 1 */
+        const ncgen_real sin_psi1 = sine[0];
+        const ncgen_real cos_psi1 = cosine[0];
+        constraints[25] = u3_y * sin_psi1 + u3_x * cos_psi1;
+        constraints[183] = cos_psi1;
+        constraints[184] = sin_psi1;
+        constraints[185] = u3_y * cos_psi1 - u3_x * sin_psi1;
+        const ncgen_real dpsi1 = qd[30];
+        const ncgen_real x149 = dpsi1 * dpsi1;
+        const ncgen_real x150 = R(2.0) * dpsi1;
+        const ncgen_real x151 = sin_psi1 * (u3_y * x149) - cos_psi1 * (du3_y * x150) + sin_psi1 * (du3_x * x150);
+        constraints[272] = x151 + cos_psi1 * (u3_x * x149);
+        /* row 27: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u1, b = r4-r2, n = -u3, psi = psi2, ln = 1 */
+        const ncgen_real sin_psi2 = sine[1];
+        const ncgen_real x152 = u3_y * x30 - u3_x * x31;
+        const ncgen_real cos_psi2 = cosine[1];
+        const ncgen_real x153 = R(0.9120758847136081) * (x32 * sin_psi2 + x152 * cos_psi2);
+        constraints[26] = -x153;
+        const ncgen_real x154 = R(0.9120758847136081) * (u3_y * cos_psi2);
+        constraints[186] = -x154;
+        const ncgen_real x155 = R(0.9120758847136081) * (u3_x * cos_psi2);
+        constraints[187] = x155;
+        const ncgen_real x156 = R(0.9120758847136081) * sin_psi2;
+        constraints[188] = -x156;
+        constraints[189] = cos_psi2 * x35;
+        constraints[190] = -(cos_psi2 * x34);
+        constraints[191] = x154;
+        constraints[192] = -x155;
+        constraints[193] = x156;
+        const ncgen_real x157 = R(0.9120758847136081) * (sin_psi2 * x152 - x32 * cos_psi2);
+        constraints[194] = x157;
+        const ncgen_real dpsi2 = qd[31];
+        const ncgen_real x158 = dpsi2 * dpsi2;
+        const ncgen_real x159 = cos_psi2 * (R(2.0) * (du3_y * x37 - du3_x * x38)) - sin_psi2 * (x32 * x158);
+        const ncgen_real x160 = R(2.0) * dpsi2;
+        const ncgen_real x161 = x160 * (u3_y * x37 - (x31 * du3_x + u3_x * x38) + x30 * du3_y);
+        const ncgen_real x162 = x159 + cos_psi2 * (x39 * x160) - sin_psi2 * x161 - cos_psi2 * (x152 * x158);
+        constraints[273] = R(0.9120758847136081) * x162;
+        /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
+        const ncgen_real x163 = x84 * x105 + x85 * x106 + x86 * x107;
+        const ncgen_real sin_psi3 = sine[2];
+        const ncgen_real x164 = x85 * x107 - x86 * x106;
+        const ncgen_real x165 = u3_x * x164;
+        const ncgen_real x166 = x86 * x105 - x84 * x107;
+        const ncgen_real x167 = u3_y * x166;
+        const ncgen_real x168 = x84 * x106 - x85 * x105;
+        const ncgen_real x169 = u3_z * x168;
+        const ncgen_real x170 = x165 + x167 + x169;
+        const ncgen_real cos_psi3 = cosine[2];
+        const ncgen_real x171 = R(2.822822138105743) * (x163 * sin_psi3 - x170 * cos_psi3);
+        constraints[27] = x171;
+        constraints[195] = -(cos_psi3 * (R(2.822822138105743) * x164));
+        constraints[196] = -(cos_psi3 * (R(2.822822138105743) * x166));
+        constraints[197] = -(cos_psi3 * (R(2.822822138105743) * x168));
+        const ncgen_real x172 = u3_y * x107 - u3_z * x106;
+        const ncgen_real x173 = R(2.822822138105743) * (x105 * sin_psi3 + cos_psi3 * x172);
+        constraints[198] = -x173;
+        const ncgen_real x174 = u3_z * x105 - u3_x * x107;
+        const ncgen_real x175 = R(2.822822138105743) * (x106 * sin_psi3 + cos_psi3 * x174);
+        constraints[199] = -x175;
+        const ncgen_real x176 = u3_x * x106 - u3_y * x105;
+        const ncgen_real x177 = R(2.822822138105743) * (x107 * sin_psi3 + cos_psi3 * x176);
+        constraints[200] = -x177;
+        const ncgen_real x178 = R(2.822822138105743) * (x84 * sin_psi3 + cos_psi3 * (u3_z * x85 - u3_y * x86));
+        constraints[201] = x173 + x178;
+        const ncgen_real x179 = R(2.822822138105743) * (x85 * sin_psi3 + cos_psi3 * (u3_x * x86 - u3_z * x84));
+        constraints[202] = x175 + x179;
+        const ncgen_real x180 = R(2.822822138105743) * (x86 * sin_psi3 + cos_psi3 * (u3_y * x84 - u3_x * x85));
+        constraints[203] = x177 + x180;
+        constraints[204] = -x178;
+        constraints[205] = -x179;
+        constraints[206] = -x180;
+        const ncgen_real x181 = R(2.822822138105743) * (x163 * cos_psi3 + sin_psi3 * x170);
+        constraints[207] = x181;
+        const ncgen_real x182 = u3_x * (x95 * x114 - x96 * x113) + u3_z * (x94 * x113 - x95 * x112);
+        const ncgen_real x183 = x85 * x114 + x107 * x95 - x86 * x113 - x106 * x96;
+        const ncgen_real x184 = x84 * x113 + x106 * x94 - x85 * x112 - x105 * x95;
+        const ncgen_real x185 = x182 + du3_x * x183 + du3_z * x184 - u3_y * (x94 * x114 - x96 * x112);
+        const ncgen_real x186 = x84 * x114 + x107 * x94 - x86 * x112 - x105 * x96;
+        const ncgen_real dpsi3 = qd[32];
+        const ncgen_real x187 = dpsi3 * dpsi3;
+        const ncgen_real x188 = cos_psi3 * (R(2.0) * (x185 - du3_y * x186)) + sin_psi3 * (x163 * x187);
+        const ncgen_real x189 = sin_psi3 * (R(2.0) * (x94 * x112 + x95 * x113 + x96 * x114));
+        const ncgen_real x190 = R(2.0) * dpsi3;
+        const ncgen_real x191 = x84 * x112 + x85 * x113 + x86 * x114 + x105 * x94 + x106 * x95;
+        const ncgen_real x192 = u3_x * x183 + u3_z * x184 + x164 * du3_x + x168 * du3_z - u3_y * x186;
+        const ncgen_real x193 = x188 - x189 - cos_psi3 * (x190 * (x191 + x107 * x96)) - sin_psi3 * (x190 * (x192 + x166 * du3_y));
+        const ncgen_real x194 = R(2.822822138105743) * (x193 - cos_psi3 * (x187 * (x167 + (x165 + x169))));
+        constraints[274] = x194;
+        /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
+        const ncgen_real x195 = u3_x * u4_x + u3_y * u4_y + u3_z * u4_z;
+        const ncgen_real sin_psi4 = sine[3];
+        const ncgen_real x196 = u3_y * u4_z - u3_z * u4_y;
+        const ncgen_real x197 = x105 * x196;
+        const ncgen_real x198 = u3_z * u4_x - u3_x * u4_z;
+        const ncgen_real x199 = x106 * x198;
+        const ncgen_real x200 = u3_x * u4_y - u3_y * u4_x;
+        const ncgen_real x201 = x107 * x200;
+        const ncgen_real x202 = R(0.7691964497252134) * (x197 + x199 + x201);
+        const ncgen_real cos_psi4 = cosine[3];
+        constraints[28] = x195 * sin_psi4 + x202 * cos_psi4;
+        const ncgen_real x203 = x107 * u4_y - x106 * u4_z;
+        const ncgen_real x204 = u4_x * sin_psi4 + cos_psi4 * (R(0.7691964497252134) * x203);
+        constraints[208] = x204;
+        const ncgen_real x205 = x105 * u4_z - x107 * u4_x;
+        const ncgen_real x206 = u4_y * sin_psi4 + cos_psi4 * (R(0.7691964497252134) * x205);
+        constraints[209] = x206;
+        const ncgen_real x207 = x106 * u4_x - x105 * u4_y;
+        const ncgen_real x208 = u4_z * sin_psi4 + cos_psi4 * (R(0.7691964497252134) * x207);
+        constraints[210] = x208;
+        const ncgen_real x209 = cos_psi4 * (R(0.7691964497252134) * x196);
+        constraints[211] = x209;
+        const ncgen_real x210 = cos_psi4 * (R(0.7691964497252134) * x198);
+        constraints[212] = x210;
+        const ncgen_real x211 = cos_psi4 * (R(0.7691964497252134) * x200);
+        constraints[213] = x211;
+        constraints[214] = -x209;
+        constraints[215] = -x210;
+        constraints[216] = -x211;
+        const ncgen_real x212 = u3_x * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x172);
+        constraints[217] = x212;
+        const ncgen_real x213 = u3_y * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x174);
+        constraints[218] = x213;
+        const ncgen_real x214 = u3_z * sin_psi4 - cos_psi4 * (R(0.7691964497252134) * x176);
+        constraints[219] = x214;
+        constraints[220] = x195 * cos_psi4 - sin_psi4 * x202;
+        const ncgen_real x215 = x105 * (du3_y * du4_z - du3_z * du4_y) + x107 * (du3_x * du4_y - du3_y * du4_x);
+        const ncgen_real x216 = u3_y * du4_z + u4_z * du3_y - u3_z * du4_y - u4_y * du3_z;
+        const ncgen_real x217 = u3_x * du4_y + u4_y * du3_x - u3_y * du4_x - u4_x * du3_y;
+        const ncgen_real x218 = x106 * (du3_x * du4_z - du3_z * du4_x) - (x215 + x112 * x216 + x114 * x217);
+        const ncgen_real x219 = u3_x * du4_z + u4_z * du3_x - u3_z * du4_x - u4_x * du3_z;
+        const ncgen_real x220 = cos_psi4 * (R(1.5383928994504268) * (x218 + x113 * x219));
+        const ncgen_real dpsi4 = qd[33];
+        const ncgen_real x221 = dpsi4 * dpsi4;
+        const ncgen_real x222 = sin_psi4 * (R(2.0) * (du3_x * du4_x + du3_y * du4_y + du3_z * du4_z));
+        const ncgen_real x223 = u3_x * du4_x + u3_y * du4_y + u3_z * du4_z + u4_x * du3_x;
+        const ncgen_real x224 = cos_psi4 * (R(2.0) * dpsi4 * (x223 + u4_y * du3_y + u4_z * du3_z));
+        const ncgen_real x225 = x106 * x219 - (x105 * x216 + x107 * x217 + x196 * x112 + x200 * x114);
+        const ncgen_real x226 = sin_psi4 * (R(1.5383928994504268) * dpsi4 * (x225 - x198 * x113));
+        const ncgen_real x227 = cos_psi4 * (R(0.7691964497252134) * x221 * (x199 + (x197 + x201)));
+        const ncgen_real x228 = x220 + sin_psi4 * (x195 * x221) - x222 - x224 - x226 + x227;
+        constraints[275] = x228;
+        /* row 30: 1010 angle psi5 (coordinate psi5): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r6-r7, b = r8-r7, n = u4, psi = psi5, ln = 1 */
+        const ncgen_real x229 = x105 * x127 + x106 * x128 + x107 * x129;
+        const ncgen_real sin_psi5 = sine[4];
+        const ncgen_real x230 = x107 * x128 - x106 * x129;
+        const ncgen_real x231 = u4_x * x230;
+        const ncgen_real x232 = x105 * x129 - x107 * x127;
+        const ncgen_real x233 = u4_y * x232;
+        const ncgen_real x234 = x106 * x127 - x105 * x128;
+        const ncgen_real x235 = u4_z * x234;
+        const ncgen_real x236 = x231 + x233 + x235;
+        const ncgen_real cos_psi5 = cosine[4];
+        const ncgen_real x237 = R(3.3487002600139895) * (x229 * sin_psi5 + x236 * cos_psi5);
+        constraints[29] = -x237;
+        const ncgen_real x238 = u4_y * x129 - u4_z * x128;
+        const ncgen_real x239 = R(3.3487002600139895) * (x127 * sin_psi5 + cos_psi5 * x238);
+        constraints[221] = -x239;
+        const ncgen_real x240 = u4_z * x127 - u4_x * x129;
+        const ncgen_real x241 = R(3.3487002600139895) * (x128 * sin_psi5 + cos_psi5 * x240);
+        constraints[222] = -x241;
+        const ncgen_real x242 = u4_x * x128 - u4_y * x127;
+        const ncgen_real x243 = R(3.3487002600139895) * (x129 * sin_psi5 + cos_psi5 * x242);
+        constraints[223] = -x243;
+        const ncgen_real x244 = R(3.3487002600139895) * (x105 * sin_psi5 - cos_psi5 * x203);
+        constraints[224] = x239 - x244;
+        const ncgen_real x245 = R(3.3487002600139895) * (x106 * sin_psi5 - cos_psi5 * x205);
+        constraints[225] = x241 - x245;
+        const ncgen_real x246 = R(3.3487002600139895) * (x107 * sin_psi5 - cos_psi5 * x207);
+        constraints[226] = x243 - x246;
+        constraints[227] = -(cos_psi5 * (R(3.3487002600139895) * x230));
+        constraints[228] = -(cos_psi5 * (R(3.3487002600139895) * x232));
+        constraints[229] = -(cos_psi5 * (R(3.3487002600139895) * x234));
+        constraints[230] = x244;
+        constraints[231] = x245;
+        constraints[232] = x246;
+        const ncgen_real x247 = R(3.3487002600139895) * (sin_psi5 * x236 - x229 * cos_psi5);
+        constraints[233] = x247;
+        const ncgen_real x248 = u4_x * (x114 * x135 - x113 * x136) + u4_z * (x113 * x134 - x112 * x135);
+        const ncgen_real x249 = x107 * x135 - (x106 * x136 + x129 * x113) + x128 * x114;
+        const ncgen_real x250 = x106 * x134 - (x105 * x135 + x128 * x112) + x127 * x113;
+        const ncgen_real x251 = x248 + du4_x * x249 + du4_z * x250 - u4_y * (x114 * x134 - x112 * x136);
+        const ncgen_real x252 = x107 * x134 - (x105 * x136 + x129 * x112) + x127 * x114;
+        const ncgen_real dpsi5 = qd[34];
+        const ncgen_real x253 = dpsi5 * dpsi5;
+        const ncgen_real x254 = cos_psi5 * (R(2.0) * (x251 - du4_y * x252)) - sin_psi5 * (x229 * x253);
+        const ncgen_real x255 = sin_psi5 * (R(2.0) * (x112 * x134 + x113 * x135 + x114 * x136));
+        const ncgen_real x256 = R(2.0) * dpsi5;
+        const ncgen_real x257 = x105 * x134 + x106 * x135 + x107 * x136 + x127 * x112 + x128 * x113;
+        const ncgen_real x258 = u4_x * x249 + u4_z * x250 + x230 * du4_x + x234 * du4_z - u4_y * x252;
+        const ncgen_real x259 = x254 + x255 + cos_psi5 * (x256 * (x257 + x129 * x114)) - sin_psi5 * (x256 * (x258 + x232 * du4_y));
+        const ncgen_real x260 = R(3.3487002600139895) * (x259 - cos_psi5 * (x253 * (x233 + (x231 + x235))));
+        constraints[276] = x260;
+        /* row 31: 1013 angle psi6 (coordinate psi6): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u4, b = u5, n = r8-r7, psi = psi6, ln = 0.2297 */
+        const ncgen_real x261 = u4_x * u5_x + u4_y * u5_y + u4_z * u5_z;
+        const ncgen_real sin_psi6 = sine[5];
+        const ncgen_real x262 = u4_y * u5_z - u4_z * u5_y;
+        const ncgen_real x263 = x127 * x262;
+        const ncgen_real x264 = u4_z * u5_x - u4_x * u5_z;
+        const ncgen_real x265 = x128 * x264;
+        const ncgen_real x266 = u4_x * u5_y - u4_y * u5_x;
+        const ncgen_real x267 = x129 * x266;
+        const ncgen_real x268 = R(4.3535045711797995) * (x263 + x265 + x267);
+        const ncgen_real cos_psi6 = cosine[5];
+        constraints[30] = x261 * sin_psi6 + x268 * cos_psi6;
+        const ncgen_real x269 = cos_psi6 * (R(4.3535045711797995) * x262);
+        constraints[234] = x269;
+        const ncgen_real x270 = cos_psi6 * (R(4.3535045711797995) * x264);
+        constraints[235] = x270;
+        const ncgen_real x271 = cos_psi6 * (R(4.3535045711797995) * x266);
+        constraints[236] = x271;
+        const ncgen_real x272 = cos_psi6 * (R(4.3535045711797995) * (x128 * u5_z - x129 * u5_y));
+        constraints[237] = u5_x * sin_psi6 - x272;
+        const ncgen_real x273 = cos_psi6 * (R(4.3535045711797995) * (x129 * u5_x - x127 * u5_z));
+        constraints[238] = u5_y * sin_psi6 - x273;
+        const ncgen_real x274 = cos_psi6 * (R(4.3535045711797995) * (x127 * u5_y - x128 * u5_x));
+        constraints[239] = u5_z * sin_psi6 - x274;
+        constraints[240] = -x269;
+        constraints[241] = -x270;
+        constraints[242] = -x271;
+        const ncgen_real x275 = u4_x * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x238);
+        constraints[243] = x275;
+        const ncgen_real x276 = u4_y * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x240);
+        constraints[244] = x276;
+        const ncgen_real x277 = u4_z * sin_psi6 - cos_psi6 * (R(4.3535045711797995) * x242);
+        constraints[245] = x277;
+        constraints[246] = x261 * cos_psi6 - sin_psi6 * x268;
+        const ncgen_real x278 = x127 * (du4_y * du5_z - du4_z * du5_y) + x129 * (du4_x * du5_y - du4_y * du5_x);
+        const ncgen_real x279 = u4_y * du5_z + u5_z * du4_y - u4_z * du5_y - u5_y * du4_z;
+        const ncgen_real x280 = u4_x * du5_y + u5_y * du4_x - u4_y * du5_x - u5_x * du4_y;
+        const ncgen_real x281 = x128 * (du4_x * du5_z - du4_z * du5_x) - (x278 + x134 * x279 + x136 * x280);
+        const ncgen_real x282 = u4_x * du5_z + u5_z * du4_x - u4_z * du5_x - u5_x * du4_z;
+        const ncgen_real dpsi6 = qd[35];
+        const ncgen_real x283 = dpsi6 * dpsi6;
+        const ncgen_real x284 = cos_psi6 * (R(8.707009142359599) * (x281 + x135 * x282)) + sin_psi6 * (x261 * x283);
+        const ncgen_real x285 = sin_psi6 * (R(2.0) * (du4_x * du5_x + du4_y * du5_y + du4_z * du5_z));
+        const ncgen_real x286 = u4_x * du5_x + u4_y * du5_y + u4_z * du5_z + u5_x * du4_x;
+        const ncgen_real x287 = cos_psi6 * (R(2.0) * dpsi6 * (x286 + u5_y * du4_y + u5_z * du4_z));
+        const ncgen_real x288 = x128 * x282 - (x127 * x279 + x129 * x280 + x262 * x134 + x266 * x136);
+        const ncgen_real x289 = sin_psi6 * (R(8.707009142359599) * dpsi6 * (x288 - x264 * x135));
+        const ncgen_real x290 = cos_psi6 * (R(4.3535045711797995) * x283 * (x265 + (x263 + x267)));
+        constraints[277] = x284 - x285 - x287 - x289 + x290;
     }
 
     return NCGEN_OK;
@@ -2258,7 +2845,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "4355bf4585e0863e",
+        .fingerprint = "874f8f443a4ce474",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,
@@ -2274,6 +2861,7 @@ const ncgen_model *robot_model(void)
         .mass = robot_mass,
         .force = robot_force,
         .energy = robot_energy,
+        .constraints = robot_constraints,
     };
     return &model;
 }

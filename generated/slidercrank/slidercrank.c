@@ -6,15 +6,12 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar slidercrank_number_1[10] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), -R(2.178649237472767), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar slidercrank_number_2[8] = {
+static const ncgen_scalar slidercrank_number_1[8] = {
     R(0.028462172668631724), R(0.0031990046563287605), R(0.028462172668631724),
     R(0.0031990046563287605), R(0.0031990046563287605), R(0.09180099534367124),
     R(0.0031990046563287605), R(0.09180099534367124)
 };
-static const ncgen_scalar slidercrank_number_3[5] = {
+static const ncgen_scalar slidercrank_number_2[5] = {
     R(0.0), -R(0.37278), R(0.0), -R(0.9319500000000001), R(0.0)
 };
 
@@ -60,12 +57,6 @@ int slidercrank_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     ncgen_sincos(1, q + 4, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 10; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(slidercrank_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153 */
         const ncgen_real B_x = q[0];
@@ -81,6 +72,7 @@ int slidercrank_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         phi_q[3] = x2;
         phi_q[4] = -x1;
         phi_q[5] = -x2;
+        phi_q[6] = NCGEN_SPLAT(-R(2.178649237472767));
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
         const ncgen_real sin_psi = sine[0];
         phi_q[7] = R(6.5359477124183005) * sin_psi;
@@ -100,11 +92,6 @@ int slidercrank_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     ncgen_sincos(1, q + 4, sine, cosine);
 
-    /* constant part */
-    for (int i = 0; i < 4; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153 */
         const ncgen_real dB_x = qd[0];
@@ -116,6 +103,7 @@ int slidercrank_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real dC_y = qd[3];
         const ncgen_real x2 = dB_y - dC_y;
         gamma[1] = -(R(3.267973856209151) * (x1 * x1 + x2 * x2));
+        gamma[2] = NCGEN_SPLAT(R(0.0));
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
         const ncgen_real sin_psi = sine[0];
         const ncgen_real B_x = q[0];
@@ -139,7 +127,7 @@ int slidercrank_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 
     /* constant part */
     for (int i = 0; i < 8; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(slidercrank_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(slidercrank_number_1[i]);
         mass[i] = x1;
     }
 
@@ -155,7 +143,7 @@ int slidercrank_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     /* constant part */
     for (int i = 0; i < 5; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(slidercrank_number_3[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(slidercrank_number_2[i]);
         force[i] = x1;
     }
 
@@ -167,16 +155,11 @@ int slidercrank_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        energy[i] = NCGEN_SPLAT(R(0.0));
-    }
-
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; rod */
-        const ncgen_real dB_x = qd[0];
         const ncgen_real dC_x = qd[2];
-        const ncgen_real x1 = dB_x - dC_x;
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real x1 = dC_x - dB_x;
         const ncgen_real dC_y = qd[3];
         const ncgen_real dB_y = qd[1];
         const ncgen_real x2 = dC_y - dB_y;
@@ -191,6 +174,65 @@ int slidercrank_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         const ncgen_real B_y = q[1];
         const ncgen_real C_y = q[3];
         energy[1] = R(0.37278) * B_y + R(0.9319500000000001) * C_y;
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 59 operations, 2 of them elementary functions */
+int slidercrank_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[1], cosine[1];
+    (void)t;
+    (void)p;
+
+    ncgen_sincos(1, q + 4, sine, cosine);
+
+    {
+        /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153 */
+        const ncgen_real B_x = q[0];
+        const ncgen_real B_y = q[1];
+        const ncgen_real x1 = R(3.2679738562091503) * (B_x * B_x + B_y * B_y - R(0.023409));
+        constraints[0] = x1;
+        constraints[4] = R(6.5359477124183005) * B_x;
+        constraints[5] = R(6.5359477124183005) * B_y;
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real dB_y = qd[1];
+        constraints[14] = -(R(6.5359477124183005) * (dB_x * dB_x + dB_y * dB_y));
+        /* row 2: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.306 */
+        const ncgen_real C_x = q[2];
+        const ncgen_real x2 = B_x - C_x;
+        const ncgen_real C_y = q[3];
+        const ncgen_real x3 = B_y - C_y;
+        const ncgen_real x4 = R(1.6339869281045756) * (x2 * x2 + x3 * x3 - R(0.09363599999999997));
+        constraints[1] = x4;
+        const ncgen_real x5 = R(3.267973856209151) * x2;
+        constraints[6] = x5;
+        const ncgen_real x6 = R(3.267973856209151) * x3;
+        constraints[7] = x6;
+        constraints[8] = -x5;
+        constraints[9] = -x6;
+        const ncgen_real dC_x = qd[2];
+        const ncgen_real x7 = dB_x - dC_x;
+        const ncgen_real dC_y = qd[3];
+        const ncgen_real x8 = dB_y - dC_y;
+        constraints[15] = -(R(3.267973856209151) * (x7 * x7 + x8 * x8));
+        /* row 3: C on x (joint cylindrical ground-slider): a.b - c = 0 with a = C-A, b = across2, c = 0 */
+        constraints[2] = -(R(2.178649237472767) * C_y);
+        constraints[10] = NCGEN_SPLAT(-R(2.178649237472767));
+        constraints[16] = NCGEN_SPLAT(R(0.0));
+        /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
+        const ncgen_real sin_psi = sine[0];
+        const ncgen_real cos_psi = cosine[0];
+        constraints[3] = R(6.5359477124183005) * (B_x * sin_psi - B_y * cos_psi);
+        constraints[11] = R(6.5359477124183005) * sin_psi;
+        constraints[12] = -(R(6.5359477124183005) * cos_psi);
+        constraints[13] = R(6.5359477124183005) * (B_y * sin_psi + B_x * cos_psi);
+        const ncgen_real dpsi = qd[4];
+        const ncgen_real x9 = dpsi * dpsi;
+        const ncgen_real x10 = R(2.0) * dpsi;
+        const ncgen_real x11 = sin_psi * (B_x * x9) - cos_psi * (dB_x * x10) - sin_psi * (dB_y * x10);
+        constraints[17] = R(6.5359477124183005) * (x11 - cos_psi * (B_y * x9));
     }
 
     return NCGEN_OK;
@@ -238,7 +280,7 @@ const ncgen_model *slidercrank_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank",
-        .fingerprint = "138a7c5788b32705",
+        .fingerprint = "283cd0283b6be6b5",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,
@@ -254,6 +296,7 @@ const ncgen_model *slidercrank_model(void)
         .mass = slidercrank_mass,
         .force = slidercrank_force,
         .energy = slidercrank_energy,
+        .constraints = slidercrank_constraints,
     };
     return &model;
 }

@@ -32,6 +32,7 @@ int slidercrank_gamma(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, c
 int slidercrank_mass(ncgen_real t, const ncgen_real *q, const ncgen_real *p, ncgen_real *mass); /* 8 numbers, 0 operations */
 int slidercrank_force(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *force); /* 5 numbers, 0 operations */
 int slidercrank_energy(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *energy); /* 3 numbers, 30 operations */
+int slidercrank_constraints(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p, ncgen_real *constraints); /* 18 numbers, 59 operations */
 
 #ifdef __cplusplus
 }

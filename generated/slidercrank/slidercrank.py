@@ -46,13 +46,10 @@ MASS_PATTERN = (
 )
 
 _number_1 = np.array([
-    0.0, 0.0, 0.0, 0.0, 0.0, 0.0, -2.178649237472767, 0.0, 0.0, 0.0
-])
-_number_2 = np.array([
     0.028462172668631724, 0.0031990046563287605, 0.028462172668631724, 0.0031990046563287605,
     0.0031990046563287605, 0.09180099534367124, 0.0031990046563287605, 0.09180099534367124
 ])
-_number_3 = np.array([
+_number_2 = np.array([
     0.0, -0.37278, 0.0, -0.9319500000000001, 0.0
 ])
 
@@ -95,9 +92,6 @@ def phi_q(t, q, p):
     phi_q = _output(10, t, q, p)
     sine = np.sin(q[..., 4, None])
     cosine = np.cos(q[..., 4, None])
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:10] = x1
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153
     B_x = q[..., 0]
     phi_q[..., 0] = 6.5359477124183005 * B_x
@@ -112,6 +106,7 @@ def phi_q(t, q, p):
     phi_q[..., 3] = x2
     phi_q[..., 4] = -x1
     phi_q[..., 5] = -x2
+    phi_q[..., 6] = -2.178649237472767
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
     sin_psi = sine[..., 0]
     phi_q[..., 7] = 6.5359477124183005 * sin_psi
@@ -127,8 +122,6 @@ def gamma(t, q, qd, p):
     gamma = _output(4, t, q, qd, p)
     sine = np.sin(q[..., 4, None])
     cosine = np.cos(q[..., 4, None])
-    # constant part
-    gamma[..., 0:4] = 0.0
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153
     dB_x = qd[..., 0]
     dB_y = qd[..., 1]
@@ -139,6 +132,7 @@ def gamma(t, q, qd, p):
     dC_y = qd[..., 3]
     x2 = dB_y - dC_y
     gamma[..., 1] = -(3.267973856209151 * (x1 * x1 + x2 * x2))
+    gamma[..., 2] = 0.0
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
     sin_psi = sine[..., 0]
     B_x = q[..., 0]
@@ -157,7 +151,7 @@ def mass(t, q, p):
     t = np.asarray(t)
     mass = _output(8, t, q, p)
     # constant part
-    x1 = _number_2
+    x1 = _number_1
     mass[..., 0:8] = x1
     return mass
 
@@ -167,7 +161,7 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(5, t, q, qd, p)
     # constant part
-    x1 = _number_3
+    x1 = _number_2
     force[..., 0:5] = x1
     return force
 
@@ -176,12 +170,10 @@ def energy(t, q, qd, p):
     """3 numbers, 30 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    energy[..., 0:3] = 0.0
     # B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; rod
-    dB_x = qd[..., 0]
     dC_x = qd[..., 2]
-    x1 = dB_x - dC_x
+    dB_x = qd[..., 0]
+    x1 = dC_x - dB_x
     dC_y = qd[..., 3]
     dB_y = qd[..., 1]
     x2 = dC_y - dB_y
@@ -195,4 +187,57 @@ def energy(t, q, qd, p):
     B_y = q[..., 1]
     C_y = q[..., 3]
     energy[..., 1] = 0.37278 * B_y + 0.9319500000000001 * C_y
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """18 numbers, 59 operations."""
+    t = np.asarray(t)
+    constraints = _output(18, t, q, qd, p)
+    sine = np.sin(q[..., 4, None])
+    cosine = np.cos(q[..., 4, None])
+    # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.153
+    B_x = q[..., 0]
+    B_y = q[..., 1]
+    constraints[..., 0] = 3.2679738562091503 * (B_x * B_x + B_y * B_y - 0.023409)
+    constraints[..., 4] = 6.5359477124183005 * B_x
+    constraints[..., 5] = 6.5359477124183005 * B_y
+    dB_x = qd[..., 0]
+    dB_y = qd[..., 1]
+    constraints[..., 14] = -(6.5359477124183005 * (dB_x * dB_x + dB_y * dB_y))
+    # row 2: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.306
+    C_x = q[..., 2]
+    x1 = B_x - C_x
+    C_y = q[..., 3]
+    x2 = B_y - C_y
+    x3 = 1.6339869281045756 * (x1 * x1 + x2 * x2 - 0.09363599999999997)
+    constraints[..., 1] = x3
+    x4 = 3.267973856209151 * x1
+    constraints[..., 6] = x4
+    x5 = 3.267973856209151 * x2
+    constraints[..., 7] = x5
+    constraints[..., 8] = -x4
+    constraints[..., 9] = -x5
+    dC_x = qd[..., 2]
+    x6 = dB_x - dC_x
+    dC_y = qd[..., 3]
+    x7 = dB_y - dC_y
+    constraints[..., 15] = -(3.267973856209151 * (x6 * x6 + x7 * x7))
+    # row 3: C on x (joint cylindrical ground-slider): a.b - c = 0 with a = C-A, b = across2, c = 0
+    constraints[..., 2] = -(2.178649237472767 * C_y)
+    constraints[..., 10] = -2.178649237472767
+    constraints[..., 16] = 0.0
+    # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
+    sin_psi = sine[..., 0]
+    cos_psi = cosine[..., 0]
+    constraints[..., 3] = 6.5359477124183005 * (B_x * sin_psi - B_y * cos_psi)
+    constraints[..., 11] = 6.5359477124183005 * sin_psi
+    constraints[..., 12] = -(6.5359477124183005 * cos_psi)
+    constraints[..., 13] = 6.5359477124183005 * (B_y * sin_psi + B_x * cos_psi)
+    dpsi = qd[..., 4]
+    x8 = dpsi * dpsi
+    x9 = 2.0 * dpsi
+    x10 = sin_psi * (B_x * x8) - cos_psi * (dB_x * x9) - sin_psi * (dB_y * x9)
+    constraints[..., 17] = 6.5359477124183005 * (x10 - cos_psi * (B_y * x8))
+    return constraints

@@ -6,16 +6,6 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar slidercrank3d_number_1[22] = {
-    R(0.0), R(0.0), R(0.0), R(12.499999999999998), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(1.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar slidercrank3d_number_2[8] = {
-    R(0.0), R(0.0), -R(3.0411), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar slidercrank3d_number_3[3] = {
-    R(0.0), R(0.070632), R(0.0)
-};
 
 
 /* phi: 39 operations, 2 of them elementary functions */
@@ -49,20 +39,19 @@ int slidercrank3d_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real h_z = q[6];
         phi[3] = R(0.5) * (h_x * h_x + h_y * h_y + h_z * h_z - R(1.0));
         /* row 5: 1002 angle h, C-B (body rod): u.a - L c = 0 with u = h, a = C-B, L = 0.3, c = 0 */
-        const ncgen_real x6 = R(3.333333333333333) * (h_x * (C_x - B_x) - B_y * h_y - B_z * h_z);
-        phi[4] = x6;
+        const ncgen_real x6 = R(3.333333333333333) * (x4 * h_x + B_y * h_y + B_z * h_z);
+        phi[4] = -x6;
         /* row 6: 1003 angle X, h (joint universal slider-rod): u.v - c = 0 with u = X, v = h, c = 0 */
         phi[5] = h_x;
         /* row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1 */
         const ncgen_real sin_psi = sine[0];
         const ncgen_real cos_psi = cosine[0];
-        const ncgen_real x7 = R(12.499999999999998) * ((B_z - R(0.12)) * sin_psi - x1 * cos_psi);
-        phi[6] = x7;
+        phi[6] = -(R(12.499999999999998) * (x2 * sin_psi + x1 * cos_psi));
     }
 
     return NCGEN_OK;
 }
-/* phi_q: 31 operations, 2 of them elementary functions */
+/* phi_q: 29 operations, 2 of them elementary functions */
 int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     ncgen_real sine[1], cosine[1];
@@ -70,12 +59,6 @@ int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
     (void)p;
 
     ncgen_sincos(1, q + 7, sine, cosine);
-
-    /* constant part */
-    for (int i = 0; i < 22; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(slidercrank3d_number_1[i]);
-        phi_q[i] = x1;
-    }
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08 */
@@ -85,16 +68,19 @@ int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x1 = R(0.1) - B_y;
         phi_q[1] = -(R(12.499999999999998) * x1);
         const ncgen_real B_z = q[2];
-        phi_q[2] = -(R(12.499999999999998) * (R(0.12) - B_z));
+        const ncgen_real x2 = R(0.12) - B_z;
+        phi_q[2] = -(R(12.499999999999998) * x2);
+        phi_q[3] = NCGEN_SPLAT(R(12.499999999999998));
         /* row 3: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.3 */
         const ncgen_real C_x = q[3];
-        const ncgen_real x2 = R(3.333333333333333) * (B_x - C_x);
-        phi_q[4] = x2;
-        const ncgen_real x3 = R(3.333333333333333) * B_y;
-        phi_q[5] = x3;
-        const ncgen_real x4 = R(3.333333333333333) * B_z;
-        phi_q[6] = x4;
-        phi_q[7] = -x2;
+        const ncgen_real x3 = R(3.333333333333333) * (B_x - C_x);
+        phi_q[4] = x3;
+        const ncgen_real x4 = R(3.333333333333333) * B_y;
+        phi_q[5] = x4;
+        const ncgen_real x5 = R(3.333333333333333) * B_z;
+        phi_q[6] = x5;
+        const ncgen_real x6 = -x3;
+        phi_q[7] = x6;
         /* row 4: 1001 unit h (body rod): |u|^2 - 1 = 0 with u = h */
         const ncgen_real h_x = q[4];
         phi_q[8] = h_x;
@@ -103,26 +89,26 @@ int slidercrank3d_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real h_z = q[6];
         phi_q[10] = h_z;
         /* row 5: 1002 angle h, C-B (body rod): u.a - L c = 0 with u = h, a = C-B, L = 0.3, c = 0 */
-        const ncgen_real x5 = R(3.333333333333333) * h_x;
-        phi_q[11] = -x5;
+        const ncgen_real x7 = R(3.333333333333333) * h_x;
+        phi_q[11] = -x7;
         phi_q[12] = -(R(3.333333333333333) * h_y);
         phi_q[13] = -(R(3.333333333333333) * h_z);
-        phi_q[14] = x5;
-        phi_q[15] = R(3.333333333333333) * (C_x - B_x);
-        phi_q[16] = -x3;
-        phi_q[17] = -x4;
+        phi_q[14] = x7;
+        phi_q[15] = x6;
+        phi_q[16] = -x4;
+        phi_q[17] = -x5;
+        phi_q[18] = NCGEN_SPLAT(R(1.0));
         /* row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1 */
         const ncgen_real cos_psi = cosine[0];
         phi_q[19] = R(12.499999999999998) * cos_psi;
         const ncgen_real sin_psi = sine[0];
         phi_q[20] = R(12.499999999999998) * sin_psi;
-        const ncgen_real x6 = R(12.499999999999998) * ((B_z - R(0.12)) * cos_psi + x1 * sin_psi);
-        phi_q[21] = x6;
+        phi_q[21] = -(R(12.499999999999998) * (x2 * cos_psi - x1 * sin_psi));
     }
 
     return NCGEN_OK;
 }
-/* gamma: 45 operations, 2 of them elementary functions */
+/* gamma: 43 operations, 2 of them elementary functions */
 int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -130,11 +116,6 @@ int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
     (void)p;
 
     ncgen_sincos(1, q + 7, sine, cosine);
-
-    /* constant part */
-    for (int i = 0; i < 7; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08 */
@@ -144,6 +125,7 @@ int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real dB_z = qd[2];
         const ncgen_real x2 = dB_z * dB_z;
         gamma[0] = -(R(12.499999999999998) * (dB_x * dB_x + x1 + x2));
+        gamma[1] = NCGEN_SPLAT(R(0.0));
         /* row 3: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.3 */
         const ncgen_real dC_x = qd[3];
         const ncgen_real x3 = dB_x - dC_x;
@@ -154,8 +136,9 @@ int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real dh_z = qd[6];
         gamma[3] = -(dh_x * dh_x + dh_y * dh_y + dh_z * dh_z);
         /* row 5: 1002 angle h, C-B (body rod): u.a - L c = 0 with u = h, a = C-B, L = 0.3, c = 0 */
-        const ncgen_real x4 = R(6.666666666666666) * (dh_x * (dC_x - dB_x) - dB_y * dh_y - dB_z * dh_z);
-        gamma[4] = -x4;
+        const ncgen_real x4 = R(6.666666666666666) * (x3 * dh_x + dB_y * dh_y + dB_z * dh_z);
+        gamma[4] = x4;
+        gamma[5] = NCGEN_SPLAT(R(0.0));
         /* row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1 */
         const ncgen_real sin_psi = sine[0];
         const ncgen_real B_z = q[2];
@@ -165,7 +148,7 @@ int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x6 = R(2.0) * dpsi;
         const ncgen_real x7 = sin_psi * ((B_z - R(0.12)) * x5) - cos_psi * (dB_z * x6) + sin_psi * (dB_y * x6);
         const ncgen_real B_y = q[1];
-        const ncgen_real x8 = R(12.499999999999998) * (x7 - cos_psi * ((R(0.1) - B_y) * x5));
+        const ncgen_real x8 = R(12.499999999999998) * (x7 + cos_psi * ((B_y - R(0.1)) * x5));
         gamma[6] = x8;
     }
 
@@ -286,12 +269,6 @@ int slidercrank3d_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 8; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(slidercrank3d_number_2[i]);
-        force[i] = x1;
-    }
-
     {
         /* rod */
         const ncgen_real h_y = q[5];
@@ -321,6 +298,7 @@ int slidercrank3d_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x6 = C_x - B_x;
         force[5] = -(x2 * x6 + x5 * B_z);
         force[6] = x5 * B_y - x3 * x6;
+        force[7] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -330,12 +308,6 @@ int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(slidercrank3d_number_3[i]);
-        energy[i] = x1;
-    }
 
     {
         /* B.x; B.y; B.z; C.x; h.x; h.y; h.z; B.x C.x; crank; rod */
@@ -368,6 +340,100 @@ int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
         energy[0] = x12;
         /* B.z */
         energy[1] = R(3.0411) * B_z + R(0.070632);
+        energy[2] = NCGEN_SPLAT(R(0.0));
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 101 operations, 2 of them elementary functions */
+int slidercrank3d_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    ncgen_real sine[1], cosine[1];
+    (void)t;
+    (void)p;
+
+    ncgen_sincos(1, q + 7, sine, cosine);
+
+    {
+        /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08 */
+        const ncgen_real B_x = q[0];
+        const ncgen_real B_y = q[1];
+        const ncgen_real x1 = R(0.1) - B_y;
+        const ncgen_real B_z = q[2];
+        const ncgen_real x2 = R(0.12) - B_z;
+        const ncgen_real x3 = R(6.249999999999999) * (B_x * B_x + x1 * x1 + x2 * x2 - R(0.006400000000000003));
+        constraints[0] = x3;
+        const ncgen_real x4 = R(12.499999999999998) * B_x;
+        constraints[7] = x4;
+        constraints[8] = -(R(12.499999999999998) * x1);
+        constraints[9] = -(R(12.499999999999998) * x2);
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real dB_y = qd[1];
+        const ncgen_real x5 = dB_y * dB_y;
+        const ncgen_real dB_z = qd[2];
+        const ncgen_real x6 = dB_z * dB_z;
+        constraints[29] = -(R(12.499999999999998) * (dB_x * dB_x + x5 + x6));
+        /* row 2: 1002 angle X, B-A (body crank): u.a - L c = 0 with u = X, a = B-A, L = 0.08, c = 0 */
+        constraints[1] = x4;
+        constraints[10] = NCGEN_SPLAT(R(12.499999999999998));
+        constraints[30] = NCGEN_SPLAT(R(0.0));
+        /* row 3: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.3 */
+        const ncgen_real C_x = q[3];
+        const ncgen_real x7 = B_x - C_x;
+        const ncgen_real x8 = R(1.6666666666666665) * (x7 * x7 + B_y * B_y + B_z * B_z - R(0.09000000000000002));
+        constraints[2] = x8;
+        const ncgen_real x9 = R(3.333333333333333) * x7;
+        constraints[11] = x9;
+        const ncgen_real x10 = R(3.333333333333333) * B_y;
+        constraints[12] = x10;
+        const ncgen_real x11 = R(3.333333333333333) * B_z;
+        constraints[13] = x11;
+        const ncgen_real x12 = -x9;
+        constraints[14] = x12;
+        const ncgen_real dC_x = qd[3];
+        const ncgen_real x13 = dB_x - dC_x;
+        constraints[31] = -(R(3.333333333333333) * (x6 + (x5 + x13 * x13)));
+        /* row 4: 1001 unit h (body rod): |u|^2 - 1 = 0 with u = h */
+        const ncgen_real h_x = q[4];
+        const ncgen_real h_y = q[5];
+        const ncgen_real h_z = q[6];
+        constraints[3] = R(0.5) * (h_x * h_x + h_y * h_y + h_z * h_z - R(1.0));
+        constraints[15] = h_x;
+        constraints[16] = h_y;
+        constraints[17] = h_z;
+        const ncgen_real dh_x = qd[4];
+        const ncgen_real dh_y = qd[5];
+        const ncgen_real dh_z = qd[6];
+        constraints[32] = -(dh_x * dh_x + dh_y * dh_y + dh_z * dh_z);
+        /* row 5: 1002 angle h, C-B (body rod): u.a - L c = 0 with u = h, a = C-B, L = 0.3, c = 0 */
+        const ncgen_real x14 = R(3.333333333333333) * (x7 * h_x + B_y * h_y + B_z * h_z);
+        constraints[4] = -x14;
+        const ncgen_real x15 = R(3.333333333333333) * h_x;
+        constraints[18] = -x15;
+        constraints[19] = -(R(3.333333333333333) * h_y);
+        constraints[20] = -(R(3.333333333333333) * h_z);
+        constraints[21] = x15;
+        constraints[22] = x12;
+        constraints[23] = -x10;
+        constraints[24] = -x11;
+        const ncgen_real x16 = R(6.666666666666666) * (x13 * dh_x + dB_y * dh_y + dB_z * dh_z);
+        constraints[33] = x16;
+        /* row 6: 1003 angle X, h (joint universal slider-rod): u.v - c = 0 with u = X, v = h, c = 0 */
+        constraints[5] = h_x;
+        constraints[25] = NCGEN_SPLAT(R(1.0));
+        constraints[34] = NCGEN_SPLAT(R(0.0));
+        /* row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1 */
+        const ncgen_real sin_psi = sine[0];
+        const ncgen_real cos_psi = cosine[0];
+        constraints[6] = -(R(12.499999999999998) * (x2 * sin_psi + x1 * cos_psi));
+        constraints[26] = R(12.499999999999998) * cos_psi;
+        constraints[27] = R(12.499999999999998) * sin_psi;
+        constraints[28] = -(R(12.499999999999998) * (x2 * cos_psi - x1 * sin_psi));
+        const ncgen_real dpsi = qd[7];
+        const ncgen_real x17 = R(2.0) * dpsi;
+        const ncgen_real x18 = dpsi * dpsi;
+        const ncgen_real x19 = sin_psi * (dB_y * x17) - (sin_psi * (x2 * x18) + cos_psi * (dB_z * x17));
+        constraints[35] = R(12.499999999999998) * (x19 - cos_psi * (x1 * x18));
     }
 
     return NCGEN_OK;
@@ -422,7 +488,7 @@ const ncgen_model *slidercrank3d_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank3d",
-        .fingerprint = "841c4ed00d8ad277",
+        .fingerprint = "95322f491b52211d",
         .n_coordinates = 8,
         .n_rows = 7,
         .n_parameters = 0,
@@ -438,6 +504,7 @@ const ncgen_model *slidercrank3d_model(void)
         .mass = slidercrank3d_mass,
         .force = slidercrank3d_force,
         .energy = slidercrank3d_energy,
+        .constraints = slidercrank3d_constraints,
     };
     return &model;
 }

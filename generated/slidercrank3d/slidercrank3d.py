@@ -52,16 +52,6 @@ MASS_PATTERN = (
     ], dtype=np.int32),
 )
 
-_number_1 = np.array([
-    0.0, 0.0, 0.0, 12.499999999999998, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0,
-    1.0, 0.0, 0.0, 0.0
-])
-_number_2 = np.array([
-    0.0, 0.0, -3.0411, 0.0, 0.0, 0.0, 0.0, 0.0
-])
-_number_3 = np.array([
-    0.0, 0.070632, 0.0
-])
 
 
 def _output(size, t, *arrays):
@@ -97,27 +87,23 @@ def phi(t, q, p):
     h_z = q[..., 6]
     phi[..., 3] = 0.5 * (h_x * h_x + h_y * h_y + h_z * h_z - 1.0)
     # row 5: 1002 angle h, C-B (body rod): u.a - L c = 0 with u = h, a = C-B, L = 0.3, c = 0
-    x6 = 3.333333333333333 * (h_x * (C_x - B_x) - B_y * h_y - B_z * h_z)
+    x6 = -(3.333333333333333 * (x4 * h_x + B_y * h_y + B_z * h_z))
     phi[..., 4] = x6
     # row 6: 1003 angle X, h (joint universal slider-rod): u.v - c = 0 with u = X, v = h, c = 0
     phi[..., 5] = h_x
     # row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1
     sin_psi = sine[..., 0]
     cos_psi = cosine[..., 0]
-    x7 = 12.499999999999998 * ((B_z - 0.12) * sin_psi - x1 * cos_psi)
-    phi[..., 6] = x7
+    phi[..., 6] = -(12.499999999999998 * (x2 * sin_psi + x1 * cos_psi))
     return phi
 
 
 def phi_q(t, q, p):
-    """22 numbers, 31 operations."""
+    """22 numbers, 29 operations."""
     t = np.asarray(t)
     phi_q = _output(22, t, q, p)
     sine = np.sin(q[..., 7, None])
     cosine = np.cos(q[..., 7, None])
-    # constant part
-    x1 = _number_1
-    phi_q[..., 0:22] = x1
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08
     B_x = q[..., 0]
     phi_q[..., 0] = 12.499999999999998 * B_x
@@ -125,16 +111,19 @@ def phi_q(t, q, p):
     x1 = 0.1 - B_y
     phi_q[..., 1] = -(12.499999999999998 * x1)
     B_z = q[..., 2]
-    phi_q[..., 2] = -(12.499999999999998 * (0.12 - B_z))
+    x2 = 0.12 - B_z
+    phi_q[..., 2] = -(12.499999999999998 * x2)
+    phi_q[..., 3] = 12.499999999999998
     # row 3: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.3
     C_x = q[..., 3]
-    x2 = 3.333333333333333 * (B_x - C_x)
-    phi_q[..., 4] = x2
-    x3 = 3.333333333333333 * B_y
-    phi_q[..., 5] = x3
-    x4 = 3.333333333333333 * B_z
-    phi_q[..., 6] = x4
-    phi_q[..., 7] = -x2
+    x3 = 3.333333333333333 * (B_x - C_x)
+    phi_q[..., 4] = x3
+    x4 = 3.333333333333333 * B_y
+    phi_q[..., 5] = x4
+    x5 = 3.333333333333333 * B_z
+    phi_q[..., 6] = x5
+    x6 = -x3
+    phi_q[..., 7] = x6
     # row 4: 1001 unit h (body rod): |u|^2 - 1 = 0 with u = h
     h_x = q[..., 4]
     phi_q[..., 8] = h_x
@@ -143,32 +132,30 @@ def phi_q(t, q, p):
     h_z = q[..., 6]
     phi_q[..., 10] = h_z
     # row 5: 1002 angle h, C-B (body rod): u.a - L c = 0 with u = h, a = C-B, L = 0.3, c = 0
-    x5 = 3.333333333333333 * h_x
-    phi_q[..., 11] = -x5
+    x7 = 3.333333333333333 * h_x
+    phi_q[..., 11] = -x7
     phi_q[..., 12] = -(3.333333333333333 * h_y)
     phi_q[..., 13] = -(3.333333333333333 * h_z)
-    phi_q[..., 14] = x5
-    phi_q[..., 15] = 3.333333333333333 * (C_x - B_x)
-    phi_q[..., 16] = -x3
-    phi_q[..., 17] = -x4
+    phi_q[..., 14] = x7
+    phi_q[..., 15] = x6
+    phi_q[..., 16] = -x4
+    phi_q[..., 17] = -x5
+    phi_q[..., 18] = 1.0
     # row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1
     cos_psi = cosine[..., 0]
     phi_q[..., 19] = 12.499999999999998 * cos_psi
     sin_psi = sine[..., 0]
     phi_q[..., 20] = 12.499999999999998 * sin_psi
-    x6 = 12.499999999999998 * ((B_z - 0.12) * cos_psi + x1 * sin_psi)
-    phi_q[..., 21] = x6
+    phi_q[..., 21] = -(12.499999999999998 * (x2 * cos_psi - x1 * sin_psi))
     return phi_q
 
 
 def gamma(t, q, qd, p):
-    """7 numbers, 45 operations."""
+    """7 numbers, 43 operations."""
     t = np.asarray(t)
     gamma = _output(7, t, q, qd, p)
     sine = np.sin(q[..., 7, None])
     cosine = np.cos(q[..., 7, None])
-    # constant part
-    gamma[..., 0:7] = 0.0
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08
     dB_x = qd[..., 0]
     dB_y = qd[..., 1]
@@ -176,6 +163,7 @@ def gamma(t, q, qd, p):
     dB_z = qd[..., 2]
     x2 = dB_z * dB_z
     gamma[..., 0] = -(12.499999999999998 * (dB_x * dB_x + x1 + x2))
+    gamma[..., 1] = 0.0
     # row 3: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.3
     dC_x = qd[..., 3]
     x3 = dB_x - dC_x
@@ -186,8 +174,9 @@ def gamma(t, q, qd, p):
     dh_z = qd[..., 6]
     gamma[..., 3] = -(dh_x * dh_x + dh_y * dh_y + dh_z * dh_z)
     # row 5: 1002 angle h, C-B (body rod): u.a - L c = 0 with u = h, a = C-B, L = 0.3, c = 0
-    x4 = 6.666666666666666 * (dh_x * (dC_x - dB_x) - dB_y * dh_y - dB_z * dh_z)
-    gamma[..., 4] = -x4
+    x4 = 6.666666666666666 * (x3 * dh_x + dB_y * dh_y + dB_z * dh_z)
+    gamma[..., 4] = x4
+    gamma[..., 5] = 0.0
     # row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1
     sin_psi = sine[..., 0]
     B_z = q[..., 2]
@@ -197,7 +186,7 @@ def gamma(t, q, qd, p):
     x6 = 2.0 * dpsi
     x7 = sin_psi * ((B_z - 0.12) * x5) - cos_psi * (dB_z * x6) + sin_psi * (dB_y * x6)
     B_y = q[..., 1]
-    gamma[..., 6] = 12.499999999999998 * (x7 - cos_psi * ((0.1 - B_y) * x5))
+    gamma[..., 6] = 12.499999999999998 * (x7 + cos_psi * ((B_y - 0.1) * x5))
     return gamma
 
 
@@ -308,9 +297,6 @@ def force(t, q, qd, p):
     """8 numbers, 36 operations."""
     t = np.asarray(t)
     force = _output(8, t, q, qd, p)
-    # constant part
-    x1 = _number_2
-    force[..., 0:8] = x1
     # rod
     h_y = q[..., 5]
     dh_y = qd[..., 5]
@@ -339,6 +325,7 @@ def force(t, q, qd, p):
     x6 = C_x - B_x
     force[..., 5] = -(x2 * x6 + x5 * B_z)
     force[..., 6] = x5 * B_y - x3 * x6
+    force[..., 7] = 0.0
     return force
 
 
@@ -346,9 +333,6 @@ def energy(t, q, qd, p):
     """3 numbers, 58 operations."""
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
-    # constant part
-    x1 = _number_3
-    energy[..., 0:3] = x1
     # B.x; B.y; B.z; C.x; h.x; h.y; h.z; B.x C.x; crank; rod
     dh_y = qd[..., 5]
     C_x = q[..., 3]
@@ -379,4 +363,93 @@ def energy(t, q, qd, p):
     energy[..., 0] = x12
     # B.z
     energy[..., 1] = 3.0411 * B_z + 0.070632
+    energy[..., 2] = 0.0
     return energy
+
+
+def constraints(t, q, qd, p):
+    """36 numbers, 101 operations."""
+    t = np.asarray(t)
+    constraints = _output(36, t, q, qd, p)
+    sine = np.sin(q[..., 7, None])
+    cosine = np.cos(q[..., 7, None])
+    # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08
+    B_x = q[..., 0]
+    B_y = q[..., 1]
+    x1 = 0.1 - B_y
+    B_z = q[..., 2]
+    x2 = 0.12 - B_z
+    x3 = 6.249999999999999 * (B_x * B_x + x1 * x1 + x2 * x2 - 0.006400000000000003)
+    constraints[..., 0] = x3
+    x4 = 12.499999999999998 * B_x
+    constraints[..., 7] = x4
+    constraints[..., 8] = -(12.499999999999998 * x1)
+    constraints[..., 9] = -(12.499999999999998 * x2)
+    dB_x = qd[..., 0]
+    dB_y = qd[..., 1]
+    x5 = dB_y * dB_y
+    dB_z = qd[..., 2]
+    x6 = dB_z * dB_z
+    constraints[..., 29] = -(12.499999999999998 * (dB_x * dB_x + x5 + x6))
+    # row 2: 1002 angle X, B-A (body crank): u.a - L c = 0 with u = X, a = B-A, L = 0.08, c = 0
+    constraints[..., 1] = x4
+    constraints[..., 10] = 12.499999999999998
+    constraints[..., 30] = 0.0
+    # row 3: 1000 distance B-C (body rod): |a|^2 - L^2 = 0 with a = B-C, L = 0.3
+    C_x = q[..., 3]
+    x7 = B_x - C_x
+    x8 = 1.6666666666666665 * (x7 * x7 + B_y * B_y + B_z * B_z - 0.09000000000000002)
+    constraints[..., 2] = x8
+    x9 = 3.333333333333333 * x7
+    constraints[..., 11] = x9
+    x10 = 3.333333333333333 * B_y
+    constraints[..., 12] = x10
+    x11 = 3.333333333333333 * B_z
+    constraints[..., 13] = x11
+    x12 = -x9
+    constraints[..., 14] = x12
+    dC_x = qd[..., 3]
+    x13 = dB_x - dC_x
+    constraints[..., 31] = -(3.333333333333333 * (x6 + (x5 + x13 * x13)))
+    # row 4: 1001 unit h (body rod): |u|^2 - 1 = 0 with u = h
+    h_x = q[..., 4]
+    h_y = q[..., 5]
+    h_z = q[..., 6]
+    constraints[..., 3] = 0.5 * (h_x * h_x + h_y * h_y + h_z * h_z - 1.0)
+    constraints[..., 15] = h_x
+    constraints[..., 16] = h_y
+    constraints[..., 17] = h_z
+    dh_x = qd[..., 4]
+    dh_y = qd[..., 5]
+    dh_z = qd[..., 6]
+    constraints[..., 32] = -(dh_x * dh_x + dh_y * dh_y + dh_z * dh_z)
+    # row 5: 1002 angle h, C-B (body rod): u.a - L c = 0 with u = h, a = C-B, L = 0.3, c = 0
+    x14 = -(3.333333333333333 * (x7 * h_x + B_y * h_y + B_z * h_z))
+    constraints[..., 4] = x14
+    x15 = 3.333333333333333 * h_x
+    constraints[..., 18] = -x15
+    constraints[..., 19] = -(3.333333333333333 * h_y)
+    constraints[..., 20] = -(3.333333333333333 * h_z)
+    constraints[..., 21] = x15
+    constraints[..., 22] = x12
+    constraints[..., 23] = -x10
+    constraints[..., 24] = -x11
+    x16 = 6.666666666666666 * (x13 * dh_x + dB_y * dh_y + dB_z * dh_z)
+    constraints[..., 33] = x16
+    # row 6: 1003 angle X, h (joint universal slider-rod): u.v - c = 0 with u = X, v = h, c = 0
+    constraints[..., 5] = h_x
+    constraints[..., 25] = 1.0
+    constraints[..., 34] = 0.0
+    # row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1
+    sin_psi = sine[..., 0]
+    cos_psi = cosine[..., 0]
+    constraints[..., 6] = -(12.499999999999998 * (x2 * sin_psi + x1 * cos_psi))
+    constraints[..., 26] = 12.499999999999998 * cos_psi
+    constraints[..., 27] = 12.499999999999998 * sin_psi
+    constraints[..., 28] = -(12.499999999999998 * (x2 * cos_psi - x1 * sin_psi))
+    dpsi = qd[..., 7]
+    x17 = 2.0 * dpsi
+    x18 = dpsi * dpsi
+    x19 = sin_psi * (dB_y * x17) - (sin_psi * (x2 * x18) + cos_psi * (dB_z * x17))
+    constraints[..., 35] = 12.499999999999998 * (x19 - cos_psi * (x1 * x18))
+    return constraints

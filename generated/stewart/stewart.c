@@ -6,24 +6,7 @@
 #define R(x) ((ncgen_scalar)(x))
 
 
-static const ncgen_scalar stewart_number_1[99] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.18479253090409548), -R(0.9999999999999997), R(1.0),
-    -R(0.1847925309040958), R(0.18479253090409548), -R(0.9999999999999997), R(1.0),
-    -R(0.1847925309040958), R(0.18479253090409548), -R(0.9999999999999997), R(1.0),
-    -R(0.1847925309040958), -R(0.22668159690567757), R(0.22668159690567746),
-    -R(0.9999999999999999), R(1.0), -R(0.22668159690567757), R(0.22668159690567746),
-    -R(0.9999999999999999), R(1.0), -R(0.22668159690567757), R(0.22668159690567746),
-    -R(0.9999999999999999), R(1.0), -R(1.041889066001582), R(0.22668159690567724),
-    -R(0.1847925309040952), R(1.0), -R(1.041889066001582), R(0.22668159690567724),
-    -R(0.1847925309040952), R(1.0), -R(1.041889066001582), R(0.22668159690567724),
-    -R(0.1847925309040952), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar stewart_number_2[27] = {
+static const ncgen_scalar stewart_number_1[27] = {
     R(241.22951685636644), R(5.398930937909347), R(100.66790753958487), R(241.22951685636644),
     R(5.398930937909347), R(100.66790753958487), R(241.22951685636644), R(5.398930937909347),
     R(100.66790753958487), R(5.398930937909347), R(208.45416620508206), R(43.91970388844943),
@@ -32,14 +15,9 @@ static const ncgen_scalar stewart_number_2[27] = {
     R(250.34323220666417), R(100.66790753958487), R(43.91970388844943), R(250.34323220666417),
     R(100.66790753958487), R(43.91970388844943), R(250.34323220666417)
 };
-static const ncgen_scalar stewart_number_3[27] = {
-    R(0.0), R(0.0), -R(3406.977245825173), R(0.0), R(0.0), -R(2528.751178118435), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), -R(3874.2715760563924), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0)
-};
 
 
-/* phi: 169 operations */
+/* phi: 165 operations */
 int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -79,11 +57,11 @@ int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real n_z = q[20];
         phi[3] = R(0.5) * (n_x * n_x + n_y * n_y + n_z * n_z - R(1.0));
         /* row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0 */
-        const ncgen_real x13 = n_x * (P2_x - P1_x) + n_y * (P2_y - P1_y) + n_z * (P2_z - P1_z);
-        phi[4] = R(0.6527036446661393) * x13;
+        const ncgen_real x13 = -(R(0.6527036446661393) * (x1 * n_x + x2 * n_y + x3 * n_z));
+        phi[4] = x13;
         /* row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0 */
-        const ncgen_real x14 = n_x * (P4_x - P1_x) + n_y * (P4_y - P1_y) + n_z * (P4_z - P1_z);
-        phi[5] = R(0.5320888862379561) * x14;
+        const ncgen_real x14 = -(R(0.5320888862379561) * (x5 * n_x + x6 * n_y + x7 * n_z));
+        phi[5] = x14;
         /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
         const ncgen_real P3_x = q[6];
         const ncgen_real x15 = P3_x + R(0.18479253090409548) * P1_x - R(0.9999999999999997) * P2_x;
@@ -160,17 +138,11 @@ int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-/* phi_q: 93 operations */
+/* phi_q: 81 operations */
 int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     (void)t;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 99; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(stewart_number_1[i]);
-        phi_q[i] = x1;
-    }
 
     {
         /* row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
@@ -186,32 +158,38 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real P2_z = q[5];
         const ncgen_real x3 = R(0.6527036446661393) * (P1_z - P2_z);
         phi_q[2] = x3;
-        phi_q[3] = -x1;
-        phi_q[4] = -x2;
-        phi_q[5] = -x3;
+        const ncgen_real x4 = -x1;
+        phi_q[3] = x4;
+        const ncgen_real x5 = -x2;
+        phi_q[4] = x5;
+        const ncgen_real x6 = -x3;
+        phi_q[5] = x6;
         /* row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939 */
         const ncgen_real P4_x = q[9];
-        const ncgen_real x4 = R(0.5320888862379561) * (P1_x - P4_x);
-        phi_q[6] = x4;
+        const ncgen_real x7 = R(0.5320888862379561) * (P1_x - P4_x);
+        phi_q[6] = x7;
         const ncgen_real P4_y = q[10];
-        const ncgen_real x5 = R(0.5320888862379561) * (P1_y - P4_y);
-        phi_q[7] = x5;
+        const ncgen_real x8 = R(0.5320888862379561) * (P1_y - P4_y);
+        phi_q[7] = x8;
         const ncgen_real P4_z = q[11];
-        const ncgen_real x6 = R(0.5320888862379561) * (P1_z - P4_z);
-        phi_q[8] = x6;
-        phi_q[9] = -x4;
-        phi_q[10] = -x5;
-        phi_q[11] = -x6;
+        const ncgen_real x9 = R(0.5320888862379561) * (P1_z - P4_z);
+        phi_q[8] = x9;
+        const ncgen_real x10 = -x7;
+        phi_q[9] = x10;
+        const ncgen_real x11 = -x8;
+        phi_q[10] = x11;
+        const ncgen_real x12 = -x9;
+        phi_q[11] = x12;
         /* row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205 */
-        const ncgen_real x7 = R(0.5773502691896258) * (P4_x - P2_x);
-        phi_q[12] = -x7;
-        const ncgen_real x8 = R(0.5773502691896258) * (P4_y - P2_y);
-        phi_q[13] = -x8;
-        const ncgen_real x9 = R(0.5773502691896258) * (P4_z - P2_z);
-        phi_q[14] = -x9;
-        phi_q[15] = x7;
-        phi_q[16] = x8;
-        phi_q[17] = x9;
+        const ncgen_real x13 = R(0.5773502691896258) * (P4_x - P2_x);
+        phi_q[12] = -x13;
+        const ncgen_real x14 = R(0.5773502691896258) * (P4_y - P2_y);
+        phi_q[13] = -x14;
+        const ncgen_real x15 = R(0.5773502691896258) * (P4_z - P2_z);
+        phi_q[14] = -x15;
+        phi_q[15] = x13;
+        phi_q[16] = x14;
+        phi_q[17] = x15;
         /* row 4: 1001 unit n (body platform): |u|^2 - 1 = 0 with u = n */
         const ncgen_real n_x = q[18];
         phi_q[18] = n_x;
@@ -220,31 +198,67 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real n_z = q[20];
         phi_q[20] = n_z;
         /* row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0 */
-        const ncgen_real x10 = R(0.6527036446661393) * n_x;
-        phi_q[21] = -x10;
-        const ncgen_real x11 = R(0.6527036446661393) * n_y;
-        phi_q[22] = -x11;
-        const ncgen_real x12 = R(0.6527036446661393) * n_z;
-        phi_q[23] = -x12;
-        phi_q[24] = x10;
-        phi_q[25] = x11;
-        phi_q[26] = x12;
-        phi_q[27] = R(0.6527036446661393) * (P2_x - P1_x);
-        phi_q[28] = R(0.6527036446661393) * (P2_y - P1_y);
-        phi_q[29] = R(0.6527036446661393) * (P2_z - P1_z);
+        const ncgen_real x16 = R(0.6527036446661393) * n_x;
+        phi_q[21] = -x16;
+        const ncgen_real x17 = R(0.6527036446661393) * n_y;
+        phi_q[22] = -x17;
+        const ncgen_real x18 = R(0.6527036446661393) * n_z;
+        phi_q[23] = -x18;
+        phi_q[24] = x16;
+        phi_q[25] = x17;
+        phi_q[26] = x18;
+        phi_q[27] = x4;
+        phi_q[28] = x5;
+        phi_q[29] = x6;
         /* row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0 */
-        const ncgen_real x13 = R(0.5320888862379561) * n_x;
-        phi_q[30] = -x13;
-        const ncgen_real x14 = R(0.5320888862379561) * n_y;
-        phi_q[31] = -x14;
-        const ncgen_real x15 = R(0.5320888862379561) * n_z;
-        phi_q[32] = -x15;
-        phi_q[33] = x13;
-        phi_q[34] = x14;
-        phi_q[35] = x15;
-        phi_q[36] = R(0.5320888862379561) * (P4_x - P1_x);
-        phi_q[37] = R(0.5320888862379561) * (P4_y - P1_y);
-        phi_q[38] = R(0.5320888862379561) * (P4_z - P1_z);
+        const ncgen_real x19 = R(0.5320888862379561) * n_x;
+        phi_q[30] = -x19;
+        const ncgen_real x20 = R(0.5320888862379561) * n_y;
+        phi_q[31] = -x20;
+        const ncgen_real x21 = R(0.5320888862379561) * n_z;
+        phi_q[32] = -x21;
+        phi_q[33] = x19;
+        phi_q[34] = x20;
+        phi_q[35] = x21;
+        phi_q[36] = x10;
+        phi_q[37] = x11;
+        phi_q[38] = x12;
+        phi_q[39] = NCGEN_SPLAT(R(0.18479253090409548));
+        phi_q[40] = NCGEN_SPLAT(-R(0.9999999999999997));
+        phi_q[41] = NCGEN_SPLAT(R(1.0));
+        phi_q[42] = NCGEN_SPLAT(-R(0.1847925309040958));
+        phi_q[43] = NCGEN_SPLAT(R(0.18479253090409548));
+        phi_q[44] = NCGEN_SPLAT(-R(0.9999999999999997));
+        phi_q[45] = NCGEN_SPLAT(R(1.0));
+        phi_q[46] = NCGEN_SPLAT(-R(0.1847925309040958));
+        phi_q[47] = NCGEN_SPLAT(R(0.18479253090409548));
+        phi_q[48] = NCGEN_SPLAT(-R(0.9999999999999997));
+        phi_q[49] = NCGEN_SPLAT(R(1.0));
+        phi_q[50] = NCGEN_SPLAT(-R(0.1847925309040958));
+        phi_q[51] = NCGEN_SPLAT(-R(0.22668159690567757));
+        phi_q[52] = NCGEN_SPLAT(R(0.22668159690567746));
+        phi_q[53] = NCGEN_SPLAT(-R(0.9999999999999999));
+        phi_q[54] = NCGEN_SPLAT(R(1.0));
+        phi_q[55] = NCGEN_SPLAT(-R(0.22668159690567757));
+        phi_q[56] = NCGEN_SPLAT(R(0.22668159690567746));
+        phi_q[57] = NCGEN_SPLAT(-R(0.9999999999999999));
+        phi_q[58] = NCGEN_SPLAT(R(1.0));
+        phi_q[59] = NCGEN_SPLAT(-R(0.22668159690567757));
+        phi_q[60] = NCGEN_SPLAT(R(0.22668159690567746));
+        phi_q[61] = NCGEN_SPLAT(-R(0.9999999999999999));
+        phi_q[62] = NCGEN_SPLAT(R(1.0));
+        phi_q[63] = NCGEN_SPLAT(-R(1.041889066001582));
+        phi_q[64] = NCGEN_SPLAT(R(0.22668159690567724));
+        phi_q[65] = NCGEN_SPLAT(-R(0.1847925309040952));
+        phi_q[66] = NCGEN_SPLAT(R(1.0));
+        phi_q[67] = NCGEN_SPLAT(-R(1.041889066001582));
+        phi_q[68] = NCGEN_SPLAT(R(0.22668159690567724));
+        phi_q[69] = NCGEN_SPLAT(-R(0.1847925309040952));
+        phi_q[70] = NCGEN_SPLAT(R(1.0));
+        phi_q[71] = NCGEN_SPLAT(-R(1.041889066001582));
+        phi_q[72] = NCGEN_SPLAT(R(0.22668159690567724));
+        phi_q[73] = NCGEN_SPLAT(-R(0.1847925309040952));
+        phi_q[74] = NCGEN_SPLAT(R(1.0));
         /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
         phi_q[75] = R(0.31707774212806483) * (P1_x - R(2.9971446647455733));
         phi_q[76] = R(0.31707774212806483) * (P1_y + R(0.130858162096008));
@@ -294,17 +308,12 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     return NCGEN_OK;
 }
-/* gamma: 110 operations */
+/* gamma: 102 operations */
 int stewart_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     (void)t;
     (void)q;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 21; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
@@ -337,11 +346,20 @@ int stewart_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dn_z = qd[20];
         gamma[3] = -(dn_x * dn_x + dn_y * dn_y + dn_z * dn_z);
         /* row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0 */
-        const ncgen_real x10 = dn_x * (dP2_x - dP1_x) + dn_y * (dP2_y - dP1_y) + dn_z * (dP2_z - dP1_z);
-        gamma[4] = -(R(1.3054072893322786) * x10);
+        const ncgen_real x10 = R(1.3054072893322786) * (x1 * dn_x + x2 * dn_y + x3 * dn_z);
+        gamma[4] = x10;
         /* row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0 */
-        const ncgen_real x11 = dn_x * (dP4_x - dP1_x) + dn_y * (dP4_y - dP1_y) + dn_z * (dP4_z - dP1_z);
-        gamma[5] = -(R(1.0641777724759123) * x11);
+        const ncgen_real x11 = R(1.0641777724759123) * (x4 * dn_x + x5 * dn_y + x6 * dn_z);
+        gamma[5] = x11;
+        gamma[6] = NCGEN_SPLAT(R(0.0));
+        gamma[7] = NCGEN_SPLAT(R(0.0));
+        gamma[8] = NCGEN_SPLAT(R(0.0));
+        gamma[9] = NCGEN_SPLAT(R(0.0));
+        gamma[10] = NCGEN_SPLAT(R(0.0));
+        gamma[11] = NCGEN_SPLAT(R(0.0));
+        gamma[12] = NCGEN_SPLAT(R(0.0));
+        gamma[13] = NCGEN_SPLAT(R(0.0));
+        gamma[14] = NCGEN_SPLAT(R(0.0));
         /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
         const ncgen_real ds1 = qd[21];
         const ncgen_real x12 = dP1_x * dP1_x + dP1_y * dP1_y + dP1_z * dP1_z - ds1 * ds1;
@@ -388,7 +406,7 @@ int stewart_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     /* constant part */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(stewart_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(stewart_number_1[i]);
         mass[i] = x1;
     }
 
@@ -400,13 +418,28 @@ int stewart_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 27; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(stewart_number_3[i]);
-        force[i] = x1;
-    }
-
     {
+        force[0] = NCGEN_SPLAT(R(0.0));
+        force[1] = NCGEN_SPLAT(R(0.0));
+        force[2] = NCGEN_SPLAT(-R(3406.977245825173));
+        force[3] = NCGEN_SPLAT(R(0.0));
+        force[4] = NCGEN_SPLAT(R(0.0));
+        force[5] = NCGEN_SPLAT(-R(2528.751178118435));
+        force[6] = NCGEN_SPLAT(R(0.0));
+        force[7] = NCGEN_SPLAT(R(0.0));
+        force[8] = NCGEN_SPLAT(R(0.0));
+        force[9] = NCGEN_SPLAT(R(0.0));
+        force[10] = NCGEN_SPLAT(R(0.0));
+        force[11] = NCGEN_SPLAT(-R(3874.2715760563924));
+        force[12] = NCGEN_SPLAT(R(0.0));
+        force[13] = NCGEN_SPLAT(R(0.0));
+        force[14] = NCGEN_SPLAT(R(0.0));
+        force[15] = NCGEN_SPLAT(R(0.0));
+        force[16] = NCGEN_SPLAT(R(0.0));
+        force[17] = NCGEN_SPLAT(R(0.0));
+        force[18] = NCGEN_SPLAT(R(0.0));
+        force[19] = NCGEN_SPLAT(R(0.0));
+        force[20] = NCGEN_SPLAT(R(0.0));
         /* spring of s1 */
         const ncgen_real ds1 = qd[21];
         const ncgen_real s1 = q[21];
@@ -503,6 +536,315 @@ int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
+/* constraints: 327 operations */
+int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance P1-P2 (body platform): |a|^2 - L^2 = 0 with a = P1-P2, L = 1.53209 */
+        const ncgen_real P1_x = q[0];
+        const ncgen_real P2_x = q[3];
+        const ncgen_real x1 = P1_x - P2_x;
+        const ncgen_real P1_y = q[1];
+        const ncgen_real P2_y = q[4];
+        const ncgen_real x2 = P1_y - P2_y;
+        const ncgen_real P1_z = q[2];
+        const ncgen_real P2_z = q[5];
+        const ncgen_real x3 = P1_z - P2_z;
+        const ncgen_real x4 = R(0.32635182233306964) * (x1 * x1 + x2 * x2 + x3 * x3 - R(2.3472963553338606));
+        constraints[0] = x4;
+        const ncgen_real x5 = R(0.6527036446661393) * x1;
+        constraints[21] = x5;
+        const ncgen_real x6 = R(0.6527036446661393) * x2;
+        constraints[22] = x6;
+        const ncgen_real x7 = R(0.6527036446661393) * x3;
+        constraints[23] = x7;
+        const ncgen_real x8 = -x5;
+        constraints[24] = x8;
+        const ncgen_real x9 = -x6;
+        constraints[25] = x9;
+        const ncgen_real x10 = -x7;
+        constraints[26] = x10;
+        const ncgen_real dP1_x = qd[0];
+        const ncgen_real dP2_x = qd[3];
+        const ncgen_real x11 = dP1_x - dP2_x;
+        const ncgen_real dP1_y = qd[1];
+        const ncgen_real dP2_y = qd[4];
+        const ncgen_real x12 = dP1_y - dP2_y;
+        const ncgen_real dP1_z = qd[2];
+        const ncgen_real dP2_z = qd[5];
+        const ncgen_real x13 = dP1_z - dP2_z;
+        const ncgen_real x14 = R(0.6527036446661393) * (x11 * x11 + x12 * x12 + x13 * x13);
+        constraints[120] = -x14;
+        /* row 2: 1000 distance P1-P4 (body platform): |a|^2 - L^2 = 0 with a = P1-P4, L = 1.87939 */
+        const ncgen_real P4_x = q[9];
+        const ncgen_real x15 = P1_x - P4_x;
+        const ncgen_real P4_y = q[10];
+        const ncgen_real x16 = P1_y - P4_y;
+        const ncgen_real P4_z = q[11];
+        const ncgen_real x17 = P1_z - P4_z;
+        const ncgen_real x18 = x15 * x15 + x16 * x16 + x17 * x17 - R(3.5320888862379554);
+        constraints[1] = R(0.26604444311897807) * x18;
+        const ncgen_real x19 = R(0.5320888862379561) * x15;
+        constraints[27] = x19;
+        const ncgen_real x20 = R(0.5320888862379561) * x16;
+        constraints[28] = x20;
+        const ncgen_real x21 = R(0.5320888862379561) * x17;
+        constraints[29] = x21;
+        const ncgen_real x22 = -x19;
+        constraints[30] = x22;
+        const ncgen_real x23 = -x20;
+        constraints[31] = x23;
+        const ncgen_real x24 = -x21;
+        constraints[32] = x24;
+        const ncgen_real dP4_x = qd[9];
+        const ncgen_real x25 = dP1_x - dP4_x;
+        const ncgen_real dP4_y = qd[10];
+        const ncgen_real x26 = dP1_y - dP4_y;
+        const ncgen_real dP4_z = qd[11];
+        const ncgen_real x27 = dP1_z - dP4_z;
+        const ncgen_real x28 = R(0.5320888862379561) * (x25 * x25 + x26 * x26 + x27 * x27);
+        constraints[121] = -x28;
+        /* row 3: 1000 distance P4-P2 (body platform): |a|^2 - L^2 = 0 with a = P4-P2, L = 1.73205 */
+        const ncgen_real x29 = P4_x - P2_x;
+        const ncgen_real x30 = P4_y - P2_y;
+        const ncgen_real x31 = P4_z - P2_z;
+        const ncgen_real x32 = x29 * x29 + x30 * x30 + x31 * x31 - R(2.9999999999999996);
+        constraints[2] = R(0.2886751345948129) * x32;
+        const ncgen_real x33 = R(0.5773502691896258) * x29;
+        constraints[33] = -x33;
+        const ncgen_real x34 = R(0.5773502691896258) * x30;
+        constraints[34] = -x34;
+        const ncgen_real x35 = R(0.5773502691896258) * x31;
+        constraints[35] = -x35;
+        constraints[36] = x33;
+        constraints[37] = x34;
+        constraints[38] = x35;
+        const ncgen_real x36 = dP4_x - dP2_x;
+        const ncgen_real x37 = dP4_y - dP2_y;
+        const ncgen_real x38 = dP4_z - dP2_z;
+        const ncgen_real x39 = R(0.5773502691896258) * (x36 * x36 + x37 * x37 + x38 * x38);
+        constraints[122] = -x39;
+        /* row 4: 1001 unit n (body platform): |u|^2 - 1 = 0 with u = n */
+        const ncgen_real n_x = q[18];
+        const ncgen_real n_y = q[19];
+        const ncgen_real n_z = q[20];
+        constraints[3] = R(0.5) * (n_x * n_x + n_y * n_y + n_z * n_z - R(1.0));
+        constraints[39] = n_x;
+        constraints[40] = n_y;
+        constraints[41] = n_z;
+        const ncgen_real dn_x = qd[18];
+        const ncgen_real dn_y = qd[19];
+        const ncgen_real dn_z = qd[20];
+        constraints[123] = -(dn_x * dn_x + dn_y * dn_y + dn_z * dn_z);
+        /* row 5: 1002 angle n, P2-P1 (body platform): u.a - L c = 0 with u = n, a = P2-P1, L = 1.53209, c = 0 */
+        const ncgen_real x40 = -(R(0.6527036446661393) * (x1 * n_x + x2 * n_y + x3 * n_z));
+        constraints[4] = x40;
+        const ncgen_real x41 = R(0.6527036446661393) * n_x;
+        constraints[42] = -x41;
+        const ncgen_real x42 = R(0.6527036446661393) * n_y;
+        constraints[43] = -x42;
+        const ncgen_real x43 = R(0.6527036446661393) * n_z;
+        constraints[44] = -x43;
+        constraints[45] = x41;
+        constraints[46] = x42;
+        constraints[47] = x43;
+        constraints[48] = x8;
+        constraints[49] = x9;
+        constraints[50] = x10;
+        const ncgen_real x44 = R(1.3054072893322786) * (x11 * dn_x + x12 * dn_y + x13 * dn_z);
+        constraints[124] = x44;
+        /* row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0 */
+        const ncgen_real x45 = R(0.5320888862379561) * (x15 * n_x + x16 * n_y + x17 * n_z);
+        constraints[5] = -x45;
+        const ncgen_real x46 = R(0.5320888862379561) * n_x;
+        constraints[51] = -x46;
+        const ncgen_real x47 = R(0.5320888862379561) * n_y;
+        constraints[52] = -x47;
+        const ncgen_real x48 = R(0.5320888862379561) * n_z;
+        constraints[53] = -x48;
+        constraints[54] = x46;
+        constraints[55] = x47;
+        constraints[56] = x48;
+        constraints[57] = x22;
+        constraints[58] = x23;
+        constraints[59] = x24;
+        const ncgen_real x49 = R(1.0641777724759123) * (x25 * dn_x + x26 * dn_y + x27 * dn_z);
+        constraints[125] = x49;
+        /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        const ncgen_real P3_x = q[6];
+        const ncgen_real x50 = P3_x + R(0.18479253090409548) * P1_x - R(0.9999999999999997) * P2_x;
+        constraints[6] = x50 - R(0.1847925309040958) * P4_x;
+        constraints[60] = NCGEN_SPLAT(R(0.18479253090409548));
+        constraints[61] = NCGEN_SPLAT(-R(0.9999999999999997));
+        constraints[62] = NCGEN_SPLAT(R(1.0));
+        constraints[63] = NCGEN_SPLAT(-R(0.1847925309040958));
+        constraints[126] = NCGEN_SPLAT(R(0.0));
+        /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        const ncgen_real P3_y = q[7];
+        const ncgen_real x51 = P3_y + R(0.18479253090409548) * P1_y - R(0.9999999999999997) * P2_y;
+        constraints[7] = x51 - R(0.1847925309040958) * P4_y;
+        constraints[64] = NCGEN_SPLAT(R(0.18479253090409548));
+        constraints[65] = NCGEN_SPLAT(-R(0.9999999999999997));
+        constraints[66] = NCGEN_SPLAT(R(1.0));
+        constraints[67] = NCGEN_SPLAT(-R(0.1847925309040958));
+        constraints[127] = NCGEN_SPLAT(R(0.0));
+        /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        const ncgen_real P3_z = q[8];
+        const ncgen_real x52 = P3_z + R(0.18479253090409548) * P1_z - R(0.9999999999999997) * P2_z;
+        constraints[8] = x52 - R(0.1847925309040958) * P4_z;
+        constraints[68] = NCGEN_SPLAT(R(0.18479253090409548));
+        constraints[69] = NCGEN_SPLAT(-R(0.9999999999999997));
+        constraints[70] = NCGEN_SPLAT(R(1.0));
+        constraints[71] = NCGEN_SPLAT(-R(0.1847925309040958));
+        constraints[128] = NCGEN_SPLAT(R(0.0));
+        /* row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real P5_x = q[12];
+        const ncgen_real x53 = P5_x - R(0.22668159690567757) * P1_x + R(0.22668159690567746) * P2_x;
+        constraints[9] = x53 - R(0.9999999999999999) * P4_x;
+        constraints[72] = NCGEN_SPLAT(-R(0.22668159690567757));
+        constraints[73] = NCGEN_SPLAT(R(0.22668159690567746));
+        constraints[74] = NCGEN_SPLAT(-R(0.9999999999999999));
+        constraints[75] = NCGEN_SPLAT(R(1.0));
+        constraints[129] = NCGEN_SPLAT(R(0.0));
+        /* row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real P5_y = q[13];
+        const ncgen_real x54 = P5_y - R(0.22668159690567757) * P1_y + R(0.22668159690567746) * P2_y;
+        constraints[10] = x54 - R(0.9999999999999999) * P4_y;
+        constraints[76] = NCGEN_SPLAT(-R(0.22668159690567757));
+        constraints[77] = NCGEN_SPLAT(R(0.22668159690567746));
+        constraints[78] = NCGEN_SPLAT(-R(0.9999999999999999));
+        constraints[79] = NCGEN_SPLAT(R(1.0));
+        constraints[130] = NCGEN_SPLAT(R(0.0));
+        /* row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real P5_z = q[14];
+        const ncgen_real x55 = P5_z - R(0.22668159690567757) * P1_z + R(0.22668159690567746) * P2_z;
+        constraints[11] = x55 - R(0.9999999999999999) * P4_z;
+        constraints[80] = NCGEN_SPLAT(-R(0.22668159690567757));
+        constraints[81] = NCGEN_SPLAT(R(0.22668159690567746));
+        constraints[82] = NCGEN_SPLAT(-R(0.9999999999999999));
+        constraints[83] = NCGEN_SPLAT(R(1.0));
+        constraints[131] = NCGEN_SPLAT(R(0.0));
+        /* row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
+        const ncgen_real P6_x = q[15];
+        const ncgen_real x56 = P6_x - R(1.041889066001582) * P1_x + R(0.22668159690567724) * P2_x;
+        constraints[12] = x56 - R(0.1847925309040952) * P4_x;
+        constraints[84] = NCGEN_SPLAT(-R(1.041889066001582));
+        constraints[85] = NCGEN_SPLAT(R(0.22668159690567724));
+        constraints[86] = NCGEN_SPLAT(-R(0.1847925309040952));
+        constraints[87] = NCGEN_SPLAT(R(1.0));
+        constraints[132] = NCGEN_SPLAT(R(0.0));
+        /* row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
+        const ncgen_real P6_y = q[16];
+        const ncgen_real x57 = P6_y - R(1.041889066001582) * P1_y + R(0.22668159690567724) * P2_y;
+        constraints[13] = x57 - R(0.1847925309040952) * P4_y;
+        constraints[88] = NCGEN_SPLAT(-R(1.041889066001582));
+        constraints[89] = NCGEN_SPLAT(R(0.22668159690567724));
+        constraints[90] = NCGEN_SPLAT(-R(0.1847925309040952));
+        constraints[91] = NCGEN_SPLAT(R(1.0));
+        constraints[133] = NCGEN_SPLAT(R(0.0));
+        /* row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
+        const ncgen_real P6_z = q[17];
+        const ncgen_real x58 = P6_z - R(1.041889066001582) * P1_z + R(0.22668159690567724) * P2_z;
+        constraints[14] = x58 - R(0.1847925309040952) * P4_z;
+        constraints[92] = NCGEN_SPLAT(-R(1.041889066001582));
+        constraints[93] = NCGEN_SPLAT(R(0.22668159690567724));
+        constraints[94] = NCGEN_SPLAT(-R(0.1847925309040952));
+        constraints[95] = NCGEN_SPLAT(R(1.0));
+        constraints[134] = NCGEN_SPLAT(R(0.0));
+        /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
+        const ncgen_real x59 = P1_x - R(2.9971446647455733);
+        const ncgen_real x60 = P1_y + R(0.130858162096008);
+        const ncgen_real s1 = q[21];
+        const ncgen_real x61 = R(0.15853887106403242) * (x59 * x59 + x60 * x60 + P1_z * P1_z - s1 * s1);
+        constraints[15] = x61;
+        constraints[96] = R(0.31707774212806483) * x59;
+        constraints[97] = R(0.31707774212806483) * x60;
+        constraints[98] = R(0.31707774212806483) * P1_z;
+        constraints[99] = -(R(0.31707774212806483) * s1);
+        const ncgen_real ds1 = qd[21];
+        const ncgen_real x62 = dP1_x * dP1_x + dP1_y * dP1_y + dP1_z * dP1_z - ds1 * ds1;
+        constraints[135] = -(R(0.31707774212806483) * x62);
+        /* row 17: length s2 (coordinate s2): |a|^2 - s^2 = 0 with a = P2-B2, s = s2 */
+        const ncgen_real x63 = P2_x - R(2.9971446647455733);
+        const ncgen_real x64 = P2_y - R(0.130858162096008);
+        const ncgen_real s2 = q[22];
+        const ncgen_real x65 = R(0.15853887106403242) * (x63 * x63 + x64 * x64 + P2_z * P2_z - s2 * s2);
+        constraints[16] = x65;
+        constraints[100] = R(0.31707774212806483) * x63;
+        constraints[101] = R(0.31707774212806483) * x64;
+        constraints[102] = R(0.31707774212806483) * P2_z;
+        constraints[103] = -(R(0.31707774212806483) * s2);
+        const ncgen_real ds2 = qd[22];
+        const ncgen_real x66 = dP2_x * dP2_x + dP2_y * dP2_y + dP2_z * dP2_z - ds2 * ds2;
+        constraints[136] = -(R(0.31707774212806483) * x66);
+        /* row 18: length s3 (coordinate s3): |a|^2 - s^2 = 0 with a = P3-B3, s = s3 */
+        const ncgen_real x67 = P3_x + R(1.3852458397051013);
+        const ncgen_real x68 = P3_y - R(2.6610324995346657);
+        const ncgen_real s3 = q[23];
+        const ncgen_real x69 = R(0.15853887106403242) * (x67 * x67 + x68 * x68 + P3_z * P3_z - s3 * s3);
+        constraints[17] = x69;
+        constraints[104] = R(0.31707774212806483) * x67;
+        constraints[105] = R(0.31707774212806483) * x68;
+        constraints[106] = R(0.31707774212806483) * P3_z;
+        constraints[107] = -(R(0.31707774212806483) * s3);
+        const ncgen_real dP3_x = qd[6];
+        const ncgen_real dP3_y = qd[7];
+        const ncgen_real dP3_z = qd[8];
+        const ncgen_real ds3 = qd[23];
+        const ncgen_real x70 = dP3_x * dP3_x + dP3_y * dP3_y + dP3_z * dP3_z - ds3 * ds3;
+        constraints[137] = -(R(0.31707774212806483) * x70);
+        /* row 19: length s4 (coordinate s4): |a|^2 - s^2 = 0 with a = P4-B4, s = s4 */
+        const ncgen_real x71 = P4_x + R(1.611898825040472);
+        const ncgen_real x72 = P4_y - R(2.5301743374386567);
+        const ncgen_real s4 = q[24];
+        const ncgen_real x73 = R(0.15853887106403242) * (x71 * x71 + x72 * x72 + P4_z * P4_z - s4 * s4);
+        constraints[18] = x73;
+        constraints[108] = R(0.31707774212806483) * x71;
+        constraints[109] = R(0.31707774212806483) * x72;
+        constraints[110] = R(0.31707774212806483) * P4_z;
+        constraints[111] = -(R(0.31707774212806483) * s4);
+        const ncgen_real ds4 = qd[24];
+        const ncgen_real x74 = dP4_x * dP4_x + dP4_y * dP4_y + dP4_z * dP4_z - ds4 * ds4;
+        constraints[138] = -(R(0.31707774212806483) * x74);
+        /* row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
+        const ncgen_real x75 = P5_x + R(1.6118988250404727);
+        const ncgen_real x76 = P5_y + R(2.5301743374386563);
+        const ncgen_real s5 = q[25];
+        const ncgen_real x77 = R(0.15853887106403242) * (x75 * x75 + x76 * x76 + P5_z * P5_z - s5 * s5);
+        constraints[19] = x77;
+        constraints[112] = R(0.31707774212806483) * x75;
+        constraints[113] = R(0.31707774212806483) * x76;
+        constraints[114] = R(0.31707774212806483) * P5_z;
+        constraints[115] = -(R(0.31707774212806483) * s5);
+        const ncgen_real dP5_x = qd[12];
+        const ncgen_real dP5_y = qd[13];
+        const ncgen_real dP5_z = qd[14];
+        const ncgen_real ds5 = qd[25];
+        const ncgen_real x78 = dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z - ds5 * ds5;
+        constraints[139] = -(R(0.31707774212806483) * x78);
+        /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
+        const ncgen_real x79 = P6_x + R(1.385245839705103);
+        const ncgen_real x80 = P6_y + R(2.6610324995346644);
+        const ncgen_real s6 = q[26];
+        const ncgen_real x81 = R(0.15853887106403242) * (x79 * x79 + x80 * x80 + P6_z * P6_z - s6 * s6);
+        constraints[20] = x81;
+        constraints[116] = R(0.31707774212806483) * x79;
+        constraints[117] = R(0.31707774212806483) * x80;
+        constraints[118] = R(0.31707774212806483) * P6_z;
+        constraints[119] = -(R(0.31707774212806483) * s6);
+        const ncgen_real dP6_x = qd[15];
+        const ncgen_real dP6_y = qd[16];
+        const ncgen_real dP6_z = qd[17];
+        const ncgen_real ds6 = qd[26];
+        const ncgen_real x82 = dP6_x * dP6_x + dP6_y * dP6_y + dP6_z * dP6_z - ds6 * ds6;
+        constraints[140] = -(R(0.31707774212806483) * x82);
+    }
+
+    return NCGEN_OK;
+}
 static const char *const stewart_coordinate_names[] = {
     "P1.x",
     "P1.y",
@@ -594,7 +936,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "dc39e9d9710bfa8d",
+        .fingerprint = "8026243e7c573593",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,
@@ -610,6 +952,7 @@ const ncgen_model *stewart_model(void)
         .mass = stewart_mass,
         .force = stewart_force,
         .energy = stewart_energy,
+        .constraints = stewart_constraints,
     };
     return &model;
 }

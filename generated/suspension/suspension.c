@@ -12,18 +12,7 @@ static const int suspension_index_2[21] = {
     3, 4, 5, 3, 4, 5, 3, 4, 5, 0, 1, 2, 0, 1, 2, 0, 1, 2, 9, 10, 11
 };
 
-static const ncgen_scalar suspension_number_1[79] = {
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0), R(0.0),
-    R(2.148278560719281), R(2.4179369574622847), -R(0.5728742828584754), -R(3.9933412353230904),
-    R(1.0), R(2.148278560719281), R(2.4179369574622847), -R(0.5728742828584754),
-    -R(3.9933412353230904), R(1.0), R(2.148278560719281), R(2.4179369574622847),
-    -R(0.5728742828584754), -R(3.9933412353230904), R(1.0), R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar suspension_number_2[64] = {
+static const ncgen_scalar suspension_number_1[64] = {
     R(6.4889841093843454), R(3.459251069891988e-05), R(4.324063837364995e-06),
     R(4.6726448668333465), -R(2.427998755810148), R(1.4839732753106647), R(3.459251069891988e-05),
     R(6.489340399824054), -R(4.159420124118626e-07), R(4.6726448668333465), -R(2.427998755810148),
@@ -42,21 +31,16 @@ static const ncgen_scalar suspension_number_2[64] = {
     R(15.399705549282567), R(1.4839732753106647), R(1.012149831373607), -R(0.8283358019143554),
     R(15.399705549282567), R(3.0)
 };
-static const ncgen_scalar suspension_number_3[19] = {
-    R(0.03148939134291106), R(0.3273584641690133), -R(106.87445133585945), R(0.0), R(0.0),
-    -R(181.23238627954686), R(0.0), R(0.0), R(2.173313107454838), R(0.0), R(0.0),
-    R(24.047538042807375), R(0.0), R(0.0), -R(167.43210489825486), R(0.0), R(0.0), R(0.0), R(0.0)
-};
-static const ncgen_scalar suspension_number_4[3] = {
+static const ncgen_scalar suspension_number_2[3] = {
     R(0.0), -R(22.750512064619567), R(0.0)
 };
-static const ncgen_scalar suspension_number_5[16] = {
+static const ncgen_scalar suspension_number_3[16] = {
     R(3.2444903649277474), R(3.2444903649277474), R(3.2444903649277474), R(4.907468363234813),
     R(4.907468363234813), R(4.907468363234813), R(6.4370460196534065), R(6.4370460196534065),
     R(6.4370460196534065), R(1.5719455944388325), R(1.5719455944388325), R(1.5719455944388325),
     R(7.6998527746412835), R(7.6998527746412835), R(7.6998527746412835), R(1.5)
 };
-static const ncgen_scalar suspension_number_6[21] = {
+static const ncgen_scalar suspension_number_4[21] = {
     -R(0.7951643668754178), -R(0.7951643668754178), -R(0.7951643668754178), -R(2.338885687504576),
     -R(2.338885687504576), -R(2.338885687504576), R(1.012149831373607), R(1.012149831373607),
     R(1.012149831373607), R(4.6726448668333465), R(4.6726448668333465), R(4.6726448668333465),
@@ -198,12 +182,6 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
     (void)t;
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 79; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_1[i]);
-        phi_q[i] = x1;
-    }
-
     {
         /* row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
         const ncgen_real U_x = q[0];
@@ -314,6 +292,21 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         phi_q[57] = x19;
         phi_q[58] = x20;
         phi_q[59] = x21;
+        phi_q[60] = NCGEN_SPLAT(R(2.148278560719281));
+        phi_q[61] = NCGEN_SPLAT(R(2.4179369574622847));
+        phi_q[62] = NCGEN_SPLAT(-R(0.5728742828584754));
+        phi_q[63] = NCGEN_SPLAT(-R(3.9933412353230904));
+        phi_q[64] = NCGEN_SPLAT(R(1.0));
+        phi_q[65] = NCGEN_SPLAT(R(2.148278560719281));
+        phi_q[66] = NCGEN_SPLAT(R(2.4179369574622847));
+        phi_q[67] = NCGEN_SPLAT(-R(0.5728742828584754));
+        phi_q[68] = NCGEN_SPLAT(-R(3.9933412353230904));
+        phi_q[69] = NCGEN_SPLAT(R(1.0));
+        phi_q[70] = NCGEN_SPLAT(R(2.148278560719281));
+        phi_q[71] = NCGEN_SPLAT(R(2.4179369574622847));
+        phi_q[72] = NCGEN_SPLAT(-R(0.5728742828584754));
+        phi_q[73] = NCGEN_SPLAT(-R(3.9933412353230904));
+        phi_q[74] = NCGEN_SPLAT(R(1.0));
         /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
         phi_q[75] = -(R(2.3633200514857067) * (-R(0.279) - T_x));
         const ncgen_real R_y = q[15];
@@ -331,11 +324,6 @@ int suspension_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
     (void)t;
     (void)q;
     (void)p;
-
-    /* constant part */
-    for (int i = 0; i < 17; ++i) {
-        gamma[i] = NCGEN_SPLAT(R(0.0));
-    }
 
     {
         /* row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
@@ -408,6 +396,9 @@ int suspension_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x28 = dW_z - dT_z;
         const ncgen_real x29 = R(3.696005372399041) * (x26 * x26 + x27 * x27 + x28 * x28);
         gamma[12] = -x29;
+        gamma[13] = NCGEN_SPLAT(R(0.0));
+        gamma[14] = NCGEN_SPLAT(R(0.0));
+        gamma[15] = NCGEN_SPLAT(R(0.0));
         /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
         const ncgen_real dR_y = qd[15];
         const ncgen_real x30 = dR_y - dT_y;
@@ -426,7 +417,7 @@ int suspension_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
 
     /* constant part */
     for (int i = 0; i < 64; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_2[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_1[i]);
         mass[i] = x1;
     }
 
@@ -437,13 +428,13 @@ int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
 {
     (void)p;
 
-    /* constant part */
-    for (int i = 0; i < 19; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_3[i]);
-        force[i] = x1;
-    }
-
     {
+        force[0] = NCGEN_SPLAT(R(0.03148939134291106));
+        force[1] = NCGEN_SPLAT(R(0.3273584641690133));
+        force[2] = NCGEN_SPLAT(-R(106.87445133585945));
+        force[3] = NCGEN_SPLAT(R(0.0));
+        force[4] = NCGEN_SPLAT(R(0.0));
+        force[5] = NCGEN_SPLAT(-R(181.23238627954686));
         /* spring C-S; spring D-S */
         const ncgen_real S_x = q[6];
         const ncgen_real x1 = S_x + R(0.064);
@@ -464,6 +455,11 @@ int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         force[6] = -(x1 * x5 / x4 + x6 * x10 / x9);
         force[7] = -(x2 * x5 / x4 + x7 * x10 / x9);
         force[8] = R(2.173313107454838) - x3 * x5 / x4 - x8 * x10 / x9;
+        force[9] = NCGEN_SPLAT(R(0.0));
+        force[10] = NCGEN_SPLAT(R(0.0));
+        force[11] = NCGEN_SPLAT(R(24.047538042807375));
+        force[12] = NCGEN_SPLAT(R(0.0));
+        force[13] = NCGEN_SPLAT(R(0.0));
         /* tyre */
         const ncgen_real t_ = t;
         const ncgen_real x11 = NCGEN_SIN(R(12.566370614359172) * t_);
@@ -476,6 +472,9 @@ int suspension_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real dR_y = qd[15];
         const ncgen_real x14 = R(95800.0) + R(8000.0) * (x11 * x12) - R(200000.0) * R_y - R(2000.0) * dR_y;
         force[15] = x14;
+        force[16] = NCGEN_SPLAT(R(0.0));
+        force[17] = NCGEN_SPLAT(R(0.0));
+        force[18] = NCGEN_SPLAT(R(0.0));
     }
 
     return NCGEN_OK;
@@ -487,7 +486,7 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     /* constant part */
     for (int i = 0; i < 3; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_4[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_2[i]);
         energy[i] = x1;
     }
 
@@ -544,7 +543,7 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
     /* mass-diagonal: m v^2 / 2 */
     /*   U.x, U.y, U.z, L.x, L.y, L.z, S.x, S.y, S.z, T.x, T.y, T.z, W.x, W.y, W.z, R.y */
     for (int i = 0; i < 16; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_5[i]);
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_3[i]);
         const ncgen_real dx = qd[i];
         energy[0] += x1 * (dx * dx);
     }
@@ -556,8 +555,301 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
     for (int i = 0; i < 21; ++i) {
         const ncgen_real dy = qd[suspension_index_1[i] + 3];
         const ncgen_real dx = qd[suspension_index_2[i]];
-        const ncgen_real m = NCGEN_SPLAT(suspension_number_6[i]);
+        const ncgen_real m = NCGEN_SPLAT(suspension_number_4[i]);
         energy[0] += dy * (dx * m);
+    }
+
+    return NCGEN_OK;
+}
+/* constraints: 344 operations */
+int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
+{
+    (void)t;
+    (void)p;
+
+    {
+        /* row 1: 1000 distance UF-U (body upper): |a|^2 - L^2 = 0 with a = UF-U, L = 0.365876 */
+        const ncgen_real U_x = q[0];
+        const ncgen_real x1 = R(0.16) - U_x;
+        const ncgen_real U_y = q[1];
+        const ncgen_real x2 = R(0.539) - U_y;
+        const ncgen_real U_z = q[2];
+        const ncgen_real x3 = R(0.243) - U_z;
+        const ncgen_real x4 = R(1.366584476674092) * (x1 * x1 + x2 * x2 + x3 * x3 - R(0.133865));
+        constraints[0] = x4;
+        constraints[17] = -(R(2.733168953348184) * x1);
+        constraints[18] = -(R(2.733168953348184) * x2);
+        constraints[19] = -(R(2.733168953348184) * x3);
+        const ncgen_real dU_x = qd[0];
+        const ncgen_real dU_y = qd[1];
+        const ncgen_real dU_z = qd[2];
+        const ncgen_real x5 = dU_x * dU_x + dU_y * dU_y + dU_z * dU_z;
+        constraints[96] = -(R(2.733168953348184) * x5);
+        /* row 2: 1000 distance U-UB (body upper): |a|^2 - L^2 = 0 with a = U-UB, L = 0.334482 */
+        const ncgen_real x6 = U_x + R(0.339);
+        const ncgen_real x7 = U_y - R(0.587);
+        const ncgen_real x8 = U_z - R(0.249);
+        const ncgen_real x9 = R(1.4948501429547532) * (x6 * x6 + x7 * x7 + x8 * x8 - R(0.11187800000000005));
+        constraints[1] = x9;
+        constraints[20] = R(2.9897002859095063) * x6;
+        constraints[21] = R(2.9897002859095063) * x7;
+        constraints[22] = R(2.9897002859095063) * x8;
+        constraints[97] = -(R(2.9897002859095063) * x5);
+        /* row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966 */
+        const ncgen_real L_x = q[3];
+        const ncgen_real x10 = R(0.199) - L_x;
+        const ncgen_real L_y = q[4];
+        const ncgen_real x11 = R(0.479) - L_y;
+        const ncgen_real L_z = q[5];
+        const ncgen_real x12 = -R(0.206) - L_z;
+        const ncgen_real x13 = x10 * x10 + x11 * x11 + x12 * x12 - R(0.2361630000000001);
+        constraints[2] = R(1.0288784614795394) * x13;
+        constraints[23] = -(R(2.057756922959079) * x10);
+        constraints[24] = -(R(2.057756922959079) * x11);
+        constraints[25] = -(R(2.057756922959079) * x12);
+        const ncgen_real dL_x = qd[3];
+        const ncgen_real dL_y = qd[4];
+        const ncgen_real dL_z = qd[5];
+        const ncgen_real x14 = dL_x * dL_x + dL_y * dL_y + dL_z * dL_z;
+        constraints[98] = -(R(2.057756922959079) * x14);
+        /* row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
+        const ncgen_real x15 = L_x + R(0.279);
+        const ncgen_real x16 = L_y - R(0.539);
+        const ncgen_real x17 = L_z + R(0.2);
+        const ncgen_real x18 = x15 * x15 + x16 * x16 + x17 * x17 - R(0.19022700000000003);
+        constraints[3] = R(1.1463940541694713) * x18;
+        constraints[26] = R(2.2927881083389425) * x15;
+        constraints[27] = R(2.2927881083389425) * x16;
+        constraints[28] = R(2.2927881083389425) * x17;
+        constraints[99] = -(R(2.2927881083389425) * x14);
+        /* row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997 */
+        const ncgen_real S_x = q[6];
+        const ncgen_real x19 = R(0.199) - S_x;
+        const ncgen_real S_y = q[7];
+        const ncgen_real x20 = R(0.479) - S_y;
+        const ncgen_real S_z = q[8];
+        const ncgen_real x21 = -R(0.206) - S_z;
+        const ncgen_real x22 = x19 * x19 + x20 * x20 + x21 * x21 - R(0.11424200000000001);
+        constraints[4] = R(1.4793028895116056) * x22;
+        constraints[29] = -(R(2.958605779023211) * x19);
+        constraints[30] = -(R(2.958605779023211) * x20);
+        constraints[31] = -(R(2.958605779023211) * x21);
+        const ncgen_real dS_x = qd[6];
+        const ncgen_real dS_y = qd[7];
+        const ncgen_real dS_z = qd[8];
+        const ncgen_real x23 = dS_x * dS_x + dS_y * dS_y + dS_z * dS_z;
+        constraints[100] = -(R(2.958605779023211) * x23);
+        /* row 6: 1000 distance S-LB (body lower): |a|^2 - L^2 = 0 with a = S-LB, L = 0.29866 */
+        const ncgen_real x24 = R(0.279) + S_x;
+        const ncgen_real x25 = S_y - R(0.539);
+        const ncgen_real x26 = R(0.2) + S_z;
+        const ncgen_real x27 = x24 * x24 + x25 * x25 + x26 * x26 - R(0.08919799999999997);
+        constraints[5] = R(1.6741425939759988) * x27;
+        constraints[32] = R(3.3482851879519977) * x24;
+        constraints[33] = R(3.3482851879519977) * x25;
+        constraints[34] = R(3.3482851879519977) * x26;
+        constraints[101] = -(R(3.3482851879519977) * x23);
+        /* row 7: 1000 distance S-L (body lower): |a|^2 - L^2 = 0 with a = S-L, L = 0.189423 */
+        const ncgen_real x28 = S_x - L_x;
+        const ncgen_real x29 = S_y - L_y;
+        const ncgen_real x30 = S_z - L_z;
+        const ncgen_real x31 = x28 * x28 + x29 * x29 + x30 * x30 - R(0.03588100000000002);
+        constraints[6] = R(2.639597663065129) * x31;
+        const ncgen_real x32 = R(5.279195326130258) * x28;
+        constraints[35] = -x32;
+        const ncgen_real x33 = R(5.279195326130258) * x29;
+        constraints[36] = -x33;
+        const ncgen_real x34 = R(5.279195326130258) * x30;
+        constraints[37] = -x34;
+        constraints[38] = x32;
+        constraints[39] = x33;
+        constraints[40] = x34;
+        const ncgen_real x35 = dS_x - dL_x;
+        const ncgen_real x36 = dS_y - dL_y;
+        const ncgen_real x37 = dS_z - dL_z;
+        const ncgen_real x38 = R(5.279195326130258) * (x35 * x35 + x36 * x36 + x37 * x37);
+        constraints[102] = -x38;
+        /* row 8: 1000 distance L-U (body upright): |a|^2 - L^2 = 0 with a = L-U, L = 0.518139 */
+        const ncgen_real x39 = L_x - U_x;
+        const ncgen_real x40 = L_y - U_y;
+        const ncgen_real x41 = L_z - U_z;
+        const ncgen_real x42 = R(0.9649920614289611) * (x39 * x39 + x40 * x40 + x41 * x41 - R(0.268468));
+        constraints[7] = x42;
+        const ncgen_real x43 = R(1.9299841228579222) * x39;
+        constraints[41] = -x43;
+        const ncgen_real x44 = R(1.9299841228579222) * x40;
+        constraints[42] = -x44;
+        const ncgen_real x45 = R(1.9299841228579222) * x41;
+        constraints[43] = -x45;
+        constraints[44] = x43;
+        constraints[45] = x44;
+        constraints[46] = x45;
+        const ncgen_real x46 = dL_x - dU_x;
+        const ncgen_real x47 = dL_y - dU_y;
+        const ncgen_real x48 = dL_z - dU_z;
+        const ncgen_real x49 = R(1.9299841228579222) * (x46 * x46 + x47 * x47 + x48 * x48);
+        constraints[103] = -x49;
+        /* row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201 */
+        const ncgen_real T_x = q[9];
+        const ncgen_real x50 = L_x - T_x;
+        const ncgen_real T_y = q[10];
+        const ncgen_real x51 = L_y - T_y;
+        const ncgen_real T_z = q[11];
+        const ncgen_real x52 = L_z - T_z;
+        const ncgen_real x53 = x50 * x50 + x51 * x51 + x52 * x52 - R(0.08952099999999999);
+        constraints[8] = R(1.671119634519684) * x53;
+        const ncgen_real x54 = R(3.342239269039368) * x50;
+        constraints[47] = x54;
+        const ncgen_real x55 = R(3.342239269039368) * x51;
+        constraints[48] = x55;
+        const ncgen_real x56 = R(3.342239269039368) * x52;
+        constraints[49] = x56;
+        constraints[50] = -x54;
+        constraints[51] = -x55;
+        constraints[52] = -x56;
+        const ncgen_real dT_x = qd[9];
+        const ncgen_real x57 = dL_x - dT_x;
+        const ncgen_real dT_y = qd[10];
+        const ncgen_real x58 = dL_y - dT_y;
+        const ncgen_real dT_z = qd[11];
+        const ncgen_real x59 = dL_z - dT_z;
+        const ncgen_real x60 = R(3.342239269039368) * (x57 * x57 + x58 * x58 + x59 * x59);
+        constraints[104] = -x60;
+        /* row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
+        const ncgen_real x61 = T_x - U_x;
+        const ncgen_real x62 = T_y - U_y;
+        const ncgen_real x63 = T_z - U_z;
+        const ncgen_real x64 = x61 * x61 + x62 * x62 + x63 * x63 - R(0.09788500000000001);
+        constraints[9] = R(1.598129365689615) * x64;
+        const ncgen_real x65 = R(3.19625873137923) * x61;
+        constraints[53] = -x65;
+        const ncgen_real x66 = R(3.19625873137923) * x62;
+        constraints[54] = -x66;
+        const ncgen_real x67 = R(3.19625873137923) * x63;
+        constraints[55] = -x67;
+        constraints[56] = x65;
+        constraints[57] = x66;
+        constraints[58] = x67;
+        const ncgen_real x68 = dT_x - dU_x;
+        const ncgen_real x69 = dT_y - dU_y;
+        const ncgen_real x70 = dT_z - dU_z;
+        const ncgen_real x71 = R(3.19625873137923) * (x68 * x68 + x69 * x69 + x70 * x70);
+        constraints[105] = -x71;
+        /* row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
+        const ncgen_real W_x = q[12];
+        const ncgen_real x72 = L_x - W_x;
+        const ncgen_real W_y = q[13];
+        const ncgen_real x73 = L_y - W_y;
+        const ncgen_real W_z = q[14];
+        const ncgen_real x74 = L_z - W_z;
+        const ncgen_real x75 = x72 * x72 + x73 * x73 + x74 * x74 - R(0.09792500000000004);
+        constraints[10] = R(1.5978029337062902) * x75;
+        const ncgen_real x76 = R(3.1956058674125805) * x72;
+        constraints[59] = x76;
+        const ncgen_real x77 = R(3.1956058674125805) * x73;
+        constraints[60] = x77;
+        const ncgen_real x78 = R(3.1956058674125805) * x74;
+        constraints[61] = x78;
+        constraints[62] = -x76;
+        constraints[63] = -x77;
+        constraints[64] = -x78;
+        const ncgen_real dW_x = qd[12];
+        const ncgen_real x79 = dL_x - dW_x;
+        const ncgen_real dW_y = qd[13];
+        const ncgen_real x80 = dL_y - dW_y;
+        const ncgen_real dW_z = qd[14];
+        const ncgen_real x81 = dL_z - dW_z;
+        const ncgen_real x82 = R(3.1956058674125805) * (x79 * x79 + x80 * x80 + x81 * x81);
+        constraints[106] = -x82;
+        /* row 12: 1000 distance W-U (body upright): |a|^2 - L^2 = 0 with a = W-U, L = 0.399911 */
+        const ncgen_real x83 = W_x - U_x;
+        const ncgen_real x84 = W_y - U_y;
+        const ncgen_real x85 = W_z - U_z;
+        const ncgen_real x86 = x83 * x83 + x84 * x84 + x85 * x85 - R(0.15992900000000004);
+        constraints[11] = R(1.250277436087613) * x86;
+        const ncgen_real x87 = R(2.500554872175226) * x83;
+        constraints[65] = -x87;
+        const ncgen_real x88 = R(2.500554872175226) * x84;
+        constraints[66] = -x88;
+        const ncgen_real x89 = R(2.500554872175226) * x85;
+        constraints[67] = -x89;
+        constraints[68] = x87;
+        constraints[69] = x88;
+        constraints[70] = x89;
+        const ncgen_real x90 = dW_x - dU_x;
+        const ncgen_real x91 = dW_y - dU_y;
+        const ncgen_real x92 = dW_z - dU_z;
+        const ncgen_real x93 = R(2.500554872175226) * (x90 * x90 + x91 * x91 + x92 * x92);
+        constraints[107] = -x93;
+        /* row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562 */
+        const ncgen_real x94 = W_x - T_x;
+        const ncgen_real x95 = W_y - T_y;
+        const ncgen_real x96 = W_z - T_z;
+        const ncgen_real x97 = x94 * x94 + x95 * x95 + x96 * x96 - R(0.07320400000000002);
+        constraints[12] = R(1.8480026861995205) * x97;
+        const ncgen_real x98 = R(3.696005372399041) * x94;
+        constraints[71] = -x98;
+        const ncgen_real x99 = R(3.696005372399041) * x95;
+        constraints[72] = -x99;
+        const ncgen_real x100 = R(3.696005372399041) * x96;
+        constraints[73] = -x100;
+        constraints[74] = x98;
+        constraints[75] = x99;
+        constraints[76] = x100;
+        const ncgen_real x101 = dW_x - dT_x;
+        const ncgen_real x102 = dW_y - dT_y;
+        const ncgen_real x103 = dW_z - dT_z;
+        const ncgen_real x104 = R(3.696005372399041) * (x101 * x101 + x102 * x102 + x103 * x103);
+        constraints[108] = -x104;
+        /* row 14: combination axis.x (body upright): (e - c a x b).x = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
+        const ncgen_real axis_x = q[16];
+        const ncgen_real x105 = axis_x + R(2.148278560719281) * U_x + R(2.4179369574622847) * L_x;
+        const ncgen_real x106 = x105 - R(0.5728742828584754) * T_x - R(3.9933412353230904) * W_x;
+        constraints[13] = x106;
+        constraints[77] = NCGEN_SPLAT(R(2.148278560719281));
+        constraints[78] = NCGEN_SPLAT(R(2.4179369574622847));
+        constraints[79] = NCGEN_SPLAT(-R(0.5728742828584754));
+        constraints[80] = NCGEN_SPLAT(-R(3.9933412353230904));
+        constraints[81] = NCGEN_SPLAT(R(1.0));
+        constraints[109] = NCGEN_SPLAT(R(0.0));
+        /* row 15: combination axis.y (body upright): (e - c a x b).y = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
+        const ncgen_real axis_y = q[17];
+        const ncgen_real x107 = axis_y + R(2.148278560719281) * U_y + R(2.4179369574622847) * L_y;
+        const ncgen_real x108 = x107 - R(0.5728742828584754) * T_y - R(3.9933412353230904) * W_y;
+        constraints[14] = x108;
+        constraints[82] = NCGEN_SPLAT(R(2.148278560719281));
+        constraints[83] = NCGEN_SPLAT(R(2.4179369574622847));
+        constraints[84] = NCGEN_SPLAT(-R(0.5728742828584754));
+        constraints[85] = NCGEN_SPLAT(-R(3.9933412353230904));
+        constraints[86] = NCGEN_SPLAT(R(1.0));
+        constraints[110] = NCGEN_SPLAT(R(0.0));
+        /* row 16: combination axis.z (body upright): (e - c a x b).z = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
+        const ncgen_real axis_z = q[18];
+        const ncgen_real x109 = axis_z + R(2.148278560719281) * U_z + R(2.4179369574622847) * L_z;
+        const ncgen_real x110 = x109 - R(0.5728742828584754) * T_z - R(3.9933412353230904) * W_z;
+        constraints[15] = x110;
+        constraints[87] = NCGEN_SPLAT(R(2.148278560719281));
+        constraints[88] = NCGEN_SPLAT(R(2.4179369574622847));
+        constraints[89] = NCGEN_SPLAT(-R(0.5728742828584754));
+        constraints[90] = NCGEN_SPLAT(-R(3.9933412353230904));
+        constraints[91] = NCGEN_SPLAT(R(1.0));
+        constraints[111] = NCGEN_SPLAT(R(0.0));
+        /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
+        const ncgen_real x111 = -R(0.279) - T_x;
+        const ncgen_real R_y = q[15];
+        const ncgen_real x112 = R_y - T_y;
+        const ncgen_real x113 = -R(0.026) - T_z;
+        const ncgen_real x114 = x111 * x111 + x112 * x112 + x113 * x113 - R(0.17904200000000006);
+        constraints[16] = R(1.1816600257428533) * x114;
+        constraints[92] = -(R(2.3633200514857067) * x111);
+        const ncgen_real x115 = R(2.3633200514857067) * x112;
+        constraints[93] = -x115;
+        constraints[94] = -(R(2.3633200514857067) * x113);
+        constraints[95] = x115;
+        const ncgen_real dR_y = qd[15];
+        const ncgen_real x116 = dR_y - dT_y;
+        const ncgen_real x117 = R(2.3633200514857067) * (dT_x * dT_x + x116 * x116 + dT_z * dT_z);
+        constraints[112] = -x117;
     }
 
     return NCGEN_OK;
@@ -637,7 +929,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "87ffe0f7865ec11f",
+        .fingerprint = "4cd9cc52f02415c7",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,
@@ -653,6 +945,7 @@ const ncgen_model *suspension_model(void)
         .mass = suspension_mass,
         .force = suspension_force,
         .energy = suspension_energy,
+        .constraints = suspension_constraints,
     };
     return &model;
 }

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from ncgen.errors import CompileError
 
-FLAGS = ("-std=c99", "-O3", "-march=native", "-ffp-contract=fast", "-fPIC", "-shared")
+FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fPIC", "-shared")
 """No -ffast-math: sums keep their order. Fused multiply-adds, where the processor has them, halve the rounding error of the
 robot's kernels and save a quarter of their time; the price is a last bit that depends on the processor."""
 

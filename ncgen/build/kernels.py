@@ -110,6 +110,12 @@ class Kernels(ABC):
         """γ, shape (m,): Φ_q q̈ = γ."""
         return self.values("gamma", t, q, qd, p)
 
+    def constraints(self, q, qd, t=0.0, p=None) -> tuple[np.ndarray, csr_array, np.ndarray]:
+        """Φ, Φ_q and γ at once, which is quicker than one by one: they have much in common."""
+        values = self.values("constraints", t, q, qd, p)
+        phi_q = self._sparse(self.phi_q_pattern, values[self.m : len(values) - self.m])
+        return values[: self.m], phi_q, values[len(values) - self.m :]
+
     def mass(self, q, t=0.0, p=None) -> csr_array:
         """Mass matrix M, sparse (n, n), symmetric and positive semidefinite."""
         return self._sparse(self.mass_pattern, self.values("mass", t, q, None, p))

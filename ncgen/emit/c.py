@@ -10,7 +10,7 @@ from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
 from ncgen.model.values import evaluate
 from ncgen.program.angles import SHARED
-from ncgen.program.assemble import KERNELS, Programs
+from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
 from ncgen.program.dynamics import DynamicsPrograms
@@ -202,8 +202,6 @@ def _records(programs: Programs, prefix: str, kernels, tables: Tables) -> dict:
         "upper": prefix.upper(),
         "model": model,
         "kernels": kernels,
-        "kernel_names": list(KERNELS),
-        "present": set(programs.programs),
         "coordinates": [c.name for c in equations.free],
         "initial": [number(c.initial) for c in equations.free],
         "rows": [{"number": i + 1, "row": row} for i, row in enumerate(model.rows)],

@@ -16,6 +16,7 @@ from ncgen.program import passes
 from ncgen.program.angles import share_angles
 from ncgen.program.binding import Bound, Derived, Places, bind
 from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, TableStore
+from ncgen.program.fused import Part, fuse
 from ncgen.program.graph import Graph
 from ncgen.program.lower import lower_value
 from ncgen.program.verify import verify
@@ -136,15 +137,36 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
             omitted.append(f"kernel {name}: nothing in this mechanism contributes to it")
     omitted += _folded(equations)
     programs = {name: program for name, (program, _) in built.items() if program is not None}
-    return Programs(equations, programs, built["phi_q"][1], built["mass"][1], emission, tuple(omitted))
+    pattern = built["phi_q"][1]
+    if "phi_q" in programs:
+        programs["constraints"] = _constraints(programs, pattern, equations)
+    programs = {name: share_angles(program) for name, program in programs.items()}
+    return Programs(equations, programs, pattern, built["mass"][1], emission, tuple(omitted))
 
 
 ALWAYS = ("phi", "phi_q", "gamma")
-"""Kernels that are made for every mechanism that has rows."""
+"""Kernels that are made for every mechanism that has rows; "constraints" is all of them at once."""
+
+
+def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Equations) -> Program:
+    """Φ, the values of Φ_q, and γ, one after the other."""
+    rows = range(pattern.shape[0])
+    of_values = tuple(r for r in rows for _ in range(pattern.indptr[r], pattern.indptr[r + 1]))
+    parts = [Part(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS]
+    program = fuse("constraints", VELOCITY, parts)
+    verify(program, _input_lengths(equations))
+    return program
+
+
+def _input_lengths(equations: Equations) -> dict[str, int]:
+    n, m = len(equations.free), len(equations.model.rows)
+    return {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": len(equations.parameters)}
 
 
 def programs_of(kernels, equations: Equations, least: float) -> dict[str, tuple[Program | None, Pattern | None]]:
     """{name: (program, pattern of its matrix)} of some kernels; None for what the mechanism does not need.
+
+    Sines and cosines are still in the blocks (`share_angles` takes them out).
 
     least: the least number of equal terms that become a loop
     """
@@ -152,7 +174,6 @@ def programs_of(kernels, equations: Equations, least: float) -> dict[str, tuple[
     bound = {term: _bind(term, equations, derived) for term in (*equations.rows, *with_inertia(equations))}
     n, m = len(equations.free), len(equations.model.rows)
     lengths = {"n": n, "m": m, "e": len(ENERGIES)}
-    inputs = {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": len(equations.parameters)}
     built = {}
     for kernel in kernels:
         groups = [_build(kernel, members, equations) for members in _groups(kernel, equations, bound)]
@@ -164,7 +185,7 @@ def programs_of(kernels, equations: Equations, least: float) -> dict[str, tuple[
         program = None
         if size and (places or kernel.name in ALWAYS):
             program = _program(kernel, groups, index, size, equations, derived, least)
-            verify(program, inputs)
+            verify(program, _input_lengths(equations))
         built[kernel.name] = (program, pattern)
     return built
 
@@ -258,9 +279,9 @@ def _program(kernel, groups, index, size, equations, derived, least) -> Program:
     needed = sorted({i for b in blocks for i in _derived_indices(b)})
     if needed:
         blocks = [_derived_block(derived, needed, equations), *blocks]
-    blocks = tuple(passes.schedule(b) for b in map(passes.dead_code, blocks))
+    blocks = tuple(map(passes.finish, blocks))
     temporaries = {"d": len(derived.expressions)} if needed else {}
-    return share_angles(Program(kernel.name, kernel.inputs, kernel.name, size, blocks, temporaries))
+    return Program(kernel.name, kernel.inputs, kernel.name, size, blocks, temporaries)
 
 
 def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> Loop:
@@ -321,13 +342,25 @@ def _combine(kernel, base, loops, lines, equations) -> list:
     written = {s.index for s in straight.stores} if straight else set()
     alone = all(base[i] == 0.0 for i in hits) and all(n == 1 for n in hits.values()) and not written & set(hits)
     blocks = []
-    if not (alone and len(written) + len(hits) == len(base)):
+    if straight and alone:
+        straight = _with_constants(straight, kernel.name, {i: x for i, x in enumerate(base) if i not in written and i not in hits})
+    elif not (alone and len(hits) == len(base)):
         blocks.append(_base_block(kernel.name, base))
     if straight:
         blocks.append(straight)
     for block in loops:
         blocks.append(replace(block, stores=tuple(replace(s, accumulate=not alone) for s in block.stores)))
     return blocks
+
+
+def _with_constants(block: Straight, array: str, values: dict[int, float]) -> Straight:
+    """The block with stores of plain numbers among its own, by position."""
+    graph = Graph()
+    nodes = passes.unroll(graph, block, 0)
+    names = {nodes[k]: name for k, name in block.names.items()}
+    stores = [replace(s, node=nodes[s.node]) for s in block.stores]
+    stores += [Store(array, i, graph.const(value)) for i, value in values.items()]
+    return replace(block, ops=tuple(graph.ops), stores=tuple(sorted(stores, key=lambda s: s.index)), names=names)
 
 
 def _base_block(array: str, base: list[float]) -> Loop:

@@ -78,8 +78,6 @@ class Graph:
         op = self.ops[a]
         if op.code == "const":
             return self.const(-op.leaf)
-        if op.code == "sub":
-            return self._make("sub", (op.args[1], op.args[0]))
         return op.args[0] if op.code == "neg" else self._make("neg", (a,))
 
     def add(self, a: int, b: int) -> int:
@@ -110,6 +108,8 @@ class Graph:
             return self.add(a, self.neg(b))
         if self.ops[a].code == "neg":
             return self.neg(self.add(self.ops[a].args[0], b))
+        if (turned := self._known.get(Op("sub", (b, a)))) is not None:
+            return self.neg(turned)  # exactly: of a - b and b - a one is enough
         return self._make("sub", (a, b))
 
     def mul(self, a: int, b: int) -> int:

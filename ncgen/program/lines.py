@@ -57,7 +57,7 @@ class Lines:
     def program(self, name: str, inputs, outputs: list[int]) -> Program:
         """A program that writes these nodes one after the other."""
         stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
-        block = passes.schedule(passes.dead_code(Straight(tuple(self.graph.ops), stores, self._names())))
+        block = passes.finish(Straight(tuple(self.graph.ops), stores, self._names()))
         return share_angles(Program(name, inputs, name, len(outputs), (block,)))
 
     def _names(self) -> dict[int, str]:

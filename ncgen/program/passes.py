@@ -72,6 +72,20 @@ def dead_code(block: Block) -> Block:
     return _keep(block, sorted(_reachable(block, [s.node for s in block.stores])))
 
 
+def finish(block: Block) -> Block:
+    """The block as it is emitted: without what no store needs, in the order in which the stores need the rest."""
+    return schedule(_plain_differences(dead_code(block)))
+
+
+def _plain_differences(block: Block) -> Block:
+    """−(a − b) becomes b − a where a − b serves nothing else."""
+    count, ops = uses(block), list(block.ops)
+    for node, op in enumerate(block.ops):
+        if op.code == "neg" and block.ops[op.args[0]].code == "sub" and count[op.args[0]] == 1:
+            ops[node] = Op("sub", block.ops[op.args[0]].args[::-1])
+    return dead_code(replace(block, ops=tuple(ops)))
+
+
 def schedule(block: Block) -> Block:
     """Operations in the order in which the stores need them, so that values live briefly and read well."""
     order: list[int] = []

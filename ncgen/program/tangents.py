@@ -24,6 +24,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
+from ncgen.program.angles import share_angles
 from ncgen.program.assemble import EMISSIONS, Kernel, chain, programs_of, with_inertia
 from ncgen.program.binding import Places
 from ncgen.program.blocks import Pattern, Program
@@ -47,7 +48,7 @@ class TangentPrograms:
 def assemble_tangents(equations: Equations, emission: str = "auto") -> TangentPrograms:
     """The programs of the tangent kernels, loops and straight-line code as in the others."""
     built = programs_of(TANGENTS.values(), equations, EMISSIONS[emission])
-    programs = {name: program for name, (program, _) in built.items() if program is not None}
+    programs = {name: share_angles(program) for name, (program, _) in built.items() if program is not None}
     return TangentPrograms("tangents", programs, {name: pattern for name, (_, pattern) in built.items()})
 
 

@@ -36,7 +36,7 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
 
 
 def kernel_records(model: Model, rate: float) -> list[dict]:
-    """Every kernel, and all one after the other, by every tool; `ratio` is to the first tool, generated C."""
+    """Every kernel, and all one after the other, by every tool; `ratio` is to all of them by the first tool, generated C."""
     kernels = compile(model, "c")
     names = tuple(name for name in KERNELS if name in kernels.programs.programs)
     if not names:
@@ -44,20 +44,20 @@ def kernel_records(model: Model, rate: float) -> list[dict]:
     inputs = Inputs.typical(kernels)
     found = rivals(model, inputs, names)
     reference = {name: exact(kernels, name, inputs) for name in names}
-    spent = measure({(rival.name, case): rival.runs[case] for rival in found for case in (*names, "all")})
+    spent = measure({(rival.name, case): run for rival in found for case, run in rival.runs.items()})
     records = []
     for case in (*names, "all"):
         parts = names if case == "all" else (case,)
         operations = sum(cost(kernels.programs.programs[name]).total for name in parts)
-        for rival in found:
+        for rival in (r for r in found if case in r.runs):
             error = max(relative_error(rival.values(name), reference[name]) for name in parts)
-            records.append(_record(case, rival.name, error, spent[rival.name, case], spent[found[0].name, case]))
+            records.append(_record(case, rival.name, error, spent[rival.name, case], spent[found[0].name, "all"]))
         records.append({"case": case, "tool": "floor", "error": None, "seconds": operations / rate, "operations": operations})
     return records
 
 
-def _record(case, tool, error, spread, generated) -> dict:
-    times = {"seconds": spread.median, "low": spread.low, "high": spread.high, "ratio": spread.median / generated.median}
+def _record(case, tool, error, spread, fastest) -> dict:
+    times = {"seconds": spread.median, "low": spread.low, "high": spread.high, "ratio": spread.median / fastest.median}
     return {"case": case, "tool": tool, "error": error, **times}
 
 
@@ -93,7 +93,8 @@ def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:
         errors = [r["error"] for r in mine if r["error"] is not None]
         last = mine[-1]
         ratio = f"{last['ratio']:.2f}" if "ratio" in last else ""
-        times = (f"{1e9 * r['seconds']:.0f}" for r in mine)
+        seconds = {r["case"]: r["seconds"] for r in mine}
+        times = (f"{1e9 * seconds[case]:.0f}" if case in seconds else "" for case in cases)
         rows.append((tool, *times, _quartiles(last), ratio, _error(max(errors, default=None))))
     return rows
 

@@ -22,6 +22,7 @@ ABSOLUTE = 1e-2
 """Absolute tolerance as a share of the relative one."""
 
 STEPS = (50, 100, 200)
+STUDENT_STEPS = 100
 REPEATS = 9
 LONGEST = 2.0
 """Seconds after which a run in C is not repeated any more."""
@@ -54,7 +55,8 @@ def _runs_in_c(kernels: Kernels) -> bool:
 
 def _settings(duration: float):
     for rtol in TOLERANCES:
-        yield "dopri5", f"rtol {rtol:g}", _tolerances(rtol)
+        for integrator in ("dopri5", "dop853"):
+            yield integrator, f"rtol {rtol:g}", _tolerances(rtol)
     for steps in STEPS:
         yield "rk4", f"{steps} steps", {"max_step": duration / steps}
 
@@ -106,19 +108,37 @@ def _repeated(kernels, duration, integrator, options, engine, repeats):
     return run, seconds, totals
 
 
+def _scipy(derivative, duration: float, y0) -> tuple[np.ndarray, int]:
+    """End state and evaluations."""
+    found = solve_ivp(derivative, (0.0, duration), y0, method="RK45", **_tolerances(1e-6))
+    return found.y[:, -1], int(found.nfev)
+
+
+def _rk4(derivative, duration: float, y) -> tuple[np.ndarray, int]:
+    """End state and evaluations."""
+    h = duration / STUDENT_STEPS
+    for t in h * np.arange(STUDENT_STEPS):
+        a = derivative(t, y)
+        b = derivative(t + h / 2, y + h / 2 * a)
+        c = derivative(t + h / 2, y + h / 2 * b)
+        y = y + h / 6 * (a + 2 * b + 2 * c + derivative(t + h, y + h * c))
+    return y, 4 * STUDENT_STEPS
+
+
 def _student(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
-    """The hand-written derivative with SciPy's RK45, and the paper's own times."""
+    """The hand-written derivative with SciPy's RK45 and with Runge and Kutta's own steps, and the paper's own times."""
     module = handwritten(kernels)
     if module is None:
         return
-    guess = kernels.q0.copy()
-    y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
-    start = time.perf_counter()
-    found = solve_ivp(lambda t, y: module.derivative(t, y, guess), (0.0, duration), y0, method="RK45", **_tolerances(1e-6))
-    seconds = time.perf_counter() - start
-    end = dict(zip((kernels.coordinates[i] for i in module.INDEPENDENT), found.y[len(module.INDEPENDENT) :, -1], strict=True))
-    error = float(max(abs(end[name] - value) for name, value in reference.items()))
-    hand = {"case": "simulation", "tool": "hand-written NumPy, SciPy RK45", "setting": "rtol 1e-06", "error": error}
-    yield hand | {"seconds": seconds, "total": seconds, "evaluations": int(found.nfev)}
+    for tool, setting, integrate in (("SciPy RK45", "rtol 1e-06", _scipy), ("RK4", f"{STUDENT_STEPS} steps", _rk4)):
+        guess = kernels.q0.copy()
+        y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
+        start = time.perf_counter()
+        y, evaluations = integrate(lambda t, y, guess=guess: module.derivative(t, y, guess), duration, y0)
+        seconds = time.perf_counter() - start
+        end = dict(zip((kernels.coordinates[i] for i in module.INDEPENDENT), y[len(module.INDEPENDENT) :], strict=True))
+        error = float(max(abs(end[name] - value) for name, value in reference.items()))
+        record = {"case": "simulation", "tool": f"hand-written NumPy, {tool}", "setting": setting, "error": error}
+        yield record | {"seconds": seconds, "total": seconds, "evaluations": evaluations}
     for tool, seconds in module.PAPER_SECONDS.items():
         yield {"case": "simulation", "tool": f"the paper's Table 9, {tool}", "setting": "2007", "error": None, "seconds": seconds}

@@ -65,6 +65,7 @@ int main(void)
     CALL(mass, m->mass_pattern.indptr[n], q, p);
     CALL(force, n, q, qd, p);
     CALL(energy, 3, q, qd, p);
+    CALL(constraints, 2 * m->n_rows + m->phi_q_pattern.indptr[m->n_rows], q, qd, p);
     free(q), free(qd), free(p);
     return failures;
 }

@@ -24,6 +24,12 @@ def evaluate(kernels, q, qd):
     }
 
 
+def at_once(kernels, q, qd):
+    """The same from the one kernel that computes all of them."""
+    phi, phi_q, gamma = zip(*(kernels.constraints(x, v) for x, v in zip(q, qd, strict=True)), strict=True)
+    return {"phi": np.array(phi), "phi_q": np.array([j.toarray() for j in phi_q]), "gamma": np.array(gamma)}
+
+
 def place(kernels, name):
     """Where a point or vector stands in q."""
     first = kernels.index[f"{name}.x"]
@@ -89,9 +95,10 @@ def worst(errors, kernels):
 
 
 def assert_within_bound(oracle_values, kernels, q, qd):
-    for name, computed in evaluate(kernels, q, qd).items():
-        error, where = worst(getattr(oracle_values, name).ulps(computed), kernels)
-        assert error <= BOUND, f"{kernels.backend} {name}: {where}"
+    for way in (evaluate, at_once):
+        for name, computed in way(kernels, q, qd).items():
+            error, where = worst(getattr(oracle_values, name).ulps(computed), kernels)
+            assert error <= BOUND, f"{kernels.backend} {way.__name__} {name}: {where}"
 
 
 def test_robot_to_the_last_digits(robot, robot_numpy):

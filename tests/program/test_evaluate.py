@@ -10,7 +10,10 @@ import numpy as np
 import pytest
 from programs import program_of, run
 
+import ncgen
 from ncgen import Model
+from ncgen.exchange.examples import example_names
+from ncgen.model.values import evaluate as number_of
 from ncgen.program.assemble import EMISSIONS, assemble
 from ncgen.program.blocks import Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.evaluate import evaluate
@@ -20,7 +23,7 @@ from ncgen.symbolic.equations import build_equations
 
 MPMATH = {name: getattr(mpmath, {"abs": "fabs", "pow": "power"}.get(name, name)) for name in FUNCTIONS}
 COMPLEX = {"sin": cmath.sin, "cos": cmath.cos, "sqrt": cmath.sqrt}
-ROBOT_KERNELS = ("phi", "phi_q", "gamma", "mass", "force", "energy")
+ROBOT_KERNELS = ("phi", "phi_q", "gamma", "mass", "force", "energy", "constraints")
 EXACT_KERNELS = ROBOT_KERNELS[:3]
 """Kernels whose rows are written one by one: no emission adds numbers in another order."""
 
@@ -83,6 +86,23 @@ def test_complex_steps_are_the_jacobian(assembled, inputs):
         moved = [complex(x, 1e-200 * (k == column)) for k, x in enumerate(q)]
         phi = evaluate(programs.programs["phi"], {**inputs, "q": moved}, COMPLEX, complex)
         assert [v.imag * 1e200 for v in phi] == pytest.approx(values[:, column], rel=1e-13, abs=1e-14)
+
+
+@pytest.mark.parametrize("name", example_names())
+@pytest.mark.parametrize("emission", EMISSIONS)
+def test_all_at_once_is_one_after_the_other(name, emission):
+    """The fused program writes Φ, the values of Φ_q and γ: of straight-line code, of loops, and with derived parameters."""
+    equations = build_equations(ncgen.load(name))
+    programs = assemble(equations, emission).programs
+    if "phi_q" not in programs:
+        assert "constraints" not in programs
+        return
+    rng = np.random.default_rng(3)
+    arrays = {"q": [c.initial for c in equations.free], "qd": rng.uniform(-1, 1, len(equations.free))}
+    inputs = {"t": 0.3, "q": arrays["q"] + rng.uniform(-0.01, 0.01, len(arrays["q"])), "qd": arrays["qd"]}
+    inputs["p"] = [number_of(p, equations.model.parameters, p.name) for p in equations.parameters]
+    alone = [x for kernel in ("phi", "phi_q", "gamma") for x in evaluate(programs[kernel], inputs)]
+    assert evaluate(programs["constraints"], inputs) == pytest.approx(alone, rel=1e-13, abs=1e-13 * max(map(abs, alone)))
 
 
 @pytest.mark.parametrize("name", FUNCTIONS)
