@@ -28,8 +28,8 @@ class Statistics:
     steps, evaluations of the state derivative, Newton steps of position problems and projections, changes of the
     independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was
     projected onto the constraints, and how far a position was moved at most, relative to its natural size. Of implicit
-    methods how many Jacobians were taken; of emitted ones how many eliminations had a zero pivot and were repeated with
-    row exchanges.
+    methods how many Jacobians were taken; of emitted ones how many accelerations were computed with row exchanges, since
+    a pivot vanished or a step had to be repeated.
     """
 
     steps: int

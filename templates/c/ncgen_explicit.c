@@ -330,12 +330,14 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             if (++repeats > REPEAT_LIMIT)
                 return status != NCGEN_OK ? status : NCGEN_NOT_CONVERGED;
             r->statistics->repeated += 1;
+            r->careful = repeats > 1; /* again: it may be rounding */
             h *= R(0.25);
             continue;
         }
         ncgen_real factor = error > 0 ? R(0.9) * NCGEN_POW(error, power) : R(10.0);
         if (!(error < R(1.0))) {
             r->statistics->rejected += 1;
+            r->careful = rejected; /* again: it may be rounding */
             rejected = 1;
             h *= factor > R(0.2) ? factor : R(0.2);
             continue;

@@ -365,6 +365,7 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             if (++repeats > REPEAT_LIMIT)
                 return tried != NCGEN_OK ? tried : NCGEN_NOT_CONVERGED;
             r->statistics->repeated += 1;
+            r->careful = repeats > 1; /* again: it may be rounding */
             m->factored = 0;
             h *= R(0.5);
             continue;
@@ -372,6 +373,7 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         ncgen_real factor = safety * step_factor(m, h, error);
         if (!(error < 1)) {
             r->statistics->rejected += 1;
+            r->careful = rejected; /* again: it may be rounding */
             rejected = 1;
             m->factored = 0;
             h *= factor > R(0.2) ? factor : R(0.2);

@@ -59,6 +59,7 @@ struct ncgen_run {
     int (*jacobian)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian);
     struct ncgen_partitioning *partitioning;
     struct ncgen_constrained *constrained;
+    int careful;                    /* the step is repeated: emitted eliminations give way to those with row exchanges */
     struct ncgen_slopes *slopes;
 
     /* Output. */

@@ -199,16 +199,22 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     return NCGEN_OK;
 }
 
+/* Does the emitted elimination serve? Where a step is repeated, its pivots may be what is wrong. */
+static int is_emitted(const ncgen_run *r)
+{
+    return r->dynamics->acceleration && !(r->careful && r->partitioning->lu);
+}
+
 /* The same as the emitted function writes it, where there is one and it did not divide by zero. */
 static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
 {
     const ncgen_partitioning *w = r->partitioning;
-    if (r->dynamics->acceleration) {
+    if (is_emitted(r)) {
         const int status = r->dynamics->acceleration(t, r->q, zd, r->p, w->out);
         if (!w->lu || (status == NCGEN_OK && w->out[r->n + r->nz + 1] < broken_down))
             return status;
-        r->statistics->fallbacks += 1;
     }
+    r->statistics->fallbacks += r->dynamics->acceleration != NULL;
     return ncgen_partitioning_accelerate(r, t, zd);
 }
 
@@ -225,21 +231,21 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     const ncgen_dynamics *d = r->dynamics;
     ncgen_real *dependent = y + r->weighed;
+    const int emitted = is_emitted(r);
     for (int i = 0; i < d->n_dependent; ++i)
         r->q[d->dependent[i]] = dependent[i];
     for (int i = 0; i < r->nz; ++i)
         r->q[d->independent[i]] = y[r->nz + i];
     for (int iteration = 0; iteration <= NEWTON_LIMIT; ++iteration) {
         /* An emitted step has phi in it; most often one is needed, so it is not worth a look at phi beforehand. */
-        int status = d->newton ? d->newton(t, r->q, r->p, r->partitioning->step) : r->model->phi(t, r->q, r->p, r->partitioning->phi);
+        int status = emitted ? d->newton(t, r->q, r->p, r->partitioning->step) : r->model->phi(t, r->q, r->p, r->partitioning->phi);
         if (status != NCGEN_OK)
             return status;
         const ncgen_real size = residual(r);
         if (!(size < R(1.0e30)))
             return NCGEN_NOT_CONVERGED;
-        const int again = d->newton && r->partitioning->lu && !is_finite(d->n_dependent, r->partitioning->step);
-        r->statistics->fallbacks += again;
-        status = d->newton && !again ? NCGEN_OK : dense_step(r, t);
+        if (!emitted || (r->partitioning->lu && !is_finite(d->n_dependent, r->partitioning->step)))
+            status = dense_step(r, t);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < d->n_dependent; ++i)

@@ -93,6 +93,7 @@ void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
 
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
 {
+    r->careful = 0;
     ncgen_keep_state(r, t, y[r->weighed - 1]);
     return r->accept ? r->accept(r, t) : NCGEN_OK;
 }
@@ -188,6 +189,7 @@ static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *
     for (volatile ncgen_scalar more = 2; more > 1; more = 1 + r->rounding / 2)
         r->rounding /= 2;
     r->start_t = r->times[0];
+    r->careful = 0;
     for (int i = 0; i < r->n; ++i) {
         r->start_q[i] = q[i];
         r->start_qd[i] = 0;

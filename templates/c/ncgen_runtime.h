@@ -121,7 +121,7 @@ typedef struct ncgen_statistics {
     int stopped;      /* 1: by the event, at t */
     ncgen_scalar largest_projection; /* how far a step's end was moved onto the constraints, in natural sizes */
     long jacobians;   /* of the state derivative, or of a step's equations */
-    long fallbacks;   /* emitted eliminations that divided by zero and were repeated with row exchanges */
+    long fallbacks;   /* accelerations with row exchanges, since an emitted elimination divided by zero or a step was repeated */
 } ncgen_statistics;
 
 /* end cdef */
