@@ -38,7 +38,7 @@ METHODS = {
 """Integrators of the runtime, by the numbers of ncgen_runtime.h."""
 
 IMPLICIT = ("radau", "trapezoidal", "generalized-alpha")
-"""Those that need the tangent kernels, which are compiled for them."""
+"""Those that need the tangent kernels whatever the mechanism is."""
 
 FORMALISMS = {
     "coordinate-partitioning": 0,
@@ -137,7 +137,7 @@ class Dynamics:
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
-        if method in IMPLICIT:
+        if needs_tangents(self.kernels, method):
             self._take_tangents()
         work, integers = self._space(settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
@@ -252,6 +252,13 @@ def is_conservative(kernels: CompiledKernels) -> bool:
         return True
     power = ENERGIES.index("power")
     return all(_is_zero_at(power, block, store) for block in programs["energy"].blocks for store in block.stores if store.array == "energy")
+
+
+def needs_tangents(kernels: CompiledKernels, method: str) -> bool:
+    """True if an integrator of the runtime takes stiffness and damping, as ncgen_needs_tangents in C decides."""
+    programs = kernels.programs.programs
+    simple = is_conservative(kernels) and ("mass" not in programs or programs["mass"].is_constant)
+    return method in IMPLICIT or (method == "rattle" and not simple)
 
 
 def _is_zero_at(index: int, block, store) -> bool:

@@ -75,21 +75,18 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, setti
 
 
 def _method_refusal(kernels: Kernels, formalism: str, integrator: str, settings: dict) -> str | None:
-    """What methods in C leave out: rolling conditions, which are equations of no position; with rattle masses that are not
-    constant and forces without a potential; energy-momentum where it is not exact without corrections."""
+    """What methods in C leave out: rolling conditions, which are equations of no position; energy-momentum where it is not
+    exact without corrections."""
     from ncgen.build.runtime import IMPLICIT, is_conservative
 
     stabilised = integrator in IMPLICIT and settings.get("stabilisation") == "baumgarte"
     if (stabilised or (formalism, integrator) in STEPPERS) and len(kernels.holonomic) < kernels.m:
         return f"{integrator} runs in Python with rolling conditions"
-    if integrator not in ("rattle", "energy-momentum"):
+    if integrator != "energy-momentum":
         return None
     if not is_conservative(kernels):
-        return f"{integrator} runs in Python where forces have no potential, and with drivers"
+        return "energy-momentum runs in Python where forces have no potential, and with drivers"
     programs = kernels.programs.programs
-    if integrator == "rattle":
-        constant = "mass" not in programs or programs["mass"].is_constant
-        return None if constant else "rattle runs in Python where masses are not constant"
     quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls
     quadratic = quadratic and not programs["phi"].angles
     if settings["project_velocities"] or not (quadratic and all(programs[k].is_constant for k in ("mass", "force") if k in programs)):

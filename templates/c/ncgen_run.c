@@ -123,6 +123,13 @@ int ncgen_is_stepper(const ncgen_options *options)
            options->method == NCGEN_GENERALIZED_ALPHA || options->formalism == NCGEN_ALI3P;
 }
 
+/* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity. */
+int ncgen_needs_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
+{
+    const int simple = dynamics->conservative && (!model->mass || model->mass_is_constant);
+    return options->method >= NCGEN_RADAU || (options->method == NCGEN_RATTLE && !simple);
+}
+
 static int is_implicit(const ncgen_options *options)
 {
     return !ncgen_is_stepper(options) && (options->method == NCGEN_RADAU || options->method == NCGEN_TRAPEZOIDAL);
@@ -170,13 +177,13 @@ static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, co
         return 0;
     if (partitioned ? dynamics->n_dependent > 0 && !dynamics->newton && !dynamics->rows : !dynamics->elimination)
         return 0;
-    if (options->method >= NCGEN_RADAU && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
+    if (ncgen_needs_tangents(model, dynamics, options) && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
         return 0;
     if ((options->method == NCGEN_TRAPEZOIDAL || ncgen_is_stepper(options)) && !(options->max_step > 0))
         return 0;
     if (options->formalism == NCGEN_ALI3P)
         return options->method == NCGEN_TRAPEZOIDAL;
-    if (options->method == NCGEN_RATTLE || options->method == NCGEN_ENERGY_MOMENTUM)
+    if (options->method == NCGEN_ENERGY_MOMENTUM)
         return options->formalism == NCGEN_LAGRANGE && dynamics->conservative;
     return !ncgen_is_stepper(options) || options->formalism == NCGEN_LAGRANGE;
 }

@@ -53,7 +53,7 @@ typedef struct ncgen_dynamics {
     const ncgen_elimination *elimination; /* for formalisms that solve with [M Phi_q'; Phi_q -E] */
     int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
     int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */
-    const ncgen_tangents *tangents;       /* for implicit methods; rows and column_sizes are needed, too */
+    const ncgen_tangents *tangents;       /* for methods that need them; rows and column_sizes are needed, too */
 } ncgen_dynamics;
 
 /* How accelerations follow from the equations of motion. All but the first integrate all coordinates, y = [qd, q, work],
@@ -72,9 +72,8 @@ enum ncgen_method {
     NCGEN_DOPRI5 = 0, /* Dormand-Prince 5(4) with error control and dense output */
     NCGEN_RK4 = 1,    /* classical Runge-Kutta with a fixed step */
     NCGEN_DOP853 = 2, /* Dormand-Prince 8(5,3) with error control and dense output */
-    /* The following two discretise the constrained equations themselves, with a fixed step, where all forces have a potential
-     * (formalism NCGEN_LAGRANGE). */
-    NCGEN_RATTLE = 3,          /* symplectic, order 2 */
+    /* The following two discretise the constrained equations themselves, with a fixed step (formalism NCGEN_LAGRANGE). */
+    NCGEN_RATTLE = 3,          /* symplectic, order 2; needs tangents unless M is constant and all forces have a potential */
     NCGEN_ENERGY_MOMENTUM = 4, /* order 2; exact energy where constraints are quadratic, M and forces constant */
     /* The following are implicit and need tangents. */
     NCGEN_RADAU = 5,            /* Radau IIA of order 5 with error control and dense output, for stiff mechanisms */

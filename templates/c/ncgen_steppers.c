@@ -4,8 +4,9 @@
  * state, which leave the factors of [M Phi_q'; Phi_q -E] there behind, and projections along M^-1 Phi_q' with those factors.
  * What an acceleration has along that direction does not matter: the projection that follows puts it right.
  *
- * Generalized-alpha (Arnold and Bruels 2007) and the index-3 augmented Lagrangian (Bayo and Ledesma 1996) solve the equations
- * at the end of a step by Newton's method with stiffness and damping, in dense matrices without units.
+ * Generalized-alpha (Arnold and Bruels 2007), the index-3 augmented Lagrangian (Bayo and Ledesma 1996) and RATTLE where forces
+ * depend on velocities or masses on position solve the equations of a step by Newton's method with stiffness and damping, in
+ * dense matrices without units.
  */
 #include "ncgen_internal.h"
 
@@ -19,7 +20,7 @@ void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     const int n = r->n;
     w->new_y = ncgen_take(&r->space, r->ny);
     w->at = ncgen_take(&r->space, r->ny);
-    if (r->options->method < NCGEN_RADAU)
+    if (!ncgen_needs_tangents(r->model, r->dynamics, r->options))
         return;
     c->size = r->options->formalism == NCGEN_ALI3P ? n : n + r->m;
     c->matrix = ncgen_take(&r->space, c->size * c->size);
@@ -29,6 +30,7 @@ void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     c->change = ncgen_take(&r->space, n + r->m);
     c->auxiliary = ncgen_take(&r->space, n);
     c->base = ncgen_take(&r->space, 2 * n);
+    c->left = ncgen_take(&r->space, r->constrained->n_phi_q);
     c->order = r->integers ? r->integers + n + 2 * r->m : NULL;
 }
 
@@ -138,16 +140,33 @@ static int energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c,
 
 /* With stiffness and damping ------------------------------------------------------------------------------------ */
 
+static ncgen_real *phi_q_values(const ncgen_run *r)
+{
+    return r->constrained->kkt.values + r->constrained->n_mass;
+}
+
+/* forces -= Phi_q' lam. */
+static void take_multipliers(const ncgen_run *r, const ncgen_real *values, ncgen_real *forces)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    for (int i = 0; i < r->m; ++i)
+        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
+            forces[phi_q->indices[k]] -= values[k] * r->slopes->lam[i];
+}
+
+static void count_correction(ncgen_run *r)
+{
+    r->statistics->evaluations += 1;
+    r->statistics->newton_steps += 1;
+    r->statistics->jacobians += 1;
+}
+
 /* M, Phi_q, K and C at r->q and r->qd; rest = [Q - M qdd - Phi_q' lam, Phi], with qdd and lam of r->slopes. */
 static int find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
     const ncgen_constrained *all = r->constrained;
-    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
-    const ncgen_real *values = all->kkt.values + all->n_mass;
     int status = ncgen_constrained_matrices(r, t);
-    r->statistics->evaluations += 1;
-    r->statistics->newton_steps += 1;
-    r->statistics->jacobians += 1;
+    count_correction(r);
     for (int i = 0; i < r->n; ++i)
         c->rest[i] = 0;
     if (status == NCGEN_OK && r->model->force)
@@ -159,9 +178,7 @@ static int find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
     ncgen_times_mass(r, all->kkt.values, r->slopes->qdd, c->change);
     for (int i = 0; i < r->n; ++i)
         c->rest[i] -= c->change[i];
-    for (int i = 0; i < r->m; ++i)
-        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
-            c->rest[phi_q->indices[k]] -= values[k] * r->slopes->lam[i];
+    take_multipliers(r, phi_q_values(r), c->rest);
     return status;
 }
 
@@ -193,11 +210,14 @@ static void fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_q
         c->matrix[i] /= c->unit;
 }
 
-/* change of [weight Phi_q'; Phi_q 0] change = [rest, -Phi / by_q]; rows that others imply keep their multipliers. */
-static int solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q)
+/* change of [weight left'; Phi_q 0] change = [rest of forces, -rest of rows / step], where weight = M + by_qd C + by_q K and
+ * left is Phi_q, perhaps at another position; rows that others imply keep their multipliers. */
+static int solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q, const ncgen_real *left,
+                                  ncgen_real step)
 {
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
     const ncgen_constrained *all = r->constrained;
+    const ncgen_real *values = phi_q_values(r);
     const ncgen_scalar *columns = r->dynamics->column_sizes, *rows = r->dynamics->row_sizes;
     const int n = r->n, size = c->size;
     fill_weight(r, c, by_qd, by_q);
@@ -205,11 +225,11 @@ static int solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real 
         c->right[i] = columns[i] * c->rest[i] / c->unit;
     for (int i = 0; i < r->m; ++i) {
         c->matrix[(n + i) * size + n + i] = all->let_go[i] ? 1 : 0;
-        c->right[n + i] = all->let_go[i] ? 0 : -c->rest[n + i] / (by_q * rows[i]);
+        c->right[n + i] = all->let_go[i] ? 0 : -c->rest[n + i] / (step * rows[i]);
         for (int k = phi_q->indptr[i]; k < (all->let_go[i] ? phi_q->indptr[i] : phi_q->indptr[i + 1]); ++k) {
             const int j = phi_q->indices[k];
-            const ncgen_real scaled = all->kkt.values[all->n_mass + k] * columns[j] / rows[i];
-            c->matrix[(n + i) * size + j] = c->matrix[j * size + n + i] = scaled;
+            c->matrix[(n + i) * size + j] = values[k] * columns[j] / rows[i];
+            c->matrix[j * size + n + i] = left[k] * columns[j] / rows[i];
         }
     }
     int orientation;
@@ -239,6 +259,95 @@ static int end_step(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_
     return status;
 }
 
+/* Forces as they are at r->q and r->qd, in c->rest. */
+static int find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
+{
+    for (int i = 0; i < r->n; ++i)
+        c->rest[i] = 0;
+    return r->model->force ? r->model->force(t, r->q, r->qd, r->p, c->rest) : NCGEN_OK;
+}
+
+/* The velocity of the drift, in r->qd, for which Phi = 0 at the end: h/2 (Q - Phi_q' lam) = M (velocity of drift - velocity)
+ * with Q of this velocity, all else at the start of the step. */
+static int drift(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    const int n = r->n;
+    const ncgen_real *velocity = r->y, *position = r->y + n;
+    ncgen_real *end = c->base, last = R(1.0e30);
+    ncgen_copy(n, position, r->q);
+    int status = ncgen_constrained_matrices(r, t);
+    ncgen_copy(r->constrained->n_phi_q, phi_q_values(r), c->left);
+    for (int i = 0; i < n; ++i)
+        r->qd[i] = velocity[i] + h / 2 * r->slopes->qdd[i];
+    for (int pass = 0; pass < ITERATION_LIMIT && status == NCGEN_OK; ++pass) {
+        count_correction(r);
+        status = find_forces(r, c, t);
+        if (status == NCGEN_OK)
+            status = ncgen_find_tangents(r, t);
+        take_multipliers(r, c->left, c->rest);
+        for (int i = 0; i < n; ++i) {
+            c->auxiliary[i] = r->qd[i] - velocity[i];
+            end[i] = position[i] + h * r->qd[i];
+        }
+        ncgen_times_mass(r, r->constrained->kkt.values, c->auxiliary, c->change);
+        for (int i = 0; i < n; ++i)
+            c->rest[i] = h / 2 * c->rest[i] - c->change[i];
+        if (status == NCGEN_OK)
+            status = r->model->phi(t + h, end, r->p, c->rest + n);
+        if (status == NCGEN_OK)
+            status = r->model->phi_q(t + h, end, r->p, phi_q_values(r));
+        if (status == NCGEN_OK)
+            status = solve_with_multipliers(r, c, h / 2, 0, c->left, h);
+        if (status != NCGEN_OK)
+            return status;
+        for (int i = 0; i < n; ++i) {
+            r->qd[i] += c->change[i];
+            c->change[i] *= h;
+        }
+        for (int i = 0; i < r->m; ++i)
+            r->slopes->lam[i] += 2 / h * c->change[n + i];
+        const ncgen_real size = scaled_size(r, c->change);
+        if (is_rounding(r, size, last))
+            return NCGEN_OK;
+        last = size;
+    }
+    return status == NCGEN_OK ? NCGEN_NOT_CONVERGED : status;
+}
+
+/* RATTLE where the kicks depend on the velocity: both take that of the drift, which keeps the symmetry. */
+static int rattle_with_damping(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    const int n = r->n;
+    int status = drift(r, c, t, h);
+    if (status != NCGEN_OK)
+        return status;
+    for (int i = 0; i < n; ++i)
+        r->q[i] = r->y[n + i] + h * r->qd[i];
+    status = ncgen_constrained_matrices(r, t + h);
+    if (status == NCGEN_OK)
+        status = find_forces(r, c, t + h);
+    for (int i = 0; i < r->m; ++i)
+        c->change[i] = 0;
+    if (status == NCGEN_OK && r->model->nu)
+        status = r->model->nu(t + h, r->q, r->p, c->change);
+    ncgen_row_rates(r, phi_q_values(r), r->qd, c->rest + n);
+    for (int i = 0; i < r->m; ++i)
+        c->rest[n + i] -= c->change[i];
+    for (int i = 0; i < n; ++i)
+        c->rest[i] *= h / 2;
+    if (status == NCGEN_OK)
+        status = solve_with_multipliers(r, c, 0, 0, phi_q_values(r), 1);
+    if (status != NCGEN_OK)
+        return status;
+    for (int i = 0; i < n; ++i) {
+        r->qd[i] += c->change[i];
+        r->slopes->qdd[i] = 2 / h * c->change[i];
+    }
+    for (int i = 0; i < r->m; ++i)
+        r->slopes->lam[i] = 2 / h * c->change[n + i];
+    return end_step(r, w, c, t, h);
+}
+
 /* Phi = 0 and M qdd + Phi_q' lam = Q at the end; positions and velocities follow from the auxiliary accelerations a by
  * Newmark's formulas, and (1 - alpha_m) a1 + alpha_m a0 = (1 - alpha_f) qdd1 + alpha_f qdd0. */
 static int generalized_alpha(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
@@ -265,7 +374,7 @@ static int generalized_alpha(ncgen_run *r, ncgen_stepping *w, ncgen_correction *
         }
         int status = find_rest(r, c, t + h);
         if (status == NCGEN_OK)
-            status = solve_with_multipliers(r, c, by_qd, by_q);
+            status = solve_with_multipliers(r, c, by_qd, by_q, phi_q_values(r), by_q);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < n; ++i) {
@@ -299,7 +408,7 @@ static int factor_penalty(ncgen_run *r, ncgen_correction *c, ncgen_scalar h)
 {
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
     const ncgen_scalar *columns = r->dynamics->column_sizes, *rows = r->dynamics->row_sizes;
-    const ncgen_real *values = r->constrained->kkt.values + r->constrained->n_mass;
+    const ncgen_real *values = phi_q_values(r);
     fill_weight(r, c, h / 2, h * h / 4);
     for (int i = 0; i < r->m; ++i)
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
@@ -316,7 +425,7 @@ static int factor_penalty(ncgen_run *r, ncgen_correction *c, ncgen_scalar h)
 static void solve_penalty(ncgen_run *r, ncgen_correction *c, const ncgen_real *force, ncgen_real factor, const ncgen_real *gap)
 {
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
-    const ncgen_real *values = r->constrained->kkt.values + r->constrained->n_mass;
+    const ncgen_real *values = phi_q_values(r);
     for (int i = 0; i < r->n; ++i)
         c->right[i] = force ? factor * force[i] : 0;
     for (int i = 0; i < r->m; ++i)
@@ -335,7 +444,7 @@ static void project_mass_orthogonally(ncgen_run *r, ncgen_correction *c, ncgen_r
     ncgen_real *gap = c->rest + r->n, last = R(1.0e30);
     for (int pass = 0; pass < PROJECTION_LIMIT; ++pass) {
         ncgen_real largest = 0;
-        ncgen_row_rates(r, r->constrained->kkt.values + r->constrained->n_mass, x, gap);
+        ncgen_row_rates(r, phi_q_values(r), x, gap);
         for (int i = 0; i < r->m; ++i) {
             gap[i] = right[i] - gap[i];
             const ncgen_real size = NCGEN_ABS(gap[i]) / r->dynamics->row_sizes[i];
@@ -384,7 +493,7 @@ static int ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
         for (int i = 0; i < m; ++i)
             gap[i] = -gap[i];
         solve_penalty(r, c, c->rest, quarter, gap);
-        ncgen_row_rates(r, r->constrained->kkt.values + r->constrained->n_mass, c->change, more);
+        ncgen_row_rates(r, phi_q_values(r), c->change, more);
         for (int i = 0; i < m; ++i) {
             more[i] -= gap[i];
             lam[i] += pushed(r, c, more, i) / quarter;
@@ -419,7 +528,7 @@ static int begin(ncgen_run *r, ncgen_correction *c)
     r->constrained->kept = 0;
     ncgen_copy(r->n, r->y, r->qd);
     ncgen_keep_state(r, r->times[0], 0);
-    if (r->options->method < NCGEN_RADAU)
+    if (!ncgen_needs_tangents(r->model, r->dynamics, r->options))
         return NCGEN_OK;
     const int status = ncgen_constrained_accelerations(r, r->times[0]);
     ncgen_copy(r->n, r->constrained->solution, r->slopes->qdd);
@@ -430,7 +539,7 @@ static int begin(ncgen_run *r, ncgen_correction *c)
 
 int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
 {
-    stepper *step = r->options->method == NCGEN_RATTLE              ? rattle
+    stepper *step = r->options->method == NCGEN_RATTLE ? ncgen_needs_tangents(r->model, r->dynamics, r->options) ? rattle_with_damping : rattle
                     : r->options->method == NCGEN_ENERGY_MOMENTUM   ? energy_momentum
                     : r->options->method == NCGEN_GENERALIZED_ALPHA ? generalized_alpha
                                                                     : ali3p;

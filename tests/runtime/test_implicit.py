@@ -118,10 +118,11 @@ STEPPED = [
     ("fourbar", 0.1, 1e-3), ("robot", 0.1, 5e-3), ("heavytop", 0.02, 2.5e-4), ("bricard", 0.1, 2.5e-3), ("flyball", 0.02, 5e-4)
 ]  # fmt: skip
 FIXED = [
+    ("lagrange", "rattle", 1e-9),  # without damping projections end where they are below their tolerance
     ("lagrange", "generalized-alpha", 1e-11),
-    ("ali3p", "trapezoidal", 1e-9),  # its penalty of 1e7 multiplies rounding
+    ("ali3p", "trapezoidal", 1e-11),
     ("coordinate-partitioning", "trapezoidal", 1e-11),
-    ("lagrange", "trapezoidal", 1e-9),  # projections end where they are below their tolerance
+    ("lagrange", "trapezoidal", 1e-9),  # so do its
 ]
 
 
@@ -130,7 +131,8 @@ FIXED = [
 def test_both_engines_step_alike(name, duration, step, formalism, integrator, tolerance):
     if (name, formalism) == ("heavytop", "coordinate-partitioning"):
         pytest.skip("the two engines change independent coordinates at different steps")
-    options = dict(formalism=formalism, integrator=integrator, max_step=step, points=2)
+    # A penalty multiplies rounding: with the usual 1e7 what two programs have in common ends at 1e-9.
+    options = dict(formalism=formalism, integrator=integrator, max_step=step, points=2, options={"alpha": 1e4} if formalism == "ali3p" else {})
     c, python = (simulate(name, duration, engine=engine, **options) for engine in ("c", "python"))
     assert c.engine == "c" and c.statistics.steps == python.statistics.steps
     assert c.q == pytest.approx(python.q, abs=tolerance)
@@ -140,7 +142,7 @@ def test_both_engines_step_alike(name, duration, step, formalism, integrator, to
 
 
 @pytest.mark.parametrize(("formalism", "integrator"), [fixed[:2] for fixed in FIXED])
-@pytest.mark.parametrize(("name", "duration", "step"), [("fourbar", 0.1, 1e-3), ("bricard", 0.1, 2.5e-3), ("flyball", 0.02, 5e-4)])
+@pytest.mark.parametrize(("name", "duration", "step"), [("fourbar", 0.1, 1e-3), ("robot", 0.1, 5e-3), ("bricard", 0.1, 2.5e-3), ("flyball", 0.02, 5e-4)])
 def test_order_two(name, duration, step, formalism, integrator):
     options = dict(formalism=formalism, integrator=integrator, points=2, engine="c")
     coarse, fine = (np.max(np.abs((simulate(name, duration, max_step=h, **options).q - exact(name, duration).q[[0, -1]]))) for h in (step, step / 2))
