@@ -21,6 +21,7 @@ from ncgen.emit.c import HEADERS, RUNTIME, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
+from ncgen.program.cost import cost
 from ncgen.program.dynamics import Split, assemble_dynamics
 from ncgen.program.elimination import Samples
 from ncgen.program.quasidefinite import Elimination, plan
@@ -137,8 +138,10 @@ class Dynamics:
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
-        if needs_tangents(self.kernels, method):
+        if uses_tangents(self.kernels, method):
             self._take_tangents()
+        else:
+            self._dynamics.tangents = ffi.NULL
         work, integers = self._space(settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
@@ -254,11 +257,15 @@ def is_conservative(kernels: CompiledKernels) -> bool:
     return all(_is_zero_at(power, block, store) for block in programs["energy"].blocks for store in block.stores if store.array == "energy")
 
 
-def needs_tangents(kernels: CompiledKernels, method: str) -> bool:
-    """True if an integrator of the runtime takes stiffness and damping, as ncgen_needs_tangents in C decides."""
+def uses_tangents(kernels: CompiledKernels, method: str) -> bool:
+    """True if an integrator takes stiffness and damping: rattle where masses are not constant or forces have no potential,
+    energy-momentum unless constraints are quadratic, masses and forces constant as well."""
+    if method not in ("rattle", "energy-momentum"):
+        return method in IMPLICIT
     programs = kernels.programs.programs
-    simple = is_conservative(kernels) and ("mass" not in programs or programs["mass"].is_constant)
-    return method in IMPLICIT or (method == "rattle" and not simple)
+    constant = all(programs[k].is_constant for k in ("mass", "force") if k in programs and (k, method) != ("force", "rattle"))
+    quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls and not programs["phi"].angles
+    return not (is_conservative(kernels) and constant and (quadratic or method == "rattle"))
 
 
 def _is_zero_at(index: int, block, store) -> bool:

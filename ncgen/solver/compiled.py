@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import SingularError
-from ncgen.program.cost import cost
 from ncgen.solver.integrators import canonical_name
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
@@ -55,7 +54,7 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
 def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, settings: dict, engine: str) -> str | None:
     """Why a simulation over all coordinates cannot run in C, in words, or None if it can."""
     from ncgen.build.library import CompiledKernels
-    from ncgen.build.runtime import FORMALISMS, METHODS
+    from ncgen.build.runtime import FORMALISMS, IMPLICIT, METHODS
 
     if not isinstance(kernels, CompiledKernels):
         return f"the kernels are {kernels.backend}, not compiled"
@@ -71,26 +70,10 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, setti
         return "the paper's sine-or-cosine rows choose anew between steps"
     if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
         return "there are no constraint rows that move"
-    return _method_refusal(kernels, formalism, canonical_name(integrator), settings)
-
-
-def _method_refusal(kernels: Kernels, formalism: str, integrator: str, settings: dict) -> str | None:
-    """What methods in C leave out: rolling conditions, which are equations of no position; energy-momentum where it is not
-    exact without corrections."""
-    from ncgen.build.runtime import IMPLICIT, is_conservative
-
-    stabilised = integrator in IMPLICIT and settings.get("stabilisation") == "baumgarte"
-    if (stabilised or (formalism, integrator) in STEPPERS) and len(kernels.holonomic) < kernels.m:
+    # Rolling conditions are equations of no position, which methods that hold Φ = 0 by themselves take apart in Python.
+    stabilised = canonical_name(integrator) in IMPLICIT and settings.get("stabilisation") == "baumgarte"
+    if (stabilised or (formalism, canonical_name(integrator)) in STEPPERS) and len(kernels.holonomic) < kernels.m:
         return f"{integrator} runs in Python with rolling conditions"
-    if integrator != "energy-momentum":
-        return None
-    if not is_conservative(kernels):
-        return "energy-momentum runs in Python where forces have no potential, and with drivers"
-    programs = kernels.programs.programs
-    quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls
-    quadratic = quadratic and not programs["phi"].angles
-    if settings["project_velocities"] or not (quadratic and all(programs[k].is_constant for k in ("mass", "force") if k in programs)):
-        return "energy-momentum runs in Python unless constraints are quadratic, masses and forces constant"
     return None
 
 
@@ -104,7 +87,7 @@ def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: st
 
     dynamics = kernels.__dict__.setdefault("_constrained", None) or ConstrainedDynamics(kernels)
     kernels._constrained = dynamics
-    projected = settings.get("stabilisation") == "projection"
+    projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"
     done = dynamics.simulate(
         canonical_name(integrator), grid, q, qd, p, tolerance=TOLERANCE, formalism=FORMALISMS[formalism], project=int(projected),

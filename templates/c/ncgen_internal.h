@@ -160,13 +160,15 @@ typedef struct ncgen_correction {
     ncgen_real *auxiliary;       /* n: the auxiliary acceleration of generalized-alpha */
     ncgen_real *base;            /* 2 n: qd and q without the accelerations at the end of the step */
     ncgen_real *left;            /* nonzeros of Phi_q at the start of the step */
+    ncgen_real *gap, *along;     /* m, n: what energy-momentum adds to Phi_q in the middle, gap along' */
+    int is_corrected;            /* does it? */
     int *order;
     ncgen_real unit;             /* the largest inertia */
     ncgen_real power;            /* at the end of the last step */
 } ncgen_correction;
 
 /* ncgen_run.c */
-int ncgen_needs_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
+int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 int ncgen_is_stepper(const ncgen_options *options); /* does the method discretise the constrained equations themselves? */
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
 void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);

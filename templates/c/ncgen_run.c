@@ -123,11 +123,13 @@ int ncgen_is_stepper(const ncgen_options *options)
            options->method == NCGEN_GENERALIZED_ALPHA || options->formalism == NCGEN_ALI3P;
 }
 
-/* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity. */
-int ncgen_needs_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
+/* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity, and
+ * energy-momentum where it is not told that it needs them. */
+int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     const int simple = dynamics->conservative && (!model->mass || model->mass_is_constant);
-    return options->method >= NCGEN_RADAU || (options->method == NCGEN_RATTLE && !simple);
+    return options->method >= NCGEN_RADAU || (options->method == NCGEN_RATTLE && !simple) ||
+           (options->method == NCGEN_ENERGY_MOMENTUM && dynamics->tangents);
 }
 
 static int is_implicit(const ncgen_options *options)
@@ -159,10 +161,37 @@ static int lay_out(ncgen_run *r, parts *w)
     return NCGEN_OK;
 }
 
+/* A run without workspace. */
+static void describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
+{
+    r->model = model;
+    r->dynamics = dynamics;
+    r->options = options;
+    r->space.base = NULL;
+    r->space.used = 0;
+    r->integers = NULL;
+    r->partitioning = NULL;
+    r->constrained = NULL;
+    r->slopes = NULL;
+    r->settle = NULL;
+    r->accept = NULL;
+    r->careful = r->rows = 0;
+}
+
+static void clear_statistics(ncgen_statistics *s, ncgen_scalar t)
+{
+    s->steps = s->rejected = s->repeated = s->evaluations = s->newton_steps = 0;
+    s->factorisations = s->perturbed = s->refinements = s->jacobians = s->fallbacks = 0;
+    s->stopped = 0;
+    s->largest_projection = 0;
+    s->t = t;
+}
+
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     parts w;
-    ncgen_run r = {.model = model, .dynamics = dynamics, .options = options};
+    ncgen_run r;
+    describe(&r, model, dynamics, options);
     lay_out(&r, &w);
     return r.space.used;
 }
@@ -177,14 +206,12 @@ static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, co
         return 0;
     if (partitioned ? dynamics->n_dependent > 0 && !dynamics->newton && !dynamics->rows : !dynamics->elimination)
         return 0;
-    if (ncgen_needs_tangents(model, dynamics, options) && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
+    if (ncgen_uses_tangents(model, dynamics, options) && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
         return 0;
     if ((options->method == NCGEN_TRAPEZOIDAL || ncgen_is_stepper(options)) && !(options->max_step > 0))
         return 0;
     if (options->formalism == NCGEN_ALI3P)
         return options->method == NCGEN_TRAPEZOIDAL;
-    if (options->method == NCGEN_ENERGY_MOMENTUM)
-        return options->formalism == NCGEN_LAGRANGE && dynamics->conservative;
     return !ncgen_is_stepper(options) || options->formalism == NCGEN_LAGRANGE;
 }
 
@@ -196,7 +223,6 @@ static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *
     for (volatile ncgen_scalar more = 2; more > 1; more = 1 + r->rounding / 2)
         r->rounding /= 2;
     r->start_t = r->times[0];
-    r->careful = 0;
     for (int i = 0; i < r->n; ++i) {
         r->start_q[i] = q[i];
         r->start_qd[i] = 0;
@@ -212,8 +238,12 @@ int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dyna
                             ncgen_real *jacobian, ncgen_real *workspace, int *integers)
 {
     parts w;
-    ncgen_statistics statistics = {0};
-    ncgen_run r = {.model = model, .dynamics = dynamics, .options = options, .p = p, .statistics = &statistics};
+    ncgen_statistics statistics;
+    ncgen_run r;
+    clear_statistics(&statistics, t);
+    describe(&r, model, dynamics, options);
+    r.p = p;
+    r.statistics = &statistics;
     r.space.base = workspace;
     r.integers = integers;
     r.times = &t;
@@ -233,7 +263,11 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     if (!possible(model, dynamics, options, n_times))
         return NCGEN_ARGUMENT;
     parts w;
-    ncgen_run r = {.model = model, .dynamics = dynamics, .options = options, .p = p, .statistics = statistics};
+    ncgen_run r;
+    clear_statistics(statistics, times[0]);
+    describe(&r, model, dynamics, options);
+    r.p = p;
+    r.statistics = statistics;
     r.space.base = workspace;
     r.integers = integers;
     r.n_times = n_times;
@@ -241,7 +275,6 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     r.out_q = out_q;
     r.out_qd = out_qd;
     r.out_work = out_work;
-    *statistics = (ncgen_statistics){.t = times[0]};
     int status = begin(&r, &w, q, velocities);
     if (status == NCGEN_OK && ncgen_is_stepper(options))
         status = ncgen_steppers(&r, &w.stepping, &w.correction);

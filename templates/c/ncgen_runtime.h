@@ -74,7 +74,7 @@ enum ncgen_method {
     NCGEN_DOP853 = 2, /* Dormand-Prince 8(5,3) with error control and dense output */
     /* The following two discretise the constrained equations themselves, with a fixed step (formalism NCGEN_LAGRANGE). */
     NCGEN_RATTLE = 3,          /* symplectic, order 2; needs tangents unless M is constant and all forces have a potential */
-    NCGEN_ENERGY_MOMENTUM = 4, /* order 2; exact energy where constraints are quadratic, M and forces constant */
+    NCGEN_ENERGY_MOMENTUM = 4, /* order 2; exact energy, without tangents where constraints are quadratic, M and forces constant */
     /* The following are implicit and need tangents. */
     NCGEN_RADAU = 5,            /* Radau IIA of order 5 with error control and dense output, for stiff mechanisms */
     NCGEN_TRAPEZOIDAL = 6,      /* order 2, with a fixed step */
@@ -98,7 +98,7 @@ typedef struct ncgen_options {
     ncgen_scalar growth;    /* coordinate partitioning: stop with NCGEN_PIVOT when the amplification has grown by this factor */
     long max_steps;         /* 0 for no limit */
     int formalism;
-    int project;            /* 1: back onto the constraints after each step */
+    int project;            /* 1: back onto the constraints after each step; of energy-momentum the velocities alone */
     ncgen_scalar penalty;   /* alpha of augmented Lagrangian and penalty, relative to the largest mass; of ali3p: times h^2 / 4 */
     ncgen_scalar damping;   /* xi and omega (1/s) of gamma - 2 xi omega Phid - omega^2 Phi; omega 0: none */
     ncgen_scalar frequency;

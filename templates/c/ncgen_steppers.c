@@ -4,9 +4,9 @@
  * state, which leave the factors of [M Phi_q'; Phi_q -E] there behind, and projections along M^-1 Phi_q' with those factors.
  * What an acceleration has along that direction does not matter: the projection that follows puts it right.
  *
- * Generalized-alpha (Arnold and Bruels 2007), the index-3 augmented Lagrangian (Bayo and Ledesma 1996) and RATTLE where forces
- * depend on velocities or masses on position solve the equations of a step by Newton's method with stiffness and damping, in
- * dense matrices without units.
+ * Generalized-alpha (Arnold and Bruels 2007), the index-3 augmented Lagrangian (Bayo and Ledesma 1996), RATTLE where forces
+ * depend on velocities or masses on position, and the energy-momentum method for any forces and constraints (Gonzalez 1996) solve
+ * the equations of a step by Newton's method with stiffness and damping, in dense matrices without units.
  */
 #include "ncgen_internal.h"
 
@@ -15,12 +15,15 @@ enum {
     PROJECTION_LIMIT = 6
 };
 
+/* A step that moves less than this, in natural sizes, needs no correction: it would be rounding over rounding. */
+static const ncgen_scalar still = R(1.0e-10);
+
 void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
 {
     const int n = r->n;
     w->new_y = ncgen_take(&r->space, r->ny);
     w->at = ncgen_take(&r->space, r->ny);
-    if (!ncgen_needs_tangents(r->model, r->dynamics, r->options))
+    if (!ncgen_uses_tangents(r->model, r->dynamics, r->options))
         return;
     c->size = r->options->formalism == NCGEN_ALI3P ? n : n + r->m;
     c->matrix = ncgen_take(&r->space, c->size * c->size);
@@ -31,6 +34,8 @@ void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     c->auxiliary = ncgen_take(&r->space, n);
     c->base = ncgen_take(&r->space, 2 * n);
     c->left = ncgen_take(&r->space, r->constrained->n_phi_q);
+    c->gap = ncgen_take(&r->space, r->m);
+    c->along = ncgen_take(&r->space, n);
     c->order = r->integers ? r->integers + n + 2 * r->m : NULL;
 }
 
@@ -211,7 +216,7 @@ static void fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_q
 }
 
 /* change of [weight left'; Phi_q 0] change = [rest of forces, -rest of rows / step], where weight = M + by_qd C + by_q K and
- * left is Phi_q, perhaps at another position; rows that others imply keep their multipliers. */
+ * left is Phi_q, perhaps at another position, with gap along' added; rows that others imply keep their multipliers. */
 static int solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q, const ncgen_real *left,
                                   ncgen_real step)
 {
@@ -232,6 +237,9 @@ static int solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real 
             c->matrix[j * size + n + i] = left[k] * columns[j] / rows[i];
         }
     }
+    for (int i = 0; i < (c->is_corrected ? r->m : 0); ++i)
+        for (int j = 0; j < n; ++j)
+            c->matrix[j * size + n + i] += all->let_go[i] ? 0 : c->gap[i] * c->along[j] * columns[j] / rows[i];
     int orientation;
     const int status = ncgen_lu_factor(size, c->matrix, c->order, &orientation);
     if (status != NCGEN_OK)
@@ -242,6 +250,35 @@ static int solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real 
     for (int i = 0; i < r->m; ++i)
         c->change[n + i] = c->unit * c->x[n + i] / rows[i];
     return NCGEN_OK;
+}
+
+/* A step of the midpoint rule with the velocities w->new_y at its end: its state, its work, and if wanted the velocities onto the
+ * constraints. */
+static int end_midpoint(ncgen_run *r, ncgen_stepping *w, const ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    ncgen_real energy[3] = {0, 0, 0};
+    ncgen_real *nu = c->rest + r->n;
+    for (int i = 0; i < r->n; ++i) {
+        r->qd[i] = (r->y[i] + w->new_y[i]) / 2;
+        r->q[i] = r->y[r->n + i] + h / 2 * r->qd[i];
+    }
+    int status = r->model->energy ? r->model->energy(t + h / 2, r->q, r->qd, r->p, energy) : NCGEN_OK;
+    if (status == NCGEN_OK && r->model->nu) {
+        status = r->model->nu(t + h / 2, r->q, r->p, nu);
+        energy[2] -= ncgen_dot(r->m, nu, r->slopes->lam);
+    }
+    w->new_y[2 * r->n] = r->y[2 * r->n] + h * energy[2];
+    for (int i = 0; i < r->n; ++i) {
+        r->q[i] = r->y[r->n + i] + h * r->qd[i];
+        r->qd[i] = w->new_y[i];
+    }
+    ncgen_constrained_rows(r);
+    if (status != NCGEN_OK || !r->options->project)
+        return status;
+    status = ncgen_constrained_matrices(r, t + h);
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_factor(r);
+    return status == NCGEN_OK ? ncgen_constrained_velocity(r, t + h) : status;
 }
 
 /* The state in r->q, r->qd ends the step: its rows, and its work by the trapezoidal rule. */
@@ -346,6 +383,111 @@ static int rattle_with_damping(ncgen_run *r, ncgen_stepping *w, ncgen_correction
     for (int i = 0; i < r->m; ++i)
         r->slopes->lam[i] = 2 / h * c->change[n + i];
     return end_step(r, w, c, t, h);
+}
+
+/* Kinetic and potential energy and power; zero without bodies. */
+static int find_energy(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real energy[3])
+{
+    energy[0] = energy[1] = energy[2] = 0;
+    return r->model->energy ? r->model->energy(t, q, qd, r->p, energy) : NCGEN_OK;
+}
+
+/* Gonzalez' discrete gradient. Phi_q and Q in the middle, r->q and r->qd, are in c->left and c->rest; what is added to them
+ * along the step, gap along' and forces, makes their work that of Phi and of the energies at the ends. */
+static int correct_along(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h, const ncgen_real *end_q,
+                         const ncgen_real *end_qd)
+{
+    const int n = r->n;
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    const ncgen_real *velocity = r->y, *position = r->y + n;
+    ncgen_real before[3], after[3], middle[3], square = 0, missing = 0;
+    ncgen_real *moved = c->base + n, *rates = c->change + n;
+    int status = find_energy(r, t, position, velocity, before);
+    status |= find_energy(r, t + h, end_q, end_qd, after);
+    status |= find_energy(r, t + h / 2, r->q, r->qd, middle);
+    for (int i = 0; i < n; ++i) {
+        moved[i] = end_q[i] - position[i];
+        c->along[i] = moved[i] / (sizes[i] * sizes[i]);
+        square += moved[i] * c->along[i];
+    }
+    c->is_corrected = square > still * still;
+    if (status != NCGEN_OK || !c->is_corrected)
+        return status == NCGEN_OK ? NCGEN_OK : NCGEN_DOMAIN;
+    for (int i = 0; i < n; ++i)
+        c->along[i] /= square;
+    ncgen_row_rates(r, c->left, moved, rates);
+    status = r->model->phi(t + h, end_q, r->p, c->gap);
+    for (int i = 0; i < r->m; ++i)
+        c->gap[i] -= rates[i];
+    if (status == NCGEN_OK)
+        status = r->model->phi(t, position, r->p, rates);
+    for (int i = 0; i < r->m; ++i) {
+        c->gap[i] -= rates[i];
+        rates[i] = 0;
+    }
+    if (status == NCGEN_OK && r->model->nu)
+        status = r->model->nu(t + h / 2, r->q, r->p, rates);
+    for (int i = 0; i < r->m; ++i)
+        c->gap[i] += h * rates[i];
+    /* c->change is M (end_qd - velocity) */
+    missing = before[1] - after[1] + h * middle[2] + ncgen_dot(n, r->qd, c->change) - (after[0] - before[0]) - ncgen_dot(n, c->rest, moved);
+    for (int i = 0; i < n; ++i)
+        c->rest[i] += missing * c->along[i];
+    return status;
+}
+
+/* The midpoint rule with the discrete gradient: T + V - W is kept to rounding for any masses, forces and constraints. */
+static int energy_momentum_corrected(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    const int n = r->n;
+    const ncgen_real *velocity = r->y, *position = r->y + n;
+    ncgen_real *end_qd = w->new_y, *end_q = c->base, *lam = r->slopes->lam, *qdd = r->slopes->qdd;
+    ncgen_real last = R(1.0e30);
+    ncgen_copy(n, velocity, end_qd);
+    for (int pass = 0; pass < ITERATION_LIMIT; ++pass) {
+        for (int i = 0; i < n; ++i) {
+            r->qd[i] = (velocity[i] + end_qd[i]) / 2;
+            r->q[i] = position[i] + h / 2 * r->qd[i];
+            end_q[i] = position[i] + h * r->qd[i];
+            qdd[i] = (end_qd[i] - velocity[i]) / h;
+        }
+        count_correction(r);
+        int status = ncgen_constrained_matrices(r, t + h / 2);
+        ncgen_copy(r->constrained->n_phi_q, phi_q_values(r), c->left);
+        if (status == NCGEN_OK)
+            status = find_forces(r, c, t + h / 2);
+        if (status == NCGEN_OK)
+            status = ncgen_find_tangents(r, t + h / 2);
+        for (int i = 0; i < n; ++i)
+            c->auxiliary[i] = h * qdd[i];
+        ncgen_times_mass(r, r->constrained->kkt.values, c->auxiliary, c->change);
+        if (status == NCGEN_OK)
+            status = correct_along(r, c, t, h, end_q, end_qd);
+        take_multipliers(r, c->left, c->rest);
+        const ncgen_real extra = c->is_corrected ? ncgen_dot(r->m, c->gap, lam) : 0;
+        for (int i = 0; i < n; ++i)
+            c->rest[i] = h * (c->rest[i] - extra * c->along[i]) - c->change[i];
+        if (status == NCGEN_OK)
+            status = r->model->phi(t + h, end_q, r->p, c->rest + n);
+        if (status == NCGEN_OK)
+            status = r->model->phi_q(t + h, end_q, r->p, phi_q_values(r));
+        if (status == NCGEN_OK)
+            status = solve_with_multipliers(r, c, h / 2, h * h / 4, c->left, h / 2);
+        c->is_corrected = 0;
+        if (status != NCGEN_OK)
+            return status;
+        for (int i = 0; i < n; ++i) {
+            end_qd[i] += c->change[i];
+            c->change[i] *= h / 2;
+        }
+        for (int i = 0; i < r->m; ++i)
+            lam[i] += c->change[n + i] / h;
+        const ncgen_real size = scaled_size(r, c->change);
+        if (is_rounding(r, size, last))
+            return end_midpoint(r, w, c, t, h);
+        last = size;
+    }
+    return NCGEN_NOT_CONVERGED;
 }
 
 /* Phi = 0 and M qdd + Phi_q' lam = Q at the end; positions and velocities follow from the auxiliary accelerations a by
@@ -526,9 +668,10 @@ typedef int stepper(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_
 static int begin(ncgen_run *r, ncgen_correction *c)
 {
     r->constrained->kept = 0;
+    c->is_corrected = 0;
     ncgen_copy(r->n, r->y, r->qd);
     ncgen_keep_state(r, r->times[0], 0);
-    if (!ncgen_needs_tangents(r->model, r->dynamics, r->options))
+    if (!ncgen_uses_tangents(r->model, r->dynamics, r->options))
         return NCGEN_OK;
     const int status = ncgen_constrained_accelerations(r, r->times[0]);
     ncgen_copy(r->n, r->constrained->solution, r->slopes->qdd);
@@ -539,8 +682,9 @@ static int begin(ncgen_run *r, ncgen_correction *c)
 
 int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
 {
-    stepper *step = r->options->method == NCGEN_RATTLE ? ncgen_needs_tangents(r->model, r->dynamics, r->options) ? rattle_with_damping : rattle
-                    : r->options->method == NCGEN_ENERGY_MOMENTUM   ? energy_momentum
+    const int tangents = ncgen_uses_tangents(r->model, r->dynamics, r->options);
+    stepper *step = r->options->method == NCGEN_RATTLE              ? (tangents ? rattle_with_damping : rattle)
+                    : r->options->method == NCGEN_ENERGY_MOMENTUM   ? (tangents ? energy_momentum_corrected : energy_momentum)
                     : r->options->method == NCGEN_GENERALIZED_ALPHA ? generalized_alpha
                                                                     : ali3p;
     const ncgen_scalar start = r->times[0], end = r->times[r->n_times - 1];

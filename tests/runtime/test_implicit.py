@@ -118,6 +118,7 @@ STEPPED = [
     ("fourbar", 0.1, 1e-3), ("robot", 0.1, 5e-3), ("heavytop", 0.02, 2.5e-4), ("bricard", 0.1, 2.5e-3), ("flyball", 0.02, 5e-4)
 ]  # fmt: skip
 FIXED = [
+    ("lagrange", "energy-momentum", 1e-10),
     ("lagrange", "rattle", 1e-9),  # without damping projections end where they are below their tolerance
     ("lagrange", "generalized-alpha", 1e-11),
     ("ali3p", "trapezoidal", 1e-11),
