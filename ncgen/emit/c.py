@@ -33,6 +33,11 @@ RUNTIME = (
     "ncgen_explicit.c",
     "ncgen_implicit.c",
     "ncgen_steppers.c",
+    "ncgen_correction.c",
+    "ncgen_rattle.c",
+    "ncgen_energy_momentum.c",
+    "ncgen_generalized_alpha.c",
+    "ncgen_ali3p.c",
 )
 WIDTH = 100
 

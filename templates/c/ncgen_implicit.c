@@ -432,7 +432,9 @@ static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncg
         least = 1;
         for (int i = 0; i < r->weighed; ++i) {
             w->new_y[i] += m->change[i];
-            if (!(NCGEN_ABS(m->change[i]) <= size))
+            if (m->change[i] != m->change[i])
+                return NCGEN_NOT_CONVERGED;
+            if (NCGEN_ABS(m->change[i]) > size)
                 size = NCGEN_ABS(m->change[i]);
             if (NCGEN_ABS(w->new_y[i]) > least)
                 least = NCGEN_ABS(w->new_y[i]);

@@ -150,7 +150,7 @@ typedef struct ncgen_implicit {
     ncgen_real last_error;
 } ncgen_implicit;
 
-/* The equations of a step and their Newton steps (ncgen_steppers.c). */
+/* The equations of a step and their Newton steps (ncgen_correction.c). */
 typedef struct ncgen_correction {
     int size;                    /* n, or n + m where multipliers are unknowns */
     ncgen_real *matrix;          /* size x size */
@@ -230,6 +230,25 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);
 int ncgen_implicit_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);
 void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c);
 int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c);
+
+/* Methods for constrained equations, one a file: a step from t to t + h, whose end is left in r->q, r->qd and the work in
+ * w->new_y. */
+typedef int ncgen_stepper(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h);
+ncgen_stepper ncgen_rattle, ncgen_rattle_with_damping, ncgen_energy_momentum, ncgen_energy_momentum_corrected;
+ncgen_stepper ncgen_generalized_alpha, ncgen_ali3p;
+
+/* ncgen_correction.c: what they share. */
+ncgen_real ncgen_correction_size(const ncgen_run *r, const ncgen_real *x);
+int ncgen_is_rounding(const ncgen_run *r, ncgen_real size, ncgen_real last);
+ncgen_real *ncgen_phi_q_values(const ncgen_run *r);
+void ncgen_subtract_multipliers(const ncgen_run *r, const ncgen_real *values, ncgen_real *forces);
+void ncgen_count_correction(ncgen_run *r);
+int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t);
+int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t);
+void ncgen_fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q);
+int ncgen_solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q, const ncgen_real *left,
+                                 ncgen_real step);
+int ncgen_end_step(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h);
 
 /* ncgen_sparse.c */
 void ncgen_kkt_layout(ncgen_kkt *k, const ncgen_elimination *plan, int nonzeros, ncgen_space *space);

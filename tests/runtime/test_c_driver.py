@@ -60,15 +60,17 @@ int main(int count, char **words)
     dynamics.row_sizes = row_sizes;
     dynamics.elimination = &elimination;
     dynamics.singular_mass = SINGULAR_MASS;
-    dynamics.conservative = 1;
+    dynamics.conservative = count == 3;
     dynamics.n_independent = N_INDEPENDENT;
     dynamics.independent = independent;
     dynamics.dependent = dependent;
     dynamics.rows = rows_kept;
     dynamics.tangents = @_tangents();
     ncgen_options options = {0};
-    options.formalism = count == 3 ? atoi(words[1]) : -1;
-    options.method = count == 3 ? atoi(words[2]) : -1;
+    options.formalism = count > 2 ? atoi(words[1]) : -1;
+    options.method = count > 2 ? atoi(words[2]) : -1;
+    if (options.method == NCGEN_ENERGY_MOMENTUM && count == 3)
+        dynamics.tangents = NULL;
     dynamics.n_dependent = options.formalism == NCGEN_COORDINATE_PARTITIONING ? (int)n - N_INDEPENDENT : RANK;
     options.growth = (ncgen_scalar)1e9L;
     options.alpha_f = (ncgen_scalar)0.4L;
@@ -138,9 +140,9 @@ def build_driver(kernels, folder, tolerance, duration, flags, step="0.0", rank=0
     assert built.returncode == 0, built.stderr
 
 
-def run_driver(folder, formalism: str, method: str) -> np.ndarray:
-    """q at the end, as the nearest doubles and what is left."""
-    command = ["./driver", str(FORMALISMS[formalism]), str(METHODS[method])]
+def run_driver(folder, formalism: str, method: str, *general: str) -> np.ndarray:
+    """q at the end, as the nearest doubles and what is left; general: anything to take forces as if they had no potential."""
+    command = ["./driver", str(FORMALISMS[formalism]), str(METHODS[method]), *general]
     done = subprocess.run(command, cwd=folder, env={"ASAN_OPTIONS": "detect_leaks=0"}, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return np.array([[float(x) for x in line.split()] for line in done.stdout.splitlines()])
@@ -159,15 +161,15 @@ def sanitized(tmp_path_factory):
     return folder
 
 
+@pytest.mark.parametrize("general", [(), ("general",)], ids=["plain", "general"])
 @pytest.mark.parametrize(("formalism", "method"), [
-    *((formalism, method) for formalism in ORDINARY for method in ("dopri5", "dop853", "rk4", "radau", "trapezoidal")),
-    *(("coordinate-partitioning", method) for method in ("dopri5", "dop853", "rk4", "radau", "trapezoidal")),
+    *((formalism, method) for formalism in (*ORDINARY, "coordinate-partitioning") for method in ("dopri5", "dop853", "rk4", "radau", "trapezoidal")),
     *(("lagrange", method) for method in ("rattle", "energy-momentum", "generalized-alpha")),
     ("ali3p", "trapezoidal"),
 ])  # fmt: skip
-def test_within_its_workspace(sanitized, formalism, method):
+def test_within_its_workspace(sanitized, formalism, method, general):
     """Under the address and undefined-behaviour sanitizers, with canaries around everything that is written."""
-    run_driver(sanitized, formalism, method)
+    run_driver(sanitized, formalism, method, *general)
 
 
 @pytest.mark.parametrize(("type_name", "method", "tolerance", "error"), [
@@ -190,6 +192,16 @@ def test_every_number_type_reaches_its_precision(type_name, method, tolerance, e
     build_driver(kernels, tmp_path, tolerance, text, ("-O2", TYPES[type_name]))
     end = run_driver(tmp_path, "lagrange", method)
     assert abs(end[0].sum()) < error
+
+
+def test_it_is_cpp_as_well(tmp_path):
+    """For those who embed it in a C++ project and compile all sources alike."""
+    for name in RUNTIME + HEADERS:
+        (tmp_path / name).write_text(verbatim(f"c/{name}"))
+    sources = [name for name in RUNTIME if name.endswith(".c")]
+    command = ["g++", "-x", "c++", "-std=c++11", *STRICT[1:], "-O0", "-c", *sources]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_no_state_and_no_calls_but_libm(tmp_path):
