@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 from collections.abc import Iterator
 
 import numpy as np
@@ -107,39 +109,58 @@ def _state_section(kernels):
     yield "state", sorted(records, key=lambda record: record["seconds"])
 
 
+def as_csv(records: list[dict]) -> str:
+    """Records as a table for machines, a line each."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(dict.fromkeys(key for r in records for key in r)), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue()
+
+
 # -- for people --------------------------------------------------------------------------------------------------------
+
+LEAST = 1e-20
+"""The least error that is drawn: numbers without one have a place, too."""
 
 HEAD = ("", "from C, ns", "from Python, µs", "quartiles", "ratio", "error", "ulps", "rms", "generated, s", "compiled, s", "operations", "bytes")
 
 
 def table(records: list[dict]) -> list[tuple[str, ...]]:
-    """Rows of cells, titles first; the ratio is to the quickest generated code in the table."""
-    own = [r["seconds"] for r in records if r["tool"].startswith("generated")]
+    """Rows of cells, titles first; the ratio is to the quickest generated code in double."""
+    own = [r["seconds"] for r in records if r["tool"].startswith("generated") and not r["tool"].endswith("float")]
     rows = [HEAD]
-    for r in records:
+    for number, r in enumerate(records, 1):
         unit = 1e9 if r["place"] == "C" else 1e6
         time = f"{unit * r['seconds']:.{0 if unit == 1e9 else 2}f}"
         spread = f"{unit * r['low']:.3g}-{unit * r['high']:.3g}" + (" noisy" if r["noisy"] else "")
-        cells = [r["tool"], *((time, "") if r["place"] == "C" else ("", time)), spread, f"{r['seconds'] / min(own):.3g}"]
+        cells = [f"{number:2}  {r['tool']}", *((time, "") if r["place"] == "C" else ("", time)), spread, f"{r['seconds'] / min(own):.3g}"]
         cells += [f"{r['error']:.1e}", f"{r['ulps_max']:.2g}", f"{r['ulps_rms']:.2g}"]
         cells += ["" if r[key] is None else f"{r[key]:.2f}" for key in ("generation", "compilation")]
         rows.append((*cells, *("" if r[key] is None else str(r[key]) for key in ("operations", "code"))))
     return rows
 
 
-def chart(records: list[dict], title: str):
-    """Error against time, both logarithmic: the lower left corner is where one wants to be."""
+def figure(sections: dict[str, list[dict]]):
+    """Error against time of every tool, both logarithmic, a panel a kernel: the lower left corner is where one wants to be."""
     from ncgen.view.chart import GRID, empty
 
-    figure = empty(8.0, 4.8)
-    figure.set_layout_engine("constrained")
-    axes = figure.add_subplot(xscale="log", yscale="log", xlabel="seconds a call", ylabel="relative error", title=title)
-    axes.grid(**GRID)
-    axes.set_axisbelow(True)
-    for number, r in enumerate(records):
-        generated = r["tool"].startswith("generated")
-        style = dict(color="#c8102e" if generated else "#30506b", marker="o" if r["place"] == "C" else "s")
-        axes.plot(r["seconds"], max(r["error"], 1e-17), linestyle="", markersize=5, **style)
-        axes.annotate(r["tool"], (r["seconds"], max(r["error"], 1e-17)), xytext=(4, 4 + 7 * (number % 3)), textcoords="offset points", fontsize=6)
-    axes.margins(0.12)
-    return figure
+    drawn = {kernel: records for kernel, records in sections.items() if kernel in TITLES}
+    chart = empty(9.0, 4.2 * max(len(drawn), 1))
+    chart.set_layout_engine("constrained")
+    for place, (kernel, records) in enumerate(drawn.items(), 1):
+        axes = chart.add_subplot(len(drawn), 1, place, xscale="log", yscale="log", ylabel="relative error", title=TITLES[kernel])
+        axes.set_xlabel("time of a call (s)")
+        axes.grid(**GRID)
+        axes.set_axisbelow(True)
+        for number, r in enumerate(records, 1):
+            x, y = r["seconds"], max(r["error"], LEAST)
+            generated = r["tool"].startswith("generated")
+            axes.plot(x, y, "o" if r["place"] == "C" else "s", color="#c8102e" if generated else "#30506b", markersize=5)
+            axes.annotate(str(number), (x, y), xytext=(0, 5 + 8 * (number % 2)), textcoords="offset points", fontsize=7, ha="center")
+        names = "\n".join(f"{n}  {r['tool']}" for n, r in enumerate(records, 1))
+        axes.text(1.02, 1.0, names, transform=axes.transAxes, fontsize=7, va="top")
+        axes.margins(0.1)
+        errors = [max(r["error"], LEAST) for r in records]
+        axes.set_ylim(min(errors) / 30, max(errors) * 30)
+    return chart

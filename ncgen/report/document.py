@@ -31,7 +31,7 @@ def page(title: str, sections: list[Section], machine: dict[str, str]) -> str:
 def svg(chart: Figure) -> str:
     """A figure as an <svg> element; the same figure gives the same text."""
     data = BytesIO()
-    with rc_context({"svg.hashsalt": "ncgen"}):
+    with rc_context({"svg.hashsalt": "ncgen", "svg.fonttype": "none"}):
         chart.savefig(data, format="svg", metadata={"Date": None, "Creator": None})
     text = data.getvalue().decode()
     text = re.sub(r"<metadata>.*?</metadata>", "", text, flags=re.DOTALL)

@@ -19,7 +19,7 @@ def rivals(kernels: Kernels, complex_kernels: Kernels, inputs: Inputs, names) ->
     ways = {
         "finite differences, 2 points": (forward, kernels),
         "finite differences, 3 points": (central, kernels),
-        "complex step, NumPy": (_complex, complex_kernels),
+        "complex step, NumPy": (complex_step, complex_kernels),
     }
     found = []
     for name, (slope, used) in ways.items():
@@ -53,7 +53,7 @@ def central(function, x, direction) -> np.ndarray:
     return (function(x + h * direction) - function(x - h * direction)) / (2 * h)
 
 
-def _complex(function, x, direction) -> np.ndarray:
+def complex_step(function, x, direction) -> np.ndarray:
     """Nothing cancels, so the step may be as small as one likes (Squire and Trapp 1998)."""
     return function(x + 1j * IMAGINARY * direction).imag / IMAGINARY
 
