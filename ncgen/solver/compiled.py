@@ -77,7 +77,9 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, setti
     return None
 
 
-def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, stop=None, **steps) -> str | None:
+def run_constrained(
+    path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, stop=None, **steps
+) -> str | None:
     """Fill an empty path over a time grid with a formalism over all coordinates.
 
     settings: the formalism's options (`ncgen.solver.formalisms`); stop: where to end before (`ncgen.solver.stop.Stop`)

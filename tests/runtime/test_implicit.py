@@ -74,7 +74,9 @@ def test_jacobian_of_all_coordinates(name, formalism, gains):
     assert found == pytest.approx(np.hstack([by_qd, by_q]), abs=1e-10 * np.max(np.abs(by_q)))
 
 
-@pytest.mark.parametrize(("formalism", "engine"), [("coordinate-partitioning", "c"), ("coordinate-partitioning", "emitted"), ("lagrange", "c")])
+@pytest.mark.parametrize(
+    ("formalism", "engine"), [("coordinate-partitioning", "c"), ("coordinate-partitioning", "emitted"), ("lagrange", "c")]
+)
 @pytest.mark.parametrize(("name", "duration"), [("flyball", 0.5), ("andrews", 0.02), ("robot", 0.3), ("bricard", 0.5), ("suspension", 0.2)])
 def test_radau(name, duration, formalism, engine):
     """As many steps as SciPy's Radau takes with the same Jacobian, and an error of the size of the tolerance."""
@@ -133,7 +135,9 @@ def test_both_engines_step_alike(name, duration, step, formalism, integrator, to
     if (name, formalism) == ("heavytop", "coordinate-partitioning"):
         pytest.skip("the two engines change independent coordinates at different steps")
     # A penalty multiplies rounding: with the usual 1e7 what two programs have in common ends at 1e-9.
-    options = dict(formalism=formalism, integrator=integrator, max_step=step, points=2, options={"alpha": 1e4} if formalism == "ali3p" else {})
+    options = dict(
+        formalism=formalism, integrator=integrator, max_step=step, points=2, options={"alpha": 1e4} if formalism == "ali3p" else {}
+    )
     c, python = (simulate(name, duration, engine=engine, **options) for engine in ("c", "python"))
     assert c.engine == "c" and c.statistics.steps == python.statistics.steps
     assert c.q == pytest.approx(python.q, abs=tolerance)
@@ -143,17 +147,23 @@ def test_both_engines_step_alike(name, duration, step, formalism, integrator, to
 
 
 @pytest.mark.parametrize(("formalism", "integrator"), [fixed[:2] for fixed in FIXED])
-@pytest.mark.parametrize(("name", "duration", "step"), [("fourbar", 0.1, 1e-3), ("robot", 0.1, 5e-3), ("bricard", 0.1, 2.5e-3), ("flyball", 0.02, 5e-4)])
+@pytest.mark.parametrize(
+    ("name", "duration", "step"), [("fourbar", 0.1, 1e-3), ("robot", 0.1, 5e-3), ("bricard", 0.1, 2.5e-3), ("flyball", 0.02, 5e-4)]
+)
 def test_order_two(name, duration, step, formalism, integrator):
     options = dict(formalism=formalism, integrator=integrator, points=2, engine="c")
-    coarse, fine = (np.max(np.abs((simulate(name, duration, max_step=h, **options).q - exact(name, duration).q[[0, -1]]))) for h in (step, step / 2))
+    coarse, fine = (
+        np.max(np.abs((simulate(name, duration, max_step=h, **options).q - exact(name, duration).q[[0, -1]]))) for h in (step, step / 2)
+    )
     assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.1)
 
 
 @pytest.mark.parametrize("option", [{"rho": 0.0}, {"hht": 0.2}], ids=str)
 def test_numerical_damping_is_an_option_of_both(option):
     options = dict(formalism="lagrange", integrator="generalized-alpha", max_step=1e-3, points=2, options=option)
-    c, python, usual = (simulate("fourbar", 0.1, engine=e, **{**options, "options": o}) for e, o in (("c", option), ("python", option), ("c", {})))
+    c, python, usual = (
+        simulate("fourbar", 0.1, engine=e, **{**options, "options": o}) for e, o in (("c", option), ("python", option), ("c", {}))
+    )
     assert c.q == pytest.approx(python.q, abs=1e-11)
     assert np.max(np.abs(usual.q - c.q)) > 1e-7
     with pytest.raises(ModelError, match="the spectral radius"):
