@@ -218,12 +218,13 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
     return ncgen_partitioning_accelerate(r, t, zd);
 }
 
+/* Is no number infinite or none at all? With one of these the sum is, too, and to look at the sum alone costs least. */
 static int is_finite(int count, const ncgen_real *x)
 {
+    ncgen_real sum = 0;
     for (int i = 0; i < count; ++i)
-        if (!(NCGEN_ABS(x[i]) < broken_down))
-            return 0;
-    return 1;
+        sum += x[i];
+    return sum - sum >= 0;
 }
 
 /* The dependent coordinates of y at time t for the independent ones. */

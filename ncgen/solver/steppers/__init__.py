@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from math import ceil
 
-import numpy as np
-
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.path import Path
