@@ -30,8 +30,17 @@ RUNTIME = (
     "ncgen_constrained.c",
     "ncgen_dense.c",
     "ncgen_sparse.c",
+    "ncgen_lu.c",
+    "ncgen_jacobian.c",
+    "ncgen_grid.c",
     "ncgen_explicit.c",
+    "ncgen_implicit.c",
     "ncgen_steppers.c",
+    "ncgen_correction.c",
+    "ncgen_rattle.c",
+    "ncgen_energy_momentum.c",
+    "ncgen_generalized_alpha.c",
+    "ncgen_ali3p.c",
 )
 WIDTH = 100
 
