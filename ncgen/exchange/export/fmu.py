@@ -61,10 +61,12 @@ class Group:
 def fmu(package: Package, version: int) -> bytes:
     """The unit as the bytes of its archive. Raises NcgenError without fmpy, CompileError without a compiler."""
     headers = _headers(version)
+    package = package.with_tangents()
     groups = _groups(package)
     variables = [v for group in groups for v in group.variables]
     token = hashlib.sha256("".join(package.c.values()).encode() + repr(variables).encode()).hexdigest()[:32]
     records = package.records | {
+        "standard": version,
         "token": f"{{{uuid.UUID(token)}}}",
         "groups": groups,
         "end": len(variables),

@@ -7,7 +7,7 @@ ROBOT_NCGEN_OK, ncgen.h becomes robot_ncgen.h. So two exported mechanisms live i
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +23,7 @@ from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import Angle, Vector
 from ncgen.program.cost import cost
-from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion
+from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
 from ncgen.solver.assembly import assemble
 from ncgen.solver.partition import choose_partitions, kinematics
 from ncgen.solver.rank import freedom, trial_positions
@@ -39,7 +39,7 @@ NEWTON_STEPS = 4
 class Package:
     """A mechanism ready to be written for a target.
 
-    q, qd: where it starts, consistent; duration: s; dof: degrees of freedom
+    q, qd: where it starts, consistent; duration: s; dof: degrees of freedom; tangents: of the programs, where a target has them
     """
 
     sources: Sources
@@ -50,6 +50,12 @@ class Package:
     qd: np.ndarray
     duration: float
     dof: int
+    tangents: FullMotion | None = None
+
+    def with_tangents(self) -> Package:
+        """The same with the tangents of its motion."""
+        tangents = assemble_full_tangents(self.sources.programs.equations, self.sizes, self.kernels.holonomic)
+        return replace(self, tangents=tangents)
 
     @property
     def prefix(self) -> str:
@@ -98,7 +104,8 @@ class Package:
             "kernel_shapes": [
                 {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
             ],
-            **program_records((self.programs.closing, self.programs.motion), self.prefix),
+            "tangents": self.tangents is not None,
+            **program_records([p for pair in (self.programs, self.tangents) if pair for p in (pair.closing, pair.motion)], self.prefix, "motion"),
             "width": 100,
         }
 
