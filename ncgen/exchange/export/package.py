@@ -22,6 +22,7 @@ from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import Angle, Vector
+from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
 from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
 from ncgen.solver.assembly import assemble
@@ -105,9 +106,13 @@ class Package:
                 {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
             ],
             "tangents": self.tangents is not None,
-            **program_records([p for pair in (self.programs, self.tangents) if pair for p in (pair.closing, pair.motion)], self.prefix, "motion"),
+            **program_records(self._motion_programs(), self.prefix, "motion"),
             "width": 100,
         }
+
+    def _motion_programs(self) -> list[Program]:
+        pairs = [pair for pair in (self.programs, self.tangents) if pair]
+        return [program for pair in pairs for program in (pair.closing, pair.motion)]
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""
