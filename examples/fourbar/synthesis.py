@@ -113,9 +113,7 @@ def main() -> None:
     print(f"{'derivatives':12} {'sum of squares':>20} {'largest gradient':>17} {'steps':>6} {'evaluations':>12} {'ms':>7}")
     for derivatives, (found, linkage, seconds) in results.items():
         slope = np.max(np.abs(linkage.slopes(found.x).T @ linkage.misses(found.x)))
-        print(
-            f"{derivatives:12} {2 * found.cost:20.13e} {slope:17.1e} {found.nfev:6} {linkage.evaluations - 2:12} {1e3 * seconds:7.1f}"
-        )
+        print(f"{derivatives:12} {2 * found.cost:20.13e} {slope:17.1e} {found.nfev:6} {linkage.evaluations - 2:12} {1e3 * seconds:7.1f}")
     found, linkage, _ = results["exact"]
     print("\nlengths:", ", ".join(f"{name} {value:.6f}" for name, value in zip(linkage.kernels.parameters, found.x, strict=True)))
     print(f"farthest from a target: {np.max(np.hypot(*linkage.misses(found.x).reshape(5, 2).T)):.2e}")
