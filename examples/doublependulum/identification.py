@@ -2,7 +2,7 @@
 
 Mass, centre and moment of inertia of a rod are those of three point masses, at its ends and in its middle. What the mass at A
 is does not matter, and those at B add up: four numbers say all that a motion can tell. The measurement is made here: uniform
-rods of 1 kg and 0.5 kg, a known motor torque at the shoulder, positions of B and C every 10 ms for 1 s, and noise of 1 mm
+rods of 1 kg and 0.5 kg, a known motor torque at the shoulder, positions of B and C every 20 ms for 1 s, and noise of 1 mm
 from a seeded generator. scipy's least squares finds the numbers again, once with the exact derivatives of the motion, once
 with finite differences of simulations.
 
@@ -25,7 +25,7 @@ TRUE = {"upper": 4 / 6, "joint": 1 / 6 + 0.5 / 6, "lower": 2 / 6, "tip": 0.5 / 6
 """Masses (kg) in the middle of the first rod, at B, in the middle of the second rod and at C."""
 
 START = {"upper": 1.0, "joint": 0.4, "lower": 0.2, "tip": 0.2}
-DURATION, STEPS, NOISE = 1.0, 100, 1e-3
+DURATION, STEPS, NOISE = 1.0, 50, 1e-3
 
 
 def build() -> Model:

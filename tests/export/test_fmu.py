@@ -16,6 +16,8 @@ from ncgen import Model
 from ncgen.emit.naming import identifier
 from ncgen.exchange.examples import load
 from ncgen.exchange.export import export
+from ncgen.model.elements import Vector
+from ncgen.solver.reactions import reactions
 
 fmpy = pytest.importorskip("fmpy", reason="fmpy is not installed")
 from fmpy import fmi2, fmi3, read_model_description, simulate_fmu  # noqa: E402
@@ -67,6 +69,7 @@ class Host:
         identifier = description.coSimulation.modelIdentifier
         self.unit = kind(guid=token or description.guid, unzipDirectory=str(folder), modelIdentifier=identifier, instanceName="unit")
         self.references = {v.name: v.valueReference for v in description.modelVariables}
+        self.units = {v.name: v.unit for v in description.modelVariables}
         if version == 2:
 
             def log(environment, name, status, category, message):
@@ -224,6 +227,30 @@ def dense_motion(kernels, t, q, qd, p):
     return np.concatenate([qd, x, [kinetic, potential, power]])
 
 
+@VERSIONS
+@pytest.mark.parametrize("name", ["nfourbar", pytest.param("suspension", marks=pytest.mark.slow)])
+def test_joint_loads_have_names_and_units(host, name, version):
+    """After a step they are those of the Python run, in N and N m."""
+    h = host(name, version)
+    h.start()
+    h.step(0.0, 0.1)
+    kernels, _ = reference(name)
+    options = {k: v for k, v in kernels.model.simulation_options.items() if k in ("zd0", "z")}
+    run = ncgen.simulate(kernels, 0.1, rtol=1e-11, atol=1e-12, points=2, **options)
+    known = reactions(run)
+    units = {"force": "N", "moment": "N.m"}
+    seen = 0
+    for body in run.model.bodies.values():
+        for element in body.elements:
+            kind = "moment" if isinstance(element, Vector) else "force"
+            names = [f"{kind}({body.name},{element.name}).{axis}" for axis in "xyz"]
+            assert {h.units[n] for n in names} == {units[kind]}
+            expected = getattr(known, kind)(body.name, element.name)[-1]
+            np.testing.assert_allclose(h.get(*names), expected, rtol=1e-6, atol=1e-6 * max(1.0, np.max(np.abs(run.lam))))
+            seen += 1
+    assert seen >= 6
+
+
 def unknowns(kernels):
     names = kernels.coordinates
     rates = [f"der({c})" for c in names], [f"der(rate({c}))" for c in names], [f"multiplier({i + 1})" for i in range(kernels.m)]
@@ -231,7 +258,7 @@ def unknowns(kernels):
 
 
 @VERSIONS
-@pytest.mark.parametrize("name", ["swing", "nfourbar", "suspension"])
+@pytest.mark.parametrize("name", ["swing", "nfourbar", pytest.param("suspension", marks=pytest.mark.slow)])
 def test_directional_derivatives(unit, swings, tmp_path, name, version):
     """By time, every state and every parameter, along two directions: complex steps through dense solves, to 1e-9 of the largest.
 
@@ -287,7 +314,20 @@ def test_derivatives_while_a_unit_initialises(swings, tmp_path, version):
     for column, wanted in zip(("B.x", "B.y"), 1.5 * (np.eye(2) - np.outer(u, u)) / np.linalg.norm(raw), strict=True):
         np.testing.assert_allclose(J.along(["B.x", "B.y"], [column], [1.0]), wanted, atol=1e-12)
     np.testing.assert_allclose(J.along(["B.x", "B.y", "length"], ["length"], [2.0]), [*2 * u, 2.0], atol=1e-12)
+    names = ["force(bob,B).x", "force(bob,B).y", "B.x", "B.y", "length"]
+    difference = differences(h, names, "length", 1e-5)
+    np.testing.assert_allclose(J.along(names, ["length"], [1.0]), difference, rtol=0, atol=1e-7 * np.max(np.abs(difference)))
     np.testing.assert_allclose(J.along(["rate(B.x)", "rate(B.y)"], ["rate(B.x)"], [1.0]), [1 - u[0] ** 2, -u[0] * u[1]], atol=1e-12)
+
+
+def differences(host, names, known, step):
+    """Derivatives of variables by one of them, by central differences."""
+    middle, found = host.get(known)[0], []
+    for side in (1, -1):
+        host.set(known, middle + side * step)
+        found.append(host.get(*names))
+    host.set(known, middle)
+    return (found[0] - found[1]) / (2 * step)
 
 
 @VERSIONS

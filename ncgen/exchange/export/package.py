@@ -24,6 +24,7 @@ from ncgen.model import Model
 from ncgen.model.elements import Angle, Vector
 from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
+from ncgen.program.full_loads import assemble_loads
 from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
 from ncgen.solver.assembly import assemble
 from ncgen.solver.partition import choose_partitions, kinematics
@@ -40,7 +41,8 @@ NEWTON_STEPS = 4
 class Package:
     """A mechanism ready to be written for a target.
 
-    q, qd: where it starts, consistent; duration: s; dof: degrees of freedom; tangents: of the programs, where a target has them
+    q, qd: where it starts, consistent; duration: s; dof: degrees of freedom
+    tangents, loads: of the programs, and joint loads with their tangent, where a target has them
     """
 
     sources: Sources
@@ -52,11 +54,13 @@ class Package:
     duration: float
     dof: int
     tangents: FullMotion | None = None
+    loads: tuple[Program, ...] = ()
 
     def with_tangents(self) -> Package:
-        """The same with the tangents of its motion."""
-        tangents = assemble_full_tangents(self.sources.programs.equations, self.sizes, self.kernels.holonomic)
-        return replace(self, tangents=tangents)
+        """The same with the tangents of its motion, and with joint loads."""
+        equations = self.sources.programs.equations
+        tangents = assemble_full_tangents(equations, self.sizes, self.kernels.holonomic)
+        return replace(self, tangents=tangents, loads=assemble_loads(equations))
 
     @property
     def prefix(self) -> str:
@@ -112,7 +116,7 @@ class Package:
 
     def _motion_programs(self) -> list[Program]:
         pairs = [pair for pair in (self.programs, self.tangents) if pair]
-        return [program for pair in pairs for program in (pair.closing, pair.motion)]
+        return [*(program for pair in pairs for program in (pair.closing, pair.motion)), *self.loads]
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""
