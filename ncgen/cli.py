@@ -1,4 +1,4 @@
-"""The command line: list, run, generate, inspect, bench, hard, check, convert, export, cache.
+"""The command line: list, run, generate, inspect, bench, compare, hard, check, convert, export, cache.
 
 MODEL is the name of an example, or a path to a .toml or .py file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -145,12 +145,21 @@ def run(
 
 
 @app.command()
-def bench(model: ModelName, json_output: Json = False) -> None:
+def bench(
+    model: ModelName,
+    precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
+    html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
+    plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
+    json_output: Json = False,
+) -> None:
     """Measure generated code beside hand-written code: times with their errors."""
     from ncgen.exchange.examples import load
     from ncgen.report.bench import bench as measurements
     from ncgen.report.bench import show
 
+    if precision or html or plot:
+        _precision(load(model), html, plot, json_output)
+        return
     records = []
     with _progress(f"measuring {model}", 3.0) as advance:
         for done, (title, found) in enumerate(measurements(load(model)), 1):
@@ -160,6 +169,89 @@ def bench(model: ModelName, json_output: Json = False) -> None:
                 show(out, title, found)
     if json_output:
         print(json.dumps(records, indent=1))
+
+
+def _precision(model, html: Path | None, plot: Path | None, json_output: bool) -> None:
+    """Every method from loose to tight; the front in words."""
+    from ncgen.emit.sources import write_text
+    from ncgen.report import precision
+    from ncgen.report.bench import aligned
+    from ncgen.report.document import Section, page
+    from ncgen.report.machine import machine
+
+    records = []
+    with _progress(f"simulating {model.name}", None) as advance:
+        for done, record in enumerate(precision.precision_records(model), 1):
+            records.append(record)
+            advance(done)
+    rows, front = precision.table(records), precision.front(records)
+    if json_output:
+        print(json.dumps({"machine": machine(), "records": records}, indent=1))
+    else:
+        for line in [f"{model.name}: time until an error is reached", *aligned(rows), *front]:
+            out.print(line, markup=False)
+    if html is not None:
+        section = Section("Time until an error is reached", "; ".join(front), tuple(rows), precision.figure(records, model.name))
+        write_text(html, page(f"{model.name}: error against time", [section], machine()))
+    if plot is not None:
+        from ncgen.view.figure import save
+
+        save(precision.figure(records, model.name), plot)
+
+
+@app.command()
+def compare(
+    model: ModelName,
+    users: Annotated[list[str] | None, typer.Option("--with", help="a function of yours, module:function for Φ_q, or gamma=module:function")] = None,
+    handwritten: Annotated[Path | None, typer.Option(help="find mistakes in this Python file's phi, phi_q, gamma (the file is run)")] = None,
+    tables: Annotated[bool, typer.Option("--tables", help="also the paper's Tables 9 and 10: integrators by source of derivatives")] = False,
+    html: Annotated[Path | None, typer.Option(help="write a report into this file")] = None,
+    plot: Annotated[Path | None, typer.Option(help="write the plots into this .svg or .png file")] = None,
+    csv: Annotated[Path | None, typer.Option(help="write the records into this file")] = None,
+    json_output: Json = False,
+) -> None:
+    """Compare generated derivatives with hand-written ones, differences and automatic differentiation: error beside time."""
+    from ncgen.emit.sources import write_text
+    from ncgen.exchange.examples import load
+    from ncgen.report.comparison import Comparison
+
+    loaded = load(model)
+    if handwritten is not None:
+        _mistakes(loaded, handwritten, json_output)
+        return
+    comparison = Comparison(loaded, users or [], tables)
+    with _progress(f"comparing {loaded.name}", None):
+        for section in comparison.sections():
+            if not json_output:
+                for line in comparison.lines(section):
+                    out.print(line, markup=False)
+    for path, write in ((html, comparison.html), (csv, comparison.csv)):
+        if path is not None:
+            write_text(path, write())
+    if plot is not None:
+        comparison.save_plot(plot)
+    if json_output:
+        print(json.dumps({"machine": comparison.machine, "records": comparison.records}, indent=1))
+
+
+def _mistakes(model, path: Path, json_output: bool) -> None:
+    """The mistakes in a file; exit code 1 if there are any."""
+    from dataclasses import asdict
+
+    from ncgen.compiler import compile
+    from ncgen.report.mistakes import find_mistakes
+
+    found = find_mistakes(compile(model, "c"), path)
+    if json_output:
+        print(json.dumps({name: [asdict(m) for m in mistakes] for name, mistakes in found.items()}, indent=1))
+    else:
+        for name, mistakes in found.items():
+            for mistake in mistakes:
+                out.print(str(mistake), markup=False)
+            if not mistakes:
+                out.print(f"{name}: no mistakes", markup=False)
+    if any(found.values()):
+        raise typer.Exit(1)
 
 
 @app.command()

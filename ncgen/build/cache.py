@@ -42,6 +42,11 @@ class Built:
     library: Path
     seconds: float
 
+    @property
+    def spent(self) -> float:
+        """Seconds its compilation took, now or when it came into the cache."""
+        return json.loads((self.library.parent / RECORD).read_text(encoding="utf-8"))["seconds"]
+
 
 def build(files: dict[str, str], compiler: Compiler, flags=FLAGS, libraries=("-lm",)) -> Built:
     """The library of some C sources, from the cache or compiled now.

@@ -70,12 +70,12 @@ def show(console: Console, title: str, records: list[dict]) -> None:
         return
     tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows}
     console.print(Text(title, style="bold"))
-    for line in _aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
+    for line in aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
         console.print(line, markup=False)
     console.print()
 
 
-def _aligned(rows: list[tuple[str, ...]]) -> list[str]:
+def aligned(rows: list[tuple[str, ...]]) -> list[str]:
     """Rows of text as lines: the first column to the left, the others to the right."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = []

@@ -2,11 +2,9 @@
 
 from __future__ import annotations
 
-import signal
 import time
 import warnings
 from collections.abc import Iterator
-from contextlib import contextmanager
 
 import numpy as np
 
@@ -14,34 +12,14 @@ from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.report.hard_cases import CASES, Case
-from ncgen.solver.formalisms import FORMALISMS
-from ncgen.solver.integrators import INTEGRATORS
+from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
 from ncgen.solver.simulate import simulate
-from ncgen.solver.steppers import STEPPERS
 
 ABSOLUTE = 1e-2
 """Absolute tolerance as a share of the relative one, for a mechanism of one metre."""
 
 LIMIT = 20.0
 """Seconds after which a run is stopped."""
-
-FIXED = ("rk4", "trapezoidal", *(integrator for _, integrator in STEPPERS))
-"""Integrators with a fixed step."""
-
-ONE = "dop853"
-"""Every formalism is tried with this one, since there the integrator is not what differs."""
-
-
-class TimeIsUp(Exception):
-    """Raised when a run has used up its time."""
-
-
-def methods() -> list[tuple[str, str]]:
-    """Coordinate partitioning with every integrator, every formalism with one, and all that step the constrained equations."""
-    ordinary = [("coordinate-partitioning", integrator) for integrator in INTEGRATORS]
-    formalisms = [(name, ONE) for name, formalism in FORMALISMS.items() if formalism.ordinary]
-    return list(dict.fromkeys([*ordinary, *formalisms, *STEPPERS]))
-
 
 def hard_records(names=(), limit: float = LIMIT) -> Iterator[dict]:
     """Records of the named cases (default: all), a run at a time.
@@ -67,7 +45,7 @@ def run_case(kernels: Kernels, case: Case, formalism: str, integrator: str, limi
         options["q0"] = kernels.q0 + case.violated * kernels.column_sizes * noise
     start = time.perf_counter()
     try:
-        with warnings.catch_warnings(record=True) as said, _limited(limit):
+        with warnings.catch_warnings(record=True) as said, limited(limit):
             run = simulate(kernels, case.duration, formalism=formalism, integrator=integrator, **options)
     except (NcgenError, TimeIsUp) as error:
         return record | {"seconds": time.perf_counter() - start, "reason": str(error)}
@@ -76,25 +54,6 @@ def run_case(kernels: Kernels, case: Case, formalism: str, integrator: str, limi
     if not np.all(np.isfinite(run.q)):
         return record | {"reason": "the motion is not finite, and nothing said so"}
     return record | {"error": float(case.error(run)), "drift": float(run.energy_drift)}
-
-
-@contextmanager
-def _limited(seconds: float):
-    """Raise TimeIsUp in the middle of whatever Python does; a run in C, which ends by itself, is let go."""
-
-    def stop(*_):
-        raise TimeIsUp(f"stopped after {seconds:g} s")
-
-    if not hasattr(signal, "setitimer"):
-        yield
-        return
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
 
 
 def lines(records: list[dict]) -> Iterator[str]:

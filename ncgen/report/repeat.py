@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
+from typing import NamedTuple
 
 import numpy as np
 from cffi import FFI
@@ -12,6 +13,7 @@ from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.build.library import _abi
 from ncgen.emit.environment import verbatim
+from ncgen.emit.naming import identifier
 
 SCALAR = (*FLAGS, "-fno-tree-vectorize", "-fno-tree-slp-vectorize")
 """The arithmetic rate is that of single numbers, as in straight-line code."""
@@ -19,11 +21,26 @@ SCALAR = (*FLAGS, "-fno-tree-vectorize", "-fno-tree-slp-vectorize")
 OPERATIONS = 24
 """Multiplications and additions in one turn of the loop of `ncgen_arithmetic`."""
 
+
+class Real(NamedTuple):
+    """A number type of C: what defines it for ncgen.h, and NumPy's."""
+
+    define: str
+    dtype: np.dtype
+
+
+REALS = {"float": Real("NCGEN_SINGLE", np.dtype(np.float32)), "long double": Real("NCGEN_LONG_DOUBLE", np.dtype(np.longdouble))}
+
+
+def _functions() -> str:
+    return verbatim("c/timing.c").split("/* begin functions */")[1].split("/* end functions */")[0]
+
+
 @cache
 def _repeater():
     ffi = FFI()
     ffi.include(_abi())
-    ffi.cdef(verbatim("c/timing.c").split("/* begin functions */")[1].split("/* end functions */")[0])
+    ffi.cdef(_functions())
     files = {name: verbatim(f"c/{name}") for name in ("timing.c", "ncgen.h")}
     return ffi, ffi.dlopen(str(build(files, find_compiler(), SCALAR).library))
 
@@ -56,6 +73,39 @@ def runner(t: float, q, v, p, positions: list[Call], velocity: Call | None = Non
 
     run.buffers = inputs, positions, velocity  # the pointers live as long as the buffers do
     return run
+
+
+def typed_runner(sources, real: str, inputs, names):
+    """({kernel: run(times)}, {kernel: its output}) of a model's source compiled for another number type, and for all at once.
+
+    sources: as `ncgen.generate` gives them; inputs: q, qd, p, t in double
+    """
+    ffi = FFI()
+    ffi.cdef(f"typedef {real} ncgen_real; typedef {real} ncgen_scalar;" + verbatim("c/ncgen.h").split("/* begin cdef */")[1].split("/* end cdef */")[0])
+    getter = f"{identifier(sources.programs.equations.model.name)}_model"
+    ffi.cdef(_functions() + f"const ncgen_model *{getter}(void);")
+    files = sources.c | {"timing.c": verbatim("c/timing.c")}
+    library = ffi.dlopen(str(build(files, find_compiler(), (*FLAGS, f"-D{REALS[real].define}")).library))
+    model = getattr(library, getter)()
+    q, qd, p = (np.array(x, dtype=REALS[real].dtype) for x in (inputs.q, inputs.qd, inputs.p))
+    programs = sources.programs.programs
+    out = {name: np.empty(programs[name].size, dtype=REALS[real].dtype) for name in names}
+
+    def pointer(array):
+        return ffi.cast("ncgen_real *", array.ctypes.data)
+
+    def run(name):
+        empty = [ffi.NULL] * 4
+        call = [getattr(model, name), pointer(out[name])]
+        calls = [*empty, *call] if "qd" in programs[name].inputs else [*call, *empty]
+        state = [pointer(x) for x in (q, qd, p)]
+
+        def turns(times: int, keep=(q, qd, p, library)) -> None:
+            library.ncgen_repeat(times, inputs.t, *state, *calls)
+
+        return turns
+
+    return {name: run(name) for name in names}, out
 
 
 def arithmetic():

@@ -9,6 +9,7 @@ import scipy.integrate
 
 from ncgen.errors import ModelError
 from ncgen.solver.hermite import Hermite
+from ncgen.solver.sundials import CvodeAdams, CvodeBdf
 from ncgen.solver.trapezoidal import Trapezoidal
 
 
@@ -105,6 +106,8 @@ INTEGRATORS = {
     "radau": scipy.integrate.Radau,
     "lsoda": scipy.integrate.LSODA,
     "trapezoidal": Trapezoidal,
+    "cvode-adams": CvodeAdams,
+    "cvode-bdf": CvodeBdf,
 }
 """Integrators by their names in the field; all but rk4 and trapezoidal choose their steps by themselves."""
 
@@ -118,7 +121,7 @@ OTHER_NAMES = {
 """SciPy's and Matlab's names for the same methods."""
 
 
-IMPLICIT = (scipy.integrate.BDF, scipy.integrate.Radau, scipy.integrate.LSODA, Trapezoidal)
+IMPLICIT = (scipy.integrate.BDF, scipy.integrate.Radau, scipy.integrate.LSODA, Trapezoidal, CvodeBdf)
 
 
 def takes_jacobian(method: type, kernels) -> bool:

@@ -46,7 +46,8 @@ def find_method(formalism: str, integrator: str, options: dict | None = None) ->
 
 def partners(formalism: Formalism) -> list[str]:
     """Names of the integrators that go with a formalism."""
-    return [*(INTEGRATORS if formalism.ordinary else ()), *(step for form, step in STEPPERS if form == formalism.name)]
+    ordinary = [name for name, method in INTEGRATORS.items() if formalism.solve is None or not hasattr(method, "keeps_history_to_itself")]
+    return [*(ordinary if formalism.ordinary else ()), *(step for form, step in STEPPERS if form == formalism.name)]
 
 
 def _chosen(name: str, defaults: dict, given: dict) -> dict:

@@ -56,7 +56,8 @@ def simulate(
         coordinates are integrated, and after every step projected onto the constraints (penalty: Baumgarte's terms)
         "ali3p": index-3 augmented Lagrangian with mass-orthogonal projections, by the trapezoidal rule
     integrator: dopri5, dop853, rk23, adams, bdf, radau, lsoda, or with the fixed step max_step rk4 and trapezoidal, or
-        Matlab's and SciPy's names (ode45, RK45, ode113 …)
+        Matlab's and SciPy's names (ode45, RK45, ode113 …); with SUNDIALS (`pip install 'ncgen[sundials]'`) cvode-adams and
+        cvode-bdf, on coordinate-partitioning
         with "lagrange" also those that discretise the constrained equations, with the fixed step max_step: rattle
         (symplectic), energy-momentum (exact energy), generalized-alpha (numerical damping)
     options: {name: value} for formalism and integrator: stabilisation ("projection", "baumgarte", "none"), omega (1/s) and

@@ -3,7 +3,9 @@
 import numpy as np
 import pytest
 
-from ncgen.report.rivals import KERNELS, Inputs, _compiled, _handwritten_c, handwritten
+from ncgen.report.rivals import KERNELS, Inputs, handwritten
+from ncgen.report.rivals.generated import compiled
+from ncgen.report.rivals.handwritten import in_c
 
 pytestmark = pytest.mark.xdist_group("robot")
 
@@ -40,8 +42,8 @@ def test_mass_and_force(robot, hand, place):
 
 
 def test_c(robot, place):
-    (functions,) = _handwritten_c(robot)
-    rival = _compiled("hand-written C", functions, place, KERNELS)
+    (functions,) = in_c(robot)
+    rival = compiled("hand-written C", functions, place, KERNELS)
     for name in KERNELS:
         assert near(rival.values(name), robot.values(name, 0.0, place.q, place.qd, None)), name
 

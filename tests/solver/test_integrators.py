@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import sys
+
 import numpy as np
 import pytest
 from scipy.special import ellipj, ellipk
 
 import ncgen
-from ncgen.errors import ModelError, SingularError
+from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.solver.integrators import INTEGRATORS, OTHER_NAMES, find_integrator
 
 ERROR = {"rk4": 1e-8, "trapezoidal": 1e-6}
 ERROR |= {"rk23": 1e-5, "adams": 1e-5, "bdf": 1e-5, "lsoda": 1e-5, "radau": 1e-7, "dopri5": 1e-7, "dop853": 1e-7}
+ERROR |= {"cvode-adams": 1e-5, "cvode-bdf": 1e-5}
 """What each method should reach in 0.2 s of the pendulum's fall at rtol 1e-8."""
 
 
@@ -27,8 +30,15 @@ def falling(t):
     return np.stack([-2 * half * dn, 2 * half**2 - 1], axis=1)
 
 
+def _needed(name):
+    """Skip what is not installed: an extra."""
+    if name.startswith("cvode"):
+        pytest.importorskip("sksundae")
+
+
 @pytest.mark.parametrize("name", ERROR)
 def test_every_method_follows_the_fall(pendulum, name):
+    _needed(name)
     step = {"max_step": 1e-3} if name in ("rk4", "trapezoidal") else {}
     run = ncgen.simulate(pendulum, 0.2, integrator=name, points=11, **step)
     assert np.max(np.abs(run.q - falling(run.t))) < ERROR[name]
@@ -36,12 +46,33 @@ def test_every_method_follows_the_fall(pendulum, name):
     assert run.integrator == name
 
 
-@pytest.mark.parametrize("name", ["adams", "bdf", "lsoda"])
+@pytest.mark.parametrize("name", ["adams", "bdf", "lsoda", "cvode-adams", "cvode-bdf"])
 def test_the_grid_is_as_good_as_the_end(pendulum, name):
     """Between steps the methods interpolate, and not by less than they integrate."""
+    _needed(name)
     run = ncgen.simulate(pendulum, 0.2, integrator=name, points=101)
     error = np.max(np.abs(run.q - falling(run.t)), axis=1)
     assert np.max(error) < 100 * max(error[-1], 1e-9)
+
+
+def test_what_is_not_installed_is_said(pendulum, monkeypatch):
+    monkeypatch.setitem(sys.modules, "sksundae.cvode", None)
+    with pytest.raises(ModelError, match="pip install 'ncgen\\[sundials\\]'"):
+        ncgen.simulate(pendulum, 0.1, integrator="cvode-bdf")
+
+
+def test_cvode_goes_with_coordinate_partitioning_alone(pendulum):
+    with pytest.raises(ModelError, match="cvode-adams does not go with lagrange"):
+        ncgen.simulate(pendulum, 0.1, integrator="cvode-adams", formalism="lagrange")
+
+
+@pytest.mark.parametrize("name", ["cvode-adams", "cvode-bdf"])
+def test_problems_inside_cvode_come_out(name):
+    """A mechanism that locks says so, although the position problem fails below C code."""
+    _needed(name)
+    kernels = ncgen.compile(ncgen.load("nfourbar"), "c")
+    with pytest.raises((ConvergenceError, SingularError), match="cannot go on beyond t = 0.7"):
+        ncgen.simulate(kernels, 1.0, integrator=name, zd0={"B0.x": 1.0})
 
 
 def test_all_names_are_tested():

@@ -1,0 +1,42 @@
+"""What a measurement was made with: without it a time means nothing."""
+
+from __future__ import annotations
+
+import os
+import platform
+import time
+from importlib.metadata import PackageNotFoundError, version
+
+from ncgen.build.compilers import FLAGS, find_compiler
+
+PACKAGES = ("ncgen", "numpy", "scipy", "sympy", "casadi", "jax", "exudyn", "pin", "mujoco")
+
+
+def machine() -> dict[str, str]:
+    """{what: value}: processor, cores, system, compiler and flags, clock, Python and the packages that are there."""
+    resolution = time.get_clock_info("perf_counter").resolution
+    found = {
+        "processor": _processor(),
+        "cores": str(os.cpu_count()),
+        "system": platform.platform(),
+        "compiler": find_compiler().identity.splitlines()[0],
+        "flags": " ".join(FLAGS),
+        "clock": f"resolution {1e9 * resolution:.0f} ns",
+        "python": platform.python_version(),
+    }
+    return found | {name: text for name in PACKAGES if (text := _version(name))}
+
+
+def _processor() -> str:
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as lines:
+            return next(line.split(":", 1)[1].strip() for line in lines if line.startswith("model name"))
+    except (OSError, StopIteration):
+        return platform.processor() or platform.machine()
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None

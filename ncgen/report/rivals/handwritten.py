@@ -1,0 +1,41 @@
+"""What a careful engineer wrote for an example: handwritten.c and handwritten.py in its folder, where they are."""
+
+from __future__ import annotations
+
+from cffi import FFI
+
+from ncgen.build.cache import build
+from ncgen.build.compilers import find_compiler
+from ncgen.build.kernels import Kernels
+from ncgen.build.library import _abi
+from ncgen.exchange.examples import example_names
+from ncgen.report.repeat import Call
+from ncgen.report.rivals.base import KERNELS, Inputs, Rival, called, handwritten, nonzeros
+from ncgen.resources import folder
+
+
+def in_c(kernels: Kernels) -> list[dict[str, Call]]:
+    """The functions of the example's handwritten.c, compiled like generated ones."""
+    path = folder("examples") / kernels.name / "handwritten.c"
+    if kernels.name not in example_names() or not path.is_file():
+        return []
+    ffi = FFI()
+    ffi.include(_abi())
+    types = {name: "velocity" if name == "gamma" else "position" for name in KERNELS}
+    ffi.cdef("".join(f"ncgen_{kind}_kernel handwritten_{name};" for name, kind in types.items()))
+    library = ffi.dlopen(str(build({path.name: path.read_text(encoding="utf-8")}, find_compiler()).library))
+    sizes = {name: kernels.programs.programs[name].size for name in KERNELS}
+    return [{name: Call(ffi.addressof(library, f"handwritten_{name}"), size, library) for name, size in sizes.items()}]
+
+
+def in_numpy(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+    """The functions of handwritten.py: in the paper's manner, and vectorised."""
+    module = handwritten(kernels)
+    if module is None:
+        return []
+    found = []
+    for prefix, words in (("loop", "a loop over the table"), ("vector", "vectorised")):
+        functions = {k: getattr(module, f"{prefix}_{k}") for k in names if hasattr(module, f"{prefix}_{k}")}
+        calls = {k: lambda k=k, f=f: f(inputs.q, inputs.qd) if k == "gamma" else f(inputs.q) for k, f in functions.items()}
+        found.append(called(f"hand-written NumPy, {words}", calls, lambda k, calls=calls: nonzeros(kernels, k, calls[k]())))
+    return found

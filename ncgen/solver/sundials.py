@@ -1,0 +1,88 @@
+"""SUNDIALS' CVODE as SciPy step-by-step solvers, through scikit-sundae, which is installed with `ncgen[sundials]`.
+
+CVODE keeps its history to itself, so a state cannot be corrected between steps: these go with coordinate partitioning alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.integrate
+
+from ncgen.errors import ModelError
+
+
+class Cvode(scipy.integrate.OdeSolver):
+    """One of CVODE's families of methods (Hindmarsh et al. 2005, doi 10.1145/1089014.1089020), variable in step and order."""
+
+    family: str
+    keeps_history_to_itself = True
+
+    def __init__(self, fun, t0, y0, t_bound, rtol=1e-3, atol=1e-6, max_step=np.inf, vectorized=False, first_step=None, jac=None, **extra):
+        super().__init__(fun, t0, y0, t_bound, vectorized)
+        self._jac = jac
+        self._problem: Exception | None = None
+        slope = {} if jac is None else {"jacfn": self._fill_jacobian}
+        self._engine = _cvode()(
+            self._fill, method=self.family, rtol=rtol, atol=atol, first_step=first_step or 0.0,
+            max_step=0.0 if np.isinf(max_step) else max_step, **slope,
+        )  # fmt: skip
+        self._engine.init_step(t0, self.y.copy())
+
+    def _fill(self, t, y, yp) -> None:
+        """Exceptions must not pass through CVODE's C: they are kept, and the step is made to fail."""
+        try:
+            yp[:] = self.fun(t, y.copy())
+        except Exception as problem:
+            self._problem = problem
+            yp[:] = np.nan
+
+    def _fill_jacobian(self, t, y, yp, slopes) -> None:
+        try:
+            slopes[:, :] = self._jac(t, y.copy())
+        except Exception as problem:
+            self._problem = problem
+            slopes[:, :] = np.nan
+
+    def _step_impl(self):
+        self._problem = None
+        found = self._engine.step(self.t_bound, method="onestep", tstop=self.t_bound)
+        if self._problem is not None:
+            raise self._problem
+        if found.status < 0 or not np.all(np.isfinite(found.y)):
+            return False, str(found.message)
+        self.t, self.y = float(np.ravel(found.t)[-1]), np.atleast_2d(found.y)[-1].copy()
+        return True, None
+
+    def _dense_output_impl(self):
+        return _Within(self.t_old, self.t, self._engine)
+
+
+class _Within(scipy.integrate.DenseOutput):
+    """CVODE's own interpolation within its last step, of the order of the method."""
+
+    def __init__(self, t0, t1, engine):
+        super().__init__(t0, t1)
+        self._engine = engine
+
+    def _call_impl(self, t):
+        return np.atleast_2d(self._engine.step(t, method="normal").y)[-1].copy()
+
+
+class CvodeAdams(Cvode):
+    """Adams methods of orders 1 to 12."""
+
+    family = "Adams"
+
+
+class CvodeBdf(Cvode):
+    """Backward differentiation formulas of orders 1 to 5."""
+
+    family = "BDF"
+
+
+def _cvode():
+    try:
+        from sksundae.cvode import CVODE
+    except ImportError:
+        raise ModelError("cvode-adams and cvode-bdf need scikit-sundae; install it with: pip install 'ncgen[sundials]'") from None
+    return CVODE
