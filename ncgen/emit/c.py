@@ -96,9 +96,9 @@ def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, 
     return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
 
 
-def program_records(programs, prefix: str) -> dict:
-    """Programs as a template prints them: {kernels, index_tables, number_tables}."""
-    tables = Tables(f"{prefix}_motion_")
+def program_records(programs, prefix: str, kind: str) -> dict:
+    """Programs as a template prints them: {kernels, index_tables, number_tables}; kind: a word for the names of their tables."""
+    tables = Tables(f"{prefix}_{kind}_")
     kernels = [_kernel(program, prefix, tables) for program in programs]
     return {"kernels": kernels, **_tables(tables)}
 
@@ -138,7 +138,7 @@ def _subscript(place: Place) -> str:
 
 
 def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
-    reserved = [program.output, *SHARED.values(), "angle"]
+    reserved = [*program.inputs, program.output, *SHARED.values(), "angle"]
     blocks = [_block(block, tables, Names(reserved, prefix)) for block in program.blocks]
     operations = cost(program)
     return {
