@@ -22,8 +22,8 @@ from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
 from ncgen.program.cost import cost
-from ncgen.program.dynamics import Split, assemble_dynamics
 from ncgen.program.elimination import Samples
+from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
 
 METHODS = {
@@ -283,6 +283,8 @@ class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
     def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
+        from ncgen.program.dynamics import assemble_dynamics
+
         equations = kernels.programs.equations
         self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(self.programs, equations, kernels.row_sizes)

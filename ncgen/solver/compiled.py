@@ -32,7 +32,7 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
     """Why a simulation cannot run in C (with an emitted state derivative), in words, or None if it can."""
     from ncgen.build.library import CompiledKernels
     from ncgen.build.runtime import METHODS
-    from ncgen.program.dynamics import LARGEST
+    from ncgen.program.programs import LARGEST
 
     if not isinstance(kernels, CompiledKernels):
         return f"the kernels are {kernels.backend}, not compiled"
@@ -121,7 +121,7 @@ def emission(kernels: Kernels, partitions: Partitions, form: str, q, p):
     """The state derivative in one of its forms: "dense", "emitted", or "lanes" for many states at a time."""
     from ncgen.build.batch_runs import LaneDynamics
     from ncgen.build.runtime import DenseDynamics, EmittedDynamics
-    from ncgen.program.dynamics import Split
+    from ncgen.program.programs import Split
 
     part = partitions.position
     split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
