@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import hashlib
 import io
-import time
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress

@@ -48,7 +48,7 @@ def _system(count: int):
 
 def run(count: int, duration: float, intervals: int, steps: int) -> tuple[float, np.ndarray]:
     """(seconds, B0 (intervals + 1, 2)) of a run with `steps` steps in each of the intervals."""
-    container, system, first = _system(count)
+    _container, system, first = _system(count)  # the system lives as long as its container
     kind = exudyn.OutputVariableType.Position
     top = SensorBody(bodyNumber=first, localPosition=[0.5, 0, 0], storeInternal=True, writeToFile=False, outputVariableType=kind)
     sensor = system.AddSensor(top)

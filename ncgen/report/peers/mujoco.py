@@ -15,7 +15,9 @@ def _rods(number: int, count: int) -> str:
     inertial = '<inertial pos="{}" mass="1" diaginertia="{}"/>'
     lying = f'<body name="l{number}" pos="0 0 1"><joint type="hinge" axis="0 -1 0"/>{inertial.format("0.5 0 0", f"1e-6 {1 / 12} {1 / 12}")}</body>'
     standing = inertial.format("0 0 0.5", f"{1 / 12} {1 / 12} 1e-6")
-    return f'<body name="s{number}" pos="{number} 0 0"><joint type="hinge" axis="0 -1 0"/>{standing}{lying if number < count else ""}</body>'
+    return (
+        f'<body name="s{number}" pos="{number} 0 0"><joint type="hinge" axis="0 -1 0"/>{standing}{lying if number < count else ""}</body>'
+    )
 
 
 def _xml(count: int, step: float) -> str:
