@@ -86,16 +86,16 @@ def _repeated(measured: list[tuple[dict, Callable]]) -> Iterator[dict]:
 def _peer(name: str, count: int):
     try:
         module = importlib.import_module(f"ncgen.report.peers.{name}")
-    except ImportError as problem:
+        module.run(count, DURATION / INTERVALS, 1, 1)  # may compile: that is not timed, nor limited
+    except (ImportError, NcgenError) as problem:
         missing = problem
         yield name, "", lambda: _raise(missing)
         return
-    module.run(count, DURATION / INTERVALS, 1, 1)  # may compile: that is not timed, nor limited
     for steps in STEPS:
         yield module.NAME, f"{INTERVALS * steps} steps", lambda steps=steps: module.run(count, DURATION, INTERVALS, steps)
 
 
-def _raise(problem: ImportError):
+def _raise(problem: Exception):
     raise problem
 
 
