@@ -227,6 +227,7 @@ def figure(records: list[dict], title: str):
     for number, place in enumerate(panels, 1):
         axes = chart.add_subplot((len(panels) + 1) // 2, 2, number, xscale="log", yscale="log", sharex=axes, sharey=axes)
         axes.set(title=ENGINES[place[0]] + ", NumPy kernels" * (place[1] == "numpy"), xlabel="error, relative to the size", ylabel="seconds")
+        axes.minorticks_off()  # hundreds of them make a file large
         axes.grid(**GRID)
         axes.set_axisbelow(True)
         axes.plot(*_points(_unbeaten(done)), color="#ffd166", linewidth=7, alpha=0.6)
