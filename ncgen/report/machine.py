@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from ncgen.build.compilers import FLAGS, find_compiler
 
-PACKAGES = ("ncgen", "numpy", "scipy", "sympy", "casadi", "jax", "exudyn", "pin", "mujoco")
+PACKAGES = ("ncgen", "numpy", "scipy", "sympy", "casadi", "jax", "symforce", "symjit", "exudyn", "pin", "mujoco")
 
 
 def machine() -> dict[str, str]:
