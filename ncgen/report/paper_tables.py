@@ -55,7 +55,7 @@ def table_9(model: Model) -> Iterator[dict]:
         for source, variant in _variants(model, kernels):
             yield _simulated(variant, integrator, source, duration, end, "python")
         if integrator in METHODS:
-            yield _simulated(kernels, integrator, "generated C, whole run", duration, end, "auto")
+            yield _simulated(kernels, integrator, "generated C, whole run", duration, end, "emitted")
 
 
 def table_10(model: Model) -> Iterator[dict]:
