@@ -7,7 +7,8 @@
 4. build      a compiled library from the cache or the compiler (ncgen.build)
 5. load       kernels
 
-sympy is imported by stage 1 only, so importing ncgen stays quick.
+What stages 1 to 3 made of a model is kept beside the compiled libraries (ncgen.build.recall). sympy is imported by stage 1
+only, so importing ncgen stays quick.
 """
 
 from __future__ import annotations
@@ -71,16 +72,15 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     if backend not in BACKENDS:
         raise ModelError(f"backend {backend!r} is unknown; choose one of {', '.join(BACKENDS)}")
     timings = timings or Timings()
-    sources = generate(model, emission, timings) if isinstance(model, Model) else model
-    from ncgen.build.numpy_module import NumPyKernels
-
-    if backend == "numpy":
-        return timings.stage("load", NumPyKernels, sources)
     from ncgen.build.cache import build
     from ncgen.build.compilers import find_compiler
     from ncgen.build.library import CompiledKernels
+    from ncgen.build.numpy_module import NumPyKernels
 
-    compiler = find_compiler()
+    compiler = find_compiler() if backend != "numpy" else None
+    sources = _sources(model, emission, timings, kept=compiler is not None)
+    if backend == "numpy":
+        return timings.stage("load", NumPyKernels, sources)
     if compiler is None:
         if backend == "c":
             raise CompileError("no C compiler found (tried CC, cc, gcc, clang, ziglang); install one, or use the numpy backend")
@@ -89,6 +89,21 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     files = timings.stage("emit", lambda: sources.c)
     built = timings.stage("build", build, files, compiler)
     return timings.stage("load", CompiledKernels, sources.programs, built.library)
+
+
+def _sources(model: Model | Sources, emission: str, timings: Timings, kept: bool) -> Sources:
+    """Sources of a model, generated or as they were kept from before."""
+    if not isinstance(model, Model):
+        return model
+    if not kept:
+        return generate(model, emission, timings)
+    from ncgen.build.recall import recall, remember
+
+    sources = timings.stage("recall", recall, model, emission)
+    if sources is None:
+        sources = generate(model, emission, timings)
+        timings.stage("keep", remember, model, emission, sources)
+    return sources
 
 
 def _import_generator() -> None:

@@ -13,3 +13,12 @@ def folder(name: str) -> Path:
         if (root / name).is_dir():
             return root / name
     raise FileNotFoundError(f"the installation of ncgen lacks its folder {name}; install it again")
+
+
+def package_files(*names: str) -> list[Path]:
+    """The files below folders of the package, or beside it, in a fixed order."""
+    found = []
+    for name in names:
+        root = _PACKAGE / name if (_PACKAGE / name).is_dir() else folder(name)
+        found += sorted(p for p in root.rglob("*") if p.is_file() and p.suffix != ".pyc")
+    return found

@@ -12,8 +12,8 @@ from ncgen.build.runtime import METHODS, _runtime_abi
 from ncgen.emit.c import dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
-from ncgen.program.dynamics import Split, assemble_dynamics
 from ncgen.program.elimination import Samples
+from ncgen.program.programs import Split
 
 STRAIGHT_LINE = tuple("-O2" if flag.startswith("-O") else flag for flag in LANES)
 """Measured for the robot: a quarter less time than with -O1, no more than with -O3."""
@@ -38,6 +38,8 @@ class LaneDynamics:
     """The state derivative of one choice of independent coordinates, for many states at a time."""
 
     def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
+        from ncgen.program.dynamics import assemble_dynamics
+
         equations = kernels.programs.equations
         programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(programs, equations, kernels.row_sizes) | {name: verbatim(f"c/{name}") for name in SOURCES}

@@ -29,6 +29,10 @@ ABANDONED = 24 * 3600.0
 """Seconds after which a temporary folder is nobody's any more."""
 
 
+KEPT = ("programs", "references")
+"""Folders beside the libraries: generated programs (ncgen.build.recall), end positions known well (ncgen.report.precision)."""
+
+
 def cache_folder() -> Path:
     """$NCGEN_CACHE_DIR, or the user's cache folder."""
     chosen = os.environ.get("NCGEN_CACHE_DIR")
@@ -170,8 +174,10 @@ def entries() -> list[Entry]:
 
 
 def clear() -> int:
-    """Remove all entries and abandoned builds, nothing else; returns how many entries went."""
+    """Remove all entries, what was kept beside them, and abandoned builds; returns how many libraries went."""
     known = entries()
+    for name in KEPT:
+        shutil.rmtree(cache_folder() / name, ignore_errors=True)
     for entry in known:
         _discard(cache_folder() / entry.key)
     for folder in cache_folder().glob(f"{TEMPORARY}*"):

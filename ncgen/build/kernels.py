@@ -19,8 +19,8 @@ from ncgen.model import Model
 from ncgen.model.elements import Point
 from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate
-from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Pattern
+from ncgen.program.programs import Programs
 
 FLOAT = np.dtype(float)
 

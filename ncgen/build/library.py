@@ -16,7 +16,7 @@ from ncgen.build.tangents import CompiledTangents
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
-from ncgen.program.assemble import Programs
+from ncgen.program.programs import Programs
 
 if TYPE_CHECKING:
     from ncgen.build.direct import Direct

@@ -20,12 +20,26 @@ from ncgen.build.library import STATUS, CompiledKernels, _abi
 from ncgen.emit.c import HEADERS, RUNTIME, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
-from ncgen.program.dynamics import Split, assemble_dynamics
+from ncgen.errors import NcgenError
+from ncgen.program.cost import cost
 from ncgen.program.elimination import Samples
+from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
 
-METHODS = {"dopri5": 0, "rk4": 1, "dop853": 2, "rattle": 3, "energy-momentum": 4}
+METHODS = {
+    "dopri5": 0,
+    "rk4": 1,
+    "dop853": 2,
+    "rattle": 3,
+    "energy-momentum": 4,
+    "radau": 5,
+    "trapezoidal": 6,
+    "generalized-alpha": 7,
+}
 """Integrators of the runtime, by the numbers of ncgen_runtime.h."""
+
+IMPLICIT = ("radau", "trapezoidal", "generalized-alpha")
+"""Those that need the tangent kernels whatever the mechanism is."""
 
 FORMALISMS = {
     "coordinate-partitioning": 0,
@@ -34,6 +48,7 @@ FORMALISMS = {
     "penalty": 3,
     "null-space": 4,
     "udwadia-phohomsiri": 5,
+    "ali3p": 6,
 }
 """Formalisms of the runtime, by the numbers of ncgen_runtime.h."""
 
@@ -94,6 +109,8 @@ class Outcome:
     refinements: int = 0
     stopped: bool = False
     largest_projection: float = 0.0
+    jacobians: int = 0
+    fallbacks: int = 0
 
 
 class Dynamics:
@@ -108,7 +125,7 @@ class Dynamics:
         """Run over the times of a grid (first one is the start).
 
         velocities: independent ones with coordinate partitioning, all of them with other formalisms
-        event: (coordinate number, value, direction) at which to stop
+        event: at which to stop, with members coordinate, value and direction as in `ncgen_event`
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n = self._ffi, self.kernels.n
@@ -119,10 +136,13 @@ class Dynamics:
         filled = {"method": METHODS[method], "rtol": rtol, "atol": atol, "max_step": longest, **options}
         settings = ffi.new("ncgen_options *", filled)
         if event:
-            stop = ffi.new("ncgen_event *", dict(zip(("coordinate", "value", "direction"), event, strict=True)))
+            stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
-        work = np.empty(self._library.ncgen_workspace(self._model, self._dynamics, settings))
-        integers = np.empty(n + 2 * self.kernels.m, dtype=np.intc)
+        if uses_tangents(self.kernels, method):
+            self._take_tangents()
+        else:
+            self._dynamics.tangents = ffi.NULL
+        work, integers = self._space(settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
         pointers = [ffi.cast("double *", a.ctypes.data) for a in (*inputs, times, out_q, out_qd, out_work, work)]
@@ -133,8 +153,34 @@ class Dynamics:
         done, s = rows[0], statistics
         last = (out_q[-1], out_qd[-1], out_work[-1])
         counts = (s.steps, s.rejected, s.repeated, s.evaluations, s.newton_steps)
-        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped), s.largest_projection)
+        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped), s.largest_projection, s.jacobians, s.fallbacks)
         return Outcome(out_q[:done], out_qd[:done], out_work[:done], STATUS[status], s.t, last, *counts, *more)
+
+    def jacobian(self, t: float, q, velocities, p, formalism: str = "coordinate-partitioning", **options) -> np.ndarray:
+        """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning,
+        ∂q̈/∂[q̇; q] (n, 2 n) with other formalisms. Arguments as for `simulate`."""
+        ffi = self._ffi
+        self._take_tangents()
+        settings = ffi.new("ncgen_options *", {"formalism": FORMALISMS[formalism], "tolerance": 1e-12, **options})
+        work, integers = self._space(settings)
+        inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
+        out = np.empty((len(inputs[2]), 2 * len(inputs[2])))
+        pointers = [ffi.cast("double *", a.ctypes.data) for a in (*inputs, out, work)]
+        status = self._library.ncgen_dynamics_jacobian(
+            self._model, self._dynamics, settings, t, *pointers, ffi.cast("int *", integers.ctypes.data)
+        )
+        if status:
+            raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
+        return out
+
+    def _space(self, settings) -> tuple[np.ndarray, np.ndarray]:
+        """Workspace: numbers and integers."""
+        numbers = self._library.ncgen_workspace(self._model, self._dynamics, settings)
+        return np.empty(numbers), np.empty(4 * self.kernels.n + 3 * self.kernels.m, dtype=np.intc)
+
+    def _take_tangents(self) -> None:
+        """Tangent kernels are compiled when an implicit method first asks for them."""
+        self._dynamics.tangents = self._ffi.cast("ncgen_tangents *", self.kernels.tangents.descriptor)
 
 
 class DenseDynamics(Dynamics):
@@ -142,14 +188,20 @@ class DenseDynamics(Dynamics):
 
     def __init__(self, kernels: CompiledKernels, split: Split):
         ffi, library = _bare_runtime()
-        integers = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
-        numbers = {"row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
-        self._kept = {name: np.array(values or (0,), dtype=np.intc) for name, values in integers.items()}
-        self._kept |= {name: np.array(values, dtype=float) for name, values in numbers.items()}
         dynamics = ffi.new("ncgen_dynamics *", {"n_independent": len(split.independent), "n_dependent": len(split.dependent)})
-        for name, array in self._kept.items():
-            setattr(dynamics, name, ffi.cast("int *" if name in integers else "double *", array.ctypes.data))
+        self._kept = _describe_split(ffi, dynamics, kernels, split)
         super().__init__(kernels, ffi, library, dynamics)
+
+
+def _describe_split(ffi: FFI, dynamics, kernels: CompiledKernels, split: Split) -> dict[str, np.ndarray]:
+    """Write a choice of independent coordinates into an ncgen_dynamics; returns the arrays that must live as long."""
+    integers = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
+    numbers = {"row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
+    kept = {name: np.array(values or (0,), dtype=np.intc) for name, values in integers.items()}
+    kept |= {name: np.array(values, dtype=float) for name, values in numbers.items()}
+    for name, array in kept.items():
+        setattr(dynamics, name, ffi.cast("int *" if name in integers else "double *", array.ctypes.data))
+    return kept
 
 
 class ConstrainedDynamics(Dynamics):
@@ -205,6 +257,17 @@ def is_conservative(kernels: CompiledKernels) -> bool:
     return all(_is_zero_at(power, block, store) for block in programs["energy"].blocks for store in block.stores if store.array == "energy")
 
 
+def uses_tangents(kernels: CompiledKernels, method: str) -> bool:
+    """True if an integrator takes stiffness and damping: rattle where masses are not constant or forces have no potential,
+    energy-momentum unless constraints are quadratic, masses and forces constant as well."""
+    if method not in ("rattle", "energy-momentum"):
+        return method in IMPLICIT
+    programs = kernels.programs.programs
+    constant = all(programs[k].is_constant for k in ("mass", "force") if k in programs and (k, method) != ("force", "rattle"))
+    quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls and not programs["phi"].angles
+    return not (is_conservative(kernels) and constant and (quadratic or method == "rattle"))
+
+
 def _is_zero_at(index: int, block, store) -> bool:
     """True if a store leaves one number of its array zero by structure."""
     table = getattr(store, "table", None) or (store.index,)
@@ -220,9 +283,13 @@ class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
     def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
+        from ncgen.program.dynamics import assemble_dynamics
+
         equations = kernels.programs.equations
         self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(self.programs, equations, kernels.row_sizes)
         getter = f"{identifier(kernels.name)}_dynamics"
         ffi, library = _load(files, STRAIGHT_LINE, f"const ncgen_dynamics *{getter}(void);")
-        super().__init__(kernels, ffi, library, getattr(library, getter)())
+        dynamics = ffi.new("ncgen_dynamics *", getattr(library, getter)()[0])
+        self._kept = _describe_split(ffi, dynamics, kernels, split)  # what to fall back upon
+        super().__init__(kernels, ffi, library, dynamics)

@@ -7,6 +7,7 @@ those by position and velocity, or those by the parameters (ncgen.program.tangen
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 from cffi import FFI
@@ -17,26 +18,32 @@ from ncgen.emit.c import HEADERS, tangent_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.emit.numpy import numpy_tangents
-from ncgen.program.assemble import Programs
-from ncgen.program.tangents import TangentPrograms, assemble_parameter_tangents, assemble_tangents
-from ncgen.symbolic.equations import Equations
+from ncgen.program.programs import Programs
+
+if TYPE_CHECKING:
+    from ncgen.program.tangents import TangentPrograms
+    from ncgen.symbolic.numbering import Numbering
 
 
 class Tangents:
     """Nonzeros of the derivatives of the equations of motion."""
 
-    def __init__(self, programs: TangentPrograms, equations: Equations):
+    def __init__(self, programs: TangentPrograms, equations: Numbering):
         self.programs = programs
         self.equations = equations
 
     @classmethod
     def by_state(cls, programs: Programs) -> Tangents:
         """stiffness, damping, phidd_q and phidd_qd."""
+        from ncgen.program.tangents import assemble_tangents
+
         return cls(assemble_tangents(programs.equations, programs.emission), programs.equations)
 
     @classmethod
     def by_parameters(cls, programs: Programs) -> Tangents:
         """phi_p, phid_p, phidd_p and balance_p."""
+        from ncgen.program.tangents import assemble_parameter_tangents
+
         return cls(assemble_parameter_tangents(programs.equations), programs.equations)
 
     def values(self, name: str, given: dict[str, object]) -> np.ndarray:
@@ -64,7 +71,7 @@ class NumPyTangents(Tangents):
 class CompiledTangents(Tangents):
     """Through a compiled library, whose `descriptor` the C runtime takes."""
 
-    def __init__(self, programs: TangentPrograms, equations: Equations):
+    def __init__(self, programs: TangentPrograms, equations: Numbering):
         from ncgen.build.library import _abi
 
         super().__init__(programs, equations)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+from typing import TYPE_CHECKING
 
 from ncgen.emit.environment import comment_text, loop_comments, render, verbatim
 from ncgen.emit.expressions import write
@@ -10,13 +11,15 @@ from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
 from ncgen.model.values import evaluate
 from ncgen.program.angles import SHARED
-from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
-from ncgen.program.dynamics import DynamicsPrograms
 from ncgen.program.functions import FUNCTIONS
-from ncgen.program.tangents import TangentPrograms
-from ncgen.symbolic.equations import Equations
+
+if TYPE_CHECKING:
+    from ncgen.program.dynamics import DynamicsPrograms
+    from ncgen.program.programs import Programs
+    from ncgen.program.tangents import TangentPrograms
+    from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
 RUNTIME = (
@@ -27,8 +30,17 @@ RUNTIME = (
     "ncgen_constrained.c",
     "ncgen_dense.c",
     "ncgen_sparse.c",
+    "ncgen_lu.c",
+    "ncgen_jacobian.c",
+    "ncgen_grid.c",
     "ncgen_explicit.c",
+    "ncgen_implicit.c",
     "ncgen_steppers.c",
+    "ncgen_correction.c",
+    "ncgen_rattle.c",
+    "ncgen_energy_momentum.c",
+    "ncgen_generalized_alpha.c",
+    "ncgen_ali3p.c",
 )
 WIDTH = 100
 
@@ -84,9 +96,9 @@ def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, 
     return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
 
 
-def program_records(programs, prefix: str) -> dict:
-    """Programs as a template prints them: {kernels, index_tables, number_tables}."""
-    tables = Tables(f"{prefix}_motion_")
+def program_records(programs, prefix: str, kind: str) -> dict:
+    """Programs as a template prints them: {kernels, index_tables, number_tables}; kind: a word for the names of their tables."""
+    tables = Tables(f"{prefix}_{kind}_")
     kernels = [_kernel(program, prefix, tables) for program in programs]
     return {"kernels": kernels, **_tables(tables)}
 
@@ -126,7 +138,7 @@ def _subscript(place: Place) -> str:
 
 
 def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
-    reserved = [program.output, *SHARED.values(), "angle"]
+    reserved = [*program.inputs, program.output, *SHARED.values(), "angle"]
     blocks = [_block(block, tables, Names(reserved, prefix)) for block in program.blocks]
     operations = cost(program)
     return {

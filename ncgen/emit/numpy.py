@@ -5,17 +5,21 @@ Arguments may have leading batch dimensions, and any number type that NumPy adds
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 from ncgen.emit.environment import comment_text, loop_comments, render
 from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
 from ncgen.program.angles import SHARED
-from ncgen.program.assemble import Programs
 from ncgen.program.blocks import Loop, Program
 from ncgen.program.cost import cost
 from ncgen.program.functions import FUNCTIONS
-from ncgen.program.tangents import TangentPrograms
-from ncgen.symbolic.equations import Equations
+
+if TYPE_CHECKING:
+    from ncgen.program.programs import Programs
+    from ncgen.program.tangents import TangentPrograms
+    from ncgen.symbolic.equations import Equations
 
 WIDTH = 110
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from ncgen.emit.c import c_files
 from ncgen.emit.numpy import numpy_files
 from ncgen.errors import NcgenError
-from ncgen.program.assemble import Programs
+from ncgen.program.programs import Programs
 
 
 @dataclass(frozen=True)

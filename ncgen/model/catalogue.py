@@ -9,6 +9,7 @@ Codes 1000-1003 and 1010-1015 are those of Tables 2 and 4 of the paper (DETC2007
 
 from __future__ import annotations
 
+import pickle
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -42,6 +43,12 @@ class RowType:
     scale_data: tuple[str, ...]
     size: tuple[str, ...]
     equation: str
+
+    def __reduce__(self):
+        """Pickled by its key, since formulas are functions; refused where the catalogue does not have it."""
+        if ROW_TYPES.get(self.key) is not self:
+            raise pickle.PicklingError(f"row type {self.key} is not in the catalogue")
+        return ROW_TYPES.__getitem__, (self.key,)
 
 
 def _distance(f, a, L):

@@ -159,7 +159,7 @@ def _combined_rows(frame: Frame, element: Spatial) -> list[Row]:
 
 def _claim(known: set, *elements) -> bool:
     """True the first time these elements are named together."""
-    key = frozenset(e.name for e in elements)
+    key = tuple(sorted({e.name for e in elements}))
     if key in known:
         return False
     known[key] = True

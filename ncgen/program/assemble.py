@@ -19,6 +19,7 @@ from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, 
 from ncgen.program.fused import Part, fuse
 from ncgen.program.graph import Graph
 from ncgen.program.lower import lower_value
+from ncgen.program.programs import Programs
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
 
@@ -108,22 +109,6 @@ class Contribution:
     graph: Graph
     parts: list[tuple[tuple, int]]
     slots: list[tuple[tuple, Slot]] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Programs:
-    """All kernels of a mechanism, with the patterns of its matrices.
-
-    programs: {kernel name: Program}; kernels that a scene does not need are missing
-    omitted: what was left out, in words
-    """
-
-    equations: Equations
-    programs: dict[str, Program]
-    phi_q: Pattern
-    mass: Pattern
-    emission: str
-    omitted: tuple[str, ...]
 
 
 def assemble(equations: Equations, emission: str = "auto") -> Programs:

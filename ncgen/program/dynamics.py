@@ -19,20 +19,9 @@ from ncgen.program.blocks import Program
 from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_transposed
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
+from ncgen.program.programs import Split
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
-
-LARGEST = 24
-"""Degrees of freedom up to which the reduced mass matrix is eliminated in straight-line code."""
-
-
-@dataclass(frozen=True)
-class Split:
-    """rows: kept rows; dependent, independent: positions in q."""
-
-    rows: tuple[int, ...]
-    dependent: tuple[int, ...]
-    independent: tuple[int, ...]
 
 
 @dataclass(frozen=True)

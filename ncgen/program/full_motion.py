@@ -11,6 +11,13 @@ Both eliminate the quasidefinite matrix
 in a fixed order, which a small e makes possible wherever the mechanism is: where rows are redundant, where masses are
 missing, and in singular positions. With x of H x = b, one step of refinement on the matrix without e leaves an error of
 order e². Velocities and positions are projected in the metric of M.
+
+Their derivatives along a direction, seed = [dt; dq; dq̇; dp], are two more programs:
+
+    closing_tangent(t, q, p, e, seed)     -> dΔq (n)
+    motion_tangent(t, q, qd, p, e, seed)  -> dq̇ (n), dq̈ (n), dλ (m), dpower, dkinetic, dpotential
+
+A solution x of H x = b changes by H dx = db − dH x, so the factors serve again and elimination is not differentiated.
 """
 
 from __future__ import annotations
@@ -22,6 +29,7 @@ import numpy as np
 
 from ncgen.program.assemble import ENERGIES, KERNELS
 from ncgen.program.blocks import Program
+from ncgen.program.derivatives import tangent
 from ncgen.program.elimination import SymmetricFactors, factor_symmetric, solve_symmetric
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
@@ -34,7 +42,7 @@ SMALL = 2.0**-35
 
 @dataclass(frozen=True)
 class FullMotion:
-    """Both programs, and the shapes of their outputs in this module's text."""
+    """Both programs, or the tangents of both; the shapes of their outputs in this module's text."""
 
     closing: Program
     motion: Program
@@ -63,16 +71,31 @@ class Sizes:
 
 def assemble_full_motion(equations: Equations, sizes: Sizes, holonomic) -> FullMotion:
     """Both programs; holonomic: numbers of the rows that are equations of position. The mechanism must have mass."""
-    built = FullMotion(_closing(equations, sizes, list(map(int, holonomic))), _motion(equations, sizes))
+    closing, motion = _parts(equations, sizes, holonomic)
+    built = FullMotion(closing.program(), motion.program())
     n, m = len(equations.free), len(equations.rows)
-    lengths = {"t": 1, "q": n, "qd": n, "p": len(equations.parameters), "e": 1}
     assert (built.closing.size, built.motion.size) == (n + m, 2 * n + m + 1)
+    return _verified(built, equations)
+
+
+def assemble_full_tangents(equations: Equations, sizes: Sizes, holonomic) -> FullMotion:
+    """The tangents of both programs, with the same arguments."""
+    return _verified(FullMotion(*(part.tangent() for part in _parts(equations, sizes, holonomic))), equations)
+
+
+def _parts(equations: Equations, sizes: Sizes, holonomic):
+    return _Closing(equations, sizes, list(map(int, holonomic))), _Motion(equations, sizes)
+
+
+def _verified(built: FullMotion, equations: Equations) -> FullMotion:
+    n, parameters = len(equations.free), len(equations.parameters)
+    lengths = {"t": 1, "q": n, "qd": n, "p": parameters, "e": 1, "seed": 1 + 2 * n + parameters}
     for program in (built.closing, built.motion):
         verify(program, lengths)
     return built
 
 
-class _Saddle:
+class Saddle:
     """H in a graph, rows numbered after coordinates; A is H without e."""
 
     def __init__(self, lines: Lines, sizes: Sizes, rows):
@@ -117,6 +140,19 @@ class _Saddle:
         correction = self.solve({i: graph.sum(nodes) for i, nodes in sums.items()})
         return {i: _total(graph, first.get(i), correction.get(i)) for i in first.keys() | correction.keys()}
 
+    def change(self, x: dict[int, int], right: dict[int, int], along: dict[int, int], solve) -> dict[int, int]:
+        """How the solution x of H x = right changes along a direction: H dx = dright − dH x, solved as x was.
+
+        along: {node: its change}
+        """
+        graph = self.graph
+        found = tangent(graph, [*right.values(), *self.A.values()], along)
+        sums = {i: [found[node]] for i, node in right.items() if node in found}
+        for (i, j), node in sorted(self.A.items()):
+            if node in found and j in x:
+                sums.setdefault(i, []).append(graph.neg(graph.mul(found[node], x[j])))
+        return solve({i: graph.sum(nodes) for i, nodes in sums.items()})
+
     def times_jacobian(self, x: list[int]) -> dict[int, int]:
         """{row: node} of Φ_q x."""
         sums: dict[int, list[int]] = {}
@@ -129,34 +165,77 @@ def _total(graph: Graph, a: int | None, b: int | None) -> int:
     return b if a is None else a if b is None else graph.add(a, b)
 
 
-def _closing(equations: Equations, sizes: Sizes, holonomic: list[int]) -> Program:
-    lines = Lines(equations)
-    graph = lines.graph
-    zero = graph.const(0.0)
-    saddle = _Saddle(lines, sizes, holonomic)
-    phi = {r: node for (r,), node in lines.gather(KERNELS["phi"]).items() if r in saddle.place}
-    step = saddle.solve({saddle.place[r]: graph.neg(node) for r, node in phi.items()})
-    steps = [step.get(c, zero) for c in range(saddle.n)]
-    return lines.program("closing", ("t", "q", "p", "e"), [*steps, *(phi.get(r, zero) for r in range(len(equations.rows)))])
+class _Closing:
+    """A Newton step towards the constraints, as nodes."""
+
+    def __init__(self, equations: Equations, sizes: Sizes, holonomic: list[int]):
+        self.lines = Lines(equations)
+        self.saddle = Saddle(self.lines, sizes, holonomic)
+        place = self.saddle.place
+        self.phi = {r: node for (r,), node in self.lines.gather(KERNELS["phi"]).items() if r in place}
+        self.right = {place[r]: self.lines.graph.neg(node) for r, node in self.phi.items()}
+        self.step = self.saddle.solve(self.right)
+
+    def program(self) -> Program:
+        zero, n, m = self.lines.graph.const(0.0), self.saddle.n, len(self.lines.equations.rows)
+        outputs = [*(self.step.get(c, zero) for c in range(n)), *(self.phi.get(r, zero) for r in range(m))]
+        return self.lines.program("closing", ("t", "q", "p", "e"), outputs)
+
+    def tangent(self) -> Program:
+        """How the step changes along a direction."""
+        graph = self.lines.graph
+        along = directions(self.lines)
+        change = self.saddle.change(self.step, self.right, along, self.saddle.solve)
+        outputs = [change.get(c, graph.const(0.0)) for c in range(self.saddle.n)]
+        return self.lines.program("closing_tangent", ("t", "q", "p", "e", "seed"), outputs)
 
 
-def _motion(equations: Equations, sizes: Sizes) -> Program:
-    lines = Lines(equations)
-    graph = lines.graph
-    zero = graph.const(0.0)
-    n, m = len(equations.free), len(equations.rows)
-    saddle = _Saddle(lines, sizes, range(m))
-    nu = {r: node for (r,), node in lines.gather(KERNELS["nu"]).items()}
-    off = saddle.times_jacobian(lines.rates)
-    missing = {n + r: graph.sub(nu.get(r, zero), off.get(r, zero)) for r in sorted(nu.keys() | off.keys())}
-    onto = saddle.solve(missing)
-    lines.rates = [graph.add(rate, onto[c]) if c in onto else rate for c, rate in enumerate(lines.rates)]
+class _Motion:
+    """Velocities brought onto the constraints, accelerations, multipliers and energies, as nodes."""
 
-    right = {c: node for (c,), node in lines.gather(KERNELS["force"]).items()}
-    right |= {n + r: node for (r,), node in lines.gather(KERNELS["gamma"]).items()}
-    x = saddle.refined(right)
-    solution = [x.get(k, zero) for k in range(n + m)]
-    power = lines.gather(KERNELS["energy"]).get((ENERGIES.index("power"),), zero)
-    for r, node in nu.items():
-        power = graph.sub(power, graph.mul(node, solution[n + r]))
-    return lines.program("motion", ("t", "q", "qd", "p", "e"), [*lines.rates, *solution, power])
+    def __init__(self, equations: Equations, sizes: Sizes):
+        self.lines = lines = Lines(equations)
+        graph, zero = lines.graph, lines.graph.const(0.0)
+        self.n, self.m = n, m = len(equations.free), len(equations.rows)
+        self.saddle = Saddle(lines, sizes, range(m))
+        nu = {r: node for (r,), node in lines.gather(KERNELS["nu"]).items()}
+        off = self.saddle.times_jacobian(lines.rates)
+        self.missing = {n + r: graph.sub(nu.get(r, zero), off.get(r, zero)) for r in sorted(nu.keys() | off.keys())}
+        self.onto = self.saddle.solve(self.missing)
+        self.given = lines.rates
+        lines.rates = [graph.add(rate, self.onto[c]) if c in self.onto else rate for c, rate in enumerate(lines.rates)]
+
+        self.right = {c: node for (c,), node in lines.gather(KERNELS["force"]).items()}
+        self.right |= {n + r: node for (r,), node in lines.gather(KERNELS["gamma"]).items()}
+        self.x = self.saddle.refined(self.right)
+        energies = lines.gather(KERNELS["energy"])
+        self.kinetic, self.potential, power = (energies.get((k,), zero) for k in range(len(ENERGIES)))
+        for r, node in nu.items():
+            power = graph.sub(power, graph.mul(node, self.x.get(n + r, zero)))
+        self.power = power
+
+    def program(self) -> Program:
+        zero = self.lines.graph.const(0.0)
+        solution = [self.x.get(k, zero) for k in range(self.n + self.m)]
+        return self.lines.program("motion", ("t", "q", "qd", "p", "e"), [*self.lines.rates, *solution, self.power])
+
+    def tangent(self) -> Program:
+        """How all of them change along a direction; solutions by the implicit function theorem, on the same factors."""
+        lines, graph, zero = self.lines, self.lines.graph, self.lines.graph.const(0.0)
+        along = directions(lines)
+        onto = self.saddle.change(self.onto, self.missing, along, self.saddle.solve)
+        rates = [_total(graph, along[rate], onto.get(c)) for c, rate in enumerate(self.given)]
+        along |= zip(lines.rates, rates, strict=True)
+        x = self.saddle.change(self.x, self.right, along, self.saddle.refined)
+        along |= {self.x[k]: x.get(k, zero) for k in self.x if graph.value(self.x[k]) is None}
+        scalars = [self.power, self.kinetic, self.potential]
+        found = tangent(graph, scalars, along)
+        outputs = [*rates, *(x.get(k, zero) for k in range(self.n + self.m)), *(found.get(node, zero) for node in scalars)]
+        return lines.program("motion_tangent", ("t", "q", "qd", "p", "e", "seed"), outputs)
+
+
+def directions(lines: Lines) -> dict[int, int]:
+    """{input: its change}: a seed has the changes of t, q, q̇ and p one after the other."""
+    n, count = len(lines.equations.free), len(lines.equations.parameters)
+    inputs = [("t", 0), *(("q", i) for i in range(n)), *(("qd", i) for i in range(n)), *(("p", i) for i in range(count))]
+    return {lines.graph.load(*leaf): lines.graph.load("seed", k) for k, leaf in enumerate(inputs)}

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.build.cache import cache_folder
+from ncgen.build.cache import KEPT, cache_folder
 from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile
 from ncgen.emit.sources import write_bytes
@@ -53,7 +53,7 @@ class Reference:
 def reference(kernels: Kernels, duration: float, start: dict) -> Reference:
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
     key = hashlib.sha256(repr((kernels.fingerprint, duration, sorted(start.get("zd0", {}).items()), TIGHT)).encode()).hexdigest()[:40]
-    path = cache_folder() / "references" / f"{key}.npz"
+    path = cache_folder() / KEPT[1] / f"{key}.npz"
     if path.is_file():
         found = np.load(path)
         return Reference(found["q"], float(found["doubt"]))

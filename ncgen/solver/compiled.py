@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import SingularError
-from ncgen.program.cost import cost
 from ncgen.solver.integrators import canonical_name
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import freedom, trial_positions
+from ncgen.solver.steppers import STEPPERS
+from ncgen.solver.steppers.generalized_alpha import weights
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -23,9 +24,6 @@ REUSE = 0.7
 MOST_STEPS = 1_000_000
 """Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
 
-STEPPERS = ("rattle", "energy-momentum")
-"""Integrators of C that discretise the constrained equations themselves."""
-
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
 
@@ -34,7 +32,7 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
     """Why a simulation cannot run in C (with an emitted state derivative), in words, or None if it can."""
     from ncgen.build.library import CompiledKernels
     from ncgen.build.runtime import METHODS
-    from ncgen.program.dynamics import LARGEST
+    from ncgen.program.programs import LARGEST
 
     if not isinstance(kernels, CompiledKernels):
         return f"the kernels are {kernels.backend}, not compiled"
@@ -56,7 +54,7 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
 def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, settings: dict, engine: str) -> str | None:
     """Why a simulation over all coordinates cannot run in C, in words, or None if it can."""
     from ncgen.build.library import CompiledKernels
-    from ncgen.build.runtime import FORMALISMS, METHODS
+    from ncgen.build.runtime import FORMALISMS, IMPLICIT, METHODS
 
     if not isinstance(kernels, CompiledKernels):
         return f"the kernels are {kernels.backend}, not compiled"
@@ -72,49 +70,46 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, setti
         return "the paper's sine-or-cosine rows choose anew between steps"
     if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
         return "there are no constraint rows that move"
-    return _stepper_refusal(kernels, canonical_name(integrator), settings)
-
-
-def _stepper_refusal(kernels: Kernels, integrator: str, settings: dict) -> str | None:
-    """C has rattle for constant masses and forces of position, and energy-momentum where it is exact without corrections."""
-    from ncgen.build.runtime import is_conservative
-
-    if integrator not in STEPPERS:
-        return None
-    if not is_conservative(kernels):
-        return f"{integrator} runs in Python where forces have no potential, and with drivers"
-    programs = kernels.programs.programs
-    if integrator == "rattle":
-        constant = "mass" not in programs or programs["mass"].is_constant
-        return None if constant else "rattle runs in Python where masses are not constant"
-    quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls
-    quadratic = quadratic and not programs["phi"].angles
-    if settings["project_velocities"] or not (quadratic and all(programs[k].is_constant for k in ("mass", "force") if k in programs)):
-        return "energy-momentum runs in Python unless constraints are quadratic, masses and forces constant"
+    # Rolling conditions are equations of no position, which methods that hold Φ = 0 by themselves take apart in Python.
+    stabilised = canonical_name(integrator) in IMPLICIT and settings.get("stabilisation") == "baumgarte"
+    if (stabilised or (formalism, canonical_name(integrator)) in STEPPERS) and len(kernels.holonomic) < kernels.m:
+        return f"{integrator} runs in Python with rolling conditions"
     return None
 
 
-def run_constrained(path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, **steps) -> str | None:
+def run_constrained(
+    path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, stop=None, **steps
+) -> str | None:
     """Fill an empty path over a time grid with a formalism over all coordinates.
 
-    settings: the formalism's options (`ncgen.solver.formalisms`)
+    settings: the formalism's options (`ncgen.solver.formalisms`); stop: where to end before (`ncgen.solver.stop.Stop`)
     Returns None, or why the run had to stop before the end of the grid.
     """
     from ncgen.build.runtime import FORMALISMS, ConstrainedDynamics
 
     dynamics = kernels.__dict__.setdefault("_constrained", None) or ConstrainedDynamics(kernels)
     kernels._constrained = dynamics
-    projected = settings.get("stabilisation") == "projection"
+    projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"
     done = dynamics.simulate(
         canonical_name(integrator), grid, q, qd, p, tolerance=TOLERANCE, formalism=FORMALISMS[formalism], project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, **steps,
+        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, event=stop, **_weights(settings), **steps,
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
+    path.jacobians += done.jacobians
+    if done.stopped:
+        path.stop(done.reached, *done.last)
     path.projections += done.steps if projected else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
     return None if done.status == "ok" else f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
+
+
+def _weights(settings: dict) -> dict[str, float]:
+    """Of generalised-α, by the names of `ncgen_options`."""
+    if "rho" not in settings:
+        return {}
+    return dict(zip(("alpha_m", "alpha_f"), weights(settings["rho"], settings["hht"]), strict=True))
 
 
 def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p):
@@ -126,7 +121,7 @@ def emission(kernels: Kernels, partitions: Partitions, form: str, q, p):
     """The state derivative in one of its forms: "dense", "emitted", or "lanes" for many states at a time."""
     from ncgen.build.batch_runs import LaneDynamics
     from ncgen.build.runtime import DenseDynamics, EmittedDynamics
-    from ncgen.program.dynamics import Split
+    from ncgen.program.programs import Split
 
     part = partitions.position
     split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
@@ -147,8 +142,8 @@ def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
     return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
 
 
-def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step) -> str | None:
-    """Fill an empty path over a time grid; where the independent coordinates become bad, go on with others.
+def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step, stop=None) -> str | None:
+    """Fill an empty path over a time grid, to its end or to a `Stop`; where the independent coordinates become bad, go on with others.
 
     Returns None, or why the run had to stop before the end of the grid.
     """
@@ -157,11 +152,15 @@ def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, z
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
         here = dynamics(kernels, path.partitions, emitted and len(seen) <= MOST_EMITTED, q, p)
-        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, tolerance=TOLERANCE, growth=growth)
+        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, stop, tolerance=TOLERANCE, growth=growth)
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
-        if done.status == "ok":
+        path.jacobians += done.jacobians
+        path.fallbacks += done.fallbacks
+        if done.stopped:
+            path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
+        if done.stopped or done.status == "ok" or len(path.q) == len(grid):
             return None
         advanced = done.reached > t
         t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]

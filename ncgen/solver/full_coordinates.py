@@ -22,13 +22,13 @@ from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
 
 
-def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, **options) -> None:
-    """Fill an empty path over a time grid.
+def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, stop=None, **options) -> None:
+    """Fill an empty path over a time grid, to its end or to a `Stop`.
 
     options: rtol, atol, max_step of the integrator
     Raises ConvergenceError or SingularError with the time where the motion cannot go on.
     """
-    _Run(path, kernels, method, p).integrate(grid, q, qd, progress, options)
+    _Run(path, kernels, method, p).integrate(grid, q, qd, progress, stop, options)
 
 
 class _Run:
@@ -41,7 +41,7 @@ class _Run:
         self.rows = None
         self.evaluations = 0
 
-    def integrate(self, grid, q, qd, progress, options) -> None:
+    def integrate(self, grid, q, qd, progress, stop, options) -> None:
         self.rank = freedom(self.kernels, q, grid[0], self.p).rank
         self._choose_rows(q, grid[0])
         if takes_jacobian(self.method.integrator, self.kernels):
@@ -50,22 +50,43 @@ class _Run:
         self._record([solver.y])
         taken = 0
         while solver.status == "running":
+            start, before = solver.t, solver.y
             self._step(solver)
             taken += 1
-            stop = len(self.path.q) + int(np.sum(grid[len(self.path.q) :] <= solver.t))
-            inner = [t for t in grid[len(self.path.q) : stop] if t != solver.t]
-            between = solver.dense_output() if inner else None
-            self._record([self._closed(t, between(t)) for t in inner])
             y = self._closed(solver.t, solver.y)
+            found = self._stop(solver, stop, start, before, y) if stop else None
+            end = found[0] if found else solver.t
+            ahead = grid[len(self.path.q) :]
+            inner = ahead[ahead < end]
+            between = solver.dense_output() if len(inner) else None
+            self._record([self._closed(t, between(t)) for t in inner])
+            if found:
+                q, qd, y = found[1]
+                self.path.stop(end, q, qd, float(y[-1]))
+                break
             if self.projecting and y is not solver.y:
                 replace_state(solver, y)
-            if stop > len(self.path.q):
+            if len(self.path.q) < len(grid) and grid[len(self.path.q)] == solver.t:
                 self._record([y])
             self.p = refresh_branches(self.kernels, y[self._q], self.p)
             self._choose_rows(y[self._q], solver.t)
             if progress:
                 progress(solver.t)
         self.path.counts = self.path.counts + [taken, self.evaluations, 0, 0, 0]
+
+    def _stop(self, solver, stop, start: float, before: np.ndarray, after: np.ndarray):
+        """(time, (q, q̇, y)) at which the last step passed the stop, or None."""
+        n = self.kernels.n
+        gaps = [stop.gap(y[self._q], y[:n]) for y in (before, after)]
+        if not stop.is_passed(*gaps):
+            return None
+        between = solver.dense_output()
+
+        def state(t: float):
+            y = self._closed(t, between(t))
+            return y[self._q], y[:n], y
+
+        return stop.locate(start, solver.t, *gaps, state)
 
     @property
     def _q(self) -> slice:
@@ -86,6 +107,7 @@ class _Run:
         return self.method.formalism.motion(self.kernels, q, qd, t, self.p, self.method.options, self.rows)
 
     def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.path.jacobians += 1
         gains = self.method.formalism.gains(self.method.options)
         return full_jacobian(self.kernels, self.motion(t, y), self.p, self.rows, gains)
 

@@ -16,7 +16,9 @@ class Path:
     start is singular and the formalism needs none.
 
     counts: steps, evaluations, Newton steps, changes of partition, repeated steps, in the order of `Statistics`
+    stopped: time (s) of the last row where the run ended at its `Stop`, off the grid; None where it did not
     projections, largest_projection: how often a state was projected, and how far a position moved at most, relative
+    jacobians, fallbacks: as in `Statistics`
     """
 
     q: np.ndarray
@@ -26,6 +28,9 @@ class Path:
     partitions: Partitions | None
     projections: int = 0
     largest_projection: float = 0.0
+    stopped: float | None = None
+    jacobians: int = 0
+    fallbacks: int = 0
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
@@ -36,6 +41,11 @@ class Path:
         self.q, self.qd = np.vstack([self.q, q]), np.vstack([self.qd, qd])
         self.work = np.concatenate([self.work, work])
         self.counts = self.counts + np.asarray(counts)
+
+    def stop(self, t: float, q, qd, work: float) -> None:
+        """End with the state at which a run stops."""
+        self.extend(q[None], qd[None], [work], [0] * 5)
+        self.stopped = float(t)
 
     def note_projection(self, found: Projected) -> None:
         self.projections += 1

@@ -26,10 +26,10 @@ RETRIES = 8
 """How often a step whose position problem fails is tried again, each time four times shorter."""
 
 
-def run(path: Path, kernels: Kernels, method, grid, q, zd, p, progress, **options) -> None:
+def run(path: Path, kernels: Kernels, method, grid, q, zd, p, progress, stop=None, **options) -> None:
     """Complete a path over a time grid, from its last row on if it has any.
 
-    method: a SciPy OdeSolver class; options: its rtol, atol, max_step
+    method: a SciPy OdeSolver class; stop: a `Stop` before the end; options: rtol, atol, max_step of the method
     Raises ConvergenceError or SingularError with the time where the motion cannot go on.
     """
     work = 0.0
@@ -37,8 +37,10 @@ def run(path: Path, kernels: Kernels, method, grid, q, zd, p, progress, **option
         q, qd, work = path.take_last()
         zd = qd[path.partitions.velocity.independent]
     engine = _Run(kernels, method, options, path.partitions, grid[-1])
-    motions, done = engine.integrate(q, zd, p, grid[len(path.q) :], progress)
+    motions, done = engine.integrate(q, zd, p, grid[len(path.q) :], progress, stop)
     path.extend([m.q for m in motions], [m.qd for m in motions], np.array(done) + work, engine.counts)
+    path.stopped = engine.stopped
+    path.jacobians += engine.jacobians
     path.partitions = engine.partitions
 
 
@@ -51,10 +53,11 @@ class _Run:
         self.options = options
         self.partitions = partitions
         self.end = end
-        self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
+        self.stopped: float | None = None
+        self.jacobians = self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
 
-    def integrate(self, q, zd, p, grid, progress) -> tuple[list[Motion], list[float]]:
-        """Motions and work at the times of the grid."""
+    def integrate(self, q, zd, p, grid, progress, stop) -> tuple[list[Motion], list[float]]:
+        """Motions and work at the times of the grid, or at those before the stop and there."""
         t = grid[0]
         here = motion_at(self.kernels, self.partitions.velocity, t, q, zd, p)
         self.start = Start(t, here.q, here.qd, p)
@@ -63,21 +66,39 @@ class _Run:
         motions, work = [here], [0.0]
         while solver.status == "running":
             solver = self._step(solver, here)
+            before, here = here, self._motion(solver.t, solver.y)
+            last = self._stop(solver, stop, before, here) if stop else None
             between = None
-            while len(motions) < len(grid) and grid[len(motions)] <= solver.t:
+            while len(motions) < len(grid) and (grid[len(motions)] < self.stopped if last else grid[len(motions)] <= solver.t):
                 instant = grid[len(motions)]
                 if instant != solver.t:
                     between = between or solver.dense_output()
                 y = solver.y if instant == solver.t else between(instant)
                 motions.append(self._motion(instant, y))
                 work.append(float(y[-1]))
-            here = self._motion(solver.t, solver.y)
+            if last:
+                return [*motions, last[2]], [*work, last[3]]
             self._accept(here)
             if progress:
                 progress(solver.t)
             if solver.status == "running" and self._repartition(here):
                 solver = self._solver(here.t, here, solver.y[-1])
         return motions, work
+
+    def _stop(self, solver, stop, before: Motion, here: Motion):
+        """q, q̇, motion and work at which the last step passed the stop, or None."""
+        gaps = stop.gap(before.q, before.qd), stop.gap(here.q, here.qd)
+        if not stop.is_passed(*gaps):
+            return None
+        between = solver.dense_output()
+
+        def state(t: float):
+            y = between(t)
+            now = self._motion(t, y)
+            return now.q, now.qd, now, float(y[-1])
+
+        self.stopped, found = stop.locate(before.t, here.t, *gaps, state)
+        return found
 
     @property
     def counts(self) -> list[int]:
@@ -91,6 +112,7 @@ class _Run:
         return self.method(self._derivative, t, y, self.end, first_step=first_step, **exact, **self.options)
 
     def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        self.jacobians += 1
         return partitioned_jacobian(self.kernels, self.partitions, self._motion(t, y), self.start.p)
 
     def _step(self, solver, here: Motion):

@@ -19,6 +19,7 @@ from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import DENSE
 from ncgen.solver.start import closed_position, given_velocity, velocity_from_rates
+from ncgen.solver.stop import stop_at
 from ncgen.solver.trajectory import Statistics, Trajectory
 
 ENGINES = ("auto", "c", "emitted", "python")
@@ -45,6 +46,7 @@ def simulate(
     max_step: float = np.inf,
     engine: str = "auto",
     options: dict | None = None,
+    stop: dict | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Simulate a mechanism and return its trajectory on an even time grid.
@@ -75,6 +77,8 @@ def simulate(
     engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out and compiled
         for this mechanism: several times faster, after a compile of a second or so), "python" (the reference), or
         "auto": C where it can be; the trajectory's `engine` says which it was and why
+    stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
+        {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True
     progress: called with the time reached: after every step in Python, at the end of a run in C
 
     Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
@@ -103,7 +107,7 @@ def simulate(
     partitions = _partitions(kernels, q, t0, p, chosen, needed=method.formalism.solve is None or zd0 is not None)
     qd = _velocity(kernels, partitions, q, t0, p, zd0, qd0)
     grid = np.linspace(t0, t0 + duration, points)
-    steps = dict(rtol=rtol, atol=atol, max_step=max_step)
+    steps = dict(rtol=rtol, atol=atol, max_step=max_step, stop=stop_at(kernels, stop))
     clock = time.perf_counter()
     path = Path.empty(kernels.n, partitions)
     emitted = engine == "emitted"
@@ -119,12 +123,15 @@ def simulate(
             path = Path.empty(kernels.n, partitions)  # what C has left of it is done again
         _run_in_python(path, kernels, method, grid, q, qd, p, progress, steps)
     if progress and refused is None:
-        progress(grid[-1])
-    statistics = Statistics(*map(int, path.counts), time.perf_counter() - clock, path.projections, path.largest_projection)
+        progress(grid[-1] if path.stopped is None else path.stopped)
+    if path.stopped is not None:
+        grid = np.append(grid[: len(path.q) - 1], path.stopped)
+    seconds, others = time.perf_counter() - clock, (path.projections, path.largest_projection, path.jacobians, path.fallbacks)
+    statistics = Statistics(*map(int, path.counts), seconds, *others)
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
     run = Trajectory(
         kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels,
-        method.options,
+        method.options, path.stopped is not None,
     )  # fmt: skip
     if method.options.get("stabilisation") in ("baumgarte", "none") and run.energy_drift > DRIFT:
         warnings.warn(
@@ -148,7 +155,7 @@ def _run_in_c(path: Path, kernels: Kernels, method: Method, integrator: str, emi
 
 def _run_in_python(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, steps: dict) -> None:
     if method.is_stepper:
-        steppers.run(path, kernels, method.integrator, method.options, grid, q, qd, p, progress, steps["max_step"])
+        steppers.run(path, kernels, method.integrator, method.options, grid, q, qd, p, progress, steps["max_step"], steps["stop"])
     elif method.formalism.solve is None:
         rates = qd[path.partitions.velocity.independent]
         python_engine.run(path, kernels, method.integrator, grid, q, rates, p, progress, **steps)

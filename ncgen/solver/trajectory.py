@@ -27,7 +27,9 @@ class Statistics:
 
     steps, evaluations of the state derivative, Newton steps of position problems and projections, changes of the
     independent coordinates, steps repeated because the position problem failed, and seconds; how often a state was
-    projected onto the constraints, and how far a position was moved at most, relative to its natural size.
+    projected onto the constraints, and how far a position was moved at most, relative to its natural size. Of implicit
+    methods how many Jacobians were taken; of emitted ones how many accelerations were computed with row exchanges, since
+    a pivot vanished or a step had to be repeated.
     """
 
     steps: int
@@ -38,6 +40,8 @@ class Statistics:
     seconds: float
     projections: int = 0
     largest_projection: float = 0.0
+    jacobians: int = 0
+    fallbacks: int = 0
 
 
 @dataclass(frozen=True)
@@ -48,7 +52,8 @@ class Trajectory:
     in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
     Accelerations and multipliers are computed when they are first asked for.
     engine: "c", "emitted", or "python" with the reason; made_with: the kernels that the motion was computed with, which
-    stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism.
+    stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
+    run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
     """
 
@@ -66,6 +71,7 @@ class Trajectory:
     chosen: tuple[str, ...] = ()
     made_with: Kernels | None = None
     options: dict = field(default_factory=dict)
+    stopped: bool = False
 
     @property
     def independent(self) -> tuple[str, ...]:

@@ -9,7 +9,6 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass
 from fractions import Fraction
-from functools import cached_property
 
 import numpy as np
 import sympy
@@ -22,6 +21,7 @@ from ncgen.model.rows import Owner, Row, describe
 from ncgen.model.values import Parameter, as_sympy, is_number
 from ncgen.symbolic import templates
 from ncgen.symbolic.inertia import StandardInertia, centre_weights, standard_inertia
+from ncgen.symbolic.numbering import Numbering
 from ncgen.symbolic.omissions import angle_row_type
 from ncgen.symbolic.templates import TIME, Template
 
@@ -48,7 +48,7 @@ class Term:
 
 
 @dataclass(frozen=True, eq=False)
-class Equations:
+class Equations(Numbering):
     """All terms of a mechanism, and the numbering of what they refer to.
 
     released: fixed coordinates that are treated as free, to see what holds them
@@ -60,23 +60,6 @@ class Equations:
     forces: tuple[Term, ...]
     omitted: tuple[str, ...] = ()
     released: frozenset[Component] = frozenset()
-
-    @cached_property
-    def index(self) -> dict[Component, int]:
-        """Position of every free coordinate in the kernels' q."""
-        return {c: i for i, c in enumerate(self.free)}
-
-    @cached_property
-    def free(self) -> list[Component]:
-        return [c for c in self.model.components if self.moves(c)]
-
-    def moves(self, component: Component) -> bool:
-        """True if a component is a coordinate of the kernels, False if it is a constant."""
-        return not component.fixed or component in self.released
-
-    @cached_property
-    def parameters(self) -> list[Parameter]:
-        return list(self.model.parameters.values())
 
 
 def build_equations(model: Model, owner: Owner | None = None) -> Equations:

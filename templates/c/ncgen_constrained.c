@@ -141,7 +141,7 @@ static int find_jacobian(ncgen_run *r, ncgen_scalar t)
     return r->model->phi_q(t, r->q, r->p, w->kkt.values + w->n_mass);
 }
 
-static int factor(ncgen_run *r)
+int ncgen_constrained_factor(ncgen_run *r)
 {
     r->statistics->factorisations += 1;
     const int status = ncgen_kkt_factor(&r->constrained->kkt);
@@ -194,8 +194,9 @@ static ncgen_real largest_residual(const ncgen_run *r, const ncgen_real *rows)
 }
 
 /* w->solution of the equations with the right side w->right; refined where the factors are not those of the equations. */
-static int solve_equations(ncgen_run *r, ncgen_constrained *w)
+int ncgen_constrained_solve(ncgen_run *r)
 {
+    ncgen_constrained *w = r->constrained;
     ncgen_kkt_solve(&w->kkt, w->right, w->solution);
     if (!(w->kkt.perturbed || w->iterated || r->dynamics->singular_mass || r->rounding > R(1.0e-10)))
         return NCGEN_OK;
@@ -255,8 +256,20 @@ int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t)
     if (status == NCGEN_OK && is_dense(r))
         return ncgen_dense_accelerations(r, w);
     if (status == NCGEN_OK)
-        status = factor(r);
-    return status == NCGEN_OK ? solve_equations(r, w) : status;
+        status = ncgen_constrained_factor(r);
+    return status == NCGEN_OK ? ncgen_constrained_solve(r) : status;
+}
+
+int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
+{
+    ncgen_real energy[3] = {0, 0, 0};
+    *power = 0;
+    if (r->dynamics->conservative)
+        return NCGEN_OK;
+    if (r->model->energy && r->model->energy(t, r->q, r->qd, r->p, energy) != NCGEN_OK)
+        return NCGEN_DOMAIN;
+    *power = energy[2] - (r->model->nu ? ncgen_dot(r->m, r->constrained->nu, r->constrained->solution + r->n) : 0);
+    return NCGEN_OK;
 }
 
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
@@ -270,25 +283,22 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
         return status;
     ncgen_copy(n, w->solution, yd);
     ncgen_copy(n, r->qd, yd + n);
-    yd[2 * n] = 0;
-    if (!r->dynamics->conservative) {
-        ncgen_real energy[3] = {0, 0, 0};
-        if (r->model->energy && r->model->energy(t, r->q, r->qd, r->p, energy) != NCGEN_OK)
-            return NCGEN_DOMAIN;
-        yd[2 * n] = energy[2] - (r->model->nu ? ncgen_dot(r->m, w->nu, w->solution + n) : 0);
-    }
-    return NCGEN_OK;
+    return ncgen_constrained_power(r, t, yd + 2 * n);
 }
 
 /* Back onto the constraints ------------------------------------------------------------------------------------ */
 
+int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t)
+{
+    const int status = find_mass(r, t);
+    return status == NCGEN_OK ? find_jacobian(r, t) : status;
+}
+
 /* Phi_q and the factors at r->q. */
 static int refresh(ncgen_run *r, ncgen_scalar t)
 {
-    int status = find_mass(r, t);
-    if (status == NCGEN_OK)
-        status = find_jacobian(r, t);
-    return status == NCGEN_OK ? factor(r) : status;
+    const int status = ncgen_constrained_matrices(r, t);
+    return status == NCGEN_OK ? ncgen_constrained_factor(r) : status;
 }
 
 /* Change x by the smallest amount that changes the rows by -w->residual[n..]; smallest in the sense of kinetic energy. */
@@ -401,7 +411,8 @@ static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 
 static int state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
-    if (r->options->project)
+    r->constrained->kept = 0;
+    if (r->options->project || ncgen_is_stepper(r->options))
         return project(r, t, y, 0);
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
@@ -416,6 +427,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     r->derivative = derivative;
     r->settle = r->options->project ? settle : NULL;
     r->state = state;
+    r->jacobian = ncgen_constrained_jacobian;
     ncgen_copy(n, velocities, r->y);
     ncgen_copy(n, r->start_q, r->y + n);
     ncgen_copy(n, velocities, r->start_qd);

@@ -135,7 +135,7 @@ static const ncgen_scalar rk4_a[5][WIDTH] = {
 
 static const tableau tableaus[3] = {{6, 4, dopri_c, dopri_a}, {4, 0, rk4_c, rk4_a}, {12, 7, dop853_c, dop853_a}};
 
-void ncgen_stepping_layout(ncgen_run *r, ncgen_stepping *w)
+void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
 {
     w->new_y = ncgen_take(&r->space, r->ny);
     w->at = ncgen_take(&r->space, r->ny);
@@ -195,7 +195,7 @@ static ncgen_real tolerated(const ncgen_run *r, ncgen_real a, ncgen_real b)
     return r->options->atol + r->options->rtol * (u > v ? u : v);
 }
 
-static ncgen_real weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
+ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
 {
     ncgen_real sum = 0;
     for (int i = 0; i < r->weighed; ++i) {
@@ -209,24 +209,24 @@ static ncgen_real error_of(ncgen_run *r, ncgen_stepping *w, ncgen_scalar h)
 {
     if (r->options->method == NCGEN_DOPRI5) {
         combine(r, w, 7, dopri_error, w->at);
-        return h * NCGEN_SQRT(weighted_square(r, w->at, r->y, w->new_y));
+        return h * NCGEN_SQRT(ncgen_weighted_square(r, w->at, r->y, w->new_y));
     }
     combine(r, w, 12, dop853_e5, w->at);
-    const ncgen_real fifth = weighted_square(r, w->at, r->y, w->new_y);
+    const ncgen_real fifth = ncgen_weighted_square(r, w->at, r->y, w->new_y);
     ncgen_scalar third_weights[12];
     for (int j = 0; j < 12; ++j)
         third_weights[j] = dop853_a[12][j] - dop853_e3[j];
     combine(r, w, 12, third_weights, w->at);
-    const ncgen_real third = weighted_square(r, w->at, r->y, w->new_y);
+    const ncgen_real third = ncgen_weighted_square(r, w->at, r->y, w->new_y);
     const ncgen_real both = fifth + R(0.01) * third;
     return both > 0 ? h * fifth / NCGEN_SQRT(both) : both;
 }
 
 /* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
-static ncgen_scalar first_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar span)
+ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_scalar t, ncgen_scalar span)
 {
-    const ncgen_real d0 = NCGEN_SQRT(weighted_square(r, r->y, r->y, r->y));
-    const ncgen_real d1 = NCGEN_SQRT(weighted_square(r, slope(r, w, 0), r->y, r->y));
+    const ncgen_real d0 = NCGEN_SQRT(ncgen_weighted_square(r, r->y, r->y, r->y));
+    const ncgen_real d1 = NCGEN_SQRT(ncgen_weighted_square(r, slope(r, w, 0), r->y, r->y));
     ncgen_real guess = d0 < R(1.0e-5) || d1 < R(1.0e-5) ? R(1.0e-6) : R(0.01) * d0 / d1;
     if (guess > span)
         guess = span;
@@ -236,9 +236,9 @@ static ncgen_scalar first_step(ncgen_run *r, ncgen_stepping *w, const tableau *m
         return guess * R(0.01);
     for (int i = 0; i < r->ny; ++i)
         w->at[i] = slope(r, w, 1)[i] - slope(r, w, 0)[i];
-    const ncgen_real d2 = NCGEN_SQRT(weighted_square(r, w->at, r->y, r->y)) / guess;
+    const ncgen_real d2 = NCGEN_SQRT(ncgen_weighted_square(r, w->at, r->y, r->y)) / guess;
     const ncgen_real largest = d1 > d2 ? d1 : d2;
-    const ncgen_scalar root = 1 / (ncgen_scalar)(method->order + 1);
+    const ncgen_scalar root = 1 / (ncgen_scalar)(order + 1);
     ncgen_real better = largest <= R(1.0e-15) ? guess * R(1.0e-3) : NCGEN_POW(R(0.01) / largest, root);
     if (better > R(100.0) * guess)
         better = R(100.0) * guess;
@@ -294,108 +294,17 @@ static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_sc
                 sum = (sum + w->interpolant[(size_t)k * (size_t)r->ny + (size_t)i]) * (k % 2 ? 1 - s : s);
             w->at[i] = r->y[i] + sum;
         }
-    } else { /* cubic, between two states and their slopes */
-        const ncgen_real *first = slope(r, w, 0), *last = slope(r, w, 4);
-        for (int i = 0; i < r->ny; ++i) {
-            const ncgen_real change = w->new_y[i] - r->y[i];
-            w->at[i] = r->y[i] + s * (change + (1 - s) * ((1 - s) * (h * first[i] - change) - s * (h * last[i] - change)));
-        }
+    } else {
+        ncgen_interpolate_cubic(r, w, slope(r, w, 0), slope(r, w, 4), h, s);
     }
     return NCGEN_OK;
 }
 
-/* q and qd at t + s h. */
-static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
-{
-    const int status = interpolate(r, w, t, h, s);
-    return status == NCGEN_OK ? r->state(r, t + s * h, w->at) : status;
-}
-
-/* The event's function at the state there is, signed so that it stops when it becomes positive. */
-static int event_value(ncgen_run *r, ncgen_scalar t, ncgen_real *value)
-{
-    const ncgen_event *event = r->options->event;
-    if (event->coordinate >= 0)
-        *value = r->q[event->coordinate] - event->value;
-    else if (event->function(t, r->q, r->qd, r->p, value) != NCGEN_OK)
-        return NCGEN_DOMAIN;
-    return NCGEN_OK;
-}
-
-static int crosses(const ncgen_event *event, ncgen_real before, ncgen_real after)
-{
-    return (event->direction >= 0 && before < 0 && after >= 0) || (event->direction <= 0 && before > 0 && after <= 0);
-}
-
-/* The share *s of the step at which the event happens: Illinois' rule on the interpolant, down to the tolerance. */
-static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real before, ncgen_real after,
-                  ncgen_scalar *s)
-{
-    ncgen_scalar low = 0, high = 1;
-    ncgen_real at_low = before, at_high = after;
-    int side = 0;
-    for (int k = 0; k < 60 && high - low > R(1.0e-14); ++k) {
-        ncgen_real value = 0;
-        *s = low + (high - low) * (at_low / (at_low - at_high));
-        int status = state_inside(r, w, t, h, *s);
-        if (status == NCGEN_OK)
-            status = event_value(r, t + *s * h, &value);
-        if (status != NCGEN_OK)
-            return status;
-        if (!(NCGEN_ABS(value) > 0))
-            return NCGEN_OK;
-        const int beyond = (value > 0) == (after > 0);
-        if (beyond) {
-            high = *s;
-            at_high = value;
-            at_low *= side > 0 ? R(0.5) : R(1.0);
-        } else {
-            low = *s;
-            at_low = value;
-            at_high *= side < 0 ? R(0.5) : R(1.0);
-        }
-        side = beyond ? 1 : -1;
-    }
-    *s = high;
-    return state_inside(r, w, t, h, *s);
-}
-
-/* Rows of the grid before `end`, inside the step from t to t + h, by interpolation. */
-static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar end)
-{
-    while (r->rows < r->n_times && r->times[r->rows] < end) {
-        const int status = state_inside(r, w, t, h, (r->times[r->rows] - t) / h);
-        if (status != NCGEN_OK)
-            return status;
-        ncgen_write_row(r, w->at[r->weighed - 1]);
-    }
-    return NCGEN_OK;
-}
-
-/* What follows a successful step from t to t_new: events, rows inside it, and the new state is the present one. */
 static int finish_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar t_new)
 {
-    const ncgen_scalar h = t_new - t;
-    const ncgen_real before = w->event;
-    int status = ncgen_accept(r, t_new, w->new_y);
-    r->statistics->steps += 1;
-    int trouble = r->options->event ? event_value(r, t_new, &w->event) : NCGEN_OK;
-    if (trouble == NCGEN_OK && r->options->event && crosses(r->options->event, before, w->event)) {
-        ncgen_scalar s = 1;
-        trouble = locate(r, w, t, h, before, w->event, &s);
-        if (trouble != NCGEN_OK)
-            return trouble;
-        ncgen_keep_state(r, t + s * h, w->at[r->weighed - 1]);
-        r->statistics->stopped = 1;
-        return write_inside(r, w, t, h, t + s * h);
-    }
-    if (trouble == NCGEN_OK)
-        trouble = write_inside(r, w, t, h, t_new);
-    ncgen_copy(r->n, r->start_q, r->q);
-    ncgen_copy(r->n, r->start_qd, r->qd);
-    ncgen_copy(r->ny, w->new_y, r->y);
+    const int status = ncgen_grid_step(r, w, t, t_new);
     ncgen_copy(r->ny, slope(r, w, method->stages), slope(r, w, 0));
-    return trouble != NCGEN_OK ? trouble : status;
+    return status;
 }
 
 static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
@@ -403,7 +312,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
     const ncgen_scalar end = r->times[r->n_times - 1];
     const ncgen_scalar power = -1 / (ncgen_scalar)(method->order + 1);
     ncgen_scalar t = r->times[0];
-    ncgen_scalar h = first_step(r, w, method, t, end - t);
+    ncgen_scalar h = ncgen_first_step(r, w, method->order, t, end - t);
     int repeats = 0, rejected = 0;
     while (t < end) {
         if (r->options->max_steps && r->statistics->steps >= r->options->max_steps)
@@ -421,12 +330,14 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             if (++repeats > REPEAT_LIMIT)
                 return status != NCGEN_OK ? status : NCGEN_NOT_CONVERGED;
             r->statistics->repeated += 1;
+            r->careful = repeats > 1; /* again: it may be rounding */
             h *= R(0.25);
             continue;
         }
         ncgen_real factor = error > 0 ? R(0.9) * NCGEN_POW(error, power) : R(10.0);
         if (!(error < R(1.0))) {
             r->statistics->rejected += 1;
+            r->careful = rejected; /* again: it may be rounding */
             rejected = 1;
             h *= factor > R(0.2) ? factor : R(0.2);
             continue;
@@ -443,8 +354,6 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         t = t_new;
         h *= factor;
     }
-    if (r->rows < r->n_times)
-        ncgen_write_row(r, r->y[r->weighed - 1]);
     return NCGEN_OK;
 }
 
@@ -463,8 +372,6 @@ static int run_fixed(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             status = finish_step(r, w, method, t, t_new);
             if (r->statistics->stopped)
                 return status;
-            if (last)
-                ncgen_write_row(r, r->y[r->weighed - 1]);
             if (status != NCGEN_OK && !(last && row + 1 == r->n_times))
                 return status;
         }
@@ -478,10 +385,10 @@ int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
     int status = r->derivative(r, r->times[0], r->y, slope(r, w, 0));
     if (status == NCGEN_OK)
         (void)ncgen_accept(r, r->times[0], r->y);
-    if (status == NCGEN_OK && r->options->event)
-        status = event_value(r, r->times[0], &w->event);
+    w->interpolate = interpolate;
+    if (status == NCGEN_OK)
+        status = ncgen_grid_begin(r, w);
     if (status != NCGEN_OK)
         return status;
-    ncgen_write_row(r, r->y[r->weighed - 1]);
     return r->options->method == NCGEN_RK4 ? run_fixed(r, w, method) : run_adaptive(r, w, method);
 }

@@ -38,7 +38,6 @@ static int factor_jacobian(ncgen_run *r, ncgen_scalar t)
     const int status = r->model->phi_q(t, r->q, r->p, w->jacobian);
     if (status != NCGEN_OK)
         return status;
-    w->orientation = 1;
     for (int i = 0; i < size; ++i) {
         ncgen_real *row = w->lu + (size_t)i * (size_t)size;
         ncgen_real *full = w->bias; /* n numbers that are free here */
@@ -48,43 +47,12 @@ static int factor_jacobian(ncgen_run *r, ncgen_scalar t)
             full[pattern->indices[k]] = w->jacobian[k];
         for (int c = 0; c < size; ++c)
             row[c] = full[d->dependent[c]];
-        w->order[i] = i;
     }
-    for (int k = 0; k < size; ++k) {
-        int best = k;
-        for (int i = k + 1; i < size; ++i)
-            if (NCGEN_ABS(w->lu[(size_t)i * (size_t)size + (size_t)k]) > NCGEN_ABS(w->lu[(size_t)best * (size_t)size + (size_t)k]))
-                best = i;
-        if (best != k) {
-            for (int c = 0; c < size; ++c) {
-                const ncgen_real other = w->lu[(size_t)k * (size_t)size + (size_t)c];
-                w->lu[(size_t)k * (size_t)size + (size_t)c] = w->lu[(size_t)best * (size_t)size + (size_t)c];
-                w->lu[(size_t)best * (size_t)size + (size_t)c] = other;
-            }
-            const int other = w->order[k];
-            w->order[k] = w->order[best];
-            w->order[best] = other;
-            w->orientation = -w->orientation;
-        }
-        const ncgen_real *pivot_row = w->lu + (size_t)k * (size_t)size;
-        if (!(NCGEN_ABS(pivot_row[k]) > 0))
-            return NCGEN_SINGULAR;
-        if (pivot_row[k] < 0)
-            w->orientation = -w->orientation;
-        for (int i = k + 1; i < size; ++i) {
-            ncgen_real *row = w->lu + (size_t)i * (size_t)size;
-            if (!(NCGEN_ABS(row[k]) > 0))
-                continue;
-            const ncgen_real share = row[k] /= pivot_row[k];
-            for (int c = k + 1; c < size; ++c)
-                row[c] -= share * pivot_row[c];
-        }
-    }
-    return NCGEN_OK;
+    return ncgen_lu_factor(size, w->lu, w->order, &w->orientation);
 }
 
 /* x of A x = right over kept rows; right is indexed like the model's rows. */
-static void solve_factored(const ncgen_run *r, const ncgen_real *right, ncgen_real *x)
+void ncgen_partitioning_solve(const ncgen_run *r, const ncgen_real *right, ncgen_real *x)
 {
     const int size = r->dynamics->n_dependent;
     const ncgen_partitioning *w = r->partitioning;
@@ -104,7 +72,7 @@ static void solve_factored(const ncgen_run *r, const ncgen_real *right, ncgen_re
 }
 
 /* lam of A' lam = right over the dependent coordinates, written to the model's rows; rows that are not kept get zero. */
-static void solve_transposed(const ncgen_run *r, const ncgen_real *right, ncgen_real *lam)
+void ncgen_partitioning_multipliers(const ncgen_run *r, const ncgen_real *right, ncgen_real *lam)
 {
     const int size = r->dynamics->n_dependent;
     const ncgen_partitioning *w = r->partitioning;
@@ -130,7 +98,7 @@ static int dense_step(ncgen_run *r, ncgen_scalar t)
     const int status = factor_jacobian(r, t);
     if (status != NCGEN_OK)
         return status;
-    solve_factored(r, r->partitioning->phi, r->partitioning->step);
+    ncgen_partitioning_solve(r, r->partitioning->phi, r->partitioning->step);
     for (int i = 0; i < r->dynamics->n_dependent; ++i)
         r->partitioning->step[i] = -r->partitioning->step[i];
     return NCGEN_OK;
@@ -149,7 +117,7 @@ static void form_basis(const ncgen_run *r)
                 if (pattern->indices[k] == d->independent[z])
                     w->lam[i] = w->jacobian[k];
         }
-        solve_factored(r, w->lam, w->column);
+        ncgen_partitioning_solve(r, w->lam, w->column);
         ncgen_real *column = w->R + (size_t)z * (size_t)r->n;
         for (int i = 0; i < r->n; ++i)
             column[i] = 0;
@@ -159,11 +127,10 @@ static void form_basis(const ncgen_run *r)
     }
 }
 
-/* qd, zdd, power and amplification at r->q for the speeds zd, as the emitted function writes them. */
-static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
+/* qd, zdd, power and amplification at r->q for the speeds zd, with the model's kernels; the factors of Phi_q^d, R, M R and
+ * the reduced mass matrix stay. */
+int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
 {
-    if (r->dynamics->acceleration)
-        return r->dynamics->acceleration(t, r->q, zd, r->p, r->partitioning->out);
     const ncgen_model *model = r->model;
     const ncgen_dynamics *d = r->dynamics;
     ncgen_partitioning *w = r->partitioning;
@@ -176,7 +143,7 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
         w->nu[i] = 0;
     if (model->nu)
         status |= model->nu(t, r->q, r->p, w->nu);
-    solve_factored(r, w->nu, w->column);
+    ncgen_partitioning_solve(r, w->nu, w->column);
     for (int i = 0; i < r->n; ++i) {
         qd[i] = 0;
         w->bias[i] = w->force[i] = 0;
@@ -186,7 +153,7 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
     for (int i = 0; i < d->n_dependent; ++i)
         qd[d->dependent[i]] += w->column[i];
     status |= model->gamma(t, r->q, qd, r->p, w->gamma);
-    solve_factored(r, w->gamma, w->column);
+    ncgen_partitioning_solve(r, w->gamma, w->column);
     for (int i = 0; i < d->n_dependent; ++i)
         w->bias[d->dependent[i]] = w->column[i];
     if (model->mass)
@@ -224,7 +191,7 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
         for (int z = 0; z < r->nz; ++z)
             for (int i = 0; i < r->n; ++i)
                 w->missing[i] -= w->MR[z * r->n + i] * zdd[z];
-        solve_transposed(r, w->missing, w->lam);
+        ncgen_partitioning_multipliers(r, w->missing, w->lam);
         power -= ncgen_dot(model->n_rows, w->nu, w->lam);
     }
     r->partitioning->out[r->n + r->nz] = power;
@@ -232,24 +199,54 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
     return NCGEN_OK;
 }
 
+/* Does the emitted elimination serve? Where a step is repeated, its pivots may be what is wrong. */
+static int is_emitted(const ncgen_run *r)
+{
+    return r->dynamics->acceleration && !(r->careful && r->partitioning->lu);
+}
+
+/* The same as the emitted function writes it, where there is one and it did not divide by zero. */
+static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
+{
+    const ncgen_partitioning *w = r->partitioning;
+    if (is_emitted(r)) {
+        const int status = r->dynamics->acceleration(t, r->q, zd, r->p, w->out);
+        if (!w->lu || (status == NCGEN_OK && w->out[r->n + r->nz + 1] < broken_down))
+            return status;
+    }
+    r->statistics->fallbacks += r->dynamics->acceleration != NULL;
+    return ncgen_partitioning_accelerate(r, t, zd);
+}
+
+/* Is no number infinite or none at all? With one of these the sum is, too, and to look at the sum alone costs least. */
+static int is_finite(int count, const ncgen_real *x)
+{
+    ncgen_real sum = 0;
+    for (int i = 0; i < count; ++i)
+        sum += x[i];
+    return sum - sum >= 0;
+}
+
 /* The dependent coordinates of y at time t for the independent ones. */
-static int solve_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
+int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     const ncgen_dynamics *d = r->dynamics;
     ncgen_real *dependent = y + r->weighed;
+    const int emitted = is_emitted(r);
     for (int i = 0; i < d->n_dependent; ++i)
         r->q[d->dependent[i]] = dependent[i];
     for (int i = 0; i < r->nz; ++i)
         r->q[d->independent[i]] = y[r->nz + i];
     for (int iteration = 0; iteration <= NEWTON_LIMIT; ++iteration) {
         /* An emitted step has phi in it; most often one is needed, so it is not worth a look at phi beforehand. */
-        int status = d->newton ? d->newton(t, r->q, r->p, r->partitioning->step) : r->model->phi(t, r->q, r->p, r->partitioning->phi);
+        int status = emitted ? d->newton(t, r->q, r->p, r->partitioning->step) : r->model->phi(t, r->q, r->p, r->partitioning->phi);
         if (status != NCGEN_OK)
             return status;
         const ncgen_real size = residual(r);
         if (!(size < R(1.0e30)))
             return NCGEN_NOT_CONVERGED;
-        status = d->newton ? NCGEN_OK : dense_step(r, t);
+        if (!emitted || (r->partitioning->lu && !is_finite(d->n_dependent, r->partitioning->step)))
+            status = dense_step(r, t);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < d->n_dependent; ++i)
@@ -266,7 +263,7 @@ static int solve_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     r->statistics->evaluations += 1;
-    int status = solve_position(r, t, y);
+    int status = ncgen_partitioning_position(r, t, y);
     if (status != NCGEN_OK)
         return status;
     status = accelerate(r, t, y);
@@ -301,7 +298,7 @@ static int accept(ncgen_run *r, ncgen_scalar t)
 
 static int state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
-    const int status = solve_position(r, t, y);
+    const int status = ncgen_partitioning_position(r, t, y);
     return status == NCGEN_OK ? accelerate(r, t, y) : status;
 }
 
@@ -317,7 +314,8 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
     r->qd = w->out;
     w->step = ncgen_take(space, d + m);
     w->phi = w->step ? w->step + d : NULL;
-    if (r->dynamics->newton)
+    w->lu = NULL;
+    if (r->dynamics->newton && !r->dynamics->rows)
         return;
     w->jacobian = ncgen_take(space, r->model->phi_q_pattern.indptr ? r->model->phi_q_pattern.indptr[m] : 0);
     w->mass = ncgen_take(space, r->model->mass_pattern.indptr ? r->model->mass_pattern.indptr[n] : 0);
@@ -340,6 +338,7 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
     r->derivative = derivative;
     r->accept = accept;
     r->state = state;
+    r->jacobian = ncgen_partitioning_jacobian;
     r->partitioning->amplification = 0;
     r->partitioning->orientation = r->partitioning->first_orientation = 0;
     for (int i = 0; i < r->nz; ++i) {

@@ -31,15 +31,22 @@ int ncgen_solve_positive(int size, ncgen_real *a, ncgen_real *right)
             const ncgen_real share = a[i * size + k] / a[k * size + k];
             for (int j = k + 1; j <= i; ++j)
                 a[i * size + j] -= share * a[j * size + k];
-            right[i] -= share * right[k];
         }
     }
+    ncgen_solve_positive_again(size, a, right);
+    return NCGEN_OK;
+}
+
+void ncgen_solve_positive_again(int size, const ncgen_real *a, ncgen_real *right)
+{
+    for (int k = 0; k < size; ++k)
+        for (int i = k + 1; i < size; ++i)
+            right[i] -= a[i * size + k] / a[k * size + k] * right[k];
     for (int k = size - 1; k >= 0; --k) {
         for (int i = k + 1; i < size; ++i)
             right[k] -= a[i * size + k] * right[i];
         right[k] /= a[k * size + k];
     }
-    return NCGEN_OK;
 }
 
 void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product)
@@ -86,6 +93,7 @@ void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
 
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
 {
+    r->careful = 0;
     ncgen_keep_state(r, t, y[r->weighed - 1]);
     return r->accept ? r->accept(r, t) : NCGEN_OK;
 }
@@ -103,8 +111,31 @@ ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
 typedef struct parts {
     ncgen_partitioning partitioning;
     ncgen_constrained constrained;
+    ncgen_slopes slopes;
     ncgen_stepping stepping;
+    ncgen_implicit implicit;
+    ncgen_correction correction;
 } parts;
+
+int ncgen_is_stepper(const ncgen_options *options)
+{
+    return options->method == NCGEN_RATTLE || options->method == NCGEN_ENERGY_MOMENTUM ||
+           options->method == NCGEN_GENERALIZED_ALPHA || options->formalism == NCGEN_ALI3P;
+}
+
+/* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity, and
+ * energy-momentum where it is not told that it needs them. */
+int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
+{
+    const int simple = dynamics->conservative && (!model->mass || model->mass_is_constant);
+    return options->method >= NCGEN_RADAU || (options->method == NCGEN_RATTLE && !simple) ||
+           (options->method == NCGEN_ENERGY_MOMENTUM && dynamics->tangents);
+}
+
+static int is_implicit(const ncgen_options *options)
+{
+    return !ncgen_is_stepper(options) && (options->method == NCGEN_RADAU || options->method == NCGEN_TRAPEZOIDAL);
+}
 
 /* The parts of a run and its workspace; with an empty space this only counts. */
 static int lay_out(ncgen_run *r, parts *w)
@@ -119,14 +150,48 @@ static int lay_out(ncgen_run *r, parts *w)
     else
         ncgen_constrained_layout(r, &w->constrained);
     r->y = ncgen_take(&r->space, r->ny);
-    ncgen_stepping_layout(r, &w->stepping);
+    if (r->dynamics->tangents)
+        ncgen_slopes_layout(r, &w->slopes);
+    if (is_implicit(r->options))
+        ncgen_implicit_layout(r, &w->stepping, &w->implicit);
+    else if (ncgen_is_stepper(r->options))
+        ncgen_steppers_layout(r, &w->stepping, &w->correction);
+    else
+        ncgen_explicit_layout(r, &w->stepping);
     return NCGEN_OK;
+}
+
+/* A run without workspace. */
+static void describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
+{
+    r->model = model;
+    r->dynamics = dynamics;
+    r->options = options;
+    r->space.base = NULL;
+    r->space.used = 0;
+    r->integers = NULL;
+    r->partitioning = NULL;
+    r->constrained = NULL;
+    r->slopes = NULL;
+    r->settle = NULL;
+    r->accept = NULL;
+    r->careful = r->rows = 0;
+}
+
+static void clear_statistics(ncgen_statistics *s, ncgen_scalar t)
+{
+    s->steps = s->rejected = s->repeated = s->evaluations = s->newton_steps = 0;
+    s->factorisations = s->perturbed = s->refinements = s->jacobians = s->fallbacks = 0;
+    s->stopped = 0;
+    s->largest_projection = 0;
+    s->t = t;
 }
 
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     parts w;
-    ncgen_run r = {.model = model, .dynamics = dynamics, .options = options};
+    ncgen_run r;
+    describe(&r, model, dynamics, options);
     lay_out(&r, &w);
     return r.space.used;
 }
@@ -134,14 +199,59 @@ size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics,
 /* Is there everything that the formalism and the method need? */
 static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, int n_times)
 {
-    const int constrained = options->method >= NCGEN_RATTLE;
-    if (n_times < 2 || !model->phi || options->method < NCGEN_DOPRI5 || options->method > NCGEN_ENERGY_MOMENTUM)
+    const int partitioned = options->formalism == NCGEN_COORDINATE_PARTITIONING;
+    if (n_times < 2 || !model->phi || options->method < NCGEN_DOPRI5 || options->method > NCGEN_GENERALIZED_ALPHA)
         return 0;
-    if (options->formalism < NCGEN_COORDINATE_PARTITIONING || options->formalism > NCGEN_UDWADIA_PHOHOMSIRI)
+    if (options->formalism < NCGEN_COORDINATE_PARTITIONING || options->formalism > NCGEN_ALI3P)
         return 0;
-    if (options->formalism != NCGEN_COORDINATE_PARTITIONING && !dynamics->elimination)
+    if (partitioned ? dynamics->n_dependent > 0 && !dynamics->newton && !dynamics->rows : !dynamics->elimination)
         return 0;
-    return !constrained || (options->formalism == NCGEN_LAGRANGE && dynamics->conservative && !options->event);
+    if (ncgen_uses_tangents(model, dynamics, options) && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
+        return 0;
+    if ((options->method == NCGEN_TRAPEZOIDAL || ncgen_is_stepper(options)) && !(options->max_step > 0))
+        return 0;
+    if (options->formalism == NCGEN_ALI3P)
+        return options->method == NCGEN_TRAPEZOIDAL;
+    return !ncgen_is_stepper(options) || options->formalism == NCGEN_LAGRANGE;
+}
+
+/* Everything ready for a run from the position q. */
+static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *velocities)
+{
+    lay_out(r, w);
+    r->rounding = 1;
+    for (volatile ncgen_scalar more = 2; more > 1; more = 1 + r->rounding / 2)
+        r->rounding /= 2;
+    r->start_t = r->times[0];
+    for (int i = 0; i < r->n; ++i) {
+        r->start_q[i] = q[i];
+        r->start_qd[i] = 0;
+    }
+    if (!r->partitioning)
+        return ncgen_constrained_begin(r, velocities);
+    ncgen_partitioning_begin(r, velocities);
+    return NCGEN_OK;
+}
+
+int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
+                            ncgen_scalar t, const ncgen_real *p, const ncgen_real *q, const ncgen_real *velocities,
+                            ncgen_real *jacobian, ncgen_real *workspace, int *integers)
+{
+    parts w;
+    ncgen_statistics statistics;
+    ncgen_run r;
+    clear_statistics(&statistics, t);
+    describe(&r, model, dynamics, options);
+    r.p = p;
+    r.statistics = &statistics;
+    r.space.base = workspace;
+    r.integers = integers;
+    r.times = &t;
+    r.n_times = 1;
+    if (!dynamics->tangents)
+        return NCGEN_ARGUMENT;
+    const int status = begin(&r, &w, q, velocities);
+    return status == NCGEN_OK ? r.jacobian(&r, t, r.y, jacobian) : status;
 }
 
 int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
@@ -153,7 +263,11 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     if (!possible(model, dynamics, options, n_times))
         return NCGEN_ARGUMENT;
     parts w;
-    ncgen_run r = {.model = model, .dynamics = dynamics, .options = options, .p = p, .statistics = statistics};
+    ncgen_run r;
+    clear_statistics(statistics, times[0]);
+    describe(&r, model, dynamics, options);
+    r.p = p;
+    r.statistics = statistics;
     r.space.base = workspace;
     r.integers = integers;
     r.n_times = n_times;
@@ -161,24 +275,13 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     r.out_q = out_q;
     r.out_qd = out_qd;
     r.out_work = out_work;
-    lay_out(&r, &w);
-    r.rounding = 1;
-    for (volatile ncgen_scalar more = 2; more > 1; more = 1 + r.rounding / 2)
-        r.rounding /= 2;
-
-    *statistics = (ncgen_statistics){.t = times[0]};
-    r.start_t = times[0];
-    for (int i = 0; i < r.n; ++i) {
-        r.start_q[i] = q[i];
-        r.start_qd[i] = 0;
-    }
-    int status = NCGEN_OK;
-    if (r.partitioning)
-        ncgen_partitioning_begin(&r, velocities);
-    else
-        status = ncgen_constrained_begin(&r, velocities);
-    if (status == NCGEN_OK)
-        status = options->method >= NCGEN_RATTLE ? ncgen_steppers(&r, &w.stepping) : ncgen_explicit(&r, &w.stepping);
+    int status = begin(&r, &w, q, velocities);
+    if (status == NCGEN_OK && ncgen_is_stepper(options))
+        status = ncgen_steppers(&r, &w.stepping, &w.correction);
+    else if (status == NCGEN_OK && is_implicit(options))
+        status = ncgen_implicit_run(&r, &w.stepping, &w.implicit);
+    else if (status == NCGEN_OK)
+        status = ncgen_explicit(&r, &w.stepping);
     *rows = r.rows;
     ncgen_copy(r.n, r.start_q, out_q + (size_t)n_times * (size_t)r.n);
     ncgen_copy(r.n, r.start_qd, out_qd + (size_t)n_times * (size_t)r.n);

@@ -45,14 +45,15 @@ typedef struct ncgen_dynamics {
     int n_dependent;        /* with formalisms over all coordinates: the rank of phi_q, if rows are redundant, else 0 */
     const int *independent; /* positions in q */
     const int *dependent;
-    const int *rows;        /* n_dependent kept rows; not used by emitted functions */
-    const ncgen_scalar *column_sizes; /* natural size of every coordinate; not used by emitted functions */
+    const int *rows;        /* n_dependent kept rows; with emitted functions NULL, or what to fall back upon */
+    const ncgen_scalar *column_sizes; /* natural size of every coordinate; where rows are given */
     const ncgen_scalar *row_sizes; /* n_rows: what a residual is compared with */
     ncgen_position_kernel *newton;
     ncgen_acceleration_kernel *acceleration;
     const ncgen_elimination *elimination; /* for formalisms that solve with [M Phi_q'; Phi_q -E] */
     int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
     int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */
+    const ncgen_tangents *tangents;       /* for methods that need them; rows and column_sizes are needed, too */
 } ncgen_dynamics;
 
 /* How accelerations follow from the equations of motion. All but the first integrate all coordinates, y = [qd, q, work],
@@ -63,22 +64,26 @@ enum ncgen_formalism {
     NCGEN_AUGMENTED_LAGRANGIAN = 2, /* the same by iteration with a penalty */
     NCGEN_PENALTY = 3,              /* one solution with a penalty */
     NCGEN_NULL_SPACE = 4,           /* on a basis of the motions, by QR */
-    NCGEN_UDWADIA_PHOHOMSIRI = 5    /* least squares, by QR */
+    NCGEN_UDWADIA_PHOHOMSIRI = 5,   /* least squares, by QR */
+    NCGEN_ALI3P = 6                 /* index-3 augmented Lagrangian with projections, by the trapezoidal rule only */
 };
 
 enum ncgen_method {
     NCGEN_DOPRI5 = 0, /* Dormand-Prince 5(4) with error control and dense output */
     NCGEN_RK4 = 1,    /* classical Runge-Kutta with a fixed step */
     NCGEN_DOP853 = 2, /* Dormand-Prince 8(5,3) with error control and dense output */
-    /* The following discretise the constrained equations themselves, with a fixed step, where all forces have a potential
-     * (formalism NCGEN_LAGRANGE). */
-    NCGEN_RATTLE = 3,         /* symplectic, order 2 */
-    NCGEN_ENERGY_MOMENTUM = 4 /* order 2; exact energy where constraints are quadratic, M and forces constant */
+    /* The following two discretise the constrained equations themselves, with a fixed step (formalism NCGEN_LAGRANGE). */
+    NCGEN_RATTLE = 3,          /* symplectic, order 2; needs tangents unless M is constant and all forces have a potential */
+    NCGEN_ENERGY_MOMENTUM = 4, /* order 2; exact energy, without tangents where constraints are quadratic, M and forces constant */
+    /* The following are implicit and need tangents. */
+    NCGEN_RADAU = 5,            /* Radau IIA of order 5 with error control and dense output, for stiff mechanisms */
+    NCGEN_TRAPEZOIDAL = 6,      /* order 2, with a fixed step */
+    NCGEN_GENERALIZED_ALPHA = 7 /* order 2, with a fixed step, for the constrained equations themselves (NCGEN_LAGRANGE) */
 };
 
-/* Stop where a coordinate passes a value, or a function of (t, q, qd, p) passes zero. */
+/* Stop where a coordinate or a velocity passes a value, or a function of (t, q, qd, p) passes zero. */
 typedef struct ncgen_event {
-    int coordinate;      /* position in q; -1: the function */
+    int coordinate;      /* position in q, or n_coordinates + position in qd; -1: the function */
     int direction;       /* 1: rising, -1: falling, 0: both */
     ncgen_scalar value;
     ncgen_velocity_kernel *function; /* one number */
@@ -86,18 +91,20 @@ typedef struct ncgen_event {
 
 typedef struct ncgen_options {
     int method;
-    ncgen_scalar rtol;      /* dopri5, dop853: error per step, relative and absolute */
+    ncgen_scalar rtol;      /* dopri5, dop853, radau: error per step, relative and absolute */
     ncgen_scalar atol;
-    ncgen_scalar max_step;  /* dopri5, dop853: longest step, 0 for none; others: the step */
+    ncgen_scalar max_step;  /* dopri5, dop853, radau: longest step, 0 for none; others: the step */
     ncgen_scalar tolerance; /* of the position problem, relative to row_sizes */
     ncgen_scalar growth;    /* coordinate partitioning: stop with NCGEN_PIVOT when the amplification has grown by this factor */
     long max_steps;         /* 0 for no limit */
     int formalism;
-    int project;            /* 1: back onto the constraints after each step */
-    ncgen_scalar penalty;   /* alpha of augmented Lagrangian and penalty, relative to the largest mass */
+    int project;            /* 1: back onto the constraints after each step; of energy-momentum the velocities alone */
+    ncgen_scalar penalty;   /* alpha of augmented Lagrangian and penalty, relative to the largest mass; of ali3p: times h^2 / 4 */
     ncgen_scalar damping;   /* xi and omega (1/s) of gamma - 2 xi omega Phid - omega^2 Phi; omega 0: none */
     ncgen_scalar frequency;
     const ncgen_event *event; /* NULL: run to the end */
+    ncgen_scalar alpha_m;   /* generalized-alpha: weights of the accelerations at the start of a step; for rho at infinity */
+    ncgen_scalar alpha_f;   /* they are (2 rho - 1) / (rho + 1) and rho / (rho + 1); for HHT 0 and its alpha */
 } ncgen_options;
 
 typedef struct ncgen_statistics {
@@ -112,12 +119,15 @@ typedef struct ncgen_statistics {
     long refinements;
     int stopped;      /* 1: by the event, at t */
     ncgen_scalar largest_projection; /* how far a step's end was moved onto the constraints, in natural sizes */
+    long jacobians;   /* of the state derivative, or of a step's equations */
+    long fallbacks;   /* accelerations with row exchanges, since an emitted elimination divided by zero or a step was repeated */
 } ncgen_statistics;
 
 /* end cdef */
 /* begin functions */
 
-/* Numbers of workspace that ncgen_simulate needs; besides, it needs n_coordinates + 2 n_rows integers. */
+/* Numbers of workspace that ncgen_simulate needs; besides, it needs 4 n_coordinates + 3 n_rows
+ * integers. */
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 
 /* Simulate from times[0] to times[n_times - 1].
@@ -131,6 +141,13 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
                    const ncgen_real *p, const ncgen_real *q, const ncgen_real *velocities, int n_times,
                    const ncgen_scalar *times, ncgen_real *out_q, ncgen_real *out_qd, ncgen_real *out_work, int *rows,
                    ncgen_statistics *statistics, ncgen_real *workspace, int *integers);
+
+/* How the accelerations change with velocities and positions: n_independent rows of 2 n_independent numbers with coordinate
+ * partitioning, where velocities and positions are the independent ones, else n_coordinates rows of 2 n_coordinates. The
+ * derivatives with respect to velocities come first in a row. Arguments are those of ncgen_simulate at one time. */
+int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
+                            ncgen_scalar t, const ncgen_real *p, const ncgen_real *q, const ncgen_real *velocities,
+                            ncgen_real *jacobian, ncgen_real *workspace, int *integers);
 
 /* end functions */
 

@@ -9,17 +9,18 @@ import ncgen
 from ncgen.exchange.examples import load
 from ncgen.program.elimination import factor_symmetric, solve_symmetric
 from ncgen.program.evaluate import evaluate
-from ncgen.program.full_motion import SMALL, Sizes, assemble_full_motion
+from ncgen.program.full_motion import SMALL, Sizes, assemble_full_motion, assemble_full_tangents
+from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Graph
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.rank import trial_positions
 
 
-def programs(kernels):
+def programs(kernels, assembled=assemble_full_motion):
     positions = trial_positions(kernels, kernels.q0, 0.0, None)
     sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
-    return assemble_full_motion(kernels.programs.equations, sizes, kernels.holonomic)
+    return assembled(kernels.programs.equations, sizes, kernels.holonomic)
 
 
 @pytest.mark.parametrize("name", ["andrews", "bennett", "bricard", "disc", "flyball", "jansen", "nfourbar", "panels", "stewart"])
@@ -70,3 +71,43 @@ def test_symmetric_elimination():
     found = [graph.ops[x[i]].leaf for i in range(17)]  # constants fold, so the solution is one
     np.testing.assert_allclose(found, np.linalg.solve(H, right), rtol=1e-12)
     assert sorted(factors.order) == list(range(17))
+
+
+def seeds(kernels, count):
+    """(count, 1 + 2n + parameters) directions, with coordinates of natural sizes."""
+    sizes = np.concatenate([[1.0], kernels.column_sizes, np.ones(kernels.n), 1e-3 * np.abs(kernels.p0)])
+    return sizes * np.random.default_rng(5).standard_normal((count, len(sizes)))
+
+
+COMPLEX = {name: getattr(np, f.numpy) for name, f in FUNCTIONS.items()}
+
+
+@pytest.mark.parametrize("name", ["andrews", "disc", "nfourbar", "panels"])
+def test_tangents_are_complex_steps(name):
+    """Off the constraints as well as on them: derivatives of all outputs by everything, against complex steps through the programs."""
+    kernels = ncgen.compile(load(name), backend="numpy")
+    built, n = programs(kernels), kernels.n
+    tangents = programs(kernels, assemble_full_tangents)
+    q = ncgen.assemble(kernels, kernels.q0) + 1e-3 * np.cos(np.arange(n)) * kernels.column_sizes
+    qd = np.sin(np.arange(n)) * kernels.column_sizes
+    at = np.concatenate([[0.3], q, qd, kernels.p0])
+
+    def run(program, x, **more):
+        t, q, qd, p = np.split(x, [1, 1 + n, 1 + 2 * n])
+        inputs = {"t": t[0], "q": q, "qd": qd, "p": p, "e": [SMALL], **more}
+        return np.array(evaluate(program, inputs, functions=COMPLEX if x.dtype == complex else None))
+
+    def energies(x):
+        out = run(built.motion, x)
+        moving = np.concatenate([x[: 1 + n], out[:n], x[1 + 2 * n :]])
+        return np.concatenate([out, run(kernels.programs.programs["energy"], moving)[:2]])
+
+    for seed in seeds(kernels, 2):
+        moved = at + 1e-30j * seed
+        step = run(built.closing, moved)[:n].imag / 1e-30
+        found = run(tangents.closing, at, seed=seed)
+        np.testing.assert_allclose(found, step, rtol=0, atol=1e-10 * np.max(np.abs(step)))
+        wanted, found = energies(moved).imag / 1e-30, run(tangents.motion, at, seed=seed)
+        for part in np.split(np.arange(len(found)), [n, 2 * n, 2 * n + kernels.m]):
+            if len(part):
+                np.testing.assert_allclose(found[part], wanted[part], rtol=0, atol=1e-10 * np.max(np.abs(wanted)))

@@ -12,8 +12,9 @@ from scipy.special import ellipk
 import ncgen
 from ncgen.build.runtime import FORMALISMS, METHODS, ConstrainedDynamics
 from ncgen.emit.environment import verbatim
-from ncgen.emit.c import HEADERS, RUNTIME, c_files
+from ncgen.emit.c import HEADERS, RUNTIME, c_files, tangent_files
 from ncgen.program.quasidefinite import Elimination
+from ncgen.solver.partition import choose_partitions
 
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
 TYPES = {"float": "-DNCGEN_SINGLE", "double": "-DNCGEN_DOUBLE", "long double": "-DNCGEN_LONG_DOUBLE", "__float128": "-DNCGEN_QUAD"}
@@ -22,6 +23,7 @@ DRIVER = r"""
 #include <stdio.h>
 #include <stdlib.h>
 #include "@.h"
+#include "@_tangents.h"
 #include "ncgen_runtime.h"
 
 #define GUARD 32
@@ -58,11 +60,21 @@ int main(int count, char **words)
     dynamics.row_sizes = row_sizes;
     dynamics.elimination = &elimination;
     dynamics.singular_mass = SINGULAR_MASS;
-    dynamics.n_dependent = RANK;
-    dynamics.conservative = 1;
+    dynamics.conservative = count == 3;
+    dynamics.n_independent = N_INDEPENDENT;
+    dynamics.independent = independent;
+    dynamics.dependent = dependent;
+    dynamics.rows = rows_kept;
+    dynamics.tangents = @_tangents();
     ncgen_options options = {0};
-    options.formalism = count == 3 ? atoi(words[1]) : -1;
-    options.method = count == 3 ? atoi(words[2]) : -1;
+    options.formalism = count > 2 ? atoi(words[1]) : -1;
+    options.method = count > 2 ? atoi(words[2]) : -1;
+    if (options.method == NCGEN_ENERGY_MOMENTUM && count == 3)
+        dynamics.tangents = NULL;
+    dynamics.n_dependent = options.formalism == NCGEN_COORDINATE_PARTITIONING ? (int)n - N_INDEPENDENT : RANK;
+    options.growth = (ncgen_scalar)1e9L;
+    options.alpha_f = (ncgen_scalar)0.4L;
+    options.alpha_m = (ncgen_scalar)0.3L;
     options.rtol = options.atol = (ncgen_scalar)TOLERANCE;
     options.max_step = (ncgen_scalar)STEP;
     options.tolerance = 10 * (ncgen_scalar)TOLERANCE;
@@ -72,7 +84,10 @@ int main(int count, char **words)
     const size_t numbers = ncgen_workspace(model, &dynamics, &options);
     ncgen_real *q = guarded(n), *qd = guarded(n), *out_q = guarded(4 * n), *out_qd = guarded(4 * n), *work = guarded(4);
     ncgen_real *space = guarded(numbers), *p = guarded((size_t)model->n_parameters);
-    int *integers = malloc((n + 2 * m) * sizeof(int));
+    const size_t count_of_integers = 4 * n + 3 * m;
+    int *integers = malloc((count_of_integers + GUARD) * sizeof(int));
+    for (size_t i = 0; i < GUARD; ++i)
+        integers[count_of_integers + i] = GUARD;
     int rows = 0;
     ncgen_statistics statistics;
     for (size_t i = 0; i < n; ++i) {
@@ -87,6 +102,8 @@ int main(int count, char **words)
         printf("%%.17g %%.17g\n", (double)out_q[2 * n + i], (double)(out_q[2 * n + i] - (ncgen_real)(double)out_q[2 * n + i]));
     release(q, n), release(qd, n), release(out_q, 4 * n), release(out_qd, 4 * n), release(work, 4);
     release(space, numbers), release(p, (size_t)model->n_parameters);
+    for (size_t i = 0; i < GUARD; ++i)
+        damaged += integers[count_of_integers + i] != GUARD;
     free(integers);
     fprintf(stderr, "status %%d rows %%d steps %%ld damaged %%d\n", status, rows, statistics.steps, damaged);
     return status || rows != 3 || damaged;
@@ -100,14 +117,18 @@ def build_driver(kernels, folder, tolerance, duration, flags, step="0.0", rank=0
     arrays = [
         f"static const int {name}[] = {{{', '.join(map(str, getattr(dynamics.plan, name) or (0,)))}}};" for name in Elimination.ARRAYS
     ]
+    part = choose_partitions(kernels, kernels.q0, 0.0, kernels.p0).position
+    for name, positions in (("independent", part.independent), ("dependent", part.dependent), ("rows_kept", part.rows)):
+        arrays.append(f"static const int {name}[] = {{{', '.join(map(str, positions))}}};")
     for name in ("row_sizes", "column_sizes"):
         arrays.append(f"static const ncgen_scalar {name}[] = {{{', '.join(f'(ncgen_scalar){x!r}' for x in getattr(kernels, name).tolist())}}};")
     defines = {
         "SIZE": dynamics.plan.size, "NONZEROS": dynamics.plan.nonzeros,
         "TOLERANCE": tolerance, "DURATION": duration, "STEP": step, "RANK": rank, "PENALTY": "1e7",
-        "SINGULAR_MASS": int(dynamics._dynamics.singular_mass),
+        "SINGULAR_MASS": int(dynamics._dynamics.singular_mass), "N_INDEPENDENT": len(part.independent),
     }  # fmt: skip
-    files = c_files(kernels.programs) | {name: verbatim(f"c/{name}") for name in RUNTIME}
+    files = c_files(kernels.programs) | tangent_files(kernels.tangents.programs, kernels.programs.equations)
+    files |= {name: verbatim(f"c/{name}") for name in RUNTIME}
     files["main.c"] = DRIVER.replace("@", kernels.name) % {"arrays": "\n".join(arrays)}
     for name, text in files.items():
         (folder / name).write_text(text)
@@ -119,12 +140,16 @@ def build_driver(kernels, folder, tolerance, duration, flags, step="0.0", rank=0
     assert built.returncode == 0, built.stderr
 
 
-def run_driver(folder, formalism: str, method: str) -> np.ndarray:
-    """q at the end, as the nearest doubles and what is left."""
-    command = ["./driver", str(FORMALISMS[formalism]), str(METHODS[method])]
+def run_driver(folder, formalism: str, method: str, *general: str) -> np.ndarray:
+    """q at the end, as the nearest doubles and what is left; general: anything to take forces as if they had no potential."""
+    command = ["./driver", str(FORMALISMS[formalism]), str(METHODS[method]), *general]
     done = subprocess.run(command, cwd=folder, env={"ASAN_OPTIONS": "detect_leaks=0"}, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return np.array([[float(x) for x in line.split()] for line in done.stdout.splitlines()])
+
+
+ORDINARY = [name for name in FORMALISMS if name not in ("coordinate-partitioning", "ali3p")]
+"""Those over all coordinates that any integrator takes."""
 
 
 @pytest.fixture(scope="module")
@@ -136,11 +161,15 @@ def sanitized(tmp_path_factory):
     return folder
 
 
-@pytest.mark.parametrize("method", ["dopri5", "dop853", "rk4"])
-@pytest.mark.parametrize("formalism", list(FORMALISMS)[1:])
-def test_within_its_workspace(sanitized, formalism, method):
+@pytest.mark.parametrize("general", [(), ("general",)], ids=["plain", "general"])
+@pytest.mark.parametrize(("formalism", "method"), [
+    *((formalism, method) for formalism in (*ORDINARY, "coordinate-partitioning") for method in ("dopri5", "dop853", "rk4", "radau", "trapezoidal")),
+    *(("lagrange", method) for method in ("rattle", "energy-momentum", "generalized-alpha")),
+    ("ali3p", "trapezoidal"),
+])  # fmt: skip
+def test_within_its_workspace(sanitized, formalism, method, general):
     """Under the address and undefined-behaviour sanitizers, with canaries around everything that is written."""
-    run_driver(sanitized, formalism, method)
+    run_driver(sanitized, formalism, method, *general)
 
 
 @pytest.mark.parametrize(("type_name", "method", "tolerance", "error"), [
@@ -148,6 +177,9 @@ def test_within_its_workspace(sanitized, formalism, method):
     ("double", "dop853", "1e-13L", 1e-11),
     ("long double", "dop853", "1e-16L", 1e-14),
     ("__float128", "dop853", "1e-20L", 1e-17),
+    ("float", "radau", "1e-5L", 1e-4),
+    ("long double", "radau", "1e-13L", 1e-12),
+    ("__float128", "radau", "1e-14L", 1e-13),
 ])  # fmt: skip
 def test_every_number_type_reaches_its_precision(type_name, method, tolerance, error, tmp_path):
     """A quarter of the pendulum's period, after which it hangs straight down: x = 0."""
@@ -160,6 +192,16 @@ def test_every_number_type_reaches_its_precision(type_name, method, tolerance, e
     build_driver(kernels, tmp_path, tolerance, text, ("-O2", TYPES[type_name]))
     end = run_driver(tmp_path, "lagrange", method)
     assert abs(end[0].sum()) < error
+
+
+def test_it_is_cpp_as_well(tmp_path):
+    """For those who embed it in a C++ project and compile all sources alike."""
+    for name in RUNTIME + HEADERS:
+        (tmp_path / name).write_text(verbatim(f"c/{name}"))
+    sources = [name for name in RUNTIME if name.endswith(".c")]
+    command = ["g++", "-x", "c++", "-std=c++11", *STRICT[1:], "-O0", "-c", *sources]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 def test_no_state_and_no_calls_but_libm(tmp_path):

@@ -8,6 +8,7 @@ from scipy.special import ellipj, ellipk
 
 import ncgen
 from ncgen.exchange.examples import example_module
+from ncgen.solver.stop import Stop
 
 FORMALISMS = ("null-space", "lagrange", "augmented-lagrangian", "udwadia-phohomsiri")
 
@@ -143,7 +144,7 @@ def test_stop_at_a_position(integrator):
     if integrator == "rk4":
         options["max_step"] = 1e-3
     dynamics = ConstrainedDynamics(kernels)
-    rising, falling = (0, 0.0, 1), (0, 0.0, -1)
+    rising, falling = Stop(0, 0.0, 1), Stop(0, 0.0, -1)
     done = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, event=rising, **options)
     quarter = ellipk(0.5) / np.sqrt(9.81)
     assert done.stopped

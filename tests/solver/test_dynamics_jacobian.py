@@ -89,7 +89,7 @@ def test_implicit_integrators_use_it(formalism, integrator, monkeypatch):
     """The same motion as with differences, for fewer evaluations."""
     from ncgen.solver import full_coordinates, python_engine
 
-    options = dict(zd0={"psi": 12.0}, points=5, formalism=formalism, integrator=integrator)
+    options = dict(zd0={"psi": 12.0}, points=5, formalism=formalism, integrator=integrator, engine="python")
     with_it = ncgen.simulate(kernels_of("fourbar"), 0.1, **options)
     for engine in (full_coordinates, python_engine):
         monkeypatch.setattr(engine, "takes_jacobian", lambda *_: False)

@@ -20,13 +20,15 @@ from ncgen.build.compilers import find_compiler
 from ncgen.emit.environment import render
 from ncgen.errors import CompileError, NcgenError
 from ncgen.exchange.export.package import Package, renamed
+from ncgen.model.elements import Vector
+from ncgen.program.full_loads import loaded_elements
 
 FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
 """For any processor of this kind, not only this one; nothing but the standard's functions can be seen from outside."""
 
 BASE_UNITS = {
     "s": 's="1"', "m": 'm="1"', "m/s": 'm="1" s="-1"', "m/s2": 'm="1" s="-2"', "rad": 'rad="1"', "rad/s": 'rad="1" s="-1"',
-    "rad/s2": 'rad="1" s="-2"', "1": "", "1/s": 's="-1"', "1/s2": 's="-2"', "J": 'kg="1" m="2" s="-2"', "W": 'kg="1" m="2" s="-3"',
+    "rad/s2": 'rad="1" s="-2"', "1": "", "1/s": 's="-1"', "1/s2": 's="-2"', "J": 'kg="1" m="2" s="-2"', "N": 'kg="1" m="1" s="-2"', "N.m": 'kg="1" m="2" s="-2"', "W": 'kg="1" m="2" s="-3"',
 }  # fmt: skip
 
 
@@ -61,10 +63,12 @@ class Group:
 def fmu(package: Package, version: int) -> bytes:
     """The unit as the bytes of its archive. Raises NcgenError without fmpy, CompileError without a compiler."""
     headers = _headers(version)
+    package = package.with_tangents()
     groups = _groups(package)
     variables = [v for group in groups for v in group.variables]
     token = hashlib.sha256("".join(package.c.values()).encode() + repr(variables).encode()).hexdigest()[:32]
     records = package.records | {
+        "standard": version,
         "token": f"{{{uuid.UUID(token)}}}",
         "groups": groups,
         "end": len(variables),
@@ -114,6 +118,7 @@ def _groups(package: Package) -> list[Group]:
         "KINETIC": ("kinetic energy", [Variable("kinetic", "J", "kinetic energy")]),
         "POTENTIAL": ("potential energy", [Variable("potential", "J", "potential energy")]),
         "LAM": ("multipliers", [Variable(f"multiplier({i})", "", f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows]),
+        "LOAD": ("joint loads", [v for load in loaded_elements(package.sources.programs.equations) for v in _load(*load)]),
         "P": ("parameters", [
             Variable(p.name, p.unit, f"parameter {p.name}", "parameter", "tunable", "exact", float(x)) for p, x in parameters
         ]),
@@ -123,6 +128,13 @@ def _groups(package: Package) -> list[Group]:
         groups.append(Group(name, what, first, variables))
         first += len(variables)
     return groups
+
+
+def _load(body, element) -> list[Variable]:
+    """The load of joints on a body at one of its elements: a force at a point, a moment through a vector."""
+    kind, unit, where = ("moment", "N.m", "through") if isinstance(element, Vector) else ("force", "N", "at")
+    text = f"joint {kind} on {body.name} {where} {element.name}"
+    return [Variable(f"{kind}({body.name},{element.name}).{axis}", unit, f"{text}, {axis}") for axis in "xyz"]
 
 
 def _headers(version: int) -> dict[str, str]:

@@ -7,7 +7,7 @@ ROBOT_NCGEN_OK, ncgen.h becomes robot_ncgen.h. So two exported mechanisms live i
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,8 +22,10 @@ from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import Angle, Vector
+from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
-from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion
+from ncgen.program.full_loads import assemble_loads
+from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
 from ncgen.solver.assembly import assemble
 from ncgen.solver.partition import choose_partitions, kinematics
 from ncgen.solver.rank import freedom, trial_positions
@@ -40,6 +42,7 @@ class Package:
     """A mechanism ready to be written for a target.
 
     q, qd: where it starts, consistent; duration: s; dof: degrees of freedom
+    tangents, loads: of the programs, and joint loads with their tangent, where a target has them
     """
 
     sources: Sources
@@ -50,6 +53,14 @@ class Package:
     qd: np.ndarray
     duration: float
     dof: int
+    tangents: FullMotion | None = None
+    loads: tuple[Program, ...] = ()
+
+    def with_tangents(self) -> Package:
+        """The same with the tangents of its motion, and with joint loads."""
+        equations = self.sources.programs.equations
+        tangents = assemble_full_tangents(equations, self.sizes, self.kernels.holonomic)
+        return replace(self, tangents=tangents, loads=assemble_loads(equations))
 
     @property
     def prefix(self) -> str:
@@ -98,9 +109,14 @@ class Package:
             "kernel_shapes": [
                 {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
             ],
-            **program_records((self.programs.closing, self.programs.motion), self.prefix),
+            "tangents": self.tangents is not None,
+            **program_records(self._motion_programs(), self.prefix, "motion"),
             "width": 100,
         }
+
+    def _motion_programs(self) -> list[Program]:
+        pairs = [pair for pair in (self.programs, self.tangents) if pair]
+        return [*(program for pair in pairs for program in (pair.closing, pair.motion)), *self.loads]
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""

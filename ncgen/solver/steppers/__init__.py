@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from math import ceil
 
-import numpy as np
-
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.path import Path
@@ -29,8 +27,8 @@ ON_THE_GRID = 1e-9
 """An instant nearer to the end of a step than this share of it takes the state of the step itself."""
 
 
-def run(path: Path, kernels: Kernels, method: type[Stepper], settings: dict, grid, q, qd, p, progress, max_step: float) -> None:
-    """Fill an empty path over a time grid with equal steps of max_step, or a little less so that they end with the grid.
+def run(path: Path, kernels: Kernels, method: type[Stepper], settings: dict, grid, q, qd, p, progress, max_step: float, stop=None) -> None:
+    """Fill an empty path over a time grid, to its end or to a `Stop`, with equal steps of max_step, or a little less so that they end with the grid.
 
     Instants within a step are interpolated and projected onto the constraints.
     Raises ConvergenceError with the time where a step cannot be solved.
@@ -38,17 +36,31 @@ def run(path: Path, kernels: Kernels, method: type[Stepper], settings: dict, gri
     count = ceil((grid[-1] - grid[0]) / max_step * (1 - ON_THE_GRID))
     stepper = method(kernels, grid[0], q, qd, p, (grid[-1] - grid[0]) / count, **settings)
     path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
-    for _ in range(count):
+    for taken in range(1, count + 1):
         before = stepper.t, stepper.q, stepper.qd, stepper.work
         stepper.step()
+        end, found = _stop(stepper, before, stop, path) if stop else (None, None)
         reached = stepper.t + ON_THE_GRID * stepper.h
-        for t in [t for t in grid[len(path.q) :] if t <= reached]:
+        for t in [t for t in grid[len(path.q) :] if (t <= reached if found is None else t < end)]:
             q, qd, work = _between(stepper, before, t, path)
             path.extend(q[None], qd[None], [work], [0] * 5)
+        if found is not None:
+            path.stop(end, *found)
+            break
         stepper.p = refresh_branches(kernels, stepper.q, stepper.p)
         if progress:
             progress(stepper.t)
-    path.counts = path.counts + [count, stepper.newton, stepper.newton, 0, 0]
+    path.jacobians += stepper.newton
+    path.counts = path.counts + [taken, stepper.newton, stepper.newton, 0, 0]
+
+
+def _stop(stepper: Stepper, before: tuple, stop, path: Path):
+    """(time, (q, q̇, work)) at which the last step passed the stop, or (None, None)."""
+    t0, q0, qd0, _ = before
+    gaps = stop.gap(q0, qd0), stop.gap(stepper.q, stepper.qd)
+    if not stop.is_passed(*gaps):
+        return None, None
+    return stop.locate(t0, stepper.t, *gaps, lambda t: _between(stepper, before, t, path))
 
 
 def _between(stepper: Stepper, before: tuple, t: float, path: Path):

@@ -19,7 +19,7 @@ class GeneralizedAlpha(Stepper):
 
     def __init__(self, *arguments, **options):
         super().__init__(*arguments, **options)
-        self.alpha_m, self.alpha_f = _parameters(self.settings["rho"], self.settings["hht"])
+        self.alpha_m, self.alpha_f = weights(self.settings["rho"], self.settings["hht"])
         self.gamma = 0.5 - self.alpha_m + self.alpha_f
         self.beta = (self.gamma + 0.5) ** 2 / 4
         self.a = self.qdd
@@ -52,8 +52,8 @@ class GeneralizedAlpha(Stepper):
         self.q, self.qd, self.qdd, self.lam = q, qd, qdd, lam
 
 
-def _parameters(rho: float, hht: float | None) -> tuple[float, float]:
-    """αm and αf."""
+def weights(rho: float, hht: float | None) -> tuple[float, float]:
+    """αm and αf, of ρ∞ or of HHT's α. Raises ModelError where one is out of its range."""
     if hht is not None:
         if not 0 <= hht <= 1 / 3:
             raise ModelError(f"option hht: {hht} given; the α of HHT is from 0 to 1/3")

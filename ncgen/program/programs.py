@@ -1,0 +1,41 @@
+"""What the program stage hands on: the kernels of one mechanism, and what a choice of independent coordinates is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ncgen.program.blocks import Pattern, Program
+
+if TYPE_CHECKING:
+    from ncgen.symbolic.numbering import Numbering
+
+
+LARGEST = 24
+"""Degrees of freedom up to which the reduced mass matrix is eliminated in straight-line code."""
+
+
+@dataclass(frozen=True)
+class Programs:
+    """All kernels of a mechanism, with the patterns of its matrices.
+
+    programs: {kernel name: Program}; kernels that a scene does not need are missing
+    equations: the numbering, and all terms; those of programs that were kept from before are built again when asked for
+    omitted: what was left out, in words
+    """
+
+    equations: Numbering
+    programs: dict[str, Program]
+    phi_q: Pattern
+    mass: Pattern
+    emission: str
+    omitted: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Split:
+    """rows: kept rows; dependent, independent: positions in q."""
+
+    rows: tuple[int, ...]
+    dependent: tuple[int, ...]
+    independent: tuple[int, ...]

@@ -1,0 +1,155 @@
+/* ncgen_correction.c: Newton's steps on the equations of a step, with stiffness and damping, in dense matrices without units.
+ *
+ * What the methods for constrained equations share that solve these by Newton's method.
+ */
+#include "ncgen_internal.h"
+
+/* The largest |x| in natural sizes; not a number if one of them is not. */
+ncgen_real ncgen_correction_size(const ncgen_run *r, const ncgen_real *x)
+{
+    ncgen_real largest = 0;
+    for (int i = 0; i < r->n; ++i) {
+        const ncgen_real size = NCGEN_ABS(x[i]) / r->dynamics->column_sizes[i];
+        if (size != size)
+            return size;
+        if (size > largest)
+            largest = size;
+    }
+    return largest;
+}
+
+/* Are changes of this size rounding, after those of size `last`? */
+int ncgen_is_rounding(const ncgen_run *r, ncgen_real size, ncgen_real last)
+{
+    return size <= 64 * r->rounding || (size < R(1.0e5) * r->rounding && size > last / 4);
+}
+
+ncgen_real *ncgen_phi_q_values(const ncgen_run *r)
+{
+    return r->constrained->kkt.values + r->constrained->n_mass;
+}
+
+/* forces -= Phi_q' lam. */
+void ncgen_subtract_multipliers(const ncgen_run *r, const ncgen_real *values, ncgen_real *forces)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    for (int i = 0; i < r->m; ++i)
+        for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
+            forces[phi_q->indices[k]] -= values[k] * r->slopes->lam[i];
+}
+
+void ncgen_count_correction(ncgen_run *r)
+{
+    r->statistics->evaluations += 1;
+    r->statistics->newton_steps += 1;
+    r->statistics->jacobians += 1;
+}
+
+/* Forces as they are at r->q and r->qd, in c->rest. */
+int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
+{
+    for (int i = 0; i < r->n; ++i)
+        c->rest[i] = 0;
+    return r->model->force ? r->model->force(t, r->q, r->qd, r->p, c->rest) : NCGEN_OK;
+}
+
+/* M, Phi_q, K and C at r->q and r->qd; rest = [Q - M qdd - Phi_q' lam, Phi], with qdd and lam of r->slopes. */
+int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
+{
+    const ncgen_constrained *all = r->constrained;
+    int status = ncgen_constrained_matrices(r, t);
+    ncgen_count_correction(r);
+    for (int i = 0; i < r->n; ++i)
+        c->rest[i] = 0;
+    if (status == NCGEN_OK && r->model->force)
+        status = r->model->force(t, r->q, r->qd, r->p, c->rest);
+    if (status == NCGEN_OK)
+        status = r->model->phi(t, r->q, r->p, c->rest + r->n);
+    if (status == NCGEN_OK)
+        status = ncgen_find_tangents(r, t);
+    ncgen_times_mass(r, all->kkt.values, r->slopes->qdd, c->change);
+    for (int i = 0; i < r->n; ++i)
+        c->rest[i] -= c->change[i];
+    ncgen_subtract_multipliers(r, ncgen_phi_q_values(r), c->rest);
+    return status;
+}
+
+/* Add factor A, in natural sizes, to the upper left part of the matrix. */
+static void add_scaled(const ncgen_run *r, ncgen_correction *c, const ncgen_pattern *pattern, const ncgen_real *values,
+                       ncgen_real factor)
+{
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    for (int i = 0; i < (pattern->indptr ? pattern->rows : 0); ++i)
+        for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+            c->matrix[(size_t)i * (size_t)c->size + (size_t)pattern->indices[k]] +=
+                factor * values[k] * sizes[i] * sizes[pattern->indices[k]];
+}
+
+/* The matrix becomes M + by_qd C + by_q K without units. */
+void ncgen_fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q)
+{
+    const ncgen_tangents *tangents = r->dynamics->tangents;
+    for (int i = 0; i < c->size * c->size; ++i)
+        c->matrix[i] = 0;
+    add_scaled(r, c, &r->model->mass_pattern, r->constrained->kkt.values, 1);
+    add_scaled(r, c, &tangents->damping_pattern, r->slopes->damping, by_qd);
+    add_scaled(r, c, &tangents->stiffness_pattern, r->slopes->stiffness, by_q);
+    c->unit = 0;
+    for (int i = 0; i < r->n; ++i)
+        if (NCGEN_ABS(c->matrix[i * c->size + i]) > c->unit)
+            c->unit = NCGEN_ABS(c->matrix[i * c->size + i]);
+    for (int i = 0; i < c->size * c->size; ++i)
+        c->matrix[i] /= c->unit;
+}
+
+/* change of [weight left'; Phi_q 0] change = [rest of forces, -rest of rows / step], where weight = M + by_qd C + by_q K and
+ * left is Phi_q, perhaps at another position, with gap along' added; rows that others imply keep their multipliers. */
+int ncgen_solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q, const ncgen_real *left,
+                                  ncgen_real step)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    const ncgen_constrained *all = r->constrained;
+    const ncgen_real *values = ncgen_phi_q_values(r);
+    const ncgen_scalar *columns = r->dynamics->column_sizes, *rows = r->dynamics->row_sizes;
+    const int n = r->n, size = c->size;
+    ncgen_fill_weight(r, c, by_qd, by_q);
+    for (int i = 0; i < n; ++i)
+        c->right[i] = columns[i] * c->rest[i] / c->unit;
+    for (int i = 0; i < r->m; ++i) {
+        c->matrix[(n + i) * size + n + i] = all->let_go[i] ? 1 : 0;
+        c->right[n + i] = all->let_go[i] ? 0 : -c->rest[n + i] / (step * rows[i]);
+        for (int k = phi_q->indptr[i]; k < (all->let_go[i] ? phi_q->indptr[i] : phi_q->indptr[i + 1]); ++k) {
+            const int j = phi_q->indices[k];
+            c->matrix[(n + i) * size + j] = values[k] * columns[j] / rows[i];
+            c->matrix[j * size + n + i] = left[k] * columns[j] / rows[i];
+        }
+    }
+    for (int i = 0; i < (c->is_corrected ? r->m : 0); ++i)
+        for (int j = 0; j < n; ++j)
+            c->matrix[j * size + n + i] += all->let_go[i] ? 0 : c->gap[i] * c->along[j] * columns[j] / rows[i];
+    int orientation;
+    const int status = ncgen_lu_factor(size, c->matrix, c->order, &orientation);
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_lu_solve(size, c->matrix, c->order, c->right, c->x);
+    for (int i = 0; i < n; ++i)
+        c->change[i] = columns[i] * c->x[i];
+    for (int i = 0; i < r->m; ++i)
+        c->change[n + i] = c->unit * c->x[n + i] / rows[i];
+    return NCGEN_OK;
+}
+
+/* The state in r->q, r->qd ends the step: its rows, and its work by the trapezoidal rule. */
+int ncgen_end_step(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
+{
+    const ncgen_real before = c->power;
+    int status = NCGEN_OK;
+    ncgen_constrained_rows(r);
+    if (!r->dynamics->conservative) {
+        status = ncgen_constrained_accelerations(r, t + h);
+        if (status == NCGEN_OK)
+            status = ncgen_constrained_power(r, t + h, &c->power);
+    }
+    w->new_y[2 * r->n] = r->y[2 * r->n] + h / 2 * (before + c->power);
+    return status;
+}

@@ -1,0 +1,122 @@
+/* ncgen_grid.c: what an integrator's steps become: rows of the time grid, and the event that ends a run.
+ *
+ * An integrator tells here that it has come from t to t + h, and how to interpolate in between.
+ */
+#include "ncgen_internal.h"
+
+/* A row nearer to the end of a step than this share of it takes the state of the step itself. */
+static const ncgen_scalar on_the_grid = R(1.0e-9);
+
+/* q and qd at t + s h. */
+static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
+{
+    const int status = w->interpolate(r, w, t, h, s);
+    return status == NCGEN_OK ? r->state(r, t + s * h, w->at) : status;
+}
+
+/* The event's function at the state there is, signed so that it stops when it becomes positive. */
+static int event_value(ncgen_run *r, ncgen_scalar t, ncgen_real *value)
+{
+    const ncgen_event *event = r->options->event;
+    if (event->coordinate >= r->n)
+        *value = r->qd[event->coordinate - r->n] - event->value;
+    else if (event->coordinate >= 0)
+        *value = r->q[event->coordinate] - event->value;
+    else if (event->function(t, r->q, r->qd, r->p, value) != NCGEN_OK)
+        return NCGEN_DOMAIN;
+    return NCGEN_OK;
+}
+
+static int crosses(const ncgen_event *event, ncgen_real before, ncgen_real after)
+{
+    return (event->direction >= 0 && before < 0 && after >= 0) || (event->direction <= 0 && before > 0 && after <= 0);
+}
+
+/* The share *s of the step at which the event happens: Illinois' rule on the interpolant, down to the tolerance. */
+static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_real before, ncgen_real after,
+                  ncgen_scalar *s)
+{
+    ncgen_scalar low = 0, high = 1;
+    ncgen_real at_low = before, at_high = after;
+    int side = 0;
+    for (int k = 0; k < 60 && high - low > 64 * r->rounding; ++k) {
+        ncgen_real value = 0;
+        *s = low + (high - low) * (at_low / (at_low - at_high));
+        int status = state_inside(r, w, t, h, *s);
+        if (status == NCGEN_OK)
+            status = event_value(r, t + *s * h, &value);
+        if (status != NCGEN_OK)
+            return status;
+        if (!(NCGEN_ABS(value) > 0))
+            return NCGEN_OK;
+        const int beyond = (value > 0) == (after > 0);
+        if (beyond) {
+            high = *s;
+            at_high = value;
+            at_low *= side > 0 ? R(0.5) : R(1.0);
+        } else {
+            low = *s;
+            at_low = value;
+            at_high *= side < 0 ? R(0.5) : R(1.0);
+        }
+        side = beyond ? 1 : -1;
+    }
+    *s = high;
+    return state_inside(r, w, t, h, *s);
+}
+
+/* Rows of the grid before the share `end` of the step from t to t + h, by interpolation. */
+static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar end)
+{
+    while (r->rows < r->n_times && r->times[r->rows] < t + end * h) {
+        const int status = state_inside(r, w, t, h, (r->times[r->rows] - t) / h);
+        if (status != NCGEN_OK)
+            return status;
+        ncgen_write_row(r, w->at[r->weighed - 1]);
+    }
+    return NCGEN_OK;
+}
+
+int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w)
+{
+    const int status = r->options->event ? event_value(r, r->times[0], &w->event) : NCGEN_OK;
+    if (status == NCGEN_OK)
+        ncgen_write_row(r, r->y[r->weighed - 1]);
+    return status;
+}
+
+int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new)
+{
+    const ncgen_scalar h = t_new - t;
+    const ncgen_real before = w->event;
+    int status = ncgen_accept(r, t_new, w->new_y);
+    r->statistics->steps += 1;
+    int trouble = r->options->event ? event_value(r, t_new, &w->event) : NCGEN_OK;
+    if (trouble == NCGEN_OK && r->options->event && crosses(r->options->event, before, w->event)) {
+        ncgen_scalar s = 1;
+        trouble = locate(r, w, t, h, before, w->event, &s);
+        if (trouble != NCGEN_OK)
+            return trouble;
+        ncgen_keep_state(r, t + s * h, w->at[r->weighed - 1]);
+        r->statistics->stopped = 1;
+        return write_inside(r, w, t, h, s);
+    }
+    if (trouble == NCGEN_OK)
+        trouble = write_inside(r, w, t, h, 1 - on_the_grid);
+    ncgen_copy(r->n, r->start_q, r->q);
+    ncgen_copy(r->n, r->start_qd, r->qd);
+    ncgen_copy(r->ny, w->new_y, r->y);
+    if (trouble == NCGEN_OK && r->rows < r->n_times && r->times[r->rows] <= t_new + on_the_grid * h)
+        ncgen_write_row(r, r->y[r->weighed - 1]);
+    return trouble != NCGEN_OK ? trouble : status;
+}
+
+/* The cubic between two states and their slopes. */
+void ncgen_interpolate_cubic(ncgen_run *r, ncgen_stepping *w, const ncgen_real *first, const ncgen_real *last, ncgen_scalar h,
+                             ncgen_scalar s)
+{
+    for (int i = 0; i < r->ny; ++i) {
+        const ncgen_real change = w->new_y[i] - r->y[i];
+        w->at[i] = r->y[i] + s * (change + (1 - s) * ((1 - s) * (h * first[i] - change) - s * (h * last[i] - change)));
+    }
+}

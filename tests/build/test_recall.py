@@ -1,0 +1,104 @@
+"""What was generated once is not generated again, and never mistaken for something else."""
+
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen import compiler
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def pendulum(mass=1.0):
+    model = ncgen.Model("pendulum")
+    origin, end = model.point("O", (0, 0), fixed=True), model.point("A", (1, 0))
+    model.body("rod", points=[origin, end], mass=mass, inertia=0.1)
+    model.gravity((0, -9.81, 0))
+    return model
+
+
+@pytest.fixture
+def generations(monkeypatch):
+    """Names of the models that were generated."""
+    seen = []
+    generate = compiler.generate
+    monkeypatch.setattr(compiler, "generate", lambda model, *rest: (seen.append(model.name), generate(model, *rest))[1])
+    return seen
+
+
+def test_the_second_time_nothing_is_generated(generations):
+    first, model = ncgen.compile(pendulum(), "c"), pendulum()
+    again = ncgen.compile(model, "c")
+    assert generations == ["pendulum"]
+    assert again.model is model and again.coordinates == first.coordinates
+    q, qd = np.array([0.6, -0.8]), np.array([1.6, 1.2])
+    for name in ("phi", "phi_q", "gamma", "mass", "force", "energy"):
+        assert np.array_equal(again.values(name, 0.0, q, qd, None), first.values(name, 0.0, q, qd, None))
+    assert again.programs.omitted == first.programs.omitted
+
+
+def test_what_was_kept_can_be_gone_on_with(generations):
+    """Tangents, emitted runs and reactions derive what they need from the model itself."""
+    ncgen.compile(pendulum(), "c")
+    kernels = ncgen.compile(pendulum(), "c")
+    assert generations == ["pendulum"]
+    run = ncgen.simulate(kernels, 0.1, engine="emitted")
+    assert run.engine.startswith("emitted") and run.reactions().loads
+    assert kernels.stiffness(run.q[-1], run.qd[-1], run.qdd[-1], run.lam[-1]).shape == (2, 2)
+
+
+def test_another_model_or_emission_is_another(generations):
+    ncgen.compile(pendulum(), "c")
+    assert ncgen.compile(pendulum(2.0), "c").mass_matrix([1.0, 0.0])[0, 0] != ncgen.compile(pendulum(), "c").mass_matrix([1.0, 0.0])[0, 0]
+    ncgen.compile(pendulum(), "c", "tabled")
+    assert generations == ["pendulum"] * 3
+
+
+def test_another_generator_is_another(generations, monkeypatch):
+    from ncgen.build import recall
+
+    ncgen.compile(pendulum(), "c")
+    monkeypatch.setattr(recall, "_generator", lambda: b"another")
+    ncgen.compile(pendulum(), "c")
+    assert generations == ["pendulum"] * 2
+
+
+def test_damaged_files_are_written_again(generations, own_cache):
+    ncgen.compile(pendulum(), "c")
+    (path,) = (own_cache / "programs").iterdir()
+    whole = path.read_bytes()
+    for damage in (b"", whole[:100], b"nonsense"):
+        path.write_bytes(damage)
+        ncgen.compile(pendulum(), "c")
+        assert path.read_bytes() == whole
+    assert generations == ["pendulum"] * 4
+
+
+def test_python_functions_are_not_kept(generations, own_cache):
+    """A function inside a function cannot be told from another one."""
+    for _ in range(2):
+        model = pendulum()
+        model.callback(lambda t, q, qd, kernels: np.zeros(2))
+        ncgen.compile(model, "c")
+    assert generations == ["pendulum"] * 2 and not (own_cache / "programs").exists()
+
+
+def test_clearing_the_cache_clears_these_too(own_cache):
+    from ncgen.build import cache
+
+    ncgen.compile(pendulum(), "c")
+    assert cache.clear() == 1 and not (own_cache / "programs").exists()
+
+
+def test_sympy_stays_away(own_cache):
+    """From the cache to the end of a simulation, in a process of its own."""
+    text = "import sys, ncgen; k = ncgen.compile(ncgen.load('robot'), 'c'); ncgen.simulate(k, 0.01); print('sympy' in sys.modules)"
+    said = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)]
+    assert said == ["True", "False"]

@@ -1,0 +1,77 @@
+"""The example scripts that design and identify find what is true, with derivatives that are exact."""
+
+from __future__ import annotations
+
+import sys
+
+import numpy as np
+
+from ncgen.exchange.examples import example_module
+
+
+def coupler_point(lengths, angle):
+    """By the intersection of circles, in real pairs so that lengths may be complex: (x, y)."""
+    crank, coupler, rocker, ground, near, far = lengths
+
+    def meeting(a, b, r, s):
+        way = b - a
+        square = way @ way
+        along = (r**2 - s**2 + square) / (2 * square)
+        across = np.sqrt(r**2 / square - along**2)
+        return a + along * way + across * np.array([-way[1], way[0]])
+
+    B = crank * np.array([np.cos(angle), np.sin(angle)])
+    C = meeting(B, np.array([ground, 0.0]), coupler, rocker)
+    return meeting(B, C, near, far)
+
+
+def misses(synthesis, lengths):
+    return np.concatenate(
+        [coupler_point(lengths, angle) - target for angle, target in zip(synthesis.ANGLES, synthesis.TARGETS, strict=True)]
+    )
+
+
+def closed_slopes(synthesis, lengths):
+    steps = [misses(synthesis, lengths + 1e-30j * unit).imag / 1e-30 for unit in np.eye(len(lengths))]
+    return np.array(steps).T
+
+
+def table(module, work: str, results, monkeypatch, capsys, tmp_path) -> str:
+    """What a script prints when its work has had these results; it also writes a picture."""
+    monkeypatch.setattr(module, work, lambda derivatives: results.get(derivatives, results["2-point"]))
+    monkeypatch.setattr(sys, "argv", ["script", "--plot", str(tmp_path / "plot.png")])
+    module.main()
+    assert (tmp_path / "plot.png").read_bytes().startswith(b"\x89PNG")
+    return capsys.readouterr().out
+
+
+def test_synthesis_finds_an_optimum(monkeypatch, capsys, tmp_path):
+    """Residuals and derivatives are those of the closed form, the optimum is one there, and differences need more for less."""
+    synthesis = example_module("fourbar", "synthesis.py")
+    results = {derivatives: synthesis.synthesise(derivatives) for derivatives in ("exact", "2-point")}
+    (found, linkage, _), (rough, other, _) = results.values()
+    for lengths in (linkage.kernels.p0, found.x):
+        np.testing.assert_allclose(linkage.misses(lengths), misses(synthesis, lengths), atol=1e-12)
+        np.testing.assert_allclose(linkage.slopes(lengths), closed_slopes(synthesis, lengths), atol=1e-11)
+    gradient, rough_gradient = (np.max(np.abs(closed_slopes(synthesis, x).T @ misses(synthesis, x))) for x in (found.x, rough.x))
+    assert gradient < 1e-13 < rough_gradient
+    assert np.max(np.abs(misses(synthesis, found.x))) < 1e-3
+    assert other.evaluations > 2 * linkage.evaluations
+    said = table(synthesis, "synthesise", results, monkeypatch, capsys, tmp_path)
+    assert f"crank {found.x[0]:.6f}" in said
+
+
+def test_identification_recovers_the_truth(monkeypatch, capsys, tmp_path):
+    """All four masses within four standard deviations; residuals as large as the noise; differences find the same."""
+    identification = example_module("doublependulum", "identification.py")
+    results = {derivatives: identification.identify(derivatives) for derivatives in ("exact", "2-point")}
+    (found, experiment, _), (rough, its, _) = results.values()
+    true = np.array(list(identification.TRUE.values()))
+    deviation = np.sqrt(np.diag(np.linalg.inv(found.jac.T @ found.jac)))
+    assert np.all(np.abs(found.x - true) < 4 * deviation) and np.all(deviation < 0.02 * true)
+    freedom = found.fun.size - len(true)
+    assert abs(2 * found.cost - freedom) < 4 * np.sqrt(2 * freedom)  # χ² of that many degrees of freedom
+    np.testing.assert_allclose(rough.x, found.x, rtol=1e-5)
+    assert its.runs > 3 * experiment.runs
+    said = table(identification, "identify", results, monkeypatch, capsys, tmp_path)
+    assert all(f"{value:.6f}" in said for value in found.x)

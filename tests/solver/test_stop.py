@@ -1,0 +1,107 @@
+"""Runs that end where a coordinate or a velocity passes a value: the same instant with every engine and method."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.special import ellipk
+
+import ncgen
+from ncgen.errors import ModelError
+
+QUARTER = ellipk(0.5) / np.sqrt(9.81)
+"""A quarter of the period of a pendulum of 1 m that falls from the horizontal: it hangs straight down then."""
+
+ADAPTIVE = [
+    ("coordinate-partitioning", "dopri5", "c"),
+    ("coordinate-partitioning", "dop853", "emitted"),
+    ("coordinate-partitioning", "radau", "c"),
+    ("coordinate-partitioning", "dop853", "python"),
+    ("coordinate-partitioning", "radau", "python"),
+    ("lagrange", "dop853", "c"),
+    ("lagrange", "dop853", "python"),
+    ("null-space", "dopri5", "c"),
+]
+FIXED = [
+    (formalism, integrator, engine)
+    for formalism, integrator in [("lagrange", "rattle"), ("lagrange", "energy-momentum"), ("lagrange", "generalized-alpha"),
+                                  ("ali3p", "trapezoidal"), ("coordinate-partitioning", "trapezoidal")]
+    for engine in ("c", "python")
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def pendulum():
+    return ncgen.compile(ncgen.load("pendulum"), backend="c")
+
+
+def fall(pendulum, stop, formalism="coordinate-partitioning", integrator="dop853", engine="c", **options):
+    options = {"rtol": 1e-11, "atol": 1e-13, "points": 21, **options}
+    return ncgen.simulate(pendulum, 2.0, formalism=formalism, integrator=integrator, engine=engine, stop=stop, **options)
+
+
+@pytest.mark.parametrize(("formalism", "integrator", "engine"), ADAPTIVE)
+@pytest.mark.parametrize("stop", [{"B.x": 0.0}, {"rate(B.y)": (0.0, "rising")}], ids=str)
+def test_lowest_point(pendulum, stop, formalism, integrator, engine):
+    """The quarter of the period is the elliptic one, and the speed there is that of the energy."""
+    assert "B.x" in pendulum.index
+    run = fall(pendulum, stop, formalism, integrator, engine)
+    assert run.stopped and run.engine[:6] == engine[:6]
+    assert run.t[-1] == pytest.approx(QUARTER, abs=2e-9)
+    assert run.q[-1] == pytest.approx([0.0, -1.0], abs=2e-8)
+    assert np.linalg.norm(run.qd[-1]) == pytest.approx(np.sqrt(2 * 9.81), abs=1e-8)
+    assert run.t[:-1] == pytest.approx(0.1 * np.arange(np.ceil(QUARTER / 0.1)), abs=1e-12)
+    assert len(run.t) == len(run.q) == len(run.qd) == len(run.work)
+
+
+@pytest.mark.parametrize(("formalism", "integrator", "engine"), FIXED)
+def test_lowest_point_between_fixed_steps(pendulum, formalism, integrator, engine):
+    run = fall(pendulum, {"B.x": 0.0}, formalism, integrator, engine, max_step=1e-3)
+    assert run.stopped and run.engine[:6] == engine[:6]
+    assert run.t[-1] == pytest.approx(QUARTER, abs=1e-5)
+    assert abs(run["B.x"][-1]) < 1e-12
+    assert np.max(run.violation()) < 1e-12
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_direction(pendulum, engine):
+    """x passes zero one way after a quarter of the period and the other way after three; either is the first of the two."""
+    first = "rising" if pendulum.q0[0] < 0 else "falling"
+    other = {"rising": "falling", "falling": "rising"}[first]
+    instants = [fall(pendulum, {"B.x": (0.0, way)}, engine=engine).t[-1] for way in (first, "either", other)]
+    assert instants == pytest.approx([QUARTER, QUARTER, 3 * QUARTER], abs=1e-8)
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_what_does_not_happen_does_not_stop(pendulum, engine):
+    run = fall(pendulum, {"B.y": 0.5}, engine=engine)
+    assert not run.stopped and run.t[-1] == 2.0 and len(run.t) == 21
+
+
+@pytest.mark.parametrize("engine", ["c", "emitted", "python"])
+def test_work_until_then(engine):
+    """A driver's work ends with the run: the balance of energy holds at the instant of the stop."""
+    kernels = ncgen.compile(ncgen.load("suspension"), backend="c")
+    name = kernels.coordinates[0]
+    whole = ncgen.simulate(kernels, 0.3, points=31, engine=engine)
+    value = float(np.mean(whole[name][10:12]))
+    run = ncgen.simulate(kernels, 0.3, points=31, engine=engine, stop={name: value})
+    assert run.stopped and 0 < run.t[-1] <= 0.11
+    assert run[name][-1] == pytest.approx(value, abs=1e-10)
+    assert run.energy_drift < 1e-6
+    assert run.q[:-1] == pytest.approx(whole.q[: len(run.t) - 1], abs=1e-9)
+
+
+REFUSED = [
+    ({"C.x": 0.0}, "stop at C.x: pendulum has no free coordinate C.x; it has B.x"),
+    ({"B.x": "0"}, "stop at B.x: '0' given; it must be a number"),
+    ({"B.x": (0.0, "up")}, "stop at B.x: direction 'up' is unknown; choose one of falling, either, rising"),
+    ({"B.x": 0.0, "B.y": 0.0}, "it is one coordinate and its value"),
+    ({"B.x": float("nan")}, "stop at B.x: nan given"),
+]
+
+
+@pytest.mark.parametrize(("stop", "message"), REFUSED, ids=[message for _, message in REFUSED])
+def test_refused(pendulum, stop, message):
+    with pytest.raises(ModelError, match=message):
+        fall(pendulum, stop)
