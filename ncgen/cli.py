@@ -148,6 +148,8 @@ def run(
 def bench(
     model: ModelName,
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
+    peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
+    limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
     html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
     plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
     json_output: Json = False,
@@ -157,6 +159,9 @@ def bench(
     from ncgen.report.bench import bench as measurements
     from ncgen.report.bench import show
 
+    if peers:
+        _peers(load(model), limit, json_output)
+        return
     if precision or html or plot:
         _precision(load(model), html, plot, json_output)
         return
@@ -171,6 +176,21 @@ def bench(
         print(json.dumps(records, indent=1))
 
 
+def _peers(model, limit: float, json_output: bool) -> None:
+    """Other simulators beside ncgen."""
+    from ncgen.report import peers
+
+    if model.name != "nfourbar":
+        raise ModelError(f"--peers: {model.name} is not a mechanism that the other simulators were given; choose nfourbar")
+    with _progress("measuring N four-bars", None):
+        records = list(peers.peer_records(limit=limit))
+    if json_output:
+        print(json.dumps(records, indent=1))
+    else:
+        for line in peers.lines(records):
+            out.print(line, markup=False)
+
+
 def _precision(model, html: Path | None, plot: Path | None, json_output: bool) -> None:
     """Every method from loose to tight; the front in words."""
     from ncgen.emit.sources import write_text
@@ -179,19 +199,17 @@ def _precision(model, html: Path | None, plot: Path | None, json_output: bool) -
     from ncgen.report.document import Section, page
     from ncgen.report.machine import machine
 
-    records = []
-    with _progress(f"simulating {model.name}", None) as advance:
-        for done, record in enumerate(precision.precision_records(model), 1):
-            records.append(record)
-            advance(done)
+    with _progress(f"simulating {model.name}", None):
+        records = precision.precision_records(model)
+    doubt = f"the reference is known to {records[0]['doubt']:.1e}: by so much two methods at tight tolerance differ"
     rows, front = precision.table(records), precision.front(records)
     if json_output:
         print(json.dumps({"machine": machine(), "records": records}, indent=1))
     else:
-        for line in [f"{model.name}: time until an error is reached", *aligned(rows), *front]:
+        for line in [f"{model.name}: time until an error is reached", *aligned(rows), doubt, *front]:
             out.print(line, markup=False)
     if html is not None:
-        section = Section("Time until an error is reached", "; ".join(front), tuple(rows), precision.figure(records, model.name))
+        section = Section("Time until an error is reached", "; ".join([doubt, *front]), tuple(rows), precision.figure(records, model.name))
         write_text(html, page(f"{model.name}: error against time", [section], machine()))
     if plot is not None:
         from ncgen.view.figure import save

@@ -1,8 +1,7 @@
 """Synthesis of a path: a four-bar whose coupler point passes five given points at five given angles of its crank.
 
-The task is the second one of Cabrera, Simon and Prado, Optimal synthesis of mechanisms with genetic algorithms, Mechanism
-and Machine Theory 37 (2002) 1165-1177, after Kunjur and Krishnamurty (1997): points, angles and fixed pivot are theirs. The
-unknowns are six lengths. The squares of the ten distances are minimised by scipy's least squares, once with the exact
+This kind of task, path generation with prescribed timing, is a usual test of optimisation methods. The unknowns are six
+lengths. The squares of the ten distances are minimised by scipy's least squares, once with the exact
 derivatives ∂q/∂p = −Φ_q⁻¹ Φ_p, once with finite differences.
 
     python examples/fourbar/synthesis.py [--plot FILE]

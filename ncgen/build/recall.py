@@ -9,7 +9,6 @@ from __future__ import annotations
 import hashlib
 import io
 import pickle
-import warnings
 from functools import cache
 
 from ncgen import __version__

@@ -61,14 +61,19 @@ def _robot_error(run) -> float:
 
 
 def _four_bars(count: int):
-    """N four-bars: x = 2 sn cn, y = 1 − 2 sn² of (t/2 | −4c), c = g ((N+1)/2 + N)/((N+1)/3 + N)."""
-    c = GRAVITY * ((count + 1) / 2 + count) / ((count + 1) / 3 + count)
+    """N four-bars, against `four_bars_position`."""
 
     def error(run) -> float:
-        x, y = _jacobi_circle(run.t / 2, -4 * c)
+        x, y = four_bars_position(count, run.t).T
         return float(np.max(np.hypot(run["B0.x"] - x, run["B0.y"] - y)))
 
     return lambda: example_module("nfourbar").build(count), error
+
+
+def four_bars_position(count: int, t) -> np.ndarray:
+    """B0 of N four-bars, (len(t), 2): x = 2 sn cn, y = 1 − 2 sn² of (t/2 | −4c), c = g ((N+1)/2 + N)/((N+1)/3 + N)."""
+    c = GRAVITY * ((count + 1) / 2 + count) / ((count + 1) / 3 + count)
+    return np.column_stack(_jacobi_circle(np.asarray(t) / 2, -4 * c))
 
 
 def _jacobi_circle(u, parameter: float) -> tuple[np.ndarray, np.ndarray]:

@@ -43,6 +43,7 @@ int main(void)
     SHOW(mass, m->mass_pattern.indptr[m->n_coordinates], t, q, p)
     SHOW(force, m->n_coordinates, t, q, qd, p)
     SHOW(energy, 3, t, q, qd, p)
+    SHOW(constraints, 2 * m->n_rows + m->phi_q_pattern.indptr[m->n_rows], t, q, qd, p)
     return 0;
 }
 """
