@@ -65,6 +65,8 @@ class Comparison:
                 yield Measured(f"table {number}", f"The paper's Table {number} again: {title}", records, paper_tables.table(records))
             if number in printed:
                 yield Measured(f"printed {number}", f"The paper's Table {number}", [], printed[number], ELSEWHERE)
+        if slopes := list(paper_tables.first_slopes(self.model)):
+            yield Measured("slopes", "∂ẏ/∂y by differences at the start, in the steps SciPy takes first", slopes, paper_tables.slope_table(slopes))
 
     @property
     def records(self) -> list[dict]:

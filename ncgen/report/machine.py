@@ -7,9 +7,10 @@ import platform
 import time
 from importlib.metadata import PackageNotFoundError, version
 
+from ncgen import __version__
 from ncgen.build.compilers import FLAGS, find_compiler
 
-PACKAGES = ("ncgen", "numpy", "scipy", "sympy", "casadi", "jax", "exudyn", "pin", "mujoco")
+PACKAGES = ("numpy", "scipy", "sympy", "casadi", "jax", "symforce", "exudyn", "pin", "mujoco")
 
 
 def machine() -> dict[str, str]:
@@ -22,6 +23,7 @@ def machine() -> dict[str, str]:
         "compiler": find_compiler().identity.splitlines()[0],
         "flags": " ".join(FLAGS),
         "clock": f"resolution {1e9 * resolution:.0f} ns",
+        "ncgen": __version__,
         "python": platform.python_version(),
     }
     return found | {name: text for name in PACKAGES if (text := _version(name))}

@@ -14,12 +14,15 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
 from ncgen.build.kernels import Kernels
+from ncgen.build.runtime import METHODS
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.model import Model
 from ncgen.report.falls import end_state, own_run
 from ncgen.report.rivals.base import differentiable, handwritten
+from ncgen.report.rivals.casadi_tangents import with_tangents
 from ncgen.report.rivals.differences import central, complex_step, jacobian
+from ncgen.report.rivals.exact import relative_error
 from ncgen.solver.assembly import assemble
 from ncgen.solver.coordinate_partitioning import Start, motion
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
@@ -51,23 +54,47 @@ def table_9(model: Model) -> Iterator[dict]:
             yield _solved(kernels, integrator, "hand-written NumPy", *student, duration, end)
         for source, variant in _variants(model, kernels):
             yield _simulated(variant, integrator, source, duration, end, "python")
-        yield _simulated(kernels, integrator, "generated C, whole run", duration, end, "auto")
+        if integrator in METHODS:
+            yield _simulated(kernels, integrator, "generated C, whole run", duration, end, "emitted")
 
 
 def table_10(model: Model) -> Iterator[dict]:
-    """Implicit integrators with a numerical and with the generated ∂ẏ/∂y; records as in Table 9."""
+    """Implicit integrators with a numerical, an automatic and the generated ∂ẏ/∂y; records as in Table 9."""
     kernels = compile(model, "c")
     duration, end = _task(kernels)
     if end is None:
         return
+    sources = {"generated C, numerical": None, "generated C, CasADi": with_tangents(kernels), "generated C, generated": kernels}
     for integrator in IMPLICIT:
         if (student := _student(kernels)) is not None:
             yield _solved(kernels, integrator, "hand-written NumPy, numerical", *student, duration, end)
-        for source, exact in (("generated C, numerical", False), ("generated C, generated", True)):
-            run = _Partitioned(kernels)
-            run.jacobian(0.0, run.y0)  # compiles
-            jac = run.jacobian if exact else None
+        for source, tangents in sources.items():
+            if tangents is None and "numerical" not in source:
+                continue
+            run = _Partitioned(kernels, tangents)
+            jac = run.jacobian if tangents else None
             yield _solved(kernels, integrator, source, run.derivative, run.y0, run.names, duration, end, jac)
+
+
+def first_slopes(model: Model) -> Iterator[dict]:
+    """How far ∂ẏ/∂y by differences is off at the start of the run, in the steps that SciPy's implicit methods take first.
+
+    Those are √ε max(|y|, atol): where a coordinate is zero, a step is smaller than what Newton's method corrects, so that the other
+    coordinates stay or move by rounding alone. Records: derivative, atol, error relative to the largest entry.
+    """
+    kernels = compile(model, "c")
+    if _task(kernels)[1] is None:
+        return
+    run = _Partitioned(kernels, kernels)
+    exact = run.jacobian(0.0, run.y0)
+    student = _student(kernels)
+    derivatives = {"generated C": run.derivative} | ({"hand-written NumPy": student[0]} if student else {})
+    for name, derivative in derivatives.items():
+        for atol in (1e-6, 1e-8, 1e-10):
+            steps = np.sqrt(np.finfo(float).eps) * np.maximum(np.abs(run.y0), atol)
+            here = derivative(0.0, run.y0)
+            slopes = [(derivative(0.0, run.y0 + h * unit) - here) / h for h, unit in zip(steps, np.eye(len(steps)), strict=True)]
+            yield {"derivative": name, "atol": atol, "error": relative_error(np.column_stack(slopes), exact)}
 
 
 def _task(kernels: Kernels):
@@ -105,9 +132,12 @@ def _student(kernels: Kernels):
 
 
 class _Partitioned:
-    """The state derivative on independent coordinates and its Jacobian, each evaluation starting from the last one."""
+    """The state derivative on independent coordinates and its Jacobian, each evaluation starting from the last one.
 
-    def __init__(self, kernels: Kernels):
+    tangents: the kernels whose tangents the Jacobian is made of; None for none
+    """
+
+    def __init__(self, kernels: Kernels, tangents: Kernels | None = None):
         q = assemble(kernels, kernels.q0)
         self.kernels, self.p = kernels, kernels.p0
         chosen = tuple(own_run(kernels)[1].get("zd0", {})) or kernels.model.chosen_independent
@@ -117,6 +147,9 @@ class _Partitioned:
         self.names = [kernels.coordinates[i] for i in z]
         rates = own_run(kernels)[1].get("zd0", {})
         self.y0 = np.concatenate([[rates.get(name, 0.0) for name in self.names], q[z]])
+        self.tangents = tangents
+        if tangents is not None:
+            self.jacobian(0.0, self.y0)  # compiles
 
     def _motion(self, t, y):
         count = len(y) // 2
@@ -130,7 +163,7 @@ class _Partitioned:
         return np.concatenate([now.qdd[z], now.qd[z]])
 
     def jacobian(self, t, y) -> np.ndarray:
-        return partitioned_jacobian(self.kernels, self.partitions, self._motion(t, y), self.p)[:-1, :-1]
+        return partitioned_jacobian(self.tangents, self.partitions, self._motion(t, y), self.p)[:-1, :-1]
 
 
 def _simulated(kernels, integrator, source, duration, end, engine) -> dict:
@@ -144,7 +177,7 @@ def _simulated(kernels, integrator, source, duration, end, engine) -> dict:
     except NcgenError as error:
         return _record(integrator, source, None, None, None, str(error))
     error = max(abs(run[name][-1] - value) for name, value in end.items())
-    note = "" if engine == "python" else f"engine: {run.engine}"
+    note = "" if engine == "python" else f"engine: {run.engine}; the integration alone {1e3 * run.statistics.seconds:.2f} ms"
     return _record(integrator, source, seconds, float(error), run.statistics.evaluations, note)
 
 
@@ -197,6 +230,11 @@ def table(records: list[dict]) -> list[tuple[str, ...]]:
         count = "" if r["evaluations"] is None else f"{r['evaluations']:,}"
         rows.append((r["integrator"], r["source"], seconds, error, count, r["note"]))
     return rows
+
+
+def slope_table(records: list[dict]) -> list[tuple[str, ...]]:
+    """Rows of cells, titles first."""
+    return [("derivative", "atol", "error of ∂ẏ/∂y"), *((r["derivative"], f"{r['atol']:.0e}", f"{r['error']:.1e}") for r in records)]
 
 
 def paper_rows(kernels: Kernels) -> dict[str, list[tuple[str, ...]]]:

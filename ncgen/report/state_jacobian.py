@@ -1,4 +1,4 @@
-"""∂ẏ/∂y of the state derivative on independent coordinates: exact by the tangent kernels, and by differences.
+"""∂ẏ/∂y of the state derivative on independent coordinates: exact by the tangent kernels or by CasADi, and by differences.
 
 The reference knows neither: the emitted programs of the state derivative, evaluated with 50 digits on both sides.
 """
@@ -12,6 +12,7 @@ from ncgen.build.kernels import Kernels
 from ncgen.program.evaluate import evaluate
 from ncgen.report.clock import repeated
 from ncgen.report.rivals.base import Rival
+from ncgen.report.rivals.casadi_tangents import with_tangents
 from ncgen.report.rivals.differences import central, forward, jacobian
 from ncgen.report.rivals.exact import DIGITS, MPMATH
 from ncgen.solver.assembly import assemble
@@ -47,12 +48,15 @@ class StateJacobian:
         now = motion(self.kernels, self.partitions, self.start, 0.0, y[count:], y[:count])
         return np.concatenate([now.qdd[self.z], now.qd[self.z]])
 
-    def generated(self) -> np.ndarray:
+    def by_tangents(self, kernels) -> np.ndarray:
+        """By the implicit function theorem, on the tangents of the kernels given."""
         here = motion_at(self.kernels, self.partitions.velocity, 0.0, self.q, self.y[: len(self.z)], self.kernels.p0)
-        return partitioned_jacobian(self.kernels, self.partitions, here)[:-1, :-1]
+        return partitioned_jacobian(kernels, self.partitions, here)[:-1, :-1]
 
     def rivals(self) -> list[Rival]:
-        ways = {"generated tangents": self.generated}
+        ways = {"generated tangents": lambda: self.by_tangents(self.kernels)}
+        if (automatic := with_tangents(self.kernels)) is not None:
+            ways["CasADi tangents"] = lambda: self.by_tangents(automatic)
         for name, slope in (("finite differences, 2 points", forward), ("finite differences, 3 points", central)):
             ways[name] = lambda slope=slope: jacobian(slope, self.derivative, self.y)
         return [Rival(name, {"state": repeated(way)}, lambda _, way=way: way(), "Python") for name, way in ways.items()]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile
 from ncgen.model import Model
-from ncgen.report.rivals import casadi, differences, generated, jax, lambdified, user
+from ncgen.report.rivals import casadi, differences, generated, jax, lambdified, symforce, user
 from ncgen.report.rivals import handwritten as by_hand
 from ncgen.report.rivals.base import KERNELS, Inputs, Rival, handwritten
 from ncgen.report.rivals.exact import by_differences, exact, relative_error, scale
@@ -30,6 +30,6 @@ def all_rivals(model: Model, inputs: Inputs, names: tuple[str, ...], users: list
     found += generated.other_types(model, inputs, names)
     found.append(generated.batch(kernels, inputs, names))
     found += differences.rivals(kernels, compile(model, "numpy"), inputs, names)
-    for tool in (casadi, jax):
+    for tool in (casadi, jax, symforce):
         found += tool.rivals(kernels, inputs, names)
     return found + user.rivals(kernels, inputs, users)

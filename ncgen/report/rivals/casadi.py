@@ -68,12 +68,21 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     return [Rival(raw.name, raw.runs, values, **facts)]
 
 
+def graph(casadi, kernels: Kernels, name: str, given: dict):
+    """A kernel's numbers as a column of CasADi's expressions in the symbols given; zeros where the mechanism has no such kernel."""
+    program = kernels.programs.programs.get(name)
+    if program is None:
+        return casadi.SX(kernels.n, 1)
+    words = {"abs": "fabs", "pow": "power"}
+    known = {code: getattr(casadi, words.get(code, f.numpy.replace("arc", "a")), None) for code, f in FUNCTIONS.items()}
+    numbers = {"t": 0.0, "p": kernels.p0.tolist()} | {letter: casadi.vertsplit(column) for letter, column in given.items()}
+    return casadi.vertcat(*evaluate(program, numbers, {code: f for code, f in known.items() if f}, casadi.SX))
+
+
 def _functions(casadi, kernels: Kernels, names):
     """{kernel: casadi.Function}, and where each of its numbers stands in the kernel's output."""
     q, qd = casadi.SX.sym("q", kernels.n), casadi.SX.sym("qd", kernels.n)
-    known = {name: getattr(casadi, {"abs": "fabs", "pow": "power"}.get(name, f.numpy.replace("arc", "a")), None) for name, f in FUNCTIONS.items()}
-    given = {"t": 0.0, "q": [q[i] for i in range(kernels.n)], "p": kernels.p0.tolist()}
-    phi = casadi.vertcat(*evaluate(kernels.programs.programs["phi"], given, {k: f for k, f in known.items() if f}, casadi.SX))
+    phi = graph(casadi, kernels, "phi", {"q": q})
     gamma = -casadi.jtimes(casadi.jtimes(phi, q, qd), q, qd)
     # CasADi stores columns; those of the transpose are rows.
     outputs = {"phi": casadi.densify(phi), "phi_q": casadi.jacobian(phi, q).T, "gamma": casadi.densify(gamma)}

@@ -21,7 +21,7 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     if kernels.m > LARGEST or not differentiable(kernels):
         return []
     start = time.perf_counter()
-    expressions, symbols = _symbolic(kernels)
+    expressions, symbols = symbolic(kernels)
     functions = {k: sympy.lambdify(symbols, expressions[k], cse=True) for k in names}
     together = sympy.lambdify(symbols, [expressions[k] for k in names], cse=True)
     seconds = time.perf_counter() - start
@@ -30,7 +30,7 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     return [called("sympy.lambdify(cse=True)", calls, every=every, generation=seconds)]
 
 
-def _symbolic(kernels: Kernels):
+def symbolic(kernels: Kernels):
     """{kernel: [expression]} and the arguments (q, q̇), Φ_q in the kernels' pattern."""
     q, qd = (sympy.symbols(f"{letter}:{kernels.n}") for letter in ("x", "v"))
     functions = {name: getattr(sympy, f.sympy) for name, f in FUNCTIONS.items()}
