@@ -15,9 +15,6 @@ from ncgen.emit.naming import identifier
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 
-STRAIGHT_LINE = tuple("-O2" if flag.startswith("-O") else flag for flag in LANES)
-"""Measured for the robot: a quarter less time than with -O1, no more than with -O3."""
-
 SOURCES = ("ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
 METHODS_IN_LANES = ("dopri5", "rk4")
 
@@ -46,7 +43,7 @@ class LaneDynamics:
         getter = f"{identifier(kernels.name)}_dynamics"
         functions = verbatim("c/ncgen_batch_run.h").split("/* begin functions */")[1].split("/* end functions */")[0]
         declarations = f"{functions} const ncgen_dynamics *{getter}(void);"
-        self._ffi, self._library, self.has_threads = load_lanes(files, declarations, STRAIGHT_LINE, _runtime_abi())
+        self._ffi, self._library, self.has_threads = load_lanes(files, declarations, LANES, _runtime_abi())
         self._dynamics = getattr(self._library, getter)()
         self.kernels, self.split = kernels, split
         self._model = self._ffi.cast("const ncgen_model *", kernels._descriptor)  # its sizes are asked for, not its kernels

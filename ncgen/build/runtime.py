@@ -55,9 +55,6 @@ FORMALISMS = {
 SINGULAR = 1e-9
 """A mass matrix is taken as singular where elimination leaves less than this of an entry of its diagonal."""
 
-STRAIGHT_LINE = tuple("-O1" if flag.startswith("-O") else flag for flag in FLAGS)
-"""Thousands of operations in one line: more optimisation takes longer and was measured slower."""
-
 
 @cache
 def _runtime_abi() -> FFI:
@@ -70,20 +67,20 @@ def _runtime_abi() -> FFI:
     return ffi
 
 
-def _load(files: dict[str, str], flags, more: str = ""):
-    """A library with the runtime in it, and its interface."""
+def _load(files: dict[str, str], flags, declarations: str):
+    """A library of these files and the headers, and its interface."""
     ffi = FFI()
     ffi.include(_runtime_abi())
-    functions = verbatim("c/ncgen_runtime.h").split("/* begin functions */")[1].split("/* end functions */")[0]
-    ffi.cdef(functions + more)
-    files = files | {name: verbatim(f"c/{name}") for name in (*RUNTIME, *HEADERS)}
+    ffi.cdef(declarations)
+    files = files | {name: verbatim(f"c/{name}") for name in ("ncgen_runtime.h", *HEADERS)}
     return ffi, ffi.dlopen(str(build(files, find_compiler(), flags).library))
 
 
 @cache
-def _bare_runtime():
-    """The runtime alone, the same for all mechanisms."""
-    return _load({}, FLAGS)
+def _runtime():
+    """The runtime, the same for all mechanisms."""
+    functions = verbatim("c/ncgen_runtime.h").split("/* begin functions */")[1].split("/* end functions */")[0]
+    return _load({name: verbatim(f"c/{name}") for name in RUNTIME}, FLAGS, functions)
 
 
 @dataclass(frozen=True)
@@ -145,10 +142,10 @@ class Dynamics:
         work, integers = self._space(settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
-        pointers = [ffi.cast("double *", a.ctypes.data) for a in (*inputs, times, out_q, out_qd, out_work, work)]
+        pointers = [ffi.from_buffer("double[]", a) for a in (*inputs, times, out_q, out_qd, out_work, work)]
         status = self._library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
-            ffi.cast("int *", integers.ctypes.data),
+            ffi.from_buffer("int[]", integers),
         )  # fmt: skip
         done, s = rows[0], statistics
         last = (out_q[-1], out_qd[-1], out_work[-1])
@@ -165,9 +162,9 @@ class Dynamics:
         work, integers = self._space(settings)
         inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
         out = np.empty((len(inputs[2]), 2 * len(inputs[2])))
-        pointers = [ffi.cast("double *", a.ctypes.data) for a in (*inputs, out, work)]
+        pointers = [ffi.from_buffer("double[]", a) for a in (*inputs, out, work)]
         status = self._library.ncgen_dynamics_jacobian(
-            self._model, self._dynamics, settings, t, *pointers, ffi.cast("int *", integers.ctypes.data)
+            self._model, self._dynamics, settings, t, *pointers, ffi.from_buffer("int[]", integers)
         )
         if status:
             raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
@@ -187,7 +184,7 @@ class DenseDynamics(Dynamics):
     """The runtime's dense elimination on the model's kernels, for one choice of independent coordinates."""
 
     def __init__(self, kernels: CompiledKernels, split: Split):
-        ffi, library = _bare_runtime()
+        ffi, library = _runtime()
         dynamics = ffi.new("ncgen_dynamics *", {"n_independent": len(split.independent), "n_dependent": len(split.dependent)})
         self._kept = _describe_split(ffi, dynamics, kernels, split)
         super().__init__(kernels, ffi, library, dynamics)
@@ -208,7 +205,7 @@ class ConstrainedDynamics(Dynamics):
     """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism."""
 
     def __init__(self, kernels: CompiledKernels):
-        ffi, library = _bare_runtime()
+        ffi, library = _runtime()
         singular = not _is_definite(kernels)
         self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
         self._kept = [np.array(getattr(self.plan, name), dtype=np.intc) for name in Elimination.ARRAYS]
@@ -289,7 +286,13 @@ class EmittedDynamics(Dynamics):
         self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(self.programs, equations, kernels.row_sizes)
         getter = f"{identifier(kernels.name)}_dynamics"
-        ffi, library = _load(files, STRAIGHT_LINE, f"const ncgen_dynamics *{getter}(void);")
-        dynamics = ffi.new("ncgen_dynamics *", getattr(library, getter)()[0])
+        _, self._emitted = _load(files, FLAGS, f"const ncgen_dynamics *{getter}(void);")
+        ffi, library = _runtime()
+        written = getattr(self._emitted, getter)()
+        functions = {name: ffi.cast("void *", getattr(written, name)) for name in ("newton", "acceleration")}
+        sizes = {name: getattr(written, name) for name in ("n_independent", "n_dependent")}
+        dynamics = ffi.new("ncgen_dynamics *", sizes)
+        for name, function in functions.items():
+            setattr(dynamics, name, function)
         self._kept = _describe_split(ffi, dynamics, kernels, split)  # what to fall back upon
         super().__init__(kernels, ffi, library, dynamics)

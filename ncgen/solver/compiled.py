@@ -124,7 +124,7 @@ def emission(kernels: Kernels, partitions: Partitions, form: str, q, p):
     from ncgen.program.programs import Split
 
     part = partitions.position
-    split = Split(*(tuple(map(int, a)) for a in (part.rows, part.dependent, part.independent)))
+    split = Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
     store = kernels.__dict__.setdefault("_dynamics", {})
     if (split, form) not in store:
         if form == "dense":

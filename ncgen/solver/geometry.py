@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ncgen.errors import ModelError
 from ncgen.model.elements import Angle, Combination, Element
@@ -51,19 +52,47 @@ def direction(kernels: Kernels, combination: Combination, q, p=None) -> np.ndarr
     return sum(w * element(kernels, e, q, p) for w, (_, e) in zip(weights, combination.terms, strict=True))
 
 
-def measured_angle(kernels: Kernels, angle: Angle, q, p=None) -> np.ndarray:
-    """The angle between its elements as they stand at q, in (−π, π], whatever its coordinate says."""
-    a, b, n = (direction(kernels, d, q, p) for d in (angle.start, angle.end, angle.axis))
+def measured_angles(kernels: Kernels, q, p=None) -> np.ndarray:
+    """The angles between their elements as they stand at q (n,), in (−π, π], whatever their coordinates say, in the order of `angles`."""
+    weights, fixed = _arms(kernels, p)
+    a, b, n = np.moveaxis((weights @ q + fixed).reshape(-1, 3, 3), 1, 0)
     n = n / np.linalg.norm(n, axis=-1, keepdims=True)
 
     def dot(x, y):
-        return np.sum(x * y, axis=-1)
+        return np.einsum("ij,ij->i", x, y)
 
     return np.arctan2(dot(np.cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n))
 
 
+def _arms(kernels: Kernels, p):
+    """(W, w): start, end and axis of all angles are W q + w at parameters p; made once and kept for the last p."""
+    p = kernels.p0 if p is None else p
+    known, arms = kernels.__dict__.get("_arms", (None, None))
+    if known is None or not np.array_equal(known, p):
+        arms = _collect_arms(kernels, p)
+        kernels.__dict__["_arms"] = (np.array(p), arms)
+    return arms
+
+
+def _collect_arms(kernels: Kernels, p):
+    parameters = parameters_at(kernels, p)
+    wanted = [d for angle in angles(kernels) for d in (angle.start, angle.end, angle.axis)]
+    fixed, entries = np.zeros(3 * len(wanted)), []
+    for place, combination in enumerate(wanted):
+        for weight, thing in combination.terms:
+            weight = evaluate(weight, parameters, str(combination))
+            for row, c in enumerate(thing.components, 3 * place):
+                if c.fixed:
+                    fixed[row] += weight * evaluate(c.value, parameters, c.name)
+                else:
+                    entries.append((weight, row, kernels.index[c.name]))
+    weights, rows, columns = zip(*entries, strict=True) if entries else ((), (), ())
+    return csr_array((weights, (rows, columns)), shape=(len(fixed), kernels.n)), fixed
+
+
 def angles(kernels: Kernels) -> list[Angle]:
-    return [e for e in kernels.model.elements.values() if isinstance(e, Angle)]
+    """The angles that are free coordinates."""
+    return [e for e in kernels.model.elements.values() if isinstance(e, Angle) and e.name in kernels.index]
 
 
 def _named(kernels: Kernels, name: str) -> Element:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
-from ncgen.solver.geometry import angles, measured_angle
+from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.protocol import Kernels
 
 TOLERANCE = 1e-12
@@ -88,11 +88,11 @@ def _failure(kernels: Kernels, value, history) -> str:
 
 def check_mirror_roots(kernels: Kernels, q, p=None, history=()) -> None:
     """Raise ConvergenceError naming an angle whose coordinate is half a turn off its elements: the other root of its row."""
-    for angle in angles(kernels):
-        coordinate = kernels.index.get(angle.name)
-        if coordinate is None:
-            continue
-        error = q[coordinate] - measured_angle(kernels, angle, q, p)
+    known = angles(kernels)
+    if not known:
+        return
+    errors = q[[kernels.index[angle.name] for angle in known]] - measured_angles(kernels, q, p)
+    for angle, error in zip(known, errors, strict=True):
         if np.cos(error) < 0.0:
             raise ConvergenceError(
                 f"angle {angle.name}: the position found is the mirror root, {np.degrees(error) % 360:.1f} degrees off; "
