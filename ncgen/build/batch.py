@@ -14,6 +14,7 @@ from abc import ABC, abstractmethod
 import numpy as np
 from cffi import FFI
 
+from ncgen.build.abi import abi, declared
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.emit.c import HEADERS, c_files
@@ -115,14 +116,11 @@ class CompiledBatch(Batch):
     """
 
     def __init__(self, kernels, flags=LANES):
-        from ncgen.build.library import _abi
-
         super().__init__(kernels)
-        header = verbatim("c/ncgen_batch.h")
-        parts = [header.split(f"/* begin {part} */")[1].split(f"/* end {part} */")[0] for part in ("cdef", "functions")]
+        parts = [declared("ncgen_batch.h", part) for part in ("cdef", "functions")]
         getter = f"const ncgen_model *{identifier(kernels.name)}_model(void);"
         files = c_files(kernels.programs) | {name: verbatim(f"c/{name}") for name in SOURCES}
-        self.ffi, self.library, has_threads = load_lanes(files, "".join(parts) + getter, flags, _abi())
+        self.ffi, self.library, has_threads = load_lanes(files, "".join(parts) + getter, flags, abi())
         self.model = getattr(self.library, f"{identifier(kernels.name)}_model")()
         self._has_threads, self.threads = has_threads, 1
         self.lanes: int = self.library.ncgen_batch_lanes()

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ncgen.build.abi import declared, runtime_abi
 from ncgen.build.batch import LANES, aligned, available, load_lanes
 from ncgen.build.library import STATUS, CompiledKernels
-from ncgen.build.runtime import METHODS, _runtime_abi
+from ncgen.build.runtime import METHODS
 from ncgen.emit.c import dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
@@ -41,9 +42,8 @@ class LaneDynamics:
         programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(programs, equations, kernels.row_sizes) | {name: verbatim(f"c/{name}") for name in SOURCES}
         getter = f"{identifier(kernels.name)}_dynamics"
-        functions = verbatim("c/ncgen_batch_run.h").split("/* begin functions */")[1].split("/* end functions */")[0]
-        declarations = f"{functions} const ncgen_dynamics *{getter}(void);"
-        self._ffi, self._library, self.has_threads = load_lanes(files, declarations, LANES, _runtime_abi())
+        declarations = f"{declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
+        self._ffi, self._library, self.has_threads = load_lanes(files, declarations, LANES, runtime_abi())
         self._dynamics = getattr(self._library, getter)()
         self.kernels, self.split = kernels, split
         self._model = self._ffi.cast("const ncgen_model *", kernels._descriptor)  # its sizes are asked for, not its kernels

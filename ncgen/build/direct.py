@@ -7,9 +7,10 @@ from functools import cache, partial
 import numpy as np
 from cffi import FFI
 
+from ncgen.build.abi import abi, declared
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
-from ncgen.build.library import STATUS, CompiledKernels, _abi
+from ncgen.build.library import STATUS, CompiledKernels
 from ncgen.emit.environment import verbatim
 from ncgen.errors import NcgenError
 
@@ -17,8 +18,8 @@ from ncgen.errors import NcgenError
 @cache
 def _caller():
     ffi = FFI()
-    ffi.include(_abi())
-    ffi.cdef(verbatim("c/ncgen_call.c").split("/* begin cdef */")[1].split("/* end cdef */")[0])
+    ffi.include(abi())
+    ffi.cdef(declared("ncgen_call.c"))
     files = {name: verbatim(f"c/{name}") for name in ("ncgen_call.c", "ncgen.h")}
     return ffi, ffi.dlopen(str(build(files, find_compiler(), FLAGS).library))
 

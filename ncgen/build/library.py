@@ -3,17 +3,16 @@
 from __future__ import annotations
 
 import threading
-from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from cffi import FFI
 
+from ncgen.build.abi import abi
 from ncgen.build.batch import CompiledBatch
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import CompiledTangents
-from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
 from ncgen.program.programs import Programs
@@ -22,19 +21,6 @@ if TYPE_CHECKING:
     from ncgen.build.direct import Direct
 
 STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument")
-
-
-@cache
-def _abi() -> FFI:
-    """cffi's view of ncgen.h, the one definition of the ABI."""
-    text = verbatim("c/ncgen.h")
-    declarations = text.split("/* begin cdef */")[1].split("/* end cdef */")[0]
-    ffi = FFI()
-    ffi.cdef("typedef double ncgen_real; typedef double ncgen_scalar;" + declarations)
-    # Complete the structs here: otherwise they are completed by, and die with, the first library that uses them.
-    for name in ("ncgen_model", "ncgen_tangents", "ncgen_parameter_tangents"):
-        ffi.sizeof(name)
-    return ffi
 
 
 class CompiledKernels(Kernels):
@@ -46,7 +32,7 @@ class CompiledKernels(Kernels):
         super().__init__(programs)
         getter = f"{identifier(self.name)}_model"
         ffi = FFI()
-        ffi.include(_abi())
+        ffi.include(abi())
         ffi.cdef(f"const ncgen_model *{getter}(void);")
         try:
             self._library = ffi.dlopen(str(library))

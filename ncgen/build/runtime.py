@@ -14,10 +14,11 @@ import numpy as np
 from cffi import FFI
 from scipy.sparse.linalg import splu
 
+from ncgen.build.abi import NUMBERS, declared, runtime_abi
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
-from ncgen.build.library import STATUS, CompiledKernels, _abi
-from ncgen.emit.c import HEADERS, RUNTIME, dynamics_files
+from ncgen.build.library import STATUS, CompiledKernels
+from ncgen.emit.c import HEADERS, RUNTIME, c_files, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
@@ -41,6 +42,9 @@ METHODS = {
 IMPLICIT = ("radau", "trapezoidal", "generalized-alpha")
 """Those that need the tangent kernels whatever the mechanism is."""
 
+ITERATED = ("rattle", "energy-momentum")
+"""Those that do without them where they can."""
+
 FORMALISMS = {
     "coordinate-partitioning": 0,
     "lagrange": 1,
@@ -56,31 +60,28 @@ SINGULAR = 1e-9
 """A mass matrix is taken as singular where elimination leaves less than this of an entry of its diagonal."""
 
 
-@cache
-def _runtime_abi() -> FFI:
-    """cffi's view of ncgen_runtime.h."""
-    ffi = FFI()
-    ffi.include(_abi())
-    ffi.cdef(verbatim("c/ncgen_runtime.h").split("/* begin cdef */")[1].split("/* end cdef */")[0])
-    for name in ("ncgen_dynamics", "ncgen_elimination", "ncgen_event", "ncgen_options", "ncgen_statistics"):
-        ffi.sizeof(name)  # completed here, as in ncgen.build.library
-    return ffi
-
-
-def _load(files: dict[str, str], flags, declarations: str):
+def _load(files: dict[str, str], number: str, declarations: str):
     """A library of these files and the headers, and its interface."""
     ffi = FFI()
-    ffi.include(_runtime_abi())
+    ffi.include(runtime_abi(number))
     ffi.cdef(declarations)
     files = files | {name: verbatim(f"c/{name}") for name in ("ncgen_runtime.h", *HEADERS)}
-    return ffi, ffi.dlopen(str(build(files, find_compiler(), flags).library))
+    return ffi, ffi.dlopen(str(build(files, find_compiler(), (*FLAGS, *NUMBERS[number].flags)).library))
 
 
 @cache
-def _runtime():
+def _runtime(number: str):
     """The runtime, the same for all mechanisms."""
-    functions = verbatim("c/ncgen_runtime.h").split("/* begin functions */")[1].split("/* end functions */")[0]
-    return _load({name: verbatim(f"c/{name}") for name in RUNTIME}, FLAGS, functions)
+    return _load({name: verbatim(f"c/{name}") for name in RUNTIME}, number, declared("ncgen_runtime.h", "functions"))
+
+
+def _model(kernels: CompiledKernels, number: str):
+    """The descriptor of a mechanism's kernels in a number type, and the library that it lives in."""
+    if number == "double":
+        return kernels._descriptor, kernels
+    getter = f"{identifier(kernels.name)}_model"
+    _, library = _load(c_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
+    return getattr(library, getter)(), library
 
 
 @dataclass(frozen=True)
@@ -111,47 +112,66 @@ class Outcome:
 
 
 class Dynamics:
-    """A state derivative with the runtime around it."""
+    """A state derivative with the runtime around it, in a number type of C."""
 
-    def __init__(self, kernels: CompiledKernels, ffi: FFI, library, dynamics):
-        self.kernels = kernels
-        self._ffi, self._library, self._dynamics = ffi, library, dynamics
-        self._model = ffi.cast("const ncgen_model *", kernels._descriptor)
+    def __init__(self, kernels: CompiledKernels, number: str):
+        self.kernels, self.number = kernels, NUMBERS[number]
+        self._ffi, self._library = _runtime(number)
+        self._dynamics = self._ffi.new("ncgen_dynamics *")
+        descriptor, self._model_library = _model(kernels, number)
+        self._model = self._ffi.cast("const ncgen_model *", descriptor)
+        self._arrays: dict[str, np.ndarray] = {}
+        self._keep({"column_sizes": kernels.column_sizes, "row_sizes": kernels.row_sizes}, self._dynamics, self.number.dtype)
 
-    def simulate(self, method: str, times, q, velocities, p, rtol=1e-8, atol=1e-10, max_step=np.inf, event=None, **options) -> Outcome:
+    def _keep(self, arrays: dict[str, object], struct, dtype) -> None:
+        """Let members of a struct point to arrays, which live as long as this object."""
+        for name, values in arrays.items():
+            self._arrays[name] = np.array(values if len(values) else (0,), dtype=dtype)
+            kind = "int[]" if dtype == np.intc else self.number.array
+            setattr(struct, name, self._ffi.from_buffer(kind, self._arrays[name]))
+
+    def _describe(self, split: Split) -> None:
+        """A choice of independent coordinates."""
+        self._dynamics.n_independent, self._dynamics.n_dependent = len(split.independent), len(split.dependent)
+        chosen = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
+        self._keep(chosen, self._dynamics, np.intc)
+
+    def simulate(self, method: str, times, q, velocities, p, rtol=1e-8, atol=1e-10, max_step=np.inf, event=None, newton=False, **options) -> Outcome:
         """Run over the times of a grid (first one is the start).
 
         velocities: independent ones with coordinate partitioning, all of them with other formalisms
         event: at which to stop, with members coordinate, value and direction as in `ncgen_event`
+        newton: with tangents, also where a method can do without them
         options: the other members of `ncgen_options`, by their names
         """
-        ffi, n = self._ffi, self.kernels.n
-        times = np.ascontiguousarray(times, dtype=float)
+        ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
+        times = np.ascontiguousarray(times, dtype=dtype)
         rows_and_last = len(times) + 1
-        out_q, out_qd, out_work = np.empty((rows_and_last, n)), np.empty((rows_and_last, n)), np.empty(rows_and_last)
+        out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))
         longest = 0.0 if np.isinf(max_step) else max_step
         filled = {"method": METHODS[method], "rtol": rtol, "atol": atol, "max_step": longest, **options}
         settings = ffi.new("ncgen_options *", filled)
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
-        if uses_tangents(self.kernels, method):
+        if newton or uses_tangents(self.kernels, method):
             self._take_tangents()
         else:
             self._dynamics.tangents = ffi.NULL
         work, integers = self._space(settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
-        inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
-        pointers = [ffi.from_buffer("double[]", a) for a in (*inputs, times, out_q, out_qd, out_work, work)]
+        inputs = [np.ascontiguousarray(a, dtype=dtype) for a in (p, q, velocities)]
+        pointers = [ffi.from_buffer(self.number.array, a) for a in (*inputs, times, out_q, out_qd, out_work, work)]
         status = self._library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             ffi.from_buffer("int[]", integers),
         )  # fmt: skip
         done, s = rows[0], statistics
-        last = (out_q[-1], out_qd[-1], out_work[-1])
+        last = tuple(a[-1].astype(float) for a in (out_q, out_qd, out_work))
+        filled = (np.asarray(a[:done], dtype=float) for a in (out_q, out_qd, out_work))
         counts = (s.steps, s.rejected, s.repeated, s.evaluations, s.newton_steps)
-        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped), s.largest_projection, s.jacobians, s.fallbacks)
-        return Outcome(out_q[:done], out_qd[:done], out_work[:done], STATUS[status], s.t, last, *counts, *more)
+        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped), float(s.largest_projection), s.jacobians, s.fallbacks)
+        return Outcome(*filled, STATUS[status], float(s.t), last, *counts, *more)
 
     def jacobian(self, t: float, q, velocities, p, formalism: str = "coordinate-partitioning", **options) -> np.ndarray:
         """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning,
@@ -160,9 +180,9 @@ class Dynamics:
         self._take_tangents()
         settings = ffi.new("ncgen_options *", {"formalism": FORMALISMS[formalism], "tolerance": 1e-12, **options})
         work, integers = self._space(settings)
-        inputs = [np.ascontiguousarray(a, dtype=float) for a in (p, q, velocities)]
-        out = np.empty((len(inputs[2]), 2 * len(inputs[2])))
-        pointers = [ffi.from_buffer("double[]", a) for a in (*inputs, out, work)]
+        inputs = [np.ascontiguousarray(a, dtype=self.number.dtype) for a in (p, q, velocities)]
+        out = np.empty((len(inputs[2]), 2 * len(inputs[2])), self.number.dtype)
+        pointers = [ffi.from_buffer(self.number.array, a) for a in (*inputs, out, work)]
         status = self._library.ncgen_dynamics_jacobian(
             self._model, self._dynamics, settings, t, *pointers, ffi.from_buffer("int[]", integers)
         )
@@ -173,7 +193,7 @@ class Dynamics:
     def _space(self, settings) -> tuple[np.ndarray, np.ndarray]:
         """Workspace: numbers and integers."""
         numbers = self._library.ncgen_workspace(self._model, self._dynamics, settings)
-        return np.empty(numbers), np.empty(4 * self.kernels.n + 3 * self.kernels.m, dtype=np.intc)
+        return np.empty(numbers, self.number.dtype), np.empty(4 * self.kernels.n + 3 * self.kernels.m, dtype=np.intc)
 
     def _take_tangents(self) -> None:
         """Tangent kernels are compiled when an implicit method first asks for them."""
@@ -183,47 +203,31 @@ class Dynamics:
 class DenseDynamics(Dynamics):
     """The runtime's dense elimination on the model's kernels, for one choice of independent coordinates."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split):
-        ffi, library = _runtime()
-        dynamics = ffi.new("ncgen_dynamics *", {"n_independent": len(split.independent), "n_dependent": len(split.dependent)})
-        self._kept = _describe_split(ffi, dynamics, kernels, split)
-        super().__init__(kernels, ffi, library, dynamics)
-
-
-def _describe_split(ffi: FFI, dynamics, kernels: CompiledKernels, split: Split) -> dict[str, np.ndarray]:
-    """Write a choice of independent coordinates into an ncgen_dynamics; returns the arrays that must live as long."""
-    integers = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
-    numbers = {"row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
-    kept = {name: np.array(values or (0,), dtype=np.intc) for name, values in integers.items()}
-    kept |= {name: np.array(values, dtype=float) for name, values in numbers.items()}
-    for name, array in kept.items():
-        setattr(dynamics, name, ffi.cast("int *" if name in integers else "double *", array.ctypes.data))
-    return kept
+    def __init__(self, kernels: CompiledKernels, split: Split, number: str = "double"):
+        super().__init__(kernels, number)
+        self._describe(split)
 
 
 class ConstrainedDynamics(Dynamics):
     """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism."""
 
-    def __init__(self, kernels: CompiledKernels):
-        ffi, library = _runtime()
+    def __init__(self, kernels: CompiledKernels, number: str = "double"):
+        super().__init__(kernels, number)
         singular = not _is_definite(kernels)
         self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
-        self._kept = [np.array(getattr(self.plan, name), dtype=np.intc) for name in Elimination.ARRAYS]
-        self._sizes = [np.array(kernels.column_sizes, dtype=float), np.array(kernels.row_sizes, dtype=float)]
-        numbers = {name: ffi.cast("int *", a.ctypes.data) for name, a in zip(Elimination.ARRAYS, self._kept, strict=True)}
-        numbers |= {"size": self.plan.size, "nonzeros": self.plan.nonzeros}
-        self._elimination = ffi.new("ncgen_elimination *", numbers)
-        column_sizes, row_sizes = (ffi.cast("double *", a.ctypes.data) for a in self._sizes)
-        members = {"column_sizes": column_sizes, "row_sizes": row_sizes, "elimination": self._elimination}
-        members["singular_mass"] = singular
-        members["conservative"] = is_conservative(kernels)
-        super().__init__(kernels, ffi, library, ffi.new("ncgen_dynamics *", members))
+        self._elimination = self._ffi.new("ncgen_elimination *", {"size": self.plan.size, "nonzeros": self.plan.nonzeros})
+        self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
+        self._dynamics.elimination = self._elimination
+        self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
 
-
-    def simulate(self, *args, rank: int = 0, **options) -> Outcome:
+    def simulate(self, method: str, *args, rank: int = 0, **options) -> Outcome:
         """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
         self._dynamics.n_dependent = rank
-        return super().simulate(*args, **options)
+        done = super().simulate(method, *args, **options)
+        if done.status == "not converged" and method in ITERATED and self.number.name == "double":
+            # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
+            done = super().simulate(method, *args, newton=True, **options)
+        return done
 
 
 def _is_definite(kernels: CompiledKernels) -> bool:
@@ -257,7 +261,7 @@ def is_conservative(kernels: CompiledKernels) -> bool:
 def uses_tangents(kernels: CompiledKernels, method: str) -> bool:
     """True if an integrator takes stiffness and damping: rattle where masses are not constant or forces have no potential,
     energy-momentum unless constraints are quadratic, masses and forces constant as well."""
-    if method not in ("rattle", "energy-momentum"):
+    if method not in ITERATED:
         return method in IMPLICIT
     programs = kernels.programs.programs
     constant = all(programs[k].is_constant for k in ("mass", "force") if k in programs and (k, method) != ("force", "rattle"))
@@ -279,20 +283,16 @@ def _is_zero_at(index: int, block, store) -> bool:
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double"):
         from ncgen.program.dynamics import assemble_dynamics
 
+        super().__init__(kernels, number)
         equations = kernels.programs.equations
         self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(self.programs, equations, kernels.row_sizes)
         getter = f"{identifier(kernels.name)}_dynamics"
-        _, self._emitted = _load(files, FLAGS, f"const ncgen_dynamics *{getter}(void);")
-        ffi, library = _runtime()
+        _, self._emitted = _load(files, number, f"const ncgen_dynamics *{getter}(void);")
         written = getattr(self._emitted, getter)()
-        functions = {name: ffi.cast("void *", getattr(written, name)) for name in ("newton", "acceleration")}
-        sizes = {name: getattr(written, name) for name in ("n_independent", "n_dependent")}
-        dynamics = ffi.new("ncgen_dynamics *", sizes)
-        for name, function in functions.items():
-            setattr(dynamics, name, function)
-        self._kept = _describe_split(ffi, dynamics, kernels, split)  # what to fall back upon
-        super().__init__(kernels, ffi, library, dynamics)
+        for name in ("newton", "acceleration"):
+            setattr(self._dynamics, name, self._ffi.cast("void *", getattr(written, name)))
+        self._describe(split)  # what to fall back upon

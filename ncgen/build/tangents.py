@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from cffi import FFI
 
+from ncgen.build.abi import abi
 from ncgen.build.cache import build
 from ncgen.build.compilers import find_compiler
 from ncgen.emit.c import HEADERS, tangent_files
@@ -72,14 +73,12 @@ class CompiledTangents(Tangents):
     """Through a compiled library, whose `descriptor` the C runtime takes."""
 
     def __init__(self, programs: TangentPrograms, equations: Numbering):
-        from ncgen.build.library import _abi
-
         super().__init__(programs, equations)
         files = tangent_files(self.programs, self.equations) | {name: verbatim(f"c/{name}") for name in HEADERS}
         kind = programs.kind
         getter = f"{identifier(equations.model.name)}_{kind}"
         self._ffi = FFI()
-        self._ffi.include(_abi())
+        self._ffi.include(abi())
         self._ffi.cdef(f"const ncgen_{kind} *{getter}(void);")
         self._library = self._ffi.dlopen(str(build(files, find_compiler()).library))
         self.descriptor = getattr(self._library, getter)()

@@ -301,6 +301,10 @@ def _cases():
             step=5e-4, options={"qd0": {f"B{i}.x": 1.0 for i in range(count + 1)}},
         )  # fmt: skip
     yield Case("robot", "starts where cosines and sines of its angles vanish", lambda: load("robot"), 0.5, _robot_error, "hand-written programs")
+    yield Case(
+        "robot-float", "24 bits: computed with float, at rtol 1e-6", lambda: load("robot"), 0.5, _robot_error, "hand-written programs",
+        rtol=1e-6, options={"number": "float"},
+    )  # fmt: skip
     yield Case("robot-sine", "the paper's sine rows are singular at its own start", _sine_robot, 0.5, _robot_error, "hand-written programs")
     yield Case(
         "equal-crank", "at dead centre the slider may stay or go through", _equal_crank, 4.0, _equal_crank_error, "the energy integral",

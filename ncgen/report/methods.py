@@ -9,7 +9,9 @@ from ncgen.solver.formalisms import FORMALISMS
 from ncgen.solver.integrators import INTEGRATORS
 from ncgen.solver.steppers import STEPPERS
 
-FIXED = ("rk4", "trapezoidal", *(integrator for _, integrator in STEPPERS))
+FIXED = tuple(
+    dict.fromkeys([name for name, method in INTEGRATORS.items() if hasattr(method, "has_fixed_step")] + [name for _, name in STEPPERS])
+)
 """Integrators with a fixed step."""
 
 ONE = "dop853"

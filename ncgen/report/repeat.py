@@ -4,14 +4,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
-from typing import NamedTuple
 
 import numpy as np
 from cffi import FFI
 
+from ncgen.build.abi import NUMBERS, abi, declared
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
-from ncgen.build.library import _abi
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 
@@ -22,25 +21,11 @@ OPERATIONS = 24
 """Multiplications and additions in one turn of the loop of `ncgen_arithmetic`."""
 
 
-class Real(NamedTuple):
-    """A number type of C: what defines it for ncgen.h, and NumPy's."""
-
-    define: str
-    dtype: np.dtype
-
-
-REALS = {"float": Real("NCGEN_SINGLE", np.dtype(np.float32)), "long double": Real("NCGEN_LONG_DOUBLE", np.dtype(np.longdouble))}
-
-
-def _functions() -> str:
-    return verbatim("c/timing.c").split("/* begin functions */")[1].split("/* end functions */")[0]
-
-
 @cache
 def _repeater():
     ffi = FFI()
-    ffi.include(_abi())
-    ffi.cdef(_functions())
+    ffi.include(abi())
+    ffi.cdef(declared("timing.c", "functions"))
     files = {name: verbatim(f"c/{name}") for name in ("timing.c", "ncgen.h")}
     return ffi, ffi.dlopen(str(build(files, find_compiler(), SCALAR).library))
 
@@ -80,16 +65,16 @@ def typed_runner(sources, real: str, inputs, names):
 
     sources: as `ncgen.generate` gives them; inputs: q, qd, p, t in double
     """
-    ffi = FFI()
-    ffi.cdef(f"typedef {real} ncgen_real; typedef {real} ncgen_scalar;" + verbatim("c/ncgen.h").split("/* begin cdef */")[1].split("/* end cdef */")[0])
+    number, ffi = NUMBERS[real], FFI()
+    ffi.include(abi(real))
     getter = f"{identifier(sources.programs.equations.model.name)}_model"
-    ffi.cdef(_functions() + f"const ncgen_model *{getter}(void);")
+    ffi.cdef(declared("timing.c", "functions") + f"const ncgen_model *{getter}(void);")
     files = sources.c | {"timing.c": verbatim("c/timing.c")}
-    library = ffi.dlopen(str(build(files, find_compiler(), (*FLAGS, f"-D{REALS[real].define}")).library))
+    library = ffi.dlopen(str(build(files, find_compiler(), (*FLAGS, *number.flags)).library))
     model = getattr(library, getter)()
-    q, qd, p = (np.array(x, dtype=REALS[real].dtype) for x in (inputs.q, inputs.qd, inputs.p))
+    q, qd, p = (np.array(x, dtype=number.dtype) for x in (inputs.q, inputs.qd, inputs.p))
     programs = sources.programs.programs
-    out = {name: np.empty(programs[name].size, dtype=REALS[real].dtype) for name in names}
+    out = {name: np.empty(programs[name].size, dtype=number.dtype) for name in names}
 
     def pointer(array):
         return ffi.cast("ncgen_real *", array.ctypes.data)

@@ -21,6 +21,9 @@ coordinates only, and R is what their errors are multiplied by."""
 REUSE = 0.7
 """A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
 
+LEAST = 10.0
+"""Roundings that a relative tolerance is at least."""
+
 MOST_STEPS = 1_000_000
 """Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
 
@@ -77,8 +80,17 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, setti
     return None
 
 
+def refusal_in(number: str, kernels: Kernels, integrator: str) -> str | None:
+    """Why a simulation in C cannot compute with a number type other than double, in words, or None if it can."""
+    from ncgen.build.runtime import uses_tangents
+
+    if number != "double" and uses_tangents(kernels, canonical_name(integrator)):
+        return f"{integrator} takes derivatives of the kernels, which are double"
+    return None
+
+
 def run_constrained(
-    path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, stop=None, **steps
+    path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, number="double", stop=None, **steps
 ) -> str | None:
     """Fill an empty path over a time grid with a formalism over all coordinates.
 
@@ -87,12 +99,14 @@ def run_constrained(
     """
     from ncgen.build.runtime import FORMALISMS, ConstrainedDynamics
 
-    dynamics = kernels.__dict__.setdefault("_constrained", None) or ConstrainedDynamics(kernels)
-    kernels._constrained = dynamics
+    known = kernels.__dict__.setdefault("_constrained", {})
+    if number not in known:
+        known[number] = ConstrainedDynamics(kernels, number)
+    dynamics = known[number]
     projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"
     done = dynamics.simulate(
-        canonical_name(integrator), grid, q, qd, p, tolerance=TOLERANCE, formalism=FORMALISMS[formalism], project=int(projected),
+        canonical_name(integrator), grid, q, qd, p, tolerance=closeness(number), formalism=FORMALISMS[formalism], project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
         rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, event=stop, **_weights(settings), **steps,
     )  # fmt: skip
@@ -112,13 +126,30 @@ def _weights(settings: dict) -> dict[str, float]:
     return dict(zip(("alpha_m", "alpha_f"), weights(settings["rho"], settings["hht"]), strict=True))
 
 
-def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p):
-    """The state derivative for a partition, made once for every kernels object and partition."""
-    return emission(kernels, partitions, "emitted" if emitted else "dense", q, p)
+def rounding(number: str) -> float:
+    """The relative rounding of a number type."""
+    from ncgen.build.abi import NUMBERS
+
+    return float(np.finfo(NUMBERS[number].dtype).eps)
 
 
-def emission(kernels: Kernels, partitions: Partitions, form: str, q, p):
-    """The state derivative in one of its forms: "dense", "emitted", or "lanes" for many states at a time."""
+def kept(rtol: float, atol: float, length: float, number: str) -> tuple[float, float]:
+    """Tolerances that a number type can keep: a step cannot be held to less than its rounding."""
+    return max(rtol, LEAST * rounding(number)), max(atol, rounding(number) * length)
+
+
+def closeness(number: str) -> float:
+    """`TOLERANCE` of positions for the digits of a number type."""
+    return TOLERANCE * rounding(number) / rounding("double")
+
+
+def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p, number: str = "double"):
+    """The state derivative for a partition, made once for every kernels object, partition and number type."""
+    return emission(kernels, partitions, "emitted" if emitted else "dense", q, p, number)
+
+
+def emission(kernels: Kernels, partitions: Partitions, form: str, q, p, number: str = "double"):
+    """The state derivative in one of its forms: "dense", "emitted", or "lanes" for many states at a time (double only)."""
     from ncgen.build.batch_runs import LaneDynamics
     from ncgen.build.runtime import DenseDynamics, EmittedDynamics
     from ncgen.program.programs import Split
@@ -126,13 +157,15 @@ def emission(kernels: Kernels, partitions: Partitions, form: str, q, p):
     part = partitions.position
     split = Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
     store = kernels.__dict__.setdefault("_dynamics", {})
-    if (split, form) not in store:
+    key = split, form, number
+    if key not in store:
         if form == "dense":
-            store[split, form] = DenseDynamics(kernels, split)
+            store[key] = DenseDynamics(kernels, split, number)
+        elif form == "emitted":
+            store[key] = EmittedDynamics(kernels, split, _samples(kernels, q, p), number)
         else:
-            kind = {"emitted": EmittedDynamics, "lanes": LaneDynamics}[form]
-            store[split, form] = kind(kernels, split, _samples(kernels, q, p))
-    return store[split, form]
+            store[key] = LaneDynamics(kernels, split, _samples(kernels, q, p))
+    return store[key]
 
 
 def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
@@ -142,7 +175,7 @@ def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
     return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
 
 
-def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step, stop=None) -> str | None:
+def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step, number="double", stop=None) -> str | None:
     """Fill an empty path over a time grid, to its end or to a `Stop`; where the independent coordinates become bad, go on with others.
 
     Returns None, or why the run had to stop before the end of the grid.
@@ -151,8 +184,8 @@ def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, z
     seen = [path.partitions]
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
-        here = dynamics(kernels, path.partitions, emitted and len(seen) <= MOST_EMITTED, q, p)
-        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, stop, tolerance=TOLERANCE, growth=growth)
+        here = dynamics(kernels, path.partitions, emitted and len(seen) <= MOST_EMITTED, q, p, number)
+        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, stop, tolerance=closeness(number), growth=growth)
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)

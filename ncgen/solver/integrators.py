@@ -56,6 +56,8 @@ class _Nordsieck(scipy.integrate.DenseOutput):
 class RungeKutta4(scipy.integrate.OdeSolver):
     """The classical fourth-order method with a fixed step, `max_step`."""
 
+    has_fixed_step = True
+
     def __init__(self, fun, t0, y0, t_bound, max_step=np.inf, vectorized=False, first_step=None, **extra):
         super().__init__(fun, t0, y0, t_bound, vectorized)
         if not np.isfinite(max_step):

@@ -24,6 +24,11 @@ class Method:
     def is_stepper(self) -> bool:
         return self.integrator in STEPPERS.values()
 
+    @property
+    def has_error_control(self) -> bool:
+        """False with a fixed step."""
+        return not (self.is_stepper or hasattr(self.integrator, "has_fixed_step"))
+
 
 def find_method(formalism: str, integrator: str, options: dict | None = None) -> Method:
     """The method of two names. Raises ModelError for unknown names and options, and for names that do not go together."""

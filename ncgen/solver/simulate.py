@@ -9,6 +9,7 @@ from numbers import Integral, Real
 
 import numpy as np
 
+from ncgen.build.abi import NUMBERS
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.branches import refresh_branches
@@ -23,6 +24,9 @@ from ncgen.solver.stop import stop_at
 from ncgen.solver.trajectory import Statistics, Trajectory
 
 ENGINES = ("auto", "c", "emitted", "python")
+
+LOOKS = 9
+"""Instants at which the energy is looked at after a run; fewer may all be instants of rest, which tell nothing of its size."""
 
 DRIFT = 1e-2
 """Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
@@ -45,6 +49,7 @@ def simulate(
     points: int = 101,
     max_step: float = np.inf,
     engine: str = "auto",
+    number: str = "double",
     options: dict | None = None,
     stop: dict | None = None,
     progress: Callable[[float], None] | None = None,
@@ -77,6 +82,8 @@ def simulate(
     engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out and compiled
         for this mechanism: several times faster, after a compile of a second or so), "python" (the reference), or
         "auto": C where it can be; the trajectory's `engine` says which it was and why
+    number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
+        its rounding are raised to that, and the trajectory has doubles in any case
     stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
         {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True
     progress: called with the time reached: after every step in Python, at the end of a run in C
@@ -96,6 +103,8 @@ def simulate(
         raise ModelError(f"t0: {t0!r} given; it must be a number of seconds")
     if engine not in ENGINES:
         raise ModelError(f"engine {engine!r} is unknown; choose one of {', '.join(ENGINES)}")
+    if number not in NUMBERS:
+        raise ModelError(f"number {number!r} is unknown; choose one of {', '.join(NUMBERS)}")
     if not (isinstance(points, Integral) and points >= 2):
         raise ModelError(f"points: {points} given; a trajectory has at least 2")
     q = np.array(kernels.q0 if q0 is None else q0, dtype=float)
@@ -107,17 +116,20 @@ def simulate(
     partitions = _partitions(kernels, q, t0, p, chosen, needed=method.formalism.solve is None or zd0 is not None)
     qd = _velocity(kernels, partitions, q, t0, p, zd0, qd0)
     grid = np.linspace(t0, t0 + duration, points)
+    rtol, atol = compiled.kept(rtol, atol, kernels.length, number)
     steps = dict(rtol=rtol, atol=atol, max_step=max_step, stop=stop_at(kernels, stop))
     clock = time.perf_counter()
     path = Path.empty(kernels.n, partitions)
     emitted = engine == "emitted"
-    refused = _refusal(kernels, method, engine, integrator, partitions)
-    if refused and engine in ("c", "emitted"):
-        raise ModelError(f"{kernels.name} cannot be simulated in C: {refused}; use engine='auto'")
+    refused = _refusal(kernels, method, engine, integrator, partitions, number)
+    only_c = engine in ("c", "emitted") or number != "double"
+    remedy = "engine='auto'" if number == "double" else "number='double'"
+    if refused and only_c:
+        raise ModelError(f"{kernels.name} cannot be simulated in C{'' if number == 'double' else f' with {number}'}: {refused}; use {remedy}")
     if refused is None:
-        refused = _run_in_c(path, kernels, method, integrator, emitted, grid, q, qd, p, steps)
-        if refused and engine != "auto":
-            raise ConvergenceError(f"{kernels.name}: {refused}; engine='auto' goes on in Python")
+        refused = _run_in_c(path, kernels, method, integrator, emitted, grid, q, qd, p, steps | {"number": number})
+        if refused and only_c:
+            raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
     if refused is not None:
         if _is_constrained(method):
             path = Path.empty(kernels.n, partitions)  # what C has left of it is done again
@@ -131,15 +143,27 @@ def simulate(
     said = f"python: {refused}" if refused else "emitted" if emitted else "c"
     run = Trajectory(
         kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels,
-        method.options, path.stopped is not None,
+        method.options, path.stopped is not None, number,
     )  # fmt: skip
-    if method.options.get("stabilisation") in ("baumgarte", "none") and run.energy_drift > DRIFT:
-        warnings.warn(
-            f"{kernels.name}: {formalism} without projection changes the energy by {run.energy_drift:.1g} of what moves; "
-            "the motion may have left its branch, take smaller steps or another formalism",
-            stacklevel=2,
-        )
+    if doubt := _doubt(run, method, rtol):
+        warnings.warn(f"{kernels.name}: {doubt}", stacklevel=2)
     return run
+
+
+def _doubt(run: Trajectory, method: Method, rtol: float) -> str | None:
+    """What the energy says against a run, in words."""
+    if method.options.get("stabilisation") in ("baumgarte", "none"):
+        if run.energy_drift > DRIFT:
+            return (
+                f"{run.formalism} without projection changes the energy by {run.energy_drift:.1g} of what moves; "
+                "the motion may have left its branch, take smaller steps or another formalism"
+            )
+    elif method.has_error_control and len(run.t) >= LOOKS and (drift := run.thinned(LOOKS).energy_drift) > np.sqrt(rtol):
+        return (
+            f"the energy changes by {drift:.1g} of what moves, although rtol is {rtol:g}: the motion may have passed a singular "
+            "position, which formalism='lagrange' does better, or be too long for the tolerance"
+        )
+    return None
 
 
 def _is_constrained(method: Method) -> bool:
@@ -163,10 +187,14 @@ def _run_in_python(path: Path, kernels: Kernels, method: Method, grid, q, qd, p,
         full_coordinates.run(path, kernels, method, grid, q, qd, p, progress, **steps)
 
 
-def _refusal(kernels: Kernels, method: Method, engine: str, integrator: str, partitions: Partitions | None) -> str | None:
+def _refusal(kernels: Kernels, method: Method, engine: str, integrator: str, partitions: Partitions | None, number: str) -> str | None:
     """Why the run is not in C, or None if it is."""
     if engine == "python":
-        return "asked for"
+        return "engine='python' was asked for" if number != "double" else "asked for"
+    return _refusal_in_c(kernels, method, engine, integrator, partitions) or compiled.refusal_in(number, kernels, integrator)
+
+
+def _refusal_in_c(kernels: Kernels, method: Method, engine: str, integrator: str, partitions: Partitions | None) -> str | None:
     if _is_constrained(method):
         return compiled.refusal_constrained(kernels, method.formalism.name, integrator, method.options, engine)
     return compiled.refusal(kernels, integrator, partitions, engine == "emitted")

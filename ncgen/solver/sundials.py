@@ -5,6 +5,9 @@ CVODE keeps its history to itself, so a state cannot be corrected between steps:
 
 from __future__ import annotations
 
+import contextlib
+import io
+
 import numpy as np
 import scipy.integrate
 
@@ -45,7 +48,8 @@ class Cvode(scipy.integrate.OdeSolver):
 
     def _step_impl(self):
         self._problem = None
-        found = self._engine.step(self.t_bound, method="onestep", tstop=self.t_bound)
+        with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints CVODE's failures; they are raised below
+            found = self._engine.step(self.t_bound, method="onestep", tstop=self.t_bound)
         if self._problem is not None:
             raise self._problem
         if found.status < 0 or not np.all(np.isfinite(found.y)):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import io
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -53,7 +53,8 @@ class Trajectory:
     Accelerations and multipliers are computed when they are first asked for.
     engine: "c", "emitted", or "python" with the reason; made_with: the kernels that the motion was computed with, which
     stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
-    run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid.
+    run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
+    type that it was computed with.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
     """
 
@@ -72,6 +73,7 @@ class Trajectory:
     made_with: Kernels | None = None
     options: dict = field(default_factory=dict)
     stopped: bool = False
+    number: str = "double"
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -159,6 +161,11 @@ class Trajectory:
         moved = max(np.max(energies[:, 0]), np.ptp(energies[:, 1]), np.max(np.abs(self.work)))
         error = float(np.max(np.abs(total - total[0])))
         return error / moved if moved > 0 else error
+
+    def thinned(self, count: int) -> Trajectory:
+        """The same motion at `count` of its instants, or all if they are fewer."""
+        kept = np.unique(np.linspace(0, len(self.t) - 1, count).round().astype(int))
+        return replace(self, t=self.t[kept], q=self.q[kept], qd=self.qd[kept], work=self.work[kept])
 
     def violation(self) -> np.ndarray:
         """The largest |Φ| relative to the rows' natural sizes at every instant, shape (K,)."""

@@ -19,6 +19,8 @@ ENOUGH = 1e-13
 class Trapezoidal(scipy.integrate.OdeSolver):
     """Newton's method with the Jacobian of an earlier step, as long as it converges."""
 
+    has_fixed_step = True
+
     def __init__(self, fun, t0, y0, t_bound, max_step=np.inf, vectorized=False, first_step=None, jac=None, **extra):
         super().__init__(fun, t0, y0, t_bound, vectorized)
         if not np.isfinite(max_step):

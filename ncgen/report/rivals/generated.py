@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
+from ncgen.build.abi import NUMBERS
 from ncgen.build.cache import build
 from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
@@ -19,7 +20,7 @@ from ncgen.model import Model
 from ncgen.program.assemble import EMISSIONS
 from ncgen.program.cost import cost
 from ncgen.report.clock import repeated
-from ncgen.report.repeat import REALS, Call, runner, typed_runner
+from ncgen.report.repeat import Call, runner, typed_runner
 from ncgen.report.rivals.base import KERNELS, Inputs, Rival, called
 
 STATES = 1000
@@ -73,9 +74,9 @@ def other_types(model: Model, inputs: Inputs, names) -> list[Rival]:
     """The same source for float and long double."""
     sources = generate(model)
     found = []
-    for name in ("float", "long double"):
+    for name in (name for name in NUMBERS if name != "double"):
         runs, out = typed_runner(sources, name, inputs, names)
-        epsilon = float(np.finfo(REALS[name].dtype).eps)
+        epsilon = float(np.finfo(NUMBERS[name].dtype).eps)
         found.append(Rival(f"generated C, {name}", runs, lambda k, runs=runs, out=out: (runs[k](1), out[k].copy())[1], epsilon=epsilon))
     return found
 

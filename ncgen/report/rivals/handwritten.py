@@ -7,7 +7,7 @@ from cffi import FFI
 from ncgen.build.cache import build
 from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
-from ncgen.build.library import _abi
+from ncgen.build.abi import abi
 from ncgen.exchange.examples import example_names
 from ncgen.report.repeat import Call
 from ncgen.report.rivals.base import KERNELS, Inputs, Rival, called, handwritten, nonzeros
@@ -20,7 +20,7 @@ def in_c(kernels: Kernels) -> list[dict[str, Call]]:
     if kernels.name not in example_names() or not path.is_file():
         return []
     ffi = FFI()
-    ffi.include(_abi())
+    ffi.include(abi())
     types = {name: "velocity" if name == "gamma" else "position" for name in KERNELS}
     ffi.cdef("".join(f"ncgen_{kind}_kernel handwritten_{name};" for name, kind in types.items()))
     library = ffi.dlopen(str(build({path.name: path.read_text(encoding="utf-8")}, find_compiler()).library))

@@ -12,7 +12,7 @@ from cffi import FFI
 from ncgen.build.cache import build
 from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
-from ncgen.build.library import _abi
+from ncgen.build.abi import abi
 from ncgen.emit.environment import verbatim
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
@@ -46,7 +46,7 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     generation = time.perf_counter() - start
     built = build({"symforce.c": text, "ncgen.h": verbatim("c/ncgen.h")}, find_compiler())
     ffi = FFI()
-    ffi.include(_abi())
+    ffi.include(abi())
     for name in names:
         ffi.cdef(f"ncgen_{'velocity' if name == 'gamma' else 'position'}_kernel symforce_{name};")
     library = ffi.dlopen(str(built.library))
