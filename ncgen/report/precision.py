@@ -12,10 +12,12 @@ import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 
 from ncgen.build import runtime
+from ncgen.build.abi import NUMBERS
 from ncgen.build.cache import KEPT, cache_folder
 from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile
@@ -41,7 +43,7 @@ SHORT = 0.1
 ROUNDS = 7
 
 WRITTEN_OUT = ("rk4", "dopri5", "dop853")
-"""Integrators that are also run with the emitted state derivative, and in Python."""
+"""Integrators that are also run with the emitted state derivative, there in every number type, and in Python."""
 
 TARGETS = (1e-3, 1e-6, 1e-9)
 """Errors for which every method's time is shown."""
@@ -98,7 +100,7 @@ def tried() -> list[tuple[str, str]]:
 def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:
     """Records of runs, a method after the other, each from loose to tight.
 
-    method: in words; formalism, integrator, engine ("emitted", "c" or "python"), kernels ("c" or "numpy"), setting; error;
+    method: in words; formalism, integrator, engine ("emitted", "c" or "python"), kernels ("c" or "numpy"), number type, setting; error;
     doubt: of the reference; seconds, low, high: of the run, median and quartiles; noisy; steps, evaluations; reason: in words,
     where there is no result
     """
@@ -108,8 +110,8 @@ def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:
     numpy = compile(model, "numpy")
     measured = []
     for formalism, integrator in tried():
-        for engine, used in _ways(formalism, integrator, kernels, numpy):
-            measured += _ladder(used, known, duration, start, formalism, integrator, engine, limit)
+        for engine, used, number in _ways(formalism, integrator, kernels, numpy):
+            measured += _ladder(used, known, duration, start, formalism, integrator, engine, number, limit)
     _repeat([(record, again) for record, again in measured if record["seconds"] is not None and record["seconds"] < SHORT])
     return [record for record, _ in measured]
 
@@ -122,34 +124,35 @@ def _repeat(runs: list[tuple[dict, Callable[[], float]]]) -> None:
         record |= {"seconds": middle, "low": low, "high": high, "noisy": high - low > NOISY * middle}
 
 
-def _ways(formalism: str, integrator: str, kernels: Kernels, numpy: Kernels) -> list[tuple[str, Kernels]]:
-    """(engine, kernels) that a method is run with."""
-    ways = [("auto", kernels)]
+def _ways(formalism: str, integrator: str, kernels: Kernels, numpy: Kernels) -> list[tuple[str, Kernels, str]]:
+    """(engine, kernels, number type) that a method is run with."""
+    ways = [("auto", kernels, "double")]
     if formalism == "coordinate-partitioning" and integrator in WRITTEN_OUT:
-        ways += [("emitted", kernels), ("python", kernels), ("python", numpy)]
+        ways += [("emitted", kernels, number) for number in NUMBERS]
+        ways += [("python", kernels, "double"), ("python", numpy, "double")]
     return ways
 
 
-def _ladder(kernels, known, duration, start, formalism, integrator, engine, limit) -> Iterator[tuple[dict, Callable[[], float]]]:
+def _ladder(kernels, known, duration, start, formalism, integrator, engine, number, limit) -> Iterator[tuple[dict, Callable[[], float]]]:
     """Runs of one method, each with a function that times it again, until one takes too long or fails; the first failure says why."""
     fixed = integrator in FIXED
     if engine == "emitted":
         with suppress(NcgenError):  # the first run of the ladder says it again
-            _run(kernels, duration, {"engine": engine, "points": 2, **start}, np.inf)  # compiles
-    method = _name(formalism, integrator, "", kernels)
+            _run(kernels, duration, {"engine": engine, "number": number, "points": 2, **start}, np.inf)  # compiles
+    method = _name(formalism, integrator, engine, kernels, number)
     for level in STEPS if fixed else TOLERANCES:
-        record = {"method": method, "formalism": formalism, "integrator": integrator, "engine": engine, "kernels": kernels.backend}
+        record = {"method": method, "formalism": formalism, "integrator": integrator, "engine": engine, "kernels": kernels.backend, "number": number}
         record |= {"setting": f"{level} steps" if fixed else f"rtol {level:.0e}", "error": None, "doubt": known.doubt}
         record |= {"seconds": None, "low": None, "high": None, "noisy": False, "steps": None, "evaluations": None, "reason": None}
         accuracy = {"max_step": duration / level} if fixed else {"rtol": level, "atol": 1e-2 * level * kernels.length}
-        options = {"formalism": formalism, "integrator": integrator, "engine": engine, "points": 2, **accuracy, **start}
+        options = {"formalism": formalism, "integrator": integrator, "engine": engine, "number": number, "points": 2, **accuracy, **start}
         try:
             run = _run(kernels, duration, options, limit)
         except (NcgenError, TimeIsUp) as error:
             yield record | {"reason": str(error)}, lambda: 0.0
             return
         engine = run.engine.split(":")[0]
-        method = _name(formalism, integrator, engine, kernels)
+        method = _name(formalism, integrator, engine, kernels, number)
         counts = run.statistics
         done = {
             "method": method,
@@ -164,10 +167,15 @@ def _ladder(kernels, known, duration, start, formalism, integrator, engine, limi
         yield record | done, lambda options=options: _run(kernels, duration, options, np.inf).statistics.seconds
 
 
-def _name(formalism: str, integrator: str, engine: str, kernels: Kernels) -> str:
+def _name(formalism: str, integrator: str, engine: str, kernels: Kernels, number: str) -> str:
     """A method in words."""
-    where = {"emitted": " in emitted C", "c": " in C", "python": " in Python"}.get(engine, "")
-    return f"{integrator} on {formalism}{where}" + ", NumPy kernels" * (kernels.backend == "numpy")
+    where = f" in {_title(engine, kernels.backend, number)}" if engine in ENGINES else ""
+    return f"{integrator} on {formalism}{where}"
+
+
+def _title(engine: str, backend: str, number: str) -> str:
+    """Where a method runs, in words."""
+    return ENGINES[engine] + ", NumPy kernels" * (backend == "numpy") + f", {number}" * (number != "double")
 
 
 def _run(kernels, duration, options, limit):
@@ -218,7 +226,8 @@ def figure(records: list[dict], title: str):
     from ncgen.view.chart import GRID, empty
 
     done = [r for r in records if r["error"] is not None]
-    panels = [(engine, backend) for engine in ENGINES for backend in ("c", "numpy") if any(_place(r) == (engine, backend) for r in done)]
+    places = {_place(r) for r in done}
+    panels = [place for place in product(ENGINES, ("c", "numpy"), NUMBERS) if place in places]
     formalisms, integrators = (list(dict.fromkeys(r[key] for r in done)) for key in ("formalism", "integrator"))
     chart = empty(10.0, 0.8 + 3.6 * ((len(panels) + 1) // 2))
     chart.set_layout_engine("constrained")
@@ -226,7 +235,7 @@ def figure(records: list[dict], title: str):
     axes, legend = None, {}
     for number, place in enumerate(panels, 1):
         axes = chart.add_subplot((len(panels) + 1) // 2, 2, number, xscale="log", yscale="log", sharex=axes, sharey=axes)
-        axes.set(title=ENGINES[place[0]] + ", NumPy kernels" * (place[1] == "numpy"), xlabel="error, relative to the size", ylabel="seconds")
+        axes.set(title=_title(*place), xlabel="error, relative to the size", ylabel="seconds")
         axes.minorticks_off()  # hundreds of them make a file large
         axes.grid(**GRID)
         axes.set_axisbelow(True)
@@ -251,8 +260,8 @@ COLORS = ("#c8102e", "#30506b", "#e08a00", "#2a9d5c", "#7b4fa3", "#888888", "#00
 MARKERS = "osD^vP*X"
 
 
-def _place(record: dict) -> tuple[str, str]:
-    return record["engine"], record["kernels"]
+def _place(record: dict) -> tuple[str, str, str]:
+    return record["engine"], record["kernels"], record["number"]
 
 
 def _points(runs: list[dict]) -> tuple[list[float], list[float]]:
