@@ -148,6 +148,7 @@ def run(
 def bench(
     model: ModelName,
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
+    instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
     peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
     limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
     html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
@@ -162,6 +163,9 @@ def bench(
     if peers:
         _peers(load(model), limit, json_output)
         return
+    if instructions:
+        _instructions(load(model), json_output)
+        return
     if precision or html or plot:
         _precision(load(model), html, plot, json_output)
         return
@@ -174,6 +178,20 @@ def bench(
                 show(out, title, found)
     if json_output:
         print(json.dumps(records, indent=1))
+
+
+def _instructions(model, json_output: bool) -> None:
+    """Counts that repeat to the digit."""
+    from ncgen.report.bench import aligned
+    from ncgen.report.instructions import instruction_records, table
+
+    with _progress(f"counting instructions of {model.name}", None):
+        records = list(instruction_records(model))
+    if json_output:
+        print(json.dumps(records, indent=1))
+    else:
+        for line in aligned(table(records)):
+            out.print(line, markup=False)
 
 
 def _peers(model, limit: float, json_output: bool) -> None:

@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 from cffi import FFI
 
+from ncgen.build.abi import abi
 from ncgen.build.cache import build
 from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
-from ncgen.build.abi import abi
 from ncgen.exchange.examples import example_names
 from ncgen.report.repeat import Call
 from ncgen.report.rivals.base import KERNELS, Inputs, Rival, called, handwritten, nonzeros
 from ncgen.resources import folder
 
 
+def source(kernels: Kernels) -> Path | None:
+    """The example's handwritten.c, if it has one."""
+    path = folder("examples") / kernels.name / "handwritten.c"
+    return path if kernels.name in example_names() and path.is_file() else None
+
+
 def in_c(kernels: Kernels) -> list[dict[str, Call]]:
     """The functions of the example's handwritten.c, compiled like generated ones."""
-    path = folder("examples") / kernels.name / "handwritten.c"
-    if kernels.name not in example_names() or not path.is_file():
+    path = source(kernels)
+    if path is None:
         return []
     ffi = FFI()
     ffi.include(abi())

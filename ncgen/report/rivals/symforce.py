@@ -9,10 +9,10 @@ import time
 
 from cffi import FFI
 
+from ncgen.build.abi import abi
 from ncgen.build.cache import build
 from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
-from ncgen.build.abi import abi
 from ncgen.emit.environment import verbatim
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
