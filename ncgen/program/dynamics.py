@@ -17,7 +17,6 @@ from dataclasses import dataclass
 from ncgen.program.assemble import ENERGIES, KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_transposed
-from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
 from ncgen.program.verify import verify

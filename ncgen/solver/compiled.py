@@ -33,9 +33,21 @@ MOST_EMITTED = 6
 
 def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: bool) -> str | None:
     """Why a simulation cannot run in C (with an emitted state derivative), in words, or None if it can."""
+    from ncgen.program.programs import LARGEST
+
+    if refused := _refusal_of(kernels, integrator):
+        return refused
+    if partitions.position is not partitions.velocity:
+        return "rolling conditions need two partitions"
+    if emitted and len(partitions.position.independent) > LARGEST:
+        return f"a state derivative is emitted for up to {LARGEST} degrees of freedom"
+    return None
+
+
+def _refusal_of(kernels: Kernels, integrator: str) -> str | None:
+    """What no simulation in C can do without."""
     from ncgen.build.library import CompiledKernels
     from ncgen.build.runtime import METHODS
-    from ncgen.program.programs import LARGEST
 
     if not isinstance(kernels, CompiledKernels):
         return f"the kernels are {kernels.backend}, not compiled"
@@ -45,10 +57,6 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
         return "the model calls a Python function"
     if kernels.model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps"
-    if partitions.position is not partitions.velocity:
-        return "rolling conditions need two partitions"
-    if emitted and len(partitions.position.independent) > LARGEST:
-        return f"a state derivative is emitted for up to {LARGEST} degrees of freedom"
     if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
         return "there are no constraint rows that move"
     return None
@@ -56,23 +64,14 @@ def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: 
 
 def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, settings: dict, engine: str) -> str | None:
     """Why a simulation over all coordinates cannot run in C, in words, or None if it can."""
-    from ncgen.build.library import CompiledKernels
-    from ncgen.build.runtime import FORMALISMS, IMPLICIT, METHODS
+    from ncgen.build.runtime import FORMALISMS, IMPLICIT
 
-    if not isinstance(kernels, CompiledKernels):
-        return f"the kernels are {kernels.backend}, not compiled"
     if engine == "emitted":
         return f"a state derivative is emitted for coordinate-partitioning, not for {formalism}"
     if formalism not in FORMALISMS:
         return f"{formalism} runs in Python; in C there are {', '.join(FORMALISMS)}"
-    if canonical_name(integrator) not in METHODS:
-        return f"{integrator} runs in Python; in C there are {', '.join(METHODS)}"
-    if kernels.model.callbacks:
-        return "the model calls a Python function"
-    if kernels.model.branches:
-        return "the paper's sine-or-cosine rows choose anew between steps"
-    if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
-        return "there are no constraint rows that move"
+    if refused := _refusal_of(kernels, integrator):
+        return refused
     # Rolling conditions are equations of no position, which methods that hold Φ = 0 by themselves take apart in Python.
     stabilised = canonical_name(integrator) in IMPLICIT and settings.get("stabilisation") == "baumgarte"
     if (stabilised or (formalism, canonical_name(integrator)) in STEPPERS) and len(kernels.holonomic) < kernels.m:

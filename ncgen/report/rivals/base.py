@@ -6,10 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
+from cffi import FFI
 
+from ncgen.build.abi import abi
+from ncgen.build.cache import Built, build
+from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
 from ncgen.exchange.examples import example_module, example_names
 from ncgen.report.clock import repeated
+from ncgen.report.repeat import Call
 from ncgen.resources import folder
 
 KERNELS = ("phi", "phi_q", "gamma")
@@ -51,6 +56,20 @@ class Rival:
     operations: dict[str, int] = field(default_factory=dict)
     code: dict[str, int] = field(default_factory=dict)
     epsilon: float = np.finfo(float).eps
+
+
+def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[dict[str, Call], Built]:
+    """{kernel: call} of C sources that ncgen did not write, whose functions have the arguments of kernels; and the library.
+
+    sizes: how many numbers each kernel writes; symbol: its name in C, with {} for the kernel's
+    """
+    built = build(files, find_compiler())
+    ffi = FFI()
+    ffi.include(abi())
+    for name in sizes:
+        ffi.cdef(f"ncgen_{'velocity' if name == 'gamma' else 'position'}_kernel {symbol.format(name)};")
+    library = ffi.dlopen(str(built.library))
+    return {name: Call(ffi.addressof(library, symbol.format(name)), size, library) for name, size in sizes.items()}, built
 
 
 def called(name: str, functions: dict[str, Callable[[], np.ndarray]], values=None, every=None, **facts) -> Rival:

@@ -7,17 +7,12 @@ import time
 from pathlib import Path
 
 import numpy as np
-from cffi import FFI
 
-from ncgen.build.abi import abi
-from ncgen.build.cache import build
-from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
 from ncgen.emit.environment import verbatim
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
-from ncgen.report.repeat import Call
-from ncgen.report.rivals.base import Inputs, Rival, differentiable
+from ncgen.report.rivals.base import Inputs, Rival, differentiable, foreign
 from ncgen.report.rivals.generated import code_bytes, compiled
 
 LARGEST = 500
@@ -49,13 +44,8 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     functions, places = _functions(casadi, kernels, names)
     text = _code(casadi, functions)
     generation = time.perf_counter() - start
-    built = build({"casadi.c": text, "ncgen.h": verbatim("c/ncgen.h")}, find_compiler())
-    ffi = FFI()
-    ffi.include(abi())
-    for name in names:
-        ffi.cdef(f"ncgen_{'velocity' if name == 'gamma' else 'position'}_kernel casadi_{name}_call;")
-    library = ffi.dlopen(str(built.library))
-    calls = {k: Call(ffi.addressof(library, f"casadi_{k}_call"), f.nnz_out(0), library) for k, f in functions.items()}
+    files = {"casadi.c": text, "ncgen.h": verbatim("c/ncgen.h")}
+    calls, built = foreign(files, {k: f.nnz_out(0) for k, f in functions.items()}, "casadi_{}_call")
     raw = compiled("CasADi, C", calls, inputs, names)
     operations = {k: f.n_instructions() - f.nnz_in() - f.nnz_out() for k, f in functions.items()}
     facts = {"generation": generation, "compilation": built.spent, "operations": operations, "code": code_bytes(built.library, "casadi", names)}

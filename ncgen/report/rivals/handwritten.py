@@ -4,15 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from cffi import FFI
 
-from ncgen.build.abi import abi
-from ncgen.build.cache import build
-from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
 from ncgen.exchange.examples import example_names
 from ncgen.report.repeat import Call
-from ncgen.report.rivals.base import KERNELS, Inputs, Rival, called, handwritten, nonzeros
+from ncgen.report.rivals.base import KERNELS, Inputs, Rival, called, foreign, handwritten, nonzeros
 from ncgen.resources import folder
 
 
@@ -27,13 +23,8 @@ def in_c(kernels: Kernels) -> list[dict[str, Call]]:
     path = source(kernels)
     if path is None:
         return []
-    ffi = FFI()
-    ffi.include(abi())
-    types = {name: "velocity" if name == "gamma" else "position" for name in KERNELS}
-    ffi.cdef("".join(f"ncgen_{kind}_kernel handwritten_{name};" for name, kind in types.items()))
-    library = ffi.dlopen(str(build({path.name: path.read_text(encoding="utf-8")}, find_compiler()).library))
     sizes = {name: kernels.programs.programs[name].size for name in KERNELS}
-    return [{name: Call(ffi.addressof(library, f"handwritten_{name}"), size, library) for name, size in sizes.items()}]
+    return [foreign({path.name: path.read_text(encoding="utf-8")}, sizes, "handwritten_{}")[0]]
 
 
 def in_numpy(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:

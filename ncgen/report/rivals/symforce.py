@@ -7,17 +7,12 @@ from __future__ import annotations
 
 import time
 
-from cffi import FFI
 
-from ncgen.build.abi import abi
-from ncgen.build.cache import build
-from ncgen.build.compilers import find_compiler
 from ncgen.build.kernels import Kernels
 from ncgen.emit.environment import verbatim
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
-from ncgen.report.repeat import Call
-from ncgen.report.rivals.base import Inputs, Rival, differentiable
+from ncgen.report.rivals.base import Inputs, Rival, differentiable, foreign
 from ncgen.report.rivals.generated import code_bytes, compiled
 
 LARGEST = 150
@@ -44,13 +39,8 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     start = time.perf_counter()
     text, operations = _code(symforce.symbolic, kernels, names)
     generation = time.perf_counter() - start
-    built = build({"symforce.c": text, "ncgen.h": verbatim("c/ncgen.h")}, find_compiler())
-    ffi = FFI()
-    ffi.include(abi())
-    for name in names:
-        ffi.cdef(f"ncgen_{'velocity' if name == 'gamma' else 'position'}_kernel symforce_{name};")
-    library = ffi.dlopen(str(built.library))
-    calls = {k: Call(ffi.addressof(library, f"symforce_{k}"), kernels.programs.programs[k].size, library) for k in names}
+    files = {"symforce.c": text, "ncgen.h": verbatim("c/ncgen.h")}
+    calls, built = foreign(files, {k: kernels.programs.programs[k].size for k in names}, "symforce_{}")
     raw = compiled("SymForce, C", calls, inputs, names)
     facts = {"generation": generation, "compilation": built.spent, "operations": operations, "code": code_bytes(built.library, "symforce", names)}
     return [Rival(raw.name, raw.runs, raw.values, **facts)]
