@@ -20,6 +20,7 @@ _HOMES = {
     "compile": "ncgen.compiler",
     "simulate": "ncgen.solver.simulate",
     "simulate_batch": "ncgen.solver.batch",
+    "accelerations_batch": "ncgen.solver.batch",
     "assemble": "ncgen.solver.assembly",
     "freedom": "ncgen.solver.rank",
     "solve_position": "ncgen.solver.position",

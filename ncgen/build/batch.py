@@ -25,7 +25,7 @@ from ncgen.errors import CompileError, NcgenError
 LANES = (*FLAGS, "-fno-math-errno", "-include", "ncgen_lanes.h")
 """Square roots set no errno, so that they become one instruction; their values are the same."""
 
-SOURCES = ("ncgen_batch.h", "ncgen_batch.c")
+SOURCES = ("ncgen_batch.h", "ncgen_rows.h", "ncgen_batch.c")
 ALIGNMENT = 64
 
 

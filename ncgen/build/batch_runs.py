@@ -16,7 +16,7 @@ from ncgen.emit.naming import identifier
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 
-SOURCES = ("ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
+SOURCES = ("ncgen_batch_run.h", "ncgen_rows.h", "ncgen_batch_run.c", "ncgen_runtime.h")
 METHODS_IN_LANES = ("dopri5", "rk4")
 
 
@@ -55,21 +55,37 @@ class LaneDynamics:
         threads: None for one on every processor that this process may use
         options: the members of `ncgen_options`, by their names
         """
+        rows = len(q), len(times)
+        q_rows, qd_rows = np.full((*rows, self.kernels.n), np.nan), np.full((*rows, self.kernels.n), np.nan)
+        work = np.full(rows, np.nan)
+        status, steps, reached = self._run(times, q, zd, p, (q_rows, qd_rows, work, None), threads, method=METHODS[method], **options)
+        return LaneOutcome(q_rows, qd_rows, work, [STATUS[s] for s in status], steps, reached)
+
+    def accelerate(self, t: float, q, zd, p, threads: int | None = None, out=None, **options) -> tuple[np.ndarray, ...]:
+        """q closed and q̇ (B, n), z̈ (B, nz), and which states have them (B,); arguments as for `simulate`; out: the first three."""
+        found = out or (np.empty(q.shape), np.empty(q.shape), np.empty(zd.shape))
+        status, *_ = self._run([t], q, zd, p, (*found[:2], np.empty(0), found[2]), threads, **options)
+        ok = status == 0
+        if not ok.all():
+            for array in found:
+                array[~ok] = np.nan
+        return *found, ok
+
+    def _run(self, times, q, zd, p, out, threads: int | None, **options):
+        """Status, steps and time reached of every state; out: q, q̇, work and z̈ (or None) to be filled."""
         ffi = self._ffi
         q, zd, p, times = (np.ascontiguousarray(a, dtype=float) for a in (q, zd, p, times))
-        count, n = q.shape
-        out_q, out_qd = np.full((count, len(times), n), np.nan), np.full((count, len(times), n), np.nan)
-        out_work, reached = np.full((count, len(times)), np.nan), np.full(count, times[0])
-        status, steps = np.zeros(count, dtype=np.intc), np.zeros(count, dtype=np.int_)
-        settings = ffi.new("ncgen_options *", {"method": METHODS[method], **options})
+        count = len(q)
+        status, steps, reached = np.zeros(count, dtype=np.intc), np.zeros(count, dtype=np.int_), np.full(count, times[0])
         threads = (threads or available()) if self.has_threads else 1
         work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
-        arrays = {"double *": (q, zd, p, times, out_q, out_qd, out_work, reached, work), "int *": (status,), "long *": (steps,)}
-        pointer = {id(a): ffi.cast(kind, a.ctypes.data) for kind, group in arrays.items() for a in group}
-        start, grid = (pointer[id(a)] for a in (q, zd, p)), pointer[id(times)]
-        results = (pointer[id(a)] for a in (out_q, out_qd, out_work, status, steps, reached))
-        stride = p.shape[-1] * (p.ndim - 1)
+
+        def place(array, kind="double[]"):
+            return ffi.NULL if array is None else ffi.from_buffer(kind, array)
+
         self._library.ncgen_batch_simulate(
-            self._model, self._dynamics, settings, count, *start, stride, len(times), grid, *results, threads, pointer[id(work)]
-        )
-        return LaneOutcome(out_q, out_qd, out_work, [STATUS[s] for s in status], steps, reached)
+            self._model, self._dynamics, ffi.new("ncgen_options *", options), count, place(q), place(zd), place(p),
+            p.shape[-1] * (p.ndim - 1), len(times), place(times), *map(place, out), place(status, "int[]"), place(steps, "long[]"),
+            place(reached), threads, place(work),
+        )  # fmt: skip
+        return status, steps, reached

@@ -9,10 +9,11 @@ import numpy as np
 from ncgen.build.batch import available
 from ncgen.build.kernels import Kernels
 from ncgen.report.clock import measure, repeated
+from ncgen.report.rates import emitted_parts
 from ncgen.report.repeat import Call, runner
 from ncgen.report.rivals import KERNELS
 from ncgen.solver.assembly import assemble
-from ncgen.solver.batch import simulate_batch
+from ncgen.solver.batch import accelerations_batch, simulate_batch
 from ncgen.solver.compiled import GROWTH, emission, refusal
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import TOLERANCE
@@ -36,6 +37,7 @@ def batch_records(kernels: Kernels) -> Iterator[dict]:
     """Records of seconds a state; ratio: how many times less than one at a time in C; error: largest relative difference."""
     yield from _kernel_records(kernels)
     if kernels.m and _runs_in_lanes(kernels):
+        yield from _derivative_records(kernels)
         yield from _simulation_records(kernels)
 
 
@@ -60,6 +62,21 @@ def _kernel_records(kernels: Kernels) -> Iterator[dict]:
 def _runs_in_lanes(kernels: Kernels) -> bool:
     partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
     return refusal(kernels, "dopri5", partitions, emitted=True) is None
+
+
+def _derivative_records(kernels: Kernels) -> Iterator[dict]:
+    """State derivatives at closed positions, where one Newton step is enough; the batch is the whole call from Python."""
+    q, parts, programs = emitted_parts(kernels)
+    zd = np.random.default_rng(0).uniform(-1, 1, (STATES, programs["acceleration"].size - kernels.n - 2))
+    states = np.tile(q, (STATES, 1))
+    batch = accelerations_batch(kernels, states, zd)
+    runs = {
+        "one at a time in C": runner(0.0, q, zd[-1], kernels.p0, [parts["newton"]], parts["acceleration"]),
+        BATCH.format(1): repeated(lambda: accelerations_batch(kernels, states, zd, threads=1, out=batch)),
+    }
+    spent = measure(runs, ROUNDS)
+    own = parts["acceleration"].out[kernels.n : -2]
+    yield from _records("derivative", spent, _difference(batch.zdd[-1], own), {BATCH.format(1): STATES})
 
 
 def _simulation_records(kernels: Kernels) -> Iterator[dict]:

@@ -34,7 +34,7 @@ def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
     if refusal(kernels, "dopri5", partitions, emitted=True):
         return []
     zd = np.full(len(partitions.velocity.independent), SPEED)
-    parts, programs = _parts(kernels, partitions, q)
+    _, parts, programs = emitted_parts(kernels)
     runs = {name: runner(0.0, q, zd, kernels.p0, *chosen) for name, chosen in _combinations(parts).items()}
     runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
     runs |= _student(kernels, q, zd)
@@ -44,14 +44,16 @@ def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
     return [_record(name, spread, counts.get(name), rate, error.get(name)) for name, spread in spent.items()]
 
 
-def _parts(kernels, partitions, q):
-    """The functions by name, and their programs."""
+def emitted_parts(kernels: Kernels):
+    """A closed position, the functions phi, newton and acceleration as calls, and their programs."""
+    q = assemble(kernels, kernels.q0)
+    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
     emitted = dynamics_in_c(kernels, partitions, True, q, kernels.p0)
     programs = {"phi": kernels.programs.programs["phi"]}
     programs |= {name: getattr(emitted.programs, name) for name in ("newton", "acceleration")}
     functions = {"phi": kernels.function("phi")}
     functions |= {name: getattr(emitted._dynamics, name) for name in ("newton", "acceleration")}
-    return {name: Call(functions[name], program.size, (kernels, emitted)) for name, program in programs.items()}, programs
+    return q, {name: Call(functions[name], program.size, (kernels, emitted)) for name, program in programs.items()}, programs
 
 
 def _combinations(parts):

@@ -2,6 +2,7 @@
  * by side. The method is that of ncgen_partitioning.c and ncgen_explicit.c; what is a branch there is a mask here.
  */
 #include "ncgen_batch_run.h"
+#include "ncgen_rows.h"
 
 #include "ncgen_math.h"
 
@@ -427,36 +428,46 @@ static void begin(run *r, int count, const double *q, const double *zd, const do
 {
     const double t = r->to.times[0];
     for (int lane = 0; lane < NCGEN_LANES; ++lane) {
-        const int state = lane < count ? lane : count - 1;
         r->running[lane] = lane < count ? -1 : 0;
         r->row[lane] = 0;
-        for (int i = 0; i < r->model->n_parameters; ++i)
-            r->p[i][lane] = p[(long)state * p_stride + i];
-        for (int i = 0; i < r->n; ++i)
-            r->start_q[i][lane] = q[(long)state * r->n + i];
-        for (int i = 0; i < r->nz; ++i) {
-            r->y[i][lane] = zd[(long)state * r->nz + i];
-            r->y[r->nz + i][lane] = q[(long)state * r->n + r->dynamics->independent[i]];
-        }
         if (lane < count) {
             r->to.reached[lane] = t;
             r->to.steps[lane] = 0;
         }
     }
+    ncgen_spread(r->model->n_parameters, count, p_stride, p, r->p);
+    ncgen_spread(r->n, count, r->n, q, r->start_q);
+    ncgen_spread(r->nz, count, r->nz, zd, r->y);
+    for (int i = 0; i < r->nz; ++i)
+        r->y[r->nz + i] = r->start_q[r->dynamics->independent[i]];
     r->y[2 * r->nz] = ncgen_splat(0.0);
     for (int i = 0; i < r->n; ++i)
         r->start_qd[i] = ncgen_splat(0.0);
     r->start_t = ncgen_splat(t);
     end(r, ~derivative(r, r->start_t, r->y, r->k[0], r->running), NCGEN_NOT_CONVERGED);
+}
+
+/* The first row of the grid. */
+static void write_start(run *r)
+{
     r->amplification = r->out[r->n + r->nz + 1];
     accept(r, r->running, r->start_t, r->y, r->k[0]);
     write_rows(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
 }
 
+/* q, qd and zdd of a block whose evaluation is all that is wanted. */
+static void write_derivative(run *r, int count, double *zdd)
+{
+    ncgen_collect(r->n, count, r->q, r->to.q);
+    ncgen_collect(r->n, count, r->out, r->to.qd);
+    ncgen_collect(r->nz, count, r->out + r->n, zdd);
+    end(r, r->running, NCGEN_OK);
+}
+
 void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
                           const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
-                          double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
-                          int threads, double *workspace)
+                          double *out_q, double *out_qd, double *out_work, double *out_zdd, int *status, long *steps,
+                          double *reached, int threads, double *workspace)
 {
     const size_t share = ncgen_batch_run_workspace(model, dynamics) / NCGEN_LANES;
     const long n = model->n_coordinates, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;
@@ -477,7 +488,13 @@ void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynami
         r.to = (output){n_times, times, out_q + first * n_times * n, out_qd + first * n_times * n, out_work + first * n_times,
                         status + first, steps + first, reached + first};
         lay_out(&r, work);
-        begin(&r, left < NCGEN_LANES ? (int)left : NCGEN_LANES, q + first * n, zd + first * r.nz, p + first * p_stride, p_stride);
+        const int block = left < NCGEN_LANES ? (int)left : NCGEN_LANES;
+        begin(&r, block, q + first * n, zd + first * r.nz, p + first * p_stride, p_stride);
+        if (out_zdd) {
+            write_derivative(&r, block, out_zdd + first * r.nz);
+            continue;
+        }
+        write_start(&r);
         if (options->method == NCGEN_RK4)
             run_rk4(&r);
         else

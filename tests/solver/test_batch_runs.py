@@ -8,6 +8,8 @@ import sympy
 from scipy.special import ellipk
 
 import ncgen
+from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.position import residual
 
 COUNT = 11
 """No multiple of the lanes, so that the last block is not full."""
@@ -106,3 +108,35 @@ def test_mistakes_are_named(robot, given, said):
     with pytest.raises(ncgen.ModelError, match=said) as caught:
         ncgen.simulate_batch(robot, 0.1, **given)
     assert "\n" not in str(caught.value)
+
+
+def test_accelerations_are_those_of_the_reference(robot):
+    """Positions that are open by a little are closed first; 21 states leave the last block half empty."""
+    rng = np.random.default_rng(3)
+    start = ncgen.simulate(robot, 0.001, points=2)
+    z = start.partitions.velocity.independent
+    q, zd = np.tile(start.q[0], (21, 1)), rng.uniform(-1, 1, (21, len(z)))
+    q[:, z] += rng.uniform(-0.01, 0.01, zd.shape)
+    found = ncgen.accelerations_batch(robot, q, zd)
+    assert found.ok.all() and found.independent == start.independent
+    again = ncgen.accelerations_batch(robot, q, zd, out=found)
+    assert again.zdd is found.zdd
+    with pytest.raises(ncgen.ModelError, match="out has results of 21 states; 3 are needed"):
+        ncgen.accelerations_batch(robot, q[:3], zd[:3], out=found)
+    for i in range(21):
+        assert residual(robot, found.q[i]) < 1e-12 and np.array_equal(found.q[i][z], q[i][z])
+        here = motion_at(robot, start.partitions.velocity, 0.0, found.q[i], zd[i], robot.p0)
+        np.testing.assert_allclose(found.qd[i], here.qd, atol=1e-12)
+        np.testing.assert_allclose(found.zdd[i], here.qdd[z], rtol=0, atol=1e-11 * np.max(np.abs(here.qdd)))
+
+
+def test_a_position_that_does_not_close_is_not_ok(robot):
+    start = ncgen.simulate(robot, 0.001, points=2)
+    z = start.partitions.velocity.independent
+    q = np.tile(start.q[0], (9, 1))
+    q[4, z] = np.nan
+    with pytest.raises(ncgen.ModelError, match="finite"):
+        ncgen.accelerations_batch(robot, q, np.zeros((9, len(z))))
+    q[4] = 1e9
+    found = ncgen.accelerations_batch(robot, q, np.zeros((9, len(z))))
+    assert found.ok.tolist() == [i != 4 for i in range(9)] and np.isnan(found.zdd[4]).all()
