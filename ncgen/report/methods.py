@@ -18,6 +18,10 @@ ONE = "dop853"
 """Every formalism is tried with this one, since there the integrator is not what differs."""
 
 
+AGAIN = 1.0
+"""Seconds after which it is said again: what a foreign library calls back into may keep an exception to itself."""
+
+
 class TimeIsUp(Exception):
     """Raised when a run has used up its time."""
 
@@ -40,7 +44,7 @@ def limited(seconds: float):
         yield
         return
     before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
+    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
     try:
         yield
     finally:
