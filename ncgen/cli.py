@@ -149,6 +149,7 @@ def bench(
     model: ModelName,
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
     instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
+    growth: Annotated[bool, typer.Option("--growth", help="of the chain: generation and compilation of 100 to 5000 links")] = False,
     peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
     limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
     html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
@@ -162,6 +163,9 @@ def bench(
 
     if peers:
         _peers(load(model), limit, json_output)
+        return
+    if growth:
+        _growth(load(model), json_output)
         return
     if instructions:
         _instructions(load(model), json_output)
@@ -178,6 +182,25 @@ def bench(
                 show(out, title, found)
     if json_output:
         print(json.dumps(records, indent=1))
+
+
+def _growth(model, json_output: bool) -> None:
+    """Seconds and bytes of longer and longer chains."""
+    from ncgen.report.bench import aligned, generation_rows
+    from ncgen.report.generation import LENGTHS, growth_records
+
+    if model.name != "chain":
+        raise ModelError(f"--growth: {model.name} has one size; choose chain")
+    records = []
+    with _progress("generating chains", len(LENGTHS)) as advance:
+        for done, record in enumerate(growth_records(), 1):
+            records.append(record)
+            advance(done)
+    if json_output:
+        print(json.dumps(records, indent=1))
+    else:
+        for line in aligned(generation_rows(records)):
+            out.print(line, markup=False)
 
 
 def _instructions(model, json_output: bool) -> None:

@@ -38,7 +38,7 @@ class CompiledKernels(Kernels):
             self._library = ffi.dlopen(str(library))
         except OSError as error:
             raise NcgenError(f"{library} cannot be loaded: {error}; run `ncgen cache --clear` and try again") from error
-        self._ffi = ffi
+        self._ffi, self.library = ffi, library
         self._descriptor = getattr(self._library, getter)()
         if self._descriptor.struct_size != ffi.sizeof("ncgen_model"):
             raise NcgenError(f"{library}: its ncgen_model has another layout; run `ncgen cache --clear` and try again")

@@ -8,11 +8,13 @@ from rich.console import Console
 from rich.text import Text
 
 from ncgen.compiler import compile
+from ncgen.exchange.examples import example_names
 from ncgen.model import Model
 from ncgen.program.cost import cost
 from ncgen.report.batches import RUNS, STATES, batch_records
 from ncgen.report.clock import measure
 from ncgen.report.falls import fall_records
+from ncgen.report.generation import generation_records
 from ncgen.report.rates import arithmetic_rate, derivative_records
 from ncgen.report.rivals import KERNELS, Inputs, exact, relative_error, rivals
 
@@ -31,6 +33,7 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
     title = f"state derivative: ns; floor at {rate / 1e9:.1f} operations a nanosecond, the measured rate of plain arithmetic"
     yield title, derivative_records(kernels, rate) if kernels.m else []
     yield "simulation: ms, error of the end position (m, rad)", list(fall_records(kernels))
+    yield "generation and compilation, seconds", generation_records(model.name) if model.name in example_names() else []
     title = f"batch of {STATES:,} states, of {RUNS:,} simulations: ns a state, gain over one at a time, relative difference"
     yield title, list(batch_records(kernels))
 
@@ -68,7 +71,7 @@ def show(console: Console, title: str, records: list[dict]) -> None:
     """One section as a table; nothing where nothing could be measured."""
     if not records:
         return
-    tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows}
+    tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows, "generation": generation_rows}
     console.print(Text(title, style="bold"))
     for line in aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
         console.print(line, markup=False)
@@ -125,6 +128,16 @@ def _batch_rows(records: list[dict]) -> list[tuple[str, ...]]:
     for r in records:
         what = LETTERS.get(r["what"], r["what"])
         rows.append((what, r["tool"], f"{1e9 * r['seconds']:.0f}", _quartiles(r), f"{r['ratio']:.2f}", _error(r["error"])))
+    return rows
+
+
+def generation_rows(records: list[dict]) -> list[tuple[str, ...]]:
+    """Titles and lines; what takes longest has columns of its own."""
+    stages = ("symbolic", "program", "emit", "build")
+    rows = [("", "in all", *stages, "code, bytes")]
+    for r in records:
+        parts = (f"{r['stages'][stage]:.3f}" if stage in r["stages"] else "" for stage in stages)
+        rows.append((r["tool"], f"{r['seconds']:.3f}", *parts, f"{r['code']:,}"))
     return rows
 
 

@@ -18,6 +18,7 @@ def rivals(model: Model, inputs: Inputs, names: tuple[str, ...]) -> list[Rival]:
     kernels = compile(model, "c")
     found = [generated.at_once(kernels, inputs), *generated.emissions(model, inputs, names)]
     found += [generated.compiled("hand-written C", functions, inputs, names) for functions in by_hand.in_c(kernels)]
+    found.append(generated.direct(kernels, inputs, names))
     found.append(generated.from_python("generated C, from Python", kernels, inputs, names))
     found.append(generated.from_python("generated NumPy", compile(model, "numpy"), inputs, names))
     return found + by_hand.in_numpy(kernels, inputs, names) + lambdified.rivals(kernels, inputs, names)

@@ -87,6 +87,14 @@ def from_python(name: str, kernels: Kernels, inputs: Inputs, names) -> Rival:
     return called(name, functions)
 
 
+def direct(kernels: CompiledKernels, inputs: Inputs, names) -> Rival:
+    """Kernels on arrays of their own, for loops in Python."""
+    functions = {k: kernels.direct(k) for k in names if k in kernels.programs.programs}
+    for function in functions.values():
+        function.q[:], function.qd[:], function.p[:], function.t = inputs.q, inputs.qd, inputs.p, inputs.t
+    return called("generated C, direct", functions, lambda k: (functions[k](), functions[k].out.copy())[1])
+
+
 def batch(kernels: CompiledKernels, inputs: Inputs, names) -> Rival:
     """Many states in one call, each the same; times are those of a state."""
     q, qd = (np.tile(x, (STATES, 1)) for x in (inputs.q, inputs.qd))
