@@ -185,7 +185,7 @@ def test_cache(ncgen_main, mine, monkeypatch, written):
     """Empty, then the model and the runtime, kept by a second run, then none. What is not the cache's own stays."""
     from ncgen.build import runtime
 
-    runtime._bare_runtime.cache_clear()  # as in a new process: the runtime is looked for in this cache, too
+    runtime._runtime.cache_clear()  # as in a new process: the runtime is looked for in this cache, too
     monkeypatch.setenv("NCGEN_CACHE_DIR", "store")
     assert "0 libraries" in ncgen_main("cache").out
     for _ in range(2):
