@@ -19,7 +19,8 @@ LENGTHS = (100, 320, 640, 1280, 2560, 5000)
 
 SCRIPT = """
 import json, sys, time
-import numpy, scipy.linalg, cffi, ncgen.compiler, ncgen.build.batch, ncgen.build.library, ncgen.build.numpy_module
+import numpy, scipy.linalg, cffi.cparser, ncgen.compiler
+import ncgen.build.batch, ncgen.build.library, ncgen.build.numpy_module, ncgen.build.recall, ncgen.symbolic.numbering
 from ncgen.exchange.examples import example_module, load
 name, count, cold, emission = json.loads(sys.argv[1])
 if cold:
