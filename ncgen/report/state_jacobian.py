@@ -53,8 +53,14 @@ class StateJacobian:
         here = motion_at(self.kernels, self.partitions.velocity, 0.0, self.q, self.y[: len(self.z)], self.kernels.p0)
         return partitioned_jacobian(kernels, self.partitions, here)[:-1, :-1]
 
+    def in_c(self) -> np.ndarray:
+        """The same by the C runtime, which writes the rows of the accelerations."""
+        count, p = len(self.z), self.kernels.p0
+        rows = dynamics_in_c(self.kernels, self.partitions, False, self.q, p).jacobian(0.0, self.q, self.y[:count], p)
+        return np.vstack([rows, np.eye(count, 2 * count)])
+
     def rivals(self) -> list[Rival]:
-        ways = {"generated tangents": lambda: self.by_tangents(self.kernels)}
+        ways = {"generated tangents, in C": self.in_c, "generated tangents": lambda: self.by_tangents(self.kernels)}
         if (automatic := with_tangents(self.kernels)) is not None:
             ways["CasADi tangents"] = lambda: self.by_tangents(automatic)
         for name, slope in (("finite differences, 2 points", forward), ("finite differences, 3 points", central)):

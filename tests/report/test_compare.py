@@ -62,6 +62,7 @@ def test_errors_of_the_robot(robot_model):
         assert of(sections[kernel], "complex step, NumPy")["ulps_max"] < 8
         assert of(sections[kernel], "hand-written C")["ulps_max"] < 8
     assert of(sections["state"], "generated tangents")["error"] < 1e-12
+    assert of(sections["state"], "generated tangents, in C")["error"] < 1e-12
     assert of(sections["state"], "finite differences, 2 points")["error"] > 1e-9
 
 
