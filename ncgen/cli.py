@@ -223,13 +223,15 @@ def _peers(model, limit: float, json_output: bool) -> None:
 
     if model.name != "nfourbar":
         raise ModelError(f"--peers: {model.name} is not a mechanism that the other simulators were given; choose nfourbar")
-    with _progress("measuring N four-bars", None):
-        records = list(peers.peer_records(limit=limit))
+    records = []
+    for count in peers.COUNTS:
+        with _progress(f"measuring {count} four-bars", None):
+            found = list(peers.peer_records([count], limit=limit))
+        records += found
+        for line in () if json_output else peers.lines(found):
+            out.print(line, markup=False)
     if json_output:
         print(json.dumps(records, indent=1))
-    else:
-        for line in peers.lines(records):
-            out.print(line, markup=False)
 
 
 def _precision(model, html: Path | None, plot: Path | None, json_output: bool) -> None:
