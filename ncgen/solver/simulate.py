@@ -89,7 +89,7 @@ def simulate(
     progress: called with the time reached: after every step in Python, at the end of a run in C
 
     Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
-    time where the motion cannot go on.
+    time where the motion cannot go on. Warns where the energy of what was found says that it cannot be right.
     """
     method = find_method(formalism, integrator, options)
     duration = _positive(duration, "duration", "s")

@@ -13,7 +13,8 @@ enum {
     STAGES = 3,
     ITERATION_LIMIT = 6,
     FIXED_LIMIT = 10,
-    REPEAT_LIMIT = 20,
+    REPEAT_LIMIT = 20,   /* of one step */
+    PATIENCE = 1000,     /* repeats in all, after which the run must get on better than every other step */
     ORDER = 3 /* of the error estimate */
 };
 
@@ -362,9 +363,9 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         if (tried == NCGEN_OK && error < 1)
             tried = conclude(r, w, m, t, h);
         if (tried != NCGEN_OK || !(error < R(1.0e30))) {
-            if (++repeats > REPEAT_LIMIT)
+            const long all = r->statistics->repeated += 1;
+            if (++repeats > REPEAT_LIMIT || (all > PATIENCE && all > r->statistics->steps / 2))
                 return tried != NCGEN_OK ? tried : NCGEN_NOT_CONVERGED;
-            r->statistics->repeated += 1;
             r->careful = repeats > 1; /* again: it may be rounding */
             m->factored = 0;
             h *= R(0.5);

@@ -29,6 +29,7 @@ def test_a_peer_solves_the_same_problem(name, steps):
 def test_what_is_missing_is_said_and_ncgen_reaches_the_error(monkeypatch):
     monkeypatch.setattr(peers, "TOLERANCES", (1e-9,))
     monkeypatch.setattr(peers, "STEPS", (5,))
+    monkeypatch.setattr(peers, "STEPS", (5,))
     monkeypatch.setattr(peers, "REPEATS", 1)
     records = list(peers.peer_records((2,), ("nosuchsimulator",)))
     assert json.loads(json.dumps(records)) == records
