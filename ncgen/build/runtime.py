@@ -84,6 +84,13 @@ def _model(kernels: CompiledKernels, number: str):
     return getattr(library, getter)(), library
 
 
+def prepare(kernels: CompiledKernels, number: str = "double") -> None:
+    """Compile what a run may ask for on its way, so that a limit to its time is a limit to the run."""
+    _runtime(number)
+    _model(kernels, number)
+    kernels.tangents  # noqa: B018
+
+
 @dataclass(frozen=True)
 class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from ncgen.build.kernels import Kernels
+from ncgen.build.runtime import prepare
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.report.hard_cases import CASES, Case
@@ -43,6 +44,7 @@ def run_case(kernels: Kernels, case: Case, formalism: str, integrator: str, limi
     if case.violated:
         noise = np.random.default_rng(1).uniform(-1, 1, kernels.n)
         options["q0"] = kernels.q0 + case.violated * kernels.column_sizes * noise
+    prepare(kernels, case.options.get("number", "double"))
     start = time.perf_counter()
     try:
         with warnings.catch_warnings(record=True) as said, limited(limit):

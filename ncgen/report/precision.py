@@ -109,6 +109,7 @@ def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:
     known = reference(kernels, duration, start)
     numpy = compile(model, "numpy")
     measured = []
+    runtime.prepare(kernels)
     for formalism, integrator in tried():
         for engine, used, number in _ways(formalism, integrator, kernels, numpy):
             measured += _ladder(used, known, duration, start, formalism, integrator, engine, number, limit)

@@ -13,6 +13,7 @@ import ncgen
 from ncgen.cli import app
 from ncgen.report.hard import hard_records, methods, run_case
 from ncgen.report.hard_cases import CASES, PRINCIPAL, SPIN, free_rotation
+from ncgen.report.methods import FIXED
 
 SURVIVES = [
     ("parallelogram", "lagrange", "dop853", 1e-6),
@@ -101,8 +102,12 @@ def test_the_command():
 
 @pytest.mark.slow
 def test_nothing_fails_in_silence():
-    """The whole table: a finite error or a reason for every method in every case; a wrong branch is said."""
+    """The whole table: a finite error or a reason for every method in every case; a wrong branch is said.
+
+    With a fixed step and order two a body that turns a thousand times is late by some hundredths; another branch is 2 away.
+    """
     for record in hard_records(limit=5.0):
         assert (record["error"] is None) != (record["reason"] is None), record
         assert record["reason"] is None or "nothing said so" not in record["reason"], record
-        assert record["error"] is None or record["error"] < 1e-2 or record["said"], record
+        allowed = 0.2 if record["integrator"] in FIXED else 1e-2
+        assert record["error"] is None or record["error"] < allowed or record["said"], record
