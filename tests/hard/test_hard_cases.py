@@ -109,5 +109,5 @@ def test_nothing_fails_in_silence():
     for record in hard_records(limit=5.0):
         assert (record["error"] is None) != (record["reason"] is None), record
         assert record["reason"] is None or "nothing said so" not in record["reason"], record
-        allowed = 0.2 if record["integrator"] in FIXED else 1e-2
+        allowed = 0.2 if record["case"] == "free-body" and record["integrator"] in FIXED else 1e-2
         assert record["error"] is None or record["error"] < allowed or record["said"], record
