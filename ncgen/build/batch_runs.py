@@ -57,35 +57,37 @@ class LaneDynamics:
         """
         rows = len(q), len(times)
         q_rows, qd_rows = np.full((*rows, self.kernels.n), np.nan), np.full((*rows, self.kernels.n), np.nan)
-        work = np.full(rows, np.nan)
-        status, steps, reached = self._run(times, q, zd, p, (q_rows, qd_rows, work, None), threads, method=METHODS[method], **options)
+        work, times = np.full(rows, np.nan), np.ascontiguousarray(times, dtype=float)
+        status, steps, reached = np.zeros(len(q), dtype=np.intc), np.zeros(len(q), dtype=np.int_), np.full(len(q), times[0])
+        out = [(array, "double[]") for array in (q_rows, qd_rows, work)] + [(status, "int[]"), (steps, "long[]"), (reached, "double[]")]
+        options["method"] = METHODS[method]
+        self._call(self._library.ncgen_batch_simulate, options, (), (q, zd, p), (len(times), self._place(times)), out, threads)
         return LaneOutcome(q_rows, qd_rows, work, [STATUS[s] for s in status], steps, reached)
 
-    def accelerate(self, t: float, q, zd, p, threads: int | None = None, out=None, **options) -> tuple[np.ndarray, ...]:
-        """q closed and q̇ (B, n), z̈ (B, nz), and which states have them (B,); arguments as for `simulate`; out: the first three."""
-        found = out or (np.empty(q.shape), np.empty(q.shape), np.empty(zd.shape))
-        status, *_ = self._run([t], q, zd, p, (*found[:2], np.empty(0), found[2]), threads, **options)
+    def accelerate(self, t: float, q, zd, p, out, threads: int | None = None, **options) -> np.ndarray:
+        """Fill out, arrays for q closed (B, n), q̇ (B, n) or None, and z̈ (B, nz), and say which states have them (B,).
+
+        Other arguments as for `simulate`; rows of other states become NaN.
+        """
+        status = np.zeros(len(q), dtype=np.intc)
+        places = [(array, "double[]") for array in out] + [(status, "int[]")]
+        self._call(self._library.ncgen_batch_accelerate, options, (t,), (q, zd, p), (), places, threads)
         ok = status == 0
         if not ok.all():
-            for array in found:
+            for array in (a for a in out if a is not None):
                 array[~ok] = np.nan
-        return *found, ok
+        return ok
 
-    def _run(self, times, q, zd, p, out, threads: int | None, **options):
-        """Status, steps and time reached of every state; out: q, q̇, work and z̈ (or None) to be filled."""
-        ffi = self._ffi
-        q, zd, p, times = (np.ascontiguousarray(a, dtype=float) for a in (q, zd, p, times))
-        count = len(q)
-        status, steps, reached = np.zeros(count, dtype=np.intc), np.zeros(count, dtype=np.int_), np.full(count, times[0])
+    def _call(self, function, options: dict, before: tuple, state, after: tuple, out, threads: int | None) -> None:
+        """One call of the library for states q, zd, p; before and after: its other arguments; out: (array, kind) to be filled."""
+        q, zd, p = (np.ascontiguousarray(a, dtype=float) for a in state)
         threads = (threads or available()) if self.has_threads else 1
         work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
-
-        def place(array, kind="double[]"):
-            return ffi.NULL if array is None else ffi.from_buffer(kind, array)
-
-        self._library.ncgen_batch_simulate(
-            self._model, self._dynamics, ffi.new("ncgen_options *", options), count, place(q), place(zd), place(p),
-            p.shape[-1] * (p.ndim - 1), len(times), place(times), *map(place, out), place(status, "int[]"), place(steps, "long[]"),
-            place(reached), threads, place(work),
+        place = self._place
+        function(
+            self._model, self._dynamics, self._ffi.new("ncgen_options *", options), *before, len(q), place(q), place(zd), place(p),
+            p.shape[-1] * (p.ndim - 1), *after, *(place(array, kind) for array, kind in out), threads, place(work),
         )  # fmt: skip
-        return status, steps, reached
+
+    def _place(self, array: np.ndarray, kind: str = "double[]"):
+        return self._ffi.NULL if array is None else self._ffi.from_buffer(kind, array)

@@ -65,11 +65,12 @@ def _runs_in_lanes(kernels: Kernels) -> bool:
 
 
 def _derivative_records(kernels: Kernels) -> Iterator[dict]:
-    """State derivatives at closed positions, where one Newton step is enough; the batch is the whole call from Python."""
+    """State derivatives at closed positions, where one Newton step is enough; the batch is the whole call from Python, in place."""
     q, parts, programs = emitted_parts(kernels)
     zd = np.random.default_rng(0).uniform(-1, 1, (STATES, programs["acceleration"].size - kernels.n - 2))
     states = np.tile(q, (STATES, 1))
     batch = accelerations_batch(kernels, states, zd)
+    states = batch.q
     runs = {
         "one at a time in C": runner(0.0, q, zd[-1], kernels.p0, [parts["newton"]], parts["acceleration"]),
         BATCH.format(1): repeated(lambda: accelerations_batch(kernels, states, zd, threads=1, out=batch)),

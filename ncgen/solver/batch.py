@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -44,50 +44,90 @@ class BatchTrajectory:
 
 @dataclass(frozen=True)
 class BatchAccelerations:
-    """What B states of a mechanism do: q, qd (B, n), q closed; zdd (B, nz): accelerations of the independent coordinates.
+    """What B states of a mechanism do: q (B, n), closed; zdd (B, nz): accelerations of the independent coordinates.
 
-    independent: their names; ok (B,): False where a position does not close or the mechanism is singular, and rows are NaN
+    qd (B, n): all velocities, None if they were not asked for; independent: names of the independent coordinates
+    ok (B,): False where a position does not close, the mechanism is singular or a number is not finite; rows are NaN there
     """
 
     q: np.ndarray
-    qd: np.ndarray
+    qd: np.ndarray | None
     zdd: np.ndarray
-    independent: tuple[str, ...]
     ok: np.ndarray
+    choice: _Choice = field(repr=False)
+
+    @property
+    def independent(self) -> tuple[str, ...]:
+        """Names of the independent coordinates."""
+        return self.choice.names
+
+
+@dataclass(frozen=True)
+class _Choice:
+    """Names of the independent coordinates, and the state derivative for them in lanes."""
+
+    names: tuple[str, ...]
+    lanes: object
+
+    @classmethod
+    def at(cls, kernels: Kernels, q, t: float, p, z, method: str) -> _Choice:
+        """A choice that is good at one position. Raises ModelError where lanes cannot do it."""
+        partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
+        if refused := _refusal(kernels, method, partitions):
+            raise ModelError(f"{kernels.name} cannot be simulated in a batch: {refused}; use simulate for every state")
+        return cls(partitions.velocity.names(kernels), emission(kernels, partitions, "lanes", q, p))
 
 
 def accelerations_batch(
-    kernels: Kernels, q, zd, *, p=None, t: float = 0.0, z=None, threads: int | None = 1, out: BatchAccelerations | None = None
+    kernels: Kernels,
+    q,
+    zd,
+    *,
+    p=None,
+    t: float = 0.0,
+    z=None,
+    velocities: bool = False,
+    threads: int | None = 1,
+    out: BatchAccelerations | None = None,
 ) -> BatchAccelerations:
     """The state derivative of many states at a time, for an integrator, an optimiser or a sampler of one's own.
 
     q: (B, n), nearly closed: the dependent coordinates are brought onto the constraints by Newton's method; zd: (B, nz), in
     the order of z; p: (B, n_p) or (n_p,); z: names of the independent coordinates, chosen at the first state if not given
-    threads: None for one on every processor that this process may use; out: results of before, whose arrays are filled
-    again, which saves the time that the system needs to give new ones
+    velocities: whether all velocities are wanted, too; threads: None for one on every processor that this process may use
+    out: results of before, whose arrays are filled again and whose independent coordinates stay. Positions may stay where
+    they are (q = out.q): with less to move through memory all is found the faster
     Raises ModelError as `simulate_batch` does.
     """
-    states = _States.of(kernels, q, zd, p, t, z, "dopri5")
-    if out is not None and (out.q.shape, out.zdd.shape) != (states.q.shape, states.zd.shape):
+    if out is not None and (z is not None or out.choice.lanes.kernels is not kernels):
+        raise ModelError(f"{kernels.name}: out has results of {out.choice.lanes.kernels.name} with its own z; leave z or out out")
+    states = _States.of(kernels, q, zd, p, t, z, "dopri5", out and out.choice)
+    if out is not None and len(out.q) != len(states.q):
         raise ModelError(f"{kernels.name}: out has results of {len(out.q)} states; {len(states.q)} are needed, or leave it out")
-    arrays = None if out is None else (out.q, out.qd, out.zdd)
-    q, qd, zdd, ok = states.lanes.accelerate(t, states.q, states.zd, states.p, threads, arrays, tolerance=TOLERANCE)
-    return BatchAccelerations(q, qd, zdd, states.names, ok)
+    if out is not None:
+        arrays = out.q, out.qd, out.zdd
+    else:
+        arrays = np.empty(states.q.shape), np.empty(states.q.shape) if velocities else None, np.empty(states.zd.shape)
+    ok = states.choice.lanes.accelerate(t, states.q, states.zd, states.p, arrays, threads, tolerance=TOLERANCE)
+    return BatchAccelerations(*arrays, ok, states.choice)
 
 
 @dataclass(frozen=True)
 class _States:
-    """States of one choice of independent coordinates, and its state derivative in lanes."""
+    """States as rows, of one choice of independent coordinates."""
 
-    lanes: object
+    choice: _Choice
     q: np.ndarray
     zd: np.ndarray
     p: np.ndarray
-    names: tuple[str, ...]
 
     @classmethod
-    def of(cls, kernels: Kernels, q, zd, p, t: float, z, method: str, assembled: bool = False) -> _States:
-        """From rows, or one row for all. Raises ModelError where shapes do not fit or lanes cannot do it."""
+    def of(cls, kernels: Kernels, q, zd, p, t: float, z, method: str, choice=None, assembled=False) -> _States:
+        """From rows, or one row for all; assembled: after positions that are open have been closed.
+
+        choice: of independent coordinates, a new one if not given
+        Raises ModelError where shapes do not fit or lanes cannot do it.
+        """
         q, zd, p = (None if a is None else np.asarray(a, dtype=float) for a in (q, zd, p))
         q, p = kernels.q0 if q is None else q, kernels.p0 if p is None else p
         counts = {len(a) for a in (q, zd, p) if a is not None and a.ndim == 2}
@@ -96,16 +136,12 @@ class _States:
         (count,) = counts
         if not count:
             raise ModelError(f"{kernels.name}: a batch of no states; give at least one row")
-        q = _rows(kernels, "q0", q, count, kernels.n)
+        q, p = _rows(kernels, "q0", q, count, kernels.n), _rows(kernels, "p", p, count, len(kernels.p0))
         if assembled:
             q = _closed(kernels, q, t, p)
-        p = _rows(kernels, "p", p, count, len(kernels.p0))
-        partitions = choose_partitions(kernels, q[0], t, p[0], tuple(z or kernels.model.chosen_independent))
-        if refused := _refusal(kernels, method, partitions):
-            raise ModelError(f"{kernels.name} cannot be simulated in a batch: {refused}; use simulate for every state")
-        names = partitions.velocity.names(kernels)
-        zd = _rows(kernels, "zd0", np.zeros(len(names)) if zd is None else zd, count, len(names))
-        return cls(emission(kernels, partitions, "lanes", q[0], p[0]), q, zd, p, tuple(names))
+        choice = choice or _Choice.at(kernels, q[0], t, p[0], z, method)
+        nz = len(choice.names)
+        return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, count, nz), p)
 
 
 def simulate_batch(
@@ -136,14 +172,17 @@ def simulate_batch(
     method = canonical_name(integrator)
     if not (np.isfinite(duration) and duration > 0 and points >= 2):
         raise ModelError(f"{kernels.name}: duration {duration} s, {points} points; the first must be positive, points at least 2")
+    for name, array in {"q0": q0, "zd0": zd0, "p": p}.items():
+        if array is not None and not np.all(np.isfinite(np.asarray(array, dtype=float))):
+            raise ModelError(f"{kernels.name}: {name} has numbers that are not finite; correct them")
     states = _States.of(kernels, q0, zd0, p, t0, z, method, assembled=True)
     grid = np.linspace(t0, t0 + duration, points)
-    done = states.lanes.simulate(
+    done = states.choice.lanes.simulate(
         method, grid, states.q, states.zd, states.p, threads, tolerance=TOLERANCE, growth=GROWTH, rtol=rtol, atol=atol,
         max_step=0.0 if np.isinf(max_step) else max_step,
     )  # fmt: skip
     alone = np.array([s != "ok" for s in done.status])
-    options = {"z": states.names, "t0": t0, "points": points, "integrator": integrator, "rtol": rtol, "atol": atol, "max_step": max_step}
+    options = {"z": states.choice.names, "t0": t0, "points": points, "integrator": integrator, "rtol": rtol, "atol": atol, "max_step": max_step}
     for i in np.flatnonzero(alone):
         try:
             run = simulate(kernels, duration, q0=states.q[i], zd0=states.zd[i], p=states.p[i], **options)
@@ -151,7 +190,7 @@ def simulate_batch(
             done.status[i] = str(error)
             continue
         done.q[i], done.qd[i], done.work[i], done.status[i], done.steps[i] = run.q, run.qd, run.work, "ok", run.statistics.steps
-    return BatchTrajectory(kernels, grid, done.q, done.qd, done.work, states.names, tuple(done.status), done.steps, alone)
+    return BatchTrajectory(kernels, grid, done.q, done.qd, done.work, states.choice.names, tuple(done.status), done.steps, alone)
 
 
 def _refusal(kernels: Kernels, method: str, partitions) -> str | None:
@@ -163,8 +202,8 @@ def _refusal(kernels: Kernels, method: str, partitions) -> str | None:
 
 
 def _rows(kernels: Kernels, name: str, array: np.ndarray, count: int, size: int) -> np.ndarray:
-    if array.shape not in ((size,), (count, size)) or not np.all(np.isfinite(array)):
-        raise ModelError(f"{kernels.name}: {name} has shape {array.shape}; {(size,)} or {(count, size)} finite numbers are needed")
+    if array.shape not in ((size,), (count, size)):
+        raise ModelError(f"{kernels.name}: {name} has shape {array.shape}; {(size,)} or {(count, size)} is needed")
     return np.ascontiguousarray(np.broadcast_to(array, (count, size)))
 
 

@@ -147,24 +147,20 @@ static void end(run *r, ncgen_mask lanes, int status)
 /* The largest |phi| relative to the rows' sizes; not a number if one of them is not. */
 static ncgen_real residual(const run *r)
 {
-    ncgen_real largest = ncgen_splat(0.0);
+    ncgen_real largest = ncgen_splat(0.0), sum = largest;
     for (int i = 0; i < r->model->n_rows; ++i) {
         const ncgen_real size = NCGEN_ABS(r->phi[i]) * r->per_size[i];
-        largest = ncgen_select(~(size <= largest) & (largest == largest), size, largest);
+        largest = ncgen_select(size > largest, size, largest);
+        sum += size;
     }
-    return largest;
+    return ncgen_select(sum == sum, largest, sum);
 }
 
-/* The dependent coordinates of some lanes at time t for the independent ones z. */
-static ncgen_mask solve_position(run *r, ncgen_real t, const ncgen_real *z, ncgen_mask open)
+/* The dependent coordinates of some lanes at time t, from r->q on, which has the independent ones; those that close. */
+static ncgen_mask close_position(run *r, ncgen_real t, ncgen_mask open)
 {
     const ncgen_dynamics *d = r->dynamics;
-    const ncgen_real ahead = t - r->start_t;
     ncgen_mask solved = {0};
-    for (int i = 0; i < r->n; ++i)
-        r->q[i] = r->start_q[i] + ahead * r->start_qd[i];
-    for (int i = 0; i < r->nz; ++i)
-        r->q[d->independent[i]] = z[i];
     for (int iteration = 0; iteration <= NEWTON_LIMIT && ncgen_any(open); ++iteration) {
         if (d->newton(t, r->q, r->p, r->step) != NCGEN_OK)
             break;
@@ -172,10 +168,8 @@ static ncgen_mask solve_position(run *r, ncgen_real t, const ncgen_real *z, ncge
         const ncgen_mask closed = open & (size <= r->options->tolerance);
         solved |= closed;
         open &= ~closed & (size < broken_down);
-        for (int i = 0; i < d->n_dependent; ++i) {
-            ncgen_real *q = &r->q[d->dependent[i]];
-            *q = ncgen_select(open, *q + r->step[i], *q);
-        }
+        for (int i = 0; i < d->n_dependent; ++i)
+            r->q[d->dependent[i]] += (ncgen_real)((ncgen_mask)r->step[i] & open);
         const ncgen_mask near = open & (size <= nearly_converged);
         solved |= near;
         open &= ~near;
@@ -183,13 +177,23 @@ static ncgen_mask solve_position(run *r, ncgen_real t, const ncgen_real *z, ncge
     return solved;
 }
 
-/* q in r->q, and velocities and accelerations in r->out. */
+/* Accelerations of the lanes that are closed, in r->out; those that have them. */
+static ncgen_mask accelerate(run *r, ncgen_real t, const ncgen_real *zd, ncgen_mask closed)
+{
+    if (!ncgen_any(closed) || r->dynamics->acceleration(t, r->q, zd, r->p, r->out) != NCGEN_OK)
+        return closed & 0;
+    return closed & (r->out[r->n + r->nz + 1] < broken_down);
+}
+
+/* q in r->q, extrapolated from the last state and closed; velocities and accelerations in r->out. */
 static ncgen_mask evaluate(run *r, ncgen_real t, const ncgen_real *y, ncgen_mask wanted)
 {
-    const ncgen_mask solved = solve_position(r, t, y + r->nz, wanted);
-    if (!ncgen_any(solved) || r->dynamics->acceleration(t, r->q, y, r->p, r->out) != NCGEN_OK)
-        return solved & 0;
-    return solved & (r->out[r->n + r->nz + 1] < broken_down);
+    const ncgen_real ahead = t - r->start_t;
+    for (int i = 0; i < r->n; ++i)
+        r->q[i] = r->start_q[i] + ahead * r->start_qd[i];
+    for (int i = 0; i < r->nz; ++i)
+        r->q[r->dynamics->independent[i]] = y[r->nz + i];
+    return accelerate(r, t, y, close_position(r, t, wanted));
 }
 
 static ncgen_mask derivative(run *r, ncgen_real t, const ncgen_real *y, ncgen_real *yd, ncgen_mask wanted)
@@ -423,7 +427,8 @@ static void run_rk4(run *r)
     end(r, r->running, NCGEN_OK);
 }
 
-/* The states of a block, from their rows; lanes beyond `count` repeat the last one and are not running. */
+/* The states of a block, from their rows, and the first row of the grid; lanes beyond `count` repeat the last one and are
+ * not running. */
 static void begin(run *r, int count, const double *q, const double *zd, const double *p, int p_stride)
 {
     const double t = r->to.times[0];
@@ -445,59 +450,82 @@ static void begin(run *r, int count, const double *q, const double *zd, const do
         r->start_qd[i] = ncgen_splat(0.0);
     r->start_t = ncgen_splat(t);
     end(r, ~derivative(r, r->start_t, r->y, r->k[0], r->running), NCGEN_NOT_CONVERGED);
-}
-
-/* The first row of the grid. */
-static void write_start(run *r)
-{
     r->amplification = r->out[r->n + r->nz + 1];
     accept(r, r->running, r->start_t, r->y, r->k[0]);
     write_rows(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
 }
 
-/* q, qd and zdd of a block whose evaluation is all that is wanted. */
-static void write_derivative(run *r, int count, double *zdd)
+/* The share of the workspace of the thread that asks. */
+static ncgen_real *own_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, double *workspace)
 {
-    ncgen_collect(r->n, count, r->q, r->to.q);
-    ncgen_collect(r->n, count, r->out, r->to.qd);
-    ncgen_collect(r->nz, count, r->out + r->n, zdd);
-    end(r, r->running, NCGEN_OK);
+#ifdef _OPENMP
+    return (ncgen_real *)workspace + (size_t)omp_get_thread_num() * (ncgen_batch_run_workspace(model, dynamics) / NCGEN_LANES);
+#else
+    (void)model, (void)dynamics;
+    return (ncgen_real *)workspace;
+#endif
 }
 
 void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
                           const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
-                          double *out_q, double *out_qd, double *out_work, double *out_zdd, int *status, long *steps,
-                          double *reached, int threads, double *workspace)
+                          double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
+                          int threads, double *workspace)
 {
-    const size_t share = ncgen_batch_run_workspace(model, dynamics) / NCGEN_LANES;
-    const long n = model->n_coordinates, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;
-#ifdef _OPENMP
-#pragma omp parallel for num_threads(threads) schedule(dynamic)
-#else
+    const long n = model->n_coordinates, nz = dynamics->n_independent, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;
     (void)threads;
-#endif
-    for (long b = 0; b < blocks; ++b) {
-        const long first = b * NCGEN_LANES, left = count - first;
-        ncgen_real *work = (ncgen_real *)workspace;
 #ifdef _OPENMP
-        work += (size_t)omp_get_thread_num() * share;
-#else
-        (void)share;
+#pragma omp parallel num_threads(threads)
 #endif
+    {
         run r = {.model = model, .dynamics = dynamics, .options = options};
-        r.to = (output){n_times, times, out_q + first * n_times * n, out_qd + first * n_times * n, out_work + first * n_times,
-                        status + first, steps + first, reached + first};
-        lay_out(&r, work);
-        const int block = left < NCGEN_LANES ? (int)left : NCGEN_LANES;
-        begin(&r, block, q + first * n, zd + first * r.nz, p + first * p_stride, p_stride);
-        if (out_zdd) {
-            write_derivative(&r, block, out_zdd + first * r.nz);
-            continue;
+        lay_out(&r, own_workspace(model, dynamics, workspace));
+#ifdef _OPENMP
+#pragma omp for schedule(dynamic)
+#endif
+        for (long b = 0; b < blocks; ++b) {
+            const long first = b * NCGEN_LANES, left = count - first;
+            r.to = (output){n_times, times, out_q + first * n_times * n, out_qd + first * n_times * n,
+                            out_work + first * n_times, status + first, steps + first, reached + first};
+            begin(&r, left < NCGEN_LANES ? (int)left : NCGEN_LANES, q + first * n, zd + first * nz, p + first * p_stride, p_stride);
+            if (options->method == NCGEN_RK4)
+                run_rk4(&r);
+            else
+                run_dopri5(&r);
         }
-        write_start(&r);
-        if (options->method == NCGEN_RK4)
-            run_rk4(&r);
-        else
-            run_dopri5(&r);
+    }
+}
+
+void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, double t,
+                            long count, const double *q, const double *zd, const double *p, int p_stride, double *out_q,
+                            double *out_qd, double *out_zdd, int *status, int threads, double *workspace)
+{
+    const long n = model->n_coordinates, nz = dynamics->n_independent, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;
+    const ncgen_mask none = {0};
+    (void)threads;
+#ifdef _OPENMP
+#pragma omp parallel num_threads(threads)
+#endif
+    {
+        run r = {.model = model, .dynamics = dynamics, .options = options};
+        lay_out(&r, own_workspace(model, dynamics, workspace));
+#ifdef _OPENMP
+#pragma omp for schedule(static)
+#endif
+        for (long b = 0; b < blocks; ++b) {
+            const long first = b * NCGEN_LANES, left = count - first;
+            const int block = left < NCGEN_LANES ? (int)left : NCGEN_LANES;
+            ncgen_spread(r.n, block, n, q + first * n, r.q);
+            ncgen_spread(r.nz, block, nz, zd + first * nz, r.y);
+            ncgen_spread(model->n_parameters, block, p_stride, p + first * p_stride, r.p);
+            ncgen_mask good = accelerate(&r, ncgen_splat(t), r.y, close_position(&r, ncgen_splat(t), ~none));
+            for (int i = 0; i < r.nz; ++i)
+                good &= NCGEN_ABS(r.out[r.n + i]) < broken_down;
+            ncgen_collect(r.n, block, r.q, out_q + first * n);
+            if (out_qd)
+                ncgen_collect(r.n, block, r.out, out_qd + first * n);
+            ncgen_collect(r.nz, block, r.out + r.n, out_zdd + first * nz);
+            for (int lane = 0; lane < block; ++lane)
+                status[first + lane] = good[lane] ? NCGEN_OK : NCGEN_NOT_CONVERGED;
+        }
     }
 }

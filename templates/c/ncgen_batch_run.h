@@ -21,14 +21,21 @@ size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics 
  * q, zd: consistent positions (count x n_coordinates) and independent velocities (count x n_independent); p: a row of
  *     n_parameters for all (p_stride 0) or each
  * out_q, out_qd: count x n_times x n_coordinates; out_work: count x n_times. Rows that a state did not reach are left
- * out_zdd: NULL, or count x n_independent: then n_times is 1, and independent accelerations with q and qd at the start are all;
- *     rows of states without status 0 mean nothing
  * status: of each state; steps: accepted ones of each; reached: time of each
  * The workspace begins at a multiple of 64 bytes and has room for every thread. */
 void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
                           const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
-                          double *out_q, double *out_qd, double *out_work, double *out_zdd, int *status, long *steps, double *reached,
+                          double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
                           int threads, double *workspace);
+
+/* The state derivative of `count` states at time t: q is closed, the coordinates of the choice stay as they are.
+ *
+ * out_q, out_qd: count x n_coordinates; out_q may be q, out_qd NULL; out_zdd: count x n_independent; rows of states without
+ *     status 0 mean nothing
+ * Of the options the tolerance counts; everything else as above. */
+void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, double t,
+                            long count, const double *q, const double *zd, const double *p, int p_stride, double *out_q,
+                            double *out_qd, double *out_zdd, int *status, int threads, double *workspace);
 
 /* end functions */
 

@@ -104,13 +104,16 @@ static inline ncgen_lanes ncgen_splat(double x)
 #define NCGEN_POW(x, y) ncgen_lanes_pow(x, y)
 
 /* Lanes with angles that ncgen_sincos does not reduce take the library's sine and cosine. */
-#define NCGEN_SINCOS_FAR(x, sine, cosine)                       \
-    do {                                                        \
-        const ncgen_mask far = ~(NCGEN_ABS(x) < NCGEN_FAR);     \
-        if (ncgen_any(far)) {                                   \
-            *(sine) = ncgen_select(far, NCGEN_SIN(x), *(sine));       \
-            *(cosine) = ncgen_select(far, NCGEN_COS(x), *(cosine));   \
-        }                                                       \
+#define NCGEN_SINCOS_FAR(n, x, sine, cosine)                                          \
+    do {                                                                              \
+        ncgen_mask far = {0};                                                         \
+        for (int i = 0; i < (n); ++i)                                                 \
+            far |= ~(NCGEN_ABS((x)[i]) < NCGEN_FAR);                                  \
+        for (int i = 0; ncgen_any(far) && i < (n); ++i) {                             \
+            const ncgen_mask own = ~(NCGEN_ABS((x)[i]) < NCGEN_FAR);                  \
+            (sine)[i] = ncgen_select(own, NCGEN_SIN((x)[i]), (sine)[i]);              \
+            (cosine)[i] = ncgen_select(own, NCGEN_COS((x)[i]), (cosine)[i]);          \
+        }                                                                             \
     } while (0)
 
 #endif

@@ -49,33 +49,54 @@ static inline int ncgen_square(int i, int width)
     return i + NCGEN_LANES <= width ? i : width - NCGEN_LANES;
 }
 
+/* A square of numbers, from the first of each row on, into lanes. */
+static inline __attribute__((always_inline)) void ncgen_read_square(const double *const *row, int at, ncgen_real *lanes)
+{
+    ncgen_real square[NCGEN_LANES];
+#pragma GCC unroll 8
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        memcpy(&square[lane], row[lane] + at, sizeof(ncgen_real));
+    ncgen_transpose(square);
+#pragma GCC unroll 8
+    for (int k = 0; k < NCGEN_LANES; ++k)
+        lanes[k] = square[k];
+}
+
 /* Rows of `width` numbers, one for each lane, into lanes; lanes beyond `count` repeat the last row. */
 static inline void ncgen_spread(int width, int count, long stride, const double *rows, ncgen_real *lanes)
 {
     const double *row[NCGEN_LANES];
+    for (int i = 0; i < width && stride == 0; ++i)
+        lanes[i] = NCGEN_SPLAT(rows[i]);
+    if (stride == 0)
+        return;
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
         row[lane] = rows + (lane < count ? lane : count - 1) * stride;
     for (int i = 0; i < width && width >= NCGEN_LANES; i += NCGEN_LANES) {
         const int at = ncgen_square(i, width);
-        ncgen_real square[NCGEN_LANES];
-#pragma GCC unroll 8
-        for (int lane = 0; lane < NCGEN_LANES; ++lane)
-            memcpy(&square[lane], row[lane] + at, sizeof(ncgen_real));
-        ncgen_transpose(square);
-#pragma GCC unroll 8
-        for (int k = 0; k < NCGEN_LANES; ++k)
-            lanes[at + k] = square[k];
+        ncgen_read_square(row, at, lanes + at);
     }
-    for (int i = 0; i < width && width < NCGEN_LANES; ++i)
+    if (0 < width && width < NCGEN_LANES) {
+        /* Rows shorter than a square are read together with what follows them, the last ones from a copy. */
+        double copy[NCGEN_LANES][NCGEN_LANES];
+        const double *end = row[NCGEN_LANES - 1] + width;
+        ncgen_real square[NCGEN_LANES];
         for (int lane = 0; lane < NCGEN_LANES; ++lane)
-            ((double *)&lanes[i])[lane] = row[lane][i];
+            if (end - row[lane] < NCGEN_LANES) {
+                for (int i = 0; i < NCGEN_LANES; ++i)
+                    copy[lane][i] = i < width ? row[lane][i] : 0.0;
+                row[lane] = copy[lane];
+            }
+        ncgen_read_square(row, 0, square);
+        for (int i = 0; i < width; ++i)
+            lanes[i] = square[i];
+    }
 }
 
-/* Lanes into rows of `width` numbers. */
-static inline void ncgen_collect(int width, int count, const ncgen_real *lanes, double *rows)
+/* Lanes into rows of `width` numbers, at least as many as there are lanes. */
+static inline void ncgen_collect_squares(int width, const ncgen_real *lanes, double *rows)
 {
-    const int in_squares = count == NCGEN_LANES && width >= NCGEN_LANES;
-    for (int i = 0; i < width && in_squares; i += NCGEN_LANES) {
+    for (int i = 0; i < width; i += NCGEN_LANES) {
         const int at = ncgen_square(i, width);
         ncgen_real square[NCGEN_LANES];
 #pragma GCC unroll 8
@@ -86,9 +107,40 @@ static inline void ncgen_collect(int width, int count, const ncgen_real *lanes, 
         for (int lane = 0; lane < NCGEN_LANES; ++lane)
             memcpy(rows + (long)lane * width + at, &square[lane], sizeof(ncgen_real));
     }
-    for (int i = 0; i < width && !in_squares; ++i)
+}
+
+/* Lanes into shorter rows: each is written as a whole square's row, and the next one covers what was too much. */
+static inline void ncgen_collect_short(int width, const ncgen_real *lanes, double *rows)
+{
+    ncgen_real square[NCGEN_LANES];
+#pragma GCC unroll 8
+    for (int k = 0; k < NCGEN_LANES; ++k)
+        square[k] = lanes[k < width ? k : 0];
+    ncgen_transpose(square);
+#pragma GCC unroll 8
+    for (int lane = 0; lane < NCGEN_LANES; ++lane) {
+        double *row = rows + (long)lane * width;
+        if ((NCGEN_LANES - lane) * width >= NCGEN_LANES)
+            memcpy(row, &square[lane], sizeof(ncgen_real));
+        else
+#pragma GCC unroll 8
+            for (int i = 0; i < NCGEN_LANES; ++i)
+                if (i < width)
+                    row[i] = square[lane][i];
+    }
+}
+
+/* Lanes into rows of `width` numbers. */
+static inline void ncgen_collect(int width, int count, const ncgen_real *lanes, double *rows)
+{
+    if (count == NCGEN_LANES && width >= NCGEN_LANES)
+        ncgen_collect_squares(width, lanes, rows);
+    else if (count == NCGEN_LANES)
+        ncgen_collect_short(width, lanes, rows);
+    else
         for (int lane = 0; lane < count; ++lane)
-            rows[(long)lane * width + i] = ((const double *)&lanes[i])[lane];
+            for (int i = 0; i < width; ++i)
+                rows[(long)lane * width + i] = lanes[i][lane];
 }
 
 #endif

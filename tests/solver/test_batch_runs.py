@@ -99,8 +99,8 @@ def test_open_positions_are_closed(robot):
     [
         ({}, "q0, zd0 and p have no rows"),
         ({"zd0": np.zeros((3, 6)), "q0": np.zeros((2, 36))}, r"q0, zd0 and p have \[2, 3\] rows"),
-        ({"zd0": np.zeros((3, 5))}, r"zd0 has shape \(3, 5\); \(6,\) or \(3, 6\) finite numbers"),
-        ({"zd0": np.full((3, 6), np.nan)}, r"zd0 has shape .* finite numbers"),
+        ({"zd0": np.zeros((3, 5))}, r"zd0 has shape \(3, 5\); \(6,\) or \(3, 6\) is needed"),
+        ({"zd0": np.full((3, 6), np.nan)}, "zd0 has numbers that are not finite"),
         ({"zd0": np.zeros((3, 6)), "integrator": "bdf"}, "bdf is not among dopri5, rk4"),
     ],
 )
@@ -117,12 +117,14 @@ def test_accelerations_are_those_of_the_reference(robot):
     z = start.partitions.velocity.independent
     q, zd = np.tile(start.q[0], (21, 1)), rng.uniform(-1, 1, (21, len(z)))
     q[:, z] += rng.uniform(-0.01, 0.01, zd.shape)
-    found = ncgen.accelerations_batch(robot, q, zd)
+    found = ncgen.accelerations_batch(robot, q, zd, velocities=True)
     assert found.ok.all() and found.independent == start.independent
     again = ncgen.accelerations_batch(robot, q, zd, out=found)
-    assert again.zdd is found.zdd
+    assert again.zdd is found.zdd and again.qd is found.qd
     with pytest.raises(ncgen.ModelError, match="out has results of 21 states; 3 are needed"):
         ncgen.accelerations_batch(robot, q[:3], zd[:3], out=found)
+    with pytest.raises(ncgen.ModelError, match="leave z or out out"):
+        ncgen.accelerations_batch(robot, q, zd, out=found, z=("psi1",))
     for i in range(21):
         assert residual(robot, found.q[i]) < 1e-12 and np.array_equal(found.q[i][z], q[i][z])
         here = motion_at(robot, start.partitions.velocity, 0.0, found.q[i], zd[i], robot.p0)
@@ -130,13 +132,33 @@ def test_accelerations_are_those_of_the_reference(robot):
         np.testing.assert_allclose(found.zdd[i], here.qdd[z], rtol=0, atol=1e-11 * np.max(np.abs(here.qdd)))
 
 
-def test_a_position_that_does_not_close_is_not_ok(robot):
+def test_states_may_stay_where_they_are(robot):
+    """Positions that are closed in place, without velocities, give the same accelerations to the last bit."""
     start = ncgen.simulate(robot, 0.001, points=2)
     z = start.partitions.velocity.independent
-    q = np.tile(start.q[0], (9, 1))
-    q[4, z] = np.nan
-    with pytest.raises(ncgen.ModelError, match="finite"):
-        ncgen.accelerations_batch(robot, q, np.zeros((9, len(z))))
-    q[4] = 1e9
-    found = ncgen.accelerations_batch(robot, q, np.zeros((9, len(z))))
+    rng = np.random.default_rng(4)
+    q, zd = np.tile(start.q[0], (19, 1)), rng.uniform(-1, 1, (19, len(z)))
+    q[:, z] += rng.uniform(-0.01, 0.01, zd.shape)
+    apart = ncgen.accelerations_batch(robot, q, zd)
+    assert apart.qd is None
+    found = ncgen.accelerations_batch(robot, q, zd)
+    found.q[:] = q
+    there = ncgen.accelerations_batch(robot, found.q, zd, out=found)
+    assert there.q is found.q and np.array_equal(there.q, apart.q) and np.array_equal(there.zdd, apart.zdd)
+
+
+@pytest.mark.parametrize("wrong", ["far", "nan position", "nan velocity"])
+def test_a_state_that_has_no_accelerations_is_not_ok(robot, wrong):
+    """The others of its block have theirs."""
+    start = ncgen.simulate(robot, 0.001, points=2)
+    z = start.partitions.velocity.independent
+    q, zd = np.tile(start.q[0], (9, 1)), np.zeros((9, len(z)))
+    expected = ncgen.accelerations_batch(robot, q, zd).zdd
+    if wrong == "far":
+        q[4] = 1e9
+    else:
+        (q if wrong == "nan position" else zd)[4, 0] = np.nan
+    found = ncgen.accelerations_batch(robot, q, zd)
+    others = [i for i in range(9) if i != 4]
     assert found.ok.tolist() == [i != 4 for i in range(9)] and np.isnan(found.zdd[4]).all()
+    assert np.array_equal(found.zdd[others], expected[others])
