@@ -1,15 +1,18 @@
 """Kernels of many states in one call.
 
-In C the generated text is compiled once more with vectors of 4 or 8 doubles for numbers, one state a lane; threads
-may share the states where the compiler has OpenMP (without it there is one). Each state has the numbers that it has alone,
-to the last bit where the compiler is told to fuse nothing (-ffp-contract=off), else to rounding. In NumPy the leading axis
-is the batch.
+In C there are two ways. Where a kernel computes much for every number that it reads and writes, the generated text is
+compiled once more with vectors of 4 or 8 doubles for numbers, one state a lane; where it computes little, bringing rows into
+lanes and back would take longer than it saves, and one state follows the other. Threads may share the states where the
+compiler has OpenMP (without it there is one). Each state has the numbers that it has alone, to the last bit where the
+compiler is told to fuse nothing (-ffp-contract=off), else to rounding. In NumPy the leading axis is the batch.
 """
 
 from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from cffi import FFI
@@ -21,11 +24,19 @@ from ncgen.emit.c import HEADERS, c_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import CompileError, NcgenError
+from ncgen.program.blocks import Program
+from ncgen.program.cost import cost
 
 LANES = (*FLAGS, "-fno-math-errno", "-include", "ncgen_lanes.h")
 """Square roots set no errno, so that they become one instruction; their values are the same."""
 
 SOURCES = ("ncgen_batch.h", "ncgen_rows.h", "ncgen_batch.c")
+LANES_PAY = 2.8
+"""Operations per number read or written from which lanes pay; measured (docs/performance.md)."""
+
+FUNCTION = 20
+"""Operations that an elementary function counts for."""
+
 ALIGNMENT = 64
 
 
@@ -110,40 +121,73 @@ class NumPyBatch(Batch):
 
 
 class CompiledBatch(Batch):
-    """Through a library with vectors for numbers, compiled when it is first needed.
+    """In C. Libraries are compiled when a kernel first needs them.
 
     threads: how many to use where there is OpenMP, at first 1: kernels take less time than numbers take to come from memory
+    least: operations per number read or written from which a kernel is evaluated in lanes
     """
 
-    def __init__(self, kernels, flags=LANES):
+    def __init__(self, kernels, flags=LANES, least: float = LANES_PAY):
         super().__init__(kernels)
-        parts = [declared("ncgen_batch.h", part) for part in ("cdef", "functions")]
-        getter = f"const ncgen_model *{identifier(kernels.name)}_model(void);"
-        files = c_files(kernels.programs) | {name: verbatim(f"c/{name}") for name in SOURCES}
-        self.ffi, self.library, has_threads = load_lanes(files, "".join(parts) + getter, flags, abi())
-        self.model = getattr(self.library, f"{identifier(kernels.name)}_model")()
-        self._has_threads, self.threads = has_threads, 1
-        self.lanes: int = self.library.ncgen_batch_lanes()
+        self.threads, self._flags, self._least = 1, flags, least
+        self._kernels_in_lanes = {name for name, program in kernels.programs.programs.items() if self._pays(program)}
+
+    def in_lanes(self, kernel: str) -> bool:
+        """Whether a kernel of several states is evaluated in lanes, or one state after the other."""
+        return kernel in self._kernels_in_lanes
+
+    def _pays(self, program: Program) -> bool:
+        moved = program.size + self.kernels.n * sum(name in program.inputs for name in ("q", "qd"))
+        found = cost(program)
+        return found.total + (FUNCTION - 1) * found.calls >= self._least * moved
+
+    @cached_property
+    def _in_lanes(self) -> _Loop:
+        files = c_files(self.kernels.programs) | {name: verbatim(f"c/{name}") for name in SOURCES}
+        getter = f"{identifier(self.kernels.name)}_model"
+        ffi, library, has_threads = load(files, _DECLARED + f"const ncgen_model *{getter}(void);", self._flags, abi())
+        return _Loop(ffi, library, has_threads, getattr(library, getter)())
+
+    @cached_property
+    def _in_turn(self) -> _Loop:
+        files = {name: verbatim(f"c/{name}") for name in SOURCES}
+        return _Loop(*load(files, _DECLARED, FLAGS, abi()), self.kernels._descriptor)
 
     def _evaluate(self, kernel, t, q, qd, p, out):
-        ffi, size = self.ffi, out.shape[1]
-        states = ffi.new("ncgen_states *", {"count": len(q), "t_stride": int(t.ndim > 0), "p_stride": p.shape[-1] * (p.ndim - 1)})
-        for name, array in {"t": t, "q": q, "qd": qd, "p": p}.items():
-            setattr(states, name, ffi.NULL if array is None else ffi.cast("double *", array.ctypes.data))
-        threads = self.threads if self._has_threads else 1
-        work = aligned(threads * self.library.ncgen_batch_workspace(self.model, size))
-        function = getattr(self.model, kernel)
+        loop = self._in_lanes if self.in_lanes(kernel) else self._in_turn
+        ffi, library, size = loop.ffi, loop.library, out.shape[1]
+
+        def place(array):
+            return ffi.NULL if array is None else ffi.from_buffer("double[]", array)
+
+        arrays = {name: place(array) for name, array in {"t": t, "q": q, "qd": qd, "p": p}.items()}
+        states = ffi.new("ncgen_states *", arrays | {"count": len(q), "t_stride": int(t.ndim > 0), "p_stride": p.shape[-1] * (p.ndim - 1)})
+        threads = self.threads if loop.has_threads else 1
+        work = aligned(threads * library.ncgen_batch_workspace(loop.model, size))
+        function = getattr(loop.model, kernel)
         either = (function, ffi.NULL) if qd is None else (ffi.NULL, function)
-        pointers = [ffi.cast("double *", a.ctypes.data) for a in (out, work)]
-        status = self.library.ncgen_batch_kernel(self.model, *either, states, size, pointers[0], threads, pointers[1])
+        status = library.ncgen_batch_kernel(loop.model, *either, states, size, place(out), threads, place(work))
         if status:
             from ncgen.build.library import STATUS
 
             raise NcgenError(f"{self.kernels.name}.batch.{kernel}: the kernel returned “{STATUS[status]}” for a state of the batch")
 
 
-def load_lanes(files: dict[str, str], declarations: str, flags, base: FFI):
-    """(interface, library, whether it has threads) of generated sources compiled with vectors for numbers.
+@dataclass(frozen=True)
+class _Loop:
+    """One of the ways through many states: its library, whether that has threads, and the model with kernels for it."""
+
+    ffi: FFI
+    library: object
+    has_threads: bool
+    model: object
+
+
+_DECLARED = "".join(declared("ncgen_batch.h", part) for part in ("cdef", "functions"))
+
+
+def load(files: dict[str, str], declarations: str, flags, base: FFI):
+    """(interface, library, whether it has threads) of sources for many states.
 
     base: the interface that knows the types in `declarations`
     """

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.build.abi import declared, runtime_abi
-from ncgen.build.batch import LANES, aligned, available, load_lanes
+from ncgen.build.batch import LANES, aligned, available, load
 from ncgen.build.library import STATUS, CompiledKernels
 from ncgen.build.runtime import METHODS
 from ncgen.emit.c import dynamics_files
@@ -43,7 +43,7 @@ class LaneDynamics:
         files = dynamics_files(programs, equations, kernels.row_sizes) | {name: verbatim(f"c/{name}") for name in SOURCES}
         getter = f"{identifier(kernels.name)}_dynamics"
         declarations = f"{declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
-        self._ffi, self._library, self.has_threads = load_lanes(files, declarations, LANES, runtime_abi())
+        self._ffi, self._library, self.has_threads = load(files, declarations, LANES, runtime_abi())
         self._dynamics = getattr(self._library, getter)()
         self.kernels, self.split = kernels, split
         self._model = self._ffi.cast("const ncgen_model *", kernels._descriptor)  # its sizes are asked for, not its kernels

@@ -10,7 +10,7 @@ from ncgen.build.batch import available
 from ncgen.build.kernels import Kernels
 from ncgen.report.clock import measure, repeated
 from ncgen.report.rates import emitted_parts
-from ncgen.report.repeat import Call, runner
+from ncgen.report.repeat import Call, each, runner
 from ncgen.report.rivals import KERNELS
 from ncgen.solver.assembly import assemble
 from ncgen.solver.batch import accelerations_batch, simulate_batch
@@ -26,7 +26,9 @@ ALONE = 5
 """Simulations one at a time in a sample."""
 
 ROUNDS = 9
+ALONE_IN_C = "one at a time in C"
 BATCH = "batch, threads: {}"
+WAYS = {True: "batch in lanes", False: "batch, one after the other"}
 WRITTEN = "copying the results alone"
 """What memory allows: results of so many states pass through no cache."""
 
@@ -34,7 +36,10 @@ TOLERANCES = {"rtol": 1e-6, "atol": 1e-8}
 
 
 def batch_records(kernels: Kernels) -> Iterator[dict]:
-    """Records of seconds a state; ratio: how many times less than one at a time in C; error: largest relative difference."""
+    """Records of seconds a state; ratio: how many times less than one at a time in C; error: largest relative difference.
+
+    Of kernels, one at a time goes through the same rows of states and results; everything else is one state again and again.
+    """
     yield from _kernel_records(kernels)
     if kernels.m and _runs_in_lanes(kernels):
         yield from _derivative_records(kernels)
@@ -50,13 +55,16 @@ def _kernel_records(kernels: Kernels) -> Iterator[dict]:
         own = kernels.values(name, 0.0, q[-1], qd[-1], None)
         call = Call(kernels.function(name), out.shape[1], kernels)
         moves = "qd" in kernels.programs.programs[name].inputs
+        way = WAYS[kernels.batch.in_lanes(name)]
         runs = {
-            "one at a time in C": runner(0.0, q[0], qd[0], kernels.p0, *(([], call) if moves else ([call],))),
+            ALONE_IN_C: each(0.0, q, qd, kernels.p0, call.function, moves, out),
+            "the same state in C": runner(0.0, q[0], qd[0], kernels.p0, *(([], call) if moves else ([call],))),
             "one at a time from Python": repeated(lambda name=name: kernels.values(name, 0.0, q[0], qd[0], None)),
-            BATCH.format(1): repeated(lambda name=name, out=out: kernels.batch.values(name, 0.0, q, qd, None, out)),
+            way: repeated(lambda name=name, out=out: kernels.batch.values(name, 0.0, q, qd, None, out)),
             WRITTEN: repeated(lambda spare=np.empty_like(out), out=out: np.copyto(spare, out)),
         }
-        yield from _records(name, measure(runs, ROUNDS), _difference(out[-1], own), {BATCH.format(1): STATES, WRITTEN: STATES})
+        counts = dict.fromkeys((ALONE_IN_C, way, WRITTEN), STATES)
+        yield from _records(name, measure(runs, ROUNDS), _difference(out[-1], own), counts)
 
 
 def _runs_in_lanes(kernels: Kernels) -> bool:
@@ -72,7 +80,7 @@ def _derivative_records(kernels: Kernels) -> Iterator[dict]:
     batch = accelerations_batch(kernels, states, zd)
     states = batch.q
     runs = {
-        "one at a time in C": runner(0.0, q, zd[-1], kernels.p0, [parts["newton"]], parts["acceleration"]),
+        ALONE_IN_C: runner(0.0, q, zd[-1], kernels.p0, [parts["newton"]], parts["acceleration"]),
         BATCH.format(1): repeated(lambda: accelerations_batch(kernels, states, zd, threads=1, out=batch)),
     }
     spent = measure(runs, ROUNDS)
@@ -98,8 +106,8 @@ def _simulation_records(kernels: Kernels) -> Iterator[dict]:
     batch, runs = together(1)(), alone()
     arrived = [i for i, run in enumerate(runs) if run.status == "ok"]
     error = max((_difference(batch.q[i, -1], runs[i].q[-1]) for i in arrived), default=None)
-    spent = measure({"one at a time in C": repeated(alone)} | {BATCH.format(k): repeated(together(k)) for k in threads}, ROUNDS)
-    counts = {"one at a time in C": ALONE} | {BATCH.format(k): RUNS for k in threads}
+    spent = measure({ALONE_IN_C: repeated(alone)} | {BATCH.format(k): repeated(together(k)) for k in threads}, ROUNDS)
+    counts = {ALONE_IN_C: ALONE} | {BATCH.format(k): RUNS for k in threads}
     yield from _records("simulation", spent, error, counts)
 
 
@@ -110,7 +118,7 @@ def _difference(ours, own) -> float:
 def _records(what: str, spent: dict, error: float | None, states: dict[str, int]) -> Iterator[dict]:
     """states: how many of them a measured call computes, where it is not one."""
     times = {tool: {x: getattr(spread, x) / states.get(tool, 1) for x in ("median", "low", "high")} for tool, spread in spent.items()}
-    alone = times["one at a time in C"]["median"]
+    alone = times[ALONE_IN_C]["median"]
     for tool, t in times.items():
         compared = error if tool.startswith("batch") else None
         record = {"case": "batch", "tool": tool, "what": what, "error": compared, "seconds": t["median"], "ratio": alone / t["median"]}

@@ -60,6 +60,20 @@ def runner(t: float, q, v, p, positions: list[Call], velocity: Call | None = Non
     return run
 
 
+def each(t: float, q, v, p, function, moves: bool, out):
+    """A function run(times) that calls a kernel, one of the velocity if it `moves`, for every row of q and v, and fills rows of out."""
+    ffi, library = _repeater()
+    arrays = [np.ascontiguousarray(a, dtype=float) for a in (q, v, p, out)]
+    q_rows, v_rows, numbers, results = (ffi.from_buffer("double[]", a) for a in arrays)
+    either = (ffi.NULL, function) if moves else (function, ffi.NULL)
+
+    def run(times: int) -> None:
+        for _ in range(times):
+            library.ncgen_each(len(q), t, q.shape[1], q_rows, v_rows, numbers, *either, out.shape[1], results)
+
+    return run
+
+
 def typed_runner(sources, real: str, inputs, names):
     """({kernel: run(times)}, {kernel: its output}) of a model's source compiled for another number type, and for all at once.
 

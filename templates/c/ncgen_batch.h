@@ -1,7 +1,8 @@
 /* ncgen_batch.h: kernels of many states, NCGEN_LANES of them at a time, in any number of threads.
  *
- * Needs the model's source and this one compiled with ncgen_lanes.h in front. States are rows of doubles one after the
- * other; the results do not depend on the number of threads, which counts only where OpenMP is.
+ * Compiled with ncgen_lanes.h in front, as is the model's source, a number is a vector with one state a lane; without, one
+ * state follows the other. States are rows of doubles one after the other; the results do not depend on the number of
+ * threads, which counts only where OpenMP is.
  */
 #ifndef NCGEN_BATCH_H
 #define NCGEN_BATCH_H

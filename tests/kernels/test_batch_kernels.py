@@ -25,10 +25,14 @@ def unfused(flags):
     return (*flags, "-ffp-contract=off", "-fno-tree-slp-vectorize")
 
 
-def exactly(sources) -> CompiledKernels:
+ALWAYS, NEVER = 0.0, np.inf
+"""Operations per number from which lanes are used."""
+
+
+def exactly(sources, least=ALWAYS) -> CompiledKernels:
     """Kernels and their batch compiled without fused multiply-adds."""
     kernels = CompiledKernels(sources.programs, build(sources.c, find_compiler(), unfused(FLAGS)).library)
-    kernels.__dict__["batch"] = CompiledBatch(kernels, unfused(LANES))
+    kernels.__dict__["batch"] = CompiledBatch(kernels, unfused(LANES), least)
     return kernels
 
 
@@ -48,8 +52,8 @@ def assert_as_alone(kernels, q, qd, t, p):
             assert np.array_equal(together[i], alone), (name, i)
 
 
-@pytest.fixture(scope="module")
-def everything():
+@pytest.fixture(scope="module", params=[ALWAYS, NEVER], ids=["lanes", "in turn"])
+def everything(request):
     """Every elementary function, a driver, parameters, a damper, in a mechanism that need not make sense."""
     m = ncgen.Model("everything")
     k, w = m.parameter("k", 1.5), m.parameter("w", 2.0)
@@ -61,7 +65,7 @@ def everything():
     one = [sympy.sqrt, sympy.tan, sympy.asin, sympy.acos, sympy.atan, sympy.sinh, sympy.cosh, sympy.tanh, sympy.exp, sympy.log, sympy.Abs]
     m.constrain(sum((f(u / 2) for f in one), sympy.atan2(u, v) + sympy.sign(v) * u + u**v))
     m.gravity((0, -9.81, 0))
-    return exactly(ncgen.generate(m))
+    return exactly(ncgen.generate(m), request.param)
 
 
 @pytest.mark.parametrize("emission", ["auto", "tabled"])
@@ -86,6 +90,11 @@ def test_far_angles_as_alone(everything):
     q, qd, t = states(everything)
     q[3, everything.index["psi"]] = 1e9
     assert_as_alone(everything, q, qd, t, None)
+
+
+def test_what_computes_much_is_in_lanes(robot):
+    """γ has seven operations for every number that it reads or writes, the mass matrix one."""
+    assert robot.batch.in_lanes("gamma") and not robot.batch.in_lanes("mass")
 
 
 def test_numpy_batches_alike(robot, robot_numpy):
