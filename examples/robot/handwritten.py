@@ -475,6 +475,15 @@ def derivative(t, y, guess):
     return np.concatenate([zdd, zd])
 
 
+def data(q):
+    """The tables and a start as plain numbers, places counted from 1, for handwritten.m."""
+    bodies = [{"places": (where + 1).tolist(), "mass": mass.tolist(), "weight": weight.tolist()} for where, mass, weight in CONSTANT + CROSSED]
+    return {
+        "P": (R + 1).tolist(), "U": (U + 1).tolist(), "CONSTR": CONSTR, "qini": full(q).tolist(), "bodies": bodies,
+        "free": (FREE + 1).tolist(), "qind": (FREE[INDEPENDENT] + 1).tolist(), "qdep": (FREE[DEPENDENT] + 1).tolist(),
+    }  # fmt: skip
+
+
 END = {"psi2": 0.26154171434234150, "psi3": 0.30810884512921474, "psi5": -3.4044318734841151}
 """The angles after the fall of 0.5 s, found by two independent routes at tight tolerance; psi1, psi4 and psi6 stay."""
 

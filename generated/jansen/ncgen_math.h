@@ -39,12 +39,16 @@
 #define NCGEN_POW(x, y) NCGEN_FUNCTION(pow)(x, y)
 
 /* What ncgen_sincos leaves to the library: everything in other number types, angles beyond NCGEN_FAR in double. */
-#define NCGEN_SINCOS_FAR(x, sine, cosine)     \
-    do {                                      \
-        if (!(NCGEN_ABS(x) < NCGEN_FAR)) {    \
-            *(sine) = NCGEN_SIN(x);           \
-            *(cosine) = NCGEN_COS(x);         \
-        }                                     \
+#define NCGEN_SINCOS_FAR(n, x, sine, cosine)          \
+    do {                                              \
+        int far = 0;                                  \
+        for (int i = 0; i < (n); ++i)                 \
+            far |= !(NCGEN_ABS((x)[i]) < NCGEN_FAR);  \
+        for (int i = 0; far && i < (n); ++i)          \
+            if (!(NCGEN_ABS((x)[i]) < NCGEN_FAR)) {   \
+                (sine)[i] = NCGEN_SIN((x)[i]);        \
+                (cosine)[i] = NCGEN_COS((x)[i]);      \
+            }                                         \
     } while (0)
 
 #endif
@@ -72,17 +76,22 @@ static inline void ncgen_sincos(int n, const ncgen_real *NCGEN_RESTRICT x, ncgen
                                 ncgen_real *NCGEN_RESTRICT cosine)
 {
     const ncgen_scalar to_integer = 6755399441055744.0; /* 1.5 * 2^52: added and taken away, it rounds to an integer */
+
+    /* x = k pi/2 + r + tail, with pi/2 in three parts of which the first two have 33 bits: k times them is exact. */
     for (int i = 0; i < n; ++i) {
-        /* x = k pi/2 + r + tail, with pi/2 in three parts of which the first two have 33 bits: k times them is exact. */
         const ncgen_real k = (x[i] * 0.6366197723675814 + to_integer) - to_integer;
         const ncgen_real head = x[i] - k * 1.5707963267341256;
         const ncgen_real middle = k * 6.077100506303966e-11;
         const ncgen_real rest = head - middle;
         const ncgen_real lost = ((head - rest) - middle) - k * 2.0222662487959506e-21;
         const ncgen_real r = rest + lost;
-        const ncgen_real tail = (rest - r) + lost;
+        sine[i] = r;
+        cosine[i] = (rest - r) + lost;
+    }
 
-        /* Minimax polynomials of sine and cosine on |r| <= pi/4, by pairs, so that their parts need not wait for each other. */
+    /* Minimax polynomials of sine and cosine on |r| <= pi/4, by pairs, so that their parts need not wait for each other. */
+    for (int i = 0; i < n; ++i) {
+        const ncgen_real r = sine[i], tail = cosine[i];
         const ncgen_real z = r * r;
         const ncgen_real zz = z * z;
         const ncgen_real half = 0.5 * z;
@@ -95,10 +104,14 @@ static inline void ncgen_sincos(int n, const ncgen_real *NCGEN_RESTRICT x, ncgen
             (0.0416666666666666 + z * -0.0013888888888874125) +
             zz * ((2.4801587289482184e-05 + z * -2.7557314352332913e-07) +
                   zz * (2.0875723273266597e-09 + z * -1.1359647806143871e-11));
-        const ncgen_real s = r + (r * z * sine_sum + tail * one_less);
-        const ncgen_real c = one_less + (((1.0 - one_less) - half) + (zz * cosine_sum - r * tail));
+        sine[i] = r + (r * z * sine_sum + tail * one_less);
+        cosine[i] = one_less + (((1.0 - one_less) - half) + (zz * cosine_sum - r * tail));
+    }
 
-        /* The quarter of the circle, k modulo 4, as numbers that are 0 or 1: is it upside down, are s and c exchanged? */
+    /* The quarter of the circle, k modulo 4, as numbers that are 0 or 1: is it upside down, are s and c exchanged? */
+    for (int i = 0; i < n; ++i) {
+        const ncgen_real s = sine[i], c = cosine[i];
+        const ncgen_real k = (x[i] * 0.6366197723675814 + to_integer) - to_integer;
         const ncgen_real quarter = k - 4.0 * (((k * 0.25 - 0.375) + to_integer) - to_integer);
         const ncgen_real down = ((quarter * 0.5 - 0.25) + to_integer) - to_integer;
         const ncgen_real swap = quarter - 2.0 * down;
@@ -107,8 +120,7 @@ static inline void ncgen_sincos(int n, const ncgen_real *NCGEN_RESTRICT x, ncgen
         sine[i] = (1.0 - 2.0 * down) * (keep * s + swap * c);
         cosine[i] = (1.0 - 2.0 * left) * (keep * c + swap * s);
     }
-    for (int i = 0; i < n; ++i)
-        NCGEN_SINCOS_FAR(x[i], &sine[i], &cosine[i]);
+    NCGEN_SINCOS_FAR(n, x, sine, cosine);
 }
 
 #endif

@@ -11,7 +11,7 @@ from scipy.integrate import solve_ivp
 
 from ncgen.build.kernels import Kernels
 from ncgen.errors import NcgenError
-from ncgen.report.rivals import handwritten
+from ncgen.report.rivals import handwritten, octave
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import refusal
 from ncgen.solver.partition import choose_partitions
@@ -148,5 +148,19 @@ def _student(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
         error = float(max(abs(end[name] - value) for name, value in reference.items()))
         record = {"case": "simulation", "tool": f"hand-written NumPy, {tool}", "setting": setting, "error": error}
         yield record | {"seconds": seconds, "total": seconds, "evaluations": evaluations}
+    yield from _octave(kernels, duration, reference)
     for tool, seconds in ((name, hand) for name, (hand, _) in module.PAPER_TABLE_9.items()):
         yield {"case": "simulation", "tool": f"the paper's Table 9, {tool}", "setting": "2007", "error": None, "seconds": seconds}
+
+
+def _octave(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
+    """The paper's own program, where Octave is installed."""
+    if not octave.available(kernels):
+        return
+    names = [kernels.coordinates[i] for i in handwritten(kernels).INDEPENDENT]
+    found = octave.falls(kernels, duration=duration, steps=STUDENT_STEPS, **_tolerances(1e-6))
+    for run, setting in zip(found, (f"{STUDENT_STEPS} steps", "rtol 1e-06"), strict=True):
+        end = dict(zip(names, run["psi"], strict=True))
+        error = max(abs(end[name] - value) for name, value in reference.items())
+        record = {"case": "simulation", "tool": f"hand-written Octave, {run['tool']}", "setting": setting, "error": error}
+        yield record | {"seconds": run["seconds"], "total": run["seconds"], "evaluations": run["evaluations"]}
