@@ -290,12 +290,12 @@ def _is_zero_at(index: int, block, store) -> bool:
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double"):
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double", refine: bool = False):
         from ncgen.program.dynamics import assemble_dynamics
 
         super().__init__(kernels, number)
         equations = kernels.programs.equations
-        self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
+        self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes, refine)
         files = dynamics_files(self.programs, equations, kernels.row_sizes)
         getter = f"{identifier(kernels.name)}_dynamics"
         _, self._emitted = _load(files, number, f"const ncgen_dynamics *{getter}(void);")

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 
 from ncgen.program.assemble import ENERGIES, KERNELS
 from ncgen.program.blocks import Program
-from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_transposed
+from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_refined, solve_transposed
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
 from ncgen.program.verify import verify
@@ -32,14 +32,15 @@ class DynamicsPrograms:
     split: Split
 
 
-def assemble_dynamics(equations: Equations, split: Split, samples: Samples, sizes) -> DynamicsPrograms:
+def assemble_dynamics(equations: Equations, split: Split, samples: Samples, sizes, refine: bool = False) -> DynamicsPrograms:
     """Both programs for one choice of independent coordinates.
 
     samples: {(row, coordinate): number} of Φ_q in typical positions, for the choice of pivots
     sizes: natural size of every coordinate
+    refine: one step of iterative refinement of R and of the accelerations' particular solution (Newton's method refines itself)
     """
     newton = _newton(equations, split, samples)
-    acceleration = _acceleration(equations, split, samples, sizes)
+    acceleration = _acceleration(equations, split, samples, sizes, refine)
     lengths = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
     for program in (newton, acceleration):
         verify(program, lengths)
@@ -57,16 +58,17 @@ def _dependent(jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix
     return chosen(jacobian), [chosen(sample) for sample in samples]
 
 
-def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Samples) -> Factors:
+def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix, Factors]:
+    """Φ_q^d and its factors."""
     matrix, numbers = _dependent(jacobian, split, samples)
-    return factor(lines.graph, matrix, len(split.rows), numbers)
+    return matrix, factor(lines.graph, matrix, len(split.rows), numbers)
 
 
 def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
     lines = Lines(equations)
     graph = lines.graph
     phi = lines.gather(KERNELS["phi"])
-    factors = _factor(lines, lines.gather(KERNELS["phi_q"]), split, samples)
+    _, factors = _factor(lines, lines.gather(KERNELS["phi_q"]), split, samples)
     right = {i: graph.neg(phi[r,]) for i, r in enumerate(split.rows) if (r,) in phi}
     step = solve(graph, factors, right)
     zero = graph.const(0.0)
@@ -75,18 +77,19 @@ def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
     return lines.program("newton", ("t", "q", "p"), steps + residuals)
 
 
-def _acceleration(equations: Equations, split: Split, samples: Samples, sizes) -> Program:
+def _acceleration(equations: Equations, split: Split, samples: Samples, sizes, refine: bool) -> Program:
     lines = Lines(equations)
     graph = lines.graph
     zero, one = graph.const(0.0), graph.const(1.0)
     n, nz = len(equations.free), len(split.independent)
     jacobian = lines.gather(KERNELS["phi_q"])
-    factors = _factor(lines, jacobian, split, samples)
+    matrix, factors = _factor(lines, jacobian, split, samples)
 
     def particular(right: dict[tuple[int, ...], int]) -> dict[int, int]:
         """S·right: {coordinate: node}."""
         kept = {i: right[r,] for i, r in enumerate(split.rows) if (r,) in right}
-        return {split.dependent[j]: node for j, node in solve(graph, factors, kept).items()}
+        solution = solve_refined(graph, matrix, factors, kept) if refine else solve(graph, factors, kept)
+        return {split.dependent[j]: node for j, node in solution.items()}
 
     R: list[dict[int, int]] = []
     for c in split.independent:

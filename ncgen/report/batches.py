@@ -14,7 +14,7 @@ from ncgen.report.repeat import Call, each, runner
 from ncgen.report.rivals import KERNELS
 from ncgen.solver.assembly import assemble
 from ncgen.solver.batch import accelerations_batch, simulate_batch
-from ncgen.solver.compiled import GROWTH, emission, refusal
+from ncgen.solver.compiled import GROWTH, dynamics, refusal
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import TOLERANCE
 
@@ -94,7 +94,7 @@ def _simulation_records(kernels: Kernels) -> Iterator[dict]:
     q, p, grid = assemble(kernels, kernels.q0), kernels.p0, [0.0, duration]
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
     zd0 = np.random.default_rng(0).uniform(-1, 1, (RUNS, len(partitions.velocity.independent)))
-    single = emission(kernels, partitions, "emitted", q, p)
+    single = dynamics(kernels, partitions, "emitted", q, p)
 
     def alone():
         return [single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES) for zd in zd0[:ALONE]]

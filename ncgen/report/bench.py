@@ -103,11 +103,11 @@ def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:
 
 
 def _derivative_rows(records: list[dict]) -> list[tuple[str, ...]]:
-    rows = [("", "ns", "quartiles", "operations", "floor", "error")]
+    rows = [("", "ns", "quartiles", "operations", "floor", "error", "worst")]
     for r in records:
         floor = f"{1e9 * r['floor']:.0f}" if "floor" in r else ""
         operations = str(r.get("operations", ""))
-        rows.append((r["tool"], f"{1e9 * r['seconds']:.0f}", _quartiles(r), operations, floor, _error(r["error"])))
+        rows.append((r["tool"], f"{1e9 * r['seconds']:.0f}", _quartiles(r), operations, floor, _error(r["error"]), _error(r["worst"])))
     return rows
 
 

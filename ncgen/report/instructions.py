@@ -26,7 +26,7 @@ from ncgen.program.assemble import EMISSIONS
 from ncgen.report.rivals.base import KERNELS, Inputs
 from ncgen.report.rivals.handwritten import source
 from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import emission, refusal
+from ncgen.solver.compiled import dynamics, refusal
 from ncgen.solver.partition import choose_partitions
 
 TIMES = 1000
@@ -66,7 +66,7 @@ def _derivative_records(kernels, count: _Counter) -> Iterator[dict]:
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
     if not kernels.m or refusal(kernels, "dopri5", partitions, emitted=True):
         return
-    programs = emission(kernels, partitions, "emitted", q, kernels.p0).programs
+    programs = dynamics(kernels, partitions, "emitted", q, kernels.p0).programs
     files = dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
     files = files | {name: verbatim(f"c/{name}") for name in ("ncgen_runtime.h", *HEADERS)}
     prefix, zd = identifier(kernels.name), np.ones(len(partitions.velocity.independent))

@@ -7,6 +7,7 @@ import numpy as np
 from ncgen.build.kernels import Kernels
 from ncgen.program.cost import cost
 from ncgen.report.clock import measure, repeated
+from ncgen.report.positions import largest_errors
 from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
 from ncgen.report.rivals import Inputs, exact, handwritten, relative_error
 from ncgen.solver.assembly import assemble
@@ -15,6 +16,7 @@ from ncgen.solver.compiled import refusal
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.partition import choose_partitions
 
+REFINED = "accelerations, refined"
 SPEED = 1.0
 """Independent velocities at which the derivative is measured."""
 
@@ -27,7 +29,8 @@ def arithmetic_rate() -> float:
 def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
     """Parts of the state derivative in C and in Python; empty where the mechanism has no such code.
 
-    error: relative, of the independent accelerations against the reference in Python
+    error: relative, of the independent accelerations against the reference in Python; worst: the largest of many positions
+    against long double
     """
     q = assemble(kernels, kernels.q0)
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
@@ -35,20 +38,25 @@ def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
         return []
     zd = np.full(len(partitions.velocity.independent), SPEED)
     _, parts, programs = emitted_parts(kernels)
+    refined = dynamics_in_c(kernels, partitions, "refined", q, kernels.p0)
+    programs[REFINED] = refined.programs.acceleration
+    parts[REFINED] = Call(refined._dynamics.acceleration, programs[REFINED].size, (kernels, refined))
     runs = {name: runner(0.0, q, zd, kernels.p0, *chosen) for name, chosen in _combinations(parts).items()}
     runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
     runs |= _student(kernels, q, zd)
     spent = measure(runs)
     error = _error(kernels, partitions, q, zd, parts)
     counts = _counts(programs)
-    return [_record(name, spread, counts.get(name), rate, error.get(name)) for name, spread in spent.items()]
+    ways = {"accelerations": parts["acceleration"], REFINED: parts[REFINED]}
+    worst = largest_errors(kernels, q, ways, programs[REFINED])
+    return [_record(name, spread, counts.get(name), rate, error.get(name), worst.get(name)) for name, spread in spent.items()]
 
 
 def emitted_parts(kernels: Kernels):
     """A closed position, the functions phi, newton and acceleration as calls, and their programs."""
     q = assemble(kernels, kernels.q0)
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
-    emitted = dynamics_in_c(kernels, partitions, True, q, kernels.p0)
+    emitted = dynamics_in_c(kernels, partitions, "emitted", q, kernels.p0)
     programs = {"phi": kernels.programs.programs["phi"]}
     programs |= {name: getattr(emitted.programs, name) for name in ("newton", "acceleration")}
     functions = {"phi": kernels.function("phi")}
@@ -62,13 +70,14 @@ def _combinations(parts):
         "residual": ([phi],),
         "Newton step": ([newton],),
         "accelerations": ([], acceleration),
+        REFINED: ([], parts[REFINED]),
         "all, with one Newton step": ([phi, newton], acceleration),
     }
 
 
 def _counts(programs) -> dict[str, int]:
-    phi, newton, acceleration = (cost(programs[name]).total for name in ("phi", "newton", "acceleration"))
-    return dict(zip(_combinations(programs), (phi, newton, acceleration, phi + newton + acceleration), strict=True))
+    phi, newton, acceleration, refined = (cost(programs[name]).total for name in ("phi", "newton", "acceleration", REFINED))
+    return dict(zip(_combinations(programs), (phi, newton, acceleration, refined, phi + newton + acceleration), strict=True))
 
 
 def _student(kernels, q, zd) -> dict:
@@ -84,9 +93,9 @@ def _error(kernels, partitions, q, zd, parts) -> dict[str, float]:
     """Errors of what the functions have just written."""
     here = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
     part = partitions.velocity.independent
-    zdd = parts["acceleration"].out[kernels.n : kernels.n + len(part)]
     found = {"residual": float(np.max(np.abs(parts["phi"].out - exact(kernels, "phi", Inputs(q, q, kernels.p0)))))}
-    found |= dict.fromkeys(("accelerations", "all, with one Newton step"), relative_error(zdd, here.qdd[part]))
+    for name, call in (("accelerations", "acceleration"), ("all, with one Newton step", "acceleration"), (REFINED, REFINED)):
+        found[name] = relative_error(parts[call].out[kernels.n : kernels.n + len(part)], here.qdd[part])
     return found | _student_error(kernels, q, zd, here.qdd[part])
 
 
@@ -98,7 +107,7 @@ def _student_error(kernels, q, zd, expected) -> dict[str, float]:
     return {"hand-written NumPy": relative_error(rate[: len(zd)], expected)}
 
 
-def _record(name, spread, operations, rate, error) -> dict:
-    record = {"case": "state derivative", "tool": name, "error": error}
+def _record(name, spread, operations, rate, error, worst) -> dict:
+    record = {"case": "state derivative", "tool": name, "error": error, "worst": worst}
     record |= {"seconds": spread.median, "low": spread.low, "high": spread.high}
     return record if operations is None else record | {"operations": operations, "floor": operations / rate}

@@ -56,7 +56,7 @@ class StateJacobian:
     def in_c(self) -> np.ndarray:
         """The same by the C runtime, which writes the rows of the accelerations."""
         count, p = len(self.z), self.kernels.p0
-        rows = dynamics_in_c(self.kernels, self.partitions, False, self.q, p).jacobian(0.0, self.q, self.y[:count], p)
+        rows = dynamics_in_c(self.kernels, self.partitions, "dense", self.q, p).jacobian(0.0, self.q, self.y[:count], p)
         return np.vstack([rows, np.eye(count, 2 * count)])
 
     def rivals(self) -> list[Rival]:
@@ -69,7 +69,7 @@ class StateJacobian:
 
     def exact(self) -> np.ndarray:
         """By differences over 1e-15 with 50 digits, good to 1e-28, rounded."""
-        programs = dynamics_in_c(self.kernels, self.partitions, True, self.q, self.kernels.p0).programs
+        programs = dynamics_in_c(self.kernels, self.partitions, "emitted", self.q, self.kernels.p0).programs
         with mpmath.workdps(DIGITS):
             h = mpmath.mpf(10) ** -15
             y = [mpmath.mpf(float(x)) for x in self.y]

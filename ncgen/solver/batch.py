@@ -8,7 +8,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
 from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import GROWTH, emission, refusal
+from ncgen.solver.compiled import GROWTH, dynamics, refusal
 from ncgen.solver.integrators import canonical_name
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import TOLERANCE
@@ -75,7 +75,7 @@ class _Choice:
         partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
         if refused := _refusal(kernels, method, partitions):
             raise ModelError(f"{kernels.name} cannot be simulated in a batch: {refused}; use simulate for every state")
-        return cls(partitions.velocity.names(kernels), emission(kernels, partitions, "lanes", q, p))
+        return cls(partitions.velocity.names(kernels), dynamics(kernels, partitions, "lanes", q, p))
 
 
 def accelerations_batch(

@@ -27,6 +27,9 @@ LEAST = 10.0
 MOST_STEPS = 1_000_000
 """Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
 
+EMITTED = ("emitted", "refined")
+"""Forms of the state derivative that are written out for a mechanism."""
+
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
 
@@ -66,7 +69,7 @@ def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, setti
     """Why a simulation over all coordinates cannot run in C, in words, or None if it can."""
     from ncgen.build.runtime import FORMALISMS, IMPLICIT
 
-    if engine == "emitted":
+    if engine in EMITTED:
         return f"a state derivative is emitted for coordinate-partitioning, not for {formalism}"
     if formalism not in FORMALISMS:
         return f"{formalism} runs in Python; in C there are {', '.join(FORMALISMS)}"
@@ -142,13 +145,11 @@ def closeness(number: str) -> float:
     return TOLERANCE * rounding(number) / rounding("double")
 
 
-def dynamics(kernels: Kernels, partitions: Partitions, emitted: bool, q, p, number: str = "double"):
-    """The state derivative for a partition, made once for every kernels object, partition and number type."""
-    return emission(kernels, partitions, "emitted" if emitted else "dense", q, p, number)
+def dynamics(kernels: Kernels, partitions: Partitions, form: str, q, p, number: str = "double"):
+    """The state derivative for a partition, made once for every kernels object, partition, form and number type.
 
-
-def emission(kernels: Kernels, partitions: Partitions, form: str, q, p, number: str = "double"):
-    """The state derivative in one of its forms: "dense", "emitted", or "lanes" for many states at a time (double only)."""
+    form: "dense", "emitted", "refined" (emitted, with iterative refinement), or "lanes" for many states at a time (double only)
+    """
     from ncgen.build.batch_runs import LaneDynamics
     from ncgen.build.runtime import DenseDynamics, EmittedDynamics
     from ncgen.program.programs import Split
@@ -160,10 +161,10 @@ def emission(kernels: Kernels, partitions: Partitions, form: str, q, p, number: 
     if key not in store:
         if form == "dense":
             store[key] = DenseDynamics(kernels, split, number)
-        elif form == "emitted":
-            store[key] = EmittedDynamics(kernels, split, _samples(kernels, q, p), number)
-        else:
+        elif form == "lanes":
             store[key] = LaneDynamics(kernels, split, _samples(kernels, q, p))
+        else:
+            store[key] = EmittedDynamics(kernels, split, _samples(kernels, q, p), number, refine=form == "refined")
     return store[key]
 
 
@@ -174,16 +175,17 @@ def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
     return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
 
 
-def run(path: Path, kernels: Kernels, integrator: str, emitted: bool, grid, q, zd, p, rtol, atol, max_step, number="double", stop=None) -> str | None:
+def run(path: Path, kernels: Kernels, integrator: str, form: str, grid, q, zd, p, rtol, atol, max_step, number="double", stop=None) -> str | None:
     """Fill an empty path over a time grid, to its end or to a `Stop`; where the independent coordinates become bad, go on with others.
 
+    form: of the state derivative, as for `dynamics`
     Returns None, or why the run had to stop before the end of the grid.
     """
     method = canonical_name(integrator)
     seen = [path.partitions]
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
-        here = dynamics(kernels, path.partitions, emitted and len(seen) <= MOST_EMITTED, q, p, number)
+        here = dynamics(kernels, path.partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
         done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, stop, tolerance=closeness(number), growth=growth)
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)

@@ -23,7 +23,7 @@ from ncgen.solver.start import closed_position, given_velocity, velocity_from_ra
 from ncgen.solver.stop import stop_at
 from ncgen.solver.trajectory import Statistics, Trajectory
 
-ENGINES = ("auto", "c", "emitted", "python")
+ENGINES = ("auto", "c", *compiled.EMITTED, "python")
 
 LOOKS = 9
 """Instants at which the energy is looked at after a run; fewer may all be instants of rest, which tell nothing of its size."""
@@ -80,7 +80,8 @@ def simulate(
     points: how many instants the trajectory holds
     max_step: the longest step (s)
     engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out and compiled
-        for this mechanism: several times faster, after a compile of a second or so), "python" (the reference), or
+        for this mechanism: several times faster, after a compile of a second or so), "refined" (emitted, with a step of
+        iterative refinement, which keeps digits where the fixed order of pivots is unlucky), "python" (the reference), or
         "auto": C where it can be; the trajectory's `engine` says which it was and why
     number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
         its rounding are raised to that, and the trajectory has doubles in any case
@@ -120,14 +121,14 @@ def simulate(
     steps = dict(rtol=rtol, atol=atol, max_step=max_step, stop=stop_at(kernels, stop))
     clock = time.perf_counter()
     path = Path.empty(kernels.n, partitions)
-    emitted = engine == "emitted"
+    form = engine if engine in compiled.EMITTED else "dense"
     refused = _refusal(kernels, method, engine, integrator, partitions, number)
-    only_c = engine in ("c", "emitted") or number != "double"
+    only_c = engine in ("c", *compiled.EMITTED) or number != "double"
     remedy = "engine='auto'" if number == "double" else "number='double'"
     if refused and only_c:
         raise ModelError(f"{kernels.name} cannot be simulated in C{'' if number == 'double' else f' with {number}'}: {refused}; use {remedy}")
     if refused is None:
-        refused = _run_in_c(path, kernels, method, integrator, emitted, grid, q, qd, p, steps | {"number": number})
+        refused = _run_in_c(path, kernels, method, integrator, form, grid, q, qd, p, steps | {"number": number})
         if refused and only_c:
             raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
     if refused is not None:
@@ -140,7 +141,7 @@ def simulate(
         grid = np.append(grid[: len(path.q) - 1], path.stopped)
     seconds, others = time.perf_counter() - clock, (path.projections, path.largest_projection, path.jacobians, path.fallbacks)
     statistics = Statistics(*map(int, path.counts), seconds, *others)
-    said = f"python: {refused}" if refused else "emitted" if emitted else "c"
+    said = f"python: {refused}" if refused else form if form in compiled.EMITTED else "c"
     run = Trajectory(
         kernels, grid, path.q, path.qd, path.work, p, path.partitions, statistics, formalism, integrator, said, chosen, kernels,
         method.options, path.stopped is not None, number,
@@ -171,10 +172,10 @@ def _is_constrained(method: Method) -> bool:
     return method.is_stepper or method.formalism.solve is not None
 
 
-def _run_in_c(path: Path, kernels: Kernels, method: Method, integrator: str, emitted: bool, grid, q, qd, p, steps: dict) -> str | None:
+def _run_in_c(path: Path, kernels: Kernels, method: Method, integrator: str, form: str, grid, q, qd, p, steps: dict) -> str | None:
     if _is_constrained(method):
         return compiled.run_constrained(path, kernels, method.formalism.name, integrator, method.options, grid, q, qd, p, **steps)
-    return compiled.run(path, kernels, integrator, emitted, grid, q, qd[path.partitions.velocity.independent], p, **steps)
+    return compiled.run(path, kernels, integrator, form, grid, q, qd[path.partitions.velocity.independent], p, **steps)
 
 
 def _run_in_python(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, steps: dict) -> None:
@@ -197,7 +198,7 @@ def _refusal(kernels: Kernels, method: Method, engine: str, integrator: str, par
 def _refusal_in_c(kernels: Kernels, method: Method, engine: str, integrator: str, partitions: Partitions | None) -> str | None:
     if _is_constrained(method):
         return compiled.refusal_constrained(kernels, method.formalism.name, integrator, method.options, engine)
-    return compiled.refusal(kernels, integrator, partitions, engine == "emitted")
+    return compiled.refusal(kernels, integrator, partitions, engine in compiled.EMITTED)
 
 
 def _partitions(kernels: Kernels, q, t: float, p, chosen: tuple[str, ...], needed: bool) -> Partitions | None:

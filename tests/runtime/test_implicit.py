@@ -53,7 +53,7 @@ def test_jacobian_of_independent_coordinates(name):
     kernels = kernels_of(name)
     partitions, now = state(kernels)
     z = partitions.velocity.independent
-    found = compiled.dynamics(kernels, partitions, False, now.q, kernels.p0).jacobian(T, now.q, now.qd[z], kernels.p0)
+    found = compiled.dynamics(kernels, partitions, "dense", now.q, kernels.p0).jacobian(T, now.q, now.qd[z], kernels.p0)
     known = partitioned_jacobian(kernels, partitions, now, kernels.p0)[: len(z), :-1]
     assert found == pytest.approx(known, abs=1e-10 * np.max(np.abs(known)))
 

@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 
 import ncgen
+from ncgen.program.blocks import Program, Store, Straight
+from ncgen.program.elimination import factor, solve, solve_refined
+from ncgen.program.evaluate import evaluate
+from ncgen.program.graph import Graph
 from ncgen.solver import compiled
 from ncgen.solver.partition import choose_partitions
 
@@ -28,7 +34,7 @@ def test_a_zero_pivot_is_repeated_and_counted(square, method):
     python = ncgen.simulate(square, 0.1, points=2, z=["B.x"], integrator="dop853", rtol=1e-11, atol=1e-12, engine="python")
     later = python.q[-1]
     partitions = choose_partitions(square, later, 0.1, square.p0, ("B.x",))
-    emitted = compiled.emission(square, partitions, "emitted", later, square.p0)
+    emitted = compiled.dynamics(square, partitions, "emitted", later, square.p0)
     jacobian = square.jacobian(square.q0)
     assert np.sum(jacobian[np.ix_(partitions.position.rows[1:], [square.index["C.x"], square.index["C.y"]])] == 0.0) == 2
     given = (method, [0.0, 0.1], square.q0, np.zeros(1), square.p0, 1e-9, 1e-11)
@@ -41,3 +47,33 @@ def test_a_zero_pivot_is_repeated_and_counted(square, method):
             assert emitted.simulate(*given, tolerance=1e-12, growth=1e9).status != "ok"
     finally:
         emitted._dynamics.rows = kept
+
+
+def test_refinement_gives_back_the_digits_of_an_unlucky_order():
+    """x of A x = b, where the first pivot in the fixed order is small: the exact solution is known, as that of fractions."""
+    samples = [{(0, 0): 1.0, (0, 1): 1.0, (1, 0): 1.0, (1, 1): 3.0}]
+    numbers = {(0, 0): 1e-9, (0, 1): 1.0, (1, 0): 1.0, (1, 1): 3.0}
+    expected = _solved(Fraction, samples, numbers, solve)
+    plain, refined = (_solved(float, samples, numbers, way) for way in (solve, solve_refined))
+    assert max(abs(x - e) for x, e in zip(plain, expected, strict=True)) > 1e-9
+    assert refined == pytest.approx([float(e) for e in expected], rel=1e-15)
+
+
+def _solved(number, samples, numbers, way):
+    """The solution by an emitted elimination whose pivots were chosen for other numbers."""
+    graph = Graph()
+    matrix = {place: graph.load("a", k) for k, place in enumerate(numbers)}
+    right = {i: graph.load("b", i) for i in range(2)}
+    factors = factor(graph, matrix, 2, samples)
+    found = solve(graph, factors, right) if way is solve else way(graph, matrix, factors, right)
+    block = Straight(tuple(graph.ops), tuple(Store("x", k, found[k]) for k in range(2)))
+    a, b = [number(x) for x in numbers.values()], [number(1), number(2)]
+    return evaluate(Program("x", ("a", "b"), "x", 2, (block,)), {"a": a, "b": b}, number=number)
+
+
+def test_refined_accelerations_are_those_of_the_reference(square):
+    """The whole run by the refined state derivative, against Python with row exchanges."""
+    runs = [ncgen.simulate(square, 0.1, points=2, z=["B.x"], rtol=1e-11, atol=1e-12, engine=engine) for engine in ("refined", "python")]
+    assert runs[0].engine == "refined" and runs[0].q[-1] == pytest.approx(runs[1].q[-1], abs=1e-9)
+    with pytest.raises(ncgen.ModelError, match="emitted for coordinate-partitioning, not for lagrange"):
+        ncgen.simulate(square, 0.1, formalism="lagrange", engine="refined")
