@@ -17,6 +17,7 @@ from dataclasses import dataclass
 from ncgen.program.assemble import ENERGIES, KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_refined, solve_transposed
+from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
 from ncgen.program.verify import verify
@@ -119,31 +120,40 @@ def _acceleration(equations: Equations, split: Split, samples: Samples, sizes, r
     def dot(a: dict[int, int], b: dict[int, int]) -> int:
         return graph.sum(graph.mul(a[c], b[c]) for c in sorted(a.keys() & b.keys()))
 
-    momentum = times_mass(bias)
-    missing = {c: graph.sub(force.get(c, zero), momentum.get(c, zero)) for c in sorted(force.keys() | momentum.keys())}
     MR = [times_mass(column) for column in R]
     reduced = {(i, j): dot(R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
-    zdd = solve_positive(graph, reduced, nz, [dot(column, missing) for column in R])
-    power = _power(lines, split, factors, nu, zdd, missing, MR)
-    grown = [
-        graph.mul(graph.const(float(sizes[z] / sizes[c])), node)
-        for z, column in zip(split.independent, R, strict=True)
-        for c, node in column.items()
-    ]
-    amplification = graph.sum(graph.mul(node, node) for node in grown)
+    right = [graph.sub(dot(column, force), dot(momentum, bias)) for column, momentum in zip(R, MR, strict=True)]  # M is symmetric
+    zdd = solve_positive(graph, reduced, nz, right)
+    power = _power(lines, split, factors, nu, force, times_mass(bias), zdd, MR)
+    amplification = _amplification(graph, split, R, sizes)
     return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
 
 
-def _power(lines, split, factors, nu, zdd, missing, MR) -> int:
-    """Power of forces without a potential and of drivers, P − νᵀλ with (Φ_q^d)ᵀ λ = (Q − M q̈)_d."""
+def _amplification(graph: Graph, split: Split, R: list[dict[int, int]], sizes) -> int:
+    """‖R‖² in natural units, coordinate by coordinate."""
+    squares: dict[int, list[int]] = defaultdict(list)
+    unit = sizes[split.independent[0]] if split.independent else 1.0  # mostly that of all: then nothing is multiplied here
+    for z, column in zip(split.independent, R, strict=True):
+        for c, node in column.items():
+            grown = graph.mul(graph.const(float(sizes[z] / unit)), node)
+            squares[c].append(graph.mul(grown, grown))
+    return graph.sum(graph.mul(graph.const(float((unit / sizes[c]) ** 2)), graph.sum(nodes)) for c, nodes in sorted(squares.items()))
+
+
+def _power(lines, split, factors, nu, force, momentum, zdd, MR) -> int:
+    """Power of forces without a potential and of drivers, P − νᵀλ with (Φ_q^d)ᵀ λ = (Q − M q̈)_d, q̈ = R z̈ + S γ.
+
+    momentum: M S γ
+    """
     graph = lines.graph
     own = lines.gather(KERNELS["energy"]).get((ENERGIES.index("power"),))
     power = own if own is not None else graph.const(0.0)
     if nu:
-        left = dict(missing)
+        zero = graph.const(0.0)
+        left = {c: graph.sub(force.get(c, zero), momentum.get(c, zero)) for c in sorted(force.keys() | momentum.keys())}
         for column, acceleration in zip(MR, zdd, strict=True):
             for c, node in column.items():
-                left[c] = graph.sub(left.get(c, graph.const(0.0)), graph.mul(node, acceleration))
+                left[c] = graph.sub(left.get(c, zero), graph.mul(node, acceleration))
         right = {j: left[c] for j, c in enumerate(split.dependent) if c in left}
         lam = solve_transposed(graph, factors, right)
         for i, r in enumerate(split.rows):
