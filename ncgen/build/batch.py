@@ -145,13 +145,13 @@ class CompiledBatch(Batch):
     def _in_lanes(self) -> _Loop:
         files = c_files(self.kernels.programs) | {name: verbatim(f"c/{name}") for name in SOURCES}
         getter = f"{identifier(self.kernels.name)}_model"
-        ffi, library, has_threads = load(files, _DECLARED + f"const ncgen_model *{getter}(void);", self._flags, abi())
+        ffi, library, has_threads = load(files, DECLARED + f"const ncgen_model *{getter}(void);", self._flags, abi())
         return _Loop(ffi, library, has_threads, getattr(library, getter)())
 
     @cached_property
     def _in_turn(self) -> _Loop:
         files = {name: verbatim(f"c/{name}") for name in SOURCES}
-        return _Loop(*load(files, _DECLARED, FLAGS, abi()), self.kernels._descriptor)
+        return _Loop(*load(files, DECLARED, FLAGS, abi()), self.kernels._descriptor)
 
     def _evaluate(self, kernel, t, q, qd, p, out):
         loop = self._in_lanes if self.in_lanes(kernel) else self._in_turn
@@ -183,7 +183,7 @@ class _Loop:
     model: object
 
 
-_DECLARED = "".join(declared("ncgen_batch.h", part) for part in ("cdef", "functions"))
+DECLARED = "".join(declared("ncgen_batch.h", part) for part in ("cdef", "functions"))
 
 
 def load(files: dict[str, str], declarations: str, flags, base: FFI):

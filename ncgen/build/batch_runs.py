@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.build.abi import declared, runtime_abi
-from ncgen.build.batch import LANES, aligned, available, load
+from ncgen.build.batch import DECLARED, LANES, aligned, available, load
+from ncgen.build.batch import SOURCES as KERNELS
 from ncgen.build.library import STATUS, CompiledKernels
 from ncgen.build.runtime import METHODS
 from ncgen.emit.c import dynamics_files
@@ -16,7 +17,7 @@ from ncgen.emit.naming import identifier
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 
-SOURCES = ("ncgen_batch_run.h", "ncgen_rows.h", "ncgen_batch_run.c", "ncgen_runtime.h")
+SOURCES = (*KERNELS, "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
 METHODS_IN_LANES = ("dopri5", "rk4")
 
 
@@ -42,7 +43,7 @@ class LaneDynamics:
         programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(programs, equations, kernels.row_sizes) | {name: verbatim(f"c/{name}") for name in SOURCES}
         getter = f"{identifier(kernels.name)}_dynamics"
-        declarations = f"{declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
+        declarations = f"{DECLARED} {declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
         self._ffi, self._library, self.has_threads = load(files, declarations, LANES, runtime_abi())
         self._dynamics = getattr(self._library, getter)()
         self.kernels, self.split = kernels, split

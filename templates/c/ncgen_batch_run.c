@@ -76,20 +76,6 @@ typedef struct run {
     ncgen_real *y, *new_y, *at, *k[STAGES];
 } run;
 
-int ncgen_batch_threads(void)
-{
-#ifdef _OPENMP
-    return 1;
-#else
-    return 0;
-#endif
-}
-
-int ncgen_batch_lanes(void)
-{
-    return NCGEN_LANES;
-}
-
 static ncgen_real at_most(ncgen_real x, double limit)
 {
     return ncgen_select(x > limit, ncgen_splat(limit), x);

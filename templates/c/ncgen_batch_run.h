@@ -6,12 +6,10 @@
 #ifndef NCGEN_BATCH_RUN_H
 #define NCGEN_BATCH_RUN_H
 
+#include "ncgen_batch.h"
 #include "ncgen_runtime.h"
 
 /* begin functions */
-
-int ncgen_batch_threads(void);
-int ncgen_batch_lanes(void);
 
 /* Numbers of workspace that one thread needs. */
 size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics);
