@@ -17,8 +17,8 @@ from ncgen.emit.naming import identifier
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 
-SOURCES = (*KERNELS, "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
-METHODS_IN_LANES = ("dopri5", "rk4")
+SOURCES = (*KERNELS, "ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
+METHODS_IN_LANES = ("dopri5", "dop853", "rk4")
 
 
 @dataclass(frozen=True)

@@ -33,6 +33,7 @@ RUNTIME = (
     "ncgen_lu.c",
     "ncgen_jacobian.c",
     "ncgen_grid.c",
+    "ncgen_tableaus.h",
     "ncgen_explicit.c",
     "ncgen_implicit.c",
     "ncgen_steppers.c",

@@ -163,7 +163,7 @@ def simulate_batch(
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
     q0: (B, n) or (n,) for all, assembled where open; zd0: (B, nz) or (nz,), in the order of z; p: (B, n_p) or (n_p,)
-    integrator: dopri5 (each state with its own steps) or rk4 (fixed step max_step)
+    integrator: dopri5 or dop853 (each state with its own steps) or rk4 (fixed step max_step)
     threads: None for one on every processor that this process may use
     Everything else as in `simulate`, of which each state is one run with coordinate partitioning. The independent
     coordinates are chosen at the first state; where they become bad, that state is simulated by `simulate`.

@@ -1,17 +1,19 @@
-/* ncgen_batch_run.c: coordinate partitioning with Dormand-Prince 5(4) and classical Runge-Kutta, NCGEN_LANES states side
- * by side. The method is that of ncgen_partitioning.c and ncgen_explicit.c; what is a branch there is a mask here.
+/* ncgen_batch_run.c: coordinate partitioning with explicit Runge-Kutta methods, NCGEN_LANES states side by side. The method
+ * is that of ncgen_partitioning.c and ncgen_explicit.c; what is a branch there is a mask here.
  */
 #include "ncgen_batch_run.h"
 #include "ncgen_rows.h"
 
 #include "ncgen_math.h"
 
+#define R(x) ((ncgen_scalar)(x##L))
+#include "ncgen_tableaus.h"
+
 #ifdef _OPENMP
 #include <omp.h>
 #endif
 
 enum {
-    STAGES = 7,
     NEWTON_LIMIT = 40,
     REPEAT_LIMIT = 8
 };
@@ -21,33 +23,6 @@ static const double broken_down = 1e30;
 
 /* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
 static const double nearly_converged = 1e-7;
-
-static const double dopri_c[STAGES] = {0.0, 1.0 / 5, 3.0 / 10, 4.0 / 5, 8.0 / 9, 1.0, 1.0};
-
-static const double dopri_a[STAGES][6] = {
-    {0.0},
-    {1.0 / 5},
-    {3.0 / 40, 9.0 / 40},
-    {44.0 / 45, -56.0 / 15, 32.0 / 9},
-    {19372.0 / 6561, -25360.0 / 2187, 64448.0 / 6561, -212.0 / 729},
-    {9017.0 / 3168, -355.0 / 33, 46732.0 / 5247, 49.0 / 176, -5103.0 / 18656},
-    {35.0 / 384, 0.0, 500.0 / 1113, 125.0 / 192, -2187.0 / 6784, 11.0 / 84},
-};
-
-/* Difference of the fifth- and fourth-order weights. */
-static const double dopri_error[STAGES] = {-71.0 / 57600,      0.0,          71.0 / 16695, -71.0 / 1920,
-                                           17253.0 / 339200, -22.0 / 525, 1.0 / 40};
-
-/* Weights of the interpolant: b_i(s) = s (c0 + s (c1 + s (c2 + s c3))) (Shampine 1986). */
-static const double dopri_dense[STAGES][4] = {
-    {1.0, -8048581381.0 / 2820520608.0, 8663915743.0 / 2820520608.0, -12715105075.0 / 11282082432.0},
-    {0.0, 0.0, 0.0, 0.0},
-    {0.0, 131558114200.0 / 32700410799.0, -68118460800.0 / 10900136933.0, 87487479700.0 / 32700410799.0},
-    {0.0, -1754552775.0 / 470086768.0, 14199869525.0 / 1410260304.0, -10690763975.0 / 1880347072.0},
-    {0.0, 127303824393.0 / 49829197408.0, -318862633887.0 / 49829197408.0, 701980252875.0 / 199316789632.0},
-    {0.0, -282668133.0 / 205662961.0, 2019193451.0 / 616988883.0, -1453857185.0 / 822651844.0},
-    {0.0, 40617522.0 / 29380423.0, -110615467.0 / 29380423.0, 69997945.0 / 29380423.0},
-};
 
 /* Where results go. */
 typedef struct output {
@@ -73,7 +48,8 @@ typedef struct run {
     ncgen_real *per_size;    /* one over the rows' sizes: vectors divide slowly */
     ncgen_real *start_q, *start_qd, *end_q, *end_qd;
     ncgen_real start_t, amplification;
-    ncgen_real *y, *new_y, *at, *k[STAGES];
+    ncgen_real *y, *new_y, *at, *k[WIDTH];
+    ncgen_real *interpolant; /* of DOP853: 7 vectors */
 } run;
 
 static ncgen_real at_most(ncgen_real x, double limit)
@@ -92,7 +68,7 @@ size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics 
 {
     const size_t n = (size_t)model->n_coordinates, nz = (size_t)dynamics->n_independent, ny = 2 * nz + 1;
     const size_t numbers = (size_t)model->n_parameters + 6 * n + nz + 2 + (size_t)dynamics->n_dependent + 2 * (size_t)model->n_rows +
-                           (3 + STAGES) * ny;
+                           (3 + WIDTH + 7) * ny;
     return NCGEN_LANES * numbers;
 }
 
@@ -116,8 +92,9 @@ static void lay_out(run *r, ncgen_real *workspace)
     r->y = take(&workspace, r->ny);
     r->new_y = take(&workspace, r->ny);
     r->at = take(&workspace, r->ny);
-    for (int s = 0; s < STAGES; ++s)
+    for (int s = 0; s < WIDTH; ++s)
         r->k[s] = take(&workspace, r->ny);
+    r->interpolant = take(&workspace, 7 * r->ny);
 }
 
 /* Lanes end with a status; those that have ended already keep theirs. */
@@ -231,8 +208,8 @@ static void write_rows(run *r, ncgen_mask lanes, const ncgen_real *q, const ncge
     }
 }
 
-/* The root mean square of x in units of the tolerance at y and b. */
-static ncgen_real norm(const run *r, const ncgen_real *x, const ncgen_real *b)
+/* The mean square of x in units of the tolerance at y and b. */
+static ncgen_real mean_square(const run *r, const ncgen_real *x, const ncgen_real *b)
 {
     ncgen_real sum = ncgen_splat(0.0);
     for (int i = 0; i < r->ny; ++i) {
@@ -240,13 +217,13 @@ static ncgen_real norm(const run *r, const ncgen_real *x, const ncgen_real *b)
         const ncgen_real scaled = x[i] / (r->options->atol + r->options->rtol * ncgen_select(u > v, u, v));
         sum += scaled * scaled;
     }
-    return NCGEN_SQRT(sum / (double)r->ny);
+    return sum / (double)r->ny;
 }
 
 /* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
-static ncgen_real first_step(run *r, double span)
+static ncgen_real first_step(run *r, int order, double span)
 {
-    const ncgen_real d0 = norm(r, r->y, r->y), d1 = norm(r, r->k[0], r->y);
+    const ncgen_real d0 = NCGEN_SQRT(mean_square(r, r->y, r->y)), d1 = NCGEN_SQRT(mean_square(r, r->k[0], r->y));
     const ncgen_mask tiny = (d0 < 1e-5) | (d1 < 1e-5);
     const ncgen_real guess = at_most(ncgen_select(tiny, ncgen_splat(1e-6), 0.01 * d0 / d1), span);
     for (int i = 0; i < r->ny; ++i)
@@ -254,40 +231,100 @@ static ncgen_real first_step(run *r, double span)
     const ncgen_mask good = derivative(r, r->start_t + guess, r->new_y, r->k[1], r->running);
     for (int i = 0; i < r->ny; ++i)
         r->k[2][i] = r->k[1][i] - r->k[0][i];
-    const ncgen_real d2 = norm(r, r->k[2], r->y) / guess;
-    const ncgen_real largest = ncgen_select(d1 > d2, d1, d2);
-    ncgen_real better = ncgen_select(largest <= 1e-15, guess * 1e-3, NCGEN_POW(0.01 / largest, ncgen_splat(0.2)));
+    const ncgen_real d2 = NCGEN_SQRT(mean_square(r, r->k[2], r->y)) / guess;
+    const ncgen_real largest = ncgen_select(d1 > d2, d1, d2), root = ncgen_splat(1.0 / (order + 1));
+    ncgen_real better = ncgen_select(largest <= 1e-15, guess * 1e-3, NCGEN_POW(0.01 / largest, root));
     better = ncgen_select(better > 100.0 * guess, 100.0 * guess, better);
     return ncgen_select(good, at_most(better, span), guess * 0.01);
 }
 
-/* One trial step of Dormand-Prince: new_y and *error; the last stage is evaluated at new_y. */
-static ncgen_mask dopri_step(run *r, ncgen_real t, ncgen_real h, ncgen_real *error)
+/* sum = sum over the stages of weight times slope. */
+static void combine(const run *r, int stages, const double *weights, ncgen_real *sum)
+{
+    for (int i = 0; i < r->ny; ++i)
+        sum[i] = ncgen_splat(0.0);
+    for (int j = 0; j < stages; ++j)
+        for (int i = 0; i < r->ny && fabs(weights[j]) > 0; ++i)
+            sum[i] += weights[j] * r->k[j][i];
+}
+
+static void advance(const run *r, ncgen_real h, int stages, const double *weights, ncgen_real *y_new)
+{
+    combine(r, stages, weights, y_new);
+    for (int i = 0; i < r->ny; ++i)
+        y_new[i] = r->y[i] + h * y_new[i];
+}
+
+/* One trial step of the lanes that run: new_y, and the slope there. Those that have one. */
+static ncgen_mask trial_step(run *r, const tableau *method, ncgen_real t, ncgen_real h)
 {
     ncgen_mask good = r->running;
-    for (int s = 1; s < STAGES; ++s) {
-        for (int i = 0; i < r->ny; ++i) {
-            ncgen_real sum = ncgen_splat(0.0);
-            for (int j = 0; j < s; ++j)
-                sum += dopri_a[s][j] * r->k[j][i];
-            r->new_y[i] = r->y[i] + h * sum;
-        }
-        good = derivative(r, t + dopri_c[s] * h, r->new_y, r->k[s], good);
+    for (int s = 1; s <= method->stages; ++s) {
+        advance(r, h, s, method->a[s], r->new_y);
+        good = derivative(r, t + method->c[s] * h, r->new_y, r->k[s], good);
     }
+    return good;
+}
+
+static ncgen_real error_of(run *r, ncgen_real h)
+{
+    if (r->options->method == NCGEN_DOPRI5) {
+        combine(r, 7, dopri_error, r->at);
+        return h * NCGEN_SQRT(mean_square(r, r->at, r->new_y));
+    }
+    combine(r, 12, dop853_e5, r->at);
+    const ncgen_real fifth = mean_square(r, r->at, r->new_y);
+    double third_weights[12];
+    for (int j = 0; j < 12; ++j)
+        third_weights[j] = dop853_a[12][j] - dop853_e3[j];
+    combine(r, 12, third_weights, r->at);
+    const ncgen_real both = fifth + 0.01 * mean_square(r, r->at, r->new_y);
+    return ncgen_select(both > 0.0, h * fifth / NCGEN_SQRT(both), both);
+}
+
+/* DOP853's interpolant needs three stages more and seven coefficients. */
+static ncgen_mask prepare_interpolant(run *r, ncgen_real t, ncgen_real h, ncgen_mask wanted)
+{
+    for (int s = 13; s < 16; ++s) {
+        advance(r, h, s, dop853_a[s], r->at);
+        wanted = derivative(r, t + dop853_c[s] * h, r->at, r->k[s], wanted);
+    }
+    ncgen_real *f = r->interpolant;
+    const int ny = r->ny;
+    for (int i = 0; i < ny; ++i) {
+        const ncgen_real change = r->new_y[i] - r->y[i];
+        f[i] = change;
+        f[ny + i] = h * r->k[0][i] - change;
+        f[2 * ny + i] = 2.0 * change - h * (r->k[0][i] + r->k[12][i]);
+    }
+    for (int k = 0; k < 4; ++k) {
+        combine(r, 16, dop853_d[k], f + (3 + k) * ny);
+        for (int i = 0; i < ny; ++i)
+            f[(3 + k) * ny + i] *= h;
+    }
+    return wanted;
+}
+
+/* r->at: the state at t + s h, inside a step whose end is new_y. */
+static void interpolate(run *r, ncgen_real h, ncgen_real s)
+{
     for (int i = 0; i < r->ny; ++i) {
         ncgen_real sum = ncgen_splat(0.0);
-        for (int s = 0; s < STAGES; ++s)
-            sum += dopri_error[s] * r->k[s][i];
-        r->at[i] = h * sum;
+        for (int j = 0; j < 7; ++j) {
+            const double *c = dopri_dense[j];
+            if (r->options->method == NCGEN_DOPRI5)
+                sum += s * (c[0] + s * (c[1] + s * (c[2] + s * c[3]))) * r->k[j][i];
+            else
+                sum = (sum + r->interpolant[(6 - j) * r->ny + i]) * ((6 - j) % 2 ? 1.0 - s : s);
+        }
+        r->at[i] = r->y[i] + (r->options->method == NCGEN_DOPRI5 ? h * sum : sum);
     }
-    *error = norm(r, r->at, r->new_y);
-    return good & (*error < broken_down);
 }
 
 /* Rows of the grid inside the last step of some lanes, from t over h; y and the slopes are still those of the step. */
 static void write_inside(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
 {
-    for (;;) {
+    for (int round = 0;; ++round) {
         ncgen_real time = t_new;
         for (int lane = 0; lane < NCGEN_LANES; ++lane)
             if (r->row[lane] < r->to.n_times)
@@ -295,23 +332,17 @@ static void write_inside(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, n
         const ncgen_mask inside = lanes & r->running & (time < t_new);
         if (!ncgen_any(inside))
             return;
-        const ncgen_real s = (time - t) / h;
-        for (int i = 0; i < r->ny; ++i) {
-            ncgen_real sum = ncgen_splat(0.0);
-            for (int j = 0; j < STAGES; ++j) {
-                const double *c = dopri_dense[j];
-                sum += s * (c[0] + s * (c[1] + s * (c[2] + s * c[3]))) * r->k[j][i];
-            }
-            r->at[i] = r->y[i] + h * sum;
-        }
-        const ncgen_mask good = evaluate(r, time, r->at, inside);
+        if (round == 0 && r->options->method == NCGEN_DOP853)
+            end(r, inside & ~prepare_interpolant(r, t, h, inside), NCGEN_NOT_CONVERGED);
+        interpolate(r, h, (time - t) / h);
+        const ncgen_mask good = evaluate(r, time, r->at, inside & r->running);
         write_rows(r, inside & good, r->q, r->out, r->at[2 * r->nz]);
         end(r, inside & ~good, NCGEN_NOT_CONVERGED);
     }
 }
 
 /* What follows a successful step of some lanes: rows inside it, and the new state is the present one. */
-static void accept_step(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
+static void accept_step(run *r, const tableau *method, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
 {
     /* Newton's method for rows inside starts from the old state, so that state has to stand until they are written. */
     for (int i = 0; i < r->n; ++i) {
@@ -324,7 +355,7 @@ static void accept_step(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, nc
         r->out[i] = r->end_qd[i];
     }
     lanes &= r->running;
-    accept(r, lanes, t_new, r->new_y, r->k[STAGES - 1]);
+    accept(r, lanes, t_new, r->new_y, r->k[method->stages]);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
         if (lanes[lane])
             r->to.steps[lane] += 1;
@@ -333,10 +364,11 @@ static void accept_step(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, nc
     end(r, ended, NCGEN_OK);
 }
 
-static void run_dopri5(run *r)
+static void run_adaptive(run *r, const tableau *method)
 {
     const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step;
-    ncgen_real t = r->start_t, h = first_step(r, stop - r->to.times[0]);
+    const ncgen_real power = ncgen_splat(-1.0 / (method->order + 1));
+    ncgen_real t = r->start_t, h = first_step(r, method->order, stop - r->to.times[0]);
     ncgen_mask rejected = {0}, repeats = {0};
     while (ncgen_any(r->running)) {
         if (longest > 0)
@@ -344,15 +376,16 @@ static void run_dopri5(run *r)
         const ncgen_mask last = t + h >= stop;
         h = ncgen_select(last, stop - t, h);
         end(r, ~(t + h > t), NCGEN_NOT_CONVERGED);
-        ncgen_real error;
-        const ncgen_mask good = dopri_step(r, t, h, &error);
+        const ncgen_mask stepped = trial_step(r, method, t, h);
+        const ncgen_real error = error_of(r, h);
+        const ncgen_mask good = stepped & (error < broken_down);
         const ncgen_mask failed = r->running & ~good, accepted = r->running & good & (error < 1.0);
         const ncgen_mask too_large = r->running & good & ~accepted;
 
         repeats = (repeats - failed) & ~accepted; /* a mask is -1 */
         end(r, failed & (repeats > REPEAT_LIMIT), NCGEN_NOT_CONVERGED);
         rejected = (rejected | too_large) & ~failed;
-        ncgen_real factor = at_most(ncgen_select(error > 0.0, 0.9 * NCGEN_POW(error, ncgen_splat(-0.2)), ncgen_splat(10.0)), 10.0);
+        ncgen_real factor = at_most(ncgen_select(error > 0.0, 0.9 * NCGEN_POW(error, power), ncgen_splat(10.0)), 10.0);
         factor = ncgen_select(factor < 0.2, ncgen_splat(0.2), factor);
         factor = ncgen_select(accepted & rejected, at_most(factor, 1.0), factor);
         factor = ncgen_select(failed, ncgen_splat(0.25), factor);
@@ -361,7 +394,7 @@ static void run_dopri5(run *r)
         const ncgen_real t_new = ncgen_select(last, ncgen_splat(stop), t + h);
         if (ncgen_any(accepted)) {
             const ncgen_mask bad = degraded(r, accepted) & (t_new < stop);
-            accept_step(r, accepted, t, h, t_new);
+            accept_step(r, method, accepted, t, h, t_new);
             end(r, bad, NCGEN_PIVOT);
         }
         t = ncgen_select(accepted, t_new, t);
@@ -369,31 +402,16 @@ static void run_dopri5(run *r)
     }
 }
 
-static void rk4_step(run *r, ncgen_real t, ncgen_real h)
+static void fixed_step(run *r, const tableau *method, ncgen_real t, ncgen_real h)
 {
-    static const double weight[4] = {1.0 / 6, 1.0 / 3, 1.0 / 3, 1.0 / 6};
-    static const double node[4] = {0.0, 0.5, 0.5, 1.0};
-    ncgen_mask good = r->running;
-    for (int s = 1; s < 4; ++s) {
-        for (int i = 0; i < r->ny; ++i)
-            r->new_y[i] = r->y[i] + node[s] * h * r->k[s - 1][i];
-        good = derivative(r, t + node[s] * h, r->new_y, r->k[s], good);
-    }
-    for (int i = 0; i < r->ny; ++i) {
-        ncgen_real sum = ncgen_splat(0.0);
-        for (int s = 0; s < 4; ++s)
-            sum += weight[s] * r->k[s][i];
-        r->new_y[i] = r->y[i] + h * sum;
-    }
-    good = derivative(r, t + h, r->new_y, r->k[4], good);
-    end(r, ~good, NCGEN_NOT_CONVERGED);
-    accept(r, r->running, t + h, r->new_y, r->k[4]);
+    end(r, ~trial_step(r, method, t, h), NCGEN_NOT_CONVERGED);
+    accept(r, r->running, t + h, r->new_y, r->k[method->stages]);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
         if (r->running[lane])
             r->to.steps[lane] += 1;
 }
 
-static void run_rk4(run *r)
+static void run_fixed(run *r, const tableau *method)
 {
     const double longest = r->options->max_step, *times = r->to.times;
     for (int row = 1; row < r->to.n_times && ncgen_any(r->running); ++row) {
@@ -403,7 +421,7 @@ static void run_rk4(run *r)
             count = 1;
         for (long i = 0; i < count && ncgen_any(r->running); ++i) {
             const double t = times[row - 1] + (double)i * (span / (double)count);
-            rk4_step(r, ncgen_splat(t), ncgen_splat(i + 1 == count ? times[row] - t : span / (double)count));
+            fixed_step(r, method, ncgen_splat(t), ncgen_splat(i + 1 == count ? times[row] - t : span / (double)count));
             if (i + 1 == count)
                 write_rows(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
             if (i + 1 < count || row + 1 < r->to.n_times)
@@ -473,10 +491,11 @@ void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynami
             r.to = (output){n_times, times, out_q + first * n_times * n, out_qd + first * n_times * n,
                             out_work + first * n_times, status + first, steps + first, reached + first};
             begin(&r, left < NCGEN_LANES ? (int)left : NCGEN_LANES, q + first * n, zd + first * nz, p + first * p_stride, p_stride);
+            const tableau *method = &tableaus[options->method];
             if (options->method == NCGEN_RK4)
-                run_rk4(&r);
+                run_fixed(&r, method);
             else
-                run_dopri5(&r);
+                run_adaptive(&r, method);
         }
     }
 }

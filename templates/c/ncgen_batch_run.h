@@ -14,7 +14,7 @@
 /* Numbers of workspace that one thread needs. */
 size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics);
 
-/* Simulate `count` states over times[0] .. times[n_times - 1], with dopri5 or rk4.
+/* Simulate `count` states over times[0] .. times[n_times - 1], with dopri5, dop853 or rk4.
  *
  * q, zd: consistent positions (count x n_coordinates) and independent velocities (count x n_independent); p: a row of
  *     n_parameters for all (p_stride 0) or each

@@ -49,7 +49,12 @@ def test_robot_falls_as_alone(robot, threads):
         assert_as_alone(robot, batch, i, run)
 
 
-@pytest.mark.parametrize("options", [{"rtol": 1e-7, "atol": 1e-9}, {"integrator": "rk4", "max_step": 0.004}, {"max_step": 0.01}])
+@pytest.mark.parametrize("options", [
+    {"rtol": 1e-7, "atol": 1e-9},
+    {"integrator": "dop853", "rtol": 1e-9, "atol": 1e-11},
+    {"integrator": "rk4", "max_step": 0.004},
+    {"max_step": 0.01},
+])  # fmt: skip
 def test_parameters_as_alone(driven, options):
     """Own parameters for each state: the driver turns at another speed, the spring has another stiffness."""
     p = np.column_stack([np.linspace(20, 60, COUNT), np.linspace(1, 4, COUNT)])
@@ -101,7 +106,7 @@ def test_open_positions_are_closed(robot):
         ({"zd0": np.zeros((3, 6)), "q0": np.zeros((2, 36))}, r"q0, zd0 and p have \[2, 3\] rows"),
         ({"zd0": np.zeros((3, 5))}, r"zd0 has shape \(3, 5\); \(6,\) or \(3, 6\) is needed"),
         ({"zd0": np.full((3, 6), np.nan)}, "zd0 has numbers that are not finite"),
-        ({"zd0": np.zeros((3, 6)), "integrator": "bdf"}, "bdf is not among dopri5, rk4"),
+        ({"zd0": np.zeros((3, 6)), "integrator": "bdf"}, "bdf is not among dopri5, dop853, rk4"),
     ],
 )
 def test_mistakes_are_named(robot, given, said):
