@@ -93,12 +93,12 @@ int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x25 = x24 - R(0.727606875108999) * uD_z - R(0.45374260648651515);
         phi[13] = x25;
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
-        const ncgen_real sin_theta1 = sine[0];
-        const ncgen_real x26 = (R(0.30000000000000004) * x21 - R(0.2) * D_z) * sin_theta1;
-        const ncgen_real x27 = R(0.485071250072666) * (R(0.2) * x21 + R(0.30000000000000004) * D_z);
-        const ncgen_real x28 = x27 - R(0.0970142500145332) * x18 - R(0.21828206253269974) * x18;
+        const ncgen_real x26 = R(0.485071250072666) * (R(0.2) * x21 + R(0.30000000000000004) * D_z);
+        const ncgen_real x27 = x26 - R(0.0970142500145332) * x18 - R(0.21828206253269974) * x18;
         const ncgen_real cos_theta1 = cosine[0];
-        phi[14] = R(6.052275326688023) * (x26 + x28 * cos_theta1);
+        const ncgen_real sin_theta1 = sine[0];
+        const ncgen_real x28 = (R(0.30000000000000004) * x21 - R(0.2) * D_z) * sin_theta1;
+        phi[14] = R(6.052275326688023) * (x28 + x27 * cos_theta1);
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real x29 = R(0.26726124191242434) * (R(0.2) * x2 - R(0.30000000000000004) * x3);
         const ncgen_real x30 = x29 - R(0.10690449676496974) * x1 - R(0.24053511772118197) * x1;
@@ -238,10 +238,10 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[67] = -(R(6.052275326688023) * x23);
         const ncgen_real x24 = R(0.2) * sin_theta1 - R(0.14552137502179982) * cos_theta1;
         phi_q[68] = -(R(6.052275326688023) * x24);
-        const ncgen_real x25 = cos_theta1 * (R(0.30000000000000004) * x22 - R(0.2) * D_z);
-        const ncgen_real x26 = R(0.485071250072666) * (R(0.2) * x22 + R(0.30000000000000004) * D_z);
-        const ncgen_real x27 = x26 - R(0.0970142500145332) * x19 - R(0.21828206253269974) * x19;
-        phi_q[69] = R(6.052275326688023) * (x25 - sin_theta1 * x27);
+        const ncgen_real x25 = R(0.485071250072666) * (R(0.2) * x22 + R(0.30000000000000004) * D_z);
+        const ncgen_real x26 = x25 - R(0.0970142500145332) * x19 - R(0.21828206253269974) * x19;
+        const ncgen_real x27 = cos_theta1 * (R(0.30000000000000004) * x22 - R(0.2) * D_z);
+        phi_q[69] = R(6.052275326688023) * (x27 - sin_theta1 * x26);
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real cos_theta2 = cosine[1];
         phi_q[70] = R(2.1028002062685345) * cos_theta2;
@@ -315,43 +315,43 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         gamma[12] = NCGEN_SPLAT(R(0.0));
         gamma[13] = NCGEN_SPLAT(R(0.0));
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
+        const ncgen_real x11 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
+        const ncgen_real x12 = R(0.21828206253269974) * dD_x - x11 + R(0.0970142500145332) * dD_x;
+        const ncgen_real dtheta1 = qd[12];
+        const ncgen_real x13 = R(2.0) * dtheta1;
         const ncgen_real sin_theta1 = sine[0];
         const ncgen_real D_y = q[4];
-        const ncgen_real x11 = -R(0.1) - D_y;
+        const ncgen_real x14 = -R(0.1) - D_y;
         const ncgen_real D_z = q[5];
-        const ncgen_real dtheta1 = qd[12];
-        const ncgen_real x12 = dtheta1 * dtheta1;
-        const ncgen_real x13 = sin_theta1 * ((R(0.30000000000000004) * x11 - R(0.2) * D_z) * x12);
+        const ncgen_real x15 = dtheta1 * dtheta1;
+        const ncgen_real x16 = sin_theta1 * ((R(0.30000000000000004) * x14 - R(0.2) * D_z) * x15);
         const ncgen_real cos_theta1 = cosine[0];
-        const ncgen_real x14 = R(2.0) * dtheta1;
-        const ncgen_real x15 = cos_theta1 * (x14 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
-        const ncgen_real x16 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
-        const ncgen_real x17 = R(0.21828206253269974) * dD_x - x16 + R(0.0970142500145332) * dD_x;
+        const ncgen_real x17 = cos_theta1 * (x13 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
+        const ncgen_real x18 = R(0.485071250072666) * (R(0.2) * x14 + R(0.30000000000000004) * D_z);
         const ncgen_real D_x = q[3];
-        const ncgen_real x18 = R(0.2) - D_x;
-        const ncgen_real x19 = R(0.485071250072666) * (R(0.2) * x11 + R(0.30000000000000004) * D_z);
-        const ncgen_real x20 = R(0.0970142500145332) * x18 + (x19 + R(0.21828206253269974) * x18);
-        const ncgen_real x21 = x13 + x15 - sin_theta1 * (x14 * x17) + cos_theta1 * (x12 * x20);
+        const ncgen_real x19 = R(0.2) - D_x;
+        const ncgen_real x20 = R(0.0970142500145332) * x19 + (x18 + R(0.21828206253269974) * x19);
+        const ncgen_real x21 = x16 + x17 - sin_theta1 * (x13 * x12) + cos_theta1 * (x15 * x20);
         gamma[14] = R(6.052275326688023) * x21;
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
+        const ncgen_real x22 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
+        const ncgen_real x23 = x22 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
+        const ncgen_real dtheta2 = qd[13];
+        const ncgen_real x24 = R(2.0) * dtheta2;
         const ncgen_real sin_theta2 = sine[1];
         const ncgen_real C_y = q[1];
-        const ncgen_real x22 = C_y - R(0.2);
+        const ncgen_real x25 = C_y - R(0.2);
         const ncgen_real C_z = q[2];
-        const ncgen_real x23 = C_z - R(0.2);
-        const ncgen_real dtheta2 = qd[13];
-        const ncgen_real x24 = dtheta2 * dtheta2;
-        const ncgen_real x25 = sin_theta2 * ((R(0.30000000000000004) * x22 + R(0.2) * x23) * x24);
+        const ncgen_real x26 = C_z - R(0.2);
+        const ncgen_real x27 = dtheta2 * dtheta2;
+        const ncgen_real x28 = sin_theta2 * ((R(0.30000000000000004) * x25 + R(0.2) * x26) * x27);
         const ncgen_real cos_theta2 = cosine[1];
-        const ncgen_real x26 = R(2.0) * dtheta2;
-        const ncgen_real x27 = cos_theta2 * (x26 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
-        const ncgen_real x28 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
-        const ncgen_real x29 = x28 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
+        const ncgen_real x29 = cos_theta2 * (x24 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
+        const ncgen_real x30 = R(0.26726124191242434) * (R(0.30000000000000004) * x26 - R(0.2) * x25);
         const ncgen_real C_x = q[0];
-        const ncgen_real x30 = C_x - R(0.2);
-        const ncgen_real x31 = R(0.26726124191242434) * (R(0.30000000000000004) * x23 - R(0.2) * x22);
-        const ncgen_real x32 = R(0.10690449676496974) * x30 + (x31 + R(0.24053511772118197) * x30);
-        const ncgen_real x33 = x25 - x27 + sin_theta2 * (x26 * x29) + cos_theta2 * (x24 * x32);
+        const ncgen_real x31 = C_x - R(0.2);
+        const ncgen_real x32 = R(0.10690449676496974) * x31 + (x30 + R(0.24053511772118197) * x31);
+        const ncgen_real x33 = x28 - x29 + sin_theta2 * (x24 * x23) + cos_theta2 * (x27 * x32);
         gamma[15] = R(6.052275326688023) * x33;
     }
 
@@ -396,20 +396,20 @@ int bennett_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* C.x; C.y; C.z; D.x; D.y; D.z; C.x D.x; C.y D.y; C.z D.z */
-        const ncgen_real dD_z = qd[5];
-        const ncgen_real dC_z = qd[2];
-        const ncgen_real dD_y = qd[4];
-        const ncgen_real dC_y = qd[1];
-        const ncgen_real dD_x = qd[3];
         const ncgen_real dC_x = qd[0];
+        const ncgen_real dC_y = qd[1];
         const ncgen_real x1 = R(0.3333333333333333) * (dC_x * dC_x) + R(0.3333333333333333) * (dC_y * dC_y);
+        const ncgen_real dC_z = qd[2];
+        const ncgen_real dD_x = qd[3];
         const ncgen_real x2 = R(0.33333333333333337) * (dD_x * dD_x) + (R(0.3333333333333333) * (dC_z * dC_z) + x1);
+        const ncgen_real dD_y = qd[4];
+        const ncgen_real dD_z = qd[5];
         const ncgen_real x3 = R(0.33333333333333337) * (dD_z * dD_z) + (R(0.33333333333333337) * (dD_y * dD_y) + x2);
         const ncgen_real x4 = dD_y * (R(0.16666666666666666) * dC_y) + (dD_x * (R(0.16666666666666666) * dC_x) + x3);
         energy[0] = dD_z * (R(0.16666666666666666) * dC_z) + x4;
         /* C.z; D.z */
-        const ncgen_real D_z = q[5];
         const ncgen_real C_z = q[2];
+        const ncgen_real D_z = q[5];
         energy[1] = R(9.81) * D_z + (R(9.81) * C_z + R(0.9810000000000001));
         energy[2] = NCGEN_SPLAT(R(0.0));
     }
@@ -612,30 +612,30 @@ int bennett_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[81] = NCGEN_SPLAT(-R(0.727606875108999));
         constraints[103] = NCGEN_SPLAT(R(0.0));
         /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
-        const ncgen_real x54 = R(0.30000000000000004) * x48 - R(0.2) * D_z;
-        const ncgen_real sin_theta1 = sine[0];
-        const ncgen_real x55 = R(0.485071250072666) * (R(0.2) * x48 + R(0.30000000000000004) * D_z);
-        const ncgen_real x56 = R(0.0970142500145332) * x42;
-        const ncgen_real x57 = R(0.21828206253269974) * x42;
-        const ncgen_real x58 = x55 - x56 - x57;
+        const ncgen_real x54 = R(0.485071250072666) * (R(0.2) * x48 + R(0.30000000000000004) * D_z);
+        const ncgen_real x55 = R(0.0970142500145332) * x42;
+        const ncgen_real x56 = R(0.21828206253269974) * x42;
+        const ncgen_real x57 = x54 - x55 - x56;
         const ncgen_real cos_theta1 = cosine[0];
-        const ncgen_real x59 = R(6.052275326688023) * (x54 * sin_theta1 + x58 * cos_theta1);
+        const ncgen_real x58 = R(0.30000000000000004) * x48 - R(0.2) * D_z;
+        const ncgen_real sin_theta1 = sine[0];
+        const ncgen_real x59 = R(6.052275326688023) * (x57 * cos_theta1 + x58 * sin_theta1);
         constraints[14] = x59;
         constraints[82] = -(R(1.9082600930253333) * cos_theta1);
         const ncgen_real x60 = R(0.30000000000000004) * sin_theta1 + R(0.0970142500145332) * cos_theta1;
         constraints[83] = -(R(6.052275326688023) * x60);
         const ncgen_real x61 = R(0.2) * sin_theta1 - R(0.14552137502179982) * cos_theta1;
         constraints[84] = -(R(6.052275326688023) * x61);
-        const ncgen_real x62 = R(6.052275326688023) * (x54 * cos_theta1 - sin_theta1 * x58);
+        const ncgen_real x62 = R(6.052275326688023) * (cos_theta1 * x58 - x57 * sin_theta1);
         constraints[85] = x62;
+        const ncgen_real x63 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
+        const ncgen_real x64 = R(0.21828206253269974) * dD_x - x63 + R(0.0970142500145332) * dD_x;
         const ncgen_real dtheta1 = qd[12];
-        const ncgen_real x63 = dtheta1 * dtheta1;
-        const ncgen_real x64 = R(2.0) * dtheta1;
-        const ncgen_real x65 = cos_theta1 * (x64 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
-        const ncgen_real x66 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
-        const ncgen_real x67 = R(0.21828206253269974) * dD_x - x66 + R(0.0970142500145332) * dD_x;
-        const ncgen_real x68 = sin_theta1 * (x54 * x63) + x65 - sin_theta1 * (x64 * x67);
-        const ncgen_real x69 = R(6.052275326688023) * (x68 + cos_theta1 * (x63 * (x55 - x57 - x56)));
+        const ncgen_real x65 = R(2.0) * dtheta1;
+        const ncgen_real x66 = dtheta1 * dtheta1;
+        const ncgen_real x67 = cos_theta1 * (x65 * (R(0.30000000000000004) * dD_y + R(0.2) * dD_z));
+        const ncgen_real x68 = sin_theta1 * (x58 * x66) + x67 - sin_theta1 * (x64 * x65);
+        const ncgen_real x69 = R(6.052275326688023) * (x68 + cos_theta1 * (x66 * (x54 - x56 - x55)));
         constraints[104] = x69;
         /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real x70 = R(0.26726124191242434) * (R(0.2) * x2 - R(0.30000000000000004) * x3);
@@ -652,15 +652,15 @@ int bennett_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[87] = R(6.052275326688023) * x76;
         const ncgen_real x77 = R(0.2) * sin_theta2 + R(0.08017837257372731) * cos_theta2;
         constraints[88] = R(6.052275326688023) * x77;
-        const ncgen_real x78 = R(6.052275326688023) * (cos_theta2 * x74 + x73 * sin_theta2);
+        const ncgen_real x78 = R(6.052275326688023) * (x73 * sin_theta2 + cos_theta2 * x74);
         constraints[89] = -x78;
+        const ncgen_real x79 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
+        const ncgen_real x80 = x79 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
         const ncgen_real dtheta2 = qd[13];
-        const ncgen_real x79 = R(2.0) * dtheta2;
-        const ncgen_real x80 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
-        const ncgen_real x81 = x80 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
+        const ncgen_real x81 = R(2.0) * dtheta2;
         const ncgen_real x82 = dtheta2 * dtheta2;
-        const ncgen_real x83 = cos_theta2 * (x79 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
-        const ncgen_real x84 = sin_theta2 * (x79 * x81) - (sin_theta2 * (x74 * x82) + x83);
+        const ncgen_real x83 = cos_theta2 * (x81 * (R(0.30000000000000004) * dC_y + R(0.2) * dC_z));
+        const ncgen_real x84 = sin_theta2 * (x80 * x81) - (sin_theta2 * (x74 * x82) + x83);
         const ncgen_real x85 = R(6.052275326688023) * (x84 + cos_theta2 * (x82 * (x70 - x72 - x71)));
         constraints[105] = x85;
     }
@@ -735,7 +735,7 @@ const ncgen_model *bennett_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bennett",
-        .fingerprint = "56afbd563b43c086",
+        .fingerprint = "d576f41d4a6a885c",
         .n_coordinates = 14,
         .n_rows = 16,
         .n_parameters = 0,

@@ -153,10 +153,10 @@ def phi(t, q, p):
     x21 = 0.485071250072666 * uD_y - 0.485071250072666 * uD_x - 0.727606875108999 * uD_z
     phi[..., 13] = x21 - 0.45374260648651515
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
-    sin_theta1 = sine[..., 0]
     x22 = 0.485071250072666 * (0.2 * x18 + 0.30000000000000004 * D_z)
     x23 = x22 - 0.0970142500145332 * x15 - 0.21828206253269974 * x15
     cos_theta1 = cosine[..., 0]
+    sin_theta1 = sine[..., 0]
     x24 = (0.30000000000000004 * x18 - 0.2 * D_z) * sin_theta1 + x23 * cos_theta1
     phi[..., 14] = 6.052275326688023 * x24
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
@@ -364,43 +364,43 @@ def gamma(t, q, qd, p):
     gamma[..., 12] = 0.0
     gamma[..., 13] = 0.0
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
+    x10 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
+    x11 = 0.21828206253269974 * dD_x - x10 + 0.0970142500145332 * dD_x
+    dtheta1 = qd[..., 12]
+    x12 = 2.0 * dtheta1
     sin_theta1 = sine[..., 0]
     D_y = q[..., 4]
-    x10 = -0.1 - D_y
+    x13 = -0.1 - D_y
     D_z = q[..., 5]
-    dtheta1 = qd[..., 12]
-    x11 = dtheta1 * dtheta1
-    x12 = sin_theta1 * ((0.30000000000000004 * x10 - 0.2 * D_z) * x11)
+    x14 = dtheta1 * dtheta1
+    x15 = sin_theta1 * ((0.30000000000000004 * x13 - 0.2 * D_z) * x14)
     cos_theta1 = cosine[..., 0]
-    x13 = 2.0 * dtheta1
-    x14 = cos_theta1 * (x13 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
-    x15 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
-    x16 = 0.21828206253269974 * dD_x - x15 + 0.0970142500145332 * dD_x
+    x16 = cos_theta1 * (x12 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
+    x17 = 0.485071250072666 * (0.2 * x13 + 0.30000000000000004 * D_z)
     D_x = q[..., 3]
-    x17 = 0.2 - D_x
-    x18 = 0.485071250072666 * (0.2 * x10 + 0.30000000000000004 * D_z)
-    x19 = 0.0970142500145332 * x17 + (x18 + 0.21828206253269974 * x17)
-    x20 = x12 + x14 - sin_theta1 * (x13 * x16) + cos_theta1 * (x11 * x19)
+    x18 = 0.2 - D_x
+    x19 = 0.0970142500145332 * x18 + (x17 + 0.21828206253269974 * x18)
+    x20 = x15 + x16 - sin_theta1 * (x12 * x11) + cos_theta1 * (x14 * x19)
     gamma[..., 14] = 6.052275326688023 * x20
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
+    x21 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
+    x22 = x21 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
+    dtheta2 = qd[..., 13]
+    x23 = 2.0 * dtheta2
     sin_theta2 = sine[..., 1]
     C_y = q[..., 1]
-    x21 = C_y - 0.2
+    x24 = C_y - 0.2
     C_z = q[..., 2]
-    x22 = C_z - 0.2
-    dtheta2 = qd[..., 13]
-    x23 = dtheta2 * dtheta2
-    x24 = sin_theta2 * ((0.30000000000000004 * x21 + 0.2 * x22) * x23)
+    x25 = C_z - 0.2
+    x26 = dtheta2 * dtheta2
+    x27 = sin_theta2 * ((0.30000000000000004 * x24 + 0.2 * x25) * x26)
     cos_theta2 = cosine[..., 1]
-    x25 = 2.0 * dtheta2
-    x26 = cos_theta2 * (x25 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
-    x27 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
-    x28 = x27 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
+    x28 = cos_theta2 * (x23 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
+    x29 = 0.26726124191242434 * (0.30000000000000004 * x25 - 0.2 * x24)
     C_x = q[..., 0]
-    x29 = C_x - 0.2
-    x30 = 0.26726124191242434 * (0.30000000000000004 * x22 - 0.2 * x21)
-    x31 = 0.10690449676496974 * x29 + (x30 + 0.24053511772118197 * x29)
-    x32 = x24 - x26 + sin_theta2 * (x25 * x28) + cos_theta2 * (x23 * x31)
+    x30 = C_x - 0.2
+    x31 = 0.10690449676496974 * x30 + (x29 + 0.24053511772118197 * x30)
+    x32 = x27 - x28 + sin_theta2 * (x23 * x22) + cos_theta2 * (x26 * x31)
     gamma[..., 15] = 6.052275326688023 * x32
     return gamma
 
@@ -430,20 +430,20 @@ def energy(t, q, qd, p):
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # C.x; C.y; C.z; D.x; D.y; D.z; C.x D.x; C.y D.y; C.z D.z
-    dD_z = qd[..., 5]
-    dC_z = qd[..., 2]
-    dD_y = qd[..., 4]
-    dC_y = qd[..., 1]
-    dD_x = qd[..., 3]
     dC_x = qd[..., 0]
+    dC_y = qd[..., 1]
     x1 = 0.3333333333333333 * (dC_x * dC_x) + 0.3333333333333333 * (dC_y * dC_y)
+    dC_z = qd[..., 2]
+    dD_x = qd[..., 3]
     x2 = 0.33333333333333337 * (dD_x * dD_x) + (0.3333333333333333 * (dC_z * dC_z) + x1)
+    dD_y = qd[..., 4]
+    dD_z = qd[..., 5]
     x3 = 0.33333333333333337 * (dD_z * dD_z) + (0.33333333333333337 * (dD_y * dD_y) + x2)
     x4 = dD_y * (0.16666666666666666 * dC_y) + (dD_x * (0.16666666666666666 * dC_x) + x3)
     energy[..., 0] = dD_z * (0.16666666666666666 * dC_z) + x4
     # C.z; D.z
-    D_z = q[..., 5]
     C_z = q[..., 2]
+    D_z = q[..., 5]
     energy[..., 1] = 9.81 * D_z + (9.81 * C_z + 0.9810000000000001)
     energy[..., 2] = 0.0
     return energy
@@ -636,30 +636,30 @@ def constraints(t, q, qd, p):
     constraints[..., 81] = -0.727606875108999
     constraints[..., 103] = 0.0
     # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
-    x49 = 0.30000000000000004 * x44 - 0.2 * D_z
-    sin_theta1 = sine[..., 0]
-    x50 = 0.485071250072666 * (0.2 * x44 + 0.30000000000000004 * D_z)
-    x51 = 0.0970142500145332 * x38
-    x52 = 0.21828206253269974 * x38
-    x53 = x50 - x51 - x52
+    x49 = 0.485071250072666 * (0.2 * x44 + 0.30000000000000004 * D_z)
+    x50 = 0.0970142500145332 * x38
+    x51 = 0.21828206253269974 * x38
+    x52 = x49 - x50 - x51
     cos_theta1 = cosine[..., 0]
-    x54 = 6.052275326688023 * (x49 * sin_theta1 + x53 * cos_theta1)
+    x53 = 0.30000000000000004 * x44 - 0.2 * D_z
+    sin_theta1 = sine[..., 0]
+    x54 = 6.052275326688023 * (x52 * cos_theta1 + x53 * sin_theta1)
     constraints[..., 14] = x54
     constraints[..., 82] = -(1.9082600930253333 * cos_theta1)
     x55 = 0.30000000000000004 * sin_theta1 + 0.0970142500145332 * cos_theta1
     constraints[..., 83] = -(6.052275326688023 * x55)
     x56 = 6.052275326688023 * (0.2 * sin_theta1 - 0.14552137502179982 * cos_theta1)
     constraints[..., 84] = -x56
-    x57 = 6.052275326688023 * (x49 * cos_theta1 - sin_theta1 * x53)
+    x57 = 6.052275326688023 * (cos_theta1 * x53 - x52 * sin_theta1)
     constraints[..., 85] = x57
+    x58 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
+    x59 = 0.21828206253269974 * dD_x - x58 + 0.0970142500145332 * dD_x
     dtheta1 = qd[..., 12]
-    x58 = dtheta1 * dtheta1
-    x59 = 2.0 * dtheta1
-    x60 = cos_theta1 * (x59 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
-    x61 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
-    x62 = 0.21828206253269974 * dD_x - x61 + 0.0970142500145332 * dD_x
-    x63 = sin_theta1 * (x49 * x58) + x60 - sin_theta1 * (x59 * x62)
-    x64 = 6.052275326688023 * (x63 + cos_theta1 * (x58 * (x50 - x52 - x51)))
+    x60 = 2.0 * dtheta1
+    x61 = dtheta1 * dtheta1
+    x62 = cos_theta1 * (x60 * (0.30000000000000004 * dD_y + 0.2 * dD_z))
+    x63 = sin_theta1 * (x53 * x61) + x62 - sin_theta1 * (x59 * x60)
+    x64 = 6.052275326688023 * (x63 + cos_theta1 * (x61 * (x49 - x51 - x50)))
     constraints[..., 104] = x64
     # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
     x65 = 0.26726124191242434 * (0.2 * x2 - 0.30000000000000004 * x3)
@@ -676,15 +676,15 @@ def constraints(t, q, qd, p):
     constraints[..., 87] = 6.052275326688023 * x71
     x72 = 6.052275326688023 * (0.2 * sin_theta2 + 0.08017837257372731 * cos_theta2)
     constraints[..., 88] = x72
-    x73 = 6.052275326688023 * (cos_theta2 * x69 + x68 * sin_theta2)
+    x73 = 6.052275326688023 * (x68 * sin_theta2 + cos_theta2 * x69)
     constraints[..., 89] = -x73
+    x74 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
+    x75 = x74 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
     dtheta2 = qd[..., 13]
-    x74 = 2.0 * dtheta2
-    x75 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
-    x76 = x75 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
+    x76 = 2.0 * dtheta2
     x77 = dtheta2 * dtheta2
-    x78 = cos_theta2 * (x74 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
-    x79 = sin_theta2 * (x74 * x76) - (sin_theta2 * (x69 * x77) + x78)
+    x78 = cos_theta2 * (x76 * (0.30000000000000004 * dC_y + 0.2 * dC_z))
+    x79 = sin_theta2 * (x75 * x76) - (sin_theta2 * (x69 * x77) + x78)
     x80 = 6.052275326688023 * (x79 + cos_theta2 * (x77 * (x65 - x67 - x66)))
     constraints[..., 105] = x80
     return constraints

@@ -430,20 +430,20 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     {
         /* P1.z; P2.z; P3.z; P4.z; P5.z; P6.z; P7.z; P8.z; P9.z; P10.z */
-        const ncgen_real P10_z = q[29];
-        const ncgen_real P9_z = q[26];
-        const ncgen_real P8_z = q[23];
-        const ncgen_real P7_z = q[20];
-        const ncgen_real P6_z = q[17];
-        const ncgen_real P5_z = q[14];
-        const ncgen_real P4_z = q[11];
-        const ncgen_real P3_z = q[8];
         const ncgen_real P1_z = q[2];
         const ncgen_real P2_z = q[5];
         const ncgen_real x1 = R(0.9810000000000001) * P1_z + R(0.9810000000000002) * P2_z;
+        const ncgen_real P3_z = q[8];
+        const ncgen_real P4_z = q[11];
         const ncgen_real x2 = R(0.9810000000000002) * P4_z + (R(0.9810000000000001) * P3_z + x1);
+        const ncgen_real P5_z = q[14];
+        const ncgen_real P6_z = q[17];
         const ncgen_real x3 = R(0.9810000000000004) * P6_z + (R(0.9809999999999999) * P5_z + x2);
+        const ncgen_real P7_z = q[20];
+        const ncgen_real P8_z = q[23];
         const ncgen_real x4 = R(0.9810000000000004) * P8_z + (R(0.9809999999999997) * P7_z + x3);
+        const ncgen_real P9_z = q[26];
+        const ncgen_real P10_z = q[29];
         energy[1] = R(0.49050000000000005) * P10_z + (R(0.981) * P9_z + x4);
     }
 
@@ -452,8 +452,8 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   P6.x, P6.y, P6.z, P7.x, P7.y, P7.z, P8.x, P8.y, P8.z, P9.x, P9.y, P9.z, P10.x, P10.y, */
     /*   P10.z */
     for (int i = 0; i < 30; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(chain_number_3[i]);
         const ncgen_real dx = qd[i];
+        const ncgen_real x1 = NCGEN_SPLAT(chain_number_3[i]);
         energy[0] += x1 * (dx * dx);
     }
 
@@ -463,9 +463,9 @@ int chain_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   P6.y P7.y, P6.z P7.z, P7.x P8.x, P7.y P8.y, P7.z P8.z, P8.x P9.x, P8.y P9.y, P8.z P9.z, */
     /*   P9.x P10.x, P9.y P10.y, P9.z P10.z */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real dy = qd[i + 3];
         const ncgen_real dx = qd[i];
         const ncgen_real m = NCGEN_SPLAT(chain_number_4[i]);
+        const ncgen_real dy = qd[i + 3];
         energy[0] += dy * (dx * m);
     }
 
@@ -812,7 +812,7 @@ const ncgen_model *chain_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "chain",
-        .fingerprint = "3b342d7ca66be0d4",
+        .fingerprint = "d4f7ff5f0f9fa2cc",
         .n_coordinates = 30,
         .n_rows = 10,
         .n_parameters = 0,

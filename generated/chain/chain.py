@@ -476,36 +476,36 @@ def energy(t, q, qd, p):
     # constant part
     energy[..., 0:3] = 0.0
     # P1.z; P2.z; P3.z; P4.z; P5.z; P6.z; P7.z; P8.z; P9.z; P10.z
-    P10_z = q[..., 29]
-    P9_z = q[..., 26]
-    P8_z = q[..., 23]
-    P7_z = q[..., 20]
-    P6_z = q[..., 17]
-    P5_z = q[..., 14]
-    P4_z = q[..., 11]
-    P3_z = q[..., 8]
     P1_z = q[..., 2]
     P2_z = q[..., 5]
+    P3_z = q[..., 8]
     x1 = 0.9810000000000001 * P3_z + (0.9810000000000001 * P1_z + 0.9810000000000002 * P2_z)
+    P4_z = q[..., 11]
+    P5_z = q[..., 14]
     x2 = 0.9809999999999999 * P5_z + (0.9810000000000002 * P4_z + x1)
+    P6_z = q[..., 17]
+    P7_z = q[..., 20]
     x3 = 0.9809999999999997 * P7_z + (0.9810000000000004 * P6_z + x2)
+    P8_z = q[..., 23]
+    P9_z = q[..., 26]
+    P10_z = q[..., 29]
     x4 = 0.49050000000000005 * P10_z + (0.981 * P9_z + (0.9810000000000004 * P8_z + x3))
     energy[..., 1] = x4
     # mass-diagonal: m v^2 / 2
     #   P1.x, P1.y, P1.z, P2.x, P2.y, P2.z, P3.x, P3.y, P3.z, P4.x, P4.y, P4.z, P5.x, P5.y, P5.z,
     #   P6.x, P6.y, P6.z, P7.x, P7.y, P7.z, P8.x, P8.y, P8.z, P9.x, P9.y, P9.z, P10.x, P10.y,
     #   P10.z
-    x1 = _number_3
     dx = qd[..., 0:30]
+    x1 = _number_3
     energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(30), axis=-1)
     # mass-pair: m v w
     #   P1.x P2.x, P1.y P2.y, P1.z P2.z, P2.x P3.x, P2.y P3.y, P2.z P3.z, P3.x P4.x, P3.y P4.y,
     #   P3.z P4.z, P4.x P5.x, P4.y P5.y, P4.z P5.z, P5.x P6.x, P5.y P6.y, P5.z P6.z, P6.x P7.x,
     #   P6.y P7.y, P6.z P7.z, P7.x P8.x, P7.y P8.y, P7.z P8.z, P8.x P9.x, P8.y P9.y, P8.z P9.z,
     #   P9.x P10.x, P9.y P10.y, P9.z P10.z
-    dy = qd[..., 3:30]
     dx = qd[..., 0:27]
     m = _number_4
+    dy = qd[..., 3:30]
     energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(27), axis=-1)
     return energy
 

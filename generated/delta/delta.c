@@ -10,11 +10,11 @@ static const int delta_index_1[45] = {
     38, 16, 17, 18, 39, 40, 41, 23, 24, 25, 42, 43, 44, 26, 27, 28, 45, 46, 47
 };
 static const int delta_index_2[27] = {
-    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 3, 4, 5, 6, 7, 8, 6, 7, 8
-};
-static const int delta_index_3[27] = {
     0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 14, 15, 20, 21, 22, 23, 24, 25, 27, 28, 29, 27, 28, 29, 30,
     31, 32
+};
+static const int delta_index_3[27] = {
+    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 3, 4, 5, 6, 7, 8, 6, 7, 8
 };
 
 static const ncgen_scalar delta_number_1[99] = {
@@ -115,11 +115,11 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real E1b_z = q[8];
         phi[7] = E1b_z - R(1.0000000000000002) * E1_z;
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real x9 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
-        const ncgen_real cos_psi1 = cosine[0];
         const ncgen_real sin_psi1 = sine[0];
-        const ncgen_real x10 = (R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2) * sin_psi1;
-        phi[8] = R(2.380952380952381) * (x9 * cos_psi1 - x10);
+        const ncgen_real x9 = (R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2) * sin_psi1;
+        const ncgen_real x10 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        const ncgen_real cos_psi1 = cosine[0];
+        phi[8] = R(2.380952380952381) * (x10 * cos_psi1 - x9);
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real E2_x = q[10];
         const ncgen_real x11 = -R(0.28578838324886474) - E2_x;
@@ -143,8 +143,8 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x19 = E2a_y + R(3.663735981263019e-17) - x18 - R(0.06928203230275505);
         phi[12] = x19;
         /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
-        const ncgen_real E2a_z = q[15];
         const ncgen_real x20 = R(1.0000000000000002) * E2_z;
+        const ncgen_real E2a_z = q[15];
         phi[13] = E2a_z - x20;
         /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
         const ncgen_real E2b_x = q[16];
@@ -158,11 +158,11 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real E2b_z = q[18];
         phi[16] = E2b_z - x20;
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real x23 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
-        const ncgen_real cos_psi2 = cosine[1];
-        const ncgen_real x24 = R(0.8660254037844385) * x14 + R(0.5000000000000003) * x12;
+        const ncgen_real x23 = R(0.8660254037844385) * x14 + R(0.5000000000000003) * x12;
         const ncgen_real sin_psi2 = sine[1];
-        phi[17] = R(2.380952380952381) * (x23 * cos_psi2 - x24 * sin_psi2);
+        const ncgen_real x24 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        const ncgen_real cos_psi2 = cosine[1];
+        phi[17] = R(2.380952380952381) * (x24 * cos_psi2 - x23 * sin_psi2);
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real E3_x = q[20];
         const ncgen_real x25 = -R(6.062001655779399e-17) - E3_x;
@@ -172,9 +172,9 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x27 = x25 * x25 + x26 * x26 + E3_z * E3_z - R(0.17639999999999997);
         phi[18] = R(1.1904761904761905) * x27;
         /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
-        const ncgen_real x28 = E3_x + R(6.062001655779399e-17);
-        const ncgen_real x29 = E3_y + R(0.33);
-        const ncgen_real x30 = R(2.380952380952381) * (x28 - R(1.8369701987210297e-16) * x29);
+        const ncgen_real x28 = E3_y + R(0.33);
+        const ncgen_real x29 = E3_x + R(6.062001655779399e-17);
+        const ncgen_real x30 = R(2.380952380952381) * (x29 - R(1.8369701987210297e-16) * x28);
         phi[19] = x30;
         /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
         const ncgen_real E3a_x = q[23];
@@ -199,9 +199,9 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real E3b_z = q[28];
         phi[25] = E3b_z - R(1.0000000000000002) * E3_z;
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
-        const ncgen_real cos_psi3 = cosine[2];
         const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x35 = (E3_z + R(3.374459510989179e-32) * E3_z) * cos_psi3 - (x29 + R(1.8369701987210297e-16) * x28) * sin_psi3;
+        const ncgen_real cos_psi3 = cosine[2];
+        const ncgen_real x35 = (E3_z + R(3.374459510989179e-32) * E3_z) * cos_psi3 - (x28 + R(1.8369701987210297e-16) * x29) * sin_psi3;
         phi[26] = R(2.380952380952381) * x35;
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real P1a_x = q[30];
@@ -914,17 +914,17 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         gamma[6] = NCGEN_SPLAT(R(0.0));
         gamma[7] = NCGEN_SPLAT(R(0.0));
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real sin_psi1 = sine[0];
         const ncgen_real E1_x = q[0];
         const ncgen_real E1_y = q[1];
         const ncgen_real x2 = R(0.8660254037844387) * (E1_x - R(0.2857883832488648)) + R(0.49999999999999994) * (E1_y - R(0.16499999999999998));
         const ncgen_real dpsi1 = qd[9];
         const ncgen_real x3 = dpsi1 * dpsi1;
+        const ncgen_real sin_psi1 = sine[0];
+        const ncgen_real x4 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
+        const ncgen_real x5 = R(2.0) * dpsi1;
         const ncgen_real cos_psi1 = cosine[0];
-        const ncgen_real x4 = R(2.0) * dpsi1;
-        const ncgen_real x5 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
         const ncgen_real x6 = R(0.24999999999999994) * dE1_z + R(0.7500000000000001) * dE1_z;
-        const ncgen_real x7 = sin_psi1 * (x2 * x3) - cos_psi1 * (x4 * x5) + sin_psi1 * (x4 * x6);
+        const ncgen_real x7 = sin_psi1 * (x2 * x3) - cos_psi1 * (x5 * x4) + sin_psi1 * (x5 * x6);
         const ncgen_real E1_z = q[2];
         const ncgen_real x8 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
         gamma[8] = R(2.380952380952381) * (x7 + cos_psi1 * (x3 * x8));
@@ -942,17 +942,17 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         gamma[15] = NCGEN_SPLAT(R(0.0));
         gamma[16] = NCGEN_SPLAT(R(0.0));
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real sin_psi2 = sine[1];
         const ncgen_real E2_y = q[11];
         const ncgen_real E2_x = q[10];
         const ncgen_real x10 = R(0.5000000000000003) * (E2_y - R(0.16500000000000012)) - R(0.8660254037844385) * (E2_x + R(0.28578838324886474));
         const ncgen_real dpsi2 = qd[19];
         const ncgen_real x11 = dpsi2 * dpsi2;
+        const ncgen_real sin_psi2 = sine[1];
+        const ncgen_real x12 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
+        const ncgen_real x13 = R(2.0) * dpsi2;
         const ncgen_real cos_psi2 = cosine[1];
-        const ncgen_real x12 = R(2.0) * dpsi2;
-        const ncgen_real x13 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
         const ncgen_real x14 = R(0.25000000000000033) * dE2_z + R(0.7499999999999997) * dE2_z;
-        const ncgen_real x15 = sin_psi2 * (x10 * x11) - cos_psi2 * (x12 * x13) + sin_psi2 * (x12 * x14);
+        const ncgen_real x15 = sin_psi2 * (x10 * x11) - cos_psi2 * (x13 * x12) + sin_psi2 * (x13 * x14);
         const ncgen_real E2_z = q[12];
         const ncgen_real x16 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
         gamma[17] = R(2.380952380952381) * (x15 + cos_psi2 * (x11 * x16));
@@ -970,19 +970,19 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         gamma[24] = NCGEN_SPLAT(R(0.0));
         gamma[25] = NCGEN_SPLAT(R(0.0));
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
-        const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real dpsi3 = qd[29];
-        const ncgen_real x18 = R(2.0) * dpsi3;
-        const ncgen_real x19 = cos_psi3 * (x18 * (dE3_y + R(1.8369701987210297e-16) * dE3_x));
-        const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real E3_y = q[21];
         const ncgen_real E3_x = q[20];
-        const ncgen_real x20 = R(1.8369701987210297e-16) * (E3_x + R(6.062001655779399e-17));
-        const ncgen_real x21 = dpsi3 * dpsi3;
-        const ncgen_real x22 = sin_psi3 * (x18 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
+        const ncgen_real x18 = R(1.8369701987210297e-16) * (E3_x + R(6.062001655779399e-17));
+        const ncgen_real E3_y = q[21];
+        const ncgen_real dpsi3 = qd[29];
+        const ncgen_real x19 = dpsi3 * dpsi3;
+        const ncgen_real sin_psi3 = sine[2];
+        const ncgen_real x20 = R(2.0) * dpsi3;
+        const ncgen_real cos_psi3 = cosine[2];
+        const ncgen_real x21 = cos_psi3 * (x20 * (dE3_y + R(1.8369701987210297e-16) * dE3_x));
+        const ncgen_real x22 = sin_psi3 * (x20 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
         const ncgen_real E3_z = q[22];
-        const ncgen_real x23 = cos_psi3 * (x21 * (E3_z + R(3.374459510989179e-32) * E3_z));
-        const ncgen_real x24 = x19 - sin_psi3 * ((E3_y + R(0.33) + x20) * x21) + x22 + x23;
+        const ncgen_real x23 = cos_psi3 * (x19 * (E3_z + R(3.374459510989179e-32) * E3_z));
+        const ncgen_real x24 = x21 - sin_psi3 * ((E3_y + R(0.33) + x18) * x19) + x22 + x23;
         gamma[26] = R(2.380952380952381) * x24;
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real dE1a_x = qd[3];
@@ -1269,39 +1269,39 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     {
         /* E1.z; E2.z; E3.z; E1a.z; P1a.z; E1b.z; P1b.z; E2a.z; P2a.z; E2b.z; P2b.z; E3a.z; P3a.z; E3b.z; P3b.z */
-        const ncgen_real P3b_z = q[47];
-        const ncgen_real E3b_z = q[28];
-        const ncgen_real P3a_z = q[44];
-        const ncgen_real E3a_z = q[25];
-        const ncgen_real P2b_z = q[41];
-        const ncgen_real E2b_z = q[18];
-        const ncgen_real P2a_z = q[38];
-        const ncgen_real E2a_z = q[15];
-        const ncgen_real E1b_z = q[8];
-        const ncgen_real P1a_z = q[32];
-        const ncgen_real E1a_z = q[5];
-        const ncgen_real E3_z = q[22];
         const ncgen_real E1_z = q[2];
         const ncgen_real E2_z = q[12];
         const ncgen_real x1 = R(7.357500000000001) * E1_z + R(7.357500000000002) * E2_z;
+        const ncgen_real E3_z = q[22];
+        const ncgen_real E1a_z = q[5];
+        const ncgen_real P1a_z = q[32];
         const ncgen_real x2 = R(10.065598547461121) * P1a_z + (R(0.73575) * E1a_z + (R(7.357500000000002) * E3_z + x1));
+        const ncgen_real E1b_z = q[8];
         const ncgen_real P1b_z = q[35];
+        const ncgen_real E2a_z = q[15];
         const ncgen_real x3 = R(0.73575) * E2a_z + (R(0.73575) * E1b_z + x2 - R(9.156887251970202) * P1b_z);
+        const ncgen_real P2a_z = q[38];
+        const ncgen_real E2b_z = q[18];
         const ncgen_real x4 = R(0.73575) * E2b_z + (R(11.108538704509083) * P2a_z + x3);
+        const ncgen_real P2b_z = q[41];
+        const ncgen_real E3a_z = q[25];
+        const ncgen_real P3a_z = q[44];
         const ncgen_real x5 = R(0.73575) * P3a_z + (R(0.73575) * E3a_z + (R(0.73575) * P2b_z + x4));
+        const ncgen_real E3b_z = q[28];
+        const ncgen_real P3b_z = q[47];
         energy[1] = R(0.73575) * P3b_z + (R(0.73575) * E3b_z + x5);
         /* motor of psi1; motor of psi2; motor of psi3 */
-        const ncgen_real dpsi3 = qd[29];
         const ncgen_real t_ = t;
         const ncgen_real x6 = NCGEN_COS(R(7.853981633974483) * t_);
         const ncgen_real x7 = R(40.0) * x6;
         const ncgen_real psi3 = q[29];
+        const ncgen_real dpsi3 = qd[29];
         const ncgen_real x8 = dpsi3 * (x7 + R(80.0) - R(400.0) * psi3 - R(20.0) * dpsi3);
-        const ncgen_real dpsi1 = qd[9];
         const ncgen_real psi1 = q[9];
+        const ncgen_real dpsi1 = qd[9];
         const ncgen_real x9 = R(220.00000000000003) - R(400.0) * psi1 - R(20.0) * dpsi1;
-        const ncgen_real dpsi2 = qd[19];
         const ncgen_real psi2 = q[19];
+        const ncgen_real dpsi2 = qd[19];
         const ncgen_real x10 = dpsi2 * (R(160.0) - R(400.0) * psi2 - R(20.0) * dpsi2 - x7);
         energy[2] = x8 + (dpsi1 * (x9 - R(100.0) * x6) + x10);
     }
@@ -1312,8 +1312,8 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   P2a.z, E2b.x, E2b.y, E2b.z, P2b.x, P2b.y, P2b.z, E3a.x, E3a.y, E3a.z, P3a.x, P3a.y, */
     /*   P3a.z, E3b.x, E3b.y, E3b.z, P3b.x, P3b.y, P3b.z */
     for (int i = 0; i < 45; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(delta_number_2[i]);
         const ncgen_real dx = qd[delta_index_1[i]];
+        const ncgen_real x1 = NCGEN_SPLAT(delta_number_2[i]);
         energy[0] += x1 * (dx * dx);
     }
 
@@ -1324,9 +1324,9 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
     /*   P1a.x P1b.x, P1a.y P1b.y, P1a.z P1b.z, P1a.x P2a.x, P1a.y P2a.y, P1a.z P2a.z, */
     /*   P1b.x P2a.x, P1b.y P2a.y, P1b.z P2a.z */
     for (int i = 0; i < 27; ++i) {
-        const ncgen_real dy = qd[delta_index_2[i] + 30];
-        const ncgen_real dx = qd[delta_index_3[i] + 3];
+        const ncgen_real dx = qd[delta_index_2[i] + 3];
         const ncgen_real m = NCGEN_SPLAT(delta_number_3[i]);
+        const ncgen_real dy = qd[delta_index_3[i] + 30];
         energy[0] += dy * (dx * m);
     }
 
@@ -1408,23 +1408,23 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         constraints[79] = NCGEN_SPLAT(R(1.0));
         constraints[358] = NCGEN_SPLAT(R(0.0));
         /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real x10 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
-        const ncgen_real cos_psi1 = cosine[0];
-        const ncgen_real x11 = R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2;
+        const ncgen_real x10 = R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2;
         const ncgen_real sin_psi1 = sine[0];
-        constraints[8] = R(2.380952380952381) * (x10 * cos_psi1 - x11 * sin_psi1);
+        const ncgen_real x11 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        const ncgen_real cos_psi1 = cosine[0];
+        constraints[8] = R(2.380952380952381) * (x11 * cos_psi1 - x10 * sin_psi1);
         constraints[80] = R(2.0619652471058063) * sin_psi1;
         constraints[81] = R(1.1904761904761902) * sin_psi1;
         constraints[82] = R(2.380952380952381) * cos_psi1;
-        const ncgen_real x12 = -(R(2.380952380952381) * (cos_psi1 * x11 + x10 * sin_psi1));
+        const ncgen_real x12 = -(R(2.380952380952381) * (x10 * cos_psi1 + sin_psi1 * x11));
         constraints[83] = x12;
         const ncgen_real dpsi1 = qd[9];
-        const ncgen_real x13 = R(2.0) * dpsi1;
-        const ncgen_real x14 = R(0.24999999999999994) * dE1_z + R(0.7500000000000001) * dE1_z;
-        const ncgen_real x15 = dpsi1 * dpsi1;
-        const ncgen_real x16 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
-        const ncgen_real x17 = sin_psi1 * (x13 * x14) - (sin_psi1 * (x11 * x15) + cos_psi1 * (x13 * x16));
-        constraints[359] = R(2.380952380952381) * (x17 + cos_psi1 * (x10 * x15));
+        const ncgen_real x13 = dpsi1 * dpsi1;
+        const ncgen_real x14 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
+        const ncgen_real x15 = R(2.0) * dpsi1;
+        const ncgen_real x16 = R(0.24999999999999994) * dE1_z + R(0.7500000000000001) * dE1_z;
+        const ncgen_real x17 = sin_psi1 * (x15 * x16) - (sin_psi1 * (x10 * x13) + cos_psi1 * (x14 * x15));
+        constraints[359] = R(2.380952380952381) * (x17 + cos_psi1 * (x11 * x13));
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real E2_x = q[10];
         const ncgen_real x18 = -R(0.28578838324886474) - E2_x;
@@ -1465,8 +1465,8 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         constraints[92] = NCGEN_SPLAT(R(1.0));
         constraints[363] = NCGEN_SPLAT(R(0.0));
         /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
-        const ncgen_real E2a_z = q[15];
         const ncgen_real x28 = R(1.0000000000000002) * E2_z;
+        const ncgen_real E2a_z = q[15];
         constraints[13] = E2a_z - x28;
         constraints[93] = NCGEN_SPLAT(-R(1.0000000000000002));
         constraints[94] = NCGEN_SPLAT(R(1.0));
@@ -1492,23 +1492,23 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         constraints[100] = NCGEN_SPLAT(R(1.0));
         constraints[367] = NCGEN_SPLAT(R(0.0));
         /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real x31 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
-        const ncgen_real cos_psi2 = cosine[1];
-        const ncgen_real x32 = R(0.8660254037844385) * x22 + R(0.5000000000000003) * x19;
+        const ncgen_real x31 = R(0.8660254037844385) * x22 + R(0.5000000000000003) * x19;
         const ncgen_real sin_psi2 = sine[1];
-        constraints[17] = R(2.380952380952381) * (x31 * cos_psi2 - x32 * sin_psi2);
+        const ncgen_real x32 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        const ncgen_real cos_psi2 = cosine[1];
+        constraints[17] = R(2.380952380952381) * (x32 * cos_psi2 - x31 * sin_psi2);
         constraints[101] = -(R(2.061965247105806) * sin_psi2);
         constraints[102] = R(1.1904761904761914) * sin_psi2;
         constraints[103] = R(2.380952380952381) * cos_psi2;
-        const ncgen_real x33 = -(R(2.380952380952381) * (cos_psi2 * x32 + x31 * sin_psi2));
+        const ncgen_real x33 = -(R(2.380952380952381) * (x31 * cos_psi2 + sin_psi2 * x32));
         constraints[104] = x33;
         const ncgen_real dpsi2 = qd[19];
-        const ncgen_real x34 = R(2.0) * dpsi2;
-        const ncgen_real x35 = R(0.25000000000000033) * dE2_z + R(0.7499999999999997) * dE2_z;
-        const ncgen_real x36 = dpsi2 * dpsi2;
-        const ncgen_real x37 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
-        const ncgen_real x38 = sin_psi2 * (x34 * x35) - (sin_psi2 * (x32 * x36) + cos_psi2 * (x34 * x37));
-        constraints[368] = R(2.380952380952381) * (x38 + cos_psi2 * (x31 * x36));
+        const ncgen_real x34 = dpsi2 * dpsi2;
+        const ncgen_real x35 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
+        const ncgen_real x36 = R(2.0) * dpsi2;
+        const ncgen_real x37 = R(0.25000000000000033) * dE2_z + R(0.7499999999999997) * dE2_z;
+        const ncgen_real x38 = sin_psi2 * (x36 * x37) - (sin_psi2 * (x31 * x34) + cos_psi2 * (x35 * x36));
+        constraints[368] = R(2.380952380952381) * (x38 + cos_psi2 * (x32 * x34));
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real E3_x = q[20];
         const ncgen_real x39 = -R(6.062001655779399e-17) - E3_x;
@@ -1526,9 +1526,9 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real x42 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
         constraints[369] = -x42;
         /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
-        const ncgen_real x43 = E3_x + R(6.062001655779399e-17);
-        const ncgen_real x44 = E3_y + R(0.33);
-        const ncgen_real x45 = R(2.380952380952381) * (x43 - R(1.8369701987210297e-16) * x44);
+        const ncgen_real x43 = E3_y + R(0.33);
+        const ncgen_real x44 = E3_x + R(6.062001655779399e-17);
+        const ncgen_real x45 = R(2.380952380952381) * (x44 - R(1.8369701987210297e-16) * x43);
         constraints[19] = x45;
         constraints[108] = NCGEN_SPLAT(R(2.380952380952381));
         constraints[109] = NCGEN_SPLAT(-R(4.373738568383404e-16));
@@ -1574,22 +1574,22 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         constraints[121] = NCGEN_SPLAT(R(1.0));
         constraints[376] = NCGEN_SPLAT(R(0.0));
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
-        const ncgen_real x50 = E3_z + R(3.374459510989179e-32) * E3_z;
-        const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real x51 = x44 + R(1.8369701987210297e-16) * x43;
+        const ncgen_real x50 = x43 + R(1.8369701987210297e-16) * x44;
         const ncgen_real sin_psi3 = sine[2];
-        constraints[26] = R(2.380952380952381) * (x50 * cos_psi3 - x51 * sin_psi3);
+        const ncgen_real x51 = E3_z + R(3.374459510989179e-32) * E3_z;
+        const ncgen_real cos_psi3 = cosine[2];
+        constraints[26] = R(2.380952380952381) * (x51 * cos_psi3 - x50 * sin_psi3);
         constraints[122] = -(R(4.373738568383404e-16) * sin_psi3);
         constraints[123] = -(R(2.380952380952381) * sin_psi3);
         constraints[124] = R(2.380952380952381) * cos_psi3;
-        const ncgen_real x52 = -(R(2.380952380952381) * (cos_psi3 * x51 + x50 * sin_psi3));
+        const ncgen_real x52 = -(R(2.380952380952381) * (x50 * cos_psi3 + sin_psi3 * x51));
         constraints[125] = x52;
         const ncgen_real dpsi3 = qd[29];
-        const ncgen_real x53 = R(2.0) * dpsi3;
-        const ncgen_real x54 = cos_psi3 * (x53 * (dE3_y + R(1.8369701987210297e-16) * dE3_x));
-        const ncgen_real x55 = dpsi3 * dpsi3;
-        const ncgen_real x56 = sin_psi3 * (x53 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
-        const ncgen_real x57 = x54 - sin_psi3 * (x51 * x55) + x56 + cos_psi3 * (x50 * x55);
+        const ncgen_real x53 = dpsi3 * dpsi3;
+        const ncgen_real x54 = R(2.0) * dpsi3;
+        const ncgen_real x55 = cos_psi3 * ((dE3_y + R(1.8369701987210297e-16) * dE3_x) * x54);
+        const ncgen_real x56 = sin_psi3 * (x54 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
+        const ncgen_real x57 = x55 - sin_psi3 * (x50 * x53) + x56 + cos_psi3 * (x51 * x53);
         constraints[377] = R(2.380952380952381) * x57;
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real P1a_x = q[30];
@@ -2434,7 +2434,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "59d2cb5dfd4049ca",
+        .fingerprint = "86b7db87419b5dd1",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,

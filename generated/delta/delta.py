@@ -193,10 +193,10 @@ _index_1 = np.array([
     17, 18, 39, 40, 41, 23, 24, 25, 42, 43, 44, 26, 27, 28, 45, 46, 47
 ])
 _index_2 = np.array([
-    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 3, 4, 5, 6, 7, 8, 6, 7, 8
+    0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 14, 15, 20, 21, 22, 23, 24, 25, 27, 28, 29, 27, 28, 29, 30, 31, 32
 ])
 _index_3 = np.array([
-    0, 1, 2, 3, 4, 5, 10, 11, 12, 13, 14, 15, 20, 21, 22, 23, 24, 25, 27, 28, 29, 27, 28, 29, 30, 31, 32
+    0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15, 16, 17, 3, 4, 5, 6, 7, 8, 6, 7, 8
 ])
 _number_1 = np.array([
     0.5, 0.5, 0.5, 0.049999999999999996, 0.025, 0.049999999999999996, 0.025, 0.049999999999999996, 0.025,
@@ -286,11 +286,11 @@ def phi(t, q, p):
     E1b_z = q[..., 8]
     phi[..., 7] = E1b_z - 1.0000000000000002 * E1_z
     # row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1
-    cos_psi1 = cosine[..., 0]
-    x9 = (0.24999999999999994 * E1_z + 0.7500000000000001 * E1_z) * cos_psi1
     sin_psi1 = sine[..., 0]
-    x10 = (0.8660254037844387 * x1 + 0.49999999999999994 * x2) * sin_psi1
-    phi[..., 8] = 2.380952380952381 * (x9 - x10)
+    x9 = (0.8660254037844387 * x1 + 0.49999999999999994 * x2) * sin_psi1
+    cos_psi1 = cosine[..., 0]
+    x10 = (0.24999999999999994 * E1_z + 0.7500000000000001 * E1_z) * cos_psi1
+    phi[..., 8] = 2.380952380952381 * (x10 - x9)
     # row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42
     E2_x = q[..., 10]
     x11 = -0.28578838324886474 - E2_x
@@ -314,8 +314,8 @@ def phi(t, q, p):
     x19 = E2a_y + 3.663735981263019e-17 - x18 - 0.06928203230275505
     phi[..., 12] = x19
     # row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0
-    E2a_z = q[..., 15]
     x20 = 1.0000000000000002 * E2_z
+    E2a_z = q[..., 15]
     phi[..., 13] = E2a_z - x20
     # row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0
     E2b_x = q[..., 16]
@@ -329,11 +329,11 @@ def phi(t, q, p):
     E2b_z = q[..., 18]
     phi[..., 16] = E2b_z - x20
     # row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1
-    cos_psi2 = cosine[..., 1]
-    x23 = (0.25000000000000033 * E2_z + 0.7499999999999997 * E2_z) * cos_psi2
     sin_psi2 = sine[..., 1]
-    x24 = (0.8660254037844385 * x14 + 0.5000000000000003 * x12) * sin_psi2
-    phi[..., 17] = 2.380952380952381 * (x23 - x24)
+    x23 = (0.8660254037844385 * x14 + 0.5000000000000003 * x12) * sin_psi2
+    cos_psi2 = cosine[..., 1]
+    x24 = (0.25000000000000033 * E2_z + 0.7499999999999997 * E2_z) * cos_psi2
+    phi[..., 17] = 2.380952380952381 * (x24 - x23)
     # row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42
     E3_x = q[..., 20]
     x25 = -6.062001655779399e-17 - E3_x
@@ -343,9 +343,9 @@ def phi(t, q, p):
     x27 = x25 * x25 + x26 * x26 + E3_z * E3_z - 0.17639999999999997
     phi[..., 18] = 1.1904761904761905 * x27
     # row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0
-    x28 = E3_x + 6.062001655779399e-17
-    x29 = E3_y + 0.33
-    phi[..., 19] = 2.380952380952381 * (x28 - 1.8369701987210297e-16 * x29)
+    x28 = E3_y + 0.33
+    x29 = E3_x + 6.062001655779399e-17
+    phi[..., 19] = 2.380952380952381 * (x29 - 1.8369701987210297e-16 * x28)
     # row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0
     E3a_x = q[..., 23]
     x30 = E3a_x - 2.6920695254248444e-32 - 1.0000000000000004 * E3_x
@@ -369,9 +369,9 @@ def phi(t, q, p):
     E3b_z = q[..., 28]
     phi[..., 25] = E3b_z - 1.0000000000000002 * E3_z
     # row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1
-    cos_psi3 = cosine[..., 2]
     sin_psi3 = sine[..., 2]
-    x34 = (E3_z + 3.374459510989179e-32 * E3_z) * cos_psi3 - (x29 + 1.8369701987210297e-16 * x28) * sin_psi3
+    cos_psi3 = cosine[..., 2]
+    x34 = (E3_z + 3.374459510989179e-32 * E3_z) * cos_psi3 - (x28 + 1.8369701987210297e-16 * x29) * sin_psi3
     phi[..., 26] = 2.380952380952381 * x34
     # row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055
     P1a_x = q[..., 30]
@@ -1062,15 +1062,15 @@ def gamma(t, q, qd, p):
     gamma[..., 6] = 0.0
     gamma[..., 7] = 0.0
     # row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1
-    sin_psi1 = sine[..., 0]
     E1_x = q[..., 0]
     E1_y = q[..., 1]
     x2 = 0.8660254037844387 * (E1_x - 0.2857883832488648) + 0.49999999999999994 * (E1_y - 0.16499999999999998)
     dpsi1 = qd[..., 9]
     x3 = dpsi1 * dpsi1
-    cos_psi1 = cosine[..., 0]
+    sin_psi1 = sine[..., 0]
     x4 = 2.0 * dpsi1
     x5 = x4 * (0.8660254037844387 * dE1_x + 0.49999999999999994 * dE1_y)
+    cos_psi1 = cosine[..., 0]
     x6 = x4 * (0.24999999999999994 * dE1_z + 0.7500000000000001 * dE1_z)
     E1_z = q[..., 2]
     x7 = x3 * (0.24999999999999994 * E1_z + 0.7500000000000001 * E1_z)
@@ -1090,15 +1090,15 @@ def gamma(t, q, qd, p):
     gamma[..., 15] = 0.0
     gamma[..., 16] = 0.0
     # row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1
-    sin_psi2 = sine[..., 1]
     E2_y = q[..., 11]
     E2_x = q[..., 10]
     x10 = 0.5000000000000003 * (E2_y - 0.16500000000000012) - 0.8660254037844385 * (E2_x + 0.28578838324886474)
     dpsi2 = qd[..., 19]
     x11 = dpsi2 * dpsi2
-    cos_psi2 = cosine[..., 1]
+    sin_psi2 = sine[..., 1]
     x12 = 2.0 * dpsi2
     x13 = x12 * (0.5000000000000003 * dE2_y - 0.8660254037844385 * dE2_x)
+    cos_psi2 = cosine[..., 1]
     x14 = x12 * (0.25000000000000033 * dE2_z + 0.7499999999999997 * dE2_z)
     E2_z = q[..., 12]
     x15 = x11 * (0.25000000000000033 * E2_z + 0.7499999999999997 * E2_z)
@@ -1118,18 +1118,18 @@ def gamma(t, q, qd, p):
     gamma[..., 24] = 0.0
     gamma[..., 25] = 0.0
     # row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1
-    cos_psi3 = cosine[..., 2]
-    dpsi3 = qd[..., 29]
-    x18 = 2.0 * dpsi3
-    x19 = cos_psi3 * (x18 * (dE3_y + 1.8369701987210297e-16 * dE3_x))
-    sin_psi3 = sine[..., 2]
-    E3_y = q[..., 21]
     E3_x = q[..., 20]
-    x20 = E3_y + 0.33 + 1.8369701987210297e-16 * (E3_x + 6.062001655779399e-17)
-    x21 = dpsi3 * dpsi3
-    x22 = sin_psi3 * (x18 * (dE3_z + 3.374459510989179e-32 * dE3_z))
+    E3_y = q[..., 21]
+    x18 = E3_y + 0.33 + 1.8369701987210297e-16 * (E3_x + 6.062001655779399e-17)
+    dpsi3 = qd[..., 29]
+    x19 = dpsi3 * dpsi3
+    sin_psi3 = sine[..., 2]
+    x20 = 2.0 * dpsi3
+    cos_psi3 = cosine[..., 2]
+    x21 = cos_psi3 * (x20 * (dE3_y + 1.8369701987210297e-16 * dE3_x))
+    x22 = sin_psi3 * (x20 * (dE3_z + 3.374459510989179e-32 * dE3_z))
     E3_z = q[..., 22]
-    x23 = x19 - sin_psi3 * (x20 * x21) + x22 + cos_psi3 * (x21 * (E3_z + 3.374459510989179e-32 * E3_z))
+    x23 = x21 - sin_psi3 * (x18 * x19) + x22 + cos_psi3 * (x19 * (E3_z + 3.374459510989179e-32 * E3_z))
     gamma[..., 26] = 2.380952380952381 * x23
     # row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055
     dE1a_x = qd[..., 3]
@@ -1402,38 +1402,38 @@ def energy(t, q, qd, p):
     # constant part
     energy[..., 0:3] = 0.0
     # E1.z; E2.z; E3.z; E1a.z; P1a.z; E1b.z; P1b.z; E2a.z; P2a.z; E2b.z; P2b.z; E3a.z; P3a.z; E3b.z; P3b.z
-    P3b_z = q[..., 47]
-    E3b_z = q[..., 28]
-    P3a_z = q[..., 44]
-    E3a_z = q[..., 25]
-    P2b_z = q[..., 41]
-    E2b_z = q[..., 18]
-    P2a_z = q[..., 38]
-    E2a_z = q[..., 15]
-    E1b_z = q[..., 8]
-    P1a_z = q[..., 32]
-    E1a_z = q[..., 5]
-    E3_z = q[..., 22]
     E1_z = q[..., 2]
     E2_z = q[..., 12]
+    E3_z = q[..., 22]
     x1 = 7.357500000000002 * E3_z + (7.357500000000001 * E1_z + 7.357500000000002 * E2_z)
+    E1a_z = q[..., 5]
+    P1a_z = q[..., 32]
+    E1b_z = q[..., 8]
     x2 = 0.73575 * E1b_z + (10.065598547461121 * P1a_z + (0.73575 * E1a_z + x1))
     P1b_z = q[..., 35]
+    E2a_z = q[..., 15]
+    P2a_z = q[..., 38]
     x3 = 11.108538704509083 * P2a_z + (0.73575 * E2a_z + (x2 - 9.156887251970202 * P1b_z))
+    E2b_z = q[..., 18]
+    P2b_z = q[..., 41]
+    E3a_z = q[..., 25]
     x4 = 0.73575 * E3a_z + (0.73575 * P2b_z + (0.73575 * E2b_z + x3))
+    P3a_z = q[..., 44]
+    E3b_z = q[..., 28]
+    P3b_z = q[..., 47]
     x5 = 0.73575 * P3b_z + (0.73575 * E3b_z + (0.73575 * P3a_z + x4))
     energy[..., 1] = x5
     # motor of psi1; motor of psi2; motor of psi3
-    dpsi3 = qd[..., 29]
     t_ = t
     x6 = np.cos(7.853981633974483 * t_)
     x7 = 40.0 * x6
     psi3 = q[..., 29]
-    dpsi1 = qd[..., 9]
+    dpsi3 = qd[..., 29]
     psi1 = q[..., 9]
+    dpsi1 = qd[..., 9]
     x8 = 220.00000000000003 - 400.0 * psi1 - 20.0 * dpsi1 - 100.0 * x6
-    dpsi2 = qd[..., 19]
     psi2 = q[..., 19]
+    dpsi2 = qd[..., 19]
     x9 = dpsi1 * x8 + dpsi2 * (160.0 - 400.0 * psi2 - 20.0 * dpsi2 - x7)
     energy[..., 2] = dpsi3 * (x7 + 80.0 - 400.0 * psi3 - 20.0 * dpsi3) + x9
     # mass-diagonal: m v^2 / 2
@@ -1441,8 +1441,8 @@ def energy(t, q, qd, p):
     #   P1a.z, E1b.x, E1b.y, E1b.z, P1b.x, P1b.y, P1b.z, E2a.x, E2a.y, E2a.z, P2a.x, P2a.y,
     #   P2a.z, E2b.x, E2b.y, E2b.z, P2b.x, P2b.y, P2b.z, E3a.x, E3a.y, E3a.z, P3a.x, P3a.y,
     #   P3a.z, E3b.x, E3b.y, E3b.z, P3b.x, P3b.y, P3b.z
-    x1 = _number_2
     dx = qd[..., _index_1]
+    x1 = _number_2
     energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(45), axis=-1)
     # mass-pair: m v w
     #   E1a.x P1a.x, E1a.y P1a.y, E1a.z P1a.z, E1b.x P1b.x, E1b.y P1b.y, E1b.z P1b.z,
@@ -1450,9 +1450,9 @@ def energy(t, q, qd, p):
     #   E3a.x P3a.x, E3a.y P3a.y, E3a.z P3a.z, E3b.x P3b.x, E3b.y P3b.y, E3b.z P3b.z,
     #   P1a.x P1b.x, P1a.y P1b.y, P1a.z P1b.z, P1a.x P2a.x, P1a.y P2a.y, P1a.z P2a.z,
     #   P1b.x P2a.x, P1b.y P2a.y, P1b.z P2a.z
-    dy = qd[..., _index_2 + 30]
-    dx = qd[..., _index_3 + 3]
+    dx = qd[..., _index_2 + 3]
     m = _number_3
+    dy = qd[..., _index_3 + 30]
     energy[..., 0] += np.sum(dy * (dx * m) + np.zeros(27), axis=-1)
     return energy
 
@@ -1526,22 +1526,22 @@ def constraints(t, q, qd, p):
     constraints[..., 79] = 1.0
     constraints[..., 358] = 0.0
     # row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1
-    x10 = 0.24999999999999994 * E1_z + 0.7500000000000001 * E1_z
-    cos_psi1 = cosine[..., 0]
-    x11 = 0.8660254037844387 * x1 + 0.49999999999999994 * x2
+    x10 = 0.8660254037844387 * x1 + 0.49999999999999994 * x2
     sin_psi1 = sine[..., 0]
-    constraints[..., 8] = 2.380952380952381 * (x10 * cos_psi1 - x11 * sin_psi1)
+    x11 = 0.24999999999999994 * E1_z + 0.7500000000000001 * E1_z
+    cos_psi1 = cosine[..., 0]
+    constraints[..., 8] = 2.380952380952381 * (x11 * cos_psi1 - x10 * sin_psi1)
     constraints[..., 80] = 2.0619652471058063 * sin_psi1
     constraints[..., 81] = 1.1904761904761902 * sin_psi1
     constraints[..., 82] = 2.380952380952381 * cos_psi1
-    constraints[..., 83] = -(2.380952380952381 * (cos_psi1 * x11 + x10 * sin_psi1))
+    constraints[..., 83] = -(2.380952380952381 * (x10 * cos_psi1 + sin_psi1 * x11))
     dpsi1 = qd[..., 9]
-    x12 = 2.0 * dpsi1
-    x13 = x12 * (0.24999999999999994 * dE1_z + 0.7500000000000001 * dE1_z)
-    x14 = dpsi1 * dpsi1
-    x15 = x12 * (0.8660254037844387 * dE1_x + 0.49999999999999994 * dE1_y)
-    x16 = sin_psi1 * x13 - (sin_psi1 * (x11 * x14) + cos_psi1 * x15)
-    constraints[..., 359] = 2.380952380952381 * (x16 + cos_psi1 * (x10 * x14))
+    x12 = dpsi1 * dpsi1
+    x13 = 2.0 * dpsi1
+    x14 = (0.8660254037844387 * dE1_x + 0.49999999999999994 * dE1_y) * x13
+    x15 = x13 * (0.24999999999999994 * dE1_z + 0.7500000000000001 * dE1_z)
+    x16 = sin_psi1 * x15 - (sin_psi1 * (x10 * x12) + cos_psi1 * x14)
+    constraints[..., 359] = 2.380952380952381 * (x16 + cos_psi1 * (x11 * x12))
     # row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42
     E2_x = q[..., 10]
     x17 = -0.28578838324886474 - E2_x
@@ -1582,8 +1582,8 @@ def constraints(t, q, qd, p):
     constraints[..., 92] = 1.0
     constraints[..., 363] = 0.0
     # row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0
-    E2a_z = q[..., 15]
     x27 = 1.0000000000000002 * E2_z
+    E2a_z = q[..., 15]
     constraints[..., 13] = E2a_z - x27
     constraints[..., 93] = -1.0000000000000002
     constraints[..., 94] = 1.0
@@ -1609,22 +1609,22 @@ def constraints(t, q, qd, p):
     constraints[..., 100] = 1.0
     constraints[..., 367] = 0.0
     # row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1
-    x30 = 0.25000000000000033 * E2_z + 0.7499999999999997 * E2_z
-    cos_psi2 = cosine[..., 1]
-    x31 = 0.8660254037844385 * x21 + 0.5000000000000003 * x18
+    x30 = 0.8660254037844385 * x21 + 0.5000000000000003 * x18
     sin_psi2 = sine[..., 1]
-    constraints[..., 17] = 2.380952380952381 * (x30 * cos_psi2 - x31 * sin_psi2)
+    x31 = 0.25000000000000033 * E2_z + 0.7499999999999997 * E2_z
+    cos_psi2 = cosine[..., 1]
+    constraints[..., 17] = 2.380952380952381 * (x31 * cos_psi2 - x30 * sin_psi2)
     constraints[..., 101] = -(2.061965247105806 * sin_psi2)
     constraints[..., 102] = 1.1904761904761914 * sin_psi2
     constraints[..., 103] = 2.380952380952381 * cos_psi2
-    constraints[..., 104] = -(2.380952380952381 * (cos_psi2 * x31 + x30 * sin_psi2))
+    constraints[..., 104] = -(2.380952380952381 * (x30 * cos_psi2 + sin_psi2 * x31))
     dpsi2 = qd[..., 19]
-    x32 = 2.0 * dpsi2
-    x33 = x32 * (0.25000000000000033 * dE2_z + 0.7499999999999997 * dE2_z)
-    x34 = dpsi2 * dpsi2
-    x35 = x32 * (0.5000000000000003 * dE2_y - 0.8660254037844385 * dE2_x)
-    x36 = sin_psi2 * x33 - (sin_psi2 * (x31 * x34) + cos_psi2 * x35)
-    constraints[..., 368] = 2.380952380952381 * (x36 + cos_psi2 * (x30 * x34))
+    x32 = dpsi2 * dpsi2
+    x33 = 2.0 * dpsi2
+    x34 = (0.5000000000000003 * dE2_y - 0.8660254037844385 * dE2_x) * x33
+    x35 = x33 * (0.25000000000000033 * dE2_z + 0.7499999999999997 * dE2_z)
+    x36 = sin_psi2 * x35 - (sin_psi2 * (x30 * x32) + cos_psi2 * x34)
+    constraints[..., 368] = 2.380952380952381 * (x36 + cos_psi2 * (x31 * x32))
     # row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42
     E3_x = q[..., 20]
     x37 = -6.062001655779399e-17 - E3_x
@@ -1642,9 +1642,9 @@ def constraints(t, q, qd, p):
     x40 = 2.380952380952381 * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z)
     constraints[..., 369] = -x40
     # row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0
-    x41 = E3_x + 6.062001655779399e-17
-    x42 = E3_y + 0.33
-    constraints[..., 19] = 2.380952380952381 * (x41 - 1.8369701987210297e-16 * x42)
+    x41 = E3_y + 0.33
+    x42 = E3_x + 6.062001655779399e-17
+    constraints[..., 19] = 2.380952380952381 * (x42 - 1.8369701987210297e-16 * x41)
     constraints[..., 108] = 2.380952380952381
     constraints[..., 109] = -4.373738568383404e-16
     constraints[..., 370] = 0.0
@@ -1689,21 +1689,21 @@ def constraints(t, q, qd, p):
     constraints[..., 121] = 1.0
     constraints[..., 376] = 0.0
     # row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1
-    x47 = E3_z + 3.374459510989179e-32 * E3_z
-    cos_psi3 = cosine[..., 2]
-    x48 = x42 + 1.8369701987210297e-16 * x41
+    x47 = x41 + 1.8369701987210297e-16 * x42
     sin_psi3 = sine[..., 2]
-    constraints[..., 26] = 2.380952380952381 * (x47 * cos_psi3 - x48 * sin_psi3)
+    x48 = E3_z + 3.374459510989179e-32 * E3_z
+    cos_psi3 = cosine[..., 2]
+    constraints[..., 26] = 2.380952380952381 * (x48 * cos_psi3 - x47 * sin_psi3)
     constraints[..., 122] = -(4.373738568383404e-16 * sin_psi3)
     constraints[..., 123] = -(2.380952380952381 * sin_psi3)
     constraints[..., 124] = 2.380952380952381 * cos_psi3
-    constraints[..., 125] = -(2.380952380952381 * (cos_psi3 * x48 + x47 * sin_psi3))
+    constraints[..., 125] = -(2.380952380952381 * (x47 * cos_psi3 + sin_psi3 * x48))
     dpsi3 = qd[..., 29]
-    x49 = 2.0 * dpsi3
-    x50 = cos_psi3 * (x49 * (dE3_y + 1.8369701987210297e-16 * dE3_x))
-    x51 = dpsi3 * dpsi3
-    x52 = sin_psi3 * (x49 * (dE3_z + 3.374459510989179e-32 * dE3_z))
-    x53 = x50 - sin_psi3 * (x48 * x51) + x52 + cos_psi3 * (x47 * x51)
+    x49 = dpsi3 * dpsi3
+    x50 = 2.0 * dpsi3
+    x51 = cos_psi3 * ((dE3_y + 1.8369701987210297e-16 * dE3_x) * x50)
+    x52 = sin_psi3 * (x50 * (dE3_z + 3.374459510989179e-32 * dE3_z))
+    x53 = x51 - sin_psi3 * (x47 * x49) + x52 + cos_psi3 * (x48 * x49)
     constraints[..., 377] = 2.380952380952381 * x53
     # row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055
     P1a_x = q[..., 30]

@@ -122,18 +122,18 @@ int doublependulum_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
 
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; upper; lower */
-        const ncgen_real dC_x = qd[2];
         const ncgen_real dB_x = qd[0];
-        const ncgen_real x1 = dC_x - dB_x;
-        const ncgen_real dC_y = qd[3];
+        const ncgen_real x1 = dB_x * dB_x;
         const ncgen_real dB_y = qd[1];
-        const ncgen_real x2 = dC_y - dB_y;
-        const ncgen_real x3 = dB_x * dB_x;
-        const ncgen_real x4 = dB_y * dB_y;
-        const ncgen_real x5 = R(0.07291666666666667) * (dC_x * dC_x) + (R(0.21875) * x3 + R(0.21875) * x4);
-        const ncgen_real x6 = dC_x * (R(0.10416666666666667) * dB_x) + (R(0.07291666666666667) * (dC_y * dC_y) + x5);
-        const ncgen_real x7 = R(0.020833333333333332) * (x3 + x4) + (dC_y * (R(0.10416666666666667) * dB_y) + x6);
-        energy[0] = R(0.010416666666666668) * (x1 * x1 + x2 * x2) + x7;
+        const ncgen_real x2 = dB_y * dB_y;
+        const ncgen_real dC_x = qd[2];
+        const ncgen_real x3 = R(0.07291666666666667) * (dC_x * dC_x) + (R(0.21875) * x1 + R(0.21875) * x2);
+        const ncgen_real dC_y = qd[3];
+        const ncgen_real x4 = dC_x * (R(0.10416666666666667) * dB_x) + (R(0.07291666666666667) * (dC_y * dC_y) + x3);
+        const ncgen_real x5 = R(0.020833333333333332) * (x1 + x2) + (dC_y * (R(0.10416666666666667) * dB_y) + x4);
+        const ncgen_real x6 = dC_x - dB_x;
+        const ncgen_real x7 = dC_y - dB_y;
+        energy[0] = R(0.010416666666666668) * (x6 * x6 + x7 * x7) + x5;
         /* B.y; C.y */
         const ncgen_real B_y = q[1];
         const ncgen_real C_y = q[3];
@@ -220,7 +220,7 @@ const ncgen_model *doublependulum_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "doublependulum",
-        .fingerprint = "1bc183935072f996",
+        .fingerprint = "413a5030a56ca82e",
         .n_coordinates = 4,
         .n_rows = 2,
         .n_parameters = 0,

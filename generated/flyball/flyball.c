@@ -48,23 +48,23 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real cos_turn = cosine[0];
         phi[3] = e_x * sin_turn - e_y * cos_turn;
         /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
-        const ncgen_real H1_x = q[6];
         const ncgen_real x1 = R(0.050000000000000044) * e_x;
+        const ncgen_real H1_x = q[6];
         phi[4] = H1_x - x1;
         /* row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
-        const ncgen_real H1_y = q[7];
         const ncgen_real x2 = R(0.050000000000000044) * e_y;
+        const ncgen_real H1_y = q[7];
         phi[5] = H1_y - x2;
         /* row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
         const ncgen_real H1_z = q[8];
         phi[6] = H1_z - R(1.0);
         /* row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
-        const ncgen_real K1_x = q[9];
         const ncgen_real x3 = R(0.05) * e_x;
+        const ncgen_real K1_x = q[9];
         phi[7] = K1_x - x3;
         /* row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
-        const ncgen_real K1_y = q[10];
         const ncgen_real x4 = R(0.05) * e_y;
+        const ncgen_real K1_y = q[10];
         phi[8] = K1_y - x4;
         /* row 10: combination K1.z (body slider): (e - c a x b).z = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
         const ncgen_real K1_z = q[11];
@@ -90,8 +90,8 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real M1_z = q[17];
         phi[14] = M1_z - R(0.5) * H1_z - R(0.5) * B1_z;
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real sin_alpha1 = sine[1];
         const ncgen_real cos_alpha1 = cosine[1];
+        const ncgen_real sin_alpha1 = sine[1];
         const ncgen_real x8 = (e_x * x5 + e_y * x6) * sin_alpha1 + (f_y * (e_x * x7) - f_x * (e_y * x7)) * cos_alpha1;
         phi[15] = -x8;
         /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
@@ -132,8 +132,8 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real M2_z = q[30];
         phi[26] = M2_z - R(0.5) * H2_z - R(0.5) * B2_z;
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real sin_alpha2 = sine[2];
         const ncgen_real cos_alpha2 = cosine[2];
+        const ncgen_real sin_alpha2 = sine[2];
         const ncgen_real x12 = (e_x * x9 + e_y * x10) * sin_alpha2 - (f_y * (e_x * x11) - f_x * (e_y * x11)) * cos_alpha2;
         phi[27] = x12;
     }
@@ -222,8 +222,8 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[41] = NCGEN_SPLAT(-R(0.5));
         phi_q[42] = NCGEN_SPLAT(R(1.0));
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real sin_alpha1 = sine[1];
         const ncgen_real cos_alpha1 = cosine[1];
+        const ncgen_real sin_alpha1 = sine[1];
         phi_q[43] = -(x1 * sin_alpha1 + cos_alpha1 * (f_y * x3));
         phi_q[44] = cos_alpha1 * (f_x * x3) - x2 * sin_alpha1;
         const ncgen_real x8 = e_y * x3;
@@ -288,8 +288,8 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[84] = NCGEN_SPLAT(-R(0.5));
         phi_q[85] = NCGEN_SPLAT(R(1.0));
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real sin_alpha2 = sine[2];
         const ncgen_real cos_alpha2 = cosine[2];
+        const ncgen_real sin_alpha2 = sine[2];
         phi_q[86] = x15 * sin_alpha2 - cos_alpha2 * (f_y * x17);
         phi_q[87] = x16 * sin_alpha2 + cos_alpha2 * (f_x * x17);
         const ncgen_real x20 = e_y * x17;
@@ -335,12 +335,12 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 3: 1003 angle f, e (body shaft): u.v - c = 0 with u = f, v = e, c = 0 */
         gamma[2] = -(R(2.0) * (de_x * df_x + de_y * df_y));
         /* row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1 */
-        const ncgen_real sin_turn = sine[0];
-        const ncgen_real e_x = q[1];
         const ncgen_real dturn = qd[5];
         const ncgen_real x1 = dturn * dturn;
-        const ncgen_real cos_turn = cosine[0];
+        const ncgen_real e_x = q[1];
+        const ncgen_real sin_turn = sine[0];
         const ncgen_real x2 = R(2.0) * dturn;
+        const ncgen_real cos_turn = cosine[0];
         const ncgen_real x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2);
         const ncgen_real e_y = q[2];
         gamma[3] = x3 - cos_turn * (e_y * x1);
@@ -367,7 +367,6 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         gamma[13] = NCGEN_SPLAT(R(0.0));
         gamma[14] = NCGEN_SPLAT(R(0.0));
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real cos_alpha1 = cosine[1];
         const ncgen_real B1_z = q[14];
         const ncgen_real H1_z = q[8];
         const ncgen_real x7 = B1_z - H1_z;
@@ -376,7 +375,7 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real f_y = q[4];
         const ncgen_real x9 = de_x * x7 - e_x * x6;
         const ncgen_real x10 = df_x * x8 - f_x * (de_y * x6) + f_y * (de_x * x6) - df_y * x9;
-        const ncgen_real sin_alpha1 = sine[1];
+        const ncgen_real cos_alpha1 = cosine[1];
         const ncgen_real B1_x = q[12];
         const ncgen_real H1_x = q[6];
         const ncgen_real x11 = B1_x - H1_x;
@@ -385,6 +384,7 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x12 = B1_y - H1_y;
         const ncgen_real dalpha1 = qd[18];
         const ncgen_real x13 = dalpha1 * dalpha1;
+        const ncgen_real sin_alpha1 = sine[1];
         const ncgen_real x14 = cos_alpha1 * (R(2.0) * x10) + sin_alpha1 * ((e_x * x11 + e_y * x12) * x13);
         const ncgen_real x15 = R(2.0) * dalpha1;
         const ncgen_real x16 = cos_alpha1 * (x15 * (de_x * x11 - (e_x * x4 + e_y * x5) + de_y * x12));
@@ -416,14 +416,13 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         gamma[25] = NCGEN_SPLAT(R(0.0));
         gamma[26] = NCGEN_SPLAT(R(0.0));
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real cos_alpha2 = cosine[2];
         const ncgen_real B2_z = q[27];
         const ncgen_real H2_z = q[21];
         const ncgen_real x24 = B2_z - H2_z;
         const ncgen_real x25 = de_y * x24 - e_y * x23;
         const ncgen_real x26 = de_x * x24 - e_x * x23;
         const ncgen_real x27 = df_x * x25 - f_x * (de_y * x23) + f_y * (de_x * x23) - df_y * x26;
-        const ncgen_real sin_alpha2 = sine[2];
+        const ncgen_real cos_alpha2 = cosine[2];
         const ncgen_real B2_x = q[25];
         const ncgen_real H2_x = q[19];
         const ncgen_real x28 = B2_x - H2_x;
@@ -432,6 +431,7 @@ int flyball_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x29 = B2_y - H2_y;
         const ncgen_real dalpha2 = qd[31];
         const ncgen_real x30 = dalpha2 * dalpha2;
+        const ncgen_real sin_alpha2 = sine[2];
         const ncgen_real x31 = cos_alpha2 * (R(2.0) * x27) - sin_alpha2 * ((e_x * x28 + e_y * x29) * x30);
         const ncgen_real x32 = R(2.0) * dalpha2;
         const ncgen_real x33 = x32 * (de_x * x28 - (e_x * x21 + e_y * x22) + de_y * x29);
@@ -456,22 +456,22 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         mass[2] = NCGEN_SPLAT(R(2.4999999999997245e-06));
         mass[3] = NCGEN_SPLAT(R(2.4999999999997245e-06));
         /* rod1; rod2 */
-        const ncgen_real B2_y = q[26];
-        const ncgen_real H2_y = q[20];
-        const ncgen_real x1 = B2_y - H2_y;
-        const ncgen_real B2_z = q[27];
-        const ncgen_real H2_z = q[21];
-        const ncgen_real x2 = B2_z - H2_z;
-        const ncgen_real x3 = x2 * x2;
         const ncgen_real B1_y = q[13];
         const ncgen_real H1_y = q[7];
-        const ncgen_real x4 = B1_y - H1_y;
+        const ncgen_real x1 = B1_y - H1_y;
         const ncgen_real B1_z = q[14];
         const ncgen_real H1_z = q[8];
-        const ncgen_real x5 = B1_z - H1_z;
-        const ncgen_real x6 = x5 * x5;
-        const ncgen_real x7 = R(2.499999999998497e-06) * (x4 * x4 + x6) + R(0.0025074999999999976);
-        mass[4] = R(2.499999999998497e-06) * (x1 * x1 + x3) + x7;
+        const ncgen_real x2 = B1_z - H1_z;
+        const ncgen_real x3 = x2 * x2;
+        const ncgen_real x4 = R(2.499999999998497e-06) * (x1 * x1 + x3) + R(0.0025074999999999976);
+        const ncgen_real B2_y = q[26];
+        const ncgen_real H2_y = q[20];
+        const ncgen_real x5 = B2_y - H2_y;
+        const ncgen_real B2_z = q[27];
+        const ncgen_real H2_z = q[21];
+        const ncgen_real x6 = B2_z - H2_z;
+        const ncgen_real x7 = x6 * x6;
+        mass[4] = R(2.499999999998497e-06) * (x5 * x5 + x7) + x4;
         const ncgen_real B1_x = q[12];
         const ncgen_real H1_x = q[6];
         const ncgen_real x8 = B1_x - H1_x;
@@ -480,17 +480,17 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real H2_x = q[19];
         const ncgen_real x10 = B2_x - H2_x;
         const ncgen_real x11 = R(2.499999999998497e-06) * x10;
-        const ncgen_real x12 = -(x4 * x9 + x1 * x11);
+        const ncgen_real x12 = -(x1 * x9 + x5 * x11);
         mass[5] = x12;
         /* rod1 */
         const ncgen_real f_y = q[4];
-        const ncgen_real x13 = R(2.499999999998497e-06) * (f_y * x4);
+        const ncgen_real x13 = R(2.499999999998497e-06) * (f_y * x1);
         mass[6] = x13;
         const ncgen_real f_x = q[3];
-        const ncgen_real x14 = f_x * (R(2.499999999998497e-06) * x4);
+        const ncgen_real x14 = f_x * (R(2.499999999998497e-06) * x1);
         const ncgen_real x15 = -x14;
         mass[7] = x15;
-        const ncgen_real x16 = R(2.499999999998497e-06) * x5;
+        const ncgen_real x16 = R(2.499999999998497e-06) * x2;
         const ncgen_real x17 = f_x * x16;
         const ncgen_real x18 = -x17;
         mass[8] = x18;
@@ -499,12 +499,12 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         mass[10] = x14;
         mass[11] = x17;
         /* rod2 */
-        const ncgen_real x20 = R(2.499999999998497e-06) * (f_y * x1);
+        const ncgen_real x20 = R(2.499999999998497e-06) * (f_y * x5);
         mass[12] = x20;
-        const ncgen_real x21 = f_x * (R(2.499999999998497e-06) * x1);
+        const ncgen_real x21 = f_x * (R(2.499999999998497e-06) * x5);
         const ncgen_real x22 = -x21;
         mass[13] = x22;
-        const ncgen_real x23 = R(2.499999999998497e-06) * x2;
+        const ncgen_real x23 = R(2.499999999998497e-06) * x6;
         const ncgen_real x24 = f_x * x23;
         const ncgen_real x25 = -x24;
         mass[14] = x25;
@@ -514,8 +514,8 @@ int flyball_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         mass[17] = x24;
         /* rod1; rod2 */
         mass[18] = x12;
-        const ncgen_real x27 = R(2.499999999998497e-06) * (x6 + x8 * x8) + R(0.0025074999999999976);
-        mass[19] = R(2.499999999998497e-06) * (x3 + x10 * x10) + x27;
+        const ncgen_real x27 = R(2.499999999998497e-06) * (x3 + x8 * x8) + R(0.0025074999999999976);
+        mass[19] = R(2.499999999998497e-06) * (x7 + x10 * x10) + x27;
         /* rod1 */
         const ncgen_real x28 = f_y * x9;
         const ncgen_real x29 = -x28;
@@ -643,9 +643,9 @@ int flyball_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         force[1] = NCGEN_SPLAT(R(0.0));
         force[2] = NCGEN_SPLAT(R(0.0));
         /* rod1; rod2 */
-        const ncgen_real df_y = qd[4];
         const ncgen_real dB1_x = qd[12];
         const ncgen_real dH1_x = qd[6];
+        const ncgen_real df_y = qd[4];
         const ncgen_real dB1_y = qd[13];
         const ncgen_real dH1_y = qd[7];
         const ncgen_real df_x = qd[3];
@@ -786,97 +786,97 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* S.z K1.z; K1.x; K1.y; K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2 */
-        const ncgen_real df_y = qd[4];
-        const ncgen_real B2_x = q[25];
-        const ncgen_real H2_x = q[19];
-        const ncgen_real f_y = q[4];
-        const ncgen_real dB2_x = qd[25];
-        const ncgen_real dH2_x = qd[19];
-        const ncgen_real df_x = qd[3];
-        const ncgen_real B2_y = q[26];
-        const ncgen_real H2_y = q[20];
-        const ncgen_real x1 = df_y * (B2_x - H2_x) + f_y * (dB2_x - dH2_x) - df_x * (B2_y - H2_y);
-        const ncgen_real f_x = q[3];
-        const ncgen_real dB2_y = qd[26];
-        const ncgen_real dH2_y = qd[20];
-        const ncgen_real x2 = x1 - f_x * (dB2_y - dH2_y);
-        const ncgen_real B2_z = q[27];
-        const ncgen_real H2_z = q[21];
-        const ncgen_real x3 = B2_z - H2_z;
-        const ncgen_real dB2_z = qd[27];
-        const ncgen_real dH2_z = qd[21];
-        const ncgen_real x4 = dB2_z - dH2_z;
-        const ncgen_real x5 = df_x * x3 + f_x * x4;
-        const ncgen_real x6 = df_y * x3 + f_y * x4;
-        const ncgen_real x7 = R(1.2499999999992486e-06) * (x2 * x2 + x5 * x5 + x6 * x6);
-        const ncgen_real B1_x = q[12];
-        const ncgen_real H1_x = q[6];
-        const ncgen_real dB1_x = qd[12];
-        const ncgen_real dH1_x = qd[6];
-        const ncgen_real B1_y = q[13];
-        const ncgen_real H1_y = q[7];
-        const ncgen_real x8 = (B1_x - H1_x) * df_y + f_y * (dB1_x - dH1_x) - (B1_y - H1_y) * df_x;
-        const ncgen_real dB1_y = qd[13];
-        const ncgen_real dH1_y = qd[7];
-        const ncgen_real x9 = x8 - f_x * (dB1_y - dH1_y);
-        const ncgen_real B1_z = q[14];
-        const ncgen_real H1_z = q[8];
-        const ncgen_real x10 = B1_z - H1_z;
-        const ncgen_real dB1_z = qd[14];
-        const ncgen_real dH1_z = qd[8];
-        const ncgen_real x11 = dB1_z - dH1_z;
-        const ncgen_real x12 = x10 * df_x + f_x * x11;
-        const ncgen_real x13 = x10 * df_y + f_y * x11;
-        const ncgen_real x14 = R(1.2499999999992486e-06) * (x9 * x9 + x12 * x12 + x13 * x13);
-        const ncgen_real dK1_z = qd[11];
-        const ncgen_real dK1_y = qd[10];
         const ncgen_real dK1_x = qd[9];
         const ncgen_real dS_z = qd[0];
-        const ncgen_real x15 = R(0.5) * (dK1_y * dK1_y) + (R(0.5) * (dK1_x * dK1_x) - dS_z * dK1_z);
-        const ncgen_real x16 = dB1_x * (R(0.05) * dH1_x) + (R(0.5) * (dK1_z * dK1_z) + x15);
-        const ncgen_real x17 = dB1_z * (R(0.05) * dH1_z) + (dB1_y * (R(0.05) * dH1_y) + x16);
-        const ncgen_real x18 = dB2_y * (R(0.05) * dH2_y) + (dB2_x * (R(0.05) * dH2_x) + x17);
-        energy[0] += x7 + (x14 + (dB2_z * (R(0.05) * dH2_z) + x18));
+        const ncgen_real dK1_z = qd[11];
+        const ncgen_real dK1_y = qd[10];
+        const ncgen_real x1 = R(0.5) * (dK1_y * dK1_y) + (R(0.5) * (dK1_x * dK1_x) - dS_z * dK1_z);
+        const ncgen_real dH1_x = qd[6];
+        const ncgen_real dB1_x = qd[12];
+        const ncgen_real x2 = dB1_x * (R(0.05) * dH1_x) + (R(0.5) * (dK1_z * dK1_z) + x1);
+        const ncgen_real dH1_y = qd[7];
+        const ncgen_real dB1_y = qd[13];
+        const ncgen_real dH1_z = qd[8];
+        const ncgen_real dB1_z = qd[14];
+        const ncgen_real x3 = dB1_z * (R(0.05) * dH1_z) + (dB1_y * (R(0.05) * dH1_y) + x2);
+        const ncgen_real dH2_x = qd[19];
+        const ncgen_real dB2_x = qd[25];
+        const ncgen_real dH2_y = qd[20];
+        const ncgen_real dB2_y = qd[26];
+        const ncgen_real x4 = dB2_y * (R(0.05) * dH2_y) + (dB2_x * (R(0.05) * dH2_x) + x3);
+        const ncgen_real dH2_z = qd[21];
+        const ncgen_real dB2_z = qd[27];
+        const ncgen_real B1_x = q[12];
+        const ncgen_real H1_x = q[6];
+        const ncgen_real df_y = qd[4];
+        const ncgen_real f_y = q[4];
+        const ncgen_real B1_y = q[13];
+        const ncgen_real H1_y = q[7];
+        const ncgen_real df_x = qd[3];
+        const ncgen_real x5 = (B1_x - H1_x) * df_y + f_y * (dB1_x - dH1_x) - (B1_y - H1_y) * df_x;
+        const ncgen_real f_x = q[3];
+        const ncgen_real x6 = x5 - f_x * (dB1_y - dH1_y);
+        const ncgen_real B1_z = q[14];
+        const ncgen_real H1_z = q[8];
+        const ncgen_real x7 = B1_z - H1_z;
+        const ncgen_real x8 = dB1_z - dH1_z;
+        const ncgen_real x9 = x7 * df_x + f_x * x8;
+        const ncgen_real x10 = x7 * df_y + f_y * x8;
+        const ncgen_real x11 = R(1.2499999999992486e-06) * (x6 * x6 + x9 * x9 + x10 * x10);
+        const ncgen_real B2_x = q[25];
+        const ncgen_real H2_x = q[19];
+        const ncgen_real B2_y = q[26];
+        const ncgen_real H2_y = q[20];
+        const ncgen_real x12 = df_y * (B2_x - H2_x) + f_y * (dB2_x - dH2_x) - df_x * (B2_y - H2_y);
+        const ncgen_real x13 = x12 - f_x * (dB2_y - dH2_y);
+        const ncgen_real B2_z = q[27];
+        const ncgen_real H2_z = q[21];
+        const ncgen_real x14 = B2_z - H2_z;
+        const ncgen_real x15 = dB2_z - dH2_z;
+        const ncgen_real x16 = df_x * x14 + f_x * x15;
+        const ncgen_real x17 = df_y * x14 + f_y * x15;
+        const ncgen_real x18 = R(1.2499999999992486e-06) * (x13 * x13 + x16 * x16 + x17 * x17);
+        energy[0] += x18 + (x11 + (dB2_z * (R(0.05) * dH2_z) + x4));
         /* S.z; H1.z; B1.z; H2.z; B2.z; spring K1-M1; spring K2-M2 */
-        const ncgen_real M2_x = q[28];
-        const ncgen_real K2_x = q[22];
-        const ncgen_real x19 = M2_x - K2_x;
-        const ncgen_real M2_y = q[29];
-        const ncgen_real K2_y = q[23];
-        const ncgen_real x20 = M2_y - K2_y;
-        const ncgen_real M2_z = q[30];
-        const ncgen_real K2_z = q[24];
-        const ncgen_real x21 = M2_z - K2_z;
-        const ncgen_real x22 = x19 * x19 + x20 * x20 + x21 * x21;
-        const ncgen_real x23 = NCGEN_SQRT(x22) - R(0.5);
         const ncgen_real M1_x = q[15];
         const ncgen_real K1_x = q[9];
-        const ncgen_real x24 = M1_x - K1_x;
+        const ncgen_real x19 = M1_x - K1_x;
         const ncgen_real M1_y = q[16];
         const ncgen_real K1_y = q[10];
-        const ncgen_real x25 = M1_y - K1_y;
+        const ncgen_real x20 = M1_y - K1_y;
         const ncgen_real M1_z = q[17];
         const ncgen_real K1_z = q[11];
-        const ncgen_real x26 = M1_z - K1_z;
-        const ncgen_real x27 = x24 * x24 + x25 * x25 + x26 * x26;
-        const ncgen_real x28 = NCGEN_SQRT(x27) - R(0.5);
+        const ncgen_real x21 = M1_z - K1_z;
+        const ncgen_real x22 = x19 * x19 + x20 * x20 + x21 * x21;
+        const ncgen_real x23 = NCGEN_SQRT(x22) - R(0.5);
         const ncgen_real S_z = q[0];
-        const ncgen_real x29 = R(50.5215) * B1_z + (R(1.4715) * H1_z + (R(29.43) * S_z + R(1.4715)));
-        const ncgen_real x30 = R(400000.0) * (x28 * x28) + (R(50.5215) * B2_z + (R(1.4715) * H2_z + x29));
-        energy[1] = R(400000.0) * (x23 * x23) + x30;
+        const ncgen_real x24 = R(50.5215) * B1_z + (R(1.4715) * H1_z + (R(29.43) * S_z + R(1.4715)));
+        const ncgen_real x25 = R(400000.0) * (x23 * x23) + (R(50.5215) * B2_z + (R(1.4715) * H2_z + x24));
+        const ncgen_real M2_x = q[28];
+        const ncgen_real K2_x = q[22];
+        const ncgen_real x26 = M2_x - K2_x;
+        const ncgen_real M2_y = q[29];
+        const ncgen_real K2_y = q[23];
+        const ncgen_real x27 = M2_y - K2_y;
+        const ncgen_real M2_z = q[30];
+        const ncgen_real K2_z = q[24];
+        const ncgen_real x28 = M2_z - K2_z;
+        const ncgen_real x29 = x26 * x26 + x27 * x27 + x28 * x28;
+        const ncgen_real x30 = NCGEN_SQRT(x29) - R(0.5);
+        energy[1] = R(400000.0) * (x30 * x30) + x25;
         /* spring K1-M1; spring K2-M2 */
         const ncgen_real dM1_x = qd[15];
         const ncgen_real dM1_y = qd[16];
         const ncgen_real dM1_z = qd[17];
-        const ncgen_real x31 = x24 * (dM1_x - dK1_x) + x25 * (dM1_y - dK1_y) + x26 * (dM1_z - dK1_z);
+        const ncgen_real x31 = x19 * (dM1_x - dK1_x) + x20 * (dM1_y - dK1_y) + x21 * (dM1_z - dK1_z);
         const ncgen_real dM2_x = qd[28];
         const ncgen_real dK2_x = qd[22];
         const ncgen_real dM2_y = qd[29];
         const ncgen_real dK2_y = qd[23];
         const ncgen_real dM2_z = qd[30];
         const ncgen_real dK2_z = qd[24];
-        const ncgen_real x32 = x19 * (dM2_x - dK2_x) + x20 * (dM2_y - dK2_y) + x21 * (dM2_z - dK2_z);
-        const ncgen_real x33 = R(40000.0) * (x31 * x31) / x27 + R(40000.0) * (x32 * x32) / x22;
+        const ncgen_real x32 = x26 * (dM2_x - dK2_x) + x27 * (dM2_y - dK2_y) + x28 * (dM2_z - dK2_z);
+        const ncgen_real x33 = R(40000.0) * (x31 * x31) / x22 + R(40000.0) * (x32 * x32) / x29;
         energy[2] = -x33;
     }
 
@@ -884,8 +884,8 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
     /*   e.x, e.y, f.x, f.y, S.z, H1.x, H1.y, H1.z, B1.x, B1.y, B1.z, H2.x, H2.y, H2.z, B2.x, */
     /*   B2.y, B2.z */
     for (int i = 0; i < 17; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(flyball_number_2[i]);
         const ncgen_real dx = qd[flyball_index_1[i]];
+        const ncgen_real x1 = NCGEN_SPLAT(flyball_number_2[i]);
         energy[0] += x1 * (dx * dx);
     }
 
@@ -942,15 +942,15 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2);
         constraints[128] = x3 - cos_turn * (e_y * x1);
         /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
-        const ncgen_real H1_x = q[6];
         const ncgen_real x4 = R(0.050000000000000044) * e_x;
+        const ncgen_real H1_x = q[6];
         constraints[4] = H1_x - x4;
         constraints[39] = NCGEN_SPLAT(-R(0.050000000000000044));
         constraints[40] = NCGEN_SPLAT(R(1.0));
         constraints[129] = NCGEN_SPLAT(R(0.0));
         /* row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
-        const ncgen_real H1_y = q[7];
         const ncgen_real x5 = R(0.050000000000000044) * e_y;
+        const ncgen_real H1_y = q[7];
         constraints[5] = H1_y - x5;
         constraints[41] = NCGEN_SPLAT(-R(0.050000000000000044));
         constraints[42] = NCGEN_SPLAT(R(1.0));
@@ -961,15 +961,15 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[43] = NCGEN_SPLAT(R(1.0));
         constraints[131] = NCGEN_SPLAT(R(0.0));
         /* row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
-        const ncgen_real K1_x = q[9];
         const ncgen_real x6 = R(0.05) * e_x;
+        const ncgen_real K1_x = q[9];
         constraints[7] = K1_x - x6;
         constraints[44] = NCGEN_SPLAT(-R(0.05));
         constraints[45] = NCGEN_SPLAT(R(1.0));
         constraints[132] = NCGEN_SPLAT(R(0.0));
         /* row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
-        const ncgen_real K1_y = q[10];
         const ncgen_real x7 = R(0.05) * e_y;
+        const ncgen_real K1_y = q[10];
         constraints[8] = K1_y - x7;
         constraints[46] = NCGEN_SPLAT(-R(0.05));
         constraints[47] = NCGEN_SPLAT(R(1.0));
@@ -1040,17 +1040,17 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[70] = NCGEN_SPLAT(R(1.0));
         constraints[139] = NCGEN_SPLAT(R(0.0));
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real x18 = e_x * x8 + e_y * x9;
-        const ncgen_real sin_alpha1 = sine[1];
-        const ncgen_real x19 = e_x * x10;
-        const ncgen_real x20 = e_y * x10;
-        const ncgen_real x21 = f_y * x19 - f_x * x20;
+        const ncgen_real x18 = e_x * x10;
+        const ncgen_real x19 = e_y * x10;
+        const ncgen_real x20 = f_y * x18 - f_x * x19;
         const ncgen_real cos_alpha1 = cosine[1];
-        constraints[15] = -(x18 * sin_alpha1 + x21 * cos_alpha1);
-        constraints[71] = -(x8 * sin_alpha1 + cos_alpha1 * (f_y * x10));
+        const ncgen_real x21 = e_x * x8 + e_y * x9;
+        const ncgen_real sin_alpha1 = sine[1];
+        constraints[15] = -(x20 * cos_alpha1 + x21 * sin_alpha1);
+        constraints[71] = -(cos_alpha1 * (f_y * x10) + x8 * sin_alpha1);
         constraints[72] = cos_alpha1 * (f_x * x10) - x9 * sin_alpha1;
-        constraints[73] = x20 * cos_alpha1;
-        constraints[74] = -(x19 * cos_alpha1);
+        constraints[73] = x19 * cos_alpha1;
+        constraints[74] = -(x18 * cos_alpha1);
         const ncgen_real x22 = e_x * sin_alpha1;
         constraints[75] = -x22;
         const ncgen_real x23 = e_y * sin_alpha1;
@@ -1061,17 +1061,17 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[78] = x22;
         constraints[79] = x23;
         constraints[80] = -x25;
-        constraints[81] = sin_alpha1 * x21 - x18 * cos_alpha1;
+        constraints[81] = x20 * sin_alpha1 - cos_alpha1 * x21;
         const ncgen_real x26 = x10 * de_y + e_y * x15;
         const ncgen_real x27 = x10 * de_x + e_x * x15;
         const ncgen_real x28 = f_y * (de_x * x15) - (df_x * x26 + f_x * (de_y * x15)) + df_y * x27;
         const ncgen_real dalpha1 = qd[18];
         const ncgen_real x29 = dalpha1 * dalpha1;
-        const ncgen_real x30 = cos_alpha1 * (R(2.0) * x28) - sin_alpha1 * (x18 * x29) + sin_alpha1 * (R(2.0) * (de_x * x13 + de_y * x14));
+        const ncgen_real x30 = cos_alpha1 * (R(2.0) * x28) - sin_alpha1 * (x21 * x29) + sin_alpha1 * (R(2.0) * (de_x * x13 + de_y * x14));
         const ncgen_real x31 = R(2.0) * dalpha1;
-        const ncgen_real x32 = cos_alpha1 * (x31 * (x8 * de_x + (e_x * x13 + e_y * x14) + x9 * de_y));
-        const ncgen_real x33 = x31 * (f_y * x27 - (f_x * x26 + x20 * df_x) + x19 * df_y);
-        constraints[140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x21 * x29);
+        const ncgen_real x32 = cos_alpha1 * ((e_x * x13 + e_y * x14 + x8 * de_x + x9 * de_y) * x31);
+        const ncgen_real x33 = x31 * (f_y * x27 - (f_x * x26 + x19 * df_x) + x18 * df_y);
+        constraints[140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x20 * x29);
         /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
         const ncgen_real H2_x = q[19];
         constraints[16] = x4 + H2_x;
@@ -1164,17 +1164,17 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[113] = NCGEN_SPLAT(R(1.0));
         constraints[151] = NCGEN_SPLAT(R(0.0));
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real x42 = e_x * x34 + e_y * x35;
-        const ncgen_real sin_alpha2 = sine[2];
-        const ncgen_real x43 = e_x * x36;
-        const ncgen_real x44 = e_y * x36;
-        const ncgen_real x45 = f_y * x43 - f_x * x44;
+        const ncgen_real x42 = e_x * x36;
+        const ncgen_real x43 = e_y * x36;
+        const ncgen_real x44 = f_y * x42 - f_x * x43;
         const ncgen_real cos_alpha2 = cosine[2];
-        constraints[27] = x42 * sin_alpha2 - x45 * cos_alpha2;
+        const ncgen_real x45 = e_x * x34 + e_y * x35;
+        const ncgen_real sin_alpha2 = sine[2];
+        constraints[27] = x45 * sin_alpha2 - x44 * cos_alpha2;
         constraints[114] = x34 * sin_alpha2 - cos_alpha2 * (f_y * x36);
-        constraints[115] = x35 * sin_alpha2 + cos_alpha2 * (f_x * x36);
-        constraints[116] = x44 * cos_alpha2;
-        constraints[117] = -(x43 * cos_alpha2);
+        constraints[115] = cos_alpha2 * (f_x * x36) + x35 * sin_alpha2;
+        constraints[116] = x43 * cos_alpha2;
+        constraints[117] = -(x42 * cos_alpha2);
         const ncgen_real x46 = e_x * sin_alpha2;
         constraints[118] = x46;
         const ncgen_real x47 = e_y * sin_alpha2;
@@ -1184,18 +1184,17 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[121] = -x46;
         constraints[122] = -x47;
         constraints[123] = -x48;
-        constraints[124] = x42 * cos_alpha2 + sin_alpha2 * x45;
+        constraints[124] = x44 * sin_alpha2 + cos_alpha2 * x45;
         const ncgen_real x49 = x36 * de_y + e_y * x41;
         const ncgen_real x50 = x36 * de_x + e_x * x41;
         const ncgen_real x51 = f_y * (de_x * x41) - (df_x * x49 + f_x * (de_y * x41)) + df_y * x50;
         const ncgen_real dalpha2 = qd[31];
         const ncgen_real x52 = dalpha2 * dalpha2;
-        const ncgen_real x53 = cos_alpha2 * (R(2.0) * x51) + sin_alpha2 * (x42 * x52) - sin_alpha2 * (R(2.0) * (de_x * x39 + de_y * x40));
+        const ncgen_real x53 = cos_alpha2 * (R(2.0) * x51) + sin_alpha2 * (x45 * x52) - sin_alpha2 * (R(2.0) * (de_x * x39 + de_y * x40));
         const ncgen_real x54 = R(2.0) * dalpha2;
-        const ncgen_real x55 = x54 * (x34 * de_x + (e_x * x39 + e_y * x40) + x35 * de_y);
-        const ncgen_real x56 = x54 * (f_y * x50 - (f_x * x49 + x44 * df_x) + x43 * df_y);
-        const ncgen_real x57 = x53 - cos_alpha2 * x55 - sin_alpha2 * x56 - cos_alpha2 * (x45 * x52);
-        constraints[152] = x57;
+        const ncgen_real x55 = cos_alpha2 * ((e_x * x39 + e_y * x40 + x34 * de_x + x35 * de_y) * x54);
+        const ncgen_real x56 = x54 * (f_y * x50 - (f_x * x49 + x43 * df_x) + x42 * df_y);
+        constraints[152] = x53 - x55 - sin_alpha2 * x56 - cos_alpha2 * (x44 * x52);
     }
 
     return NCGEN_OK;
@@ -1306,7 +1305,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "1813d079c002f0f5",
+        .fingerprint = "eb965409b3f58c7a",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

@@ -146,23 +146,23 @@ def phi(t, q, p):
     cos_turn = cosine[..., 0]
     phi[..., 3] = e_x * sin_turn - e_y * cos_turn
     # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
-    H1_x = q[..., 6]
     x1 = 0.050000000000000044 * e_x
+    H1_x = q[..., 6]
     phi[..., 4] = H1_x - x1
     # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
-    H1_y = q[..., 7]
     x2 = 0.050000000000000044 * e_y
+    H1_y = q[..., 7]
     phi[..., 5] = H1_y - x2
     # row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
     H1_z = q[..., 8]
     phi[..., 6] = H1_z - 1.0
     # row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
-    K1_x = q[..., 9]
     x3 = 0.05 * e_x
+    K1_x = q[..., 9]
     phi[..., 7] = K1_x - x3
     # row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
-    K1_y = q[..., 10]
     x4 = 0.05 * e_y
+    K1_y = q[..., 10]
     phi[..., 8] = K1_y - x4
     # row 10: combination K1.z (body slider): (e - c a x b).z = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
     K1_z = q[..., 11]
@@ -188,8 +188,8 @@ def phi(t, q, p):
     M1_z = q[..., 17]
     phi[..., 14] = M1_z - 0.5 * H1_z - 0.5 * B1_z
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    sin_alpha1 = sine[..., 1]
     cos_alpha1 = cosine[..., 1]
+    sin_alpha1 = sine[..., 1]
     x8 = (e_x * x5 + e_y * x6) * sin_alpha1 + (f_y * (e_x * x7) - f_x * (e_y * x7)) * cos_alpha1
     phi[..., 15] = -x8
     # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
@@ -230,8 +230,8 @@ def phi(t, q, p):
     M2_z = q[..., 30]
     phi[..., 26] = M2_z - 0.5 * H2_z - 0.5 * B2_z
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    sin_alpha2 = sine[..., 2]
     cos_alpha2 = cosine[..., 2]
+    sin_alpha2 = sine[..., 2]
     x12 = (e_x * x9 + e_y * x10) * sin_alpha2 - (f_y * (e_x * x11) - f_x * (e_y * x11)) * cos_alpha2
     phi[..., 27] = x12
     return phi
@@ -312,8 +312,8 @@ def phi_q(t, q, p):
     phi_q[..., 41] = -0.5
     phi_q[..., 42] = 1.0
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    sin_alpha1 = sine[..., 1]
     cos_alpha1 = cosine[..., 1]
+    sin_alpha1 = sine[..., 1]
     phi_q[..., 43] = -(x1 * sin_alpha1 + cos_alpha1 * (f_y * x3))
     phi_q[..., 44] = cos_alpha1 * (f_x * x3) - x2 * sin_alpha1
     x8 = e_y * x3
@@ -378,8 +378,8 @@ def phi_q(t, q, p):
     phi_q[..., 84] = -0.5
     phi_q[..., 85] = 1.0
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    sin_alpha2 = sine[..., 2]
     cos_alpha2 = cosine[..., 2]
+    sin_alpha2 = sine[..., 2]
     phi_q[..., 86] = x15 * sin_alpha2 - cos_alpha2 * (f_y * x17)
     phi_q[..., 87] = x16 * sin_alpha2 + cos_alpha2 * (f_x * x17)
     x20 = e_y * x17
@@ -417,12 +417,12 @@ def gamma(t, q, qd, p):
     # row 3: 1003 angle f, e (body shaft): u.v - c = 0 with u = f, v = e, c = 0
     gamma[..., 2] = -(2.0 * (de_x * df_x + de_y * df_y))
     # row 4: 1012 angle turn (coordinate turn): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = e, n = z, psi = turn, ln = 1
-    sin_turn = sine[..., 0]
-    e_x = q[..., 1]
     dturn = qd[..., 5]
     x1 = dturn * dturn
-    cos_turn = cosine[..., 0]
+    e_x = q[..., 1]
+    sin_turn = sine[..., 0]
     x2 = 2.0 * dturn
+    cos_turn = cosine[..., 0]
     x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
     e_y = q[..., 2]
     gamma[..., 3] = x3 - cos_turn * (e_y * x1)
@@ -449,7 +449,6 @@ def gamma(t, q, qd, p):
     gamma[..., 13] = 0.0
     gamma[..., 14] = 0.0
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    cos_alpha1 = cosine[..., 1]
     B1_z = q[..., 14]
     H1_z = q[..., 8]
     x7 = B1_z - H1_z
@@ -458,7 +457,7 @@ def gamma(t, q, qd, p):
     f_y = q[..., 4]
     x9 = de_x * x7 - e_x * x6
     x10 = df_x * x8 - f_x * (de_y * x6) + f_y * (de_x * x6) - df_y * x9
-    sin_alpha1 = sine[..., 1]
+    cos_alpha1 = cosine[..., 1]
     B1_x = q[..., 12]
     H1_x = q[..., 6]
     x11 = B1_x - H1_x
@@ -467,6 +466,7 @@ def gamma(t, q, qd, p):
     x12 = B1_y - H1_y
     dalpha1 = qd[..., 18]
     x13 = dalpha1 * dalpha1
+    sin_alpha1 = sine[..., 1]
     x14 = cos_alpha1 * (2.0 * x10) + sin_alpha1 * ((e_x * x11 + e_y * x12) * x13)
     x15 = 2.0 * dalpha1
     x16 = cos_alpha1 * (x15 * (de_x * x11 - (e_x * x4 + e_y * x5) + de_y * x12))
@@ -498,14 +498,13 @@ def gamma(t, q, qd, p):
     gamma[..., 25] = 0.0
     gamma[..., 26] = 0.0
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    cos_alpha2 = cosine[..., 2]
     B2_z = q[..., 27]
     H2_z = q[..., 21]
     x24 = B2_z - H2_z
     x25 = de_y * x24 - e_y * x23
     x26 = de_x * x24 - e_x * x23
     x27 = df_x * x25 - f_x * (de_y * x23) + f_y * (de_x * x23) - df_y * x26
-    sin_alpha2 = sine[..., 2]
+    cos_alpha2 = cosine[..., 2]
     B2_x = q[..., 25]
     H2_x = q[..., 19]
     x28 = B2_x - H2_x
@@ -514,6 +513,7 @@ def gamma(t, q, qd, p):
     x29 = B2_y - H2_y
     dalpha2 = qd[..., 31]
     x30 = dalpha2 * dalpha2
+    sin_alpha2 = sine[..., 2]
     x31 = cos_alpha2 * (2.0 * x27) - sin_alpha2 * ((e_x * x28 + e_y * x29) * x30)
     x32 = 2.0 * dalpha2
     x33 = x32 * (de_x * x28 - (e_x * x21 + e_y * x22) + de_y * x29)
@@ -534,22 +534,22 @@ def mass(t, q, p):
     mass[..., 2] = 2.4999999999997245e-06
     mass[..., 3] = 2.4999999999997245e-06
     # rod1; rod2
-    B2_y = q[..., 26]
-    H2_y = q[..., 20]
-    x1 = B2_y - H2_y
-    B2_z = q[..., 27]
-    H2_z = q[..., 21]
-    x2 = B2_z - H2_z
-    x3 = x2 * x2
     B1_y = q[..., 13]
     H1_y = q[..., 7]
-    x4 = B1_y - H1_y
+    x1 = B1_y - H1_y
     B1_z = q[..., 14]
     H1_z = q[..., 8]
-    x5 = B1_z - H1_z
-    x6 = x5 * x5
-    x7 = 2.499999999998497e-06 * (x4 * x4 + x6) + 0.0025074999999999976
-    mass[..., 4] = 2.499999999998497e-06 * (x1 * x1 + x3) + x7
+    x2 = B1_z - H1_z
+    x3 = x2 * x2
+    x4 = 2.499999999998497e-06 * (x1 * x1 + x3) + 0.0025074999999999976
+    B2_y = q[..., 26]
+    H2_y = q[..., 20]
+    x5 = B2_y - H2_y
+    B2_z = q[..., 27]
+    H2_z = q[..., 21]
+    x6 = B2_z - H2_z
+    x7 = x6 * x6
+    mass[..., 4] = 2.499999999998497e-06 * (x5 * x5 + x7) + x4
     B1_x = q[..., 12]
     H1_x = q[..., 6]
     x8 = B1_x - H1_x
@@ -558,17 +558,17 @@ def mass(t, q, p):
     H2_x = q[..., 19]
     x10 = B2_x - H2_x
     x11 = 2.499999999998497e-06 * x10
-    x12 = -(x4 * x9 + x1 * x11)
+    x12 = -(x1 * x9 + x5 * x11)
     mass[..., 5] = x12
     # rod1
     f_y = q[..., 4]
-    x13 = 2.499999999998497e-06 * (f_y * x4)
+    x13 = 2.499999999998497e-06 * (f_y * x1)
     mass[..., 6] = x13
     f_x = q[..., 3]
-    x14 = f_x * (2.499999999998497e-06 * x4)
+    x14 = f_x * (2.499999999998497e-06 * x1)
     x15 = -x14
     mass[..., 7] = x15
-    x16 = 2.499999999998497e-06 * x5
+    x16 = 2.499999999998497e-06 * x2
     x17 = f_x * x16
     x18 = -x17
     mass[..., 8] = x18
@@ -577,12 +577,12 @@ def mass(t, q, p):
     mass[..., 10] = x14
     mass[..., 11] = x17
     # rod2
-    x20 = 2.499999999998497e-06 * (f_y * x1)
+    x20 = 2.499999999998497e-06 * (f_y * x5)
     mass[..., 12] = x20
-    x21 = f_x * (2.499999999998497e-06 * x1)
+    x21 = f_x * (2.499999999998497e-06 * x5)
     x22 = -x21
     mass[..., 13] = x22
-    x23 = 2.499999999998497e-06 * x2
+    x23 = 2.499999999998497e-06 * x6
     x24 = f_x * x23
     x25 = -x24
     mass[..., 14] = x25
@@ -592,8 +592,8 @@ def mass(t, q, p):
     mass[..., 17] = x24
     # rod1; rod2
     mass[..., 18] = x12
-    x27 = 2.499999999998497e-06 * (x6 + x8 * x8) + 0.0025074999999999976
-    mass[..., 19] = 2.499999999998497e-06 * (x3 + x10 * x10) + x27
+    x27 = 2.499999999998497e-06 * (x3 + x8 * x8) + 0.0025074999999999976
+    mass[..., 19] = 2.499999999998497e-06 * (x7 + x10 * x10) + x27
     # rod1
     x28 = f_y * x9
     x29 = -x28
@@ -717,9 +717,9 @@ def force(t, q, qd, p):
     force[..., 1] = 0.0
     force[..., 2] = 0.0
     # rod1; rod2
-    df_y = qd[..., 4]
     dB1_x = qd[..., 12]
     dH1_x = qd[..., 6]
+    df_y = qd[..., 4]
     dB1_y = qd[..., 13]
     dH1_y = qd[..., 7]
     df_x = qd[..., 3]
@@ -853,102 +853,102 @@ def energy(t, q, qd, p):
     x1 = _number_1
     energy[..., 0:3] = x1
     # S.z K1.z; K1.x; K1.y; K1.z; H1.x B1.x; H1.y B1.y; H1.z B1.z; H2.x B2.x; H2.y B2.y; H2.z B2.z; rod1; rod2
-    df_y = qd[..., 4]
-    B2_x = q[..., 25]
-    H2_x = q[..., 19]
-    f_y = q[..., 4]
-    dB2_x = qd[..., 25]
-    dH2_x = qd[..., 19]
-    df_x = qd[..., 3]
-    B2_y = q[..., 26]
-    H2_y = q[..., 20]
-    x1 = df_y * (B2_x - H2_x) + f_y * (dB2_x - dH2_x) - df_x * (B2_y - H2_y)
-    f_x = q[..., 3]
-    dB2_y = qd[..., 26]
-    dH2_y = qd[..., 20]
-    x2 = x1 - f_x * (dB2_y - dH2_y)
-    B2_z = q[..., 27]
-    H2_z = q[..., 21]
-    x3 = B2_z - H2_z
-    dB2_z = qd[..., 27]
-    dH2_z = qd[..., 21]
-    x4 = dB2_z - dH2_z
-    x5 = df_x * x3 + f_x * x4
-    x6 = df_y * x3 + f_y * x4
-    B1_x = q[..., 12]
-    H1_x = q[..., 6]
-    dB1_x = qd[..., 12]
-    dH1_x = qd[..., 6]
-    B1_y = q[..., 13]
-    H1_y = q[..., 7]
-    x7 = (B1_x - H1_x) * df_y + f_y * (dB1_x - dH1_x) - (B1_y - H1_y) * df_x
-    dB1_y = qd[..., 13]
-    dH1_y = qd[..., 7]
-    x8 = x7 - f_x * (dB1_y - dH1_y)
-    B1_z = q[..., 14]
-    H1_z = q[..., 8]
-    x9 = B1_z - H1_z
-    dB1_z = qd[..., 14]
-    dH1_z = qd[..., 8]
-    x10 = dB1_z - dH1_z
-    x11 = x9 * df_x + f_x * x10
-    x12 = x9 * df_y + f_y * x10
-    x13 = 1.2499999999992486e-06 * (x8 * x8 + x11 * x11 + x12 * x12)
-    dK1_z = qd[..., 11]
-    dK1_y = qd[..., 10]
     dK1_x = qd[..., 9]
     dS_z = qd[..., 0]
-    x14 = 0.5 * (dK1_y * dK1_y) + (0.5 * (dK1_x * dK1_x) - dS_z * dK1_z)
-    x15 = dB1_y * (0.05 * dH1_y) + (dB1_x * (0.05 * dH1_x) + (0.5 * (dK1_z * dK1_z) + x14))
-    x16 = dB2_y * (0.05 * dH2_y) + (dB2_x * (0.05 * dH2_x) + (dB1_z * (0.05 * dH1_z) + x15))
-    x17 = 1.2499999999992486e-06 * (x2 * x2 + x5 * x5 + x6 * x6) + (x13 + (dB2_z * (0.05 * dH2_z) + x16))
-    energy[..., 0] += x17
+    dK1_z = qd[..., 11]
+    dK1_y = qd[..., 10]
+    x1 = 0.5 * (dK1_y * dK1_y) + (0.5 * (dK1_x * dK1_x) - dS_z * dK1_z)
+    dH1_x = qd[..., 6]
+    dB1_x = qd[..., 12]
+    dH1_y = qd[..., 7]
+    dB1_y = qd[..., 13]
+    x2 = dB1_y * (0.05 * dH1_y) + (dB1_x * (0.05 * dH1_x) + (0.5 * (dK1_z * dK1_z) + x1))
+    dH1_z = qd[..., 8]
+    dB1_z = qd[..., 14]
+    dH2_x = qd[..., 19]
+    dB2_x = qd[..., 25]
+    dH2_y = qd[..., 20]
+    dB2_y = qd[..., 26]
+    x3 = dB2_y * (0.05 * dH2_y) + (dB2_x * (0.05 * dH2_x) + (dB1_z * (0.05 * dH1_z) + x2))
+    dH2_z = qd[..., 21]
+    dB2_z = qd[..., 27]
+    B1_x = q[..., 12]
+    H1_x = q[..., 6]
+    df_y = qd[..., 4]
+    f_y = q[..., 4]
+    B1_y = q[..., 13]
+    H1_y = q[..., 7]
+    df_x = qd[..., 3]
+    x4 = (B1_x - H1_x) * df_y + f_y * (dB1_x - dH1_x) - (B1_y - H1_y) * df_x
+    f_x = q[..., 3]
+    x5 = x4 - f_x * (dB1_y - dH1_y)
+    B1_z = q[..., 14]
+    H1_z = q[..., 8]
+    x6 = B1_z - H1_z
+    x7 = dB1_z - dH1_z
+    x8 = x6 * df_x + f_x * x7
+    x9 = x6 * df_y + f_y * x7
+    x10 = 1.2499999999992486e-06 * (x5 * x5 + x8 * x8 + x9 * x9) + (dB2_z * (0.05 * dH2_z) + x3)
+    B2_x = q[..., 25]
+    H2_x = q[..., 19]
+    B2_y = q[..., 26]
+    H2_y = q[..., 20]
+    x11 = df_y * (B2_x - H2_x) + f_y * (dB2_x - dH2_x) - df_x * (B2_y - H2_y)
+    x12 = x11 - f_x * (dB2_y - dH2_y)
+    B2_z = q[..., 27]
+    H2_z = q[..., 21]
+    x13 = B2_z - H2_z
+    x14 = dB2_z - dH2_z
+    x15 = df_x * x13 + f_x * x14
+    x16 = df_y * x13 + f_y * x14
+    x17 = 1.2499999999992486e-06 * (x12 * x12 + x15 * x15 + x16 * x16)
+    energy[..., 0] += x17 + x10
     # S.z; H1.z; B1.z; H2.z; B2.z; spring K1-M1; spring K2-M2
-    M2_x = q[..., 28]
-    K2_x = q[..., 22]
-    x18 = M2_x - K2_x
-    M2_y = q[..., 29]
-    K2_y = q[..., 23]
-    x19 = M2_y - K2_y
-    M2_z = q[..., 30]
-    K2_z = q[..., 24]
-    x20 = M2_z - K2_z
-    x21 = x18 * x18 + x19 * x19 + x20 * x20
-    x22 = np.sqrt(x21) - 0.5
     M1_x = q[..., 15]
     K1_x = q[..., 9]
-    x23 = M1_x - K1_x
+    x18 = M1_x - K1_x
     M1_y = q[..., 16]
     K1_y = q[..., 10]
-    x24 = M1_y - K1_y
+    x19 = M1_y - K1_y
     M1_z = q[..., 17]
     K1_z = q[..., 11]
-    x25 = M1_z - K1_z
-    x26 = x23 * x23 + x24 * x24 + x25 * x25
-    x27 = np.sqrt(x26) - 0.5
+    x20 = M1_z - K1_z
+    x21 = x18 * x18 + x19 * x19 + x20 * x20
+    x22 = np.sqrt(x21) - 0.5
     S_z = q[..., 0]
-    x28 = 50.5215 * B1_z + (1.4715 * H1_z + (29.43 * S_z + 1.4715))
-    x29 = 400000.0 * (x27 * x27) + (50.5215 * B2_z + (1.4715 * H2_z + x28))
-    energy[..., 1] = 400000.0 * (x22 * x22) + x29
+    x23 = 50.5215 * B1_z + (1.4715 * H1_z + (29.43 * S_z + 1.4715))
+    x24 = 400000.0 * (x22 * x22) + (50.5215 * B2_z + (1.4715 * H2_z + x23))
+    M2_x = q[..., 28]
+    K2_x = q[..., 22]
+    x25 = M2_x - K2_x
+    M2_y = q[..., 29]
+    K2_y = q[..., 23]
+    x26 = M2_y - K2_y
+    M2_z = q[..., 30]
+    K2_z = q[..., 24]
+    x27 = M2_z - K2_z
+    x28 = x25 * x25 + x26 * x26 + x27 * x27
+    x29 = np.sqrt(x28) - 0.5
+    energy[..., 1] = 400000.0 * (x29 * x29) + x24
     # spring K1-M1; spring K2-M2
     dM1_x = qd[..., 15]
     dM1_y = qd[..., 16]
     dM1_z = qd[..., 17]
-    x30 = x23 * (dM1_x - dK1_x) + x24 * (dM1_y - dK1_y) + x25 * (dM1_z - dK1_z)
+    x30 = x18 * (dM1_x - dK1_x) + x19 * (dM1_y - dK1_y) + x20 * (dM1_z - dK1_z)
     dM2_x = qd[..., 28]
     dK2_x = qd[..., 22]
     dM2_y = qd[..., 29]
     dK2_y = qd[..., 23]
     dM2_z = qd[..., 30]
     dK2_z = qd[..., 24]
-    x31 = x18 * (dM2_x - dK2_x) + x19 * (dM2_y - dK2_y) + x20 * (dM2_z - dK2_z)
-    x32 = 40000.0 * (x30 * x30) / x26 + 40000.0 * (x31 * x31) / x21
+    x31 = x25 * (dM2_x - dK2_x) + x26 * (dM2_y - dK2_y) + x27 * (dM2_z - dK2_z)
+    x32 = 40000.0 * (x30 * x30) / x21 + 40000.0 * (x31 * x31) / x28
     energy[..., 2] = -x32
     # mass-diagonal: m v^2 / 2
     #   e.x, e.y, f.x, f.y, S.z, H1.x, H1.y, H1.z, B1.x, B1.y, B1.z, H2.x, H2.y, H2.z, B2.x,
     #   B2.y, B2.z
-    x1 = _number_2
     dx = qd[..., _index_1]
+    x1 = _number_2
     energy[..., 0] += np.sum(x1 * (dx * dx) + np.zeros(17), axis=-1)
     return energy
 
@@ -997,15 +997,15 @@ def constraints(t, q, qd, p):
     x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
     constraints[..., 128] = x3 - cos_turn * (e_y * x1)
     # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
-    H1_x = q[..., 6]
     x4 = 0.050000000000000044 * e_x
+    H1_x = q[..., 6]
     constraints[..., 4] = H1_x - x4
     constraints[..., 39] = -0.050000000000000044
     constraints[..., 40] = 1.0
     constraints[..., 129] = 0.0
     # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
-    H1_y = q[..., 7]
     x5 = 0.050000000000000044 * e_y
+    H1_y = q[..., 7]
     constraints[..., 5] = H1_y - x5
     constraints[..., 41] = -0.050000000000000044
     constraints[..., 42] = 1.0
@@ -1016,15 +1016,15 @@ def constraints(t, q, qd, p):
     constraints[..., 43] = 1.0
     constraints[..., 131] = 0.0
     # row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
-    K1_x = q[..., 9]
     x6 = 0.05 * e_x
+    K1_x = q[..., 9]
     constraints[..., 7] = K1_x - x6
     constraints[..., 44] = -0.05
     constraints[..., 45] = 1.0
     constraints[..., 132] = 0.0
     # row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
-    K1_y = q[..., 10]
     x7 = 0.05 * e_y
+    K1_y = q[..., 10]
     constraints[..., 8] = K1_y - x7
     constraints[..., 46] = -0.05
     constraints[..., 47] = 1.0
@@ -1095,17 +1095,17 @@ def constraints(t, q, qd, p):
     constraints[..., 70] = 1.0
     constraints[..., 139] = 0.0
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    x18 = e_x * x8 + e_y * x9
-    sin_alpha1 = sine[..., 1]
-    x19 = e_x * x10
-    x20 = e_y * x10
-    x21 = f_y * x19 - f_x * x20
+    x18 = e_x * x10
+    x19 = e_y * x10
+    x20 = f_y * x18 - f_x * x19
     cos_alpha1 = cosine[..., 1]
-    constraints[..., 15] = -(x18 * sin_alpha1 + x21 * cos_alpha1)
-    constraints[..., 71] = -(x8 * sin_alpha1 + cos_alpha1 * (f_y * x10))
+    x21 = e_x * x8 + e_y * x9
+    sin_alpha1 = sine[..., 1]
+    constraints[..., 15] = -(x20 * cos_alpha1 + x21 * sin_alpha1)
+    constraints[..., 71] = -(cos_alpha1 * (f_y * x10) + x8 * sin_alpha1)
     constraints[..., 72] = cos_alpha1 * (f_x * x10) - x9 * sin_alpha1
-    constraints[..., 73] = x20 * cos_alpha1
-    constraints[..., 74] = -(x19 * cos_alpha1)
+    constraints[..., 73] = x19 * cos_alpha1
+    constraints[..., 74] = -(x18 * cos_alpha1)
     x22 = e_x * sin_alpha1
     constraints[..., 75] = -x22
     x23 = e_y * sin_alpha1
@@ -1116,17 +1116,17 @@ def constraints(t, q, qd, p):
     constraints[..., 78] = x22
     constraints[..., 79] = x23
     constraints[..., 80] = -x25
-    constraints[..., 81] = sin_alpha1 * x21 - x18 * cos_alpha1
+    constraints[..., 81] = x20 * sin_alpha1 - cos_alpha1 * x21
     x26 = x10 * de_y + e_y * x15
     x27 = x10 * de_x + e_x * x15
     x28 = f_y * (de_x * x15) - (df_x * x26 + f_x * (de_y * x15)) + df_y * x27
     dalpha1 = qd[..., 18]
     x29 = dalpha1 * dalpha1
-    x30 = cos_alpha1 * (2.0 * x28) - sin_alpha1 * (x18 * x29) + sin_alpha1 * (2.0 * (de_x * x13 + de_y * x14))
+    x30 = cos_alpha1 * (2.0 * x28) - sin_alpha1 * (x21 * x29) + sin_alpha1 * (2.0 * (de_x * x13 + de_y * x14))
     x31 = 2.0 * dalpha1
-    x32 = cos_alpha1 * (x31 * (x8 * de_x + (e_x * x13 + e_y * x14) + x9 * de_y))
-    x33 = x31 * (f_y * x27 - (f_x * x26 + x20 * df_x) + x19 * df_y)
-    constraints[..., 140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x21 * x29)
+    x32 = cos_alpha1 * ((e_x * x13 + e_y * x14 + x8 * de_x + x9 * de_y) * x31)
+    x33 = x31 * (f_y * x27 - (f_x * x26 + x19 * df_x) + x18 * df_y)
+    constraints[..., 140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x20 * x29)
     # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
     H2_x = q[..., 19]
     constraints[..., 16] = x4 + H2_x
@@ -1219,17 +1219,17 @@ def constraints(t, q, qd, p):
     constraints[..., 113] = 1.0
     constraints[..., 151] = 0.0
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    x42 = e_x * x34 + e_y * x35
-    sin_alpha2 = sine[..., 2]
-    x43 = e_x * x36
-    x44 = e_y * x36
-    x45 = f_y * x43 - f_x * x44
+    x42 = e_x * x36
+    x43 = e_y * x36
+    x44 = f_y * x42 - f_x * x43
     cos_alpha2 = cosine[..., 2]
-    constraints[..., 27] = x42 * sin_alpha2 - x45 * cos_alpha2
+    x45 = e_x * x34 + e_y * x35
+    sin_alpha2 = sine[..., 2]
+    constraints[..., 27] = x45 * sin_alpha2 - x44 * cos_alpha2
     constraints[..., 114] = x34 * sin_alpha2 - cos_alpha2 * (f_y * x36)
-    constraints[..., 115] = x35 * sin_alpha2 + cos_alpha2 * (f_x * x36)
-    constraints[..., 116] = x44 * cos_alpha2
-    constraints[..., 117] = -(x43 * cos_alpha2)
+    constraints[..., 115] = cos_alpha2 * (f_x * x36) + x35 * sin_alpha2
+    constraints[..., 116] = x43 * cos_alpha2
+    constraints[..., 117] = -(x42 * cos_alpha2)
     x46 = e_x * sin_alpha2
     constraints[..., 118] = x46
     x47 = e_y * sin_alpha2
@@ -1239,16 +1239,15 @@ def constraints(t, q, qd, p):
     constraints[..., 121] = -x46
     constraints[..., 122] = -x47
     constraints[..., 123] = -x48
-    constraints[..., 124] = x42 * cos_alpha2 + sin_alpha2 * x45
+    constraints[..., 124] = x44 * sin_alpha2 + cos_alpha2 * x45
     x49 = x36 * de_y + e_y * x41
     x50 = x36 * de_x + e_x * x41
     x51 = f_y * (de_x * x41) - (df_x * x49 + f_x * (de_y * x41)) + df_y * x50
     dalpha2 = qd[..., 31]
     x52 = dalpha2 * dalpha2
-    x53 = cos_alpha2 * (2.0 * x51) + sin_alpha2 * (x42 * x52) - sin_alpha2 * (2.0 * (de_x * x39 + de_y * x40))
+    x53 = cos_alpha2 * (2.0 * x51) + sin_alpha2 * (x45 * x52) - sin_alpha2 * (2.0 * (de_x * x39 + de_y * x40))
     x54 = 2.0 * dalpha2
-    x55 = x54 * (x34 * de_x + (e_x * x39 + e_y * x40) + x35 * de_y)
-    x56 = x54 * (f_y * x50 - (f_x * x49 + x44 * df_x) + x43 * df_y)
-    x57 = x53 - cos_alpha2 * x55 - sin_alpha2 * x56 - cos_alpha2 * (x45 * x52)
-    constraints[..., 152] = x57
+    x55 = cos_alpha2 * ((e_x * x39 + e_y * x40 + x34 * de_x + x35 * de_y) * x54)
+    x56 = x54 * (f_y * x50 - (f_x * x49 + x43 * df_x) + x42 * df_y)
+    constraints[..., 152] = x53 - x55 - sin_alpha2 * x56 - cos_alpha2 * (x44 * x52)
     return constraints

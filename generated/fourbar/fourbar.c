@@ -109,12 +109,12 @@ int fourbar_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 3: 1000 distance C-D (body rocker): |a|^2 - L^2 = 0 with a = C-D, L = 0.304138 */
         gamma[2] = -(R(3.2879797461071463) * (dC_x * dC_x + dC_y * dC_y));
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
-        const ncgen_real sin_psi = sine[0];
-        const ncgen_real B_x = q[0];
         const ncgen_real dpsi = qd[4];
         const ncgen_real x3 = dpsi * dpsi;
-        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real B_x = q[0];
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real x4 = R(2.0) * dpsi;
+        const ncgen_real cos_psi = cosine[0];
         const ncgen_real x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4);
         const ncgen_real B_y = q[1];
         gamma[3] = R(10.0) * (x5 - cos_psi * (B_y * x3));
@@ -161,21 +161,21 @@ int fourbar_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; coupler; rocker */
-        const ncgen_real dC_x = qd[2];
-        const ncgen_real x1 = dC_x * dC_x;
-        const ncgen_real dC_y = qd[3];
-        const ncgen_real x2 = dC_y * dC_y;
         const ncgen_real dB_x = qd[0];
-        const ncgen_real x3 = dC_x - dB_x;
+        const ncgen_real x1 = dB_x * dB_x;
         const ncgen_real dB_y = qd[1];
-        const ncgen_real x4 = dC_y - dB_y;
-        const ncgen_real x5 = dB_x * dB_x;
-        const ncgen_real x6 = dB_y * dB_y;
-        const ncgen_real x7 = R(0.14583333333333334) * x5 + R(0.14583333333333334) * x6;
-        const ncgen_real x8 = R(0.20416666666666666) * x2 + (R(0.20416666666666666) * x1 + x7);
-        const ncgen_real x9 = dC_y * (R(0.16666666666666669) * dB_y) + (dC_x * (R(0.16666666666666669) * dB_x) + x8);
-        const ncgen_real x10 = R(0.016666666666666663) * (x3 * x3 + x4 * x4) + (R(0.0041666666666666675) * (x5 + x6) + x9);
-        energy[0] = R(0.012499999999999997) * (x1 + x2) + x10;
+        const ncgen_real x2 = dB_y * dB_y;
+        const ncgen_real x3 = R(0.14583333333333334) * x1 + R(0.14583333333333334) * x2;
+        const ncgen_real dC_x = qd[2];
+        const ncgen_real x4 = dC_x * dC_x;
+        const ncgen_real dC_y = qd[3];
+        const ncgen_real x5 = dC_y * dC_y;
+        const ncgen_real x6 = R(0.20416666666666666) * x5 + (R(0.20416666666666666) * x4 + x3);
+        const ncgen_real x7 = dC_y * (R(0.16666666666666669) * dB_y) + (dC_x * (R(0.16666666666666669) * dB_x) + x6);
+        const ncgen_real x8 = dC_x - dB_x;
+        const ncgen_real x9 = dC_y - dB_y;
+        const ncgen_real x10 = R(0.016666666666666663) * (x8 * x8 + x9 * x9) + (R(0.0041666666666666675) * (x1 + x2) + x7);
+        energy[0] = R(0.012499999999999997) * (x4 + x5) + x10;
         /* B.y; C.y */
         const ncgen_real B_y = q[1];
         const ncgen_real C_y = q[3];
@@ -289,7 +289,7 @@ const ncgen_model *fourbar_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "fourbar",
-        .fingerprint = "f0205e24d3a38be8",
+        .fingerprint = "61df4bb2ba378a62",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

@@ -139,12 +139,12 @@ def gamma(t, q, qd, p):
     # row 3: 1000 distance C-D (body rocker): |a|^2 - L^2 = 0 with a = C-D, L = 0.304138
     gamma[..., 2] = -(3.2879797461071463 * (dC_x * dC_x + dC_y * dC_y))
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
-    sin_psi = sine[..., 0]
-    B_x = q[..., 0]
     dpsi = qd[..., 4]
     x3 = dpsi * dpsi
-    cos_psi = cosine[..., 0]
+    B_x = q[..., 0]
+    sin_psi = sine[..., 0]
     x4 = 2.0 * dpsi
+    cos_psi = cosine[..., 0]
     x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4)
     B_y = q[..., 1]
     gamma[..., 3] = 10.0 * (x5 - cos_psi * (B_y * x3))
@@ -176,20 +176,20 @@ def energy(t, q, qd, p):
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; coupler; rocker
-    dC_x = qd[..., 2]
-    x1 = dC_x * dC_x
-    dC_y = qd[..., 3]
-    x2 = dC_y * dC_y
     dB_x = qd[..., 0]
-    x3 = dC_x - dB_x
+    x1 = dB_x * dB_x
     dB_y = qd[..., 1]
-    x4 = dC_y - dB_y
-    x5 = dB_x * dB_x
-    x6 = dB_y * dB_y
-    x7 = 0.20416666666666666 * x1 + (0.14583333333333334 * x5 + 0.14583333333333334 * x6)
-    x8 = dC_x * (0.16666666666666669 * dB_x) + (0.20416666666666666 * x2 + x7)
-    x9 = 0.0041666666666666675 * (x5 + x6) + (dC_y * (0.16666666666666669 * dB_y) + x8)
-    x10 = 0.012499999999999997 * (x1 + x2) + (0.016666666666666663 * (x3 * x3 + x4 * x4) + x9)
+    x2 = dB_y * dB_y
+    dC_x = qd[..., 2]
+    x3 = dC_x * dC_x
+    x4 = 0.20416666666666666 * x3 + (0.14583333333333334 * x1 + 0.14583333333333334 * x2)
+    dC_y = qd[..., 3]
+    x5 = dC_y * dC_y
+    x6 = dC_x * (0.16666666666666669 * dB_x) + (0.20416666666666666 * x5 + x4)
+    x7 = 0.0041666666666666675 * (x1 + x2) + (dC_y * (0.16666666666666669 * dB_y) + x6)
+    x8 = dC_x - dB_x
+    x9 = dC_y - dB_y
+    x10 = 0.012499999999999997 * (x3 + x5) + (0.016666666666666663 * (x8 * x8 + x9 * x9) + x7)
     energy[..., 0] = x10
     # B.y; C.y
     B_y = q[..., 1]

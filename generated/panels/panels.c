@@ -40,12 +40,12 @@ int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real K1_y = q[5];
         phi[2] = x1 + (K1_y - A_y);
         /* row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
-        const ncgen_real K2_x = q[6];
         const ncgen_real x3 = R(2.0) * H_x;
+        const ncgen_real K2_x = q[6];
         phi[3] = A_x + (K2_x - x3) - x2;
         /* row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
-        const ncgen_real K2_y = q[7];
         const ncgen_real x4 = R(2.0) * H_y;
+        const ncgen_real K2_y = q[7];
         phi[4] = x1 + (A_y + (K2_y - x4));
         /* row 6: combination K3.x (body hub): (e - c a x b).x = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1 */
         const ncgen_real K3_x = q[8];
@@ -344,7 +344,6 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         gamma[12] = -(R(0.625) * (x9 * x9 + x10 * x10));
         /* row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1 */
         const ncgen_real cos_psi0 = cosine[0];
-        const ncgen_real sin_psi0 = sine[0];
         const ncgen_real A_x = q[2];
         const ncgen_real H_x = q[0];
         const ncgen_real x11 = A_x - H_x;
@@ -357,6 +356,7 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         const ncgen_real x14 = P0_y - A_y;
         const ncgen_real dpsi0 = qd[20];
         const ncgen_real x15 = dpsi0 * dpsi0;
+        const ncgen_real sin_psi0 = sine[0];
         const ncgen_real x16 = cos_psi0 * (R(2.0) * (x1 * x4 - x2 * x3)) + sin_psi0 * ((x11 * x12 + x13 * x14) * x15);
         const ncgen_real x17 = R(2.0) * dpsi0;
         const ncgen_real x18 = cos_psi0 * (x17 * (x3 * x11 + x4 * x13 + x1 * x12 + x2 * x14));
@@ -366,13 +366,13 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         gamma[13] = x21;
         /* row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1 */
         const ncgen_real cos_psi1 = cosine[1];
-        const ncgen_real sin_psi1 = sine[1];
         const ncgen_real P1_x = q[14];
         const ncgen_real x22 = P1_x - P0_x;
         const ncgen_real P1_y = q[15];
         const ncgen_real x23 = P1_y - P0_y;
         const ncgen_real dpsi1 = qd[21];
         const ncgen_real x24 = dpsi1 * dpsi1;
+        const ncgen_real sin_psi1 = sine[1];
         const ncgen_real x25 = cos_psi1 * (R(2.0) * (x3 * x6 - x4 * x5)) + sin_psi1 * ((x12 * x22 + x14 * x23) * x24);
         const ncgen_real x26 = R(2.0) * dpsi1;
         const ncgen_real x27 = cos_psi1 * (x26 * (x5 * x12 + x6 * x14 + x3 * x22 + x4 * x23));
@@ -382,13 +382,13 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         gamma[14] = x30;
         /* row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1 */
         const ncgen_real cos_psi2 = cosine[2];
-        const ncgen_real sin_psi2 = sine[2];
         const ncgen_real P2_x = q[16];
         const ncgen_real x31 = P2_x - P1_x;
         const ncgen_real P2_y = q[17];
         const ncgen_real x32 = P2_y - P1_y;
         const ncgen_real dpsi2 = qd[22];
         const ncgen_real x33 = dpsi2 * dpsi2;
+        const ncgen_real sin_psi2 = sine[2];
         const ncgen_real x34 = cos_psi2 * (R(2.0) * (x5 * x8 - x6 * x7)) + sin_psi2 * ((x22 * x31 + x23 * x32) * x33);
         const ncgen_real x35 = R(2.0) * dpsi2;
         const ncgen_real x36 = cos_psi2 * (x35 * (x7 * x22 + x8 * x23 + x5 * x31 + x6 * x32));
@@ -398,13 +398,13 @@ int panels_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
         gamma[15] = x39;
         /* row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1 */
         const ncgen_real cos_psi3 = cosine[3];
-        const ncgen_real sin_psi3 = sine[3];
         const ncgen_real P3_x = q[18];
         const ncgen_real x40 = P3_x - P2_x;
         const ncgen_real P3_y = q[19];
         const ncgen_real x41 = P3_y - P2_y;
         const ncgen_real dpsi3 = qd[23];
         const ncgen_real x42 = dpsi3 * dpsi3;
+        const ncgen_real sin_psi3 = sine[3];
         const ncgen_real x43 = cos_psi3 * (R(2.0) * (x7 * x10 - x8 * x9)) + sin_psi3 * ((x31 * x40 + x32 * x41) * x42);
         const ncgen_real x44 = R(2.0) * dpsi3;
         const ncgen_real x45 = cos_psi3 * (x44 * (x9 * x31 + x10 * x32 + x7 * x40 + x8 * x41));
@@ -489,54 +489,54 @@ int panels_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
 
     {
         /* H.x; H.y; A.x; A.y; P0.x; P0.y; P1.x; P1.y; P2.x; P2.y; P3.x; P3.y; H.x A.x; H.y A.y; A.x P0.x; A.y P0.y; P0.x P1.x; P0.y P1.y; P1.x P2.x; P1.y P2.y; P2.x P3.x; P2.y P3.y; hub; yoke; panel1; panel2; panel3 */
-        const ncgen_real dP3_x = qd[18];
-        const ncgen_real dP2_x = qd[16];
-        const ncgen_real x1 = dP3_x - dP2_x;
-        const ncgen_real dP3_y = qd[19];
-        const ncgen_real dP2_y = qd[17];
-        const ncgen_real x2 = dP3_y - dP2_y;
-        const ncgen_real dP1_x = qd[14];
-        const ncgen_real x3 = dP2_x - dP1_x;
-        const ncgen_real dP1_y = qd[15];
-        const ncgen_real x4 = dP2_y - dP1_y;
-        const ncgen_real dP0_x = qd[12];
-        const ncgen_real x5 = dP1_x - dP0_x;
-        const ncgen_real dP0_y = qd[13];
-        const ncgen_real x6 = dP1_y - dP0_y;
-        const ncgen_real dA_x = qd[2];
-        const ncgen_real x7 = dP0_x - dA_x;
-        const ncgen_real dA_y = qd[3];
-        const ncgen_real x8 = dP0_y - dA_y;
         const ncgen_real dH_x = qd[0];
-        const ncgen_real x9 = dA_x - dH_x;
         const ncgen_real dH_y = qd[1];
-        const ncgen_real x10 = dA_y - dH_y;
-        const ncgen_real x11 = R(333.3333333333333) * (dH_x * dH_x) + R(333.3333333333333) * (dH_y * dH_y);
-        const ncgen_real x12 = R(83.91666666666667) * (dA_y * dA_y) + (R(83.91666666666667) * (dA_x * dA_x) + x11);
-        const ncgen_real x13 = R(2.3333333333333335) * (dP0_y * dP0_y) + (R(2.3333333333333335) * (dP0_x * dP0_x) + x12);
-        const ncgen_real x14 = R(3.5) * (dP1_y * dP1_y) + (R(3.5) * (dP1_x * dP1_x) + x13);
-        const ncgen_real x15 = R(3.5) * (dP2_y * dP2_y) + (R(3.5) * (dP2_x * dP2_x) + x14);
-        const ncgen_real x16 = R(1.75) * (dP3_y * dP3_y) + (R(1.75) * (dP3_x * dP3_x) + x15);
-        const ncgen_real x17 = x16 - dA_x * (R(166.66666666666669) * dH_x) - dA_y * (R(166.66666666666669) * dH_y);
-        const ncgen_real x18 = dP0_y * (R(0.8333333333333334) * dA_y) + (dP0_x * (R(0.8333333333333334) * dA_x) + x17);
-        const ncgen_real x19 = dP1_y * (R(2.5) * dP0_y) + (dP1_x * (R(2.5) * dP0_x) + x18);
-        const ncgen_real x20 = dP2_y * (R(2.5) * dP1_y) + (dP2_x * (R(2.5) * dP1_x) + x19);
-        const ncgen_real x21 = dP3_y * (R(2.5) * dP2_y) + (dP3_x * (R(2.5) * dP2_x) + x20);
-        const ncgen_real x22 = R(0.08333333333333334) * (x7 * x7 + x8 * x8) + (R(83.33333333333334) * (x9 * x9 + x10 * x10) + x21);
-        const ncgen_real x23 = R(0.25) * (x3 * x3 + x4 * x4) + (R(0.25) * (x5 * x5 + x6 * x6) + x22);
-        energy[0] = R(0.25) * (x1 * x1 + x2 * x2) + x23;
+        const ncgen_real x1 = R(333.3333333333333) * (dH_x * dH_x) + R(333.3333333333333) * (dH_y * dH_y);
+        const ncgen_real dA_x = qd[2];
+        const ncgen_real dA_y = qd[3];
+        const ncgen_real x2 = R(83.91666666666667) * (dA_y * dA_y) + (R(83.91666666666667) * (dA_x * dA_x) + x1);
+        const ncgen_real dP0_x = qd[12];
+        const ncgen_real dP0_y = qd[13];
+        const ncgen_real x3 = R(2.3333333333333335) * (dP0_y * dP0_y) + (R(2.3333333333333335) * (dP0_x * dP0_x) + x2);
+        const ncgen_real dP1_x = qd[14];
+        const ncgen_real dP1_y = qd[15];
+        const ncgen_real x4 = R(3.5) * (dP1_y * dP1_y) + (R(3.5) * (dP1_x * dP1_x) + x3);
+        const ncgen_real dP2_x = qd[16];
+        const ncgen_real dP2_y = qd[17];
+        const ncgen_real x5 = R(3.5) * (dP2_y * dP2_y) + (R(3.5) * (dP2_x * dP2_x) + x4);
+        const ncgen_real dP3_x = qd[18];
+        const ncgen_real dP3_y = qd[19];
+        const ncgen_real x6 = R(1.75) * (dP3_y * dP3_y) + (R(1.75) * (dP3_x * dP3_x) + x5);
+        const ncgen_real x7 = x6 - dA_x * (R(166.66666666666669) * dH_x) - dA_y * (R(166.66666666666669) * dH_y);
+        const ncgen_real x8 = dP0_y * (R(0.8333333333333334) * dA_y) + (dP0_x * (R(0.8333333333333334) * dA_x) + x7);
+        const ncgen_real x9 = dP1_y * (R(2.5) * dP0_y) + (dP1_x * (R(2.5) * dP0_x) + x8);
+        const ncgen_real x10 = dP2_y * (R(2.5) * dP1_y) + (dP2_x * (R(2.5) * dP1_x) + x9);
+        const ncgen_real x11 = dP3_y * (R(2.5) * dP2_y) + (dP3_x * (R(2.5) * dP2_x) + x10);
+        const ncgen_real x12 = dA_x - dH_x;
+        const ncgen_real x13 = dA_y - dH_y;
+        const ncgen_real x14 = dP0_x - dA_x;
+        const ncgen_real x15 = dP0_y - dA_y;
+        const ncgen_real x16 = R(0.08333333333333334) * (x14 * x14 + x15 * x15) + (R(83.33333333333334) * (x12 * x12 + x13 * x13) + x11);
+        const ncgen_real x17 = dP1_x - dP0_x;
+        const ncgen_real x18 = dP1_y - dP0_y;
+        const ncgen_real x19 = dP2_x - dP1_x;
+        const ncgen_real x20 = dP2_y - dP1_y;
+        const ncgen_real x21 = R(0.25) * (x19 * x19 + x20 * x20) + (R(0.25) * (x17 * x17 + x18 * x18) + x16);
+        const ncgen_real x22 = dP3_x - dP2_x;
+        const ncgen_real x23 = dP3_y - dP2_y;
+        energy[0] = R(0.25) * (x22 * x22 + x23 * x23) + x21;
         /* spring of psi0; spring of psi1; spring of psi2; spring of psi3 */
-        const ncgen_real psi3 = q[23];
-        const ncgen_real psi2 = q[22];
         const ncgen_real psi0 = q[20];
         const ncgen_real psi1 = q[21];
+        const ncgen_real psi2 = q[22];
         const ncgen_real x24 = R(0.75) * (psi2 * psi2) + (R(0.75) * (psi0 * psi0) + R(0.75) * (psi1 * psi1));
+        const ncgen_real psi3 = q[23];
         energy[1] = R(0.75) * (psi3 * psi3) + x24;
-        const ncgen_real dpsi3 = qd[23];
-        const ncgen_real dpsi2 = qd[22];
         const ncgen_real dpsi0 = qd[20];
         const ncgen_real dpsi1 = qd[21];
+        const ncgen_real dpsi2 = qd[22];
         const ncgen_real x25 = R(4.0) * (dpsi2 * dpsi2) + (R(4.0) * (dpsi0 * dpsi0) + R(4.0) * (dpsi1 * dpsi1));
+        const ncgen_real dpsi3 = qd[23];
         energy[2] = -(R(4.0) * (dpsi3 * dpsi3) + x25);
     }
 
@@ -590,8 +590,8 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         constraints[31] = NCGEN_SPLAT(R(1.0));
         constraints[112] = NCGEN_SPLAT(R(0.0));
         /* row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
-        const ncgen_real K2_x = q[6];
         const ncgen_real x7 = R(2.0) * H_x;
+        const ncgen_real K2_x = q[6];
         constraints[3] = A_x + (K2_x - x7) - x2;
         constraints[32] = NCGEN_SPLAT(-R(2.0));
         constraints[33] = NCGEN_SPLAT(-R(1.0));
@@ -600,8 +600,8 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         constraints[36] = NCGEN_SPLAT(R(1.0));
         constraints[113] = NCGEN_SPLAT(R(0.0));
         /* row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
-        const ncgen_real K2_y = q[7];
         const ncgen_real x8 = R(2.0) * H_y;
+        const ncgen_real K2_y = q[7];
         constraints[4] = x1 + (A_y + (K2_y - x8));
         constraints[37] = NCGEN_SPLAT(R(1.0));
         constraints[38] = NCGEN_SPLAT(-R(2.0));
@@ -738,7 +738,7 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         const ncgen_real x44 = dpsi0 * dpsi0;
         const ncgen_real x45 = cos_psi0 * (R(2.0) * (x5 * x14 - x6 * x13)) + sin_psi0 * (x36 * x44);
         const ncgen_real x46 = R(2.0) * dpsi0;
-        const ncgen_real x47 = cos_psi0 * (x46 * (x1 * x13 + x2 * x14 + x9 * x5 + x10 * x6));
+        const ncgen_real x47 = cos_psi0 * ((x1 * x13 + x2 * x14 + x9 * x5 + x10 * x6) * x46);
         const ncgen_real x48 = sin_psi0 * (x46 * (x1 * x14 + x10 * x5 - x2 * x13 - x9 * x6));
         const ncgen_real x49 = x45 - sin_psi0 * (R(2.0) * (x5 * x13 + x6 * x14)) - x47 - x48;
         constraints[123] = R(1.5624999999999998) * (x49 - cos_psi0 * (x37 * x44));
@@ -766,7 +766,7 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         const ncgen_real x58 = dpsi1 * dpsi1;
         const ncgen_real x59 = cos_psi1 * (R(2.0) * (x13 * x21 - x14 * x20)) + sin_psi1 * (x50 * x58);
         const ncgen_real x60 = R(2.0) * dpsi1;
-        const ncgen_real x61 = cos_psi1 * (x60 * (x9 * x20 + x10 * x21 + x15 * x13 + x16 * x14));
+        const ncgen_real x61 = cos_psi1 * ((x9 * x20 + x10 * x21 + x15 * x13 + x16 * x14) * x60);
         const ncgen_real x62 = x59 - sin_psi1 * (R(2.0) * (x13 * x20 + x14 * x21)) - x61;
         const ncgen_real x63 = sin_psi1 * (x60 * (x9 * x21 + x16 * x13 - x10 * x20 - x15 * x14));
         const ncgen_real x64 = R(0.7812499999999999) * (x62 - x63 - cos_psi1 * (x51 * x58));
@@ -795,7 +795,7 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         const ncgen_real x73 = dpsi2 * dpsi2;
         const ncgen_real x74 = cos_psi2 * (R(2.0) * (x20 * x28 - x21 * x27)) + sin_psi2 * (x65 * x73);
         const ncgen_real x75 = R(2.0) * dpsi2;
-        const ncgen_real x76 = cos_psi2 * (x75 * (x15 * x27 + x16 * x28 + x22 * x20 + x23 * x21));
+        const ncgen_real x76 = cos_psi2 * ((x15 * x27 + x16 * x28 + x22 * x20 + x23 * x21) * x75);
         const ncgen_real x77 = x74 - sin_psi2 * (R(2.0) * (x20 * x27 + x21 * x28)) - x76;
         const ncgen_real x78 = sin_psi2 * (x75 * (x15 * x28 + x23 * x20 - x16 * x27 - x22 * x21));
         const ncgen_real x79 = R(0.39062499999999994) * (x77 - x78 - cos_psi2 * (x66 * x73));
@@ -824,7 +824,7 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         const ncgen_real x88 = dpsi3 * dpsi3;
         const ncgen_real x89 = cos_psi3 * (R(2.0) * (x27 * x35 - x28 * x34)) + sin_psi3 * (x80 * x88);
         const ncgen_real x90 = R(2.0) * dpsi3;
-        const ncgen_real x91 = cos_psi3 * (x90 * (x22 * x34 + x23 * x35 + x29 * x27 + x30 * x28));
+        const ncgen_real x91 = cos_psi3 * ((x22 * x34 + x23 * x35 + x29 * x27 + x30 * x28) * x90);
         const ncgen_real x92 = x89 - sin_psi3 * (R(2.0) * (x27 * x34 + x28 * x35)) - x91;
         const ncgen_real x93 = sin_psi3 * (x90 * (x22 * x35 + x30 * x27 - x23 * x34 - x29 * x28));
         const ncgen_real x94 = R(0.39062499999999994) * (x92 - x93 - cos_psi3 * (x81 * x88));
@@ -932,7 +932,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "09dfcaccca66b9ce",
+        .fingerprint = "dc209754d82af38b",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,

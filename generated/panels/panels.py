@@ -120,12 +120,12 @@ def phi(t, q, p):
     K1_y = q[..., 5]
     phi[..., 2] = x1 + (K1_y - A_y)
     # row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
-    K2_x = q[..., 6]
     x3 = 2.0 * H_x
+    K2_x = q[..., 6]
     phi[..., 3] = A_x + (K2_x - x3) - x2
     # row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
-    K2_y = q[..., 7]
     x4 = 2.0 * H_y
+    K2_y = q[..., 7]
     phi[..., 4] = x1 + (A_y + (K2_y - x4))
     # row 6: combination K3.x (body hub): (e - c a x b).x = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1
     K3_x = q[..., 8]
@@ -412,7 +412,6 @@ def gamma(t, q, qd, p):
     gamma[..., 12] = -(0.625 * (x9 * x9 + x10 * x10))
     # row 14: 1010 angle psi0 (coordinate psi0): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-H, b = P0-A, n = z, psi = psi0, ln = 1
     cos_psi0 = cosine[..., 0]
-    sin_psi0 = sine[..., 0]
     A_x = q[..., 2]
     H_x = q[..., 0]
     x11 = A_x - H_x
@@ -425,6 +424,7 @@ def gamma(t, q, qd, p):
     x14 = P0_y - A_y
     dpsi0 = qd[..., 20]
     x15 = dpsi0 * dpsi0
+    sin_psi0 = sine[..., 0]
     x16 = cos_psi0 * (2.0 * (x1 * x4 - x2 * x3)) + sin_psi0 * ((x11 * x12 + x13 * x14) * x15)
     x17 = 2.0 * dpsi0
     x18 = cos_psi0 * (x17 * (x3 * x11 + x4 * x13 + x1 * x12 + x2 * x14))
@@ -433,13 +433,13 @@ def gamma(t, q, qd, p):
     gamma[..., 13] = 1.5624999999999998 * x20
     # row 15: 1010 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P0-A, b = P1-P0, n = z, psi = psi1, ln = 1
     cos_psi1 = cosine[..., 1]
-    sin_psi1 = sine[..., 1]
     P1_x = q[..., 14]
     x21 = P1_x - P0_x
     P1_y = q[..., 15]
     x22 = P1_y - P0_y
     dpsi1 = qd[..., 21]
     x23 = dpsi1 * dpsi1
+    sin_psi1 = sine[..., 1]
     x24 = cos_psi1 * (2.0 * (x3 * x6 - x4 * x5)) + sin_psi1 * ((x12 * x21 + x14 * x22) * x23)
     x25 = 2.0 * dpsi1
     x26 = cos_psi1 * (x25 * (x5 * x12 + x6 * x14 + x3 * x21 + x4 * x22))
@@ -448,13 +448,13 @@ def gamma(t, q, qd, p):
     gamma[..., 14] = 0.7812499999999999 * x28
     # row 16: 1010 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P1-P0, b = P2-P1, n = z, psi = psi2, ln = 1
     cos_psi2 = cosine[..., 2]
-    sin_psi2 = sine[..., 2]
     P2_x = q[..., 16]
     x29 = P2_x - P1_x
     P2_y = q[..., 17]
     x30 = P2_y - P1_y
     dpsi2 = qd[..., 22]
     x31 = dpsi2 * dpsi2
+    sin_psi2 = sine[..., 2]
     x32 = cos_psi2 * (2.0 * (x5 * x8 - x6 * x7)) + sin_psi2 * ((x21 * x29 + x22 * x30) * x31)
     x33 = 2.0 * dpsi2
     x34 = cos_psi2 * (x33 * (x7 * x21 + x8 * x22 + x5 * x29 + x6 * x30))
@@ -463,13 +463,13 @@ def gamma(t, q, qd, p):
     gamma[..., 15] = 0.39062499999999994 * x36
     # row 17: 1010 angle psi3 (coordinate psi3): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = P2-P1, b = P3-P2, n = z, psi = psi3, ln = 1
     cos_psi3 = cosine[..., 3]
-    sin_psi3 = sine[..., 3]
     P3_x = q[..., 18]
     x37 = P3_x - P2_x
     P3_y = q[..., 19]
     x38 = P3_y - P2_y
     dpsi3 = qd[..., 23]
     x39 = dpsi3 * dpsi3
+    sin_psi3 = sine[..., 3]
     x40 = cos_psi3 * (2.0 * (x7 * x10 - x8 * x9)) + sin_psi3 * ((x29 * x37 + x30 * x38) * x39)
     x41 = 2.0 * dpsi3
     x42 = cos_psi3 * (x41 * (x9 * x29 + x10 * x30 + x7 * x37 + x8 * x38))
@@ -541,52 +541,52 @@ def energy(t, q, qd, p):
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # H.x; H.y; A.x; A.y; P0.x; P0.y; P1.x; P1.y; P2.x; P2.y; P3.x; P3.y; H.x A.x; H.y A.y; A.x P0.x; A.y P0.y; P0.x P1.x; P0.y P1.y; P1.x P2.x; P1.y P2.y; P2.x P3.x; P2.y P3.y; hub; yoke; panel1; panel2; panel3
-    dP3_x = qd[..., 18]
-    dP2_x = qd[..., 16]
-    x1 = dP3_x - dP2_x
-    dP3_y = qd[..., 19]
-    dP2_y = qd[..., 17]
-    x2 = dP3_y - dP2_y
-    dP1_x = qd[..., 14]
-    x3 = dP2_x - dP1_x
-    dP1_y = qd[..., 15]
-    x4 = dP2_y - dP1_y
-    dP0_x = qd[..., 12]
-    x5 = dP1_x - dP0_x
-    dP0_y = qd[..., 13]
-    x6 = dP1_y - dP0_y
-    dA_x = qd[..., 2]
-    x7 = dP0_x - dA_x
-    dA_y = qd[..., 3]
-    x8 = dP0_y - dA_y
     dH_x = qd[..., 0]
-    x9 = dA_x - dH_x
     dH_y = qd[..., 1]
-    x10 = dA_y - dH_y
-    x11 = 333.3333333333333 * (dH_x * dH_x) + 333.3333333333333 * (dH_y * dH_y)
-    x12 = 83.91666666666667 * (dA_y * dA_y) + (83.91666666666667 * (dA_x * dA_x) + x11)
-    x13 = 2.3333333333333335 * (dP0_y * dP0_y) + (2.3333333333333335 * (dP0_x * dP0_x) + x12)
-    x14 = 3.5 * (dP2_x * dP2_x) + (3.5 * (dP1_y * dP1_y) + (3.5 * (dP1_x * dP1_x) + x13))
-    x15 = 1.75 * (dP3_y * dP3_y) + (1.75 * (dP3_x * dP3_x) + (3.5 * (dP2_y * dP2_y) + x14))
-    x16 = x15 - dA_x * (166.66666666666669 * dH_x) - dA_y * (166.66666666666669 * dH_y)
-    x17 = dP0_y * (0.8333333333333334 * dA_y) + (dP0_x * (0.8333333333333334 * dA_x) + x16)
-    x18 = dP2_x * (2.5 * dP1_x) + (dP1_y * (2.5 * dP0_y) + (dP1_x * (2.5 * dP0_x) + x17))
-    x19 = dP3_y * (2.5 * dP2_y) + (dP3_x * (2.5 * dP2_x) + (dP2_y * (2.5 * dP1_y) + x18))
-    x20 = 0.08333333333333334 * (x7 * x7 + x8 * x8) + (83.33333333333334 * (x9 * x9 + x10 * x10) + x19)
-    x21 = 0.25 * (x3 * x3 + x4 * x4) + (0.25 * (x5 * x5 + x6 * x6) + x20)
-    energy[..., 0] = 0.25 * (x1 * x1 + x2 * x2) + x21
+    x1 = 333.3333333333333 * (dH_x * dH_x) + 333.3333333333333 * (dH_y * dH_y)
+    dA_x = qd[..., 2]
+    dA_y = qd[..., 3]
+    x2 = 83.91666666666667 * (dA_y * dA_y) + (83.91666666666667 * (dA_x * dA_x) + x1)
+    dP0_x = qd[..., 12]
+    dP0_y = qd[..., 13]
+    x3 = 2.3333333333333335 * (dP0_y * dP0_y) + (2.3333333333333335 * (dP0_x * dP0_x) + x2)
+    dP1_x = qd[..., 14]
+    dP1_y = qd[..., 15]
+    dP2_x = qd[..., 16]
+    x4 = 3.5 * (dP2_x * dP2_x) + (3.5 * (dP1_y * dP1_y) + (3.5 * (dP1_x * dP1_x) + x3))
+    dP2_y = qd[..., 17]
+    dP3_x = qd[..., 18]
+    dP3_y = qd[..., 19]
+    x5 = 1.75 * (dP3_y * dP3_y) + (1.75 * (dP3_x * dP3_x) + (3.5 * (dP2_y * dP2_y) + x4))
+    x6 = x5 - dA_x * (166.66666666666669 * dH_x) - dA_y * (166.66666666666669 * dH_y)
+    x7 = dP0_y * (0.8333333333333334 * dA_y) + (dP0_x * (0.8333333333333334 * dA_x) + x6)
+    x8 = dP2_x * (2.5 * dP1_x) + (dP1_y * (2.5 * dP0_y) + (dP1_x * (2.5 * dP0_x) + x7))
+    x9 = dP3_y * (2.5 * dP2_y) + (dP3_x * (2.5 * dP2_x) + (dP2_y * (2.5 * dP1_y) + x8))
+    x10 = dA_x - dH_x
+    x11 = dA_y - dH_y
+    x12 = dP0_x - dA_x
+    x13 = dP0_y - dA_y
+    x14 = 0.08333333333333334 * (x12 * x12 + x13 * x13) + (83.33333333333334 * (x10 * x10 + x11 * x11) + x9)
+    x15 = dP1_x - dP0_x
+    x16 = dP1_y - dP0_y
+    x17 = dP2_x - dP1_x
+    x18 = dP2_y - dP1_y
+    x19 = 0.25 * (x17 * x17 + x18 * x18) + (0.25 * (x15 * x15 + x16 * x16) + x14)
+    x20 = dP3_x - dP2_x
+    x21 = dP3_y - dP2_y
+    energy[..., 0] = 0.25 * (x20 * x20 + x21 * x21) + x19
     # spring of psi0; spring of psi1; spring of psi2; spring of psi3
-    psi3 = q[..., 23]
-    psi2 = q[..., 22]
     psi0 = q[..., 20]
     psi1 = q[..., 21]
+    psi2 = q[..., 22]
     x22 = 0.75 * (psi2 * psi2) + (0.75 * (psi0 * psi0) + 0.75 * (psi1 * psi1))
+    psi3 = q[..., 23]
     energy[..., 1] = 0.75 * (psi3 * psi3) + x22
-    dpsi3 = qd[..., 23]
-    dpsi2 = qd[..., 22]
     dpsi0 = qd[..., 20]
     dpsi1 = qd[..., 21]
+    dpsi2 = qd[..., 22]
     x23 = 4.0 * (dpsi2 * dpsi2) + (4.0 * (dpsi0 * dpsi0) + 4.0 * (dpsi1 * dpsi1))
+    dpsi3 = qd[..., 23]
     energy[..., 2] = -(4.0 * (dpsi3 * dpsi3) + x23)
     return energy
 
@@ -635,8 +635,8 @@ def constraints(t, q, qd, p):
     constraints[..., 31] = 1.0
     constraints[..., 112] = 0.0
     # row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
-    K2_x = q[..., 6]
     x7 = 2.0 * H_x
+    K2_x = q[..., 6]
     constraints[..., 3] = A_x + (K2_x - x7) - x2
     constraints[..., 32] = -2.0
     constraints[..., 33] = -1.0
@@ -645,8 +645,8 @@ def constraints(t, q, qd, p):
     constraints[..., 36] = 1.0
     constraints[..., 113] = 0.0
     # row 5: combination K2.y (body hub): (e - c a x b).y = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
-    K2_y = q[..., 7]
     x8 = 2.0 * H_y
+    K2_y = q[..., 7]
     constraints[..., 4] = x1 + (A_y + (K2_y - x8))
     constraints[..., 37] = 1.0
     constraints[..., 38] = -2.0
@@ -778,7 +778,7 @@ def constraints(t, q, qd, p):
     x39 = dpsi0 * dpsi0
     x40 = cos_psi0 * (2.0 * (x5 * x14 - x6 * x13)) + sin_psi0 * (x33 * x39)
     x41 = 2.0 * dpsi0
-    x42 = cos_psi0 * (x41 * (x1 * x13 + x2 * x14 + x9 * x5 + x10 * x6))
+    x42 = cos_psi0 * ((x1 * x13 + x2 * x14 + x9 * x5 + x10 * x6) * x41)
     x43 = sin_psi0 * (x41 * (x1 * x14 + x10 * x5 - x2 * x13 - x9 * x6))
     x44 = x40 - sin_psi0 * (2.0 * (x5 * x13 + x6 * x14)) - x42 - x43
     constraints[..., 123] = 1.5624999999999998 * (x44 - cos_psi0 * (x34 * x39))
@@ -804,7 +804,7 @@ def constraints(t, q, qd, p):
     x51 = dpsi1 * dpsi1
     x52 = cos_psi1 * (2.0 * (x13 * x20 - x14 * x19)) + sin_psi1 * (x45 * x51)
     x53 = 2.0 * dpsi1
-    x54 = cos_psi1 * (x53 * (x9 * x19 + x10 * x20 + x15 * x13 + x16 * x14))
+    x54 = cos_psi1 * ((x9 * x19 + x10 * x20 + x15 * x13 + x16 * x14) * x53)
     x55 = sin_psi1 * (x53 * (x9 * x20 + x16 * x13 - x10 * x19 - x15 * x14))
     x56 = x52 - sin_psi1 * (2.0 * (x13 * x19 + x14 * x20)) - x54 - x55
     constraints[..., 124] = 0.7812499999999999 * (x56 - cos_psi1 * (x46 * x51))
@@ -830,7 +830,7 @@ def constraints(t, q, qd, p):
     x63 = dpsi2 * dpsi2
     x64 = cos_psi2 * (2.0 * (x19 * x26 - x20 * x25)) + sin_psi2 * (x57 * x63)
     x65 = 2.0 * dpsi2
-    x66 = cos_psi2 * (x65 * (x15 * x25 + x16 * x26 + x21 * x19 + x22 * x20))
+    x66 = cos_psi2 * ((x15 * x25 + x16 * x26 + x21 * x19 + x22 * x20) * x65)
     x67 = sin_psi2 * (x65 * (x15 * x26 + x22 * x19 - x16 * x25 - x21 * x20))
     x68 = x64 - sin_psi2 * (2.0 * (x19 * x25 + x20 * x26)) - x66 - x67
     constraints[..., 125] = 0.39062499999999994 * (x68 - cos_psi2 * (x58 * x63))
@@ -856,7 +856,7 @@ def constraints(t, q, qd, p):
     x75 = dpsi3 * dpsi3
     x76 = cos_psi3 * (2.0 * (x25 * x32 - x26 * x31)) + sin_psi3 * (x69 * x75)
     x77 = 2.0 * dpsi3
-    x78 = cos_psi3 * (x77 * (x21 * x31 + x22 * x32 + x27 * x25 + x28 * x26))
+    x78 = cos_psi3 * ((x21 * x31 + x22 * x32 + x27 * x25 + x28 * x26) * x77)
     x79 = sin_psi3 * (x77 * (x21 * x32 + x28 * x25 - x22 * x31 - x27 * x26))
     x80 = x76 - sin_psi3 * (2.0 * (x25 * x31 + x26 * x32)) - x78 - x79
     constraints[..., 126] = 0.39062499999999994 * (x80 - cos_psi3 * (x70 * x75))

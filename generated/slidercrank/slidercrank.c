@@ -105,12 +105,12 @@ int slidercrank_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         gamma[1] = -(R(3.267973856209151) * (x1 * x1 + x2 * x2));
         gamma[2] = NCGEN_SPLAT(R(0.0));
         /* row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1 */
-        const ncgen_real sin_psi = sine[0];
-        const ncgen_real B_x = q[0];
         const ncgen_real dpsi = qd[4];
         const ncgen_real x3 = dpsi * dpsi;
-        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real B_x = q[0];
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real x4 = R(2.0) * dpsi;
+        const ncgen_real cos_psi = cosine[0];
         const ncgen_real x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4);
         const ncgen_real B_y = q[1];
         gamma[3] = R(6.5359477124183005) * (x5 - cos_psi * (B_y * x3));
@@ -157,18 +157,18 @@ int slidercrank_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
 
     {
         /* B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; rod */
-        const ncgen_real dC_x = qd[2];
         const ncgen_real dB_x = qd[0];
-        const ncgen_real x1 = dC_x - dB_x;
-        const ncgen_real dC_y = qd[3];
+        const ncgen_real x1 = dB_x * dB_x;
         const ncgen_real dB_y = qd[1];
-        const ncgen_real x2 = dC_y - dB_y;
-        const ncgen_real x3 = dB_x * dB_x;
-        const ncgen_real x4 = dB_y * dB_y;
-        const ncgen_real x5 = R(0.01186554316715793) * x3 + R(0.01186554316715793) * x4;
-        const ncgen_real x6 = R(0.04432524883591781) * (dC_y * dC_y) + (R(0.04432524883591781) * (dC_x * dC_x) + x5);
-        const ncgen_real x7 = dC_y * (R(0.00634950232816438) * dB_y) + (dC_x * (R(0.00634950232816438) * dB_x) + x6);
-        const ncgen_real x8 = R(0.0015752488359178098) * (x1 * x1 + x2 * x2) + (R(0.0007902943312401214) * (x3 + x4) + x7);
+        const ncgen_real x2 = dB_y * dB_y;
+        const ncgen_real x3 = R(0.01186554316715793) * x1 + R(0.01186554316715793) * x2;
+        const ncgen_real dC_x = qd[2];
+        const ncgen_real dC_y = qd[3];
+        const ncgen_real x4 = R(0.04432524883591781) * (dC_y * dC_y) + (R(0.04432524883591781) * (dC_x * dC_x) + x3);
+        const ncgen_real x5 = dC_y * (R(0.00634950232816438) * dB_y) + (dC_x * (R(0.00634950232816438) * dB_x) + x4);
+        const ncgen_real x6 = dC_x - dB_x;
+        const ncgen_real x7 = dC_y - dB_y;
+        const ncgen_real x8 = R(0.0015752488359178098) * (x6 * x6 + x7 * x7) + (R(0.0007902943312401214) * (x1 + x2) + x5);
         energy[0] = x8;
         /* B.y; C.y */
         const ncgen_real B_y = q[1];
@@ -280,7 +280,7 @@ const ncgen_model *slidercrank_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank",
-        .fingerprint = "283cd0283b6be6b5",
+        .fingerprint = "610bbed164153b28",
         .n_coordinates = 5,
         .n_rows = 4,
         .n_parameters = 0,

@@ -134,12 +134,12 @@ def gamma(t, q, qd, p):
     gamma[..., 1] = -(3.267973856209151 * (x1 * x1 + x2 * x2))
     gamma[..., 2] = 0.0
     # row 4: 1014 angle psi (coordinate psi): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = x, b = B-A, n = z, psi = psi, ln = 1
-    sin_psi = sine[..., 0]
-    B_x = q[..., 0]
     dpsi = qd[..., 4]
     x3 = dpsi * dpsi
-    cos_psi = cosine[..., 0]
+    B_x = q[..., 0]
+    sin_psi = sine[..., 0]
     x4 = 2.0 * dpsi
+    cos_psi = cosine[..., 0]
     x5 = sin_psi * (B_x * x3) - cos_psi * (dB_x * x4) - sin_psi * (dB_y * x4)
     B_y = q[..., 1]
     gamma[..., 3] = 6.5359477124183005 * (x5 - cos_psi * (B_y * x3))
@@ -171,18 +171,18 @@ def energy(t, q, qd, p):
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # B.x; B.y; C.x; C.y; B.x C.x; B.y C.y; crank; rod
-    dC_x = qd[..., 2]
     dB_x = qd[..., 0]
-    x1 = dC_x - dB_x
-    dC_y = qd[..., 3]
+    x1 = dB_x * dB_x
     dB_y = qd[..., 1]
-    x2 = dC_y - dB_y
-    x3 = dB_x * dB_x
-    x4 = dB_y * dB_y
-    x5 = 0.04432524883591781 * (dC_x * dC_x) + (0.01186554316715793 * x3 + 0.01186554316715793 * x4)
-    x6 = dC_x * (0.00634950232816438 * dB_x) + (0.04432524883591781 * (dC_y * dC_y) + x5)
-    x7 = 0.0007902943312401214 * (x3 + x4) + (dC_y * (0.00634950232816438 * dB_y) + x6)
-    energy[..., 0] = 0.0015752488359178098 * (x1 * x1 + x2 * x2) + x7
+    x2 = dB_y * dB_y
+    dC_x = qd[..., 2]
+    x3 = 0.04432524883591781 * (dC_x * dC_x) + (0.01186554316715793 * x1 + 0.01186554316715793 * x2)
+    dC_y = qd[..., 3]
+    x4 = dC_x * (0.00634950232816438 * dB_x) + (0.04432524883591781 * (dC_y * dC_y) + x3)
+    x5 = 0.0007902943312401214 * (x1 + x2) + (dC_y * (0.00634950232816438 * dB_y) + x4)
+    x6 = dC_x - dB_x
+    x7 = dC_y - dB_y
+    energy[..., 0] = 0.0015752488359178098 * (x6 * x6 + x7 * x7) + x5
     # B.y; C.y
     B_y = q[..., 1]
     C_y = q[..., 3]

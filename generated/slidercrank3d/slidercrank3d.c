@@ -19,9 +19,9 @@ int slidercrank3d_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08 */
-        const ncgen_real B_x = q[0];
         const ncgen_real B_y = q[1];
         const ncgen_real x1 = R(0.1) - B_y;
+        const ncgen_real B_x = q[0];
         const ncgen_real B_z = q[2];
         const ncgen_real x2 = R(0.12) - B_z;
         const ncgen_real x3 = R(6.249999999999999) * (B_x * B_x + x1 * x1 + x2 * x2 - R(0.006400000000000003));
@@ -140,12 +140,12 @@ int slidercrank3d_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         gamma[4] = x4;
         gamma[5] = NCGEN_SPLAT(R(0.0));
         /* row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1 */
-        const ncgen_real sin_psi = sine[0];
         const ncgen_real B_z = q[2];
         const ncgen_real dpsi = qd[7];
         const ncgen_real x5 = dpsi * dpsi;
-        const ncgen_real cos_psi = cosine[0];
+        const ncgen_real sin_psi = sine[0];
         const ncgen_real x6 = R(2.0) * dpsi;
+        const ncgen_real cos_psi = cosine[0];
         const ncgen_real x7 = sin_psi * ((B_z - R(0.12)) * x5) - cos_psi * (dB_z * x6) + sin_psi * (dB_y * x6);
         const ncgen_real B_y = q[1];
         const ncgen_real x8 = R(12.499999999999998) * (x7 + cos_psi * ((B_y - R(0.1)) * x5));
@@ -271,22 +271,22 @@ int slidercrank3d_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
 
     {
         /* rod */
-        const ncgen_real h_y = q[5];
-        const ncgen_real dh_y = qd[5];
         const ncgen_real dC_x = qd[3];
         const ncgen_real dB_x = qd[0];
         const ncgen_real x1 = dC_x - dB_x;
+        const ncgen_real dh_y = qd[5];
         const ncgen_real dB_y = qd[1];
         const ncgen_real dh_x = qd[4];
         const ncgen_real x2 = R(0.004444444444444437) * (dh_y * x1 + dB_y * dh_x);
-        const ncgen_real h_z = q[6];
-        const ncgen_real dB_z = qd[2];
+        const ncgen_real h_y = q[5];
         const ncgen_real dh_z = qd[6];
+        const ncgen_real dB_z = qd[2];
         const ncgen_real x3 = R(0.004444444444444437) * (dB_z * dh_x + dh_z * x1);
+        const ncgen_real h_z = q[6];
         const ncgen_real x4 = h_y * x2 + h_z * x3;
         force[0] = x4;
-        const ncgen_real x5 = R(0.004444444444444437) * (dB_z * dh_y - dB_y * dh_z);
         const ncgen_real h_x = q[4];
+        const ncgen_real x5 = R(0.004444444444444437) * (dB_z * dh_y - dB_y * dh_z);
         force[1] = h_z * x5 - x2 * h_x;
         force[2] = -R(3.0411) - (x3 * h_x + h_y * x5);
         force[3] = -x4;
@@ -311,33 +311,33 @@ int slidercrank3d_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const
 
     {
         /* B.x; B.y; B.z; C.x; h.x; h.y; h.z; B.x C.x; crank; rod */
+        const ncgen_real dB_x = qd[0];
+        const ncgen_real dB_y = qd[1];
+        const ncgen_real x1 = dB_y * dB_y;
+        const ncgen_real x2 = R(0.1060329861111111) * (dB_x * dB_x) + R(0.1060329861111111) * x1;
+        const ncgen_real dB_z = qd[2];
+        const ncgen_real x3 = dB_z * dB_z;
+        const ncgen_real dC_x = qd[3];
+        const ncgen_real x4 = R(1.083611111111111) * (dC_x * dC_x) + (R(0.1060329861111111) * x3 + x2);
+        const ncgen_real dh_x = qd[4];
         const ncgen_real dh_y = qd[5];
+        const ncgen_real x5 = R(9.999999999999988e-05) * (dh_y * dh_y) + (R(9.999999999999988e-05) * (dh_x * dh_x) + x4);
+        const ncgen_real dh_z = qd[6];
+        const ncgen_real x6 = dC_x * (R(0.08277777777777778) * dB_x) + (R(9.999999999999988e-05) * (dh_z * dh_z) + x5);
         const ncgen_real C_x = q[3];
         const ncgen_real B_x = q[0];
-        const ncgen_real x1 = C_x - B_x;
+        const ncgen_real x7 = C_x - B_x;
+        const ncgen_real x8 = dC_x - dB_x;
         const ncgen_real h_y = q[5];
-        const ncgen_real dC_x = qd[3];
-        const ncgen_real dB_x = qd[0];
-        const ncgen_real x2 = dC_x - dB_x;
-        const ncgen_real dh_x = qd[4];
         const ncgen_real B_y = q[1];
-        const ncgen_real dB_y = qd[1];
         const ncgen_real h_x = q[4];
-        const ncgen_real x3 = dh_y * x1 + h_y * x2 + dh_x * B_y + dB_y * h_x;
+        const ncgen_real x9 = dh_y * x7 + h_y * x8 + dh_x * B_y + dB_y * h_x;
         const ncgen_real B_z = q[2];
-        const ncgen_real dB_z = qd[2];
-        const ncgen_real dh_z = qd[6];
         const ncgen_real h_z = q[6];
-        const ncgen_real x4 = dh_x * B_z + dB_z * h_x + dh_z * x1 + h_z * x2;
-        const ncgen_real x5 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y;
-        const ncgen_real x6 = dB_y * dB_y;
-        const ncgen_real x7 = dB_z * dB_z;
-        const ncgen_real x8 = R(0.1060329861111111) * (dB_x * dB_x) + R(0.1060329861111111) * x6;
-        const ncgen_real x9 = R(1.083611111111111) * (dC_x * dC_x) + (R(0.1060329861111111) * x7 + x8);
-        const ncgen_real x10 = R(9.999999999999988e-05) * (dh_y * dh_y) + (R(9.999999999999988e-05) * (dh_x * dh_x) + x9);
-        const ncgen_real x11 = dC_x * (R(0.08277777777777778) * dB_x) + (R(9.999999999999988e-05) * (dh_z * dh_z) + x10);
-        const ncgen_real x12 = R(0.0011111111111111092) * (x3 * x3 + x4 * x4 + x5 * x5) + (R(0.00039062499999999986) * (x6 + x7) + x11);
-        energy[0] = x12;
+        const ncgen_real x10 = dh_x * B_z + dB_z * h_x + dh_z * x7 + h_z * x8;
+        const ncgen_real x11 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y;
+        const ncgen_real x12 = R(0.0011111111111111092) * (x9 * x9 + x10 * x10 + x11 * x11);
+        energy[0] = x12 + (R(0.00039062499999999986) * (x1 + x3) + x6);
         /* B.z */
         energy[1] = R(3.0411) * B_z + R(0.070632);
         energy[2] = NCGEN_SPLAT(R(0.0));
@@ -356,12 +356,12 @@ int slidercrank3d_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, 
 
     {
         /* row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08 */
-        const ncgen_real B_x = q[0];
         const ncgen_real B_y = q[1];
         const ncgen_real x1 = R(0.1) - B_y;
+        const ncgen_real B_x = q[0];
         const ncgen_real B_z = q[2];
         const ncgen_real x2 = R(0.12) - B_z;
-        const ncgen_real x3 = R(6.249999999999999) * (B_x * B_x + x1 * x1 + x2 * x2 - R(0.006400000000000003));
+        const ncgen_real x3 = R(6.249999999999999) * (x1 * x1 + B_x * B_x + x2 * x2 - R(0.006400000000000003));
         constraints[0] = x3;
         const ncgen_real x4 = R(12.499999999999998) * B_x;
         constraints[7] = x4;
@@ -430,10 +430,10 @@ int slidercrank3d_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, 
         constraints[27] = R(12.499999999999998) * sin_psi;
         constraints[28] = -(R(12.499999999999998) * (x2 * cos_psi - x1 * sin_psi));
         const ncgen_real dpsi = qd[7];
-        const ncgen_real x17 = R(2.0) * dpsi;
-        const ncgen_real x18 = dpsi * dpsi;
-        const ncgen_real x19 = sin_psi * (dB_y * x17) - (sin_psi * (x2 * x18) + cos_psi * (dB_z * x17));
-        constraints[35] = R(12.499999999999998) * (x19 - cos_psi * (x1 * x18));
+        const ncgen_real x17 = dpsi * dpsi;
+        const ncgen_real x18 = R(2.0) * dpsi;
+        const ncgen_real x19 = sin_psi * (dB_y * x18) - (sin_psi * (x2 * x17) + cos_psi * (dB_z * x18));
+        constraints[35] = R(12.499999999999998) * (x19 - cos_psi * (x1 * x17));
     }
 
     return NCGEN_OK;
@@ -488,7 +488,7 @@ const ncgen_model *slidercrank3d_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "slidercrank3d",
-        .fingerprint = "95322f491b52211d",
+        .fingerprint = "92fab52f20838c43",
         .n_coordinates = 8,
         .n_rows = 7,
         .n_parameters = 0,

@@ -67,9 +67,9 @@ def phi(t, q, p):
     sine = np.sin(q[..., 7, None])
     cosine = np.cos(q[..., 7, None])
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08
-    B_x = q[..., 0]
     B_y = q[..., 1]
     x1 = 0.1 - B_y
+    B_x = q[..., 0]
     B_z = q[..., 2]
     x2 = 0.12 - B_z
     x3 = 6.249999999999999 * (B_x * B_x + x1 * x1 + x2 * x2 - 0.006400000000000003)
@@ -178,12 +178,12 @@ def gamma(t, q, qd, p):
     gamma[..., 4] = x4
     gamma[..., 5] = 0.0
     # row 7: 1014 angle psi (coordinate psi): sin psi a.b - cos psi (a x b).n/ln = 0 with a = Z, b = B-A, n = X, psi = psi, ln = 1
-    sin_psi = sine[..., 0]
     B_z = q[..., 2]
     dpsi = qd[..., 7]
     x5 = dpsi * dpsi
-    cos_psi = cosine[..., 0]
+    sin_psi = sine[..., 0]
     x6 = 2.0 * dpsi
+    cos_psi = cosine[..., 0]
     x7 = sin_psi * ((B_z - 0.12) * x5) - cos_psi * (dB_z * x6) + sin_psi * (dB_y * x6)
     B_y = q[..., 1]
     gamma[..., 6] = 12.499999999999998 * (x7 + cos_psi * ((B_y - 0.1) * x5))
@@ -298,22 +298,22 @@ def force(t, q, qd, p):
     t = np.asarray(t)
     force = _output(8, t, q, qd, p)
     # rod
-    h_y = q[..., 5]
-    dh_y = qd[..., 5]
     dC_x = qd[..., 3]
     dB_x = qd[..., 0]
     x1 = dC_x - dB_x
+    dh_y = qd[..., 5]
     dB_y = qd[..., 1]
     dh_x = qd[..., 4]
     x2 = 0.004444444444444437 * (dh_y * x1 + dB_y * dh_x)
-    h_z = q[..., 6]
-    dB_z = qd[..., 2]
+    h_y = q[..., 5]
     dh_z = qd[..., 6]
+    dB_z = qd[..., 2]
     x3 = 0.004444444444444437 * (dB_z * dh_x + dh_z * x1)
+    h_z = q[..., 6]
     x4 = h_y * x2 + h_z * x3
     force[..., 0] = x4
-    x5 = 0.004444444444444437 * (dB_z * dh_y - dB_y * dh_z)
     h_x = q[..., 4]
+    x5 = 0.004444444444444437 * (dB_z * dh_y - dB_y * dh_z)
     force[..., 1] = h_z * x5 - x2 * h_x
     force[..., 2] = -3.0411 - (x3 * h_x + h_y * x5)
     force[..., 3] = -x4
@@ -334,33 +334,33 @@ def energy(t, q, qd, p):
     t = np.asarray(t)
     energy = _output(3, t, q, qd, p)
     # B.x; B.y; B.z; C.x; h.x; h.y; h.z; B.x C.x; crank; rod
+    dB_x = qd[..., 0]
+    dB_y = qd[..., 1]
+    x1 = dB_y * dB_y
+    x2 = 0.1060329861111111 * (dB_x * dB_x) + 0.1060329861111111 * x1
+    dB_z = qd[..., 2]
+    x3 = dB_z * dB_z
+    dC_x = qd[..., 3]
+    x4 = 1.083611111111111 * (dC_x * dC_x) + (0.1060329861111111 * x3 + x2)
+    dh_x = qd[..., 4]
     dh_y = qd[..., 5]
+    x5 = 9.999999999999988e-05 * (dh_y * dh_y) + (9.999999999999988e-05 * (dh_x * dh_x) + x4)
+    dh_z = qd[..., 6]
+    x6 = dC_x * (0.08277777777777778 * dB_x) + (9.999999999999988e-05 * (dh_z * dh_z) + x5)
     C_x = q[..., 3]
     B_x = q[..., 0]
-    x1 = C_x - B_x
+    x7 = C_x - B_x
+    x8 = dC_x - dB_x
     h_y = q[..., 5]
-    dC_x = qd[..., 3]
-    dB_x = qd[..., 0]
-    x2 = dC_x - dB_x
-    dh_x = qd[..., 4]
     B_y = q[..., 1]
-    dB_y = qd[..., 1]
     h_x = q[..., 4]
-    x3 = dh_y * x1 + h_y * x2 + dh_x * B_y + dB_y * h_x
+    x9 = dh_y * x7 + h_y * x8 + dh_x * B_y + dB_y * h_x
     B_z = q[..., 2]
-    dB_z = qd[..., 2]
-    dh_z = qd[..., 6]
     h_z = q[..., 6]
-    x4 = dh_x * B_z + dB_z * h_x + dh_z * x1 + h_z * x2
-    x5 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y
-    x6 = dB_y * dB_y
-    x7 = dB_z * dB_z
-    x8 = 0.1060329861111111 * (dB_x * dB_x) + 0.1060329861111111 * x6
-    x9 = 1.083611111111111 * (dC_x * dC_x) + (0.1060329861111111 * x7 + x8)
-    x10 = 9.999999999999988e-05 * (dh_y * dh_y) + (9.999999999999988e-05 * (dh_x * dh_x) + x9)
-    x11 = dC_x * (0.08277777777777778 * dB_x) + (9.999999999999988e-05 * (dh_z * dh_z) + x10)
-    x12 = 0.0011111111111111092 * (x3 * x3 + x4 * x4 + x5 * x5) + (0.00039062499999999986 * (x6 + x7) + x11)
-    energy[..., 0] = x12
+    x10 = dh_x * B_z + dB_z * h_x + dh_z * x7 + h_z * x8
+    x11 = dh_y * B_z - (dh_z * B_y + dB_y * h_z) + dB_z * h_y
+    x12 = 0.0011111111111111092 * (x9 * x9 + x10 * x10 + x11 * x11)
+    energy[..., 0] = x12 + (0.00039062499999999986 * (x1 + x3) + x6)
     # B.z
     energy[..., 1] = 3.0411 * B_z + 0.070632
     energy[..., 2] = 0.0
@@ -374,12 +374,12 @@ def constraints(t, q, qd, p):
     sine = np.sin(q[..., 7, None])
     cosine = np.cos(q[..., 7, None])
     # row 1: 1000 distance A-B (body crank): |a|^2 - L^2 = 0 with a = A-B, L = 0.08
-    B_x = q[..., 0]
     B_y = q[..., 1]
     x1 = 0.1 - B_y
+    B_x = q[..., 0]
     B_z = q[..., 2]
     x2 = 0.12 - B_z
-    x3 = 6.249999999999999 * (B_x * B_x + x1 * x1 + x2 * x2 - 0.006400000000000003)
+    x3 = 6.249999999999999 * (x1 * x1 + B_x * B_x + x2 * x2 - 0.006400000000000003)
     constraints[..., 0] = x3
     x4 = 12.499999999999998 * B_x
     constraints[..., 7] = x4
@@ -448,8 +448,8 @@ def constraints(t, q, qd, p):
     constraints[..., 27] = 12.499999999999998 * sin_psi
     constraints[..., 28] = -(12.499999999999998 * (x2 * cos_psi - x1 * sin_psi))
     dpsi = qd[..., 7]
-    x17 = 2.0 * dpsi
-    x18 = dpsi * dpsi
-    x19 = sin_psi * (dB_y * x17) - (sin_psi * (x2 * x18) + cos_psi * (dB_z * x17))
-    constraints[..., 35] = 12.499999999999998 * (x19 - cos_psi * (x1 * x18))
+    x17 = dpsi * dpsi
+    x18 = 2.0 * dpsi
+    x19 = sin_psi * (dB_y * x18) - (sin_psi * (x2 * x17) + cos_psi * (dB_z * x18))
+    constraints[..., 35] = 12.499999999999998 * (x19 - cos_psi * (x1 * x17))
     return constraints

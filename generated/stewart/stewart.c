@@ -441,33 +441,33 @@ int stewart_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         force[19] = NCGEN_SPLAT(R(0.0));
         force[20] = NCGEN_SPLAT(R(0.0));
         /* spring of s1 */
-        const ncgen_real ds1 = qd[21];
         const ncgen_real s1 = q[21];
+        const ncgen_real ds1 = qd[21];
         const ncgen_real x1 = R(4000.0) * ds1 + R(200000.0) * (s1 - R(3.1666918442810728));
         force[21] = -x1;
         /* spring of s2 */
-        const ncgen_real ds2 = qd[22];
         const ncgen_real s2 = q[22];
+        const ncgen_real ds2 = qd[22];
         const ncgen_real x2 = R(4000.0) * ds2 + R(200000.0) * (s2 - R(3.1666918442810728));
         force[22] = -x2;
         /* spring of s3 */
-        const ncgen_real ds3 = qd[23];
         const ncgen_real s3 = q[23];
+        const ncgen_real ds3 = qd[23];
         const ncgen_real x3 = R(4000.0) * ds3 + R(200000.0) * (s3 - R(3.1666918442810728));
         force[23] = -x3;
         /* spring of s4 */
-        const ncgen_real ds4 = qd[24];
         const ncgen_real s4 = q[24];
+        const ncgen_real ds4 = qd[24];
         const ncgen_real x4 = R(4000.0) * ds4 + R(200000.0) * (s4 - R(3.1666918442810728));
         force[24] = -x4;
         /* spring of s5 */
-        const ncgen_real ds5 = qd[25];
         const ncgen_real s5 = q[25];
+        const ncgen_real ds5 = qd[25];
         const ncgen_real x5 = R(4000.0) * ds5 + R(200000.0) * (s5 - R(3.1666918442810723));
         force[25] = -x5;
         /* spring of s6 */
-        const ncgen_real ds6 = qd[26];
         const ncgen_real s6 = q[26];
+        const ncgen_real ds6 = qd[26];
         const ncgen_real x6 = R(4000.0) * ds6 + R(200000.0) * (s6 - R(3.1666918442810728));
         force[26] = -x6;
     }
@@ -482,19 +482,19 @@ int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     {
         /* P1.x; P1.y; P1.z; P2.x; P2.y; P2.z; P4.x; P4.y; P4.z; P1.x P2.x; P1.y P2.y; P1.z P2.z; P1.x P4.x; P1.y P4.y; P1.z P4.z; P2.x P4.x; P2.y P4.y; P2.z P4.z */
-        const ncgen_real dP4_z = qd[11];
-        const ncgen_real dP2_z = qd[5];
-        const ncgen_real dP4_y = qd[10];
-        const ncgen_real dP2_y = qd[4];
-        const ncgen_real dP4_x = qd[9];
-        const ncgen_real dP2_x = qd[3];
-        const ncgen_real dP1_z = qd[2];
-        const ncgen_real dP1_y = qd[1];
         const ncgen_real dP1_x = qd[0];
+        const ncgen_real dP1_y = qd[1];
         const ncgen_real x1 = R(120.61475842818322) * (dP1_x * dP1_x) + R(120.61475842818322) * (dP1_y * dP1_y);
+        const ncgen_real dP1_z = qd[2];
+        const ncgen_real dP2_x = qd[3];
         const ncgen_real x2 = R(104.22708310254103) * (dP2_x * dP2_x) + (R(120.61475842818322) * (dP1_z * dP1_z) + x1);
+        const ncgen_real dP2_y = qd[4];
+        const ncgen_real dP2_z = qd[5];
         const ncgen_real x3 = R(104.22708310254103) * (dP2_z * dP2_z) + (R(104.22708310254103) * (dP2_y * dP2_y) + x2);
+        const ncgen_real dP4_x = qd[9];
+        const ncgen_real dP4_y = qd[10];
         const ncgen_real x4 = R(125.17161610333208) * (dP4_y * dP4_y) + (R(125.17161610333208) * (dP4_x * dP4_x) + x3);
+        const ncgen_real dP4_z = qd[11];
         const ncgen_real x5 = dP2_x * (R(5.398930937909347) * dP1_x) + (R(125.17161610333208) * (dP4_z * dP4_z) + x4);
         const ncgen_real x6 = dP2_z * (R(5.398930937909347) * dP1_z) + (dP2_y * (R(5.398930937909347) * dP1_y) + x5);
         const ncgen_real x7 = dP4_y * (R(100.66790753958487) * dP1_y) + (dP4_x * (R(100.66790753958487) * dP1_x) + x6);
@@ -502,35 +502,35 @@ int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real x9 = dP4_z * (R(43.91970388844943) * dP2_z) + (dP4_y * (R(43.91970388844943) * dP2_y) + x8);
         energy[0] = x9;
         /* P1.z; P2.z; P4.z; spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6 */
-        const ncgen_real s6 = q[26];
-        const ncgen_real x10 = s6 - R(3.1666918442810728);
-        const ncgen_real s5 = q[25];
-        const ncgen_real x11 = s5 - R(3.1666918442810723);
-        const ncgen_real s4 = q[24];
-        const ncgen_real x12 = s4 - R(3.1666918442810728);
-        const ncgen_real s3 = q[23];
-        const ncgen_real x13 = s3 - R(3.1666918442810728);
-        const ncgen_real s2 = q[22];
-        const ncgen_real x14 = s2 - R(3.1666918442810728);
         const ncgen_real s1 = q[21];
-        const ncgen_real x15 = s1 - R(3.1666918442810728);
-        const ncgen_real P4_z = q[11];
+        const ncgen_real x10 = s1 - R(3.1666918442810728);
         const ncgen_real P1_z = q[2];
         const ncgen_real P2_z = q[5];
-        const ncgen_real x16 = R(3406.977245825173) * P1_z + R(2528.751178118435) * P2_z;
-        const ncgen_real x17 = R(100000.0) * (x15 * x15) + (R(3874.2715760563924) * P4_z + x16);
-        const ncgen_real x18 = R(100000.0) * (x13 * x13) + (R(100000.0) * (x14 * x14) + x17);
-        const ncgen_real x19 = R(100000.0) * (x11 * x11) + (R(100000.0) * (x12 * x12) + x18);
-        energy[1] = R(100000.0) * (x10 * x10) + x19;
+        const ncgen_real x11 = R(3406.977245825173) * P1_z + R(2528.751178118435) * P2_z;
+        const ncgen_real P4_z = q[11];
+        const ncgen_real x12 = R(100000.0) * (x10 * x10) + (R(3874.2715760563924) * P4_z + x11);
+        const ncgen_real s2 = q[22];
+        const ncgen_real x13 = s2 - R(3.1666918442810728);
+        const ncgen_real s3 = q[23];
+        const ncgen_real x14 = s3 - R(3.1666918442810728);
+        const ncgen_real x15 = R(100000.0) * (x14 * x14) + (R(100000.0) * (x13 * x13) + x12);
+        const ncgen_real s4 = q[24];
+        const ncgen_real x16 = s4 - R(3.1666918442810728);
+        const ncgen_real s5 = q[25];
+        const ncgen_real x17 = s5 - R(3.1666918442810723);
+        const ncgen_real x18 = R(100000.0) * (x17 * x17) + (R(100000.0) * (x16 * x16) + x15);
+        const ncgen_real s6 = q[26];
+        const ncgen_real x19 = s6 - R(3.1666918442810728);
+        energy[1] = R(100000.0) * (x19 * x19) + x18;
         /* spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6 */
-        const ncgen_real ds6 = qd[26];
-        const ncgen_real ds5 = qd[25];
-        const ncgen_real ds4 = qd[24];
-        const ncgen_real ds3 = qd[23];
         const ncgen_real ds1 = qd[21];
         const ncgen_real ds2 = qd[22];
+        const ncgen_real ds3 = qd[23];
         const ncgen_real x20 = R(4000.0) * (ds3 * ds3) + (R(4000.0) * (ds1 * ds1) + R(4000.0) * (ds2 * ds2));
+        const ncgen_real ds4 = qd[24];
+        const ncgen_real ds5 = qd[25];
         const ncgen_real x21 = R(4000.0) * (ds5 * ds5) + (R(4000.0) * (ds4 * ds4) + x20);
+        const ncgen_real ds6 = qd[26];
         energy[2] = -(R(4000.0) * (ds6 * ds6) + x21);
     }
 
@@ -675,7 +675,7 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[125] = x49;
         /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
         const ncgen_real P3_x = q[6];
-        const ncgen_real x50 = P3_x + R(0.18479253090409548) * P1_x - R(0.9999999999999997) * P2_x;
+        const ncgen_real x50 = R(0.18479253090409548) * P1_x + P3_x - R(0.9999999999999997) * P2_x;
         constraints[6] = x50 - R(0.1847925309040958) * P4_x;
         constraints[60] = NCGEN_SPLAT(R(0.18479253090409548));
         constraints[61] = NCGEN_SPLAT(-R(0.9999999999999997));
@@ -684,7 +684,7 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[126] = NCGEN_SPLAT(R(0.0));
         /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
         const ncgen_real P3_y = q[7];
-        const ncgen_real x51 = P3_y + R(0.18479253090409548) * P1_y - R(0.9999999999999997) * P2_y;
+        const ncgen_real x51 = R(0.18479253090409548) * P1_y + P3_y - R(0.9999999999999997) * P2_y;
         constraints[7] = x51 - R(0.1847925309040958) * P4_y;
         constraints[64] = NCGEN_SPLAT(R(0.18479253090409548));
         constraints[65] = NCGEN_SPLAT(-R(0.9999999999999997));
@@ -693,7 +693,7 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[127] = NCGEN_SPLAT(R(0.0));
         /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
         const ncgen_real P3_z = q[8];
-        const ncgen_real x52 = P3_z + R(0.18479253090409548) * P1_z - R(0.9999999999999997) * P2_z;
+        const ncgen_real x52 = R(0.18479253090409548) * P1_z + P3_z - R(0.9999999999999997) * P2_z;
         constraints[8] = x52 - R(0.1847925309040958) * P4_z;
         constraints[68] = NCGEN_SPLAT(R(0.18479253090409548));
         constraints[69] = NCGEN_SPLAT(-R(0.9999999999999997));
@@ -936,7 +936,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "8026243e7c573593",
+        .fingerprint = "f45158fae23c48d8",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,

@@ -6,10 +6,10 @@
 #define R(x) ((ncgen_scalar)(x))
 
 static const int suspension_index_1[21] = {
-    3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 6, 7, 8, 9, 10, 11, 9, 10, 11
+    3, 4, 5, 3, 4, 5, 3, 4, 5, 0, 1, 2, 0, 1, 2, 0, 1, 2, 9, 10, 11
 };
 static const int suspension_index_2[21] = {
-    3, 4, 5, 3, 4, 5, 3, 4, 5, 0, 1, 2, 0, 1, 2, 0, 1, 2, 9, 10, 11
+    3, 4, 5, 6, 7, 8, 9, 10, 11, 0, 1, 2, 6, 7, 8, 9, 10, 11, 9, 10, 11
 };
 
 static const ncgen_scalar suspension_number_1[64] = {
@@ -502,33 +502,33 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real x5 = x4 + x2 * (R(0.01106321156842674) * dU_y) - x1 * (R(0.01106321156842674) * dU_z);
         energy[0] += R(0.5) * x5;
         /* upper; U.z; L.z; S.z; T.z; W.z; spring C-S */
-        const ncgen_real S_x = q[6];
-        const ncgen_real x6 = S_x + R(0.064);
-        const ncgen_real S_y = q[7];
-        const ncgen_real x7 = S_y - R(0.659);
-        const ncgen_real S_z = q[8];
-        const ncgen_real x8 = S_z - R(0.094);
-        const ncgen_real x9 = NCGEN_SQRT(x6 * x6 + x7 * x7 + x8 * x8) - R(0.339);
-        const ncgen_real W_z = q[14];
-        const ncgen_real L_z = q[5];
-        const ncgen_real U_z = q[2];
         const ncgen_real U_y = q[1];
         const ncgen_real U_x = q[0];
-        const ncgen_real x10 = R(0.499) * (U_y - R(0.539)) + R(0.04799999999999993) * (U_x - R(0.16));
-        const ncgen_real x11 = R(106.87445133585945) * U_z + (-R(22.750512064619567) - R(0.656028986310648) * x10);
-        const ncgen_real x12 = R(181.23238627954686) * L_z + x11 - R(2.173313107454838) * S_z;
+        const ncgen_real x6 = R(0.499) * (U_y - R(0.539)) + R(0.04799999999999993) * (U_x - R(0.16));
+        const ncgen_real U_z = q[2];
+        const ncgen_real x7 = R(106.87445133585945) * U_z + (-R(22.750512064619567) - R(0.656028986310648) * x6);
+        const ncgen_real L_z = q[5];
+        const ncgen_real S_z = q[8];
+        const ncgen_real x8 = R(181.23238627954686) * L_z + x7 - R(2.173313107454838) * S_z;
         const ncgen_real T_z = q[11];
-        const ncgen_real x13 = R(167.43210489825486) * W_z + (x12 - R(24.047538042807375) * T_z);
-        energy[1] = R(184574.5) * (x9 * x9) + x13;
+        const ncgen_real W_z = q[14];
+        const ncgen_real x9 = R(167.43210489825486) * W_z + (x8 - R(24.047538042807375) * T_z);
+        const ncgen_real S_x = q[6];
+        const ncgen_real x10 = S_x + R(0.064);
+        const ncgen_real S_y = q[7];
+        const ncgen_real x11 = S_y - R(0.659);
+        const ncgen_real x12 = S_z - R(0.094);
+        const ncgen_real x13 = NCGEN_SQRT(x10 * x10 + x11 * x11 + x12 * x12) - R(0.339);
+        energy[1] = R(184574.5) * (x13 * x13) + x9;
         /* tyre; rack; spring D-S */
-        const ncgen_real dW_z = qd[14];
         const ncgen_real t_ = t;
         const ncgen_real x14 = NCGEN_SIN(R(12.566370614359172) * t_);
         const ncgen_real x15 = x14 * x14;
-        const ncgen_real x16 = dW_z * (R(1175.0) + R(10000.0) * x15 - R(200000.0) * W_z);
-        const ncgen_real dR_y = qd[15];
         const ncgen_real R_y = q[15];
-        const ncgen_real x17 = R(95800.0) + R(8000.0) * (x14 * x15) - R(200000.0) * R_y - R(2000.0) * dR_y;
+        const ncgen_real dR_y = qd[15];
+        const ncgen_real x16 = R(95800.0) + R(8000.0) * (x14 * x15) - R(200000.0) * R_y - R(2000.0) * dR_y;
+        const ncgen_real dW_z = qd[14];
+        const ncgen_real x17 = dW_z * (R(1175.0) + R(10000.0) * x15 - R(200000.0) * W_z);
         const ncgen_real x18 = S_x + R(0.088);
         const ncgen_real dS_x = qd[6];
         const ncgen_real x19 = S_y - R(0.599);
@@ -537,14 +537,14 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real dS_z = qd[8];
         const ncgen_real x21 = x18 * dS_x + x19 * dS_y + x20 * dS_z;
         const ncgen_real x22 = R(22459.0) * (x21 * x21) / (x18 * x18 + x19 * x19 + x20 * x20);
-        energy[2] = x16 + dR_y * x17 - x22;
+        energy[2] = x17 + dR_y * x16 - x22;
     }
 
     /* mass-diagonal: m v^2 / 2 */
     /*   U.x, U.y, U.z, L.x, L.y, L.z, S.x, S.y, S.z, T.x, T.y, T.z, W.x, W.y, W.z, R.y */
     for (int i = 0; i < 16; ++i) {
-        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_3[i]);
         const ncgen_real dx = qd[i];
+        const ncgen_real x1 = NCGEN_SPLAT(suspension_number_3[i]);
         energy[0] += x1 * (dx * dx);
     }
 
@@ -553,9 +553,9 @@ int suspension_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
     /*   U.y L.y, U.z L.z, U.x T.x, U.y T.y, U.z T.z, U.x W.x, U.y W.y, U.z W.z, T.x W.x, T.y W.y, */
     /*   T.z W.z */
     for (int i = 0; i < 21; ++i) {
-        const ncgen_real dy = qd[suspension_index_1[i] + 3];
-        const ncgen_real dx = qd[suspension_index_2[i]];
+        const ncgen_real dx = qd[suspension_index_1[i]];
         const ncgen_real m = NCGEN_SPLAT(suspension_number_4[i]);
+        const ncgen_real dy = qd[suspension_index_2[i] + 3];
         energy[0] += dy * (dx * m);
     }
 
@@ -803,7 +803,7 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         constraints[108] = -x104;
         /* row 14: combination axis.x (body upright): (e - c a x b).x = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_x = q[16];
-        const ncgen_real x105 = axis_x + R(2.148278560719281) * U_x + R(2.4179369574622847) * L_x;
+        const ncgen_real x105 = R(2.148278560719281) * U_x + axis_x + R(2.4179369574622847) * L_x;
         const ncgen_real x106 = x105 - R(0.5728742828584754) * T_x - R(3.9933412353230904) * W_x;
         constraints[13] = x106;
         constraints[77] = NCGEN_SPLAT(R(2.148278560719281));
@@ -814,7 +814,7 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         constraints[109] = NCGEN_SPLAT(R(0.0));
         /* row 15: combination axis.y (body upright): (e - c a x b).y = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_y = q[17];
-        const ncgen_real x107 = axis_y + R(2.148278560719281) * U_y + R(2.4179369574622847) * L_y;
+        const ncgen_real x107 = R(2.148278560719281) * U_y + axis_y + R(2.4179369574622847) * L_y;
         const ncgen_real x108 = x107 - R(0.5728742828584754) * T_y - R(3.9933412353230904) * W_y;
         constraints[14] = x108;
         constraints[82] = NCGEN_SPLAT(R(2.148278560719281));
@@ -825,7 +825,7 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         constraints[110] = NCGEN_SPLAT(R(0.0));
         /* row 16: combination axis.z (body upright): (e - c a x b).z = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_z = q[18];
-        const ncgen_real x109 = axis_z + R(2.148278560719281) * U_z + R(2.4179369574622847) * L_z;
+        const ncgen_real x109 = R(2.148278560719281) * U_z + axis_z + R(2.4179369574622847) * L_z;
         const ncgen_real x110 = x109 - R(0.5728742828584754) * T_z - R(3.9933412353230904) * W_z;
         constraints[15] = x110;
         constraints[87] = NCGEN_SPLAT(R(2.148278560719281));
@@ -848,7 +848,7 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         constraints[95] = x115;
         const ncgen_real dR_y = qd[15];
         const ncgen_real x116 = dR_y - dT_y;
-        const ncgen_real x117 = R(2.3633200514857067) * (dT_x * dT_x + x116 * x116 + dT_z * dT_z);
+        const ncgen_real x117 = R(2.3633200514857067) * (x116 * x116 + dT_x * dT_x + dT_z * dT_z);
         constraints[112] = -x117;
     }
 
@@ -929,7 +929,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "4cd9cc52f02415c7",
+        .fingerprint = "fbbad44b8228f89a",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,
