@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from ncgen.build.batch import available
+from ncgen.build.batch import CompiledBatch, available
 from ncgen.build.kernels import Kernels
 from ncgen.report.clock import measure, repeated
 from ncgen.report.rates import emitted_parts
@@ -22,13 +22,14 @@ STATES = 10_000
 RUNS = 2_000
 """Simulations in a batch: enough to fill lanes and threads many times over."""
 
+MEASURED = (*KERNELS, "constraints", "mass")
 ALONE = 5
 """Simulations one at a time in a sample."""
 
 ROUNDS = 9
 ALONE_IN_C = "one at a time in C"
 BATCH = "batch, threads: {}"
-WAYS = {True: "batch in lanes", False: "batch, one after the other"}
+WAYS = {False: "batch, one after the other", True: "batch in lanes"}
 WRITTEN = "copying the results alone"
 """What memory allows: results of so many states pass through no cache."""
 
@@ -39,6 +40,7 @@ def batch_records(kernels: Kernels) -> Iterator[dict]:
     """Records of seconds a state; ratio: how many times less than one at a time in C; error: largest relative difference.
 
     Of kernels, one at a time goes through the same rows of states and results; everything else is one state again and again.
+    chosen: of the two ways of a batch of kernels, whether `kernels.batch` takes it
     """
     yield from _kernel_records(kernels)
     if kernels.m and _runs_in_lanes(kernels):
@@ -47,24 +49,30 @@ def batch_records(kernels: Kernels) -> Iterator[dict]:
 
 
 def _kernel_records(kernels: Kernels) -> Iterator[dict]:
+    ways = {WAYS[in_lanes]: CompiledBatch(kernels, least=0.0 if in_lanes else np.inf) for in_lanes in WAYS}
     rng = np.random.default_rng(0)
     q = kernels.q0 + rng.uniform(-0.1, 0.1, (STATES, kernels.n))
     qd = rng.uniform(-1, 1, q.shape)
-    for name in (n for n in KERNELS if n in kernels.programs.programs):
-        out = kernels.batch.values(name, 0.0, q, qd, None)
+    for name in (n for n in MEASURED if n in kernels.programs.programs):
+        out = {way: batch.values(name, 0.0, q, qd, None) for way, batch in ways.items()}
+        chosen = WAYS[kernels.batch.in_lanes(name)]
+        there = out[chosen]
         own = kernels.values(name, 0.0, q[-1], qd[-1], None)
-        call = Call(kernels.function(name), out.shape[1], kernels)
+        call = Call(kernels.function(name), there.shape[1], kernels)
         moves = "qd" in kernels.programs.programs[name].inputs
-        way = WAYS[kernels.batch.in_lanes(name)]
         runs = {
-            ALONE_IN_C: each(0.0, q, qd, kernels.p0, call.function, moves, out),
+            ALONE_IN_C: each(0.0, q, qd, kernels.p0, call.function, moves, there),
             "the same state in C": runner(0.0, q[0], qd[0], kernels.p0, *(([], call) if moves else ([call],))),
             "one at a time from Python": repeated(lambda name=name: kernels.values(name, 0.0, q[0], qd[0], None)),
-            way: repeated(lambda name=name, out=out: kernels.batch.values(name, 0.0, q, qd, None, out)),
-            WRITTEN: repeated(lambda spare=np.empty_like(out), out=out: np.copyto(spare, out)),
         }
-        counts = dict.fromkeys((ALONE_IN_C, way, WRITTEN), STATES)
-        yield from _records(name, measure(runs, ROUNDS), _difference(out[-1], own), counts)
+        for way, batch in ways.items():
+            runs[way] = repeated(lambda batch=batch, name=name, out=out[way]: batch.values(name, 0.0, q, qd, None, out))
+        # Last, since wide vectors lower the clock of some processors for a while, which copying does not mind.
+        runs[WRITTEN] = repeated(lambda spare=np.empty_like(there), there=there: np.copyto(spare, there))
+        counts = dict.fromkeys((ALONE_IN_C, WRITTEN, *ways), STATES)
+        error = max(_difference(found[-1], own) for found in out.values())
+        for record in _records(name, measure(runs, ROUNDS), error, counts):
+            yield record | ({"chosen": record["tool"] == chosen} if record["tool"] in ways else {})
 
 
 def _runs_in_lanes(kernels: Kernels) -> bool:

@@ -127,7 +127,8 @@ def _batch_rows(records: list[dict]) -> list[tuple[str, ...]]:
     rows = [("", "", "ns", "quartiles", "gain", "difference")]
     for r in records:
         what = LETTERS.get(r["what"], r["what"])
-        rows.append((what, r["tool"], f"{1e9 * r['seconds']:.0f}", _quartiles(r), f"{r['ratio']:.2f}", _error(r["error"])))
+        tool = r["tool"] + " (chosen)" * r.get("chosen", False)
+        rows.append((what, tool, f"{1e9 * r['seconds']:.0f}", _quartiles(r), f"{r['ratio']:.2f}", _error(r["error"])))
     return rows
 
 

@@ -66,22 +66,21 @@ int ncgen_batch_kernel(const ncgen_model *model, ncgen_position_kernel *position
                        const ncgen_states *states, int size, double *out, int threads, double *workspace)
 {
     const long blocks = (states->count + NCGEN_LANES - 1) / NCGEN_LANES;
-    const size_t share = ncgen_batch_workspace(model, size) / NCGEN_LANES; /* of a thread */
     int worst = NCGEN_OK;
-#ifdef _OPENMP
-#pragma omp parallel for num_threads(threads) reduction(max : worst) schedule(static)
-#else
     (void)threads;
+#ifdef _OPENMP
+#pragma omp parallel num_threads(threads) reduction(max : worst)
 #endif
-    for (long b = 0; b < blocks; ++b) {
+    {
         ncgen_real *work = (ncgen_real *)workspace;
 #ifdef _OPENMP
-        work += (size_t)omp_get_thread_num() * share;
-#else
-        (void)share;
+        work += (size_t)omp_get_thread_num() * (ncgen_batch_workspace(model, size) / NCGEN_LANES);
+#pragma omp for schedule(static)
 #endif
-        const int status = block(model, position, velocity, states, b * NCGEN_LANES, size, out, work);
-        worst = status > worst ? status : worst;
+        for (long b = 0; b < blocks; ++b) {
+            const int status = block(model, position, velocity, states, b * NCGEN_LANES, size, out, work);
+            worst = status > worst ? status : worst;
+        }
     }
     return worst;
 }
