@@ -124,7 +124,7 @@ def _acceleration(equations: Equations, split: Split, samples: Samples, sizes, r
     reduced = {(i, j): dot(R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
     right = [graph.sub(dot(column, force), dot(momentum, bias)) for column, momentum in zip(R, MR, strict=True)]  # M is symmetric
     zdd = solve_positive(graph, reduced, nz, right)
-    power = _power(lines, split, factors, nu, force, times_mass(bias), zdd, MR)
+    power = _power(lines, split, factors, nu, force, times_mass(bias) if nu else {}, zdd, MR)
     amplification = _amplification(graph, split, R, sizes)
     return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
 
