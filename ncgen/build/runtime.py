@@ -76,12 +76,15 @@ def _runtime(number: str):
 
 
 def _model(kernels: CompiledKernels, number: str):
-    """The descriptor of a mechanism's kernels in a number type, and the library that it lives in."""
+    """The descriptor of a mechanism's kernels in a number type, and the library that it lives in; made once for every type."""
     if number == "double":
         return kernels._descriptor, kernels
-    getter = f"{identifier(kernels.name)}_model"
-    _, library = _load(c_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
-    return getattr(library, getter)(), library
+    known = kernels.__dict__.setdefault("_models", {})
+    if number not in known:
+        getter = f"{identifier(kernels.name)}_model"
+        _, library = _load(c_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
+        known[number] = getattr(library, getter)(), library
+    return known[number]
 
 
 def prepare(kernels: CompiledKernels, number: str = "double") -> None:
