@@ -25,6 +25,9 @@ from ncgen.solver.trajectory import Statistics, Trajectory
 
 ENGINES = ("auto", "c", *compiled.EMITTED, "python")
 
+MANY = 100
+"""Degrees of freedom from which coordinate partitioning, whose matrices are dense, is worth a warning."""
+
 LOOKS = 9
 """Instants at which the energy is looked at after a run; fewer may all be instants of rest, which tell nothing of its size."""
 
@@ -90,7 +93,8 @@ def simulate(
     progress: called with the time reached: after every step in Python, at the end of a run in C
 
     Raises ConvergenceError naming the rows where the start does not close, SingularError for a singular one, ConvergenceError naming the
-    time where the motion cannot go on. Warns where the energy of what was found says that it cannot be right.
+    time where the motion cannot go on. Warns where the energy of what was found says that it cannot be right, and where another
+    formalism would be many times faster.
     """
     method = find_method(formalism, integrator, options)
     duration = _positive(duration, "duration", "s")
@@ -114,6 +118,12 @@ def simulate(
     q = closed_position(kernels, q, t0, p)
     check_mirror_roots(kernels, q, p)
     chosen = tuple(z or kernels.model.chosen_independent)
+    if not _is_constrained(method) and (freedom := kernels.n - kernels.m) > MANY:
+        warnings.warn(
+            f"{kernels.name}: coordinate partitioning solves densely for {freedom} degrees of freedom in every evaluation; "
+            "formalism='lagrange' solves sparsely, many times faster",
+            stacklevel=2,
+        )
     partitions = _partitions(kernels, q, t0, p, chosen, needed=method.formalism.solve is None or zd0 is not None)
     qd = _velocity(kernels, partitions, q, t0, p, zd0, qd0)
     grid = np.linspace(t0, t0 + duration, points)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from functools import cache
 from itertools import product
 
@@ -10,7 +11,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ModelError, SingularError
-from ncgen.exchange.examples import example_names
+from ncgen.exchange.examples import example_module, example_names
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms import FORMALISMS
 from ncgen.solver.integrators import INTEGRATORS
@@ -212,3 +213,16 @@ def test_other_velocities_have_the_least_energy():
     along = ncgen.simulate(kernels, 0.01, qd0={"B.x": 1.0}, formalism="lagrange", points=2)
     assert sideways.qd[0] == pytest.approx([0, 0, 0, 1], abs=1e-12)
     assert along.qd[0] == pytest.approx([1, 0, 1, 0], abs=1e-12)
+
+
+def test_a_formalism_that_is_slow_for_many_degrees_of_freedom_says_so():
+    """60 links have 120 degrees of freedom; where all coordinates are integrated nothing is said."""
+    chain = ncgen.compile(example_module("chain").build(n=60))
+    short = {"points": 2, "integrator": "rk4", "max_step": 1e-3}
+    with pytest.warns(UserWarning, match="chain: coordinate partitioning solves densely for 120 degrees of freedom") as said:
+        partitioned = ncgen.simulate(chain, 1e-3, **short)
+    assert "\n" not in str(said[0].message)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        sparse = ncgen.simulate(chain, 1e-3, formalism="lagrange", **short)
+    np.testing.assert_allclose(partitioned.q[-1], sparse.q[-1], rtol=0, atol=1e-12)
