@@ -93,7 +93,7 @@ def accelerations_batch(
     """The state derivative of many states at a time, for an integrator, an optimiser or a sampler of one's own.
 
     q: (B, n), nearly closed: the dependent coordinates are brought onto the constraints by Newton's method; zd: (B, nz), in
-    the order of z; p: (B, n_p) or (n_p,); z: names of the independent coordinates, chosen at the first state if not given
+    the order of z; p: (B, n_p) or (n_p,); z: names of the independent coordinates, chosen at the first finite state if not given
     velocities: whether all velocities are wanted, too; threads: None for one on every processor that this process may use
     out: results of before, whose arrays are filled again and whose independent coordinates stay. Positions may stay where
     they are (q = out.q): with less to move through memory all is found the faster
@@ -139,7 +139,11 @@ class _States:
         q, p = _rows(kernels, "q0", q, count, kernels.n), _rows(kernels, "p", p, count, len(kernels.p0))
         if assembled:
             q = _closed(kernels, q, t, p)
-        choice = choice or _Choice.at(kernels, q[0], t, p[0], z, method)
+        if choice is None:
+            finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
+            if not len(finite):
+                raise ModelError(f"{kernels.name}: no state of the batch has finite q and p; correct them")
+            choice = _Choice.at(kernels, q[finite[0]], t, p[finite[0]], z, method)
         nz = len(choice.names)
         return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, count, nz), p)
 

@@ -152,18 +152,23 @@ def test_states_may_stay_where_they_are(robot):
     assert there.q is found.q and np.array_equal(there.q, apart.q) and np.array_equal(there.zdd, apart.zdd)
 
 
-@pytest.mark.parametrize("wrong", ["far", "nan position", "nan velocity"])
-def test_a_state_that_has_no_accelerations_is_not_ok(robot, wrong):
-    """The others of its block have theirs."""
+@pytest.mark.parametrize(("wrong", "at"), [("far", 4), ("nan position", 4), ("nan position", 0), ("nan velocity", 4)])
+def test_a_state_that_has_no_accelerations_is_not_ok(robot, wrong, at):
+    """The others of its block have theirs, even where it is the first, at which independent coordinates would be chosen."""
     start = ncgen.simulate(robot, 0.001, points=2)
     z = start.partitions.velocity.independent
     q, zd = np.tile(start.q[0], (9, 1)), np.zeros((9, len(z)))
     expected = ncgen.accelerations_batch(robot, q, zd).zdd
     if wrong == "far":
-        q[4] = 1e9
+        q[at] = 1e9
     else:
-        (q if wrong == "nan position" else zd)[4, 0] = np.nan
+        (q if wrong == "nan position" else zd)[at, 0] = np.nan
     found = ncgen.accelerations_batch(robot, q, zd)
-    others = [i for i in range(9) if i != 4]
-    assert found.ok.tolist() == [i != 4 for i in range(9)] and np.isnan(found.zdd[4]).all()
+    others = [i for i in range(9) if i != at]
+    assert found.ok.tolist() == [i != at for i in range(9)] and np.isnan(found.zdd[at]).all()
     assert np.array_equal(found.zdd[others], expected[others])
+
+
+def test_a_batch_without_a_finite_state_says_so(robot):
+    with pytest.raises(ncgen.ModelError, match="robot: no state of the batch has finite q and p"):
+        ncgen.accelerations_batch(robot, np.full((3, robot.n), np.nan), np.zeros((3, 6)))
