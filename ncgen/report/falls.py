@@ -158,7 +158,11 @@ def _octave(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
     if not octave.available(kernels):
         return
     names = [kernels.coordinates[i] for i in handwritten(kernels).INDEPENDENT]
-    found = octave.falls(kernels, duration=duration, steps=STUDENT_STEPS, **_tolerances(1e-6))
+    try:
+        found = octave.falls(kernels, duration=duration, steps=STUDENT_STEPS, **_tolerances(1e-6))
+    except NcgenError as error:
+        yield {"case": "simulation", "tool": "hand-written Octave", "setting": "", "error": None, "seconds": None, "stopped": str(error)}
+        return
     for run, setting in zip(found, (f"{STUDENT_STEPS} steps", "rtol 1e-06"), strict=True):
         end = dict(zip(names, run["psi"], strict=True))
         error = max(abs(end[name] - value) for name, value in reference.items())

@@ -6,7 +6,7 @@ import pytest
 
 import ncgen
 from ncgen.report import batches, clock, falls, rates
-from ncgen.report.bench import bench, kernel_records
+from ncgen.report.bench import _simulation_rows, aligned, bench, kernel_records
 from ncgen.report.rivals import handwritten
 
 pytestmark = pytest.mark.xdist_group("robot")
@@ -58,6 +58,18 @@ def test_the_fall(robot, monkeypatch):
     assert records["hand-written NumPy, SciPy RK45"]["error"] < 1e-5
     assert records["hand-written Octave, RK4"] | {"error": 0.0, "seconds": 1.0} == records["hand-written Octave, RK4"]
     assert records["the paper's Table 9, ode45"]["seconds"] == 4.125
+
+
+def test_octave_that_fails_takes_nothing_else_with_it(robot, monkeypatch):
+    """Its line says why; a bench has other results by then."""
+    def fails(kernels, **settings):
+        raise ncgen.NcgenError("octave-cli: no jsondecode")
+
+    monkeypatch.setattr(falls.octave, "available", lambda kernels: True)
+    monkeypatch.setattr(falls.octave, "falls", fails)
+    (record,) = falls._octave(robot, 0.5, {})
+    assert record["stopped"] == "octave-cli: no jsondecode" and record["seconds"] is None
+    assert "stopped" in "".join(aligned(_simulation_rows([record])))
 
 
 def test_the_state_derivative(robot):
