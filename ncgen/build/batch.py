@@ -30,7 +30,7 @@ from ncgen.program.cost import cost
 LANES = (*FLAGS, "-fno-math-errno", "-include", "ncgen_lanes.h")
 """Square roots set no errno, so that they become one instruction; their values are the same."""
 
-SOURCES = ("ncgen_batch.h", "ncgen_rows.h", "ncgen_batch.c")
+SOURCES = ("ncgen_batch.h", "ncgen_lanes.h", "ncgen_rows.h", "ncgen_batch.c")
 LANES_PAY = 2.8
 """Operations per number read or written from which lanes pay; measured (docs/performance.md)."""
 
@@ -143,30 +143,24 @@ class CompiledBatch(Batch):
 
     @cached_property
     def _in_lanes(self) -> _Loop:
-        files = c_files(self.kernels.programs) | {name: verbatim(f"c/{name}") for name in SOURCES}
         getter = f"{identifier(self.kernels.name)}_model"
-        ffi, library, has_threads = load(files, DECLARED + f"const ncgen_model *{getter}(void);", self._flags, abi())
+        ffi, library, has_threads = load(c_files(self.kernels.programs), f"const ncgen_model *{getter}(void);", self._flags, abi())
         return _Loop(ffi, library, has_threads, getattr(library, getter)())
 
     @cached_property
     def _in_turn(self) -> _Loop:
-        files = {name: verbatim(f"c/{name}") for name in SOURCES}
-        return _Loop(*load(files, DECLARED, FLAGS, abi()), self.kernels._descriptor)
+        return _Loop(*load({}, "", FLAGS, abi()), self.kernels._descriptor)
 
     def _evaluate(self, kernel, t, q, qd, p, out):
         loop = self._in_lanes if self.in_lanes(kernel) else self._in_turn
         ffi, library, size = loop.ffi, loop.library, out.shape[1]
-
-        def place(array):
-            return ffi.NULL if array is None else ffi.from_buffer("double[]", array)
-
-        arrays = {name: place(array) for name, array in {"t": t, "q": q, "qd": qd, "p": p}.items()}
+        arrays = {name: pointer(ffi, array) for name, array in {"t": t, "q": q, "qd": qd, "p": p}.items()}
         states = ffi.new("ncgen_states *", arrays | {"count": len(q), "t_stride": int(t.ndim > 0), "p_stride": p.shape[-1] * (p.ndim - 1)})
         threads = self.threads if loop.has_threads else 1
         work = aligned(threads * library.ncgen_batch_workspace(loop.model, size))
         function = getattr(loop.model, kernel)
         either = (function, ffi.NULL) if qd is None else (ffi.NULL, function)
-        status = library.ncgen_batch_kernel(loop.model, *either, states, size, place(out), threads, place(work))
+        status = library.ncgen_batch_kernel(loop.model, *either, states, size, pointer(ffi, out), threads, pointer(ffi, work))
         if status:
             from ncgen.build.library import STATUS
 
@@ -183,18 +177,15 @@ class _Loop:
     model: object
 
 
-DECLARED = "".join(declared("ncgen_batch.h", part) for part in ("cdef", "functions"))
-
-
 def load(files: dict[str, str], declarations: str, flags, base: FFI):
-    """(interface, library, whether it has threads) of sources for many states.
+    """(interface, library, whether it has threads) of ncgen_batch.c with other sources for many states.
 
-    base: the interface that knows the types in `declarations`
+    declarations: of what the other sources have; base: the interface that knows the types in them
     """
     ffi = FFI()
     ffi.include(base)
-    ffi.cdef(declarations)
-    files = files | {name: verbatim(f"c/{name}") for name in (*HEADERS, "ncgen_lanes.h")}
+    ffi.cdef(declared("ncgen_batch.h", "cdef") + declared("ncgen_batch.h", "functions") + declarations)
+    files = files | {name: verbatim(f"c/{name}") for name in (*HEADERS, *SOURCES)}
     compiler = find_compiler()
     try:
         built = build(files, compiler, (*flags, "-fopenmp"))
@@ -202,6 +193,11 @@ def load(files: dict[str, str], declarations: str, flags, base: FFI):
         built = build(files, compiler, flags)
     library = ffi.dlopen(str(built.library))
     return ffi, library, bool(library.ncgen_batch_threads())
+
+
+def pointer(ffi: FFI, array: np.ndarray | None, kind: str = "double[]"):
+    """An array as an argument in C, NULL for none."""
+    return ffi.NULL if array is None else ffi.from_buffer(kind, array)
 
 
 def available() -> int:

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from ncgen.build.abi import declared, runtime_abi
-from ncgen.build.batch import DECLARED, LANES, aligned, available, load
-from ncgen.build.batch import SOURCES as KERNELS
+from ncgen.build.batch import LANES, aligned, available, load, pointer
 from ncgen.build.library import STATUS, CompiledKernels
 from ncgen.build.runtime import METHODS
 from ncgen.emit.c import dynamics_files
@@ -17,7 +17,7 @@ from ncgen.emit.naming import identifier
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 
-SOURCES = (*KERNELS, "ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
+SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
 METHODS_IN_LANES = ("dopri5", "dop853", "rk4")
 
 
@@ -43,7 +43,7 @@ class LaneDynamics:
         programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
         files = dynamics_files(programs, equations, kernels.row_sizes) | {name: verbatim(f"c/{name}") for name in SOURCES}
         getter = f"{identifier(kernels.name)}_dynamics"
-        declarations = f"{DECLARED} {declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
+        declarations = f"{declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
         self._ffi, self._library, self.has_threads = load(files, declarations, LANES, runtime_abi())
         self._dynamics = getattr(self._library, getter)()
         self.kernels, self.split = kernels, split
@@ -62,7 +62,7 @@ class LaneDynamics:
         status, steps, reached = np.zeros(len(q), dtype=np.intc), np.zeros(len(q), dtype=np.int_), np.full(len(q), times[0])
         out = [(array, "double[]") for array in (q_rows, qd_rows, work)] + [(status, "int[]"), (steps, "long[]"), (reached, "double[]")]
         options["method"] = METHODS[method]
-        self._call(self._library.ncgen_batch_simulate, options, (), (q, zd, p), (len(times), self._place(times)), out, threads)
+        self._call(self._library.ncgen_batch_simulate, options, (q, zd, p), (len(times), pointer(self._ffi, times)), out, threads)
         return LaneOutcome(q_rows, qd_rows, work, [STATUS[s] for s in status], steps, reached)
 
     def accelerate(self, t: float, q, zd, p, out, threads: int | None = None, **options) -> np.ndarray:
@@ -72,23 +72,20 @@ class LaneDynamics:
         """
         status = np.zeros(len(q), dtype=np.intc)
         places = [(array, "double[]") for array in out] + [(status, "int[]")]
-        self._call(self._library.ncgen_batch_accelerate, options, (t,), (q, zd, p), (), places, threads)
+        self._call(self._library.ncgen_batch_accelerate, options, (q, zd, p), (t,), places, threads)
         ok = status == 0
         if not ok.all():
             for array in (a for a in out if a is not None):
                 array[~ok] = np.nan
         return ok
 
-    def _call(self, function, options: dict, before: tuple, state, after: tuple, out, threads: int | None) -> None:
-        """One call of the library for states q, zd, p; before and after: its other arguments; out: (array, kind) to be filled."""
+    def _call(self, function, options: dict, state, instants: tuple, out, threads: int | None) -> None:
+        """One call of the library for states q, zd, p at some instants; out: (array, kind) to be filled."""
         q, zd, p = (np.ascontiguousarray(a, dtype=float) for a in state)
         threads = (threads or available()) if self.has_threads else 1
         work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
-        place = self._place
+        place = partial(pointer, self._ffi)
         function(
-            self._model, self._dynamics, self._ffi.new("ncgen_options *", options), *before, len(q), place(q), place(zd), place(p),
-            p.shape[-1] * (p.ndim - 1), *after, *(place(array, kind) for array, kind in out), threads, place(work),
+            self._model, self._dynamics, self._ffi.new("ncgen_options *", options), len(q), place(q), place(zd), place(p),
+            p.shape[-1] * (p.ndim - 1), *instants, *(place(array, kind) for array, kind in out), threads, place(work),
         )  # fmt: skip
-
-    def _place(self, array: np.ndarray, kind: str = "double[]"):
-        return self._ffi.NULL if array is None else self._ffi.from_buffer(kind, array)

@@ -500,8 +500,8 @@ void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynami
     }
 }
 
-void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, double t,
-                            long count, const double *q, const double *zd, const double *p, int p_stride, double *out_q,
+void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
+                            const double *q, const double *zd, const double *p, int p_stride, double t, double *out_q,
                             double *out_qd, double *out_zdd, int *status, int threads, double *workspace)
 {
     const long n = model->n_coordinates, nz = dynamics->n_independent, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;

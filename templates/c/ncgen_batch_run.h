@@ -31,8 +31,8 @@ void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynami
  * out_q, out_qd: count x n_coordinates; out_q may be q, out_qd NULL; out_zdd: count x n_independent; rows of states without
  *     status 0 mean nothing
  * Of the options the tolerance counts; everything else as above. */
-void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, double t,
-                            long count, const double *q, const double *zd, const double *p, int p_stride, double *out_q,
+void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
+                            const double *q, const double *zd, const double *p, int p_stride, double t, double *out_q,
                             double *out_qd, double *out_zdd, int *status, int threads, double *workspace);
 
 /* end functions */

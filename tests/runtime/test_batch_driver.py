@@ -7,6 +7,7 @@ import subprocess
 import pytest
 
 import ncgen
+from ncgen.build.batch import SOURCES as KERNELS
 from ncgen.build.batch_runs import SOURCES
 from ncgen.emit.c import HEADERS, c_files, dynamics_files
 from ncgen.emit.environment import verbatim
@@ -72,9 +73,9 @@ static int check(long count)
     wrong |= ncgen_batch_kernel(model, NULL, model->gamma, &states, (int)m, out, 1, kernel_space) || differ(out, count, m);
     ncgen_batch_simulate(model, dynamics, &options, count, q, zd, p, 0, 2, t, rows_q, rows_qd, work, status, steps, reached, 1, run_space);
     wrong |= differ(rows_q, count, 2 * n) || differ(rows_qd, count, 2 * n) || differ(work, count, 2) || status[b - 1];
-    ncgen_batch_accelerate(model, dynamics, &options, 0.0, count, q, zd, p, 0, out_q, out_qd, zdd, status, 1, run_space);
+    ncgen_batch_accelerate(model, dynamics, &options, count, q, zd, p, 0, 0.0, out_q, out_qd, zdd, status, 1, run_space);
     wrong |= differ(out_q, count, n) || differ(out_qd, count, n) || differ(zdd, count, nz) || status[b - 1];
-    ncgen_batch_accelerate(model, dynamics, &options, 0.0, count, q, zd, p, 0, q, NULL, zdd, status, 1, run_space);
+    ncgen_batch_accelerate(model, dynamics, &options, count, q, zd, p, 0, 0.0, q, NULL, zdd, status, 1, run_space);
     wrong |= differ(q, count, n) || differ(zdd, count, nz) || status[b - 1];
     double *const arrays[] = {q, qd, zd, p, out, out_q, out_qd, zdd, rows_q, rows_qd, work, reached, kernel_space, run_space};
     for (size_t i = 0; i < sizeof arrays / sizeof *arrays; ++i)
@@ -103,7 +104,7 @@ def test_many_states_within_their_arrays(model, lanes, tmp_path):
     q = assemble(kernels, kernels.q0)
     programs = dynamics(kernels, choose_partitions(kernels, q), "emitted", q, kernels.p0).programs
     files = c_files(kernels.programs) | dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
-    files |= {name: verbatim(f"c/{name}") for name in (*HEADERS, *SOURCES, "ncgen_lanes.h")}
+    files |= {name: verbatim(f"c/{name}") for name in (*HEADERS, *KERNELS, *SOURCES)}
     files["main.c"] = DRIVER.replace("@", model) % {
         "start": ", ".join(map(repr, q.tolist())),
         "parameters": "".join(f"{x!r}, " for x in kernels.p0.tolist()),
