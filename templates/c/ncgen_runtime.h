@@ -89,6 +89,13 @@ typedef struct ncgen_event {
     ncgen_velocity_kernel *function; /* one number */
 } ncgen_event;
 
+/* Returned by a run that its watch has ended. */
+enum { NCGEN_INTERRUPTED = 6 };
+
+/* Who listens to a long run: called now and then with the time reached, on the caller's own thread. Returns how many steps
+ * may be tried before the next call, 0 to end the run at the last accepted state. */
+typedef long ncgen_watch(void *context, ncgen_scalar t);
+
 typedef struct ncgen_options {
     int method;
     ncgen_scalar rtol;      /* dopri5, dop853, radau: error per step, relative and absolute */
@@ -105,6 +112,9 @@ typedef struct ncgen_options {
     const ncgen_event *event; /* NULL: run to the end */
     ncgen_scalar alpha_m;   /* generalized-alpha: weights of the accelerations at the start of a step; for rho at infinity */
     ncgen_scalar alpha_f;   /* they are (2 rho - 1) / (rho + 1) and rho / (rho + 1); for HHT 0 and its alpha */
+    ncgen_watch *watch;     /* NULL: nobody listens */
+    void *context;          /* of the watch */
+    long patience;          /* steps that are tried before the first call of the watch, at least 1 */
 } ncgen_options;
 
 typedef struct ncgen_statistics {
