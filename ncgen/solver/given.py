@@ -1,0 +1,152 @@
+"""What the caller gives, as arrays and tuples of names, or one sentence that says what is wrong with it.
+
+Every door of the solver takes positions, parameters and names in the same ways, because it takes them through here.
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Collection, Iterable, Mapping, Sequence
+from numbers import Real
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.solver.protocol import Kernels
+
+LISTED = 100
+"""Characters that a list of names may take in a message."""
+
+ECHOED = 40
+"""Characters of what was given that a message repeats."""
+
+
+def checked_kernels(kernels) -> Kernels:
+    """The kernels themselves. Raises ModelError for anything else, such as a model that was not compiled."""
+    if all(hasattr(kernels, name) for name in ("q0", "p0", "index", "parameters")):
+        return kernels
+    raise ModelError(f"kernels needed, {_echo(kernels)} given; ncgen.compile(model) makes them")
+
+
+def parameters(kernels: Kernels, p=None) -> np.ndarray:
+    """Parameters as an array of one's own, shape (n_p,).
+
+    p: None for the defaults, numbers in the order of `kernels.parameters`, or {name: number}; those not named keep their defaults
+    Raises ModelError where numbers are missing, too many or not finite, and for an unknown name.
+    """
+    kernels = checked_kernels(kernels)
+    return _numbers(kernels.parameters, kernels.p0, p, "p", "parameter")
+
+
+def position(kernels: Kernels, q=None, p=None, what: str = "q") -> np.ndarray:
+    """A position, closed or not, as an array of one's own, shape (n,) in m and rad.
+
+    q: None for the initial one at the parameters p, numbers in the order of `kernels.coordinates`, or {name: number}; coordinates not
+        named stay where they are initially
+    what: the argument's name in messages
+    Raises ModelError as `parameters` does.
+    """
+    kernels = checked_kernels(kernels)
+    return _numbers(kernels.coordinates, kernels.q0, q, what, "free coordinate")
+
+
+def instant(t, what: str = "t") -> float:
+    """A time (s). Raises ModelError unless it is a finite number."""
+    return finite(t, what)
+
+
+def names_of(given, what: str, known: Collection[str] | None = None, kind: str = "free coordinate") -> tuple[str, ...]:
+    """Names from one name or several; () from None.
+
+    known: the names there are, if they are to be compared with; kind: what they are names of, for messages
+    Raises ModelError for what is no text, for a name that comes twice, and for an unknown one.
+    """
+    if given is None:
+        return ()
+    names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
+    if odd := [name for name in names if not isinstance(name, str)]:
+        raise ModelError(f"{what}: {_echo(odd[0])} is no name; give one name or a list of names")
+    names = tuple(map(str, names))  # a text of NumPy's is one like others
+    if twice := [name for k, name in enumerate(names) if name in names[:k]]:
+        raise ModelError(f"{what}: {twice[0]} is named twice; name it once")
+    if known is not None:
+        for name in names:
+            known_name(name, known, what, kind)
+    return names
+
+
+def known_name(name: str, known: Collection[str], what: str, kind: str = "free coordinate") -> str:
+    """A name that is known. Raises ModelError for another one, with those there are or the nearest of them."""
+    if name not in known:
+        raise ModelError(f"{what}: the mechanism has no {kind} {_echo(name)}; {offer(name, tuple(known))}")
+    return name
+
+
+def offer(name, known: Sequence[str]) -> str:
+    """The end of a sentence about an unknown name: what there is, or the nearest where that is too much to read."""
+    listed = ", ".join(known)
+    if not known:
+        return "it has none"
+    if len(listed) <= LISTED:
+        return f"it has {listed}"
+    if near := difflib.get_close_matches(str(name), known, n=1):
+        return f"did you mean {near[0]}?"
+    return f"it has {_shortened(known)}"
+
+
+def finite(value, what: str) -> float:
+    """A number as a float. Raises ModelError unless it is a real, finite one."""
+    plain = value.item() if isinstance(value, (np.ndarray, np.generic)) and value.ndim == 0 else value
+    try:
+        number = float(plain) if isinstance(plain, Real) else math.nan
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise ModelError(f"{what} is {_echo(plain)}; it must be a finite number")
+    return number
+
+
+def _numbers(names: tuple[str, ...], defaults: np.ndarray, given, what: str, kind: str) -> np.ndarray:
+    """One number a name: the defaults, those given by name in their place, or all in the order of the names."""
+    if given is None:
+        return np.array(defaults, dtype=float)
+    if isinstance(given, Mapping):
+        wanted = {known_name(name, names, what, kind): finite(value, f"{what}: {name}") for name, value in given.items()}
+        return np.array([wanted.get(name, default) for name, default in zip(names, defaults, strict=True)], dtype=float)
+    array = _array(given)
+    if array is None or array.shape != (len(names),):
+        said = _echo(given) if array is None else _count(len(array)) if array.ndim == 1 else f"an array of shape {array.shape}"
+        needed = f"{len(names)} needed: {_shortened(names)}" if names else f"the mechanism has no {kind}"
+        raise ModelError(f"{what}: {said} given, {needed}")
+    for name, value in zip(names, array.tolist(), strict=True):
+        finite(value, f"{what}: {name}")
+    return array
+
+
+def _array(given) -> np.ndarray | None:
+    """Real numbers as an array of one's own; None for anything else, texts that look like numbers included."""
+    try:
+        if np.asarray(given).dtype.kind not in "biufO":
+            return None
+        return np.array(given, dtype=float)
+    except (TypeError, ValueError, OverflowError):
+        return None
+
+
+def _count(numbers: int) -> str:
+    return f"{numbers} number{'s' if numbers != 1 else ''}"
+
+
+def _shortened(names: Sequence[str]) -> str:
+    """Names with commas between them, as many as may be listed."""
+    listed = ", ".join(names)
+    if len(listed) <= LISTED:
+        return listed
+    return f"{listed[: listed.rindex(', ', 0, LISTED)]}, … ({len(names)} of them)"
+
+
+def _echo(given) -> str:
+    """What was given, shortened."""
+    text = given if isinstance(given, str) and given.isprintable() and given else repr(given).replace("\n", " ")
+    return text if len(text) <= ECHOED else text[: ECHOED - 1] + "…"
