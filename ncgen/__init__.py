@@ -37,6 +37,7 @@ _HOMES = {
     "CompileError": "ncgen.errors",
     "ConvergenceError": "ncgen.errors",
     "SingularError": "ncgen.errors",
+    "Interrupted": "ncgen.errors",
 }
 
 __all__ = sorted(_HOMES)

@@ -11,7 +11,6 @@ import os
 import sys
 import warnings
 from contextlib import contextmanager
-from inspect import signature
 from pathlib import Path
 from typing import Annotated
 
@@ -22,7 +21,7 @@ import typer  # noqa: E402
 from rich.console import Console  # noqa: E402
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn  # noqa: E402
 
-from ncgen.errors import CompileError, ModelError, NcgenError  # noqa: E402
+from ncgen.errors import CompileError, Interrupted, ModelError, NcgenError  # noqa: E402
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=__doc__.splitlines()[0])
 out = Console(highlight=False, soft_wrap=True)
@@ -117,20 +116,21 @@ def run(
     from ncgen.report.screen import show_inspection, show_run
     from ncgen.report.timing import kernel_times
     from ncgen.solver.rank import freedom
+    from ncgen.solver.run import check_simulation, simulation_of
     from ncgen.solver.simulate import simulate
 
-    kernels, sources, seconds = _compiled(model, backend, emission)
+    given = dict(duration=duration, integrator=integrator, rtol=rtol, atol=atol, points=points, zd0=_velocities(velocity))
+    kernels, sources, seconds = _compiled(model, backend, emission, lambda loaded: check_simulation(loaded, **given))
     found = freedom(kernels)
     if not json_output:
         show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
-    given = dict(duration=duration, integrator=integrator, rtol=rtol, atol=atol, points=points, zd0=_velocities(velocity))
-    options = {"duration": 1.0, **kernels.model.simulation_options, **{k: v for k, v in given.items() if v is not None}}
-    length = options.pop("duration")
-    known = signature(simulate).parameters
-    if unknown := [name for name in options if name not in known]:
-        raise ModelError(f"m.simulation({unknown[0]}=…): simulate has no such option; it has {', '.join(known)}")
-    with _progress(f"simulating {length} s", length if isinstance(length, (int, float)) else None) as advance:
-        trajectory = simulate(kernels, length, progress=advance, **options)
+    options = simulation_of(kernels.model, **given)
+    with _progress(f"simulating {options['duration']} s", options["duration"]) as advance:
+        try:
+            trajectory = simulate(kernels, progress=lambda t: advance(t - options.get("t0", 0.0)), **options)
+        except Interrupted as stopped:
+            err.print(f"ncgen: {stopped}; what was reached is written", markup=False)
+            trajectory = stopped.run
     folder = (output or Path(f"{kernels.name}-output")) if files else None
     if files:
         with _progress("writing files", 1.0):
@@ -422,14 +422,20 @@ def main() -> None:
         sys.exit(130)
 
 
-def _compiled(name: str, backend: str, emission: str):
-    """Kernels, sources and the seconds of every stage, with the stages shown while they run."""
-    from ncgen.compiler import Timings, compile, generate
+def _compiled(name: str, backend: str, emission: str, check=None):
+    """Kernels, sources and the seconds of every stage, with the stages shown while they run.
+
+    check: of the model, before anything is made of it
+    """
+    from ncgen.compiler import Timings, check_words, compile, generate
     from ncgen.exchange.examples import load
 
+    check_words(backend, emission)
     timings = Timings()
     with _progress(f"generating and compiling {name}", None):
         model = timings.stage("model", load, name)
+        if check:
+            check(model)
         sources = generate(model, emission, timings)
         kernels = compile(sources, backend, timings=timings)
     return kernels, sources, timings.seconds

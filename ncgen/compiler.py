@@ -20,6 +20,7 @@ from typing import TYPE_CHECKING
 
 from ncgen.errors import CompileError, ModelError
 from ncgen.model import Model
+from ncgen.program.programs import EMISSIONS
 
 if TYPE_CHECKING:
     from ncgen.build.kernels import Kernels
@@ -43,6 +44,13 @@ class Timings:
     @property
     def total(self) -> float:
         return sum(self.seconds.values())
+
+
+def check_words(backend: str, emission: str) -> None:
+    """Raise ModelError for a backend or an emission that does not exist."""
+    for name, value, known in (("backend", backend, BACKENDS), ("emission", emission, tuple(EMISSIONS))):
+        if not isinstance(value, str) or value not in known:
+            raise ModelError(f"{name} {str(value)[:40]!r} is unknown; choose one of {', '.join(known)}")
 
 
 def generate(model: Model, emission: str = "auto", timings: Timings | None = None) -> Sources:
@@ -69,8 +77,7 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     backend: "c", "numpy", or "auto": C where a compiler is found, otherwise NumPy with one line saying so
     Raises CompileError if C was asked for and there is no compiler, or the compiler refuses.
     """
-    if backend not in BACKENDS:
-        raise ModelError(f"backend {backend!r} is unknown; choose one of {', '.join(BACKENDS)}")
+    check_words(backend, emission)
     timings = timings or Timings()
     from ncgen.build.cache import build
     from ncgen.build.compilers import find_compiler

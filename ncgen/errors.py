@@ -39,3 +39,11 @@ class SingularError(NcgenError):
     """A position or a matrix is singular where the calculation needs it not to be."""
 
     exit_code = 4
+
+
+class Interrupted(KeyboardInterrupt):
+    """A run was stopped by Ctrl-C; `run` is the trajectory up to there."""
+
+    def __init__(self, run):
+        super().__init__(f"{run.name}: stopped at t = {run.t[-1]:.6g} s")
+        self.run = run

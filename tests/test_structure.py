@@ -12,7 +12,7 @@ import pytest
 
 ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "ncgen"
-LAYERS = ("model", "symbolic", "program", "emit", "build", "solver", "report", "view", "exchange")
+LAYERS = ("model", "symbolic", "program", "methods", "emit", "build", "solver", "report", "view", "exchange")
 FOR_ALL = {"errors", "resources", "__version__"}
 SEES_ALL = {"report", "view", "exchange", "cli", "compiler", "__init__", "__main__"}
 TOP = {

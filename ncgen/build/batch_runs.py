@@ -10,15 +10,14 @@ import numpy as np
 from ncgen.build.abi import declared, runtime_abi
 from ncgen.build.batch import LANES, aligned, available, load, pointer
 from ncgen.build.library import STATUS, CompiledKernels
-from ncgen.build.runtime import METHODS
-from ncgen.emit.c import dynamics_files
+from ncgen.emit.c import RUNTIME_HEADERS, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
+from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 
-SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_runtime.h")
-METHODS_IN_LANES = ("dopri5", "dop853", "rk4")
+SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", *RUNTIME_HEADERS)
 
 
 @dataclass(frozen=True)
@@ -61,7 +60,7 @@ class LaneDynamics:
         work, times = np.full(rows, np.nan), np.ascontiguousarray(times, dtype=float)
         status, steps, reached = np.zeros(len(q), dtype=np.intc), np.zeros(len(q), dtype=np.int_), np.full(len(q), times[0])
         out = [(array, "double[]") for array in (q_rows, qd_rows, work)] + [(status, "int[]"), (steps, "long[]"), (reached, "double[]")]
-        options["method"] = METHODS[method]
+        options["method"] = number_in_c(INTEGRATORS[method])
         self._call(self._library.ncgen_batch_simulate, options, (q, zd, p), (len(times), pointer(self._ffi, times)), out, threads)
         return LaneOutcome(q_rows, qd_rows, work, [STATUS[s] for s in status], steps, reached)
 

@@ -18,43 +18,15 @@ from ncgen.build.abi import NUMBERS, declared, runtime_abi
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.build.library import STATUS, CompiledKernels
-from ncgen.emit.c import HEADERS, RUNTIME, c_files, dynamics_files
+from ncgen.emit.c import HEADERS, RUNTIME, RUNTIME_HEADERS, c_files, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.cost import cost
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
-
-METHODS = {
-    "dopri5": 0,
-    "rk4": 1,
-    "dop853": 2,
-    "rattle": 3,
-    "energy-momentum": 4,
-    "radau": 5,
-    "trapezoidal": 6,
-    "generalized-alpha": 7,
-}
-"""Integrators of the runtime, by the numbers of ncgen_runtime.h."""
-
-IMPLICIT = ("radau", "trapezoidal", "generalized-alpha")
-"""Those that need the tangent kernels whatever the mechanism is."""
-
-ITERATED = ("rattle", "energy-momentum")
-"""Those that do without them where they can."""
-
-FORMALISMS = {
-    "coordinate-partitioning": 0,
-    "lagrange": 1,
-    "augmented-lagrangian": 2,
-    "penalty": 3,
-    "null-space": 4,
-    "udwadia-phohomsiri": 5,
-    "ali3p": 6,
-}
-"""Formalisms of the runtime, by the numbers of ncgen_runtime.h."""
 
 SINGULAR = 1e-9
 """A mass matrix is taken as singular where elimination leaves less than this of an entry of its diagonal."""
@@ -65,7 +37,7 @@ def _load(files: dict[str, str], number: str, declarations: str):
     ffi = FFI()
     ffi.include(runtime_abi(number))
     ffi.cdef(declarations)
-    files = files | {name: verbatim(f"c/{name}") for name in ("ncgen_runtime.h", *HEADERS)}
+    files = files | {name: verbatim(f"c/{name}") for name in (*RUNTIME_HEADERS, *HEADERS)}
     return ffi, ffi.dlopen(str(build(files, find_compiler(), (*FLAGS, *NUMBERS[number].flags)).library))
 
 
@@ -146,12 +118,13 @@ class Dynamics:
         chosen = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
         self._keep(chosen, self._dynamics, np.intc)
 
-    def simulate(self, method: str, times, q, velocities, p, rtol=1e-8, atol=1e-10, max_step=np.inf, event=None, newton=False, **options) -> Outcome:
+    def simulate(self, method: str, times, q, velocities, p, max_step=np.inf, event=None, newton=False, sizes=None, **options) -> Outcome:
         """Run over the times of a grid (first one is the start).
 
         velocities: independent ones with coordinate partitioning, all of them with other formalisms
         event: at which to stop, with members coordinate, value and direction as in `ncgen_event`
         newton: with tangents, also where a method can do without them
+        sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
@@ -159,8 +132,11 @@ class Dynamics:
         rows_and_last = len(times) + 1
         out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))
         longest = 0.0 if np.isinf(max_step) else max_step
-        filled = {"method": METHODS[method], "rtol": rtol, "atol": atol, "max_step": longest, **options}
+        filled = {"method": number_in_c(INTEGRATORS[method]), "rtol": 1e-8, "atol": 1e-10, "max_step": longest, **options}
         settings = ffi.new("ncgen_options *", filled)
+        if sizes is not None:
+            sizes = np.ascontiguousarray(sizes, dtype=dtype)
+            settings.sizes = ffi.from_buffer(self.number.array, sizes)
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
@@ -188,7 +164,7 @@ class Dynamics:
         ∂q̈/∂[q̇; q] (n, 2 n) with other formalisms. Arguments as for `simulate`."""
         ffi = self._ffi
         self._take_tangents()
-        settings = ffi.new("ncgen_options *", {"formalism": FORMALISMS[formalism], "tolerance": 1e-12, **options})
+        settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
         work, integers = self._space(settings)
         inputs = [np.ascontiguousarray(a, dtype=self.number.dtype) for a in (p, q, velocities)]
         out = np.empty((len(inputs[2]), 2 * len(inputs[2])), self.number.dtype)
@@ -234,7 +210,7 @@ class ConstrainedDynamics(Dynamics):
         """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
         self._dynamics.n_dependent = rank
         done = super().simulate(method, *args, **options)
-        if done.status == "not converged" and method in ITERATED and self.number.name == "double":
+        if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
             # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
             done = super().simulate(method, *args, newton=True, **options)
         return done
@@ -271,8 +247,8 @@ def is_conservative(kernels: CompiledKernels) -> bool:
 def uses_tangents(kernels: CompiledKernels, method: str) -> bool:
     """True if an integrator takes stiffness and damping: rattle where masses are not constant or forces have no potential,
     energy-momentum unless constraints are quadratic, masses and forces constant as well."""
-    if method not in ITERATED:
-        return method in IMPLICIT
+    if INTEGRATORS[method].tangents != "sometimes":
+        return INTEGRATORS[method].tangents == "always"
     programs = kernels.programs.programs
     constant = all(programs[k].is_constant for k in ("mass", "force") if k in programs and (k, method) != ("force", "rattle"))
     quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls and not programs["phi"].angles

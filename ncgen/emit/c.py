@@ -22,9 +22,14 @@ if TYPE_CHECKING:
     from ncgen.symbolic.equations import Equations
 
 HEADERS = ("ncgen.h", "ncgen_math.h")
+RUNTIME_HEADERS = ("ncgen_runtime.h", "ncgen_methods.h")
+"""What state derivatives and embedders include."""
+
 RUNTIME = (
+    "ncgen_methods.h",
     "ncgen_runtime.h",
     "ncgen_internal.h",
+    "ncgen_facts.h",
     "ncgen_run.c",
     "ncgen_partitioning.c",
     "ncgen_constrained.c",

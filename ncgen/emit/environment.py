@@ -5,11 +5,16 @@ Undefined names are errors, and the output has no trailing blanks, so the same i
 
 from __future__ import annotations
 
+from fractions import Fraction
 from functools import cache
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ncgen.resources import folder
+
+
+EXACT = 2**53
+"""Whole numbers below this are doubles."""
 
 
 @cache
@@ -26,6 +31,8 @@ def environment() -> Environment:
     env.filters["rows_of"] = rows_of
     env.filters["c_string"] = c_string
     env.filters["docstring"] = docstring_text
+    env.filters["c_literal"] = c_literal
+    env.filters["bit_of"] = lambda name, entries: 1 << [entry.name for entry in entries].index(name)
     return env
 
 
@@ -33,9 +40,32 @@ def render(template: str, **records) -> str:
     return environment().get_template(template).render(**records)
 
 
+@cache
 def verbatim(name: str) -> str:
-    """A file of the templates that is copied as it stands, such as ncgen.h."""
-    return (folder("templates") / name).read_text(encoding="utf-8")
+    """A file of the C library: as it stands, such as ncgen.h, or printed from the table of methods, such as ncgen_methods.h."""
+    path = folder("templates") / name
+    return path.read_text(encoding="utf-8") if path.is_file() else render(f"{name}.jinja", **_methods())
+
+
+@cache
+def _methods() -> dict:
+    """The entries that are in C, in the order of their numbers there."""
+    from ncgen.methods.table import FORMALISMS, INTEGRATORS
+
+    integrators = [entry for entry in INTEGRATORS.values() if entry.in_c]
+    explicit = [entry for entry in integrators if entry.tableau]
+    width = max(entry.coefficients.width for entry in explicit)
+    return {"formalisms": [f for f in FORMALISMS.values() if f.in_c], "integrators": integrators, "explicit": explicit, "width": width}
+
+
+def c_literal(number) -> str:
+    """An exact number (a Fraction) as C sees it: a quotient of whole numbers, or a decimal with all its digits."""
+    number = Fraction(number)
+    above, below, sign = abs(number.numerator), number.denominator, "-" if number < 0 else ""
+    if max(above, below) < EXACT:
+        return f"{sign}R({above}.0)" if below == 1 else f"{sign}Q({above}, {below})"
+    digits = next(k for k in range(1, 60) if 10**k % below == 0)
+    return f"{sign}R({above * 10**digits // below}e-{digits})"
 
 
 def comment_text(text: str) -> str:

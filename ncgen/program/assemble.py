@@ -6,7 +6,6 @@ code otherwise; contributions that turn out to be plain numbers are added up her
 
 from __future__ import annotations
 
-import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -19,13 +18,9 @@ from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, 
 from ncgen.program.fused import Part, fuse
 from ncgen.program.graph import Graph
 from ncgen.program.lower import lower_value
-from ncgen.program.programs import Programs
+from ncgen.program.programs import EMISSIONS, Programs
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
-
-EMISSIONS = {"unrolled": math.inf, "tabled": 2, "auto": 16}
-"""The least number of equal terms that become a loop; measured, loops pay from about 16 on (docs/performance.md)."""
-
 
 @dataclass(frozen=True)
 class Kernel:
@@ -113,8 +108,6 @@ class Contribution:
 
 def assemble(equations: Equations, emission: str = "auto") -> Programs:
     """Build the programs of every kernel the mechanism needs."""
-    if emission not in EMISSIONS:
-        raise ModelError(f"emission {emission!r} is unknown; choose one of {', '.join(EMISSIONS)}")
     omitted = list(equations.omitted)
     built = programs_of(KERNELS.values(), equations, EMISSIONS[emission])
     for name, (program, _) in built.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -10,6 +11,9 @@ from ncgen.program.blocks import Pattern, Program
 if TYPE_CHECKING:
     from ncgen.symbolic.numbering import Numbering
 
+
+EMISSIONS = {"unrolled": math.inf, "tabled": 2, "auto": 16}
+"""The least number of equal terms that become a loop; measured, loops pay from about 16 on (docs/performance.md)."""
 
 LARGEST = 24
 """Degrees of freedom up to which the reduced mass matrix is eliminated in straight-line code."""

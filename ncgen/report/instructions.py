@@ -68,7 +68,7 @@ def _derivative_records(kernels, count: _Counter) -> Iterator[dict]:
         return
     programs = dynamics(kernels, partitions, "emitted", q, kernels.p0).programs
     files = dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
-    files = files | {name: verbatim(f"c/{name}") for name in ("ncgen_runtime.h", *HEADERS)}
+    files = files | {name: verbatim(f"c/{name}") for name in (*RUNTIME_HEADERS, *HEADERS)}
     prefix, zd = identifier(kernels.name), np.ones(len(partitions.velocity.independent))
     for kind, program in (("newton", programs.newton), ("acceleration", programs.acceleration)):
         numbers = q, zd, kernels.p0, program.size

@@ -5,13 +5,9 @@ from __future__ import annotations
 import signal
 from contextlib import contextmanager
 
-from ncgen.solver.formalisms import FORMALISMS
-from ncgen.solver.integrators import INTEGRATORS
-from ncgen.solver.steppers import STEPPERS
+from ncgen.methods.table import FORMALISMS, INTEGRATORS
 
-FIXED = tuple(
-    dict.fromkeys([name for name, method in INTEGRATORS.items() if hasattr(method, "has_fixed_step")] + [name for _, name in STEPPERS])
-)
+FIXED = tuple(name for name, entry in INTEGRATORS.items() if entry.has_fixed_step)
 """Integrators with a fixed step."""
 
 ONE = "dop853"
@@ -28,9 +24,10 @@ class TimeIsUp(Exception):
 
 def methods() -> list[tuple[str, str]]:
     """Coordinate partitioning with every integrator, every formalism with one, and all that step the constrained equations."""
-    ordinary = [("coordinate-partitioning", integrator) for integrator in INTEGRATORS]
-    formalisms = [(name, ONE) for name, formalism in FORMALISMS.items() if formalism.ordinary]
-    return list(dict.fromkeys([*ordinary, *formalisms, *STEPPERS]))
+    ordinary = [("coordinate-partitioning", entry.name) for entry in INTEGRATORS.values() if entry.is_ordinary]
+    formalisms = [(entry.name, ONE) for entry in FORMALISMS.values() if entry.is_ordinary]
+    steppers = [(formalism, entry.name) for entry in INTEGRATORS.values() for formalism in entry.steps]
+    return list(dict.fromkeys([*ordinary, *formalisms, *steppers]))
 
 
 @contextmanager

@@ -14,9 +14,9 @@ from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
 from ncgen.build.kernels import Kernels
-from ncgen.build.runtime import METHODS
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
+from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
 from ncgen.report.falls import end_state, own_run
 from ncgen.report.rivals.base import differentiable, handwritten
@@ -26,7 +26,7 @@ from ncgen.report.rivals.exact import relative_error
 from ncgen.solver.assembly import assemble
 from ncgen.solver.coordinate_partitioning import Start, motion
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
-from ncgen.solver.integrators import INTEGRATORS
+from ncgen.solver.integrators import ODE_SOLVERS
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.simulate import simulate
 
@@ -54,7 +54,7 @@ def table_9(model: Model) -> Iterator[dict]:
             yield _solved(kernels, integrator, "hand-written NumPy", *student, duration, end)
         for source, variant in _variants(model, kernels):
             yield _simulated(variant, integrator, source, duration, end, "python")
-        if integrator in METHODS:
+        if INTEGRATORS[integrator].in_c:
             yield _simulated(kernels, integrator, "generated C, whole run", duration, end, "emitted")
 
 
@@ -195,7 +195,7 @@ def _solved(kernels, integrator, source, derivative, y0, names, duration, end, j
     start = time.perf_counter()
     exact = {} if jac is None else {"jac": jac}
     try:
-        found = solve_ivp(counted, (0.0, duration), y0, method=INTEGRATORS[integrator], **exact, **TOLERANCES)
+        found = solve_ivp(counted, (0.0, duration), y0, method=ODE_SOLVERS[integrator], **exact, **TOLERANCES)
     except _TooMany:
         seconds = time.perf_counter() - start
         return _record(integrator, source, seconds, None, count - 1, f"given up after {MOST:,} evaluations")

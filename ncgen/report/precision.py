@@ -23,12 +23,11 @@ from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile
 from ncgen.emit.sources import write_bytes
 from ncgen.errors import NcgenError
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
 from ncgen.report.compare import NOISY
 from ncgen.report.falls import own_run
 from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
-from ncgen.solver.formalisms import FORMALISMS
-from ncgen.solver.methods import partners
 from ncgen.solver.simulate import simulate
 
 TIGHT = 1e-13
@@ -93,8 +92,8 @@ def _distance(kernels: Kernels, one, other) -> float:
 
 def tried() -> list[tuple[str, str]]:
     """(formalism, integrator): what `methods` chooses, and all that there is in C."""
-    in_c = [(formalism, integrator) for formalism in runtime.FORMALISMS for integrator in partners(FORMALISMS[formalism])]
-    return list(dict.fromkeys([*methods(), *(pair for pair in in_c if pair[1] in runtime.METHODS)]))
+    pairs = [(entry, integrator) for entry in FORMALISMS.values() if entry.in_c for integrator in partners(entry)]
+    return list(dict.fromkeys([*methods(), *((entry.name, name) for entry, name in pairs if INTEGRATORS[name].in_c)]))
 
 
 def precision_records(model: Model, limit: float = LIMIT) -> list[dict]:

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import SingularError
-from ncgen.solver.integrators import canonical_name
+from ncgen.methods.method import Method
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import freedom, trial_positions
-from ncgen.solver.steppers import STEPPERS
+from ncgen.solver.run import EMITTED
+from ncgen.solver.tolerances import Tolerances
 from ncgen.solver.steppers.generalized_alpha import weights
 
 GROWTH = 2.0
@@ -21,96 +23,82 @@ coordinates only, and R is what their errors are multiplied by."""
 REUSE = 0.7
 """A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
 
-LEAST = 10.0
-"""Roundings that a relative tolerance is at least."""
-
 MOST_STEPS = 1_000_000
 """Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
-
-EMITTED = ("emitted", "refined")
-"""Forms of the state derivative that are written out for a mechanism."""
 
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
 
 
-def refusal(kernels: Kernels, integrator: str, partitions: Partitions, emitted: bool) -> str | None:
-    """Why a simulation cannot run in C (with an emitted state derivative), in words, or None if it can."""
-    from ncgen.program.programs import LARGEST
+def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str | None:
+    """Why a simulation cannot run in C, as far as its method and the mechanism tell, in words, or None if it can.
 
-    if refused := _refusal_of(kernels, integrator):
-        return refused
-    if partitions.position is not partitions.velocity:
-        return "rolling conditions need two partitions"
-    if emitted and len(partitions.position.independent) > LARGEST:
-        return f"a state derivative is emitted for up to {LARGEST} degrees of freedom"
-    return None
-
-
-def _refusal_of(kernels: Kernels, integrator: str) -> str | None:
-    """What no simulation in C can do without."""
+    engine: as of `simulate`; number: C's type
+    """
     from ncgen.build.library import CompiledKernels
-    from ncgen.build.runtime import METHODS
+    from ncgen.build.runtime import uses_tangents
 
+    name = method.integrator.name
     if not isinstance(kernels, CompiledKernels):
         return f"the kernels are {kernels.backend}, not compiled"
-    if canonical_name(integrator) not in METHODS:
-        return f"{integrator} runs in Python; in C there are {', '.join(METHODS)}"
+    if not method.integrator.in_c:
+        return f"{name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}"
+    if not method.formalism.in_c:
+        return f"{method.formalism.name} runs in Python; in C there are {', '.join(in_c(FORMALISMS))}"
+    if engine in EMITTED and method.is_constrained:
+        return f"a state derivative is emitted for coordinate-partitioning, not for {method.formalism.name}"
     if kernels.model.callbacks:
         return "the model calls a Python function"
     if kernels.model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps"
     if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
         return "there are no constraint rows that move"
-    return None
+    if number != "double" and uses_tangents(kernels, name):
+        return f"{name} takes derivatives of the kernels, which are double"
+    return _refusal_of_rolling(kernels, method)
 
 
-def refusal_constrained(kernels: Kernels, formalism: str, integrator: str, settings: dict, engine: str) -> str | None:
-    """Why a simulation over all coordinates cannot run in C, in words, or None if it can."""
-    from ncgen.build.runtime import FORMALISMS, IMPLICIT
-
-    if engine in EMITTED:
-        return f"a state derivative is emitted for coordinate-partitioning, not for {formalism}"
-    if formalism not in FORMALISMS:
-        return f"{formalism} runs in Python; in C there are {', '.join(FORMALISMS)}"
-    if refused := _refusal_of(kernels, integrator):
-        return refused
-    # Rolling conditions are equations of no position, which methods that hold Φ = 0 by themselves take apart in Python.
-    stabilised = canonical_name(integrator) in IMPLICIT and settings.get("stabilisation") == "baumgarte"
-    if (stabilised or (formalism, canonical_name(integrator)) in STEPPERS) and len(kernels.holonomic) < kernels.m:
-        return f"{integrator} runs in Python with rolling conditions"
-    return None
+def _refusal_of_rolling(kernels: Kernels, method: Method) -> str | None:
+    """Rolling conditions are equations of no position, which methods that hold Φ = 0 by themselves take apart in Python."""
+    if len(kernels.holonomic) == kernels.m:
+        return None
+    if not method.is_constrained:
+        return "rolling conditions need two partitions"
+    stabilised = method.integrator.tangents != "never" and method.options.get("stabilisation") == "baumgarte"
+    return f"{method.integrator.name} runs in Python with rolling conditions" if stabilised or method.is_stepper else None
 
 
-def refusal_in(number: str, kernels: Kernels, integrator: str) -> str | None:
-    """Why a simulation in C cannot compute with a number type other than double, in words, or None if it can."""
-    from ncgen.build.runtime import uses_tangents
+def refusal_of_size(partitions: Partitions, engine: str) -> str | None:
+    """Why a state derivative cannot be emitted for a choice of independent coordinates, in words, or None if it can."""
+    from ncgen.program.programs import LARGEST
 
-    if number != "double" and uses_tangents(kernels, canonical_name(integrator)):
-        return f"{integrator} takes derivatives of the kernels, which are double"
+    if engine in EMITTED and len(partitions.position.independent) > LARGEST:
+        return f"a state derivative is emitted for up to {LARGEST} degrees of freedom"
     return None
 
 
 def run_constrained(
-    path: Path, kernels: Kernels, formalism: str, integrator: str, settings: dict, grid, q, qd, p, number="double", stop=None, **steps
+    path: Path, kernels: Kernels, method: Method, grid, q, qd, p, max_step, tolerances: Tolerances, number="double", stop=None
 ) -> str | None:
     """Fill an empty path over a time grid with a formalism over all coordinates.
 
-    settings: the formalism's options (`ncgen.solver.formalisms`); stop: where to end before (`ncgen.solver.stop.Stop`)
+    stop: where to end before (`ncgen.solver.stop.Stop`)
     Returns None, or why the run had to stop before the end of the grid.
     """
-    from ncgen.build.runtime import FORMALISMS, ConstrainedDynamics
+    from ncgen.build.runtime import ConstrainedDynamics
 
     known = kernels.__dict__.setdefault("_constrained", {})
     if number not in known:
         known[number] = ConstrainedDynamics(kernels, number)
     dynamics = known[number]
+    settings = method.options
     projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"
     done = dynamics.simulate(
-        canonical_name(integrator), grid, q, qd, p, tolerance=closeness(number), formalism=FORMALISMS[formalism], project=int(projected),
+        method.integrator.name, grid, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism), project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, event=stop, **_weights(settings), **steps,
+        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, event=stop, max_step=max_step, **_weights(settings),
+        **tolerances.in_c(kernels.column_sizes),
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.jacobians += done.jacobians
@@ -133,11 +121,6 @@ def rounding(number: str) -> float:
     from ncgen.build.abi import NUMBERS
 
     return float(np.finfo(NUMBERS[number].dtype).eps)
-
-
-def kept(rtol: float, atol: float, length: float, number: str) -> tuple[float, float]:
-    """Tolerances that a number type can keep: a step cannot be held to less than its rounding."""
-    return max(rtol, LEAST * rounding(number)), max(atol, rounding(number) * length)
 
 
 def closeness(number: str) -> float:
@@ -175,18 +158,17 @@ def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
     return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
 
 
-def run(path: Path, kernels: Kernels, integrator: str, form: str, grid, q, zd, p, rtol, atol, max_step, number="double", stop=None) -> str | None:
+def run(path: Path, kernels: Kernels, method: Method, form: str, grid, q, zd, p, max_step, tolerances: Tolerances, number="double", stop=None) -> str | None:
     """Fill an empty path over a time grid, to its end or to a `Stop`; where the independent coordinates become bad, go on with others.
 
     form: of the state derivative, as for `dynamics`
     Returns None, or why the run had to stop before the end of the grid.
     """
-    method = canonical_name(integrator)
-    seen = [path.partitions]
+    seen, sizes = [path.partitions], kernels.column_sizes
     t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
     while True:
         here = dynamics(kernels, path.partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
-        done = here.simulate(method, times, q, zd, p, rtol, atol, max_step, stop, tolerance=closeness(number), growth=growth)
+        done = here.simulate(method.integrator.name, times, q, zd, p, max_step, stop, tolerance=closeness(number), growth=growth, **tolerances.in_c(sizes[path.partitions.velocity.independent]))
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)

@@ -11,24 +11,25 @@ import warnings
 import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
+from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.dynamics_jacobian import full_jacobian
-from ncgen.solver.integrators import replace_state, takes_jacobian
-from ncgen.solver.methods import Method
+from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.integrators import ode_solver, replace_state, takes_jacobian
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
+from ncgen.solver.tolerances import Tolerances
 
 
-def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, stop=None, **options) -> None:
+def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None) -> None:
     """Fill an empty path over a time grid, to its end or to a `Stop`.
 
-    options: rtol, atol, max_step of the integrator
     Raises ConvergenceError or SingularError with the time where the motion cannot go on.
     """
-    _Run(path, kernels, method, p).integrate(grid, q, qd, progress, stop, options)
+    _Run(path, kernels, method, p).integrate(grid, q, qd, progress, stop, tolerances, max_step)
 
 
 class _Run:
@@ -36,17 +37,20 @@ class _Run:
 
     def __init__(self, path: Path, kernels: Kernels, method: Method, p):
         self.path, self.kernels, self.method, self.p = path, kernels, method, p
+        self.accelerations = ACCELERATIONS[method.formalism.name]
         self.projecting = method.options["stabilisation"] == "projection"
         self.rank = 0
         self.rows = None
         self.evaluations = 0
 
-    def integrate(self, grid, q, qd, progress, stop, options) -> None:
+    def integrate(self, grid, q, qd, progress, stop, tolerances: Tolerances, max_step: float) -> None:
         self.rank = freedom(self.kernels, q, grid[0], self.p).rank
         self._choose_rows(q, grid[0])
+        sizes = self.kernels.column_sizes
+        options = {**tolerances.for_scipy(sizes, sizes), "max_step": max_step}
         if takes_jacobian(self.method.integrator, self.kernels):
-            options = {**options, "jac": self._jacobian}
-        solver = self.method.integrator(self._derivative, grid[0], np.concatenate([qd, q, [0.0]]), grid[-1], **options)
+            options["jac"] = self._jacobian
+        solver = tolerances.sharing(ode_solver(self.method.integrator))(self._derivative, grid[0], np.concatenate([qd, q, [0.0]]), grid[-1], **options)
         self._record([solver.y])
         taken = 0
         while solver.status == "running":
@@ -104,11 +108,11 @@ class _Run:
 
     def motion(self, t: float, y: np.ndarray) -> Motion:
         q, qd = y[self._q], y[: self.kernels.n]
-        return self.method.formalism.motion(self.kernels, q, qd, t, self.p, self.method.options, self.rows)
+        return self.accelerations.motion(self.kernels, q, qd, t, self.p, self.method.options, self.rows)
 
     def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
         self.path.jacobians += 1
-        gains = self.method.formalism.gains(self.method.options)
+        gains = self.accelerations.gains(self.method.options)
         return full_jacobian(self.kernels, self.motion(t, y), self.p, self.rows, gains)
 
     def _choose_rows(self, q, t: float) -> None:

@@ -1,13 +1,15 @@
-"""Integrators by name: SciPy's own names, the field's, and those of Matlab that the paper uses."""
+"""Integrators in Python: SciPy's step-by-step solvers, and others that have the same face."""
 
 from __future__ import annotations
 
 import warnings
+from functools import cache
 
 import numpy as np
 import scipy.integrate
 
-from ncgen.errors import ModelError
+from ncgen.methods.table import Integrator
+from ncgen.methods.tableau import Tableau
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.sundials import CvodeAdams, CvodeBdf
 from ncgen.solver.trapezoidal import Trapezoidal
@@ -53,28 +55,27 @@ class _Nordsieck(scipy.integrate.DenseOutput):
         return self._engine.integrate(t).copy()
 
 
-class RungeKutta4(scipy.integrate.OdeSolver):
-    """The classical fourth-order method with a fixed step, `max_step`."""
+class FixedRungeKutta(scipy.integrate.OdeSolver):
+    """An explicit Runge-Kutta method with the fixed step `max_step`; children have its `tableau`."""
 
-    has_fixed_step = True
+    tableau: Tableau
 
     def __init__(self, fun, t0, y0, t_bound, max_step=np.inf, vectorized=False, first_step=None, **extra):
         super().__init__(fun, t0, y0, t_bound, vectorized)
-        if not np.isfinite(max_step):
-            raise ModelError("rk4 has a fixed step: give max_step in seconds")
         self._step = max_step if first_step is None else min(max_step, first_step)
+        self._rows = [np.array([float(x) for x in row]) for row in self.tableau.a[: self.tableau.stages]]
+        self._nodes = [float(x) for x in self.tableau.c]
         self.f = self.fun(t0, self.y)
 
     def _step_impl(self):
         t, y, h = self.t, self.y, min(self._step, self.t_bound - self.t)
-        k1 = self.f
-        k2 = self.fun(t + h / 2, y + h / 2 * k1)
-        k3 = self.fun(t + h / 2, y + h / 2 * k2)
-        k4 = self.fun(t + h, y + h * k3)
-        new = y + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+        slopes = [self.f]
+        for node, row in zip(self._nodes[1:], self._rows, strict=False):
+            end = y + h * (row @ np.array(slopes))
+            slopes.append(self.fun(t + node * h, end))
         self.t = self.t_bound if t + h >= self.t_bound else t + h
-        self._previous = (t, y, k1)
-        self.y, self.f = new, self.fun(self.t, new)
+        self._previous = (t, y, self.f)
+        self.y, self.f = end, slopes[-1]
         return True, None
 
     def _dense_output_impl(self):
@@ -98,8 +99,7 @@ def replace_state(solver: scipy.integrate.OdeSolver, y: np.ndarray) -> None:
         solver.f = solver.fun(solver.t, y)
 
 
-INTEGRATORS = {
-    "rk4": RungeKutta4,
+ODE_SOLVERS: dict[str, type] = {
     "rk23": scipy.integrate.RK23,
     "dopri5": scipy.integrate.RK45,
     "dop853": scipy.integrate.DOP853,
@@ -111,35 +111,46 @@ INTEGRATORS = {
     "cvode-adams": CvodeAdams,
     "cvode-bdf": CvodeBdf,
 }
-"""Integrators by their names in the field; all but rk4 and trapezoidal choose their steps by themselves."""
-
-OTHER_NAMES = {
-    "rk45": "dopri5",
-    "ode45": "dopri5",
-    "ode23": "rk23",
-    "ode113": "adams",
-    "ode15s": "bdf",
-}
-"""SciPy's and Matlab's names for the same methods."""
+"""SciPy's step-by-step solvers and others with their face, by the names of `ncgen.methods.table`. Where SciPy has an explicit method,
+it is SciPy's and not the one of our tableaus: so it can judge the C runtime."""
 
 
-IMPLICIT = (scipy.integrate.BDF, scipy.integrate.Radau, scipy.integrate.LSODA, Trapezoidal, CvodeBdf)
+@cache
+def ode_solver(integrator: Integrator) -> type:
+    """The step-by-step solver of an integrator that takes a state derivative."""
+    if integrator.name in ODE_SOLVERS:
+        return ODE_SOLVERS[integrator.name]
+    tableau = integrator.coefficients
+    if not tableau.errors:
+        return type(integrator.name, (FixedRungeKutta,), {"tableau": tableau})
+    return _adaptive(integrator.name, tableau)
 
 
-def takes_jacobian(method: type, kernels) -> bool:
+def _adaptive(name: str, tableau: Tableau) -> type:
+    """A method with error control for SciPy's driver, which takes the same coefficients."""
+    ((order, error),) = tableau.errors
+    stages = tableau.stages
+    floats = lambda row: [float(x) for x in row]  # noqa: E731
+    a = np.zeros((stages, stages))
+    for s, row in enumerate(tableau.a[: stages - 1], 1):
+        a[s, :s] = floats(row)
+    nested = np.array([floats(row) for row in tableau.dense]).T
+    members = {
+        "order": tableau.order, "error_estimator_order": order, "n_stages": stages, "A": a, "B": np.array(floats(tableau.weights[:stages])),
+        "C": np.array(floats(tableau.c[:stages])), "E": -np.array(floats(error)), "P": nested @ _powers(len(tableau.dense)),
+    }  # fmt: skip
+    return type(name, (scipy.integrate.RK45,), members)
+
+
+def _powers(terms: int) -> np.ndarray:
+    """Coefficients of s, s², … (columns) of the products s, s (1 − s), s² (1 − s), … (rows) of `Tableau.dense`."""
+    rows, product = [], np.array([1.0])
+    for k in range(terms):
+        product = np.convolve(product, [0.0, 1.0] if k % 2 == 0 else [1.0, -1.0])
+        rows.append(np.pad(product[1:], (0, terms + 1 - len(product))))
+    return np.array(rows)
+
+
+def takes_jacobian(integrator: Integrator, kernels) -> bool:
     """True if an integrator uses ∂ẏ/∂y and it is known: forces of Python functions have no derivative."""
-    return method in IMPLICIT and not kernels.model.callbacks
-
-
-def find_integrator(name: str):
-    """The integrator class of a name, upper or lower case. Raises ModelError listing the known ones."""
-    key = canonical_name(name)
-    if key not in INTEGRATORS:
-        raise ModelError(f"integrator {name!r} is unknown; choose one of {', '.join([*INTEGRATORS, *OTHER_NAMES])}")
-    return INTEGRATORS[key]
-
-
-def canonical_name(name: str) -> str:
-    """The name in the field of an integrator given by any of its names."""
-    key = str(name).lower()
-    return OTHER_NAMES.get(key, key)
+    return integrator.takes_jacobian and not kernels.model.callbacks

@@ -10,13 +10,15 @@ import warnings
 import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
+from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
-from ncgen.solver.integrators import takes_jacobian
+from ncgen.solver.integrators import ode_solver, takes_jacobian
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
 from ncgen.solver.protocol import Kernels
+from ncgen.solver.tolerances import Tolerances
 
 DEGRADED = 0.7
 """Another partition is looked for when the quality falls below this share of what it was when chosen: late changes
@@ -26,17 +28,17 @@ RETRIES = 8
 """How often a step whose position problem fails is tried again, each time four times shorter."""
 
 
-def run(path: Path, kernels: Kernels, method, grid, q, zd, p, progress, stop=None, **options) -> None:
+def run(path: Path, kernels: Kernels, method: Method, grid, q, zd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None) -> None:
     """Complete a path over a time grid, from its last row on if it has any.
 
-    method: a SciPy OdeSolver class; stop: a `Stop` before the end; options: rtol, atol, max_step of the method
+    stop: a `Stop` before the end
     Raises ConvergenceError or SingularError with the time where the motion cannot go on.
     """
     work = 0.0
     if len(path.q):
         q, qd, work = path.take_last()
         zd = qd[path.partitions.velocity.independent]
-    engine = _Run(kernels, method, options, path.partitions, grid[-1])
+    engine = _Run(kernels, method, tolerances, max_step, path.partitions, grid[-1])
     motions, done = engine.integrate(q, zd, p, grid[len(path.q) :], progress, stop)
     path.extend([m.q for m in motions], [m.qd for m in motions], np.array(done) + work, engine.counts)
     path.stopped = engine.stopped
@@ -47,10 +49,11 @@ def run(path: Path, kernels: Kernels, method, grid, q, zd, p, progress, stop=Non
 class _Run:
     """One integration: counters, the current partition, and the start of the current step."""
 
-    def __init__(self, kernels: Kernels, method, options: dict, partitions: Partitions, end: float):
+    def __init__(self, kernels: Kernels, method: Method, tolerances: Tolerances, max_step: float, partitions: Partitions, end: float):
         self.kernels = kernels
-        self.method = method
-        self.options = options
+        self.integrator = method.integrator
+        self.solver = tolerances.sharing(ode_solver(method.integrator))
+        self.tolerances, self.max_step = tolerances, max_step
         self.partitions = partitions
         self.end = end
         self.stopped: float | None = None
@@ -108,8 +111,11 @@ class _Run:
         velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
         self.orientation = 0  # of this partition, from its first evaluation on
         y = np.concatenate([here.qd[velocities], here.q[positions], [work]])
-        exact = {"jac": self._jacobian} if takes_jacobian(self.method, self.kernels) else {}
-        return self.method(self._derivative, t, y, self.end, first_step=first_step, **exact, **self.options)
+        sizes = self.kernels.column_sizes
+        options = self.tolerances.for_scipy(sizes[velocities], sizes[positions])
+        if takes_jacobian(self.integrator, self.kernels):
+            options["jac"] = self._jacobian
+        return self.solver(self._derivative, t, y, self.end, first_step=first_step, max_step=self.max_step, **options)
 
     def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
         self.jacobians += 1

@@ -19,10 +19,11 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from ncgen.errors import ModelError
-from ncgen.solver.assembly import assemble
 from ncgen.solver.coordinate_partitioning import Start, dependent_position, motion_at
-from ncgen.solver.partition import choose_partitions, kinematics, quality
+from ncgen.solver.partition import kinematics, quality
 from ncgen.solver.protocol import Kernels
+from ncgen.solver.run import Initial, count, positive
+from ncgen.solver.start import begin
 
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 NODES = (0.0, 0.5, 0.5, 1.0)
@@ -61,7 +62,7 @@ def sensitivities(kernels: Kernels, duration: float, steps: int, **start) -> Sen
     """Derivatives of the whole motion, carried along with it.
 
     steps: Runge-Kutta steps of equal length; the motion is given at all K = steps + 1 instants
-    start: q0, zd0, z, p, t0, as for `simulate`
+    start: q0, zd0 or qd0, z, p, t0, as for `simulate`
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
     motion = _Motion(kernels, duration, steps, **start)
@@ -117,22 +118,20 @@ def gradient(
 class _Motion:
     """A motion with fixed steps, every stage kept for the derivative's sake."""
 
-    def __init__(self, kernels: Kernels, duration: float, steps: int, q0=None, zd0=None, z=None, p=None, t0: float = 0.0):
-        _check(kernels, duration, steps)
-        self.kernels = kernels
-        self.p = kernels.p0 if p is None else np.asarray(p, dtype=float)
-        self.t = t0 + duration * np.arange(steps + 1) / steps
-        self.h = duration / steps
-        q = assemble(kernels, kernels.q0 if q0 is None else np.asarray(q0, dtype=float), t0, self.p)
-        self.partition = choose_partitions(kernels, q, t0, self.p, tuple(z or kernels.model.chosen_independent)).position
+    def __init__(self, kernels: Kernels, duration: float, steps: int, **start):
+        length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
+        initial = Initial.asked(kernels, **start)
+        _check(kernels)
+        begun = begin(kernels, initial, partitioned=True)
+        self.kernels, self.p = kernels, begun.p
+        self.t = initial.t + length * np.arange(steps + 1) / steps
+        self.h = length / steps
+        self.partition = begun.partitions.position
         self.nz = len(self.partition.independent)
         names = self.partition.names(kernels)
         self.names = (*kernels.parameters, *names, *(f"rate({name})" for name in names))
-        rates = {} if zd0 is None else zd0 if isinstance(zd0, dict) else dict(zip(names, zd0, strict=True))
-        if unknown := [name for name in rates if name not in names]:
-            raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
-        self.y0 = np.concatenate([[rates.get(name, 0.0) for name in names], q[self.partition.independent]])
-        self.q0 = q
+        self.y0 = np.concatenate([begun.rates, begun.q[self.partition.independent]])
+        self.q0 = begun.q
         self.q: list[np.ndarray] = []
         self.qd: list[np.ndarray] = []
 
@@ -217,9 +216,7 @@ class _Stage:
         return cho_solve(self.reduced, right) if self.nz else right
 
 
-def _check(kernels: Kernels, duration: float, steps: int) -> None:
-    if not (np.isfinite(duration) and duration > 0 and int(steps) == steps and steps > 0):
-        raise ModelError(f"duration {duration!r}, steps {steps!r}: a positive number of seconds and a positive whole number are needed")
+def _check(kernels: Kernels) -> None:
     if kernels.model.callbacks:
         raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
     if len(kernels.holonomic) != kernels.m:

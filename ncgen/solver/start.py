@@ -7,20 +7,94 @@ constraints do not allow is projected, and said.
 from __future__ import annotations
 
 import warnings
+from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, SingularError
 from ncgen.solver.assembly import assemble
 from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
-from ncgen.solver.partition import Partition, kinematics
+from ncgen.solver.branches import refresh_branches
+from ncgen.solver.partition import Partition, Partitions, choose_partitions, kinematics
+from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.projection import project_velocity
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import scaled_jacobian
+from ncgen.solver.run import Initial
 
 NOTICEABLE = 1e-9
 """Changes of a given velocity up to this, relative to the largest velocity, are rounding and not reported."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """A closed position q (n,) and velocities qd (n,) that the constraints allow; p (n_p,) with the paper rows' choice made there.
+
+    partitions: the independent coordinates there, None where nothing asks for them or the position is singular
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    p: np.ndarray
+    partitions: Partitions | None
+
+    @property
+    def rates(self) -> np.ndarray:
+        """Velocities of the independent coordinates."""
+        return self.qd[self.partitions.velocity.independent]
+
+
+def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
+    """Where a run starts, closed and with velocities; partitioned: whether it goes on with independent coordinates alone.
+
+    Raises ConvergenceError naming the rows that do not close, SingularError at a singular position that the method or the given
+    velocities cannot do with, ModelError for independent coordinates that do not determine the motion.
+    """
+    t = initial.t
+    p = refresh_branches(kernels, initial.q, initial.p)
+    check_finite(kernels, initial.q, t, p)
+    q = closed_position(kernels, initial.q, t, p)
+    check_mirror_roots(kernels, q, p)
+    driven = bool(np.any(kernels.nu(q, t, p)))
+    needed = partitioned or initial.zd is not None
+    partitions = None
+    if needed or initial.z or (driven and initial.qd is None):
+        partitions = _partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent, needed)
+    return Start(q, _velocity(kernels, partitions, initial, q, p, driven), p, partitions)
+
+
+def _partitions(kernels: Kernels, q, t: float, p, names: tuple[str, ...], needed: bool) -> Partitions | None:
+    """Independent coordinates at the start; None at a singular position where they can be done without."""
+    try:
+        return choose_partitions(kernels, q, t, p, names)
+    except SingularError:
+        if needed:
+            raise
+        return None
+
+
+def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial, q, p, driven: bool) -> np.ndarray:
+    """All initial velocities."""
+    if initial.qd is not None:
+        return given_velocity(kernels, initial.qd, q, initial.t, p)
+    if partitions is not None:
+        return velocity_from_rates(kernels, partitions.velocity, _independent_rates(kernels, partitions.velocity, initial.zd), q, initial.t, p)
+    return given_velocity(kernels, {}, q, initial.t, p) if driven else np.zeros(kernels.n)
+
+
+def _independent_rates(kernels: Kernels, partition: Partition, given) -> np.ndarray:
+    """Rates of the independent coordinates in their order. Raises ModelError for others, or where their number is another."""
+    names = partition.names(kernels)
+    if given is None:
+        return np.zeros(len(names))
+    if isinstance(given, dict):
+        if unknown := [name for name in given if name not in names]:
+            raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
+        return np.array([given.get(name, 0.0) for name in names], dtype=float)
+    if len(given) != len(names):
+        raise ModelError(f"zd0: {len(given)} numbers given, {len(names)} needed for the independent coordinates {', '.join(names)}")
+    return given
 
 
 def closed_position(kernels: Kernels, q, t: float, p) -> np.ndarray:
@@ -49,7 +123,7 @@ def given_velocity(kernels: Kernels, qd0, q, t: float, p) -> np.ndarray:
     Rates by name leave the others free: they become those of least kinetic energy. A warning with the number says
     where the constraints did not allow what was given.
     """
-    wanted = _by_name(kernels, qd0) if isinstance(qd0, dict) else dict(enumerate(_all(kernels, qd0)))
+    wanted = {kernels.index[name]: rate for name, rate in qd0.items()} if isinstance(qd0, dict) else dict(enumerate(qd0))
     where, rates = np.array(list(wanted), dtype=int), np.array(list(wanted.values()), dtype=float)
     qd = _least_energy(kernels, where, rates, q, t, p) if isinstance(qd0, dict) else rates
     allowed = project_velocity(kernels, q, qd, t, p)
@@ -70,22 +144,3 @@ def _least_energy(kernels: Kernels, where, rates, q, t: float, p) -> np.ndarray:
     rows = np.vstack([scaled_jacobian(kernels, q, t, p), np.eye(kernels.n)[where]])
     right = np.concatenate([kernels.nu(q, t, p) / kernels.row_sizes, rates / sizes[where]])
     return sizes * KKT(scaled_mass(kernels, q, t, p)[0], rows, kernels.name).solve(np.zeros(kernels.n), right)[0]
-
-
-def _by_name(kernels: Kernels, qd0: dict) -> dict[int, float]:
-    for name, rate in qd0.items():
-        if name not in kernels.index:
-            raise ModelError(f"qd0: {kernels.name} has no free coordinate {name}; it has {', '.join(kernels.coordinates)}")
-        if not (np.isscalar(rate) and np.isreal(rate) and np.isfinite(rate)):
-            raise ModelError(f"qd0: the rate of {name} is {rate!r}; it must be a finite number")
-    return {kernels.index[name]: float(rate) for name, rate in qd0.items()}
-
-
-def _all(kernels: Kernels, qd0) -> np.ndarray:
-    try:
-        rates = np.asarray(qd0, dtype=float)
-    except (TypeError, ValueError):
-        rates = np.array([np.nan])
-    if rates.shape != (kernels.n,) or not np.all(np.isfinite(rates)):
-        raise ModelError(f"qd0: {kernels.n} finite numbers needed, one a free coordinate, or {{name: rate}}")
-    return rates

@@ -18,7 +18,6 @@ class Cvode(scipy.integrate.OdeSolver):
     """One of CVODE's families of methods (Hindmarsh et al. 2005, doi 10.1145/1089014.1089020), variable in step and order."""
 
     family: str
-    keeps_history_to_itself = True
 
     def __init__(self, fun, t0, y0, t_bound, rtol=1e-3, atol=1e-6, max_step=np.inf, vectorized=False, first_step=None, jac=None, **extra):
         super().__init__(fun, t0, y0, t_bound, vectorized)

@@ -12,7 +12,8 @@ from ncgen.errors import ModelError, NcgenError
 from ncgen.solver import frames, geometry
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import motion_at
-from ncgen.solver.formalisms import FORMALISMS
+from ncgen.solver.energy import drift, energies
+from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.partition import Partitions, choose_partitions, other_partitions, quality
 from ncgen.solver.protocol import Kernels
 
@@ -51,10 +52,10 @@ class Trajectory:
     t (K,) in s; q, qd, qdd (K, n) in m and rad, in the order of `coordinates`; lam (K, m): multipliers of the rows,
     in the sense M q̈ + Φ_qᵀ λ = Q; work (K,): work (J) of drivers and of forces without a potential since the start.
     Accelerations and multipliers are computed when they are first asked for.
-    engine: "c", "emitted", or "python" with the reason; made_with: the kernels that the motion was computed with, which
+    engine: "c", "emitted", or "python" with the reason; moved_by: the kernels that the motion was computed with, which
     stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
     run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
-    type that it was computed with.
+    type that it was computed with; made_with: the method and the engine in words, and why they were taken.
     `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
     """
 
@@ -70,10 +71,11 @@ class Trajectory:
     integrator: str
     engine: str = "python"
     chosen: tuple[str, ...] = ()
-    made_with: Kernels | None = None
+    moved_by: Kernels | None = None
     options: dict = field(default_factory=dict)
     stopped: bool = False
     number: str = "double"
+    made_with: str = ""
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -89,11 +91,10 @@ class Trajectory:
         return [self._motion(*instant) for instant in instants]
 
     def _motion(self, t, q, qd):
-        kernels = self.made_with or self.kernels
+        kernels = self.moved_by or self.kernels
         p = refresh_branches(kernels, q, self.p)
-        formalism = FORMALISMS[self.formalism]
-        if formalism.solve is not None:
-            return formalism.motion(kernels, q, qd, t, p, self.options)
+        if self.formalism in ACCELERATIONS:
+            return ACCELERATIONS[self.formalism].motion(kernels, q, qd, t, p, self.options)
         part = self.partitions.velocity
         if quality(kernels, part, q, t, p) < CONDITION:
             part = other_partitions(kernels, self.partitions, q, t, p).velocity
@@ -150,17 +151,12 @@ class Trajectory:
 
     def energy(self) -> np.ndarray:
         """Kinetic and potential energy (J) and power (W) of forces without a potential, shape (K, 3)."""
-        instants = zip(self.t, self.q, self.qd, strict=True)
-        return np.array([self.kernels.energy(q, qd, t, self.p) for t, q, qd in instants])
+        return energies(self.kernels, self.t, self.q, self.qd, self.p)
 
     @cached_property
     def energy_drift(self) -> float:
-        """The largest |T + V − W − its start|, relative to the energy that moves (largest T or change of V)."""
-        energies = self.energy()
-        total = energies[:, 0] + energies[:, 1] - self.work
-        moved = max(np.max(energies[:, 0]), np.ptp(energies[:, 1]), np.max(np.abs(self.work)))
-        error = float(np.max(np.abs(total - total[0])))
-        return error / moved if moved > 0 else error
+        """The largest |T + V − W − its start|, relative to the energy that moves (largest T or change of V); 0 where it is rounding."""
+        return drift(self.kernels, self.t, self.q, self.qd, self.work, self.p)
 
     def thinned(self, count: int) -> Trajectory:
         """The same motion at `count` of its instants, or all if they are fewer."""

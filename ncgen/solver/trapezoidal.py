@@ -6,7 +6,6 @@ import numpy as np
 import scipy.integrate
 from scipy.linalg import lu_factor, lu_solve
 
-from ncgen.errors import ModelError
 from ncgen.solver.hermite import Hermite
 
 LIMIT = 10
@@ -19,12 +18,8 @@ ENOUGH = 1e-13
 class Trapezoidal(scipy.integrate.OdeSolver):
     """Newton's method with the Jacobian of an earlier step, as long as it converges."""
 
-    has_fixed_step = True
-
     def __init__(self, fun, t0, y0, t_bound, max_step=np.inf, vectorized=False, first_step=None, jac=None, **extra):
         super().__init__(fun, t0, y0, t_bound, vectorized)
-        if not np.isfinite(max_step):
-            raise ModelError("trapezoidal has a fixed step: give max_step in seconds")
         self._step = max_step if first_step is None else min(max_step, first_step)
         self._jac = jac or self._differences
         self._factors = None

@@ -49,7 +49,6 @@ typedef struct run {
     ncgen_real *start_q, *start_qd, *end_q, *end_qd;
     ncgen_real start_t, amplification;
     ncgen_real *y, *new_y, *at, *k[WIDTH];
-    ncgen_real *interpolant; /* of DOP853: 7 vectors */
 } run;
 
 static ncgen_real at_most(ncgen_real x, double limit)
@@ -68,7 +67,7 @@ size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics 
 {
     const size_t n = (size_t)model->n_coordinates, nz = (size_t)dynamics->n_independent, ny = 2 * nz + 1;
     const size_t numbers = (size_t)model->n_parameters + 6 * n + nz + 2 + (size_t)dynamics->n_dependent + 2 * (size_t)model->n_rows +
-                           (3 + WIDTH + 7) * ny;
+                           (3 + WIDTH) * ny;
     return NCGEN_LANES * numbers;
 }
 
@@ -94,7 +93,6 @@ static void lay_out(run *r, ncgen_real *workspace)
     r->at = take(&workspace, r->ny);
     for (int s = 0; s < WIDTH; ++s)
         r->k[s] = take(&workspace, r->ny);
-    r->interpolant = take(&workspace, 7 * r->ny);
 }
 
 /* Lanes end with a status; those that have ended already keep theirs. */
@@ -214,7 +212,8 @@ static ncgen_real mean_square(const run *r, const ncgen_real *x, const ncgen_rea
     ncgen_real sum = ncgen_splat(0.0);
     for (int i = 0; i < r->ny; ++i) {
         const ncgen_real u = NCGEN_ABS(r->y[i]), v = NCGEN_ABS(b[i]);
-        const ncgen_real scaled = x[i] / (r->options->atol + r->options->rtol * ncgen_select(u > v, u, v));
+        const double atol = r->options->atol * (r->options->sizes ? r->options->sizes[i] : 1.0);
+        const ncgen_real scaled = x[i] / (atol + r->options->rtol * ncgen_select(u > v, u, v));
         sum += scaled * scaled;
     }
     return sum / (double)r->ny;
@@ -266,63 +265,50 @@ static ncgen_mask trial_step(run *r, const tableau *method, ncgen_real t, ncgen_
     return good;
 }
 
-static ncgen_real error_of(run *r, ncgen_real h)
+/* Estimate k of the error over h, squared. */
+static ncgen_real estimate(run *r, const tableau *method, int k)
 {
-    if (r->options->method == NCGEN_DOPRI5) {
-        combine(r, 7, dopri_error, r->at);
-        return h * NCGEN_SQRT(mean_square(r, r->at, r->new_y));
-    }
-    combine(r, 12, dop853_e5, r->at);
-    const ncgen_real fifth = mean_square(r, r->at, r->new_y);
-    double third_weights[12];
-    for (int j = 0; j < 12; ++j)
-        third_weights[j] = dop853_a[12][j] - dop853_e3[j];
-    combine(r, 12, third_weights, r->at);
-    const ncgen_real both = fifth + 0.01 * mean_square(r, r->at, r->new_y);
-    return ncgen_select(both > 0.0, h * fifth / NCGEN_SQRT(both), both);
+    combine(r, method->stages + 1, method->errors[k], r->at);
+    return mean_square(r, r->at, r->new_y);
 }
 
-/* DOP853's interpolant needs three stages more and seven coefficients. */
-static ncgen_mask prepare_interpolant(run *r, ncgen_real t, ncgen_real h, ncgen_mask wanted)
+static ncgen_real error_of(run *r, const tableau *method, ncgen_real h)
 {
-    for (int s = 13; s < 16; ++s) {
-        advance(r, h, s, dop853_a[s], r->at);
-        wanted = derivative(r, t + dop853_c[s] * h, r->at, r->k[s], wanted);
-    }
-    ncgen_real *f = r->interpolant;
-    const int ny = r->ny;
-    for (int i = 0; i < ny; ++i) {
-        const ncgen_real change = r->new_y[i] - r->y[i];
-        f[i] = change;
-        f[ny + i] = h * r->k[0][i] - change;
-        f[2 * ny + i] = 2.0 * change - h * (r->k[0][i] + r->k[12][i]);
-    }
-    for (int k = 0; k < 4; ++k) {
-        combine(r, 16, dop853_d[k], f + (3 + k) * ny);
-        for (int i = 0; i < ny; ++i)
-            f[(3 + k) * ny + i] *= h;
+    const ncgen_real error = estimate(r, method, 0);
+    if (method->n_errors == 1)
+        return h * NCGEN_SQRT(error);
+    const ncgen_real both = error + 0.01 * estimate(r, method, 1);
+    return ncgen_select(both > 0.0, h * error / NCGEN_SQRT(both), both);
+}
+
+/* The stages that only the interpolant needs. */
+static ncgen_mask prepare_interpolant(run *r, const tableau *method, ncgen_real t, ncgen_real h, ncgen_mask wanted)
+{
+    for (int s = method->stages + 1; s < method->width; ++s) {
+        advance(r, h, s, method->a[s], r->at);
+        wanted = derivative(r, t + method->c[s] * h, r->at, r->k[s], wanted);
     }
     return wanted;
 }
 
 /* r->at: the state at t + s h, inside a step whose end is new_y. */
-static void interpolate(run *r, ncgen_real h, ncgen_real s)
+static void interpolate(run *r, const tableau *method, ncgen_real h, ncgen_real s)
 {
-    for (int i = 0; i < r->ny; ++i) {
-        ncgen_real sum = ncgen_splat(0.0);
-        for (int j = 0; j < 7; ++j) {
-            const double *c = dopri_dense[j];
-            if (r->options->method == NCGEN_DOPRI5)
-                sum += s * (c[0] + s * (c[1] + s * (c[2] + s * c[3]))) * r->k[j][i];
-            else
-                sum = (sum + r->interpolant[(6 - j) * r->ny + i]) * ((6 - j) % 2 ? 1.0 - s : s);
-        }
-        r->at[i] = r->y[i] + (r->options->method == NCGEN_DOPRI5 ? h * sum : sum);
+    for (int i = 0; i < r->ny; ++i)
+        r->at[i] = ncgen_splat(0.0);
+    for (int j = 0; j < method->width; ++j) {
+        ncgen_real weight = ncgen_splat(0.0);
+        for (int k = method->n_dense - 1; k >= 0; --k)
+            weight = (weight + method->dense[k][j]) * (k % 2 ? 1.0 - s : s);
+        for (int i = 0; i < r->ny; ++i)
+            r->at[i] += weight * r->k[j][i];
     }
+    for (int i = 0; i < r->ny; ++i)
+        r->at[i] = r->y[i] + h * r->at[i];
 }
 
 /* Rows of the grid inside the last step of some lanes, from t over h; y and the slopes are still those of the step. */
-static void write_inside(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
+static void write_inside(run *r, const tableau *method, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
 {
     for (int round = 0;; ++round) {
         ncgen_real time = t_new;
@@ -332,9 +318,9 @@ static void write_inside(run *r, ncgen_mask lanes, ncgen_real t, ncgen_real h, n
         const ncgen_mask inside = lanes & r->running & (time < t_new);
         if (!ncgen_any(inside))
             return;
-        if (round == 0 && r->options->method == NCGEN_DOP853)
-            end(r, inside & ~prepare_interpolant(r, t, h, inside), NCGEN_NOT_CONVERGED);
-        interpolate(r, h, (time - t) / h);
+        if (round == 0)
+            end(r, inside & ~prepare_interpolant(r, method, t, h, inside), NCGEN_NOT_CONVERGED);
+        interpolate(r, method, h, (time - t) / h);
         const ncgen_mask good = evaluate(r, time, r->at, inside & r->running);
         write_rows(r, inside & good, r->q, r->out, r->at[2 * r->nz]);
         end(r, inside & ~good, NCGEN_NOT_CONVERGED);
@@ -349,7 +335,7 @@ static void accept_step(run *r, const tableau *method, ncgen_mask lanes, ncgen_r
         r->end_q[i] = r->q[i];
         r->end_qd[i] = r->out[i];
     }
-    write_inside(r, lanes, t, h, t_new);
+    write_inside(r, method, lanes, t, h, t_new);
     for (int i = 0; i < r->n; ++i) {
         r->q[i] = r->end_q[i];
         r->out[i] = r->end_qd[i];
@@ -377,7 +363,7 @@ static void run_adaptive(run *r, const tableau *method)
         h = ncgen_select(last, stop - t, h);
         end(r, ~(t + h > t), NCGEN_NOT_CONVERGED);
         const ncgen_mask stepped = trial_step(r, method, t, h);
-        const ncgen_real error = error_of(r, h);
+        const ncgen_real error = error_of(r, method, h);
         const ncgen_mask good = stepped & (error < broken_down);
         const ncgen_mask failed = r->running & ~good, accepted = r->running & good & (error < 1.0);
         const ncgen_mask too_large = r->running & good & ~accepted;
@@ -492,7 +478,7 @@ void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynami
                             out_work + first * n_times, status + first, steps + first, reached + first};
             begin(&r, left < NCGEN_LANES ? (int)left : NCGEN_LANES, q + first * n, zd + first * nz, p + first * p_stride, p_stride);
             const tableau *method = &tableaus[options->method];
-            if (options->method == NCGEN_RK4)
+            if (method->n_errors == 0)
                 run_fixed(&r, method);
             else
                 run_adaptive(&r, method);

@@ -1,6 +1,4 @@
-/* ncgen_explicit.c: Runge-Kutta methods: Dormand-Prince 5(4) and 8(5,3) with error control and dense output, and the
- * classical one with a fixed step.
- */
+/* ncgen_explicit.c: explicit Runge-Kutta methods: with error control and dense output, or with a fixed step. */
 #include "ncgen_internal.h"
 #include "ncgen_tableaus.h"
 
@@ -12,8 +10,7 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
 {
     w->new_y = ncgen_take(&r->space, r->ny);
     w->at = ncgen_take(&r->space, r->ny);
-    w->slopes = ncgen_take(&r->space, (r->options->method == NCGEN_DOP853 ? 16 : 7) * r->ny);
-    w->interpolant = ncgen_take(&r->space, r->options->method == NCGEN_DOP853 ? 7 * r->ny : 0);
+    w->slopes = ncgen_take(&r->space, tableaus[r->options->method].width * r->ny);
     w->interpolated = 0;
 }
 
@@ -62,37 +59,52 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
     return NCGEN_OK;
 }
 
-static ncgen_real tolerated(const ncgen_run *r, ncgen_real a, ncgen_real b)
+/* The error that a component may have. */
+static ncgen_real tolerated(const ncgen_run *r, int i, ncgen_real a, ncgen_real b)
 {
     const ncgen_real u = NCGEN_ABS(a), v = NCGEN_ABS(b);
-    return r->options->atol + r->options->rtol * (u > v ? u : v);
+    return r->options->atol * (r->options->sizes ? r->options->sizes[i] : 1) + r->options->rtol * (u > v ? u : v);
 }
 
 ncgen_real ncgen_weighted_square(const ncgen_run *r, const ncgen_real *x, const ncgen_real *a, const ncgen_real *b)
 {
     ncgen_real sum = 0;
     for (int i = 0; i < r->weighed; ++i) {
-        const ncgen_real scaled = x[i] / tolerated(r, a[i], b[i]);
+        const ncgen_real scaled = x[i] / tolerated(r, i, a[i], b[i]);
         sum += scaled * scaled;
     }
     return sum / (ncgen_scalar)r->weighed;
 }
 
-static ncgen_real error_of(ncgen_run *r, ncgen_stepping *w, ncgen_scalar h)
+/* Estimate k of the error over h, squared. */
+static ncgen_real estimate(ncgen_run *r, ncgen_stepping *w, const tableau *method, int k)
 {
-    if (r->options->method == NCGEN_DOPRI5) {
-        combine(r, w, 7, dopri_error, w->at);
-        return h * NCGEN_SQRT(ncgen_weighted_square(r, w->at, r->y, w->new_y));
+    combine(r, w, method->stages + 1, method->errors[k], w->at);
+    return ncgen_weighted_square(r, w->at, r->y, w->new_y);
+}
+
+/* By how much a step has to be better because all steps share the tolerance. Steps that are far below the mean count as longer
+ * ones: beside a singular position rounding is all that is left of the error, and no step could be short enough for it. */
+static ncgen_scalar share(const ncgen_run *r, ncgen_scalar h)
+{
+    const ncgen_scalar taken = (ncgen_scalar)r->statistics->steps + 1;
+    const ncgen_scalar least = (r->start_t - r->times[0]) / (16 * taken);
+    if (h < least)
+        h = least;
+    return r->options->span > h ? r->options->span / h : 1;
+}
+
+/* The error of a step over what it may be. */
+static ncgen_real error_of(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar h)
+{
+    ncgen_real error = estimate(r, w, method, 0);
+    if (method->n_errors == 1) {
+        error = h * NCGEN_SQRT(error);
+    } else {
+        const ncgen_real both = error + R(0.01) * estimate(r, w, method, 1);
+        error = both > 0 ? h * error / NCGEN_SQRT(both) : both;
     }
-    combine(r, w, 12, dop853_e5, w->at);
-    const ncgen_real fifth = ncgen_weighted_square(r, w->at, r->y, w->new_y);
-    ncgen_scalar third_weights[12];
-    for (int j = 0; j < 12; ++j)
-        third_weights[j] = dop853_a[12][j] - dop853_e3[j];
-    combine(r, w, 12, third_weights, w->at);
-    const ncgen_real third = ncgen_weighted_square(r, w->at, r->y, w->new_y);
-    const ncgen_real both = fifth + R(0.01) * third;
-    return both > 0 ? h * fifth / NCGEN_SQRT(both) : both;
+    return error * share(r, h);
 }
 
 /* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
@@ -118,58 +130,33 @@ ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_
     return better < span ? better : span;
 }
 
-/* DOP853's interpolant needs three stages more and seven coefficients; made once a step, when first asked for. */
-static int prepare_interpolant(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h)
+/* The stages that only the interpolant needs; taken once a step, when first asked for. */
+static int prepare_interpolant(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h)
 {
-    for (int s = 13; s < 16; ++s) {
-        advance(r, w, h, s, dop853_a[s], w->at);
-        const int status = r->derivative(r, t + dop853_c[s] * h, w->at, slope(r, w, s));
+    for (int s = method->stages + 1; s < method->width && !w->interpolated; ++s) {
+        advance(r, w, h, s, method->a[s], w->at);
+        const int status = r->derivative(r, t + method->c[s] * h, w->at, slope(r, w, s));
         if (status != NCGEN_OK)
             return status;
     }
-    ncgen_real *f = w->interpolant;
-    const ncgen_real *first = slope(r, w, 0), *last = slope(r, w, 12);
-    const int ny = r->ny;
-    for (int i = 0; i < ny; ++i) {
-        const ncgen_real change = w->new_y[i] - r->y[i];
-        f[i] = change;
-        f[ny + i] = h * first[i] - change;
-        f[2 * ny + i] = 2 * change - h * (first[i] + last[i]);
-    }
-    for (int k = 0; k < 4; ++k) {
-        combine(r, w, 16, dop853_d[k], f + (size_t)(3 + k) * (size_t)ny);
-        for (int i = 0; i < ny; ++i)
-            f[(size_t)(3 + k) * (size_t)ny + (size_t)i] *= h;
-    }
+    w->interpolated = 1;
     return NCGEN_OK;
 }
 
 /* w->at: the state at t + s h, inside a step whose end is new_y. */
 static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
 {
-    if (r->options->method == NCGEN_DOPRI5) {
-        ncgen_scalar weights[7];
-        for (int j = 0; j < 7; ++j) {
-            const ncgen_scalar *c = dopri_dense[j];
-            weights[j] = s * (c[0] + s * (c[1] + s * (c[2] + s * c[3])));
-        }
-        advance(r, w, h, 7, weights, w->at);
-    } else if (r->options->method == NCGEN_DOP853) {
-        if (!w->interpolated) {
-            const int status = prepare_interpolant(r, w, t, h);
-            if (status != NCGEN_OK)
-                return status;
-            w->interpolated = 1;
-        }
-        for (int i = 0; i < r->ny; ++i) {
-            ncgen_real sum = 0;
-            for (int k = 6; k >= 0; --k)
-                sum = (sum + w->interpolant[(size_t)k * (size_t)r->ny + (size_t)i]) * (k % 2 ? 1 - s : s);
-            w->at[i] = r->y[i] + sum;
-        }
-    } else {
-        ncgen_interpolate_cubic(r, w, slope(r, w, 0), slope(r, w, 4), h, s);
+    const tableau *method = &tableaus[r->options->method];
+    const int status = prepare_interpolant(r, w, method, t, h);
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_scalar weights[WIDTH];
+    for (int j = 0; j < method->width; ++j) {
+        weights[j] = 0;
+        for (int k = method->n_dense - 1; k >= 0; --k)
+            weights[j] = (weights[j] + method->dense[k][j]) * (k % 2 ? 1 - s : s);
     }
+    advance(r, w, h, method->width, weights, w->at);
     return NCGEN_OK;
 }
 
@@ -198,7 +185,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         if (!(t + h > t))
             return NCGEN_NOT_CONVERGED;
         int status = trial_step(r, w, method, t, h);
-        const ncgen_real error = status == NCGEN_OK ? error_of(r, w, h) : 0;
+        const ncgen_real error = status == NCGEN_OK ? error_of(r, w, method, h) : 0;
         if (status != NCGEN_OK || !(error < R(1.0e30))) {
             if (++repeats > REPEAT_LIMIT)
                 return status != NCGEN_OK ? status : NCGEN_NOT_CONVERGED;
@@ -263,5 +250,5 @@ int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
         status = ncgen_grid_begin(r, w);
     if (status != NCGEN_OK)
         return status;
-    return r->options->method == NCGEN_RK4 ? run_fixed(r, w, method) : run_adaptive(r, w, method);
+    return method->n_errors == 0 ? run_fixed(r, w, method) : run_adaptive(r, w, method);
 }

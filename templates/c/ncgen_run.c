@@ -1,4 +1,5 @@
 /* ncgen_run.c: the entry of the runtime: workspace, the first state, and the choice of formalism and integrator. */
+#include "ncgen_facts.h"
 #include "ncgen_internal.h"
 
 ncgen_real *ncgen_take(ncgen_space *space, int count)
@@ -119,8 +120,7 @@ typedef struct parts {
 
 int ncgen_is_stepper(const ncgen_options *options)
 {
-    return options->method == NCGEN_RATTLE || options->method == NCGEN_ENERGY_MOMENTUM ||
-           options->method == NCGEN_GENERALIZED_ALPHA || options->formalism == NCGEN_ALI3P;
+    return facts[options->method].steps_constraints >> options->formalism & 1;
 }
 
 /* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity, and
@@ -128,13 +128,14 @@ int ncgen_is_stepper(const ncgen_options *options)
 int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     const int simple = dynamics->conservative && (!model->mass || model->mass_is_constant);
-    return options->method >= NCGEN_RADAU || (options->method == NCGEN_RATTLE && !simple) ||
-           (options->method == NCGEN_ENERGY_MOMENTUM && dynamics->tangents);
+    if (facts[options->method].tangents == SOMETIMES)
+        return options->method == NCGEN_RATTLE ? !simple : dynamics->tangents != NULL;
+    return facts[options->method].tangents == ALWAYS;
 }
 
 static int is_implicit(const ncgen_options *options)
 {
-    return !ncgen_is_stepper(options) && (options->method == NCGEN_RADAU || options->method == NCGEN_TRAPEZOIDAL);
+    return !ncgen_is_stepper(options) && facts[options->method].tangents != NEVER;
 }
 
 /* The parts of a run and its workspace; with an empty space this only counts. */
@@ -200,19 +201,17 @@ size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics,
 static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, int n_times)
 {
     const int partitioned = options->formalism == NCGEN_COORDINATE_PARTITIONING;
-    if (n_times < 2 || !model->phi || options->method < NCGEN_DOPRI5 || options->method > NCGEN_GENERALIZED_ALPHA)
+    if (n_times < 2 || !model->phi || options->method < 0 || options->method >= N_METHODS)
         return 0;
-    if (options->formalism < NCGEN_COORDINATE_PARTITIONING || options->formalism > NCGEN_ALI3P)
+    if (options->formalism < 0 || options->formalism >= N_FORMALISMS)
         return 0;
     if (partitioned ? dynamics->n_dependent > 0 && !dynamics->newton && !dynamics->rows : !dynamics->elimination)
         return 0;
     if (ncgen_uses_tangents(model, dynamics, options) && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
         return 0;
-    if ((options->method == NCGEN_TRAPEZOIDAL || ncgen_is_stepper(options)) && !(options->max_step > 0))
+    if (facts[options->method].has_fixed_step && !(options->max_step > 0))
         return 0;
-    if (options->formalism == NCGEN_ALI3P)
-        return options->method == NCGEN_TRAPEZOIDAL;
-    return !ncgen_is_stepper(options) || options->formalism == NCGEN_LAGRANGE;
+    return ncgen_is_stepper(options) || (facts[options->method].takes_derivative && options->formalism != NCGEN_ALI3P);
 }
 
 /* Everything ready for a run from the position q. */

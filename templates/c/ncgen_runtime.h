@@ -7,6 +7,7 @@
 #define NCGEN_RUNTIME_H
 
 #include "ncgen.h"
+#include "ncgen_methods.h"
 
 #ifdef __cplusplus
 extern "C" {
@@ -56,31 +57,6 @@ typedef struct ncgen_dynamics {
     const ncgen_tangents *tangents;       /* for methods that need them; rows and column_sizes are needed, too */
 } ncgen_dynamics;
 
-/* How accelerations follow from the equations of motion. All but the first integrate all coordinates, y = [qd, q, work],
- * and bring position and velocity back onto the constraints after every step (except penalty and Baumgarte). */
-enum ncgen_formalism {
-    NCGEN_COORDINATE_PARTITIONING = 0,
-    NCGEN_LAGRANGE = 1,             /* M qdd + Phi_q' lam = Q, Phi_q qdd = gamma */
-    NCGEN_AUGMENTED_LAGRANGIAN = 2, /* the same by iteration with a penalty */
-    NCGEN_PENALTY = 3,              /* one solution with a penalty */
-    NCGEN_NULL_SPACE = 4,           /* on a basis of the motions, by QR */
-    NCGEN_UDWADIA_PHOHOMSIRI = 5,   /* least squares, by QR */
-    NCGEN_ALI3P = 6                 /* index-3 augmented Lagrangian with projections, by the trapezoidal rule only */
-};
-
-enum ncgen_method {
-    NCGEN_DOPRI5 = 0, /* Dormand-Prince 5(4) with error control and dense output */
-    NCGEN_RK4 = 1,    /* classical Runge-Kutta with a fixed step */
-    NCGEN_DOP853 = 2, /* Dormand-Prince 8(5,3) with error control and dense output */
-    /* The following two discretise the constrained equations themselves, with a fixed step (formalism NCGEN_LAGRANGE). */
-    NCGEN_RATTLE = 3,          /* symplectic, order 2; needs tangents unless M is constant and all forces have a potential */
-    NCGEN_ENERGY_MOMENTUM = 4, /* order 2; exact energy, without tangents where constraints are quadratic, M and forces constant */
-    /* The following are implicit and need tangents. */
-    NCGEN_RADAU = 5,            /* Radau IIA of order 5 with error control and dense output, for stiff mechanisms */
-    NCGEN_TRAPEZOIDAL = 6,      /* order 2, with a fixed step */
-    NCGEN_GENERALIZED_ALPHA = 7 /* order 2, with a fixed step, for the constrained equations themselves (NCGEN_LAGRANGE) */
-};
-
 /* Stop where a coordinate or a velocity passes a value, or a function of (t, q, qd, p) passes zero. */
 typedef struct ncgen_event {
     int coordinate;      /* position in q, or n_coordinates + position in qd; -1: the function */
@@ -98,9 +74,11 @@ typedef long ncgen_watch(void *context, ncgen_scalar t);
 
 typedef struct ncgen_options {
     int method;
-    ncgen_scalar rtol;      /* dopri5, dop853, radau: error per step, relative and absolute */
+    ncgen_scalar rtol;      /* with error control: error of a step, relative and absolute */
     ncgen_scalar atol;
-    ncgen_scalar max_step;  /* dopri5, dop853, radau: longest step, 0 for none; others: the step */
+    const ncgen_scalar *sizes; /* what atol is multiplied by, one a velocity, position and the work that are integrated; NULL: 1 */
+    ncgen_scalar span;      /* explicit methods with error control: a step of length h may have h / span of the tolerance; 0: all */
+    ncgen_scalar max_step;  /* with error control: longest step, 0 for none; others: the step */
     ncgen_scalar tolerance; /* of the position problem, relative to row_sizes */
     ncgen_scalar growth;    /* coordinate partitioning: stop with NCGEN_PIVOT when the amplification has grown by this factor */
     long max_steps;         /* 0 for no limit */

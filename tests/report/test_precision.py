@@ -7,7 +7,7 @@ import pytest
 
 import ncgen
 from ncgen.report import precision
-from ncgen.solver.formalisms import FORMALISMS
+from ncgen.methods.table import FORMALISMS
 
 
 @pytest.fixture(scope="module")

@@ -10,8 +10,9 @@ import pytest
 from scipy.special import ellipk
 
 import ncgen
-from ncgen.build.runtime import FORMALISMS, METHODS, ConstrainedDynamics
+from ncgen.build.runtime import ConstrainedDynamics
 from ncgen.emit.environment import verbatim
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.emit.c import HEADERS, RUNTIME, c_files, tangent_files
 from ncgen.program.quasidefinite import Elimination
 from ncgen.solver.partition import choose_partitions
@@ -142,7 +143,7 @@ def build_driver(kernels, folder, tolerance, duration, flags, step="0.0", rank=0
 
 def run_driver(folder, formalism: str, method: str, *general: str) -> np.ndarray:
     """q at the end, as the nearest doubles and what is left; general: anything to take forces as if they had no potential."""
-    command = ["./driver", str(FORMALISMS[formalism]), str(METHODS[method]), *general]
+    command = ["./driver", str(number_in_c(FORMALISMS[formalism])), str(number_in_c(INTEGRATORS[method])), *general]
     done = subprocess.run(command, cwd=folder, env={"ASAN_OPTIONS": "detect_leaks=0"}, capture_output=True, text=True)
     assert done.returncode == 0, done.stdout + done.stderr
     return np.array([[float(x) for x in line.split()] for line in done.stdout.splitlines()])

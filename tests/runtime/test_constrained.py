@@ -106,7 +106,8 @@ def test_rows_of_the_grid_are_as_good_as_steps():
 
 def test_thousand_links():
     """Work a step grows with the number of links, not with its square: sparse factors."""
-    from ncgen.build.runtime import FORMALISMS, ConstrainedDynamics
+    from ncgen.build.runtime import ConstrainedDynamics
+    from ncgen.methods.table import FORMALISMS, number_in_c
 
     sizes = {}
     for n in (100, 1000):
@@ -114,7 +115,7 @@ def test_thousand_links():
         dynamics = ConstrainedDynamics(kernels)
         sizes[n] = dynamics.plan.nonzeros
     assert sizes[1000] < 11 * sizes[100]
-    options = dict(rtol=1e-8, atol=1e-10, tolerance=1e-12, formalism=FORMALISMS["lagrange"], project=1)
+    options = dict(rtol=1e-8, atol=1e-10, tolerance=1e-12, formalism=number_in_c(FORMALISMS["lagrange"]), project=1)
     done = dynamics.simulate("dop853", [0.0, 0.05], kernels.q0, np.zeros(kernels.n), kernels.p0, **options)
     assert done.status == "ok"
     before, after = kernels.energy(kernels.q0, np.zeros(kernels.n)), kernels.energy(done.q[-1], done.qd[-1])
@@ -136,11 +137,12 @@ def test_a_motion_without_inertia_is_reported():
 @pytest.mark.parametrize("integrator", ["dopri5", "dop853", "rk4"])
 def test_stop_at_a_position(integrator):
     """The pendulum's x rises through 0 after a quarter of its period, which is the elliptic one."""
-    from ncgen.build.runtime import FORMALISMS, ConstrainedDynamics
+    from ncgen.build.runtime import ConstrainedDynamics
+    from ncgen.methods.table import FORMALISMS, number_in_c
 
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
     grid = np.linspace(0.0, 2.0, 41)
-    options = dict(rtol=1e-11, atol=1e-12, tolerance=1e-12, formalism=FORMALISMS["lagrange"], project=1)
+    options = dict(rtol=1e-11, atol=1e-12, tolerance=1e-12, formalism=number_in_c(FORMALISMS["lagrange"]), project=1)
     if integrator == "rk4":
         options["max_step"] = 1e-3
     dynamics = ConstrainedDynamics(kernels)

@@ -13,17 +13,14 @@ from collections.abc import Callable, Iterator
 import numpy as np
 
 from ncgen.build.kernels import Kernels
-from ncgen.build.runtime import FORMALISMS as IN_C
-from ncgen.build.runtime import METHODS
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.report.bench import aligned
 from ncgen.report.hard import ABSOLUTE
 from ncgen.report.hard_cases import four_bars_position
 from ncgen.report.methods import FIXED, TimeIsUp, limited
-from ncgen.solver.formalisms import FORMALISMS
-from ncgen.solver.methods import partners
 from ncgen.solver.simulate import simulate
 
 PEERS = ("pinocchio", "mujoco", "exudyn")
@@ -102,8 +99,8 @@ def _raise(problem: Exception):
 def _own(count: int):
     """What ncgen has in C on all coordinates; independent coordinates cannot pass the singular position."""
     kernels = compile(example_module("nfourbar").build(count), "c")
-    for formalism in (f for f in FORMALISMS.values() if f.name in IN_C and f.options.get("stabilisation") == "projection"):
-        for integrator in (i for i in partners(formalism) if i in METHODS):
+    for formalism in (f for f in FORMALISMS.values() if f.in_c and f.options.get("stabilisation") == "projection"):
+        for integrator in (i for i in partners(formalism) if INTEGRATORS[i].in_c):
             tool = f"ncgen, {integrator} on {formalism.name}"
             steps = [(f"{INTERVALS * k} steps", {"max_step": DURATION / (INTERVALS * k)}) for k in STEPS]
             tolerances = [(f"rtol {rtol:.1e}", {"rtol": rtol, "atol": ABSOLUTE * rtol}) for rtol in TOLERANCES]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from math import ceil
 
+from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.path import Path
@@ -27,14 +28,15 @@ ON_THE_GRID = 1e-9
 """An instant nearer to the end of a step than this share of it takes the state of the step itself."""
 
 
-def run(path: Path, kernels: Kernels, method: type[Stepper], settings: dict, grid, q, qd, p, progress, max_step: float, stop=None) -> None:
+def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, *, max_step: float, stop=None) -> None:
     """Fill an empty path over a time grid, to its end or to a `Stop`, with equal steps of max_step, or a little less so that they end with the grid.
 
     Instants within a step are interpolated and projected onto the constraints.
     Raises ConvergenceError with the time where a step cannot be solved.
     """
     count = ceil((grid[-1] - grid[0]) / max_step * (1 - ON_THE_GRID))
-    stepper = method(kernels, grid[0], q, qd, p, (grid[-1] - grid[0]) / count, **settings)
+    step = STEPPERS[method.formalism.name, method.integrator.name]
+    stepper = step(kernels, grid[0], q, qd, p, (grid[-1] - grid[0]) / count, **method.options)
     path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
     for taken in range(1, count + 1):
         before = stepper.t, stepper.q, stepper.qd, stepper.work

@@ -21,8 +21,6 @@ PROJECTIONS = 6
 class Ali3p(Stepper):
     """options: alpha, the penalty α h²/4 over the largest entry of P."""
 
-    options = {"alpha": 1e7}
-
     def _advance(self, end: float) -> None:
         h, kernels = self.h, self.kernels
         q, lam = self.q + h * self.qd, self.lam

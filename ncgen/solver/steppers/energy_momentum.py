@@ -23,8 +23,6 @@ STILL = 1e-10
 class EnergyMomentum(Stepper):
     """options: project_velocities."""
 
-    options = {"project_velocities": False}
-
     def _advance(self, end: float) -> None:
         h, half, kernels, p = self.h, (self.t + end) / 2, self.kernels, self.p
         qd, lam = self.qd, self.lam

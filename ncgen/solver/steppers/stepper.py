@@ -10,7 +10,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.solver.coordinate_partitioning import Motion
-from ncgen.solver.formalisms import FORMALISMS
+from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.position import check_mirror_roots
 from ncgen.solver.protocol import Kernels
@@ -26,13 +26,11 @@ class Stepper:
     newton: Newton steps taken so far; work: of drivers and forces without a potential since the start (J)
     """
 
-    options: dict = {}
-
     def __init__(self, kernels: Kernels, t: float, q, qd, p, h: float, **options):
         self.kernels, self.p, self.h = kernels, p, h
         self.start, self.t, self.q, self.qd, self.work = t, t, q, qd, 0.0
         self.taken = self.newton = 0
-        self.settings = {**self.options, **options}
+        self.settings = options
         first = self._instant(t, q, qd)
         self.qdd, self.lam, self.power = first.qdd, first.lam, first.power
         self.columns, self.rows = kernels.column_sizes, kernels.row_sizes
@@ -118,5 +116,4 @@ class Stepper:
         self.work += (end - self.t) / 2 * (before + self.power)
 
     def _instant(self, t: float, q, qd) -> Motion:
-        lagrange = FORMALISMS["lagrange"]
-        return lagrange.motion(self.kernels, q, qd, t, self.p, lagrange.options)
+        return ACCELERATIONS["lagrange"].motion(self.kernels, q, qd, t, self.p, {})

@@ -1,0 +1,230 @@
+"""Every formalism and integrator: one entry each.
+
+The numbers in C, what goes with what, refusals, help texts and tables of the documentation come from here. What an entry computes
+stands elsewhere, under its name: explicit methods in `ncgen.methods.explicit`, the others in `ncgen.solver` and in the C runtime.
+"""
+
+from __future__ import annotations
+
+import sys
+from dataclasses import dataclass, field
+from functools import cached_property
+from importlib import import_module
+from numbers import Real
+
+from ncgen.errors import ModelError
+
+AUTO = "auto"
+"""The name under which the choice is left to ncgen."""
+
+STABILISATIONS = ("projection", "baumgarte", "none")
+
+LIMITS = {"rho": 1.0, "hht": 1 / 3}
+"""Options that end somewhere; the others are numbers from 0 on."""
+
+
+@dataclass(frozen=True)
+class Integrator:
+    """A way to advance a state.
+
+    help: one line; also: SciPy's and Matlab's names; extra: what `pip install 'ncgen[…]'` has to bring
+    has_fixed_step: its step is max_step; else rtol and atol choose it
+    takes_jacobian: it solves equations with the Jacobian of the state derivative
+    tangents: whether it needs the tangent kernels in C: "never", "always", or "sometimes", where it can do without them in simple mechanisms
+    steps: formalisms whose constrained equations it discretises itself; is_ordinary: it also takes a state derivative
+    keeps_history: its state cannot be corrected between steps, so it goes with coordinate partitioning alone
+    in_c, in_lanes: it runs in the C runtime; also for many states at a time
+    tableau: of `ncgen.methods.explicit`, for explicit Runge-Kutta methods of the runtime
+    options: what may be set where it steps the constraints, with defaults
+    """
+
+    name: str
+    help: str
+    also: tuple[str, ...] = ()
+    extra: str = ""
+    has_fixed_step: bool = False
+    takes_jacobian: bool = False
+    tangents: str = "never"
+    steps: tuple[str, ...] = ()
+    is_ordinary: bool = True
+    keeps_history: bool = False
+    in_c: bool = False
+    in_lanes: bool = False
+    tableau: str = ""
+    options: dict = field(default_factory=dict, hash=False)
+
+    @cached_property
+    def coefficients(self):
+        """The Tableau of an explicit Runge-Kutta method; reading it checks it."""
+        return getattr(import_module("ncgen.methods.explicit"), self.tableau)
+
+    @property
+    def constant(self) -> str:
+        """Its name in C."""
+        return _constant(self.name)
+
+
+@dataclass(frozen=True)
+class Formalism:
+    """Where accelerations come from.
+
+    is_constrained: all coordinates are integrated, not the independent ones alone; is_ordinary: it has a state derivative that
+        ordinary integrators take
+    options: what may be set, with defaults
+    """
+
+    name: str
+    help: str
+    is_constrained: bool = True
+    is_ordinary: bool = True
+    in_c: bool = True
+    options: dict = field(default_factory=dict, hash=False)
+
+    @property
+    def constant(self) -> str:
+        """Its name in C."""
+        return _constant(self.name)
+
+
+def _constant(name: str) -> str:
+    return f"NCGEN_{name.upper().replace('-', '_')}"
+
+
+def _explicit(name: str, help: str, tableau: str, **more) -> Integrator:
+    return Integrator(name, help, in_c=True, in_lanes=True, tableau=tableau, **more)
+
+
+def _stepper(name: str, help: str, **more) -> Integrator:
+    return Integrator(name, help, has_fixed_step=True, is_ordinary=False, steps=("lagrange",), in_c=True, **more)
+
+
+INTEGRATORS = {
+    entry.name: entry
+    for entry in (
+        _explicit("dopri5", "Dormand-Prince 5(4), explicit, with error control", "DOPRI5", also=("rk45", "ode45")),
+        _explicit("rk4", "the classical Runge-Kutta method, fixed step", "RK4", has_fixed_step=True),
+        _explicit("dop853", "Dormand-Prince 8(5,3), explicit, with error control", "DOP853"),
+        _stepper("rattle", "RATTLE, symplectic, order 2", tangents="sometimes"),
+        _stepper("energy-momentum", "exact energy, order 2", tangents="sometimes", options={"project_velocities": False}),
+        Integrator("radau", "Radau IIA of order 5, implicit, for stiff mechanisms", takes_jacobian=True, tangents="always", in_c=True),
+        Integrator(
+            "trapezoidal", "the trapezoidal rule, implicit, order 2, fixed step", has_fixed_step=True, takes_jacobian=True,
+            tangents="always", in_c=True, steps=("ali3p",), options={"alpha": 1e7},
+        ),
+        _stepper("generalized-alpha", "generalised α, numerical damping, order 2", tangents="always", options={"rho": 0.8, "hht": None}),
+        _explicit("rk23", "Bogacki-Shampine 3(2), explicit, with error control", "RK23", also=("ode23",)),
+        Integrator("adams", "Adams methods of variable order (VODE)", also=("ode113",)),
+        Integrator("bdf", "backward differentiation of variable order, implicit (SciPy)", also=("ode15s",), takes_jacobian=True),
+        Integrator("lsoda", "Adams or BDF as stiffness demands (SciPy)", takes_jacobian=True),
+        Integrator("cvode-adams", "Adams methods of SUNDIALS", extra="sundials", keeps_history=True),
+        Integrator("cvode-bdf", "BDF of SUNDIALS", extra="sundials", keeps_history=True, takes_jacobian=True),
+    )
+}  # fmt: skip
+"""By name, in the order of their numbers in C."""
+
+
+def _of_accelerations(name: str, help: str, stabilisation: str = "projection", **own) -> Formalism:
+    is_ordinary = own.pop("is_ordinary", True)
+    return Formalism(name, help, is_ordinary=is_ordinary, options={"stabilisation": stabilisation, "omega": 10.0, "xi": 1.0, **own})
+
+
+FORMALISMS = {
+    entry.name: entry
+    for entry in (
+        Formalism("coordinate-partitioning", "the independent coordinates alone are integrated (the paper's Table 8)", is_constrained=False),
+        _of_accelerations("lagrange", "accelerations and multipliers at once, index 1"),
+        _of_accelerations("augmented-lagrangian", "the same by iteration with a penalty", alpha=1e7),
+        _of_accelerations("penalty", "forces of a penalty in place of constraints", stabilisation="baumgarte", alpha=1e7),
+        _of_accelerations("null-space", "accelerations on a basis of the allowed motions"),
+        _of_accelerations("udwadia-phohomsiri", "accelerations of least squares"),
+        _of_accelerations("ali3p", "index-3 augmented Lagrangian with projections", is_ordinary=False),
+    )
+}
+"""By name, in the order of their numbers in C."""
+
+
+def number_in_c(entry: Integrator | Formalism) -> int:
+    """The number of an entry in the runtime's enumerations; for entries that are in C."""
+    table = INTEGRATORS if isinstance(entry, Integrator) else FORMALISMS
+    return [e.name for e in table.values() if e.in_c].index(entry.name)
+
+
+def in_c(table: dict) -> tuple[str, ...]:
+    """Names of the entries of a table that run in C."""
+    return tuple(name for name, entry in table.items() if entry.in_c)
+
+
+def other_names() -> dict[str, str]:
+    """{name of SciPy or Matlab: ours}."""
+    return {other: entry.name for entry in INTEGRATORS.values() for other in entry.also}
+
+
+def find_integrator(name) -> Integrator:
+    """The integrator of any of its names, upper or lower case. Raises ModelError listing the known ones."""
+    key = str(name).lower()
+    key = other_names().get(key, key)
+    if key not in INTEGRATORS:
+        raise ModelError(f"integrator {str(name)[:40]!r} is unknown; choose one of {', '.join([AUTO, *INTEGRATORS, *other_names()])}")
+    return INTEGRATORS[key]
+
+
+def find_formalism(name) -> Formalism:
+    """The formalism of a name. Raises ModelError listing the known ones."""
+    if not isinstance(name, str) or name not in FORMALISMS:
+        raise ModelError(f"formalism {str(name)[:40]!r} is unknown; choose one of {', '.join([AUTO, *FORMALISMS])}")
+    return FORMALISMS[name]
+
+
+def goes_with(formalism: Formalism, integrator: Integrator) -> bool:
+    """True if a formalism and an integrator make a method."""
+    if formalism.name in integrator.steps:
+        return True
+    return formalism.is_ordinary and integrator.is_ordinary and not (formalism.is_constrained and integrator.keeps_history)
+
+
+def partners(entry: Integrator | Formalism) -> tuple[str, ...]:
+    """Names of the integrators that go with a formalism, or of the formalisms that go with an integrator."""
+    if isinstance(entry, Formalism):
+        return tuple(i.name for i in INTEGRATORS.values() if goes_with(entry, i))
+    return tuple(f.name for f in FORMALISMS.values() if goes_with(f, entry))
+
+
+def check_pair(formalism: Formalism, integrator: Integrator) -> None:
+    """Raise ModelError, naming what goes with each, where the two are no method."""
+    if not goes_with(formalism, integrator):
+        raise ModelError(
+            f"{integrator.name} does not go with {formalism.name}: {formalism.name} goes with {', '.join(partners(formalism))}; "
+            f"{integrator.name} goes with {', '.join(partners(integrator))}"
+        )
+
+
+def steps_constraints(formalism: Formalism, integrator: Integrator) -> bool:
+    """True if the integrator discretises the constrained equations themselves."""
+    return formalism.name in integrator.steps
+
+
+def options_of(formalism: Formalism, integrator: Integrator, given: dict | None) -> dict:
+    """The defaults of a method with the caller's options in their place. Raises ModelError for unknown or impossible ones."""
+    defaults = integrator.options if steps_constraints(formalism, integrator) else formalism.options
+    if not isinstance(given or {}, dict):
+        raise ModelError(f"options: {str(given)[:40]!r} given; give a dictionary {{name: value}}")
+    for name, value in (given or {}).items():
+        if name not in defaults:
+            method = f"{formalism.name} with {integrator.name}"
+            raise ModelError(f"option {str(name)[:40]}: {method} has no such option; it has {', '.join(defaults) or 'none'}")
+        _check_option(name, value, defaults[name])
+    return {**defaults, **(given or {})}
+
+
+def _check_option(name: str, value, default) -> None:
+    if name == "stabilisation":
+        if value not in STABILISATIONS:
+            raise ModelError(f"stabilisation {str(value)[:40]!r} is unknown; choose one of {', '.join(STABILISATIONS)}")
+    elif isinstance(default, bool):
+        if not isinstance(value, bool):
+            raise ModelError(f"option {name}: {str(value)[:40]!r} given; it must be True or False")
+    elif value is None and default is None:
+        return
+    elif isinstance(value, bool) or not isinstance(value, Real) or not 0 <= value <= LIMITS.get(name, sys.float_info.max):
+        wanted = f"from 0 to {LIMITS[name]:.3g}" if name in LIMITS else "from 0 on"
+        raise ModelError(f"option {name}: {str(value)[:40]} given; it must be a number {wanted}")

@@ -1,0 +1,56 @@
+"""What a run says against itself: energy that changes, constraints that are open. An alarm that cries wolf is not heard."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.methods.method import Method
+from ncgen.solver.energy import drift
+from ncgen.solver.run import Run
+from ncgen.solver.trajectory import Trajectory
+
+LOOKS = 8
+"""Instants inside a run at which the energy is looked at, besides its ends."""
+
+GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+"""Its multiples are as far from every even grid as can be: a motion that rests at all instants of the grid does not rest at these."""
+
+LARGE = 1e-2
+"""Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
+
+OPEN = 100.0
+"""Residuals of feedback, over rtol, from which they are told."""
+
+
+def looks(run: Run, method: Method) -> np.ndarray:
+    """Times inside a run at which its energy is looked at; none where they would change the steps."""
+    if method.has_fixed_step:
+        return np.empty(0)
+    shares = np.sort(np.arange(1, LOOKS + 1) * GOLDEN % 1.0)
+    return run.times[0] + shares * run.duration
+
+
+def doubts(found: Trajectory, seen: Trajectory, run: Run, method: Method) -> list[str]:
+    """What speaks against a motion, in words.
+
+    found: the motion on its grid; seen: the same at the instants at which the energy was looked at, its ends included
+    """
+    feedback = method.options.get("stabilisation") in ("baumgarte", "none")
+    said = []
+    change = drift(seen.kernels, seen.t, seen.q, seen.qd, seen.work, seen.p)
+    if feedback and change > LARGE:
+        said.append(
+            f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
+            "the motion may have left its branch, take smaller steps or another formalism"
+        )
+    elif not method.has_fixed_step and change > np.sqrt(run.rtol):
+        other = "or be too long for the tolerance" if method.is_constrained else "which formalism='lagrange' does better, or be too long for the tolerance"
+        said.append(
+            f"the energy changes by {change:.1g} of what moves, although rtol is {run.rtol:g}: the motion may have passed a singular position, {other}"
+        )
+    if feedback and not method.has_fixed_step and (violation := float(seen.violation().max())) > OPEN * run.rtol:
+        said.append(
+            f"{method.formalism.name} holds the constraints to {violation:.1g} only (relative), although rtol is {run.rtol:g}; "
+            + ("raise alpha or omega (options), or take formalism='lagrange'" if "alpha" in method.options else "take stabilisation='projection'")
+        )
+    return said

@@ -1,0 +1,294 @@
+"""A run as it was asked for: one object, checked in one place. Every door builds it before anything is generated, compiled or moved.
+
+It needs names and sizes only, so a model will do where nothing is compiled yet (`outline`): `ncgen check` and the command line
+build it like `simulate` does, and refuse in the same words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from inspect import signature
+from numbers import Integral, Real
+from types import SimpleNamespace
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.methods.method import Method
+from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, find_formalism, find_integrator, in_c, options_of, partners
+from ncgen.model import Model
+from ncgen.model.values import evaluate
+from ncgen.solver.given import ECHOED, checked_kernels, finite, known_name, names_of, offer, parameters, position
+from ncgen.solver.protocol import Kernels
+from ncgen.solver.stop import Stop, stop_at
+
+ENGINES = (AUTO, "c", "emitted", "refined", "python")
+EMITTED = ("emitted", "refined")
+"""Engines for which the state derivative is written out for a mechanism."""
+
+NUMBERS = ("double", "float", "long double")
+"""Number types of C."""
+
+FINEST = 4 * np.finfo(float).eps
+"""Instants nearer to each other than this, relative to the time, cannot be told apart."""
+
+MOST_STEPS = 10**9
+"""Fixed steps of a run; more take hours."""
+
+MOST_NUMBERS = 2**31
+"""Numbers in a trajectory's positions, velocities and accelerations: 16 GiB."""
+
+
+@dataclass(frozen=True)
+class Initial:
+    """Where a mechanism begins, as it was asked for: nothing is closed or solved yet.
+
+    p (n_p,), q (n,): parameters and position; t: time (s)
+    z: names of the coordinates that are to be independent, () for the model's choice
+    zd: initial rates of the independent coordinates by name or as an array in the order of z, or None
+    qd: rates of any coordinates by name, or of all as an array (n,), or None
+    """
+
+    p: np.ndarray
+    q: np.ndarray
+    t: float = 0.0
+    z: tuple[str, ...] = ()
+    zd: dict[str, float] | np.ndarray | None = None
+    qd: dict[str, float] | np.ndarray | None = None
+
+    @classmethod
+    def asked(cls, subject: Kernels | Model, *, q0=None, zd0=None, qd0=None, z=None, p=None, t0=0.0, names=("q0", "zd0", "qd0", "t0")) -> Initial:
+        """From what the caller gives; names: of the arguments q0, zd0, qd0 and t0 in messages. Raises ModelError."""
+        subject = outline(subject)
+        if zd0 is not None and qd0 is not None:
+            raise ModelError(f"{names[1]} and {names[2]} are both given; give the initial velocities once")
+        values = parameters(subject, p)
+        return cls(
+            values,
+            position(subject, q0, values, names[0]),
+            finite(t0, names[3]),
+            names_of(z, "z", subject.coordinates),
+            _rates(subject, zd0, names[1], whole=False),
+            _rates(subject, qd0, names[2], whole=True),
+        )
+
+
+@dataclass(frozen=True)
+class Run:
+    """One simulation as it was asked for.
+
+    formalism, integrator: entries of `ncgen.methods.table`, None where the choice is ncgen's; options: as given
+    times (points,): the grid (s); rtol, atol: atol None for a hundredth of rtol in natural sizes; max_step: s, or inf
+    stop: where to end before, or None; engine, number: as of `simulate`
+    """
+
+    initial: Initial
+    times: np.ndarray
+    formalism: object
+    integrator: object
+    options: dict = field(default_factory=dict)
+    rtol: float = 1e-8
+    atol: float | None = None
+    max_step: float = np.inf
+    stop: Stop | None = None
+    engine: str = AUTO
+    number: str = "double"
+
+    @classmethod
+    def asked(
+        cls,
+        subject: Kernels | Model,
+        duration: float,
+        *,
+        formalism: str = AUTO,
+        integrator: str = AUTO,
+        rtol: float = 1e-8,
+        atol: float | None = None,
+        points: int = 101,
+        max_step: float = np.inf,
+        engine: str = AUTO,
+        number: str = "double",
+        options: dict | None = None,
+        stop: dict | None = None,
+        progress: Callable[[float], None] | None = None,
+        **initial,
+    ) -> Run:
+        """From the arguments of `ncgen.simulate`; initial: those of `Initial.asked`. Raises ModelError with one sentence."""
+        subject = outline(subject)
+        length = positive(duration, "duration", "number of seconds")
+        start = Initial.asked(subject, **initial)
+        pair = _entries(formalism, integrator, options)
+        if progress is not None and not callable(progress):
+            raise ModelError(f"progress: {echo(progress)} given; it must be a function of the time reached")
+        run = cls(
+            start,
+            _grid(start.t, length, count(points, "points", 2, "a trajectory has at least 2"), len(subject.coordinates)),
+            *pair,
+            dict(options or {}),
+            positive(rtol, "rtol"),
+            None if atol is None else positive(atol, "atol"),
+            np.inf if max_step is None or (isinstance(max_step, Real) and max_step == np.inf) else positive(max_step, "max_step", "number of seconds"),
+            stop_at(subject, stop),
+            chosen(engine, "engine", ENGINES),
+            chosen(number, "number", NUMBERS),
+        )
+        run._check_steps()
+        run._check_engine()
+        return run
+
+    @property
+    def duration(self) -> float:
+        """From the first instant to the last (s)."""
+        return float(self.times[-1] - self.times[0])
+
+    @property
+    def promises(self) -> bool:
+        """True where the integrator is ncgen's choice: rtol is then promised for the end of the run and not for every step."""
+        return self.integrator is None
+
+    def _check_steps(self) -> None:
+        """A fixed step is needed, or not too small for the time there is."""
+        if self.integrator is not None and self.integrator.has_fixed_step and np.isinf(self.max_step):
+            raise ModelError(f"max_step: {self.integrator.name} has a fixed step; give its length in seconds")
+        if np.isinf(self.max_step):
+            return
+        fixed = self.integrator is not None and self.integrator.has_fixed_step
+        if self.max_step < FINEST * np.max(np.abs(self.times)):
+            raise ModelError(f"max_step: {self.max_step:.6g} s cannot be told apart at t = {np.max(np.abs(self.times)):.6g} s; take a longer one")
+        if self.duration / self.max_step > MOST_STEPS:
+            kind = "steps" if fixed else "steps at least"
+            raise ModelError(f"max_step: {self.max_step:.6g} s makes {self.duration / self.max_step:.3g} {kind}; {MOST_STEPS:.0e} are the limit, take a longer one")
+
+    def _check_engine(self) -> None:
+        """An engine that can never take the method."""
+        if self.engine in EMITTED and self.formalism is not None and self.formalism.is_constrained:
+            raise ModelError(f"engine {self.engine!r}: a state derivative is emitted for coordinate-partitioning, not for {self.formalism.name}")
+        named = self.integrator
+        if named is not None and not named.in_c and (self.engine in ("c", *EMITTED) or self.number != "double"):
+            what = f"engine {self.engine!r}" if self.engine in ("c", *EMITTED) else f"number {self.number!r}"
+            raise ModelError(f"{what}: {named.name} runs in Python; in C there are {', '.join(in_c(INTEGRATORS))}")
+        if self.engine == "python" and self.number != "double":
+            raise ModelError(f"number {self.number!r}: Python computes with doubles; leave out engine='python'")
+
+
+def outline(subject: Kernels | Model):
+    """Names, sizes and defaults of a mechanism: the kernels themselves, or as much of a model. Raises ModelError for anything else."""
+    if isinstance(subject, Model):
+        free = [c for c in subject.components if not c.fixed]
+        values = [evaluate(v, subject.parameters, v.name) for v in subject.parameters.values()]
+        return SimpleNamespace(
+            name=subject.name, model=subject, coordinates=tuple(c.name for c in free), parameters=tuple(subject.parameters),
+            index={c.name: i for i, c in enumerate(free)}, n=len(free),
+            q0=np.array([c.initial for c in free], dtype=float), p0=np.array(values, dtype=float),
+        )  # fmt: skip
+    return checked_kernels(subject)
+
+
+def check_simulation(model: Model, **more) -> Run:
+    """The run that a model's own `simulation` describes, with other options in their place, checked and not carried out.
+
+    Raises ModelError naming the option.
+    """
+    options = simulation_of(model, **more)
+    known = {*signature(Run.asked).parameters, *signature(Initial.asked).parameters} - {"subject", "initial", "names"}
+    for name in options:
+        if name not in known:
+            raise ModelError(f"m.simulation({name[:40]}=…): simulate has no such option; {offer(name, sorted(known))}")
+    return Run.asked(model, **options)
+
+
+def simulation_of(model: Model, **more) -> dict:
+    """Arguments of `ncgen.simulate` for a model: its own, with others in their place where they are not None."""
+    return {"duration": 1.0, **model.simulation_options, **{name: value for name, value in more.items() if value is not None}}
+
+
+# -- single numbers and words --------------------------------------------------------------------------------------------------------------
+
+
+def positive(value, name: str, what: str = "number") -> float:
+    """A positive, finite number. Raises ModelError naming the argument."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real) or not 0 < value < np.inf:
+        raise ModelError(f"{name}: {echo(value)} given; it must be a positive {what}")
+    return float(value)
+
+
+def count(value, name: str, least: int, why: str) -> int:
+    """A whole number from `least` on. Raises ModelError naming the argument."""
+    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Integral) or value < least:
+        raise ModelError(f"{name}: {echo(value)} given; {why}")
+    return int(value)
+
+
+def chosen(value, name: str, known: tuple[str, ...]) -> str:
+    """One of some words. Raises ModelError listing them."""
+    if not isinstance(value, str) or value not in known:
+        raise ModelError(f"{name} {echo(value)} is unknown; choose one of {', '.join(known)}")
+    return value
+
+
+def echo(value) -> str:
+    """What was given, shortened."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= ECHOED else f"{text[: ECHOED - 1]}…"
+
+
+def _grid(start: float, length: float, points: int, n: int) -> np.ndarray:
+    """Even instants. Raises ModelError where there are too many, or they cannot be told apart."""
+    if points * (3 * n + 1) > MOST_NUMBERS:
+        raise ModelError(f"points: {points} instants of {n} coordinates take {points * (3 * n + 1) * 8 / 2**30:.3g} GiB; ask for fewer")
+    end = start + length
+    if not np.isfinite(end):
+        raise ModelError(f"duration: {length:.6g} s from t0 = {start:.6g} s on is beyond all numbers; take a shorter one")
+    if length / (points - 1) < FINEST * max(abs(start), abs(end)):
+        raise ModelError(
+            f"t0: {start:.6g} s with {points} points in {length:.6g} s: instants cannot be told apart in double precision; "
+            "begin nearer to 0, or ask for fewer points"
+        )
+    return np.linspace(start, end, points)
+
+
+def _rates(subject, given, name: str, whole: bool):
+    """Rates by name or as an array, or None; whole: an array has one number a free coordinate."""
+    if given is None:
+        return None
+    if isinstance(given, dict):
+        return {known_name(key, subject.coordinates, name): finite(value, f"{name}: {key}") for key, value in given.items()}
+    try:
+        kind = np.asarray(given).dtype.kind
+        rates = np.array(given, dtype=float) if kind in "biufO" else None
+    except (TypeError, ValueError, OverflowError):
+        rates = None
+    if rates is None or rates.ndim != 1 or (whole and len(rates) != len(subject.coordinates)):
+        needed = f"{len(subject.coordinates)} numbers, one a free coordinate," if whole else "numbers in the order of z"
+        raise ModelError(f"{name}: {echo(given)} given; give {needed} or {{name: rate}}")
+    for k, rate in enumerate(rates.tolist()):
+        finite(rate, f"{name}: {subject.coordinates[k] if whole else f'number {k + 1}'}")
+    return rates
+
+
+def _entries(formalism, integrator, options):
+    """Entries of the table, None for "auto". Raises ModelError where they do not go together or an option is not theirs."""
+    one = None if isinstance(formalism, str) and formalism == AUTO else find_formalism(formalism)
+    other = None if isinstance(integrator, str) and integrator.lower() == AUTO else find_integrator(integrator)
+    if one and other:
+        Method.of(one.name, other.name, options)
+    elif one or other:
+        # Whatever is chosen beside it, an option must belong to one of the methods that there may be.
+        pairs = [(one, INTEGRATORS[i]) for i in partners(one)] if one else [(FORMALISMS[f], other) for f in partners(other)]
+        _some_option(pairs, options)
+    elif options:
+        _some_option([(FORMALISMS[f], i) for i in INTEGRATORS.values() for f in partners(i)], options)
+    return one, other
+
+
+def _some_option(pairs, options) -> None:
+    """Raise the last refusal where no pair takes the options."""
+    refusal = None
+    for pair in pairs:
+        try:
+            options_of(*pair, options)
+            return
+        except ModelError as error:
+            refusal = refusal or error
+    raise refusal
