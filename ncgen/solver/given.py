@@ -83,16 +83,16 @@ def known_name(name: str, known: Collection[str], what: str, kind: str = "free c
     return name
 
 
-def offer(name, known: Sequence[str]) -> str:
+def offer(name, known: Sequence[str], there: str = "it has") -> str:
     """The end of a sentence about an unknown name: what there is, or the nearest where that is too much to read."""
     listed = ", ".join(known)
     if not known:
-        return "it has none"
+        return f"{there} none"
     if len(listed) <= LISTED:
-        return f"it has {listed}"
+        return f"{there} {listed}"
     if near := difflib.get_close_matches(str(name), known, n=1):
         return f"did you mean {near[0]}?"
-    return f"it has {_shortened(known)}"
+    return f"{there} {shortened(known)}"
 
 
 def finite(value, what: str) -> float:
@@ -117,7 +117,7 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given, what: str, kin
     array = _array(given)
     if array is None or array.shape != (len(names),):
         said = _echo(given) if array is None else _count(len(array)) if array.ndim == 1 else f"an array of shape {array.shape}"
-        needed = f"{len(names)} needed: {_shortened(names)}" if names else f"the mechanism has no {kind}"
+        needed = f"{len(names)} needed: {shortened(names)}" if names else f"the mechanism has no {kind}"
         raise ModelError(f"{what}: {said} given, {needed}")
     for name, value in zip(names, array.tolist(), strict=True):
         finite(value, f"{what}: {name}")
@@ -138,8 +138,8 @@ def _count(numbers: int) -> str:
     return f"{numbers} number{'s' if numbers != 1 else ''}"
 
 
-def _shortened(names: Sequence[str]) -> str:
-    """Names with commas between them, as many as may be listed."""
+def shortened(names: Sequence[str]) -> str:
+    """Names with commas between them, as many as a message can take."""
     listed = ", ".join(names)
     if len(listed) <= LISTED:
         return listed

@@ -10,30 +10,39 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-
 import numpy as np
 
-from ncgen.build.numpy_module import NumPyKernels
-from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
-from ncgen.model.rows import Owner
-from ncgen.program.assemble import assemble
+from ncgen.model.elements import Element, Vector
 from ncgen.solver import geometry
-from ncgen.solver.rank import freedom, scaled_jacobian
-from ncgen.symbolic.equations import build_equations, build_springs
+from ncgen.solver.given import offer
+from ncgen.solver.sharing import Share, find_shared, kernels_of
+from ncgen.symbolic.equations import build_springs
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reactions:
     """Loads on bodies along a trajectory, from their joints.
 
     loads: {body: {coordinate: (K,)}} generalised forces, over the fixed coordinates of the body too
-    determinate: {body: True if redundant rows leave its loads unique}
+    determinate: {body: {coordinate of its elements: bool}}: True where the balances leave one value only, of the force on a point and
+        of the moment through a vector. Where it is False, one of many possible distributions is given
+    shared: a sentence for every load whose share is arbitrary, such as "door: A.z and B.z share 98.1 N"
     """
 
     run: object
     loads: dict[str, dict[str, np.ndarray]]
-    determinate: dict[str, bool]
+    determinate: dict[str, dict[str, bool]]
+    shared: tuple[str, ...]
+
+    def __repr__(self):
+        what = f"{len(self.shared)} shared arbitrarily" if self.shared else "all unique"
+        return f"<Reactions {self.run.name}: loads on {', '.join(self.loads)}; {what}>"
+
+    @property
+    def is_determinate(self) -> bool:
+        """True if every load on every body is unique."""
+        return all(all(each.values()) for each in self.determinate.values())
 
     def force(self, body: str, point: str) -> np.ndarray:
         """Joint force (N) on a body at one of its points, global axes, shape (K, 3); at a fixed point, that of the ground."""
@@ -47,49 +56,38 @@ class Reactions:
     def _load(self, body: str, element) -> np.ndarray:
         return np.stack([self.loads[body][c.name] for c in element.components], axis=-1)
 
-    def _element(self, body: str, name: str):
+    def _element(self, body: str, name: str) -> Element:
         if body not in self.loads:
-            raise ModelError(f"there is no body {body}; the bodies are {', '.join(self.loads)}")
+            raise ModelError(f"there is no body {body}; {offer(body, tuple(self.loads), 'the bodies are')}")
         mine = {e.name: e for e in self.run.model.bodies[body].elements}
         if name not in mine:
-            raise ModelError(f"body {body} has no element {name}; it has {', '.join(mine)}")
+            raise ModelError(f"body {body} has no element {name}; {offer(name, tuple(mine))}")
         return mine[name]
 
 
 def reactions(run) -> Reactions:
     """The loads on every body at every instant of a trajectory.
 
-    Where a body's rows are part of a redundancy, one of many possible distributions is given (rows that are not
-    kept carry nothing) and `determinate` says so.
+    Where the balances leave a load open, one of many possible distributions is given (rows that are not kept carry nothing);
+    `determinate` and `shared` say so.
     """
-    loads, determinate = {}, {}
-    uncertain = _uncertain_directions(run)
-    pulls = _pulls(run)
-    fixed = {c.name: geometry.component(run.kernels, c, run.q[0], run.p) for c in run.model.components if c.fixed}
-    for name in run.model.bodies:
-        share = _share(run.kernels, name)
-        history = np.array([_load(share, run, fixed, k) for k in range(len(run.t))])
-        history -= np.array([pulls.get(name, {}).get(c, 0.0 * run.t) for c in share.coordinates]).T
-        loads[name] = dict(zip(share.coordinates, history.T, strict=True))
-        effect = share.jacobian(_spread(share, run, run.q[0], fixed), run.t[0], run.p).T @ uncertain
-        determinate[name] = bool(np.max(np.abs(effect), initial=0.0) < 1e-8)
-    return Reactions(run, loads, determinate)
-
-
-def _share(kernels, body: str):
-    """The rows, masses and forces that one body owns, as kernels of their own."""
-    return _kernels(build_equations(kernels.model, Owner("body", body)))
-
-
-def _kernels(equations):
-    return NumPyKernels(Sources(assemble(equations, "tabled")))
+    shares = [Share(run, body) for body in run.model.bodies.values()]
+    pulls, loads, felt = _pulls(run), {}, {}
+    for share in shares:
+        mine = pulls.get(share.body.name, {})
+        history = np.array([_load(share, run, k) for k in range(len(run.t))])
+        history -= np.array([mine.get(c, 0.0 * run.t) for c in share.coordinates]).T
+        loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
+        felt[share.body.name] = _felt(run, share, history)
+    found = find_shared(run, shares, felt)
+    return Reactions(run, loads, found.unique, found.shared)
 
 
 def _pulls(run) -> dict[str, dict[str, np.ndarray]]:
     """{body: {coordinate: (K,)}} forces of springs and potentials, each on the first body that has the coordinate."""
     if not (run.model.springs or run.model.potentials):
         return {}
-    springs = _kernels(build_springs(run.model))
+    springs = kernels_of(build_springs(run.model))
     history = np.array([springs.force(q, qd, t, run.p) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)])
     pulls: dict[str, dict[str, np.ndarray]] = {}
     for name, column in zip(run.coordinates, history.T, strict=True):
@@ -100,26 +98,17 @@ def _pulls(run) -> dict[str, dict[str, np.ndarray]]:
     return pulls
 
 
-def _load(share, run, fixed: dict, k: int) -> np.ndarray:
+def _load(share: Share, run, k: int) -> np.ndarray:
     """f = M q̈ − Q + Φ_qᵀ λ of one body at instant k, over its own and all free coordinates."""
-    t, p = run.t[k], run.p
-    q = _spread(share, run, run.q[k], fixed)
-    qd, qdd = (_spread(share, run, values[k], dict.fromkeys(fixed, 0.0)) for values in (run.qd, run.qdd))
-    inertia = share.mass_matrix(q, t, p) @ qdd - share.force(q, qd, t, p)
-    return inertia + share.jacobian(q, t, p).T @ run.lam[k]
+    t, p, part = run.t[k], run.p, share.kernels
+    q, qd, qdd = share.position(run.q[k]), share.rate(run.qd[k]), share.rate(run.qdd[k])
+    return part.mass_matrix(q, t, p) @ qdd - part.force(q, qd, t, p) + part.jacobian(q, t, p).T @ run.lam[k]
 
 
-def _spread(share, run, values, fixed: dict) -> np.ndarray:
-    """Values over the share's coordinates: free ones from the run, released ones as they are fixed."""
-    index = run.kernels.index
-    return np.array([values[index[name]] if name in index else fixed[name] for name in share.coordinates])
-
-
-def _uncertain_directions(run) -> np.ndarray:
-    """Multipliers that do no work in general position, columns over the rows."""
-    kernels = run.kernels
-    rank = freedom(kernels, run.q[0], run.t[0], run.p).rank
-    left = np.linalg.svd(scaled_jacobian(kernels, run.q[0], run.t[0], run.p).T, full_matrices=True)[2]
-    return left[rank:].T / kernels.row_sizes[:, None]
-
-
+def _felt(run, share: Share, history: np.ndarray) -> np.ndarray:
+    """Forces (N) on points and moments (N m) through vectors of a body, (K, elements, 3)."""
+    felt = history[:, share.own].reshape(len(history), -1, 3)
+    for i, element in enumerate(share.body.elements):
+        if isinstance(element, Vector):
+            felt[:, i] = np.cross(geometry.element(run.kernels, element, run.q, run.p), felt[:, i])
+    return felt
