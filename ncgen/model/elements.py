@@ -42,10 +42,15 @@ def rate_name(coordinate: str) -> str:
 
 
 class Element:
-    """What points, vectors and angles share: a name and one or three components."""
+    """What points, vectors and angles share: a name and one or three components.
+
+    quantity, unit: what a component of this kind is, for people
+    """
 
     name: str
     components: tuple[Component, ...]
+    quantity: str
+    unit: str
 
     @property
     def initial(self) -> np.ndarray:
@@ -93,6 +98,8 @@ class Point(Spatial):
     name: str
     components: tuple[Component, ...]
 
+    quantity, unit = "position", "m"
+
     def __repr__(self):
         return f"point {self.name}"
 
@@ -103,6 +110,8 @@ class Vector(Spatial):
 
     name: str
     components: tuple[Component, ...]
+
+    quantity, unit = "direction", "1"
 
     def __repr__(self):
         return f"vector {self.name}"
@@ -137,7 +146,7 @@ class Angle(Relative):
     end: Combination = field(repr=False)
     axis: Combination = field(repr=False)
 
-    unit = "rad"
+    quantity, unit = "angle", "rad"
 
     def __repr__(self):
         return f"angle {self.name}"
@@ -150,7 +159,7 @@ class Length(Relative):
     name: str
     components: tuple[Component, ...]
 
-    unit = "m"
+    quantity, unit = "length", "m"
 
     def __repr__(self):
         return f"length {self.name}"

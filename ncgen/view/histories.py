@@ -5,23 +5,21 @@ from __future__ import annotations
 import numpy as np
 from matplotlib.figure import Figure
 
-from ncgen.errors import NcgenError
-from ncgen.model.elements import Angle, Point, Vector
+from ncgen.model.elements import Relative
+from ncgen.solver.given import names_of
 from ncgen.view.chart import GRID, empty, settle
 
 MOST = 6
-"""How many coordinates are shown where the caller names none and there are no angles."""
-
-GROUPS = {"angle (rad)": Angle, "position (m)": Point, "direction (1)": Vector}
-"""The panels of coordinates: the label with its unit, and the elements that belong there."""
+"""How many coordinates are shown where the caller names none and there are no angles or lengths."""
 
 
 def plot(run, names=None) -> Figure:
-    """Time histories of a trajectory: a panel a unit for the coordinates, one for energy, one for the violation.
+    """Time histories of a trajectory: a panel a kind of coordinate, one for energy, one for the violation.
 
-    names: coordinates; default: the angles; without angles the independent coordinates, else the first ones
+    names: one free coordinate or several; default: angles and lengths; where there are none the independent coordinates, else the
+        first ones
 
-    Raises NcgenError for a name that is no free coordinate.
+    Raises ModelError for a name that is no free coordinate.
     """
     groups = _grouped(run.model, _chosen(run, names))
     chart = empty(8, 0.6 + 2.1 * (len(groups) + 2))
@@ -38,20 +36,18 @@ def plot(run, names=None) -> Figure:
 def _chosen(run, names) -> tuple[str, ...]:
     free = tuple(run.coordinates)
     if names is not None:
-        names = (names,) if isinstance(names, str) else tuple(names)
-        unknown = [name for name in names if name not in free]
-        if unknown:
-            raise NcgenError(f"{run.name}: {unknown[0]} is no free coordinate; choose among {', '.join(free)}")
-        return names
-    angles = tuple(name for name in free if isinstance(run.model.elements.get(name), Angle))
-    return angles or (run.model.chosen_independent or free)[:MOST]
+        return names_of(names, "names", free)
+    relative = tuple(name for name in free if isinstance(run.model.elements.get(name), Relative))
+    return relative or (run.model.chosen_independent or free)[:MOST]
 
 
 def _grouped(model, names) -> dict[str, list[str]]:
-    """The names by the label of their panel, in the order of GROUPS."""
-    kinds = {component.name: type(element) for element in model.elements.values() for component in element.components}
-    groups = {label: [name for name in names if kinds[name] is kind] for label, kind in GROUPS.items()}
-    return {label: members for label, members in groups.items() if members}
+    """The names by the label of their panel, which is that of their element's kind: angles and lengths first, else in the order given."""
+    owners = {component.name: element for element in model.elements.values() for component in element.components}
+    groups: dict[str, list[str]] = {}
+    for name in sorted(names, key=lambda name: not isinstance(owners[name], Relative)):
+        groups.setdefault(f"{owners[name].quantity} ({owners[name].unit})", []).append(name)
+    return groups
 
 
 def _energy(axes, run) -> None:

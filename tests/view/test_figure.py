@@ -118,8 +118,36 @@ def test_named_coordinates_have_a_panel_a_unit(robot_run):
     assert list(panel(plot(robot_run, "psi2"), "angle (rad)")) == ["psi2"]
 
 
+@pytest.fixture(scope="module")
+def screw_run():
+    """A nut on a screw, a strut to it, and the length of the strut: every kind of coordinate that there is."""
+    m = Model("nut")
+    A, B = m.point("A", (0, 0, 0), fixed=True), m.point("B", (0, 0, 1))
+    k = m.vector("k", (0, 0, 1), fixed=True)
+    m.extend(m.ground, A, k)
+    nut = m.body("nut", [B])
+    m.screw(m.ground, nut, A, B, k, 0.1, "s")
+    m.length("strut", m.attach_point(m.ground, "F", (1, 0, 0)), B)
+    return TurningRun(m, np.linspace(0, 2, 41))
+
+
+def test_every_kind_of_coordinate_has_a_panel(screw_run):
+    """Whatever is a free coordinate of a model can be shown; lengths and slides are in m as angles are in rad."""
+    chart = plot(screw_run, screw_run.coordinates)
+    shown = [line.get_label() for axes in chart.axes[:-2] for line in axes.lines]
+    assert sorted(shown) == sorted(screw_run.coordinates)
+    assert list(panel(chart, "length (m)")) == ["s.slide", "strut"]
+
+
+def test_lengths_are_shown_like_angles(screw_run):
+    """Where the caller names nothing, what is measured between elements is shown."""
+    chart = plot(screw_run)
+    assert [axes.get_ylabel() for axes in chart.axes[:-2]] == ["angle (rad)", "length (m)"]
+    assert list(panel(plot(screw_run, "strut"), "length (m)")) == ["strut"]
+
+
 def test_an_unknown_coordinate_is_refused(flat_run):
-    with pytest.raises(NcgenError, match="^flat: A.x is no free coordinate; choose among B.x, B.y"):
+    with pytest.raises(NcgenError, match="^names: the mechanism has no free coordinate A.x; it has B.x, B.y"):
         plot(flat_run, ["B.x", "A.x"])
 
 

@@ -21,7 +21,6 @@ from ncgen.emit.naming import identifier
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
 from ncgen.model import Model
-from ncgen.model.elements import Angle, Vector
 from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
 from ncgen.program.full_loads import assemble_loads
@@ -120,8 +119,7 @@ class Package:
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""
-        kinds = {c.name: type(e) for e in self.kernels.model.elements.values() for c in e.components}
-        return {Angle: "rad"}.get(kinds[coordinate], "1" if issubclass(kinds[coordinate], Vector) else "m")
+        return next(e.unit for e in self.kernels.model.elements.values() if any(c.name == coordinate for c in e.components))
 
 
 def package(model: Model) -> Package:
