@@ -20,7 +20,7 @@ from ncgen.program.programs import Split
 SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", *RUNTIME_HEADERS)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class LaneOutcome:
     """q, qd (B, times, n), work (B, times), NaN where a state did not arrive; status (B,) words of ncgen_status."""
 

@@ -66,7 +66,7 @@ def prepare(kernels: CompiledKernels, number: str = "double") -> None:
     kernels.tangents  # noqa: B018
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 

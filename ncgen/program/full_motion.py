@@ -48,7 +48,7 @@ class FullMotion:
     motion: Program
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sizes:
     """What H is scaled by: natural sizes of the coordinates (n,), and Φ_q (m, n) and M (n, n) in sample positions."""
 

@@ -53,7 +53,7 @@ LEVELS = tuple(10.0**-k for k in range(2, 13))
 ENGINES = {"emitted": "emitted C", "c": "C", "python": "Python"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Reference:
     """q: end position; doubt: how far another method's end position is from it, relative to the mechanism's size."""
 

@@ -16,7 +16,7 @@ from ncgen.solver.protocol import Kernels
 from ncgen.solver.simulate import simulate
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BatchTrajectory:
     """The motions of B states.
 
@@ -42,7 +42,7 @@ class BatchTrajectory:
         return np.array([s == "ok" for s in self.status])
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class BatchAccelerations:
     """What B states of a mechanism do: q (B, n), closed; zdd (B, nz): accelerations of the independent coordinates.
 
@@ -112,7 +112,7 @@ def accelerations_batch(
     return BatchAccelerations(*arrays, ok, states.choice)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _States:
     """States as rows, of one choice of independent coordinates."""
 

@@ -19,7 +19,7 @@ from ncgen.solver.position import LIMIT, TOLERANCE
 from ncgen.solver.protocol import Kernels
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
     """Where the Newton iterations of one integration step begin: an accepted state, and the branch parameters."""
 
@@ -29,7 +29,7 @@ class Start:
     p: np.ndarray
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Motion:
     """Everything about one instant: positions, velocities, accelerations, multipliers, power of drivers and forces.
 

@@ -26,7 +26,7 @@ def checked_kernels(kernels) -> Kernels:
     """The kernels themselves. Raises ModelError for anything else, such as a model that was not compiled."""
     if all(hasattr(kernels, name) for name in ("q0", "p0", "index", "parameters")):
         return kernels
-    raise ModelError(f"kernels needed, {_echo(kernels)} given; ncgen.compile(model) makes them")
+    raise ModelError(f"kernels needed, {echo(kernels)} given; ncgen.compile(model) makes them")
 
 
 def parameters(kernels: Kernels, p=None) -> np.ndarray:
@@ -66,7 +66,7 @@ def names_of(given, what: str, known: Collection[str] | None = None, kind: str =
         return ()
     names = (given,) if isinstance(given, str) else tuple(given) if isinstance(given, Iterable) else (given,)
     if odd := [name for name in names if not isinstance(name, str)]:
-        raise ModelError(f"{what}: {_echo(odd[0])} is no name; give one name or a list of names")
+        raise ModelError(f"{what}: {echo(odd[0])} is no name; give one name or a list of names")
     names = tuple(map(str, names))  # a text of NumPy's is one like others
     if twice := [name for k, name in enumerate(names) if name in names[:k]]:
         raise ModelError(f"{what}: {twice[0]} is named twice; name it once")
@@ -79,7 +79,7 @@ def names_of(given, what: str, known: Collection[str] | None = None, kind: str =
 def known_name(name: str, known: Collection[str], what: str, kind: str = "free coordinate") -> str:
     """A name that is known. Raises ModelError for another one, with those there are or the nearest of them."""
     if name not in known:
-        raise ModelError(f"{what}: the mechanism has no {kind} {_echo(name)}; {offer(name, tuple(known))}")
+        raise ModelError(f"{what}: the mechanism has no {kind} {echo(name)}; {offer(name, tuple(known))}")
     return name
 
 
@@ -103,7 +103,7 @@ def finite(value, what: str) -> float:
     except OverflowError:
         number = math.inf
     if not math.isfinite(number):
-        raise ModelError(f"{what} is {_echo(plain)}; it must be a finite number")
+        raise ModelError(f"{what} is {echo(plain)}; it must be a finite number")
     return number
 
 
@@ -116,7 +116,7 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given, what: str, kin
         return np.array([wanted.get(name, default) for name, default in zip(names, defaults, strict=True)], dtype=float)
     array = _array(given)
     if array is None or array.shape != (len(names),):
-        said = _echo(given) if array is None else _count(len(array)) if array.ndim == 1 else f"an array of shape {array.shape}"
+        said = echo(given) if array is None else _count(len(array)) if array.ndim == 1 else f"an array of shape {array.shape}"
         needed = f"{len(names)} needed: {shortened(names)}" if names else f"the mechanism has no {kind}"
         raise ModelError(f"{what}: {said} given, {needed}")
     for name, value in zip(names, array.tolist(), strict=True):
@@ -146,7 +146,7 @@ def shortened(names: Sequence[str]) -> str:
     return f"{listed[: listed.rindex(', ', 0, LISTED)]}, … ({len(names)} of them)"
 
 
-def _echo(given) -> str:
+def echo(given) -> str:
     """What was given, shortened."""
     text = given if isinstance(given, str) and given.isprintable() and given else repr(given).replace("\n", " ")
     return text if len(text) <= ECHOED else text[: ECHOED - 1] + "…"

@@ -15,7 +15,7 @@ from ncgen.solver.position import solve_position
 from ncgen.solver.protocol import Kernels
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Linearisation:
     """ẋ = A x for x = [δz; δż], beside a position and velocity.
 

@@ -24,7 +24,7 @@ BAD = 0.05
 """A partition whose quality is below this share of the best one's is called bad."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Health:
     """Arrays (K,) over the instants of a motion.
 

@@ -121,7 +121,7 @@ def singular_message(kernels: Kernels, found) -> str:
     )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Kinematics:
     """The factorised Jacobian at a position: velocities and accelerations from independent ones."""
 

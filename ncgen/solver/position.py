@@ -22,7 +22,7 @@ CONSISTENT = 1e-9
 """A relative residual up to this passes as a consistent initial position."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Position:
     """A solved position: q, the Newton steps taken, the relative residual, and its history."""
 
@@ -30,6 +30,9 @@ class Position:
     iterations: int
     residual: float
     history: tuple[float, ...]
+
+    def __repr__(self):
+        return f"<Position of {len(self.q)} coordinates: {self.iterations} Newton steps, relative residual {self.residual:.2g}>"
 
 
 def residual(kernels: Kernels, q, t=0.0, p=None) -> float:

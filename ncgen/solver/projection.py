@@ -20,7 +20,7 @@ from ncgen.solver.rank import scaled_jacobian
 LIMIT = 12
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Projected:
     """A consistent position and velocity, the Newton steps they took, and how far q moved, relative to its natural sizes."""
 

@@ -92,7 +92,7 @@ class Redundancy:
     implied_by: dict[int, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Freedom:
     """Degrees of freedom of a mechanism.
 
@@ -108,6 +108,10 @@ class Freedom:
     kept_rows: tuple[int, ...]
     vanishing: np.ndarray
     positions: int
+
+    def __repr__(self):
+        here = f", {self.rank_here} here: singular" if self.is_singular else ""
+        return f"<Freedom {self.dof}: rank {self.rank}{here}, {len(self.redundant)} redundant rows>"
 
     @property
     def is_singular(self) -> bool:

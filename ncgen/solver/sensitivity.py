@@ -35,7 +35,7 @@ POOR = 1e-5
 """Quality of a partition below which a motion on it has no digits left to differentiate."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Sensitivities:
     """A motion and its derivatives at K instants; columns in the order of `names`: parameters, z at the start, ż at the start.
 

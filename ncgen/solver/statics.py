@@ -25,7 +25,7 @@ NEUTRAL = 1e-9
 KINDS = ("stable", "nearest")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Equilibrium:
     """A position q (n,) at rest, its multipliers (m,), and the stiffnesses of the motions that the constraints allow.
 
@@ -36,6 +36,10 @@ class Equilibrium:
     lam: np.ndarray
     stiffnesses: np.ndarray
     steps: int
+
+    def __repr__(self):
+        kind = "stable" if self.stable else "not stable"
+        return f"<Equilibrium {kind}: {len(self.q)} coordinates, {len(self.stiffnesses)} degrees of freedom, {self.steps} steps>"
 
     @property
     def stable(self) -> bool:

@@ -9,11 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
+from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import frames, geometry
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.energy import drift, energies
 from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.given import echo, offer
 from ncgen.solver.partition import Partitions, choose_partitions, other_partitions, quality
 from ncgen.solver.protocol import Kernels
 
@@ -45,7 +47,7 @@ class Statistics:
     fallbacks: int = 0
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Trajectory:
     """A motion on a time grid of K instants.
 
@@ -56,7 +58,8 @@ class Trajectory:
     stay the same where `kernels` are replaced to look at it with other forces; options: those of the formalism; stopped: the
     run ended where it was told to (`stop` of `simulate`), which is its last instant and off the grid; number: the number
     type that it was computed with; made_with: the method and the engine in words, and why they were taken.
-    `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity.
+    `run["psi2"]` is one coordinate, `run["rate(psi2)"]` its velocity; like a dictionary a trajectory has the coordinates' names to go
+    through, and `"psi2" in run`. Two trajectories are equal if they are the same one.
     """
 
     kernels: Kernels
@@ -76,6 +79,10 @@ class Trajectory:
     stopped: bool = False
     number: str = "double"
     made_with: str = ""
+
+    def __repr__(self):
+        grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
+        return f"<Trajectory {self.name}: {grid}, {len(self)} coordinates, {self.formalism}, {self.integrator}>"
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -124,18 +131,45 @@ class Trajectory:
 
     def __getitem__(self, name: str) -> np.ndarray:
         """One free coordinate, or `rate(name)`, over time, shape (K,). Raises ModelError for an unknown name."""
-        inner = name[5:-1] if name.startswith("rate(") and name.endswith(")") else name
+        if not isinstance(name, str):
+            raise ModelError(f"{self.name}: a coordinate is asked for by its name, not by {echo(name)}; instants are rows of run.t, run.q, run.qd")
+        inner = _coordinate(name)
+        if isinstance(thing := self.model.elements.get(inner), (Point, Vector)):
+            kind = type(thing).__name__.lower()
+            raise ModelError(f"{self.name}: {inner} is a {kind} of three coordinates, {inner}.x and others; run.{kind}({inner!r}) has them all")
         if inner not in self.kernels.index:
-            raise ModelError(f"{self.name} has no free coordinate {inner}; it has {', '.join(self.coordinates)}")
+            raise ModelError(f"{self.name} has no free coordinate {echo(inner)}; {offer(inner, self.coordinates)}")
         return (self.q if inner == name else self.qd)[:, self.kernels.index[inner]]
 
+    def __contains__(self, name) -> bool:
+        """Whether a free coordinate, or `rate(name)` of one, has that name."""
+        return isinstance(name, str) and _coordinate(name) in self.kernels.index
+
+    def __iter__(self):
+        """The names of the free coordinates."""
+        return iter(self.coordinates)
+
+    def __len__(self) -> int:
+        """How many free coordinates there are; the number of instants is len(run.t)."""
+        return len(self.coordinates)
+
+    def keys(self) -> tuple[str, ...]:
+        """The names of the free coordinates, so that `dict(run)` has all histories by name."""
+        return self.coordinates
+
     def point(self, name: str) -> np.ndarray:
-        """Positions (m) of a point, shape (K, 3)."""
-        return geometry.element(self.kernels, name, self.q, self.p)
+        """Positions (m) of a point, shape (K, 3). Raises ModelError where there is no such point."""
+        return geometry.element(self.kernels, self._named(name, Point), self.q, self.p)
 
     def vector(self, name: str) -> np.ndarray:
-        """Components of a unit vector, shape (K, 3)."""
-        return geometry.element(self.kernels, name, self.q, self.p)
+        """Components of a unit vector, shape (K, 3). Raises ModelError where there is no such vector."""
+        return geometry.element(self.kernels, self._named(name, Vector), self.q, self.p)
+
+    def _named(self, name: str, kind: type[Element]) -> Element:
+        known = {e.name: e for e in self.model.elements.values() if isinstance(e, kind)}
+        if name not in known:
+            raise ModelError(f"{self.name} has no {kind.__name__.lower()} {echo(name)}; {offer(name, tuple(known))}")
+        return known[name]
 
     def rotation(self, body: str):
         """Orientation of a body relative to the initial position, a scipy Rotation of K instants.
@@ -175,6 +209,12 @@ class Trajectory:
 
         return reactions(self)
 
+    def driver_forces(self) -> dict[str, np.ndarray]:
+        """Forces and couples of the model's drivers by coordinate, see `ncgen.solver.inverse_dynamics.driver_forces`."""
+        from ncgen.solver.inverse_dynamics import driver_forces
+
+        return driver_forces(self)
+
     # -- files ---------------------------------------------------------------------------------
 
     def to_npz(self, path):
@@ -210,6 +250,11 @@ class Trajectory:
         from importlib import import_module
 
         return import_module("ncgen.view.player").write_player(self, _path(path))
+
+
+def _coordinate(name: str) -> str:
+    """The coordinate that a name speaks of: itself, or the one of `rate(name)`."""
+    return name[5:-1] if name.startswith("rate(") and name.endswith(")") else name
 
 
 def _path(path):

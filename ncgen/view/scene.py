@@ -21,7 +21,7 @@ FLAT = 1e-9
 """How much z may vary in a planar scene, as a part of the scene's size."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Arrow:
     """A unit vector drawn at a point.
 
@@ -35,7 +35,7 @@ class Arrow:
     name: str
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Scene:
     """A mechanism at K times.
 

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sympy
@@ -95,6 +98,62 @@ def test_torque_of_the_drive(kernels, run, loop):
     (row,) = [i for i, r in enumerate(kernels.rows) if r.owner.kind == "driver"]
     expected = np.array([loop.torque(*law(t)) for t in run.t])
     assert -run.lam[:, row] == pytest.approx(expected, abs=1e-9 * np.max(np.abs(expected)))
+
+
+def test_the_drive_has_a_name(kernels, run, fourbar, loop):
+    """The couple that the drive puts in, by the coordinate it turns: of the one-angle formulation, and what a motor on the same
+    mechanism without a drive would need for the same motion."""
+    (name, couple), = run.driver_forces().items()
+    expected = np.array([loop.torque(*law(t)) for t in run.t])
+    assert name == "psi" and couple == pytest.approx(expected, abs=1e-9 * np.max(np.abs(expected)))
+    assert run.coordinates == fourbar.coordinates
+    motor = ncgen.inverse_dynamics(replace(run, kernels=fourbar), motors="psi")
+    assert motor["psi"] == pytest.approx(couple, abs=1e-9 * np.max(np.abs(expected)))
+
+
+def test_no_motor_where_everything_is_driven(run):
+    """Nothing in silence: the driver's own force is what was looked for."""
+    where = "psi is driven, and run.driver_forces() has what that takes"
+    with pytest.raises(ModelError, match=re.escape(f"driven: no degree of freedom is left for a motor; {where}")):
+        ncgen.inverse_dynamics(run)
+    with pytest.raises(ModelError, match=re.escape(f"driven: 1 motor for 0 degrees of freedom; {where}")):
+        ncgen.inverse_dynamics(run, motors="psi")
+    with pytest.raises(ModelError, match=r"^motors: the mechanism has no free coordinate psy; it has B.x"):
+        ncgen.inverse_dynamics(run, motors="psy")
+
+
+def test_motors_are_asked_by_name(turning):
+    found = ncgen.inverse_dynamics(turning)
+    assert np.max(np.abs(found["psi"])) < 1e-9 and turning.driver_forces() == {}
+    with pytest.raises(ModelError, match="^there is no motor on B.x; there are motors on psi$"):
+        found["B.x"]
+
+
+def lifted(second):
+    """A mass of 2 kg that a drive lifts with 3 m/s², twice if told so: by its coordinate, and by its distance from above."""
+    m = Model("lift")
+    P, top = m.point("P", (0, 0, 0), fixed="xy"), m.point("top", (0, 0, 5), fixed=True)
+    m.body("cabin", [P], mass=2.0)
+    rope = m.length("rope", P, top)
+    m.gravity((0, 0, -9.81))
+    m.drive(P.z, 1.5 * m.time**2)
+    if second:
+        m.drive(rope, 5 - 1.5 * m.time**2)
+    return ncgen.simulate(ncgen.compile(m, "numpy"), 0.5, points=3, **TIGHT)
+
+
+def test_a_driver_of_a_point_has_a_force():
+    """m (g + a) upwards, from rest on."""
+    forces = lifted(second=False).driver_forces()
+    assert list(forces) == ["P.z"] and forces["P.z"] == pytest.approx(2 * (9.81 + 3.0), abs=1e-9)
+
+
+def test_drivers_that_share_are_named():
+    """Upwards along z, and the rope gets shorter: together they carry the cabin, each its share nobody knows."""
+    run = lifted(second=True)
+    with pytest.warns(UserWarning, match="lift: the driver of .* does what other rows do as well; how they share it is arbitrary"):
+        forces = run.driver_forces()
+    assert forces["P.z"] - forces["rope"] == pytest.approx(2 * (9.81 + 3.0), abs=1e-9)
 
 
 def test_work_of_the_drive(run, loop):

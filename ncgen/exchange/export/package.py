@@ -36,7 +36,7 @@ NEWTON_STEPS = 4
 """Newton steps by which a step of fixed length may close the loops at its end."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Package:
     """A mechanism ready to be written for a target.
 

@@ -20,7 +20,7 @@ from ncgen.resources import folder
 KERNELS = ("phi", "phi_q", "gamma")
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Inputs:
     """One place at which everything is evaluated: away from the initial position, where rows are zero."""
 

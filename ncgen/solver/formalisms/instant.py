@@ -13,7 +13,7 @@ import numpy as np
 from ncgen.solver.protocol import Kernels
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Instant:
     """mass (n, n), jacobian (k, n), force (n,), gamma (k,): M, Φ_q, Q and γ without units, of the `rows` (k,) in use.
 
