@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import ConvergenceError
+from ncgen.solver import given
 from ncgen.solver.position import CONSISTENT, TOLERANCE, residual
 from ncgen.solver.protocol import Kernels
 
@@ -24,13 +25,17 @@ NAMED = 4
 def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] | None = None) -> np.ndarray:
     """A consistent position near q (default: the model's), shape (n,).
 
+    q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
     weights: {coordinate: how much dearer than others it is to move it}; 1 is the default
-    Raises ConvergenceError naming the rows that do not close.
+    Raises ConvergenceError naming the rows that do not close, ModelError for arguments that do not fit.
     """
-    q = np.array(kernels.q0 if q is None else q, dtype=float)
+    q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
+    weights = given.numbers_by_name(weights or {}, kernels.index, "weights")
+    for name, weight in weights.items():
+        given.positive(weight, f"weights: {name}")
     if residual(kernels, q, t, p) <= CONSISTENT:
         return q
-    sizes = kernels.column_sizes / np.array([(weights or {}).get(name, 1.0) for name in kernels.coordinates])
+    sizes = kernels.column_sizes / np.array([weights.get(name, 1.0) for name in kernels.coordinates])
     rows = kernels.holonomic
     history = []
     for _ in range(LIMIT):

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import difflib
 import math
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from numbers import Real
 
 import numpy as np
@@ -49,11 +49,6 @@ def position(kernels: Kernels, q=None, p=None, what: str = "q") -> np.ndarray:
     """
     kernels = checked_kernels(kernels)
     return _numbers(kernels.coordinates, kernels.q0, q, what, "free coordinate")
-
-
-def instant(t, what: str = "t") -> float:
-    """A time (s). Raises ModelError unless it is a finite number."""
-    return finite(t, what)
 
 
 def names_of(given, what: str, known: Collection[str] | None = None, kind: str = "free coordinate") -> tuple[str, ...]:
@@ -107,20 +102,53 @@ def finite(value, what: str) -> float:
     return number
 
 
+def positive(value, what: str) -> float:
+    """A number as a float. Raises ModelError unless it is finite and above zero."""
+    number = finite(value, what)
+    if not number > 0:
+        raise ModelError(f"{what} is {echo(value)}; it must be positive")
+    return number
+
+
+def count(value, what: str) -> int:
+    """A positive whole number. Raises ModelError for another one."""
+    number = finite(value, what)
+    if not (number >= 1 and number == int(number)):
+        raise ModelError(f"{what} is {echo(value)}; it must be a positive whole number")
+    return int(number)
+
+
+def several(values, what: str) -> np.ndarray:
+    """Finite numbers as an array (K,). Raises ModelError for anything else, naming the place from 0."""
+    array = _array(list(values) if isinstance(values, Iterator) else values)
+    if array is None or array.ndim != 1:
+        raise ModelError(f"{what}: {echo(values)} given; a list of numbers is needed")
+    for k in np.flatnonzero(~np.isfinite(array))[:1]:
+        finite(array[k], f"{what}[{k}]")
+    return array
+
+
+def numbers_by_name(given, known: Collection[str], what: str, kind: str = "free coordinate") -> dict[str, float]:
+    """{name: number} with names that are known. Raises ModelError for another name, and for what is no finite number."""
+    if not isinstance(given, Mapping):
+        raise ModelError(f"{what}: {echo(given)} given; give {{name: number}}")
+    return {known_name(name, known, what, kind): finite(value, f"{what}: {name}") for name, value in given.items()}
+
+
 def _numbers(names: tuple[str, ...], defaults: np.ndarray, given, what: str, kind: str) -> np.ndarray:
     """One number a name: the defaults, those given by name in their place, or all in the order of the names."""
     if given is None:
         return np.array(defaults, dtype=float)
     if isinstance(given, Mapping):
-        wanted = {known_name(name, names, what, kind): finite(value, f"{what}: {name}") for name, value in given.items()}
+        wanted = numbers_by_name(given, names, what, kind)
         return np.array([wanted.get(name, default) for name, default in zip(names, defaults, strict=True)], dtype=float)
     array = _array(given)
     if array is None or array.shape != (len(names),):
         said = echo(given) if array is None else _count(len(array)) if array.ndim == 1 else f"an array of shape {array.shape}"
         needed = f"{len(names)} needed: {shortened(names)}" if names else f"the mechanism has no {kind}"
         raise ModelError(f"{what}: {said} given, {needed}")
-    for name, value in zip(names, array.tolist(), strict=True):
-        finite(value, f"{what}: {name}")
+    for k in np.flatnonzero(~np.isfinite(array))[:1]:
+        finite(array[k], f"{what}: {names[k]}")
     return array
 
 

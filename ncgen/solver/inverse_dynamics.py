@@ -14,7 +14,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.solver.branches import refresh_branches
-from ncgen.solver.given import names_of, offer, shortened
+from ncgen.solver.given import echo, names_of, offer, shortened
 from ncgen.solver.partition import choose_partition, kinematics
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import freedom
@@ -48,6 +48,8 @@ def inverse_dynamics(run: Trajectory, motors=None) -> MotorForces:
     To see a motion with other forces, replace its kernels: `dataclasses.replace(run, kernels=without_motors)`.
     Raises ModelError if there are not as many motors as degrees of freedom, or none of these is left by the drivers.
     """
+    if not isinstance(run, Trajectory):
+        raise ModelError(f"a trajectory is needed, {echo(run)} given; ncgen.simulate makes one")
     kernels = run.kernels
     names = names_of(motors, "motors", kernels.index) or run.independent
     if not names:

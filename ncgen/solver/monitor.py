@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ModelError, SingularError
+from ncgen.solver.given import names_of
 from ncgen.solver.partition import Partition, choose_partition, quality
 from ncgen.solver.position import residual
 from ncgen.solver.protocol import Kernels
@@ -79,7 +80,7 @@ def monitor(kernels: Kernels, t, q, qd, work=None, p=None, independent: tuple[st
     t, q, qd = (np.asarray(x, dtype=float) for x in (t, q, qd))
     rank = freedom(kernels, q[0], t[0], p).rank
     instants = list(zip(t, q, strict=True))
-    chosen = tuple(independent) or kernels.model.chosen_independent or _first_choice(kernels, instants, p)
+    chosen = names_of(independent, "independent", kernels.index) or kernels.model.chosen_independent or _first_choice(kernels, instants, p)
     if len(chosen) != kernels.n - rank:
         raise ModelError(f"{len(chosen)} independent coordinates for {kernels.n - rank} degrees of freedom: {', '.join(chosen)}")
     rows = np.array([_one(kernels, rank, chosen, t, q, p) for t, q in instants]).reshape(-1, 4)

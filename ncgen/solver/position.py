@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
+from ncgen.solver import given
 from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.protocol import Kernels
 
@@ -42,17 +43,19 @@ def residual(kernels: Kernels, q, t=0.0, p=None) -> float:
 
 
 def solve_position(
-    kernels: Kernels, q, t=0.0, p=None, held=(), tolerance: float = TOLERANCE, limit: int = LIMIT
+    kernels: Kernels, q=None, t=0.0, p=None, held=(), tolerance: float = TOLERANCE, limit: int = LIMIT
 ) -> Position:
-    """The consistent position near q; the coordinates named in `held` keep their values.
+    """The consistent position near q (default: the initial one); the coordinates named in `held` (one name or several) keep their values.
 
+    q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
     A position that is consistent already comes back to the last bit.
-    Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π.
+    Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π, and ModelError for
+    arguments that do not fit.
     """
-    q = np.array(q, dtype=float)
-    for name in held:
-        _index(kernels, name)
-    free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in set(held)], dtype=int)
+    q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
+    tolerance, limit = given.positive(tolerance, "tolerance"), given.count(limit, "limit")
+    held = set(given.names_of(held, "held", kernels.index))
+    free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in held], dtype=int)
     sizes = kernels.row_sizes
     value = kernels.phi(q, t, p) / sizes
     history = [float(np.max(np.abs(value), initial=0.0))]
@@ -115,12 +118,14 @@ def check_finite(kernels: Kernels, q, t=0.0, p=None) -> None:
 def move(kernels: Kernels, q, targets: dict[str, float], t=0.0, p=None, steps: int = 1) -> Position:
     """A finite displacement: coordinates by name are brought to given values, in equal steps that are halved on failure.
 
-    The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go.
+    The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go, ModelError for
+    arguments that do not fit.
     """
-    names = list(targets)
-    where = [_index(kernels, name) for name in names]
-    q = np.array(q, dtype=float)
-    start, end = q[where], np.array([targets[name] for name in names], dtype=float)
+    q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
+    end = given.numbers_by_name(targets, kernels.index, "targets")
+    names, steps = list(end), given.count(steps, "steps")
+    where = [kernels.index[name] for name in names]
+    start, end = q[where], np.array(list(end.values()))
     done, step = 0.0, 1.0 / steps
     result = Position(q, 0, residual(kernels, q, t, p), ())
     while done < 1.0:
@@ -138,16 +143,13 @@ def move(kernels: Kernels, q, targets: dict[str, float], t=0.0, p=None, steps: i
 
 
 def sweep(kernels: Kernels, name: str, values, q=None, t=0.0, p=None) -> np.ndarray:
-    """Positions (K, n) while one coordinate takes the given values, each started from the one before."""
-    position = kernels.q0 if q is None else np.asarray(q, dtype=float)
-    path = []
-    for value in values:
+    """Positions (K, n) while one coordinate takes the given values, each started from the one before.
+
+    Raises ConvergenceError where the mechanism cannot go, ModelError for arguments that do not fit.
+    """
+    position, path = given.position(kernels, q), []
+    given.known_name(name, kernels.index, "name")
+    for value in given.several(values, "values"):
         position = move(kernels, position, {name: value}, t, p).q
         path.append(position)
     return np.array(path).reshape(-1, kernels.n)
-
-
-def _index(kernels: Kernels, name: str) -> int:
-    if name not in kernels.index:
-        raise ModelError(f"{kernels.name} has no free coordinate {name}; it has {', '.join(kernels.coordinates)}")
-    return kernels.index[name]

@@ -13,6 +13,7 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from ncgen.errors import ConvergenceError
+from ncgen.solver import given
 from ncgen.solver.position import solve_position
 from ncgen.solver.protocol import Kernels
 
@@ -119,9 +120,12 @@ class Freedom:
 
 
 def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
-    """Degrees of freedom, redundant rows and singularity at a consistent position q (default: the initial one)."""
-    q = kernels.q0 if q is None else np.asarray(q, dtype=float)
-    p = kernels.p0 if p is None else np.asarray(p, dtype=float)
+    """Degrees of freedom, redundant rows and singularity at a consistent position q (default: the initial one).
+
+    q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
+    Raises ModelError for arguments that do not fit.
+    """
+    q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
     # Found once for a position: a series of simulations starts from the same one again and again.
     known = kernels.__dict__.setdefault("_freedoms", {})
     key = (q.tobytes(), float(t), p.tobytes())

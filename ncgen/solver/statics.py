@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
+from ncgen.solver import given
 from ncgen.solver.assembly import assemble
 from ncgen.solver.position import solve_position
 from ncgen.solver.protocol import Kernels
@@ -52,8 +53,11 @@ def equilibrium(kernels: Kernels, q=None, t: float = 0.0, p=None, kind: str = "s
 
     kind: "stable" goes downhill, with Newton's steps whose stiffnesses are taken positive; "nearest" takes Newton's own steps
         and may end on a hilltop. A start that is in balance already is kept, stable or not.
-    Raises ConvergenceError with the force that is left over if there is no balance, ModelError for rolling conditions.
+    q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
+    Raises ConvergenceError with the force that is left over if there is no balance, ModelError for rolling conditions and for
+    arguments that do not fit.
     """
+    p = given.parameters(kernels, p)
     if kind not in KINDS:
         raise ModelError(f"kind {kind!r} is unknown; choose one of {', '.join(KINDS)}")
     if len(kernels.holonomic) < kernels.m:

@@ -54,6 +54,8 @@ def massless(name: str) -> SingularError:
 
 def _dense(weight, left, jacobian, name):
     n = len(weight)
+    if not n + len(jacobian):
+        return lambda right: right  # nothing moves and nothing holds it: LAPACK takes no empty system
     matrix = np.block([[weight, left], [jacobian, -EPSILON * np.eye(len(jacobian))]])
     lu, exchanges, _ = lapack.dgetrf(matrix)
     pivots = np.abs(np.diag(lu))
