@@ -34,6 +34,7 @@ _HOMES = {
     "inspect": "ncgen.report.inspection",
     "NcgenError": "ncgen.errors",
     "ModelError": "ncgen.errors",
+    "DomainError": "ncgen.errors",
     "CompileError": "ncgen.errors",
     "ConvergenceError": "ncgen.errors",
     "SingularError": "ncgen.errors",

@@ -15,6 +15,10 @@ class ModelError(NcgenError):
     """The description of the mechanism is wrong or contradicts itself."""
 
 
+class DomainError(ModelError):
+    """A term of the model is not a number where it is needed: the message names its owner and the time."""
+
+
 class CompileError(NcgenError):
     """A compiler was found but did not accept the sources; `log` is what it printed."""
 

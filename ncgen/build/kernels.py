@@ -14,7 +14,7 @@ from scipy.sparse import csr_array
 
 from ncgen.build.batch import Batch
 from ncgen.build.tangents import Tangents
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import DomainError, ModelError, NcgenError
 from ncgen.model import Model
 from ncgen.model.elements import Point
 from ncgen.model.rows import Row, natural_size
@@ -133,13 +133,14 @@ class Kernels(ABC):
         return energy
 
     def _called_back(self, t, q, qd) -> np.ndarray:
-        """Forces of the model's own functions; ModelError naming one that returns something else."""
+        """Forces of the model's own functions; ModelError naming one that returns something else, DomainError no numbers."""
         total = np.zeros(self.n)
         for function in self.model.callbacks:
             force = np.asarray(function(t, q, qd, self), dtype=float)
-            if force.shape != (self.n,) or not np.all(np.isfinite(force)):
-                name = getattr(function, "__name__", "callback")
-                raise ModelError(f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}")
+            shaped = force.shape == (self.n,)
+            if not shaped or not np.all(np.isfinite(force)):
+                name, refused = getattr(function, "__name__", "callback"), DomainError if shaped else ModelError
+                raise refused(f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}")
             total += force
         return total
 

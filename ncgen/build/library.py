@@ -20,7 +20,7 @@ from ncgen.program.programs import Programs
 if TYPE_CHECKING:
     from ncgen.build.direct import Direct
 
-STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted")
+STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted", "stiff")
 
 
 class CompiledKernels(Kernels):

@@ -18,6 +18,7 @@ from ncgen.build.abi import NUMBERS, declared, runtime_abi
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.build.library import STATUS, CompiledKernels
+from ncgen.build.listening import Listener, watch
 from ncgen.emit.c import HEADERS, RUNTIME, RUNTIME_HEADERS, c_files, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
@@ -71,6 +72,7 @@ class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 
     q, qd (rows, n); work (rows,); status "ok" or the reason; reached: time (s) of the state `last` = (q, qd, work)
+    tried: time of the last stage; stiff: how often it was found stiff; raised: what ended the run from outside, or None
     """
 
     q: np.ndarray
@@ -91,6 +93,15 @@ class Outcome:
     largest_projection: float = 0.0
     jacobians: int = 0
     fallbacks: int = 0
+    tried: float = 0.0
+    stiff: int = 0
+    raised: BaseException | None = None
+
+    def completed(self) -> Outcome:
+        """This outcome, unless something was raised while the run went on: that is raised now."""
+        if self.status == "interrupted":
+            raise self.raised or KeyboardInterrupt()
+        return self
 
 
 class Dynamics:
@@ -118,13 +129,17 @@ class Dynamics:
         chosen = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
         self._keep(chosen, self._dynamics, np.intc)
 
-    def simulate(self, method: str, times, q, velocities, p, max_step=np.inf, event=None, newton=False, sizes=None, **options) -> Outcome:
+    def simulate(
+        self, method: str, times, q, velocities, p, max_step=np.inf, event=None, newton=False, sizes=None, progress=None, **options
+    ) -> Outcome:
         """Run over the times of a grid (first one is the start).
 
         velocities: independent ones with coordinate partitioning, all of them with other formalisms
         event: at which to stop, with members coordinate, value and direction as in `ncgen_event`
         newton: with tangents, also where a method can do without them
         sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
+        progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
+            that of Ctrl-C, ends the run; `Outcome.completed` raises it again
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
@@ -137,6 +152,9 @@ class Dynamics:
         if sizes is not None:
             sizes = np.ascontiguousarray(sizes, dtype=dtype)
             settings.sizes = ffi.from_buffer(self.number.array, sizes)
+        listener = Listener(progress, n + self.kernels.m)
+        context = ffi.new_handle(listener)
+        settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
@@ -157,7 +175,7 @@ class Dynamics:
         filled = (np.asarray(a[:done], dtype=float) for a in (out_q, out_qd, out_work))
         counts = (s.steps, s.rejected, s.repeated, s.evaluations, s.newton_steps)
         more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped), float(s.largest_projection), s.jacobians, s.fallbacks)
-        return Outcome(*filled, STATUS[status], float(s.t), last, *counts, *more)
+        return Outcome(*filled, STATUS[status], float(s.t), last, *counts, *more, float(s.tried), s.stiff, listener.raised)
 
     def jacobian(self, t: float, q, velocities, p, formalism: str = "coordinate-partitioning", **options) -> np.ndarray:
         """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning,
@@ -206,13 +224,14 @@ class ConstrainedDynamics(Dynamics):
         self._dynamics.elimination = self._elimination
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
 
-    def simulate(self, method: str, *args, rank: int = 0, **options) -> Outcome:
+    def simulate(self, method: str, *args, rank: int = 0, progress=None, **options) -> Outcome:
         """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
         self._dynamics.n_dependent = rank
-        done = super().simulate(method, *args, **options)
+        done = super().simulate(method, *args, progress=progress, **options)
         if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
             # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
-            done = super().simulate(method, *args, newton=True, **options)
+            onward = progress and (lambda t: progress(max(t, done.reached)))  # noqa: B023
+            return super().simulate(method, *args, newton=True, progress=onward, **options)
         return done
 
 

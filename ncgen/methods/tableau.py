@@ -74,6 +74,18 @@ class Tableau:
         both = tuple(2 * b - f - e for b, f, e in zip(self.weights, first, last, strict=True))
         return (self.weights, rest, both, *map(self._padded, self.higher))
 
+    @property
+    def stability(self) -> float:
+        """How far steps may go along the negative real axis: the least x with |1 + Σ_k b Aᵏ 1 (−x)ᵏ⁺¹| > 1."""
+        slopes = np.array([[float(x) for x in self._padded(row)] for row in ((), *self.a)])
+        terms, reached = [], np.ones(self.width)
+        for _ in range(self.stages):
+            terms.append(np.array([float(x) for x in self.weights]) @ reached)
+            reached = slopes @ reached
+        x = np.arange(1, 20_000) * 1e-3
+        grown = np.abs(1.0 + sum(term * (-x) ** (k + 1) for k, term in enumerate(terms)))
+        return float(x[np.argmax(grown > 1.0 + ROUNDING)])
+
     def _padded(self, row: Row) -> Row:
         return (*row, *(Fraction(0),) * (self.width - len(row)))
 

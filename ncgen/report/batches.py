@@ -105,7 +105,7 @@ def _simulation_records(kernels: Kernels) -> Iterator[dict]:
     single = dynamics(kernels, partitions, "emitted", q, p)
 
     def alone():
-        return [single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES) for zd in zd0[:ALONE]]
+        return [single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES).completed() for zd in zd0[:ALONE]]
 
     def together(count: int):
         return lambda: simulate_batch(kernels, duration, zd0=zd0, threads=count, **TOLERANCES)

@@ -17,7 +17,7 @@ import numpy as np
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.compiler import compile, generate
-from ncgen.emit.c import HEADERS, dynamics_files
+from ncgen.emit.c import HEADERS, RUNTIME_HEADERS, dynamics_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError

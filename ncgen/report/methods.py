@@ -32,7 +32,7 @@ def methods() -> list[tuple[str, str]]:
 
 @contextmanager
 def limited(seconds: float):
-    """Raise TimeIsUp in the middle of whatever Python does; a run in C, which ends by itself, is let go."""
+    """Raise TimeIsUp in the middle of whatever Python does; a run in C ends at the last step that it has made."""
 
     def stop(*_):
         raise TimeIsUp(f"stopped after {seconds:g} s")

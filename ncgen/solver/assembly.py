@@ -11,7 +11,8 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.solver import given
-from ncgen.solver.position import CONSISTENT, TOLERANCE, residual
+from ncgen.solver.finite import is_finite, watched
+from ncgen.solver.position import CONSISTENT, TOLERANCE, check_finite, residual
 from ncgen.solver.protocol import Kernels
 
 LIMIT = 100
@@ -27,7 +28,8 @@ def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] 
 
     q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
     weights: {coordinate: how much dearer than others it is to move it}; 1 is the default
-    Raises ConvergenceError naming the rows that do not close, ModelError for arguments that do not fit.
+    Raises ConvergenceError naming the rows that do not close, DomainError naming one that is not a number, ModelError for
+    arguments that do not fit.
     """
     q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
     weights = given.numbers_by_name(weights or {}, kernels.index, "weights")
@@ -44,8 +46,10 @@ def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] 
         if history[-1] <= TOLERANCE:
             return q
         if not np.isfinite(history[-1]):
+            if len(history) == 1 or is_finite(q):
+                check_finite(kernels, q, t, p)
             break
-        jacobian = kernels.jacobian(q, t, p)[rows] * sizes / kernels.row_sizes[rows, None]
+        jacobian = watched(kernels).jacobian(q, t, p)[rows] * sizes / kernels.row_sizes[rows, None]
         step = _damped_step(jacobian, value)
         step *= min(1.0, LONGEST_STEP / max(np.max(np.abs(step), initial=0.0), 1e-300))
         q = q + sizes * step

@@ -7,14 +7,15 @@ import numpy as np
 from ncgen.errors import SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
+from ncgen.solver.finite import on_the_way
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import freedom, trial_positions
 from ncgen.solver.run import EMITTED
-from ncgen.solver.tolerances import Tolerances
 from ncgen.solver.steppers.generalized_alpha import weights
+from ncgen.solver.tolerances import Tolerances
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -25,6 +26,9 @@ REUSE = 0.7
 
 MOST_STEPS = 1_000_000
 """Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
+
+STIFF = "the mechanism is stiff"
+"""The reason of a run that was to end where an implicit integrator would serve better: the path goes on with that."""
 
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
@@ -78,13 +82,17 @@ def refusal_of_size(partitions: Partitions, engine: str) -> str | None:
 
 
 def run_constrained(
-    path: Path, kernels: Kernels, method: Method, grid, q, qd, p, max_step, tolerances: Tolerances, number="double", stop=None
+    path: Path, kernels: Kernels, method: Method, grid, q, qd, p, max_step, tolerances: Tolerances, number="double", stop=None,
+    progress=None, stop_when_stiff=False,
 ) -> str | None:
-    """Fill an empty path over a time grid with a formalism over all coordinates.
+    """Complete a path over a time grid with a formalism over all coordinates, from its last row on if it has any.
 
     stop: where to end before (`ncgen.solver.stop.Stop`)
-    Returns None, or why the run had to stop before the end of the grid.
-    """
+    progress: called now and then with the time reached; what is raised meanwhile ends the run and is raised here, the path
+        holding what was reached
+    stop_when_stiff: dopri5 and dop853 end with the reason STIFF where an implicit integrator would serve better
+    Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number.
+    """  # fmt: skip
     from ncgen.build.runtime import ConstrainedDynamics
 
     known = kernels.__dict__.setdefault("_constrained", {})
@@ -94,19 +102,42 @@ def run_constrained(
     settings = method.options
     projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"
+    work, times = 0.0, grid
+    if len(path.q):
+        q, qd, work = path.take_last()
+        times = grid[len(path.q) :]
     done = dynamics.simulate(
-        method.integrator.name, grid, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism), project=int(projected),
+        method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism), project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, grid[0], p).rank, max_steps=MOST_STEPS, event=stop, max_step=max_step, **_weights(settings),
+        rank=freedom(kernels, q, times[0], p).rank, max_steps=MOST_STEPS, event=stop, max_step=max_step, progress=progress,
+        stop_when_stiff=int(stop_when_stiff), **_weights(settings),
         **tolerances.in_c(kernels.column_sizes),
     )  # fmt: skip
-    path.extend(done.q, done.qd, done.work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
+    path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.jacobians += done.jacobians
-    if done.stopped:
-        path.stop(done.reached, *done.last)
+    path.stiff += done.stiff
     path.projections += done.steps if projected else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
-    return None if done.status == "ok" else f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
+    if done.stopped:
+        path.stop(done.reached, *done.last[:2], work + done.last[2])
+    return _ended(path, kernels, grid, done, work, p)
+
+
+def _ended(path: Path, kernels: Kernels, grid, done, work: float, p) -> str | None:
+    """None for a run that came to its end, or why it did not; DomainError, or what it was ended by, with all that it reached.
+
+    work: done before this run, which its own is added to
+    """
+    if done.status == "ok":
+        return None
+    q, qd, own = done.last
+    if done.status == "stiff":
+        return STIFF
+    problem = None if done.status in ("interrupted", "pivot") else on_the_way(kernels, q, qd, done.reached, done.tried, p)
+    if problem or done.status == "interrupted":
+        path.break_off(grid, done.reached, q, qd, work + own)
+        raise problem or done.raised or KeyboardInterrupt()
+    return f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
 
 
 def _weights(settings: dict) -> dict[str, float]:
@@ -158,32 +189,49 @@ def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
     return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
 
 
-def run(path: Path, kernels: Kernels, method: Method, form: str, grid, q, zd, p, max_step, tolerances: Tolerances, number="double", stop=None) -> str | None:
-    """Fill an empty path over a time grid, to its end or to a `Stop`; where the independent coordinates become bad, go on with others.
+def run(
+    path: Path, kernels: Kernels, method: Method, form: str, grid, q, zd, p, max_step, tolerances: Tolerances, number="double", stop=None,
+    progress=None, stop_when_stiff=False,
+) -> str | None:
+    """Complete a path over a time grid, from its last row on if it has any, to its end or to a `Stop`; where the independent
+    coordinates become bad, go on with others.
 
-    form: of the state derivative, as for `dynamics`
-    Returns None, or why the run had to stop before the end of the grid.
-    """
+    form: of the state derivative, as for `dynamics`; progress, stop_when_stiff: as for `run_constrained`
+    Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number.
+    """  # fmt: skip
     seen, sizes = [path.partitions], kernels.column_sizes
-    t, work, times, growth = float(grid[0]), 0.0, np.asarray(grid, dtype=float), GROWTH
+    work, grid, growth = 0.0, np.asarray(grid, dtype=float), GROWTH
+    if len(path.q):
+        q, qd, work = path.take_last()
+        zd = qd[path.partitions.velocity.independent]
+    times = grid[len(path.q) :]
+    t = float(times[0])
     while True:
         here = dynamics(kernels, path.partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
-        done = here.simulate(method.integrator.name, times, q, zd, p, max_step, stop, tolerance=closeness(number), growth=growth, **tolerances.in_c(sizes[path.partitions.velocity.independent]))
+        done = here.simulate(
+            method.integrator.name, times, q, zd, p, max_step, stop, tolerance=closeness(number), growth=growth, progress=progress,
+            stop_when_stiff=int(stop_when_stiff), **tolerances.in_c(sizes[path.partitions.velocity.independent]),
+        )  # fmt: skip
         fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
         counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
         path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
         path.jacobians += done.jacobians
         path.fallbacks += done.fallbacks
+        path.stiff += done.stiff
         if done.stopped:
             path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
         if done.stopped or done.status == "ok" or len(path.q) == len(grid):
             return None
+        lost = grid[len(path.q)] < done.reached  # rows inside a step that was taken
+        reason = _ended(path, kernels, grid, done, work, p)
+        if reason == STIFF or lost:
+            return reason
         advanced = done.reached > t
         t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
         before, path.partitions = path.partitions, _better(kernels, path.partitions, seen, q, t, p)
         changed = path.partitions is not before
         if not (advanced or changed):
-            return f"the run in C stopped at t = {t:.6g} s ({done.status})"
+            return reason
         path.counts[3] += changed
         growth = GROWTH if changed else GROWTH * growth  # nothing better here: look again when it is worse
         zd = qd[path.partitions.velocity.independent]

@@ -7,14 +7,16 @@ them, unless the formalism itself holds them (Baumgarte, penalty). Interpolated 
 from __future__ import annotations
 
 import warnings
+from functools import partial
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, SingularError
+from ncgen.errors import ConvergenceError, DomainError, SingularError
 from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.dynamics_jacobian import full_jacobian
+from ncgen.solver.finite import watched
 from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.integrators import ode_solver, replace_state, takes_jacobian
 from ncgen.solver.path import Path
@@ -27,35 +29,49 @@ from ncgen.solver.tolerances import Tolerances
 def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None) -> None:
     """Fill an empty path over a time grid, to its end or to a `Stop`.
 
-    Raises ConvergenceError or SingularError with the time where the motion cannot go on.
+    Raises ConvergenceError or SingularError with the time where the motion cannot go on, DomainError naming what is not a
+    number there. Whatever is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
     """
-    _Run(path, kernels, method, p).integrate(grid, q, qd, progress, stop, tolerances, max_step)
+    run = _Run(path, kernels, method, q, grid[0], p)
+    try:
+        run.integrate(grid, q, qd, progress, stop, tolerances, max_step)
+    except BaseException:
+        if run.reached:
+            t, y = run.reached
+            path.break_off(grid, t, y[run._q], y[: kernels.n], float(y[-1]))
+        raise
+
+
+RETRIES = 8
+"""How often a step with a term that is not a number is tried again, each time four times shorter."""
 
 
 class _Run:
-    """One integration: counters, and the parameters of the current step."""
+    """One integration: counters, the parameters of the current step, and the time and state `reached`."""
 
-    def __init__(self, path: Path, kernels: Kernels, method: Method, p):
-        self.path, self.kernels, self.method, self.p = path, kernels, method, p
+    def __init__(self, path: Path, kernels: Kernels, method: Method, q0, t0: float, p):
+        self.path, self.kernels, self.method, self.p = path, watched(kernels), method, p
         self.accelerations = ACCELERATIONS[method.formalism.name]
+        self.rank = freedom(kernels, q0, t0, p).rank
+        self.reached: tuple[float, np.ndarray] | None = None
         self.projecting = method.options["stabilisation"] == "projection"
-        self.rank = 0
         self.rows = None
         self.evaluations = 0
 
     def integrate(self, grid, q, qd, progress, stop, tolerances: Tolerances, max_step: float) -> None:
-        self.rank = freedom(self.kernels, q, grid[0], self.p).rank
         self._choose_rows(q, grid[0])
         sizes = self.kernels.column_sizes
         options = {**tolerances.for_scipy(sizes, sizes), "max_step": max_step}
         if takes_jacobian(self.method.integrator, self.kernels):
             options["jac"] = self._jacobian
-        solver = tolerances.sharing(ode_solver(self.method.integrator))(self._derivative, grid[0], np.concatenate([qd, q, [0.0]]), grid[-1], **options)
+        make = partial(tolerances.sharing(ode_solver(self.method.integrator)), self._derivative, t_bound=grid[-1], **options)
+        solver = make(t0=grid[0], y0=np.concatenate([qd, q, [0.0]]))
         self._record([solver.y])
+        self.reached = solver.t, solver.y
         taken = 0
         while solver.status == "running":
-            start, before = solver.t, solver.y
-            self._step(solver)
+            start, before = self.reached
+            solver = self._step(solver, make)
             taken += 1
             y = self._closed(solver.t, solver.y)
             found = self._stop(solver, stop, start, before, y) if stop else None
@@ -72,6 +88,7 @@ class _Run:
                 replace_state(solver, y)
             if len(self.path.q) < len(grid) and grid[len(self.path.q)] == solver.t:
                 self._record([y])
+            self.reached = solver.t, y
             self.p = refresh_branches(self.kernels, y[self._q], self.p)
             self._choose_rows(y[self._q], solver.t)
             if progress:
@@ -120,19 +137,28 @@ class _Run:
         if self.rank < self.kernels.m:
             self.rows = best_rows(scaled_jacobian(self.kernels, q, t, self.p), self.rank)
 
-    def _step(self, solver) -> None:
-        start = solver.t
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
+    def _step(self, solver, make):
+        """One accepted step; returns the solver that made it, a fresh one if a term was not a number on the way."""
+        start, y = self.reached
+        for attempt in range(RETRIES + 1):
             try:
-                message = solver.step()
+                with warnings.catch_warnings():
+                    warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
+                    message = solver.step()
+                break
             except SingularError as error:
                 raise SingularError(f"{error}; at t = {start:.6g} s") from error
+            except DomainError:
+                if attempt == RETRIES:
+                    raise
+                length = min(getattr(solver, "h_abs", np.inf), solver.t_bound - start) / 4 ** (attempt + 1)
+                solver = make(t0=start, y0=y, first_step=length)
         if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
             raise ConvergenceError(
                 f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
+        return solver
 
     def _closed(self, t: float, y: np.ndarray) -> np.ndarray:
         """The state on the constraints; itself if nothing is to be done."""

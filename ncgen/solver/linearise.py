@@ -10,6 +10,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.dynamics_jacobian import independent_motions, partitioned_jacobian
+from ncgen.solver.finite import watched
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import solve_position
 from ncgen.solver.protocol import Kernels
@@ -77,7 +78,8 @@ def linearise(kernels: Kernels, q=None, qd=None, t: float = 0.0, p=None, z=()) -
 
     z: names of the independent coordinates (default: the model's, else found by pivoting)
     Beside a motion that is no equilibrium the matrix is that of this instant. Exact, from the tangent kernels.
-    Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative.
+    Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative,
+    DomainError naming what is not a number or has a derivative that is none.
     """
     if kernels.model.callbacks:
         raise ModelError(f"{kernels.name}: forces of Python functions have no derivative; write them as expressions to linearise")
@@ -85,6 +87,7 @@ def linearise(kernels: Kernels, q=None, qd=None, t: float = 0.0, p=None, z=()) -
     partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
     velocities, positions = partitions.velocity.independent, partitions.position.independent
     rates = np.zeros(len(velocities)) if qd is None else np.asarray(qd, dtype=float)[velocities]
+    kernels = watched(kernels)
     now = motion_at(kernels, partitions.velocity, t, q, rates, p)
     swapped = partitioned_jacobian(kernels, partitions, now, p)[:-1, :-1]
     order = np.roll(np.arange(len(swapped)), len(positions))

@@ -16,9 +16,11 @@ class Path:
     start is singular and the formalism needs none.
 
     counts: steps, evaluations, Newton steps, changes of partition, repeated steps, in the order of `Statistics`
-    stopped: time (s) of the last row where the run ended at its `Stop`, off the grid; None where it did not
+    stopped: time (s) of the last row where the run ended before the end of the grid, at its `Stop` or since something was
+        raised, such as by Ctrl-C; None where it did not
     projections, largest_projection: how often a state was projected, and how far a position moved at most, relative
     jacobians, fallbacks: as in `Statistics`
+    stiff: how often dopri5 or dop853 in C found that stability, not the error, holds the steps down
     """
 
     q: np.ndarray
@@ -31,6 +33,7 @@ class Path:
     stopped: float | None = None
     jacobians: int = 0
     fallbacks: int = 0
+    stiff: int = 0
 
     @classmethod
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
@@ -46,6 +49,13 @@ class Path:
         """End with the state at which a run stops."""
         self.extend(q[None], qd[None], [work], [0] * 5)
         self.stopped = float(t)
+
+    def break_off(self, grid, t: float, q, qd, work: float) -> None:
+        """End where a run was interrupted: with the state that it had reached, unless that is a row already."""
+        if len(self.q) and grid[len(self.q) - 1] >= t:
+            self.stopped = float(grid[len(self.q) - 1])
+        else:
+            self.stop(t, q, qd, work)
 
     def note_projection(self, found: Projected) -> None:
         self.projections += 1

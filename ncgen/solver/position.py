@@ -9,8 +9,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError
+from ncgen.errors import ConvergenceError
 from ncgen.solver import given
+from ncgen.solver.finite import check_instant, is_finite, watched
 from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.protocol import Kernels
 
@@ -49,8 +50,8 @@ def solve_position(
 
     q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
     A position that is consistent already comes back to the last bit.
-    Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π, and ModelError for
-    arguments that do not fit.
+    Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π, DomainError naming a
+    row that is not a number, ModelError for arguments that do not fit.
     """
     q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
     tolerance, limit = given.positive(tolerance, "tolerance"), given.count(limit, "limit")
@@ -60,10 +61,12 @@ def solve_position(
     value = kernels.phi(q, t, p) / sizes
     history = [float(np.max(np.abs(value), initial=0.0))]
     while not history[-1] <= tolerance:
+        if not np.isfinite(history[-1]) and (len(history) == 1 or is_finite(q)):
+            check_finite(kernels, q, t, p)
         if len(history) > limit or not np.isfinite(history[-1]):
             raise ConvergenceError(_failure(kernels, value, history), tuple(history))
         rows = kernels.holonomic
-        jacobian = kernels.jacobian(q, t, p)[np.ix_(rows, free)] / sizes[rows, None]
+        jacobian = watched(kernels).jacobian(q, t, p)[np.ix_(rows, free)] / sizes[rows, None]
         step = np.linalg.lstsq(jacobian, -value[rows], rcond=1e-10)[0]
         q, value = _damped(kernels, q, free, step, value, t, p)
         history.append(float(np.max(np.abs(value), initial=0.0)))
@@ -108,11 +111,8 @@ def check_mirror_roots(kernels: Kernels, q, p=None, history=()) -> None:
 
 
 def check_finite(kernels: Kernels, q, t=0.0, p=None) -> None:
-    """Raise ModelError naming the first row whose value is not a number at q."""
-    finite = np.isfinite(kernels.phi(q, t, p))
-    if not np.all(finite):
-        row = kernels.rows[int(np.argmin(finite))]
-        raise ModelError(f"row {row.label} ({row.owner}): its value is not a number at this position; check the coordinates")
+    """Raise DomainError naming the first row or mass that is not a number at q, or the coordinate of q that is none."""
+    check_instant(kernels, q, None, t, p)
 
 
 def move(kernels: Kernels, q, targets: dict[str, float], t=0.0, p=None, steps: int = 1) -> Position:

@@ -9,11 +9,12 @@ import warnings
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, SingularError
+from ncgen.errors import ConvergenceError, DomainError, SingularError
 from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
+from ncgen.solver.finite import watched
 from ncgen.solver.integrators import ode_solver, takes_jacobian
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
@@ -32,22 +33,30 @@ def run(path: Path, kernels: Kernels, method: Method, grid, q, zd, p, progress, 
     """Complete a path over a time grid, from its last row on if it has any.
 
     stop: a `Stop` before the end
-    Raises ConvergenceError or SingularError with the time where the motion cannot go on.
+    Raises ConvergenceError or SingularError with the time where the motion cannot go on, DomainError naming what is not a
+    number there. Whatever is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
     """
-    work = 0.0
+    kernels, work = watched(kernels), 0.0
     if len(path.q):
         q, qd, work = path.take_last()
         zd = qd[path.partitions.velocity.independent]
     engine = _Run(kernels, method, tolerances, max_step, path.partitions, grid[-1])
-    motions, done = engine.integrate(q, zd, p, grid[len(path.q) :], progress, stop)
-    path.extend([m.q for m in motions], [m.qd for m in motions], np.array(done) + work, engine.counts)
-    path.stopped = engine.stopped
-    path.jacobians += engine.jacobians
-    path.partitions = engine.partitions
+    try:
+        engine.integrate(q, zd, p, grid[len(path.q) :], progress, stop)
+    except BaseException:
+        engine.hand_over(path, work)
+        if engine.reached:
+            here, own = engine.reached
+            path.break_off(grid, here.t, here.q, here.qd, work + own)
+        raise
+    engine.hand_over(path, work)
 
 
 class _Run:
-    """One integration: counters, the current partition, and the start of the current step."""
+    """One integration: counters, the current partition, the start of the current step, and what was found so far.
+
+    motions, work: at the times of the grid; reached: motion and work at the end of the last step
+    """
 
     def __init__(self, kernels: Kernels, method: Method, tolerances: Tolerances, max_step: float, partitions: Partitions, end: float):
         self.kernels = kernels
@@ -57,36 +66,52 @@ class _Run:
         self.partitions = partitions
         self.end = end
         self.stopped: float | None = None
+        self.motions: list[Motion] = []
+        self.work: list[float] = []
+        self.reached: tuple[Motion, float] | None = None
         self.jacobians = self.steps = self.evaluations = self.newton = self.changes = self.rejections = 0
 
-    def integrate(self, q, zd, p, grid, progress, stop) -> tuple[list[Motion], list[float]]:
-        """Motions and work at the times of the grid, or at those before the stop and there."""
+    def hand_over(self, path: Path, work: float) -> None:
+        """Put what was found into a path; work: done before."""
+        if self.motions:
+            path.extend([m.q for m in self.motions], [m.qd for m in self.motions], np.array(self.work) + work, self.counts)
+        path.stopped = self.stopped
+        path.jacobians += self.jacobians
+        path.partitions = self.partitions
+
+    def integrate(self, q, zd, p, grid, progress, stop) -> None:
+        """Find motions and work at the times of the grid, or at those before the stop and there."""
         t = grid[0]
         here = motion_at(self.kernels, self.partitions.velocity, t, q, zd, p)
         self.start = Start(t, here.q, here.qd, p)
         self.reference = self._quality(self.partitions, here)
         solver = self._solver(t, here, 0.0)
-        motions, work = [here], [0.0]
+        self._note(here, 0.0)
+        self.reached = here, 0.0
         while solver.status == "running":
             solver = self._step(solver, here)
             before, here = here, self._motion(solver.t, solver.y)
             last = self._stop(solver, stop, before, here) if stop else None
             between = None
-            while len(motions) < len(grid) and (grid[len(motions)] < self.stopped if last else grid[len(motions)] <= solver.t):
-                instant = grid[len(motions)]
+            while (done := len(self.motions)) < len(grid) and (grid[done] < self.stopped if last else grid[done] <= solver.t):
+                instant = grid[done]
                 if instant != solver.t:
                     between = between or solver.dense_output()
                 y = solver.y if instant == solver.t else between(instant)
-                motions.append(self._motion(instant, y))
-                work.append(float(y[-1]))
+                self._note(self._motion(instant, y), float(y[-1]))
             if last:
-                return [*motions, last[2]], [*work, last[3]]
+                self._note(*last[2:])
+                return
+            self.reached = here, float(solver.y[-1])
             self._accept(here)
             if progress:
                 progress(solver.t)
             if solver.status == "running" and self._repartition(here):
                 solver = self._solver(here.t, here, solver.y[-1])
-        return motions, work
+
+    def _note(self, motion: Motion, work: float) -> None:
+        self.motions.append(motion)
+        self.work.append(work)
 
     def _stop(self, solver, stop, before: Motion, here: Motion):
         """q, q̇, motion and work at which the last step passed the stop, or None."""
@@ -130,9 +155,9 @@ class _Run:
                     warnings.simplefilter("ignore", RuntimeWarning)  # SciPy warns of NaN; it is reported below
                     message = solver.step()
                 break
-            except (ConvergenceError, SingularError) as error:
+            except (ConvergenceError, SingularError, DomainError) as error:
                 if attempt == RETRIES:
-                    raise type(error)(self._stuck(here)) from error
+                    raise error if isinstance(error, DomainError) else type(error)(self._stuck(here)) from error
                 self.rejections += 1
                 self._repartition(here, any_better=True)
                 length = min(getattr(solver, "h_abs", np.inf), self.end - here.t) / 4 ** (attempt + 1)

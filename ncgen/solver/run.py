@@ -30,7 +30,7 @@ EMITTED = ("emitted", "refined")
 NUMBERS = ("double", "float", "long double")
 """Number types of C."""
 
-FINEST = 4 * np.finfo(float).eps
+FINEST = 100 * np.finfo(float).eps
 """Instants nearer to each other than this, relative to the time, cannot be told apart."""
 
 MOST_STEPS = 10**9

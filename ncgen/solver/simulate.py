@@ -12,7 +12,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, Interrupted, ModelError
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
-from ncgen.solver.choice import Choice, choose
+from ncgen.solver.choice import Choice, choose, stiff_choice
 from ncgen.solver.path import Path
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.run import EMITTED, Run
@@ -149,6 +149,9 @@ class _Motion:
             raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {remedy}")
         if refused is None:
             refused = self._in_c(form)
+            if refused == compiled.STIFF and (onward := stiff_choice(run, self.choice)):
+                self.choice = onward
+                refused = self._refusal() or self._in_c(form)
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
         if refused is not None:
@@ -165,7 +168,8 @@ class _Motion:
         """Why C did not come to the end, or None."""
         start, run, method = self.start, self.run, self.choice.method
         tolerances = Tolerances.of(run, self.kernels.length, compiled.rounding(run.number))
-        steps = {"tolerances": tolerances, "max_step": run.max_step, "number": run.number, "stop": run.stop}
+        steps = {"tolerances": tolerances, "max_step": run.max_step, "number": run.number, "stop": run.stop, "progress": self.progress}
+        steps["stop_when_stiff"] = stiff_choice(run, self.choice) is not None
         if method.is_constrained:
             return compiled.run_constrained(self.path, self.kernels, method, self.times, start.q, start.qd, start.p, **steps)
         return compiled.run(self.path, self.kernels, method, form, self.times, start.q, start.rates, start.p, **steps)

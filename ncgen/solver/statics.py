@@ -9,6 +9,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.solver import given
 from ncgen.solver.assembly import assemble
+from ncgen.solver.finite import watched
 from ncgen.solver.position import solve_position
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import null_space, scaled_jacobian
@@ -80,6 +81,7 @@ def equilibrium(kernels: Kernels, q=None, t: float = 0.0, p=None, kind: str = "s
 
 def _balance(kernels: Kernels, q, t, p):
     """Allowed motions N, the force along them, their stiffness, the multipliers, and the share of forces not balanced."""
+    kernels = watched(kernels)
     rest, sizes = np.zeros(kernels.n), kernels.column_sizes
     jacobian = scaled_jacobian(kernels, q, t, p)
     force = sizes * kernels.force(q, rest, t, p)

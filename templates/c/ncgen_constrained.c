@@ -326,7 +326,7 @@ static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, 
         if (size <= wanted)
             return NCGEN_OK;
         if (!(size < R(1.0e30)))
-            return NCGEN_NOT_CONVERGED;
+            return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
         if (k > 0 && size > R(0.1) * before) {
             if (size <= r->options->tolerance || (fresh && size <= 1000 * r->options->tolerance))
                 return NCGEN_OK; /* at rounding; more of it near a singular position */

@@ -38,11 +38,12 @@ void ncgen_subtract_multipliers(const ncgen_run *r, const ncgen_real *values, nc
             forces[phi_q->indices[k]] -= values[k] * r->slopes->lam[i];
 }
 
-void ncgen_count_correction(ncgen_run *r)
+int ncgen_begin_correction(ncgen_run *r, ncgen_scalar t)
 {
     r->statistics->evaluations += 1;
     r->statistics->newton_steps += 1;
     r->statistics->jacobians += 1;
+    return ncgen_listen(r, t);
 }
 
 /* Forces as they are at r->q and r->qd, in c->rest. */
@@ -57,8 +58,9 @@ int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
     const ncgen_constrained *all = r->constrained;
-    int status = ncgen_constrained_matrices(r, t);
-    ncgen_count_correction(r);
+    int status = ncgen_begin_correction(r, t);
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_matrices(r, t);
     for (int i = 0; i < r->n; ++i)
         c->rest[i] = 0;
     if (status == NCGEN_OK && r->model->force)

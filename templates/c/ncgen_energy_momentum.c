@@ -27,7 +27,9 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
             r->q[i] = (position[i] + end[i]) / 2;
             r->qd[i] = (end[i] - position[i]) / h;
         }
-        int status = ncgen_constrained_accelerations(r, t + h / 2);
+        int status = ncgen_listen(r, t + h / 2);
+        if (status == NCGEN_OK)
+            status = ncgen_constrained_accelerations(r, t + h / 2);
         for (int i = 0; i < n; ++i)
             r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
         if (status == NCGEN_OK)
@@ -145,8 +147,9 @@ int ncgen_energy_momentum_corrected(ncgen_run *r, ncgen_stepping *w, ncgen_corre
             end_q[i] = position[i] + h * r->qd[i];
             qdd[i] = (end_qd[i] - velocity[i]) / h;
         }
-        ncgen_count_correction(r);
-        int status = ncgen_constrained_matrices(r, t + h / 2);
+        int status = ncgen_begin_correction(r, t + h / 2);
+        if (status == NCGEN_OK)
+            status = ncgen_constrained_matrices(r, t + h / 2);
         ncgen_copy(r->constrained->n_phi_q, ncgen_phi_q_values(r), c->left);
         if (status == NCGEN_OK)
             status = ncgen_find_forces(r, c, t + h / 2);

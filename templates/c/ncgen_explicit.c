@@ -3,7 +3,10 @@
 #include "ncgen_tableaus.h"
 
 enum {
-    REPEAT_LIMIT = 8
+    REPEAT_LIMIT = 8,
+    STIFF_EVERY = 1000, /* accepted steps between two looks at stiffness, as long as nothing speaks for it */
+    STIFF_LIMIT = 15,   /* steps in a row that speak for it and say that it is */
+    STIFF_DOUBT = 6     /* steps that speak against it and make these count anew */
 };
 
 void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
@@ -12,7 +15,12 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
     w->at = ncgen_take(&r->space, r->ny);
     w->slopes = ncgen_take(&r->space, tableaus[r->options->method].width * r->ny);
     w->interpolated = 0;
+    w->stiff = w->not_stiff = 0;
 }
+
+/* From this share of the stability interval on the real axis stability begins to hold the step down: along the imaginary axis,
+ * where springs without damping are, it may end at 0.4 of that. */
+static const ncgen_scalar held_down = R(0.3);
 
 static ncgen_real *slope(const ncgen_run *r, const ncgen_stepping *w, int stage)
 {
@@ -43,20 +51,22 @@ static void advance(const ncgen_run *r, const ncgen_stepping *w, ncgen_scalar h,
         y_new[i] = r->y[i] + h * y_new[i];
 }
 
-/* One trial step: new_y, and the slope there. */
+/* One trial step: new_y, and the slope there. NCGEN_DOMAIN if these are no numbers. */
 static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h)
 {
     const int last = method->stages;
     for (int s = 1; s <= last; ++s) {
         advance(r, w, h, s, method->a[s], w->new_y);
-        int status = s == last && r->settle ? r->settle(r, t + h, w->new_y) : NCGEN_OK;
+        int status = ncgen_listen(r, t + method->c[s] * h);
+        if (status == NCGEN_OK && s == last && r->settle)
+            status = r->settle(r, t + h, w->new_y);
         if (status == NCGEN_OK)
             status = r->derivative(r, t + method->c[s] * h, w->new_y, slope(r, w, s));
         if (status != NCGEN_OK)
             return status;
     }
     w->interpolated = 0;
-    return NCGEN_OK;
+    return ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, slope(r, w, last)) ? NCGEN_OK : NCGEN_DOMAIN;
 }
 
 /* The error that a component may have. */
@@ -122,6 +132,8 @@ ncgen_scalar ncgen_first_step(ncgen_run *r, ncgen_stepping *w, int order, ncgen_
     for (int i = 0; i < r->ny; ++i)
         w->at[i] = slope(r, w, 1)[i] - slope(r, w, 0)[i];
     const ncgen_real d2 = NCGEN_SQRT(ncgen_weighted_square(r, w->at, r->y, r->y)) / guess;
+    if (!ncgen_is_finite(1, &d2))
+        return guess * R(0.01);
     const ncgen_real largest = d1 > d2 ? d1 : d2;
     const ncgen_scalar root = 1 / (ncgen_scalar)(order + 1);
     ncgen_real better = largest <= R(1.0e-15) ? guess * R(1.0e-3) : NCGEN_POW(R(0.01) / largest, root);
@@ -167,13 +179,56 @@ static int finish_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, n
     return status;
 }
 
+/* Does an accepted step speak for a stiff mechanism? It does where the motion itself, whose rate its slopes tell, would allow
+ * far longer ones at this tolerance, and what holds it down is the stability of the method: the last two stages are both at
+ * the end of the step, and the difference of their slopes over that of their states is about the largest eigenvalue (Hairer
+ * and Wanner, Solving Ordinary Differential Equations II, IV.2). A spring may be so stiff that the rounding of its length is a
+ * force; then steps are tiny, and no eigenvalue is to be seen. Work is left out, since nothing depends on it. */
+static int speaks_for_stiffness(const ncgen_run *r, const ncgen_stepping *w, const tableau *method, ncgen_scalar h)
+{
+    const int last = method->stages;
+    const ncgen_real *first = slope(r, w, last - 1), *second = slope(r, w, last);
+    const ncgen_scalar needed = NCGEN_POW(r->options->rtol, 1 / (ncgen_scalar)(method->order + 1));
+    ncgen_real slopes = 0, states = 0, rates = 0, sizes = 0;
+    if (r->options->max_step > 0 && !(h < r->options->max_step))
+        return 0; /* the user holds it down */
+    advance(r, w, h, last - 1, method->a[last - 1], w->at);
+    for (int i = 0; i < r->weighed - 1; ++i) {
+        const ncgen_real size = tolerated(r, i, r->y[i], w->new_y[i]), state = w->new_y[i] / size, rate = second[i] / size;
+        const ncgen_real by_slope = rate - first[i] / size, by_state = state - w->at[i] / size;
+        slopes += by_slope * by_slope;
+        states += by_state * by_state;
+        rates += rate * rate;
+        sizes += state * state;
+    }
+    const ncgen_real moved = h * NCGEN_SQRT(rates / sizes);
+    const ncgen_scalar bound = held_down * method->stability;
+    return (moved < R(0.1) * needed && h * h * slopes > bound * bound * states) || moved < R(1.0e-3) * needed;
+}
+
+/* Is the mechanism stiff? Looked at now and then, and at every step once one speaks for it. */
+static int is_stiff(const ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar h)
+{
+    if (w->stiff == 0 && (r->statistics->steps + 1) % STIFF_EVERY != 0)
+        return 0;
+    if (speaks_for_stiffness(r, w, method, h)) {
+        w->not_stiff = 0;
+        w->stiff = w->stiff + 1 < STIFF_LIMIT ? w->stiff + 1 : 0;
+        return w->stiff == 0;
+    }
+    w->not_stiff += 1;
+    if (w->not_stiff >= STIFF_DOUBT)
+        w->stiff = 0;
+    return 0;
+}
+
 static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 {
     const ncgen_scalar end = r->times[r->n_times - 1];
     const ncgen_scalar power = -1 / (ncgen_scalar)(method->order + 1);
     ncgen_scalar t = r->times[0];
     ncgen_scalar h = ncgen_first_step(r, w, method->order, t, end - t);
-    int repeats = 0, rejected = 0;
+    int repeats = 0, rejected = 0, stiff = 0, trouble = NCGEN_NOT_CONVERGED;
     while (t < end) {
         if (r->options->max_steps && r->statistics->steps >= r->options->max_steps)
             return NCGEN_NOT_CONVERGED;
@@ -183,12 +238,15 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         if (last)
             h = end - t;
         if (!(t + h > t))
-            return NCGEN_NOT_CONVERGED;
+            return trouble;
         int status = trial_step(r, w, method, t, h);
+        if (status == NCGEN_INTERRUPTED)
+            return status;
         const ncgen_real error = status == NCGEN_OK ? error_of(r, w, method, h) : 0;
         if (status != NCGEN_OK || !(error < R(1.0e30))) {
+            trouble = status != NCGEN_OK ? status : NCGEN_NOT_CONVERGED;
             if (++repeats > REPEAT_LIMIT)
-                return status != NCGEN_OK ? status : NCGEN_NOT_CONVERGED;
+                return trouble;
             r->statistics->repeated += 1;
             r->careful = repeats > 1; /* again: it may be rounding */
             h *= R(0.25);
@@ -206,12 +264,18 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             factor = R(10.0);
         if (rejected && factor > R(1.0))
             factor = R(1.0);
+        if (repeats == 0 && rejected == 0)
+            trouble = NCGEN_NOT_CONVERGED; /* what was wrong is behind */
         repeats = rejected = 0;
         const ncgen_scalar t_new = last ? end : t + h;
+        stiff = is_stiff(r, w, method, h);
+        r->statistics->stiff += stiff;
         status = finish_step(r, w, method, t, t_new);
-        if (r->statistics->stopped || (status != NCGEN_OK && t_new < end))
+        if (status != NCGEN_OK || r->statistics->stopped)
             return status;
         t = t_new;
+        if (stiff && t < end && r->options->stop_when_stiff)
+            return NCGEN_STIFF;
         h *= factor;
     }
     return NCGEN_OK;
@@ -222,17 +286,18 @@ static int run_fixed(ncgen_run *r, ncgen_stepping *w, const tableau *method)
     for (int row = 1; row < r->n_times; ++row) {
         const ncgen_scalar span = r->times[row] - r->times[row - 1];
         const ncgen_scalar count = ncgen_step_count(r, span);
+        if (!(count > 0))
+            return NCGEN_ARGUMENT;
         for (ncgen_scalar i = 0; i < count; i += 1) {
             const ncgen_scalar t = r->times[row - 1] + i * (span / count);
             const int last = i + 1 >= count;
             const ncgen_scalar t_new = last ? r->times[row] : r->times[row - 1] + (i + 1) * (span / count);
+            if (!(t_new > t))
+                return NCGEN_ARGUMENT;
             int status = trial_step(r, w, method, t, t_new - t);
-            if (status != NCGEN_OK)
-                return status;
-            status = finish_step(r, w, method, t, t_new);
-            if (r->statistics->stopped)
-                return status;
-            if (status != NCGEN_OK && !(last && row + 1 == r->n_times))
+            if (status == NCGEN_OK)
+                status = finish_step(r, w, method, t, t_new);
+            if (status != NCGEN_OK || r->statistics->stopped)
                 return status;
         }
     }
@@ -243,6 +308,8 @@ int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
 {
     const tableau *method = &tableaus[r->options->method];
     int status = r->derivative(r, r->times[0], r->y, slope(r, w, 0));
+    if (status == NCGEN_OK && !ncgen_is_finite(r->ny, slope(r, w, 0)))
+        status = NCGEN_DOMAIN;
     if (status == NCGEN_OK)
         (void)ncgen_accept(r, r->times[0], r->y);
     w->interpolate = interpolate;

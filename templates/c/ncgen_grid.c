@@ -7,11 +7,19 @@
 /* A row nearer to the end of a step than this share of it takes the state of the step itself. */
 static const ncgen_scalar on_the_grid = R(1.0e-9);
 
+/* NCGEN_DOMAIN unless the state that was evaluated last, and its work, are numbers. */
+static int check_state(const ncgen_run *r, ncgen_real work)
+{
+    return ncgen_is_finite(r->n, r->q) && ncgen_is_finite(r->n, r->qd) && ncgen_is_finite(1, &work) ? NCGEN_OK : NCGEN_DOMAIN;
+}
+
 /* q and qd at t + s h. */
 static int state_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
 {
-    const int status = w->interpolate(r, w, t, h, s);
-    return status == NCGEN_OK ? r->state(r, t + s * h, w->at) : status;
+    int status = w->interpolate(r, w, t, h, s);
+    if (status == NCGEN_OK)
+        status = r->state(r, t + s * h, w->at);
+    return status == NCGEN_OK ? check_state(r, w->at[r->weighed - 1]) : status;
 }
 
 /* The event's function at the state there is, signed so that it stops when it becomes positive. */
@@ -65,7 +73,8 @@ static int locate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar 
     return state_inside(r, w, t, h, *s);
 }
 
-/* Rows of the grid before the share `end` of the step from t to t + h, by interpolation. */
+/* Rows of the grid before the share `end` of the step from t to t + h, by interpolation. Where they are many the run may be
+ * ended between two of them. */
 static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar end)
 {
     while (r->rows < r->n_times && r->times[r->rows] < t + end * h) {
@@ -73,13 +82,19 @@ static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
         if (status != NCGEN_OK)
             return status;
         ncgen_write_row(r, w->at[r->weighed - 1]);
+        if (ncgen_listen(r, t + h) != NCGEN_OK) {
+            ncgen_keep_state(r, r->times[r->rows - 1], w->at[r->weighed - 1]);
+            return NCGEN_INTERRUPTED;
+        }
     }
     return NCGEN_OK;
 }
 
 int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w)
 {
-    const int status = r->options->event ? event_value(r, r->times[0], &w->event) : NCGEN_OK;
+    int status = check_state(r, r->y[r->weighed - 1]);
+    if (status == NCGEN_OK && r->options->event)
+        status = event_value(r, r->times[0], &w->event);
     if (status == NCGEN_OK)
         ncgen_write_row(r, r->y[r->weighed - 1]);
     return status;
@@ -89,7 +104,10 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
 {
     const ncgen_scalar h = t_new - t;
     const ncgen_real before = w->event;
-    int status = ncgen_accept(r, t_new, w->new_y);
+    int status = check_state(r, w->new_y[r->weighed - 1]);
+    if (status != NCGEN_OK)
+        return status;
+    status = ncgen_accept(r, t_new, w->new_y);
     r->statistics->steps += 1;
     int trouble = r->options->event ? event_value(r, t_new, &w->event) : NCGEN_OK;
     if (trouble == NCGEN_OK && r->options->event && crosses(r->options->event, before, w->event)) {
@@ -98,17 +116,20 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
         if (trouble != NCGEN_OK)
             return trouble;
         ncgen_keep_state(r, t + s * h, w->at[r->weighed - 1]);
-        r->statistics->stopped = 1;
-        return write_inside(r, w, t, h, s);
+        trouble = write_inside(r, w, t, h, s);
+        r->statistics->stopped = trouble == NCGEN_OK;
+        return trouble;
     }
     if (trouble == NCGEN_OK)
         trouble = write_inside(r, w, t, h, 1 - on_the_grid);
+    if (trouble != NCGEN_OK)
+        return trouble;
     ncgen_copy(r->n, r->start_q, r->q);
     ncgen_copy(r->n, r->start_qd, r->qd);
     ncgen_copy(r->ny, w->new_y, r->y);
-    if (trouble == NCGEN_OK && r->rows < r->n_times && r->times[r->rows] <= t_new + on_the_grid * h)
+    if (r->rows < r->n_times && r->times[r->rows] <= t_new + on_the_grid * h)
         ncgen_write_row(r, r->y[r->weighed - 1]);
-    return trouble != NCGEN_OK ? trouble : status;
+    return status;
 }
 
 /* The cubic between two states and their slopes. */

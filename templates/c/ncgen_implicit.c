@@ -171,7 +171,9 @@ static int find_rates(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_
         ncgen_real *stage = part(r, m->stages, k);
         for (int i = 0; i < r->ny; ++i)
             w->at[i] = r->y[i] + stage[i];
-        const int status = r->derivative(r, t + radau_c[k] * h, w->at, part(r, m->rates, k));
+        int status = ncgen_listen(r, t + radau_c[k] * h);
+        if (status == NCGEN_OK)
+            status = r->derivative(r, t + radau_c[k] * h, w->at, part(r, m->rates, k));
         if (status != NCGEN_OK)
             return status;
         for (int i = r->weighed; i < r->ny; ++i)
@@ -230,7 +232,7 @@ static int solve_stages(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncge
         solve_shifted(r, m, &m->complex, m->right + ny, m->change + ny);
         const ncgen_real size = size_of_change(r, m);
         if (!(size < R(1.0e30)))
-            return NCGEN_NOT_CONVERGED;
+            return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
         if (m->iterations > 1) {
             m->rate = size / before;
             ncgen_real left = size / (1 - m->rate);
@@ -264,7 +266,7 @@ static int attempt(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sca
             predict(r, w, m, m->last_step > 0 ? h / m->last_step : 0);
             status = solve_stages(r, w, m, t, h);
         }
-        if (status == NCGEN_OK || m->fresh)
+        if (status == NCGEN_OK || status == NCGEN_INTERRUPTED || m->fresh)
             return status;
         const int found = find_jacobian(r, m, t, r->y);
         m->fresh = 1;
@@ -319,6 +321,8 @@ static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_sc
         status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
     if (status != NCGEN_OK)
         return status;
+    if (!ncgen_is_finite(r->ny, w->new_y) || !ncgen_is_finite(r->ny, w->slopes + r->ny))
+        return NCGEN_DOMAIN;
     for (int k = 0; k < 3; ++k)
         for (int i = 0; i < r->ny; ++i) {
             ncgen_real sum = 0;
@@ -334,7 +338,7 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     const ncgen_scalar end = r->times[r->n_times - 1];
     ncgen_scalar t = r->times[0];
     ncgen_scalar h = ncgen_first_step(r, w, ORDER, t, end - t);
-    int repeats = 0, rejected = 0;
+    int repeats = 0, rejected = 0, trouble = NCGEN_NOT_CONVERGED;
     int status = find_jacobian(r, m, t, r->y);
     m->fresh = 1;
     m->last_step = 0;
@@ -352,8 +356,10 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         if (h < wanted || h > wanted)
             m->factored = 0;
         if (!(t + h > t))
-            return NCGEN_NOT_CONVERGED;
+            return trouble;
         int tried = attempt(r, w, m, t, h);
+        if (tried == NCGEN_INTERRUPTED)
+            return tried;
         const ncgen_scalar safety = R(0.9) * (2 * ITERATION_LIMIT + 1) / (ncgen_scalar)(2 * ITERATION_LIMIT + m->iterations);
         ncgen_real error = 0;
         for (int i = 0; i < r->ny && tried == NCGEN_OK; ++i)
@@ -364,8 +370,9 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             tried = conclude(r, w, m, t, h);
         if (tried != NCGEN_OK || !(error < R(1.0e30))) {
             const long all = r->statistics->repeated += 1;
+            trouble = tried != NCGEN_OK ? tried : NCGEN_NOT_CONVERGED;
             if (++repeats > REPEAT_LIMIT || (all > PATIENCE && all > r->statistics->steps / 2))
-                return tried != NCGEN_OK ? tried : NCGEN_NOT_CONVERGED;
+                return trouble;
             r->careful = repeats > 1; /* again: it may be rounding */
             m->factored = 0;
             h *= R(0.5);
@@ -382,14 +389,15 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         }
         const ncgen_scalar t_new = last ? end : t + h;
         const int renew = m->iterations > 2 && m->rate > R(1.0e-3);
+        if (repeats == 0 && rejected == 0)
+            trouble = NCGEN_NOT_CONVERGED; /* what was wrong is behind */
         repeats = rejected = 0;
         m->fresh = 0;
         m->last_step = h;
         m->last_error = error;
         status = ncgen_grid_step(r, w, t, t_new);
-        if (r->statistics->stopped || (status != NCGEN_OK && t_new < end))
+        if (status != NCGEN_OK || r->statistics->stopped)
             return status;
-        status = NCGEN_OK;
         t = t_new;
         ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
         if (renew && t < end) {
@@ -423,7 +431,9 @@ static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncg
     for (int i = 0; i < r->ny; ++i)
         w->new_y[i] = r->y[i] + h * w->slopes[i];
     for (int pass = 0; pass < FIXED_LIMIT; ++pass) {
-        const int status = r->derivative(r, t + h, w->new_y, m->rates);
+        int status = ncgen_listen(r, t + h);
+        if (status == NCGEN_OK)
+            status = r->derivative(r, t + h, w->new_y, m->rates);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < r->weighed; ++i)
@@ -434,7 +444,7 @@ static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncg
         for (int i = 0; i < r->weighed; ++i) {
             w->new_y[i] += m->change[i];
             if (m->change[i] != m->change[i])
-                return NCGEN_NOT_CONVERGED;
+                return NCGEN_DOMAIN;
             if (NCGEN_ABS(m->change[i]) > size)
                 size = NCGEN_ABS(m->change[i]);
             if (NCGEN_ABS(w->new_y[i]) > least)
@@ -454,7 +464,7 @@ static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, 
     int status = NCGEN_NOT_CONVERGED;
     if (m->factored && !(m->last_step < h || m->last_step > h))
         status = correct_fixed(r, w, m, t, h);
-    if (status != NCGEN_OK) {
+    if (status != NCGEN_OK && status != NCGEN_INTERRUPTED) {
         for (int i = 0; i < r->ny; ++i)
             w->new_y[i] = r->y[i] + h * w->slopes[i];
         status = find_jacobian(r, m, t + h, w->new_y);
@@ -467,7 +477,11 @@ static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, 
     }
     if (status == NCGEN_OK && r->settle)
         status = r->settle(r, t + h, w->new_y);
-    return status == NCGEN_OK ? r->derivative(r, t + h, w->new_y, w->slopes + r->ny) : status;
+    if (status == NCGEN_OK)
+        status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
+    if (status == NCGEN_OK && !(ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->slopes + r->ny)))
+        status = NCGEN_DOMAIN;
+    return status;
 }
 
 static int run_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
@@ -479,11 +493,13 @@ static int run_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     while (t < end) {
         const int last = t + r->options->max_step >= end;
         const ncgen_scalar t_new = last ? end : t + r->options->max_step;
+        if (!(t_new > t))
+            return NCGEN_ARGUMENT;
         int status = trapezoidal_step(r, w, m, t, last ? end - t : r->options->max_step);
         if (status != NCGEN_OK)
             return status;
         status = ncgen_grid_step(r, w, t, t_new);
-        if (r->statistics->stopped || (status != NCGEN_OK && t_new < end))
+        if (status != NCGEN_OK || r->statistics->stopped)
             return status;
         ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
         t = t_new;
@@ -494,6 +510,8 @@ static int run_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 int ncgen_implicit_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
     int status = r->derivative(r, r->times[0], r->y, w->slopes);
+    if (status == NCGEN_OK && !ncgen_is_finite(r->ny, w->slopes))
+        status = NCGEN_DOMAIN;
     m->factored = 0;
     m->iterations = 0;
     if (status == NCGEN_OK)

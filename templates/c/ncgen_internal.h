@@ -59,6 +59,7 @@ struct ncgen_run {
     int (*jacobian)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian);
     struct ncgen_partitioning *partitioning;
     struct ncgen_constrained *constrained;
+    long patience;                  /* steps until the watch is called; -1: it has ended the run */
     int careful;                    /* the step is repeated: emitted eliminations give way to those with row exchanges */
     struct ncgen_slopes *slopes;
 
@@ -125,6 +126,7 @@ typedef struct ncgen_stepping {
     ncgen_real event;            /* value of the event's function at the last accepted state */
     /* at: the state at t + s h, inside a step from y to new_y */
     int (*interpolate)(ncgen_run *r, struct ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s);
+    int stiff, not_stiff;        /* steps in a row that spoke for a stiff mechanism, and against it since then */
 } ncgen_stepping;
 
 /* A factored matrix s - J, see ncgen_implicit.c. */
@@ -172,7 +174,9 @@ int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics
 int ncgen_is_stepper(const ncgen_options *options); /* does the method discretise the constrained equations themselves? */
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
 void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
-ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span);
+ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span); /* 0: more than can be counted */
+int ncgen_listen(ncgen_run *r, ncgen_scalar t);       /* before whatever takes long, at time t; NCGEN_INTERRUPTED ends the run */
+int ncgen_is_finite(int count, const ncgen_real *x);  /* is no number infinite or none at all? */
 ncgen_real *ncgen_take(ncgen_space *space, int count);
 void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to);
 ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b);
@@ -242,7 +246,7 @@ ncgen_real ncgen_correction_size(const ncgen_run *r, const ncgen_real *x);
 int ncgen_is_rounding(const ncgen_run *r, ncgen_real size, ncgen_real last);
 ncgen_real *ncgen_phi_q_values(const ncgen_run *r);
 void ncgen_subtract_multipliers(const ncgen_run *r, const ncgen_real *values, ncgen_real *forces);
-void ncgen_count_correction(ncgen_run *r);
+int ncgen_begin_correction(ncgen_run *r, ncgen_scalar t); /* counts a Newton step on the equations of a step, and listens */
 int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t);
 int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t);
 void ncgen_fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q);

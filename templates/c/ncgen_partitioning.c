@@ -218,15 +218,6 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
     return ncgen_partitioning_accelerate(r, t, zd);
 }
 
-/* Is no number infinite or none at all? With one of these the sum is, too, and to look at the sum alone costs least. */
-static int is_finite(int count, const ncgen_real *x)
-{
-    ncgen_real sum = 0;
-    for (int i = 0; i < count; ++i)
-        sum += x[i];
-    return sum - sum >= 0;
-}
-
 /* The dependent coordinates of y at time t for the independent ones. */
 int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
@@ -244,8 +235,8 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
             return status;
         const ncgen_real size = residual(r);
         if (!(size < R(1.0e30)))
-            return NCGEN_NOT_CONVERGED;
-        if (!emitted || (r->partitioning->lu && !is_finite(d->n_dependent, r->partitioning->step)))
+            return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
+        if (!emitted || (r->partitioning->lu && !ncgen_is_finite(d->n_dependent, r->partitioning->step)))
             status = dense_step(r, t);
         if (status != NCGEN_OK)
             return status;

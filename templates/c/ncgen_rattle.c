@@ -16,10 +16,10 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
     const int n = r->n;
     const ncgen_real *velocity = r->y, *position = r->y + n;
     const ncgen_real *acceleration = r->constrained->solution;
-    int status = NCGEN_OK;
+    int status = ncgen_listen(r, t + h);
     (void)w;
     (void)c;
-    if (!r->constrained->kept) {
+    if (status == NCGEN_OK && !r->constrained->kept) {
         ncgen_copy(n, position, r->q);
         ncgen_copy(n, velocity, r->qd);
         status = ncgen_constrained_accelerations(r, t);
@@ -52,8 +52,9 @@ static int drift(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar
     for (int i = 0; i < n; ++i)
         r->qd[i] = velocity[i] + h / 2 * r->slopes->qdd[i];
     for (int pass = 0; pass < ITERATION_LIMIT && status == NCGEN_OK; ++pass) {
-        ncgen_count_correction(r);
-        status = ncgen_find_forces(r, c, t);
+        status = ncgen_begin_correction(r, t + h);
+        if (status == NCGEN_OK)
+            status = ncgen_find_forces(r, c, t);
         if (status == NCGEN_OK)
             status = ncgen_find_tangents(r, t);
         ncgen_subtract_multipliers(r, c->left, c->rest);

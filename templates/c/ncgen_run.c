@@ -99,14 +99,40 @@ int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
     return r->accept ? r->accept(r, t) : NCGEN_OK;
 }
 
-/* How many fixed steps of at most max_step make up a span. */
+/* How many fixed steps of at most max_step make up a span; 0 if a number cannot count them. */
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
 {
     const ncgen_scalar least = r->options->max_step > 0 ? span / r->options->max_step - R(1.0e-6) : 0;
-    ncgen_scalar count = (ncgen_scalar)(long)least;
+    if (!(least < 1 / r->rounding && least < R(1.0e15)))
+        return 0;
+    ncgen_scalar count = (ncgen_scalar)(long long)least;
     if (count < least)
         count += 1;
     return count < 1 ? 1 : count;
+}
+
+int ncgen_listen(ncgen_run *r, ncgen_scalar t)
+{
+    r->statistics->tried = t;
+    if (!r->options->watch)
+        return NCGEN_OK;
+    if (r->patience == 0)
+        r->patience = r->options->watch(r->options->context, r->start_t);
+    if (r->patience <= 0) {
+        r->patience = -1; /* whoever asks again gets the same answer */
+        return NCGEN_INTERRUPTED;
+    }
+    r->patience -= 1;
+    return NCGEN_OK;
+}
+
+/* With an infinite number or none the sum is, too, and to look at the sum alone costs least. */
+int ncgen_is_finite(int count, const ncgen_real *x)
+{
+    ncgen_real sum = 0;
+    for (int i = 0; i < count; ++i)
+        sum += x[i];
+    return sum - sum >= 0;
 }
 
 typedef struct parts {
@@ -177,6 +203,7 @@ static void describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamic
     r->settle = NULL;
     r->accept = NULL;
     r->careful = r->rows = 0;
+    r->patience = options->patience > 1 ? options->patience : 1;
 }
 
 static void clear_statistics(ncgen_statistics *s, ncgen_scalar t)
@@ -184,8 +211,9 @@ static void clear_statistics(ncgen_statistics *s, ncgen_scalar t)
     s->steps = s->rejected = s->repeated = s->evaluations = s->newton_steps = 0;
     s->factorisations = s->perturbed = s->refinements = s->jacobians = s->fallbacks = 0;
     s->stopped = 0;
+    s->stiff = 0;
     s->largest_projection = 0;
-    s->t = t;
+    s->t = s->tried = t;
 }
 
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
@@ -212,6 +240,15 @@ static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, co
     if (facts[options->method].has_fixed_step && !(options->max_step > 0))
         return 0;
     return ncgen_is_stepper(options) || (facts[options->method].takes_derivative && options->formalism != NCGEN_ALI3P);
+}
+
+/* Is every instant after the one before? They are not where the clock's own number is too large to tell them apart. */
+static int is_ascending(int n_times, const ncgen_scalar *times)
+{
+    for (int i = 1; i < n_times; ++i)
+        if (!(times[i] > times[i - 1]))
+            return 0;
+    return 1;
 }
 
 /* Everything ready for a run from the position q. */
@@ -259,7 +296,7 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
                    ncgen_statistics *statistics, ncgen_real *workspace, int *integers)
 {
     *rows = 0;
-    if (!possible(model, dynamics, options, n_times))
+    if (!possible(model, dynamics, options, n_times) || !is_ascending(n_times, times))
         return NCGEN_ARGUMENT;
     parts w;
     ncgen_run r;
@@ -285,5 +322,5 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     ncgen_copy(r.n, r.start_q, out_q + (size_t)n_times * (size_t)r.n);
     ncgen_copy(r.n, r.start_qd, out_qd + (size_t)n_times * (size_t)r.n);
     out_work[n_times] = r.start_work;
-    return status;
+    return status == NCGEN_PIVOT && r.rows == n_times ? NCGEN_OK : status; /* other coordinates have nothing left to do */
 }

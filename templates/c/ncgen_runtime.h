@@ -65,11 +65,12 @@ typedef struct ncgen_event {
     ncgen_velocity_kernel *function; /* one number */
 } ncgen_event;
 
-/* Returned by a run that its watch has ended. */
-enum { NCGEN_INTERRUPTED = 6 };
+/* What a run returns besides: its watch has ended it; it was found stiff and asked to stop then. */
+enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7 };
 
 /* Who listens to a long run: called now and then with the time reached, on the caller's own thread. Returns how many steps
- * may be tried before the next call, 0 to end the run at the last accepted state. */
+ * may be tried before the next call, 0 to end the run at the last accepted state. Every stage of a step and every iteration
+ * in it counts as one, since a large mechanism takes long for each. */
 typedef long ncgen_watch(void *context, ncgen_scalar t);
 
 typedef struct ncgen_options {
@@ -93,6 +94,7 @@ typedef struct ncgen_options {
     ncgen_watch *watch;     /* NULL: nobody listens */
     void *context;          /* of the watch */
     long patience;          /* steps that are tried before the first call of the watch, at least 1 */
+    int stop_when_stiff;    /* 1: dopri5 and dop853 end with NCGEN_STIFF where an implicit method would serve better */
 } ncgen_options;
 
 typedef struct ncgen_statistics {
@@ -109,6 +111,8 @@ typedef struct ncgen_statistics {
     ncgen_scalar largest_projection; /* how far a step's end was moved onto the constraints, in natural sizes */
     long jacobians;   /* of the state derivative, or of a step's equations */
     long fallbacks;   /* accelerations with row exchanges, since an emitted elimination divided by zero or a step was repeated */
+    ncgen_scalar tried; /* time of the last stage or iteration: how far a step went that did not succeed */
+    long stiff;       /* how often dopri5 or dop853 found that stability, not the error, holds the step down */
 } ncgen_statistics;
 
 /* end cdef */

@@ -65,6 +65,8 @@ int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
         step = ncgen_generalized_alpha;
     const ncgen_scalar start = r->times[0], end = r->times[r->n_times - 1];
     const ncgen_scalar count = ncgen_step_count(r, end - start), h = (end - start) / count;
+    if (!(count > 0 && start + h > start && end - h < end))
+        return NCGEN_ARGUMENT;
     w->interpolate = interpolate;
     int status = begin(r, c);
     if (status == NCGEN_OK)
@@ -74,8 +76,10 @@ int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
         status = step(r, w, c, start + i * h, h);
         ncgen_copy(r->n, r->qd, w->new_y);
         ncgen_copy(r->n, r->q, w->new_y + r->n);
-        if (!(ncgen_correction_size(r, r->q) < R(1.0e30)) || !(ncgen_correction_size(r, r->qd) < R(1.0e30)))
-            status = status == NCGEN_OK ? NCGEN_NOT_CONVERGED : status;
+        if (status == NCGEN_OK && !ncgen_is_finite(2 * r->n + 1, w->new_y))
+            status = NCGEN_DOMAIN;
+        if (status == NCGEN_OK && !(ncgen_correction_size(r, r->q) < R(1.0e30) && ncgen_correction_size(r, r->qd) < R(1.0e30)))
+            status = NCGEN_NOT_CONVERGED;
         if (status == NCGEN_OK)
             status = ncgen_grid_step(r, w, start + i * h, i + 1 < count ? start + (i + 1) * h : end);
     }

@@ -6,6 +6,7 @@ from math import ceil
 
 from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
+from ncgen.solver.finite import watched
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
@@ -32,28 +33,43 @@ def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, 
     """Fill an empty path over a time grid, to its end or to a `Stop`, with equal steps of max_step, or a little less so that they end with the grid.
 
     Instants within a step are interpolated and projected onto the constraints.
-    Raises ConvergenceError with the time where a step cannot be solved.
+    Raises ConvergenceError with the time where a step cannot be solved, DomainError naming what is not a number there. Whatever
+    is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
     """
+    kernels = watched(kernels)
     count = ceil((grid[-1] - grid[0]) / max_step * (1 - ON_THE_GRID))
     step = STEPPERS[method.formalism.name, method.integrator.name]
     stepper = step(kernels, grid[0], q, qd, p, (grid[-1] - grid[0]) / count, **method.options)
     path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
-    for taken in range(1, count + 1):
-        before = stepper.t, stepper.q, stepper.qd, stepper.work
-        stepper.step()
-        end, found = _stop(stepper, before, stop, path) if stop else (None, None)
-        reached = stepper.t + ON_THE_GRID * stepper.h
-        for t in [t for t in grid[len(path.q) :] if (t <= reached if found is None else t < end)]:
-            q, qd, work = _between(stepper, before, t, path)
-            path.extend(q[None], qd[None], [work], [0] * 5)
-        if found is not None:
-            path.stop(end, *found)
-            break
-        stepper.p = refresh_branches(kernels, stepper.q, stepper.p)
-        if progress:
-            progress(stepper.t)
-    path.jacobians += stepper.newton
-    path.counts = path.counts + [taken, stepper.newton, stepper.newton, 0, 0]
+    reached = stepper.t, stepper.q, stepper.qd, stepper.work
+    try:
+        for _ in range(count):
+            reached = _step(path, stepper, reached, grid, stop)
+            if path.stopped is not None:
+                break
+            if progress:
+                progress(stepper.t)
+    except BaseException:
+        path.break_off(grid, *reached)
+        raise
+    finally:
+        path.jacobians += stepper.newton
+        path.counts = path.counts + [stepper.taken, stepper.newton, stepper.newton, 0, 0]
+
+
+def _step(path: Path, stepper: Stepper, before: tuple, grid, stop) -> tuple:
+    """One step, and the instants of the grid within it; returns time, q, q̇ and work at its end."""
+    stepper.step()
+    end, found = _stop(stepper, before, stop, path) if stop else (None, None)
+    reached = stepper.t + ON_THE_GRID * stepper.h
+    for t in [t for t in grid[len(path.q) :] if (t <= reached if found is None else t < end)]:
+        q, qd, work = _between(stepper, before, t, path)
+        path.extend(q[None], qd[None], [work], [0] * 5)
+    if found is not None:
+        path.stop(end, *found)
+        return before
+    stepper.p = refresh_branches(stepper.kernels, stepper.q, stepper.p)
+    return stepper.t, stepper.q, stepper.qd, stepper.work
 
 
 def _stop(stepper: Stepper, before: tuple, stop, path: Path):

@@ -1,0 +1,214 @@
+"""Numbers that are none, infinite ones among them: found where they arise, and told by their owner's name.
+
+Kernels add up what many terms give, so that one term which is not a number makes all that is computed from it no number
+either. The solver therefore looks at what the kernels return (`watched`), and where that is not finite evaluates the terms
+one by one. A term may leave its domain in a stage that is only tried; the engines repeat such a step with a shorter one, and
+tell the owner where that does not help.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ncgen.errors import DomainError, ModelError, NcgenError
+from ncgen.solver.protocol import Kernels
+
+POSITION, VELOCITY = ("q", "t", "p"), ("q", "qd", "t", "p")
+
+WATCHED = {
+    "phi": ("phi", POSITION),
+    "phi_q": ("phi_q", POSITION),
+    "jacobian": ("phi_q", POSITION),
+    "nu": ("nu", POSITION),
+    "mass": ("mass", POSITION),
+    "mass_matrix": ("mass", POSITION),
+    "gamma": ("gamma", VELOCITY),
+    "force": ("force", VELOCITY),
+    "energy": ("energy", VELOCITY),
+    "stiffness": ("stiffness", ("q", "qd", "qdd", "lam", "t", "p")),
+    "damping": ("damping", VELOCITY),
+    "phidd_q": ("phidd_q", ("q", "qd", "qdd", "t", "p")),
+    "phidd_qd": ("phidd_qd", VELOCITY),
+}
+"""What is looked at: the method of `Kernels`, the kernel behind it, and its arguments."""
+
+DERIVED = {
+    "phi_q": "the derivative of ",
+    "nu": "the rate of ",
+    "gamma": "the acceleration of ",
+    "energy": "the energy of ",
+    "stiffness": "the derivative of ",
+    "damping": "the derivative of ",
+    "phidd_q": "the derivative of ",
+    "phidd_qd": "the derivative of ",
+}
+"""Words for what a kernel makes of a term; of the others it is the term itself."""
+
+INSTANT = ("phi", "phi_q", "nu", "mass", "gamma", "force", "energy")
+"""The kernels of an instant, those first that the others follow."""
+
+SHARES = (0.0, 1.0, 0.5, 0.25, 2.0, 4.0)
+"""Where a step that failed is looked at, as shares of how far it was tried."""
+
+NAMED = 3
+"""How many numbers a sentence gives of where it happened."""
+
+REMEDY = "correct the expression, or start and move where it is defined"
+
+
+def is_finite(values) -> bool:
+    """True if no number is infinite or none at all. The sum tells it in nearly all cases, and takes a third of the time."""
+    values = getattr(values, "data", values) if not isinstance(values, np.ndarray) else values
+    return math.isfinite(np.add.reduce(values, axis=None)) or bool(np.all(np.isfinite(values)))
+
+
+class Watched:
+    """The kernels of a mechanism, which raise DomainError with the owner's name where a result is not finite.
+
+    Where the state itself is not, that is told; the kernels have no part in it.
+    """
+
+    def __init__(self, kernels: Kernels):
+        self._kernels = kernels
+
+    def __getattr__(self, name: str):
+        if name.startswith("_"):
+            raise AttributeError(name)
+        value = getattr(self._kernels, name)
+        if not callable(value):
+            self.__dict__[name] = value
+        return value
+
+
+def _method(name: str, kernel: str, arguments: tuple[str, ...]):
+    def look(self, *given, **named):
+        value = getattr(self._kernels, name)(*given, **named)
+        if not is_finite(value):
+            raise refusal(self._kernels, kernel, **dict(zip(arguments, given, strict=False)), **named)
+        return value
+
+    return look
+
+
+for _name, _of in WATCHED.items():
+    setattr(Watched, _name, _method(_name, *_of))
+
+
+def watched(kernels: Kernels) -> Kernels:
+    """The same kernels, watched."""
+    return kernels if isinstance(kernels, Watched) else Watched(kernels)
+
+
+def check_instant(kernels: Kernels, q, qd=None, t=0.0, p=None) -> None:
+    """Raise DomainError with the owner of the first term that is not a number at an instant; without q̇ of positions alone."""
+    kernels = watched(kernels)
+    for kernel in INSTANT:
+        if WATCHED[kernel][1] is POSITION:
+            getattr(kernels, kernel)(q, t, p)
+        elif qd is not None:
+            getattr(kernels, kernel)(q, qd, t, p)
+
+
+def on_the_way(kernels: Kernels, q, qd, t: float, tried: float, p=None) -> DomainError | None:
+    """Why a run that came to a state and tried to go on to another time cannot, if a term is not a number there."""
+    try:
+        check_instant(kernels, q, qd, t, p)
+        qdd = _accelerations(kernels, q, qd, t, p)
+        for h in (share * (tried - t) for share in SHARES):
+            check_instant(kernels, q + h * (qd + h / 2 * qdd), qd + h * qdd, t + h, p)
+    except DomainError as found:
+        return found
+    except ModelError:  # of a callback that takes no such state
+        return None
+    return None
+
+
+def _accelerations(kernels: Kernels, q, qd, t: float, p) -> np.ndarray:
+    from ncgen.solver.formalisms import FORMALISMS
+
+    formalism = FORMALISMS["lagrange"]
+    try:
+        return formalism.motion(kernels, q, qd, t, p, formalism.options).qdd
+    except NcgenError:
+        return np.zeros(kernels.n)  # they are not determined: straight on
+
+
+def refusal(kernels: Kernels, kernel: str, q, t=0.0, p=None, qd=None, **more) -> DomainError:
+    """The sentence for a kernel that is not finite with these arguments: whose it is, when and where."""
+    p = kernels.p0 if p is None else p
+    given = {"q": q, "qd": q if qd is None else qd, "t": t, "p": p, **more}
+    said = _of_arguments(kernels, given) or _of_terms(kernels, _first(kernels, kernel, given), given)
+    return DomainError(f"{kernels.name}: {said}")
+
+
+def _first(kernels: Kernels, kernel: str, given: dict) -> str:
+    """The kernel where it begins: a derivative is no number where the term itself is none."""
+    for name in INSTANT:
+        arguments = [given[x] for x in WATCHED[name][1]]
+        if name == kernel or not is_finite(getattr(kernels, name)(*arguments)):
+            return name
+    return kernel
+
+
+def _of_arguments(kernels: Kernels, given: dict) -> str | None:
+    """What is wrong with the arguments themselves."""
+    if not math.isfinite(given["t"]):
+        return f"the time is {given['t']}; it must be a finite number of seconds"
+    names = {"p": kernels.parameters, "q": kernels.coordinates, "qd": tuple(f"rate({name})" for name in kernels.coordinates)}
+    for array, what in (("p", "parameter "), ("q", "coordinate "), ("qd", "")):
+        values = np.asarray(given[array], dtype=float)
+        if not is_finite(values):
+            first = int(np.argmin(np.isfinite(values)))
+            remedy = "give it a number" if array == "p" else "give the start in numbers, or take smaller steps (rtol, max_step)"
+            return f"{what}{names[array][first]} is {values[first]} at t = {given['t']:.6g} s, which is not a number; {remedy}"
+    return None
+
+
+def _of_terms(kernels: Kernels, kernel: str, given: dict) -> str:
+    from ncgen.program.assemble import KERNELS
+    from ncgen.program.tangents import TANGENTS
+
+    definition = {**KERNELS, **TANGENTS}[kernel]
+    equations = kernels.programs.equations
+    for term in definition.terms(equations):
+        if not _is_term_finite(term, definition, equations, given):
+            where = _where(kernels, term, given)
+            return f"{DERIVED.get(kernel, '')}{_words(kernels, term)} is not a number at t = {given['t']:.6g} s{where}; {REMEDY}"
+    return f"{kernel} is not a number at t = {given['t']:.6g} s, although every part of it is: the numbers are too large; {REMEDY}"
+
+
+def _is_term_finite(term, definition, equations, given: dict) -> bool:
+    """True if one term alone gives numbers to a kernel."""
+    from ncgen.program.assemble import programs_of
+    from ncgen.program.evaluate import evaluate
+    from ncgen.symbolic.equations import Equations
+
+    kinds = ("rows", "masses", "forces")
+    alone = Equations(equations.model, **{kind: tuple(x for x in getattr(equations, kind) if x is term) for kind in kinds})
+    program = programs_of([definition], alone, math.inf)[definition.name][0]
+    inputs = {name: float(x) if name == "t" else np.asarray(x, dtype=float).tolist() for name, x in given.items()}
+    try:
+        values = [] if program is None else evaluate(program, inputs)
+    except (ArithmeticError, ValueError):
+        return False  # what Python has in place of infinity and of no number at all
+    return all(not isinstance(x, complex) and math.isfinite(x) for x in values)
+
+
+def _words(kernels: Kernels, term) -> str:
+    """A term by the user's own name for it."""
+    if term.row is not None:
+        return f"row {term.row + 1} ({kernels.rows[term.row].label}, {term.owner})"
+    if term in kernels.programs.equations.masses:
+        return f"the mass of {term.label} ({term.owner})"
+    return term.label
+
+
+def _where(kernels: Kernels, term, given: dict) -> str:
+    """The coordinates and parameters that a term is made of, as far as they are few."""
+    used = dict.fromkeys(c.name for form in term.scalars for _, c in form)
+    found = [f"{name} = {given['q'][kernels.index[name]]:.6g}" for name in used if name in kernels.index]
+    named = {s.name for v in term.data for s in ([v.symbol] if hasattr(v, "symbol") else getattr(v, "free_symbols", ()))}
+    found += [f"{name} = {value:.6g}" for name, value in zip(kernels.parameters, given["p"], strict=True) if name in named]
+    return f" ({', '.join(found)})" if 0 < len(found) <= NAMED else ""
