@@ -8,6 +8,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from functools import cache
+from math import inf
 
 from ncgen.build.abi import runtime_abi
 
@@ -19,6 +20,22 @@ FIRST = 1000
 
 WORK = 5e7
 """Operations before the first call, where a stage takes the cube of a mechanism's size."""
+
+
+class Progress:
+    """Tells how far a simulation has come, forward only and not more often than anybody can see.
+
+    A simulation may be many runs, where it changes its coordinates, or some of it be done again.
+    """
+
+    def __init__(self, tell: Callable[[float], None] | None):
+        self._tell, self._last, self._clock = tell, -inf, -inf
+
+    def __call__(self, t: float) -> None:
+        if self._tell and t > self._last and time.perf_counter() - self._clock >= REACTION / 2:
+            self._last = t
+            self._tell(t)
+            self._clock = time.perf_counter()
 
 
 class Listener:

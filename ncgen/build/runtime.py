@@ -224,14 +224,13 @@ class ConstrainedDynamics(Dynamics):
         self._dynamics.elimination = self._elimination
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
 
-    def simulate(self, method: str, *args, rank: int = 0, progress=None, **options) -> Outcome:
+    def simulate(self, method: str, *args, rank: int = 0, **options) -> Outcome:
         """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
         self._dynamics.n_dependent = rank
-        done = super().simulate(method, *args, progress=progress, **options)
+        done = super().simulate(method, *args, **options)
         if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
             # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
-            onward = progress and (lambda t: progress(max(t, done.reached)))  # noqa: B023
-            return super().simulate(method, *args, newton=True, progress=onward, **options)
+            done = super().simulate(method, *args, newton=True, **options)
         return done
 
 

@@ -93,6 +93,7 @@ def run_constrained(
     stop_when_stiff: dopri5 and dop853 end with the reason STIFF where an implicit integrator would serve better
     Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number.
     """  # fmt: skip
+    from ncgen.build.listening import Progress
     from ncgen.build.runtime import ConstrainedDynamics
 
     known = kernels.__dict__.setdefault("_constrained", {})
@@ -109,7 +110,7 @@ def run_constrained(
     done = dynamics.simulate(
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism), project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, times[0], p).rank, max_steps=MOST_STEPS, event=stop, max_step=max_step, progress=progress,
+        rank=freedom(kernels, q, times[0], p).rank, max_steps=MOST_STEPS, event=stop, max_step=max_step, progress=Progress(progress),
         stop_when_stiff=int(stop_when_stiff), **_weights(settings),
         **tolerances.in_c(kernels.column_sizes),
     )  # fmt: skip
@@ -199,44 +200,52 @@ def run(
     form: of the state derivative, as for `dynamics`; progress, stop_when_stiff: as for `run_constrained`
     Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number.
     """  # fmt: skip
+    from ncgen.build.listening import Progress
+
     seen, sizes = [path.partitions], kernels.column_sizes
-    work, grid, growth = 0.0, np.asarray(grid, dtype=float), GROWTH
+    qd, work, grid, growth = None, 0.0, np.asarray(grid, dtype=float), GROWTH
     if len(path.q):
         q, qd, work = path.take_last()
         zd = qd[path.partitions.velocity.independent]
     times = grid[len(path.q) :]
-    t = float(times[0])
-    while True:
-        here = dynamics(kernels, path.partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
-        done = here.simulate(
-            method.integrator.name, times, q, zd, p, max_step, stop, tolerance=closeness(number), growth=growth, progress=progress,
-            stop_when_stiff=int(stop_when_stiff), **tolerances.in_c(sizes[path.partitions.velocity.independent]),
-        )  # fmt: skip
-        fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
-        counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
-        path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
-        path.jacobians += done.jacobians
-        path.fallbacks += done.fallbacks
-        path.stiff += done.stiff
-        if done.stopped:
-            path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
-        if done.stopped or done.status == "ok" or len(path.q) == len(grid):
-            return None
-        lost = grid[len(path.q)] < done.reached  # rows inside a step that was taken
-        reason = _ended(path, kernels, grid, done, work, p)
-        if reason == STIFF or lost:
-            return reason
-        advanced = done.reached > t
-        t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
-        before, path.partitions = path.partitions, _better(kernels, path.partitions, seen, q, t, p)
-        changed = path.partitions is not before
-        if not (advanced or changed):
-            return reason
-        path.counts[3] += changed
-        growth = GROWTH if changed else GROWTH * growth  # nothing better here: look again when it is worse
-        zd = qd[path.partitions.velocity.independent]
-        left = np.asarray(grid[len(path.q) :])
-        times = np.concatenate([[t], left[left > t]])
+    t, progress = float(times[0]), Progress(progress)
+    try:
+        while True:
+            progress(t)
+            here = dynamics(kernels, path.partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
+            done = here.simulate(
+                method.integrator.name, times, q, zd, p, max_step, stop, tolerance=closeness(number), growth=growth, progress=progress,
+                stop_when_stiff=int(stop_when_stiff), **tolerances.in_c(sizes[path.partitions.velocity.independent]),
+            )  # fmt: skip
+            fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
+            counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
+            path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
+            path.jacobians += done.jacobians
+            path.fallbacks += done.fallbacks
+            path.stiff += done.stiff
+            if done.stopped:
+                path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
+            if done.stopped or done.status == "ok" or len(path.q) == len(grid):
+                return None
+            lost = grid[len(path.q)] < done.reached  # rows inside a step that was taken
+            reason = _ended(path, kernels, grid, done, work, p)
+            if reason == STIFF or lost:
+                return reason
+            advanced = done.reached > t
+            t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
+            before, path.partitions = path.partitions, _better(kernels, path.partitions, seen, q, t, p)
+            changed = path.partitions is not before
+            if not (advanced or changed):
+                return reason
+            path.counts[3] += changed
+            growth = GROWTH if changed else GROWTH * growth  # nothing better here: look again when it is worse
+            zd = qd[path.partitions.velocity.independent]
+            left = np.asarray(grid[len(path.q) :])
+            times = np.concatenate([[t], left[left > t]])
+    except BaseException:
+        if path.stopped is None and (len(path.q) or qd is not None):  # else it had not begun
+            path.break_off(grid, t, q, qd, work)
+        raise
 
 
 def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q, t, p) -> Partitions:
