@@ -85,23 +85,26 @@ static inline ncgen_lanes ncgen_splat(double x)
     return zero + x;
 }
 
+/* An argument that may be a number, the same for all lanes, or lanes; a zero taken away changes neither, not even the sign of a zero. */
+#define NCGEN_LANES_OF(x) ((x) - (ncgen_lanes){0})
+
 #define NCGEN_SPLAT(x) ncgen_splat(x)
-#define NCGEN_SQRT(x) ncgen_lanes_sqrt(x)
-#define NCGEN_SIN(x) ncgen_lanes_sin(x)
-#define NCGEN_COS(x) ncgen_lanes_cos(x)
-#define NCGEN_TAN(x) ncgen_lanes_tan(x)
-#define NCGEN_ASIN(x) ncgen_lanes_asin(x)
-#define NCGEN_ACOS(x) ncgen_lanes_acos(x)
-#define NCGEN_ATAN(x) ncgen_lanes_atan(x)
-#define NCGEN_ATAN2(y, x) ncgen_lanes_atan2(y, x)
-#define NCGEN_SINH(x) ncgen_lanes_sinh(x)
-#define NCGEN_COSH(x) ncgen_lanes_cosh(x)
-#define NCGEN_TANH(x) ncgen_lanes_tanh(x)
-#define NCGEN_EXP(x) ncgen_lanes_exp(x)
-#define NCGEN_LOG(x) ncgen_lanes_log(x)
-#define NCGEN_ABS(x) ncgen_lanes_fabs(x)
-#define NCGEN_SIGN(x) ncgen_lanes_sign(x)
-#define NCGEN_POW(x, y) ncgen_lanes_pow(x, y)
+#define NCGEN_SQRT(x) ncgen_lanes_sqrt(NCGEN_LANES_OF(x))
+#define NCGEN_SIN(x) ncgen_lanes_sin(NCGEN_LANES_OF(x))
+#define NCGEN_COS(x) ncgen_lanes_cos(NCGEN_LANES_OF(x))
+#define NCGEN_TAN(x) ncgen_lanes_tan(NCGEN_LANES_OF(x))
+#define NCGEN_ASIN(x) ncgen_lanes_asin(NCGEN_LANES_OF(x))
+#define NCGEN_ACOS(x) ncgen_lanes_acos(NCGEN_LANES_OF(x))
+#define NCGEN_ATAN(x) ncgen_lanes_atan(NCGEN_LANES_OF(x))
+#define NCGEN_ATAN2(y, x) ncgen_lanes_atan2(NCGEN_LANES_OF(y), NCGEN_LANES_OF(x))
+#define NCGEN_SINH(x) ncgen_lanes_sinh(NCGEN_LANES_OF(x))
+#define NCGEN_COSH(x) ncgen_lanes_cosh(NCGEN_LANES_OF(x))
+#define NCGEN_TANH(x) ncgen_lanes_tanh(NCGEN_LANES_OF(x))
+#define NCGEN_EXP(x) ncgen_lanes_exp(NCGEN_LANES_OF(x))
+#define NCGEN_LOG(x) ncgen_lanes_log(NCGEN_LANES_OF(x))
+#define NCGEN_ABS(x) ncgen_lanes_fabs(NCGEN_LANES_OF(x))
+#define NCGEN_SIGN(x) ncgen_lanes_sign(NCGEN_LANES_OF(x))
+#define NCGEN_POW(x, y) ncgen_lanes_pow(NCGEN_LANES_OF(x), NCGEN_LANES_OF(y))
 
 /* Lanes with angles that ncgen_sincos does not reduce take the library's sine and cosine. */
 #define NCGEN_SINCOS_FAR(n, x, sine, cosine)                                          \

@@ -92,6 +92,13 @@ def test_far_angles_as_alone(everything):
     assert_as_alone(everything, q, qd, t, None)
 
 
+def test_functions_of_constants():
+    """The disc's rows have angles of fixed directions: functions whose arguments are in part the same for all lanes."""
+    kernels = exactly(ncgen.generate(ncgen.load("disc")))
+    q, qd, t = states(kernels)
+    assert_as_alone(kernels, q, qd, t, None)
+
+
 def test_what_computes_much_is_in_lanes(robot):
     """γ has seven operations for every number that it reads or writes, the mass matrix one."""
     assert robot.batch.in_lanes("gamma") and not robot.batch.in_lanes("mass")
