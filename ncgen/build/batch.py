@@ -13,11 +13,13 @@ import os
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from functools import cached_property
+from numbers import Integral
 
 import numpy as np
 from cffi import FFI
 
 from ncgen.build.abi import abi, declared
+from ncgen.build.arguments import numbers, place
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.emit.c import HEADERS, c_files
@@ -45,7 +47,8 @@ class Batch(ABC):
 
     Results have one row a state; of matrices the nonzeros, in the order of `kernels.phi_q_pattern` and `mass_pattern`.
     out: where to put them; an array that is used again saves the time that the system needs to give a new one
-    Raises NcgenError naming the argument whose shape is wrong, or for forces that a Python function computes.
+    Raises NcgenError naming the argument that is no array of real numbers, or whose shape is wrong, or for forces that a Python
+    function computes.
     """
 
     def __init__(self, kernels):
@@ -84,7 +87,7 @@ class Batch(ABC):
         kernels = self.kernels
         if kernels.model.callbacks and kernel in ("force", "energy"):
             raise NcgenError(f"{kernels.name}.batch.{kernel}: the model calls a Python function; call kernels.{kernel} for every state")
-        q = np.asarray(q, dtype=float)
+        q = numbers(q, f"{kernels.name}.batch.{kernel}: q")
         count = len(q) if q.ndim == 2 else 0
         q = self._checked(q, kernel, "q", (count, kernels.n))
         program = kernels.programs.programs.get(kernel)
@@ -96,13 +99,14 @@ class Batch(ABC):
         p = self._checked(kernels.p0 if p is None else p, kernel, "p", (size,), (count, size))
         if out is None:
             out = np.empty((count, program.size))
-        elif not (isinstance(out, np.ndarray) and out.dtype == float and out.flags.c_contiguous and out.shape == (count, program.size)):
-            raise NcgenError(f"{kernels.name}.batch.{kernel}: out must be a contiguous array of {(count, program.size)} doubles")
+        else:
+            beside = [array for array in (t, q, qd, p) if array is not None]
+            out = place(out, (count, program.size), f"{kernels.name}.batch.{kernel}: out", beside)
         self._evaluate(kernel, t, q, qd, p, out)
         return out
 
     def _checked(self, array, kernel: str, name: str, *shapes) -> np.ndarray:
-        array = np.ascontiguousarray(array, dtype=float).reshape(np.shape(array))
+        array = numbers(array, f"{self.kernels.name}.batch.{kernel}: {name}")
         if array.shape not in shapes:
             wanted = " or ".join(map(str, shapes))
             raise NcgenError(f"{self.kernels.name}.batch.{kernel}: {name} has shape {array.shape}; {wanted} is needed for this batch")
@@ -123,14 +127,24 @@ class NumPyBatch(Batch):
 class CompiledBatch(Batch):
     """In C. Libraries are compiled when a kernel first needs them.
 
-    threads: how many to use where there is OpenMP, at first 1: kernels take less time than numbers take to come from memory
+    threads: how many to use where there is OpenMP, at first 1: kernels take less time than numbers take to come from memory;
+        None for one on every processor that this process may use, more than that are not started
     least: operations per number read or written from which a kernel is evaluated in lanes
     """
 
     def __init__(self, kernels, flags=LANES, least: float = LANES_PAY):
         super().__init__(kernels)
-        self.threads, self._flags, self._least = 1, flags, least
+        self._threads, self._flags, self._least = 1, flags, least
         self._kernels_in_lanes = {name for name, program in kernels.programs.programs.items() if self._pays(program)}
+
+    @property
+    def threads(self) -> int:
+        """How many threads share the states."""
+        return self._threads
+
+    @threads.setter
+    def threads(self, count: int | None) -> None:
+        self._threads = thread_count(count, f"{self.kernels.name}.batch")
 
     def in_lanes(self, kernel: str) -> bool:
         """Whether a kernel of several states is evaluated in lanes, or one state after the other."""
@@ -203,6 +217,13 @@ def pointer(ffi: FFI, array: np.ndarray | None, kind: str = "double[]"):
 def available() -> int:
     """Processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def thread_count(wanted: int | None, what: str) -> int:
+    """How many threads to start: those wanted, but one on every processor at most, which is also what None is for."""
+    if wanted is not None and not (isinstance(wanted, Integral) and wanted >= 1):
+        raise NcgenError(f"{what}: threads is {wanted!r}; it must be a whole number from 1 on, or None")
+    return min(available() if wanted is None else int(wanted), available())
 
 
 def aligned(size: int) -> np.ndarray:

@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.sparse import csr_array
 
+from ncgen.build.arguments import constant, numbers
 from ncgen.build.batch import Batch
 from ncgen.build.tangents import Tangents
 from ncgen.errors import DomainError, ModelError, NcgenError
@@ -31,6 +32,7 @@ class Kernels(ABC):
     q, qd: free coordinates (m, rad) and velocities, shape (n,), in the order of `coordinates`
     p: parameters in the order of `parameters`; None means their defaults
     Kernels that the mechanism does not need return zeros.
+    q0, p0, row_sizes, column_sizes and holonomic are the mechanism's own; copy them to change them.
     """
 
     backend: str
@@ -46,10 +48,16 @@ class Kernels(ABC):
         self.coordinates: tuple[str, ...] = tuple(c.name for c in programs.equations.free)
         self.rows: tuple[Row, ...] = tuple(self.model.rows)
         self.parameters: tuple[str, ...] = tuple(self.model.parameters)
-        self.q0 = np.array([c.initial for c in programs.equations.free])
-        self.p0 = np.array([evaluate(v, self.model.parameters, v.name) for v in self.model.parameters.values()])
+        self.q0 = constant(np.array([c.initial for c in programs.equations.free]))
+        self.p0 = constant(np.array([evaluate(v, self.model.parameters, v.name) for v in self.model.parameters.values()]))
         self.phi_q_pattern = programs.phi_q
         self.mass_pattern = programs.mass
+
+    def __setattr__(self, name: str, value) -> None:
+        """Members stay what they are: C reads as many numbers as there were."""
+        if name in self.__dict__ and not name.startswith("_"):
+            raise NcgenError(f"{self.name}: kernels.{name} cannot be replaced; change the model and compile it, or give q0 and p to each call")
+        super().__setattr__(name, value)
 
     def __repr__(self):
         return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
@@ -73,18 +81,18 @@ class Kernels(ABC):
     def row_sizes(self) -> np.ndarray:
         """Natural size of every row: a residual divided by it is a relative one."""
         parameters = self.model.parameters
-        return np.array([natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows])
+        return constant(np.array([natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows]))
 
     @cached_property
     def column_sizes(self) -> np.ndarray:
         """Natural size of every coordinate: the mechanism's length for points, 1 for vectors and angles."""
         points = {c.name for e in self.model.elements.values() if isinstance(e, Point) for c in e.components}
-        return np.array([self.length if name in points else 1.0 for name in self.coordinates])
+        return constant(np.array([self.length if name in points else 1.0 for name in self.coordinates]))
 
     @cached_property
     def holonomic(self) -> np.ndarray:
         """Rows that are equations of position; the others (rolling) constrain velocities only."""
-        return np.array([i for i, row in enumerate(self.rows) if row.level == "position"], dtype=int)
+        return constant(np.array([i for i, row in enumerate(self.rows) if row.level == "position"], dtype=int))
 
     @cached_property
     def length(self) -> float:
@@ -241,19 +249,15 @@ class Kernels(ABC):
     def _call(self, kernel: str, t, q, qd, p, size: int) -> np.ndarray: ...
 
     def _checked(self, array, size: int, kernel: str, name: str, what: str) -> np.ndarray:
-        if not self.batches and (np.ndim(array) != 1 or np.iscomplexobj(array)) and np.shape(array)[-1:] == (size,):
+        array = numbers(array, f"{self.name}.{kernel}: {name}", complex_too=self.batches)
+        if not self.batches and array.ndim > 1 and array.shape[-1] == size:
             raise NcgenError(
-                f"{self.name}.{kernel}: {name} is {'complex' if np.iscomplexobj(array) else 'a batch'}; compiled kernels take one "
-                "real position, use backend='numpy'"
+                f"{self.name}.{kernel}: {name} is a batch; compiled kernels take one state, kernels.batch takes many, and so does "
+                "backend='numpy'"
             )
-        array = np.asarray(array, dtype=self._dtype(array))
         if array.shape[-1:] != (size,):
             raise NcgenError(f"{self.name}.{kernel}: {name} has shape {array.shape}; the model has {size} {what}")
         return array
-
-    @staticmethod
-    def _dtype(array):
-        return float
 
     @staticmethod
     def _sparse(pattern: Pattern, values) -> csr_array:

@@ -69,10 +69,13 @@ class CompiledKernels(Kernels):
             self._buffers.calls = {name: _Call.of(self, name) for name in self.programs.programs}
             call = self._buffers.calls[kernel]
         function, result, pointer = call
-        if qd is None:
-            status = function(t, q.tobytes(), p.tobytes(), pointer)
-        else:
-            status = function(t, q.tobytes(), qd.tobytes(), p.tobytes(), pointer)
+        try:
+            if qd is None:
+                status = function(t, q.tobytes(), p.tobytes(), pointer)
+            else:
+                status = function(t, q.tobytes(), qd.tobytes(), p.tobytes(), pointer)
+        except TypeError:
+            raise NcgenError(f"{self.name}.{kernel}: t is {t!r}; compiled kernels take one real number") from None
         if status:
             raise NcgenError(f"{self.name}.{kernel}: the kernel returned “{STATUS[status]}”")
         return result.copy()

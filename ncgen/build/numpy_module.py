@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from ncgen.build.batch import NumPyBatch
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import NumPyTangents
@@ -29,7 +27,3 @@ class NumPyKernels(Kernels):
     def _call(self, kernel, t, q, qd, p, size):
         arrays = (q, p) if qd is None else (q, qd, p)
         return self._functions[kernel](t, *arrays)
-
-    @staticmethod
-    def _dtype(array):
-        return np.result_type(float, np.asarray(array).dtype)

@@ -19,6 +19,7 @@ from ncgen.emit.c import HEADERS, tangent_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 from ncgen.emit.numpy import numpy_tangents
+from ncgen.errors import NcgenError
 from ncgen.program.programs import Programs
 
 if TYPE_CHECKING:
@@ -87,5 +88,8 @@ class CompiledTangents(Tangents):
         out = np.empty(program.size)
         arrays = [np.ascontiguousarray(a, dtype=float) for a in inputs[1:]]
         pointers = [self._ffi.from_buffer("double[]", a, require_writable=a is out) for a in (*arrays, out)]
-        getattr(self.descriptor, name)(inputs[0], *pointers)
+        try:
+            getattr(self.descriptor, name)(inputs[0], *pointers)
+        except TypeError:
+            raise NcgenError(f"{self.equations.model.name}.{name}: t is {inputs[0]!r}; compiled kernels take one real number") from None
         return out

@@ -10,6 +10,9 @@ import numpy as np
 import pytest
 from exported import MODELS, SECONDS, commands, compare, reference, shell
 
+import ncgen
+from ncgen.exchange.export import export
+
 USE = r"""
 import json, sys
 import numpy as np
@@ -67,6 +70,60 @@ def test_numpy_steps_are_those_of_c(fresh, name):
     (native / "examples/main.c").write_text(STATE.replace("@", name))
     expected = np.array(shell("make -s CFLAGS=-O0 && ./main", native).split(), dtype=float)
     np.testing.assert_allclose(use(fresh(name, "numpy"), name), expected, rtol=1e-9, atol=1e-9 * np.max(np.abs(expected)))
+
+
+REFUSED = r"""
+import gc
+import numpy as np
+import @ as mechanism
+motion, other = mechanism.Motion(), mechanism.Motion()
+places = {name: getattr(motion, name) for name in ("q", "qd", "qdd", "lam", "p")}
+
+# What is assigned is copied into its place, and enters.
+motion.q = [float(x) for x in motion.q]
+motion.p = 1.5 * motion.p
+assert all(getattr(motion, name) is place for name, place in places.items())
+other.p[:] = motion.p
+motion.settle(), other.settle()
+assert np.array_equal(motion.qdd, other.qdd) and np.array_equal(motion.p, 1.5 * mechanism.DEFAULTS)
+motion.t = 0.25
+assert motion.t == 0.25
+
+def refused(error, change):
+    try:
+        change()
+    except error as said:
+        assert "\n" not in str(said), said
+    else:
+        raise AssertionError(change)
+
+for wrong in ([1.0], "text", 1j * mechanism.DEFAULTS, [None] * len(mechanism.DEFAULTS), np.full(len(mechanism.DEFAULTS), np.nan)):
+    refused(ValueError, lambda: setattr(motion, "p", wrong))
+refused(ValueError, lambda: setattr(motion, "q", np.zeros(len(motion.q) + 1)))
+refused(ValueError, lambda: setattr(motion, "t", "now"))
+refused(AttributeError, lambda: setattr(motion, "work", 1.0))
+refused(AttributeError, lambda: delattr(motion, "q"))
+kept, q = motion.q.copy(), motion.q
+del motion, places
+gc.collect()
+other.step(1e-3)
+assert np.array_equal(q, kept)
+"""
+
+
+@pytest.mark.parametrize("target", ["python", "numpy"])
+def test_arrays_stay_where_they_are(tmp_path, target):
+    """Nothing that is assigned replaces what the code works on, and an array outlives its motion."""
+    m = ncgen.Model("sprung")
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0))
+    m.body("rod", [A, B], mass=1.0)
+    m.spring(B, m.point("C", (1, 1), fixed=True), stiffness=m.parameter("stiffness", 40.0), free_length=m.parameter("free", 0.5))
+    export(m, target, tmp_path)
+    if target == "python":
+        shell(f"{sys.executable} setup.py --quiet build_ext --inplace", tmp_path)
+    code = REFUSED.replace("@", "sprung")
+    done = subprocess.run([sys.executable, "-c", code], cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
 
 
 @pytest.mark.slow

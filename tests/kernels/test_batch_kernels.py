@@ -10,7 +10,7 @@ import pytest
 import sympy
 
 import ncgen
-from ncgen.build.batch import LANES, CompiledBatch
+from ncgen.build.batch import LANES, CompiledBatch, available
 from ncgen.build.cache import build
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.build.library import CompiledKernels
@@ -121,6 +121,15 @@ def test_results_go_where_they_should(robot):
     assert np.array_equal(out, robot.batch.phi(q))
     with pytest.raises(NcgenError, match=r"robot\.batch\.phi: out must be a contiguous array of \(21, 31\) doubles"):
         robot.batch.phi(q, out=np.empty((COUNT, robot.m + 1)))
+    for wrong in (np.empty((COUNT, robot.m), dtype=np.float32), np.empty((robot.m, COUNT)).T, np.broadcast_to(out[0], out.shape)):
+        with pytest.raises(NcgenError, match="out must be a contiguous array"):
+            robot.batch.phi(q, out=wrong)
+    fixed = out.copy()
+    fixed.flags.writeable = False
+    with pytest.raises(NcgenError, match="that may be written to"):
+        robot.batch.phi(q, out=fixed)
+    with pytest.raises(NcgenError, match="out shares memory with an argument"):
+        robot.batch.force(q, q, out=q)
 
 
 @pytest.mark.parametrize(
@@ -136,6 +145,67 @@ def test_wrong_shapes_are_named(robot, given, said):
     with pytest.raises(NcgenError, match=r"robot\.batch\.gamma: " + said) as caught:
         robot.batch.gamma(**({"qd": np.zeros((4, 36))} | given))
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    "change, said",
+    [
+        (lambda q: 1j * q, "q is complex; real numbers are needed here, kernels of backend='numpy' take complex ones"),
+        (lambda q: q.astype(str), r"q has something that is no number: array\(\[\["),
+        (lambda q: [["a"] * 36] * 4, "q has something that is no number"),
+        (lambda q: [[None] * 36] * 4, "q has something that is no number"),
+        (lambda q: (q + 0j).astype(object), "q has something that is no number"),
+        (lambda q: [*q[:-1].tolist(), [1.0]], "q has rows of different lengths; give an array"),
+        (lambda q: np.ma.masked_less(q, np.max(q)), "q has masked numbers; fill them"),
+    ],
+)
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_what_is_no_number_is_refused(robot, robot_numpy, backend, change, said):
+    """In one sentence, the same for many states as for one."""
+    kernels = robot if backend == "c" else robot_numpy
+    given = change(states(robot, 4)[0])
+    with pytest.raises(NcgenError, match=r"^robot\.batch\.phi: " + said) as many:
+        kernels.batch.phi(given)
+    assert "\n" not in str(many.value) and len(str(many.value)) <= 300
+    if backend == "c" and "lengths" not in said and "array" not in said:
+        with pytest.raises(NcgenError, match=r"^robot\.phi: " + said):
+            kernels.phi(given[0])
+
+
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_numbers_of_all_kinds_are_exact(robot, robot_numpy, backend):
+    """Integers, single precision, objects, other byte orders, gaps between the numbers, masks without a mask."""
+    kernels = robot if backend == "c" else robot_numpy
+    whole = np.random.default_rng(5).integers(-3, 4, (COUNT, robot.n))
+    expected = kernels.batch.phi(whole.astype(float))
+    wide = np.zeros((2 * COUNT, 3 * robot.n))
+    wide[::2, ::3] = whole
+    given = [whole, whole.astype(np.float32), whole.astype(object), whole.astype(">f8"), whole.tolist(),
+             np.asfortranarray(whole, dtype=float), wide[::2, ::3], np.ma.MaskedArray(whole.astype(float))]  # fmt: skip
+    given += [whole.astype(np.longdouble)] if backend == "c" else []  # NumPy's kernels compute with them as they are
+    for q in given:
+        assert np.array_equal(kernels.batch.phi(q), expected)
+        assert np.array_equal(kernels.phi(q[0]), kernels.phi(whole[0].astype(float)))
+
+
+def test_a_time_that_is_no_number_is_refused(robot):
+    for t in ("now", None, [0.0, 1.0], 1j):
+        with pytest.raises(NcgenError, match=r"^robot\.phi: t is .*; compiled kernels take one real number"):
+            robot.phi(robot.q0, t=t)
+        with pytest.raises(NcgenError, match=r"^robot\.batch\.phi: t "):
+            robot.batch.phi(robot.q0[None], t=t)
+
+
+def test_threads_are_counted(robot):
+    """No more are started than there are processors; what is no count is refused."""
+    batch = CompiledBatch(robot)
+    batch.threads = 10**9
+    assert batch.threads == available()
+    for wrong in (0, -3, 2.5, "2"):
+        with pytest.raises(NcgenError, match="it must be a whole number from 1 on, or None"):
+            batch.threads = wrong
+    batch.threads = None
+    assert batch.threads == available()
 
 
 def test_kernels_that_are_not_needed_give_zeros(robot):
