@@ -13,7 +13,13 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model.elements import Point, Spatial, Vector
 from ncgen.model.rigid import Frame
-from ncgen.model.values import is_number
+from ncgen.model.values import Value, as_sympy, is_number
+
+SYMMETRIC = 1e-9
+"""Slack, relative to the largest entry, in the symmetry of an inertia tensor."""
+
+LARGEST_BASIS = 4
+"""Elements that carry any inertia."""
 
 TRIANGLE = 1e-12
 """Slack, relative to the trace, in the triangle inequalities of an inertia tensor."""
@@ -23,13 +29,13 @@ TRIANGLE = 1e-12
 class Inertia:
     """Mass (kg), centre of mass (m, global, initial position), inertia tensor about it (kg m², 3×3), and its basis.
 
-    `basis` are the points and vectors whose velocities carry the kinetic energy: one point; two points
-    (a bar); two points and a vector; or four elements. The mass may be a parameter, which then scales the
-    tensor's part too only if the user writes it so.
+    `basis` are the points and vectors whose velocities carry the kinetic energy: one point, and up to three further
+    elements; two points are a bar, and three elements get the cross product of their directions for the third. Any number may be a value with parameters; a mass that is one
+    scales the tensor only if the user writes it so.
     """
 
-    mass: object
-    com: np.ndarray
+    mass: Value
+    com: tuple[Value, ...]
     tensor: np.ndarray
     basis: tuple[Spatial, ...] | None = None
 
@@ -39,6 +45,7 @@ class Body:
     """A rigid body: its points and vectors, and its inertia if it has mass.
 
     rigid: whether ncgen chooses the rows that keep it together; frame: the base those rows are written in
+    constant_mass: whether an auxiliary vector completes a base of two directions
     """
 
     name: str
@@ -46,6 +53,7 @@ class Body:
     vectors: list[Vector] = field(default_factory=list)
     inertia: Inertia | None = None
     rigid: bool = True
+    constant_mass: bool = False
     frame: Frame = None
 
     def __repr__(self):
@@ -66,44 +74,40 @@ class Body:
         return self.inertia.basis or choose_basis(self)
 
 
-def check_inertia(name: str, mass, com, tensor) -> np.ndarray:
-    """The inertia tensor as a symmetric 3×3 array, or a ModelError that says what makes it impossible.
+def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -> None:
+    """A ModelError that says what makes an inertia (3, 3) impossible, if anything does.
 
-    One number is the moment about z of a flat body in the plane z = const. A body's planar inertia tensor ½ tr(I) 1 − I = ∫ρ d dᵀ must be positive semidefinite; for the principal
+    A body's planar inertia tensor ½ tr(I) 1 − I = ∫ρ d dᵀ must be positive semidefinite; for the principal
     moments these are the triangle inequalities.
     """
-    try:
-        tensor = np.asarray(tensor, dtype=float)
-    except (TypeError, ValueError):
-        raise ModelError(f"body {name}: the inertia {tensor!r} is not made of numbers; give one number, three, or 3×3") from None
-    if tensor.ndim == 0:
-        tensor = tensor * np.array([0.5, 0.5, 1.0])
-    tensor = np.diag(tensor) if tensor.shape == (3,) else tensor
-    if tensor.shape != (3, 3) or np.shape(com) != (3,):
-        raise ModelError(
-            f"body {name}: the inertia tensor has shape {tensor.shape} and the centre of mass {np.shape(com)}; "
-            "give one number (planar), (3,) or (3, 3), and (3,)"
-        )
-    if not (np.isfinite(tensor).all() and np.isfinite(com).all()):
-        raise ModelError(f"body {name}: inertia or centre of mass has an entry that is not a finite number; correct it")
-    if is_number(mass) and not (np.isfinite(mass) and mass >= 0):
+    if com.shape != (3,):
+        raise ModelError(f"body {name}: the centre of mass has shape {com.shape}; give three numbers, or two for a body of the plane")
+    if not mass >= 0:
         raise ModelError(f"body {name}: the mass is {mass:g} kg; give a positive number")
-    if not np.allclose(tensor, tensor.T, rtol=1e-12, atol=0):
-        raise ModelError(f"body {name}: the inertia tensor is not symmetric; its off-diagonal entries must be equal in pairs")
-    moments = np.linalg.eigvalsh(tensor)
+    gap = np.max(np.abs(tensor - tensor.T))
+    if gap > SYMMETRIC * np.max(np.abs(tensor)):
+        raise ModelError(f"body {name}: the inertia tensor is not symmetric, by {gap:.3g}; its off-diagonal entries must be equal in pairs")
+    moments = np.linalg.eigvalsh((tensor + tensor.T) / 2)
     if moments[0] < -TRIANGLE * abs(moments[2]) or moments[0] + moments[1] < moments[2] * (1 - TRIANGLE):
         low, middle, high = moments
         raise ModelError(
             f"body {name}: no body has principal moments of inertia {low:g}, {middle:g}, {high:g} kg m2: "
             f"the largest exceeds the sum of the others, {low + middle:g}; check units and the point they refer to"
         )
-    return tensor
+
+
+def symmetric(tensor: np.ndarray) -> np.ndarray:
+    """A tensor (3, 3) of values with the mean of what differs by rounding."""
+    mean = [[a if a == b else (as_sympy(a) + as_sympy(b)) / 2 for a, b in zip(*rows, strict=True)] for rows in zip(tensor, tensor.T, strict=True)]
+    return np.array(mean, dtype=object if not all(map(is_number, tensor.flat)) else float)
 
 
 def choose_basis(body: Body) -> tuple[Spatial, ...]:
     """A point and up to three independent directions, in the order in which the body's elements were given."""
     if body.frame.planar:
-        return tuple(body.points[:2])  # with the plane's normal, two points carry any planar inertia
+        # With the plane's normal, two points carry any planar inertia, and so do a point and a vector.
+        across = [v for v in body.vectors if v.components[2].value == 0.0]
+        return tuple((body.points + across)[:2])
     chosen: list[Spatial] = [body.points[0]]
     found: list[np.ndarray] = []
     for least in (0.2, 1e-3):
@@ -115,20 +119,16 @@ def choose_basis(body: Body) -> tuple[Spatial, ...]:
             if np.linalg.svd(np.array(trial), compute_uv=False)[-1] > least:
                 chosen.append(element)
                 found = trial
-    points = [e for e in chosen if isinstance(e, Point)]
-    if len(found) == 2 and len(points) == 1:
-        raise ModelError(f"body {body.name}: one point and two vectors cannot carry its inertia; give another point or constant_mass=True")
-    return tuple(points + [e for e in chosen if isinstance(e, Vector)])
+    return tuple([e for e in chosen if isinstance(e, Point)] + [e for e in chosen if isinstance(e, Vector)])
 
 
 def check_basis(name: str, basis: tuple[Spatial, ...]) -> None:
     """Refuse a basis that is not one of the supported shapes or is degenerate in the initial position."""
     points = [e for e in basis if isinstance(e, Point)]
-    shape = (len(points), len(basis) - len(points))
-    if shape not in {(1, 0), (2, 0), (2, 1), (2, 2), (3, 1), (4, 0), (1, 3)}:
+    if not points or len(basis) > LARGEST_BASIS:
         raise ModelError(
-            f"body {name}: {shape[0]} points and {shape[1]} vectors are no basis for inertia; give 1 point, 2 points, "
-            "2 points and 1 vector, or four elements with at least one point"
+            f"body {name}: {len(points)} points and {len(basis) - len(points)} vectors are no basis for inertia; give one point and "
+            "up to three further points and vectors"
         )
     directions = [e.initial - points[0].initial for e in points[1:]] + [e.initial for e in basis if e not in points]
     if not directions:

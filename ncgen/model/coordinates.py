@@ -7,12 +7,14 @@ import math
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.model import measures
 from ncgen.model import rows as row
+from ncgen.model.arguments import coordinate, own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
-from ncgen.model.elements import AXES, Angle, Combination, Component, Constant, Element, Length, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.elements import AXES, Angle, Combination, Component, Element, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.rows import UNIT_LENGTH, Row
-from ncgen.model.values import Parameter, as_value, evaluate
+from ncgen.model.rows import SIX_DIGITS, UNIT_LENGTH, Row
+from ncgen.model.values import Parameter, Value, Values, evaluate, mentioned, shown, vanishes
 
 ANGLE_FORMS = ("smooth", "paper", "sine", "cosine")
 
@@ -45,13 +47,13 @@ class Coordinates:
     def parameter(self, name: str, default: float, unit: str = "") -> Parameter:
         """A number with a name, kept symbolic in the kernels and given in `p` at run time."""
         self._claim(name, "parameter")
-        parameter = Parameter(name, as_value(default, f"parameter {name}"), unit)
+        parameter = Parameter(name, default, unit)
         self.parameters[name] = parameter
         return parameter
 
     @fact
-    def point(self, name: str, position, fixed: bool | str = False) -> Point:
-        """A point (m). Two numbers make a point of the plane z = 0.
+    def point(self, name: str, position: Values, fixed: bool | str = False) -> Point:
+        """A point (m). Two numbers make a point of the plane z = 0. Parameters may stand for numbers.
 
         fixed: True, False, or the axes that cannot move, such as "z" or "xz".
         """
@@ -60,18 +62,33 @@ class Coordinates:
         return point
 
     @fact
-    def vector(self, name: str, direction, fixed: bool | str = False) -> Vector:
-        """A unit vector; refused if its length is not 1. Its unit row is added by the first body that has it."""
+    def vector(self, name: str, direction: Values, fixed: bool | str = False) -> Vector:
+        """A unit vector. Its unit row is added by the first body that has it.
+
+        Numbers of six digits are brought to length 1; a vector that is farther from it is refused.
+        """
         vector = self._spatial(Vector, name, direction, fixed)
-        size = np.linalg.norm(vector.initial)
-        if abs(size - 1.0) > UNIT_LENGTH:
+        size = float(np.linalg.norm(vector.initial))
+        if not abs(size - 1.0) <= SIX_DIGITS:
             raise ModelError(f"vector {name}: its length is {size:.12g}, not 1; divide it by its length")
+        if vector.is_parametric:
+            self._check_unit(vector)
+        elif abs(size - 1.0) > UNIT_LENGTH:
+            vector = self._spatial(Vector, name, tuple(x / size for x in vector.initial), fixed)
         self.elements[name] = vector
         return vector
 
     @fact
     def angle(
-        self, name: str, start, end, axis, *, form: str | None = None, lengths=None, initial: float | None = None
+        self,
+        name: str,
+        start: Combination,
+        end: Combination,
+        axis: Combination,
+        *,
+        form: str | None = None,
+        lengths: Values | None = None,
+        initial: Value | None = None,
     ) -> Angle:
         """A relative angle as a coordinate (rad), from `start` to `end`, positive about `axis`.
 
@@ -84,47 +101,54 @@ class Coordinates:
         self._claim(name, "angle")
         form = check_form(form or self.form)
         start, end, axis = (self._direction(d, f"angle {name}") for d in (start, end, axis))
-        if row.shape(start) == "segment" and row.shape(end) == "vector":
+        if lengths is not None and len(lengths) != 3:
+            raise ModelError(f"angle {name}, lengths: {len(lengths)} numbers given; give those of start, end and axis")
+        if measures.shape(start) == "segment" and measures.shape(end) == "vector":
             # Table 4 has no such code: the same angle is measured from the vector, about the reversed axis.
             start, end, axis = end, start, -axis
             lengths = lengths and (lengths[1], lengths[0], lengths[2])
-        lengths = lengths and tuple(as_value(length, f"angle {name}, lengths") for length in lengths)
         measured = _measure(name, start, end, axis)
-        initial = measured if initial is None else as_value(initial, f"angle {name}")
-        psi = Angle(name, (Component(name, False, initial, initial),), start, end, axis)
+        value = measures.angle(start, end, axis) if initial is None else initial
+        number = measured if initial is None else self._number(value, f"angle {name}, initial")
+        psi = Angle(name, (Component(name, False, value, number),), start, end, axis)
         branch = self._branch(name, psi, measured) if form == "paper" else ()
         self.elements[name] = psi
         self.rows.append(row.angle(psi, form, lengths, branch, self.scale))
         return psi
 
     @fact
-    def length(self, name: str, start: Point, end: Point, initial: float | None = None) -> Length:
+    def length(self, name: str, start: Point, end: Point, initial: Value | None = None) -> Length:
         """The distance between two points as a coordinate (m), such as the length of a hydraulic cylinder.
 
         Refused where the points coincide: there the distance has no direction.
         """
         self._claim(name, "length")
         segment = self._direction(end - start, f"length {name}")
-        value = row.length(segment) if initial is None else as_value(initial, f"length {name}")
-        return self._relative(Length(name, (Component(name, False, value, value),)), row.length_row, segment)
+        value = measures.length(segment) if initial is None else initial
+        number = self._number(value, f"length {name}, initial")
+        return self._relative(Length(name, (Component(name, False, value, number),)), row.length_row, segment)
 
     @fact
-    def slide(self, name: str, start: Point, end: Point, axis) -> Length:
+    def slide(self, name: str, start: Point, end: Point, axis: Combination) -> Length:
         """How far `end` lies from `start` along a unit vector, as a coordinate (m); it may be zero or negative."""
         self._claim(name, "slide")
         axis = self._direction(axis, f"slide {name}")
+        size = float(np.linalg.norm(axis.initial))
+        if abs(size - 1.0) > SIX_DIGITS:
+            raise ModelError(f"slide {name}: the axis {axis} has length {size:.6g}, not 1; give a unit vector")
         segment = as_combination(end) - start
-        value = float(segment.initial @ axis.initial)
-        return self._relative(Length(name, (Component(name, False, value, value),)), row.slide_row, segment, axis)
+        value = measures.along(segment, axis)
+        number = float(segment.initial @ axis.initial)
+        return self._relative(Length(name, (Component(name, False, value, number),)), row.slide_row, segment, axis)
 
     @fact
     def independent(self, *coordinates) -> None:
         """Choose the independent coordinates z of coordinate partitioning (default: found by pivoting)."""
-        names = [c if isinstance(c, str) else c.name for c in coordinates]
+        names = [c if isinstance(c, str) else coordinate(self, c, "independent").name for c in coordinates]
         known = {c.name: c for c in self.components}
         for name in names:
             if name not in known or known[name].fixed:
-                raise ModelError(f"independent coordinate {name}: it is not a free coordinate of this model; name one that is")
+                raise ModelError(f"independent coordinate {shown(name)[1:-1]}: it is not a free coordinate of this model; name one that is")
         self.chosen_independent = tuple(names)
 
     # -- helpers -------------------------------------------------------------------------------
@@ -149,10 +173,6 @@ class Coordinates:
     def _spatial(self, kind, name, position, fixed):
         what = kind.__name__.lower()
         self._claim(name, what)
-        try:
-            position = tuple(position)
-        except TypeError:
-            raise ModelError(f"{what} {name}: {position!r} given; give three numbers, or two for the plane z = 0") from None
         if isinstance(fixed, str) and set(fixed) - set(AXES):
             raise ModelError(f"{what} {name}: fixed={fixed!r} is not made of the axes x, y, z; correct it")
         if len(position) == 2:
@@ -162,29 +182,22 @@ class Coordinates:
         held = AXES if fixed is True else fixed or ""
         components = []
         for axis, value in zip(AXES, position, strict=True):
-            where = f"{what} {name}, {axis}"
-            value = as_value(value, where)
-            number = evaluate(value, self.parameters, where)
-            components.append(Component(f"{name}.{axis}", axis in held, value if axis in held else number, number))
+            number = self._number(value, f"{what} {name}, {axis}")
+            components.append(Component(f"{name}.{axis}", axis in held, value, number))
         return kind(name, tuple(components))
 
-    def _own(self, thing, kind, where: str):
-        if isinstance(thing, str):
-            if thing not in self.elements:
-                raise ModelError(f"{where}: there is no {kind.__name__.lower()} {thing}; define it first")
-            thing = self.elements[thing]
-        if not isinstance(thing, kind):
-            raise ModelError(f"{where}: {thing!r} is not a {kind.__name__.lower()}")
-        if not isinstance(thing, Constant) and self.elements.get(thing.name) is not thing:
-            raise ModelError(f"{where}: {thing!r} belongs to another model; use this model's own")
-        return thing
+    def _number(self, value, what: str) -> float:
+        """The number of a value at the parameters' defaults."""
+        return evaluate(value, self.parameters, what)
+
+    def _check_unit(self, vector: Vector) -> None:
+        """A direction that turns with parameters must keep its length, since nothing at run time corrects it."""
+        if not vanishes(measures.norm(vector.given) - 1.0, self.parameters, SIX_DIGITS):
+            names = mentioned(vector.given, self.parameters)
+            raise ModelError(f"vector {vector.name}: its length is 1 only at the default of {names}; divide it by its length")
 
     def _direction(self, thing, where: str) -> Combination:
-        direction = as_combination(thing)
-        for element in direction.elements:
-            self._own(element, Spatial, where)
-        if not direction.is_direction:
-            raise ModelError(f"{where}: {direction} is not a direction; give a vector or a difference of points")
+        direction = own_direction(self, thing, where)
         if not np.linalg.norm(direction.initial) > 0:
             raise ModelError(f"{where}: {direction} has length 0; give points that are apart")
         return direction
@@ -203,11 +216,12 @@ def paper_choice(psi: float, axis: np.ndarray) -> int:
 
 
 def _measure(name: str, start: Combination, end: Combination, axis: Combination) -> float:
+    """The angle's number in the initial position; refused where there is none."""
     a, b, n = start.initial, end.initial, axis.initial / np.linalg.norm(axis.initial)
     for direction, vector in ((start, a), (end, b)):
         if np.linalg.norm(vector - (vector @ n) * n) < 1e-9 * np.linalg.norm(vector):
             raise ModelError(f"angle {name}: {direction} is parallel to the axis {axis}; no angle about it is defined, choose another")
-    return math.atan2(np.cross(a, b) @ n, a @ b - (a @ n) * (b @ n))
+    return measures.angle_of(a, b, n)
 
 
 def check_form(form: str) -> str:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ncgen.model.values import Symbolic, is_number
+from ncgen.model.values import Symbolic, as_sympy, is_number, settled
 
 AXES = "xyz"
 
@@ -19,8 +19,8 @@ AXES = "xyz"
 class Component(Symbolic):
     """One scalar coordinate: `r2.x`, or the angle `psi1`.
 
-    `value` is what the user gave (a number, or a parameter where the component is fixed);
-    `initial` is its number in the initial position.
+    `value` is what the user gave: a number, a parameter or an expression of parameters;
+    `initial` is its number in the initial position, with the parameters' defaults.
     """
 
     name: str
@@ -56,6 +56,16 @@ class Element:
     def initial(self) -> np.ndarray:
         """The numbers of the initial position, shape (len(components),)."""
         return np.array([c.initial for c in self.components])
+
+    @property
+    def given(self) -> tuple:
+        """The values of the initial position, ready for arithmetic: numbers, or expressions of parameters."""
+        return tuple(as_sympy(c.value) for c in self.components)
+
+    @property
+    def is_parametric(self) -> bool:
+        """True if a parameter has a say in the initial position."""
+        return not all(is_number(c.value) for c in self.components)
 
     @property
     def fixed(self) -> bool:
@@ -121,10 +131,11 @@ class Constant(Vector):
     """A direction that never moves and is no coordinate, such as the normal of the plane; its numbers are constants."""
 
     @classmethod
-    def of(cls, name: str, values) -> Constant:
-        """A constant direction; what is zero but for rounding is zero."""
-        values = [0.0 if abs(v) < 1e-15 else float(v) for v in values]
-        return cls(name, tuple(Component(f"{name}.{axis}", True, v, v) for axis, v in zip(AXES, values, strict=True)))
+    def of(cls, name: str, values, numbers=None) -> Constant:
+        """A constant direction; what is zero but for rounding is zero. `numbers` are those of values with parameters."""
+        numbers = [0.0 if abs(v) < 1e-15 else float(v) for v in (values if numbers is None else numbers)]
+        pairs = [(number if is_number(value) else value, number) for value, number in zip(values, numbers, strict=True)]
+        return cls(name, tuple(Component(f"{name}.{axis}", True, *pair) for axis, pair in zip(AXES, pairs, strict=True)))
 
 
 class Relative(Symbolic, Element):
@@ -197,6 +208,17 @@ class Combination:
         return sum((weight * element.initial for weight, element in self.terms), np.zeros(3))
 
     @property
+    def given(self) -> tuple:
+        """The same as three values: numbers, or expressions of parameters where positions have some."""
+        parts = [[weight * value for value in element.given] if weight != 1.0 else element.given for weight, element in self.terms]
+        return tuple(settled(sum(x for x in column if x != 0.0)) for column in zip(*parts, strict=True))
+
+    @property
+    def is_parametric(self) -> bool:
+        """True if a parameter has a say in the initial position."""
+        return any(not is_number(weight) or element.is_parametric for weight, element in self.terms)
+
+    @property
     def elements(self) -> tuple[Spatial, ...]:
         return tuple(element for _, element in self.terms)
 
@@ -205,6 +227,9 @@ class Combination:
         """True if the points' weights cancel, so that the combination does not depend on the origin."""
         weights = [weight for weight, element in self.terms if isinstance(element, Point)]
         return all(map(is_number, weights)) and sum(weights) == 0.0
+
+    def __repr__(self):
+        return f"direction {self}"
 
     def __str__(self):
         if len(self.terms) == 2 and [w for w, _ in self.terms] == [1.0, -1.0]:

@@ -11,6 +11,9 @@ import inspect
 from collections.abc import Iterator, KeysView, ValuesView
 from dataclasses import dataclass
 
+from ncgen.errors import ModelError
+from ncgen.model.arguments import read
+
 
 @dataclass(frozen=True)
 class Fact:
@@ -21,13 +24,17 @@ class Fact:
 
 
 def fact(method):
-    """Record calls of a builder method that come from outside the builder."""
+    """Read the arguments of a builder method as its annotations say, and record calls that come from outside the builder."""
     signature = inspect.signature(method)
 
     @functools.wraps(method)
     def recorded(self, *args, **kwargs):
         args, kwargs = map(_settled, args), {key: _settled(value) for key, value in kwargs.items()}
-        bound = signature.bind(self, *args, **kwargs)
+        try:
+            bound = signature.bind(self, *args, **kwargs)
+        except TypeError as error:
+            raise ModelError(f"{method.__name__}: {error}; it takes {', '.join(list(signature.parameters)[1:])}") from None
+        read(self, method.__name__, bound)
         outermost = not self._telling
         before = _State(self, bound.arguments.values()) if outermost else None
         self._telling = True

@@ -10,12 +10,16 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.rows import Owner, Row
-from ncgen.model.values import as_sympy
+from ncgen.model.rows import UNIT_LENGTH, Owner, Row
+from ncgen.model.values import Value, Values, as_sympy, is_number, shown
+
+FLAT = 1e-6
+"""A disc whose axle is nearer than this (sine of the angle) to the normal of the plane lies flat."""
 
 
 class Joints:
@@ -37,8 +41,8 @@ class Joints:
         self._share(a, b, point)
         self.extend(a, u)
         self.extend(b, v)
-        owner = _joint("universal", a, b)
-        return self._keep(row.vector_vector(u, v, row.cosine(u.initial, v.initial), owner, self.scale))
+        owner, numeric = _joint("universal", a, b), measures.cosine_of(u.initial, v.initial)
+        return self._keep(row.vector_vector(u, v, measures.cosine(as_combination(u), as_combination(v)), owner, numeric, self.scale))
 
     @fact
     def cylindrical(self, a: Body, b: Body, start: Point, end: Point, axis: Vector) -> None:
@@ -63,19 +67,21 @@ class Joints:
         self.point_in_plane(a, end, start, normal, owner=_joint("planar", a, b))
 
     @fact
-    def screw(self, a: Body, b: Body, start: Point, end: Point, axis: Vector, pitch, name: str) -> tuple[Angle, Length]:
+    def screw(self, a: Body, b: Body, start: Point, end: Point, axis: Vector, pitch: Value, name: str) -> tuple[Angle, Length]:
         """A screw of `pitch` (m per turn): the coordinates `name.angle` and `name.slide` go together. 1 degree of freedom."""
         self.cylindrical(a, b, start, end, axis)
         first, second = self._transverse(a, b, axis)
         psi = self.angle(f"{name}.angle", first, second, axis)
         s = self.slide(f"{name}.slide", start, end, axis)
-        turned = (psi.symbol - psi.components[0].initial) * as_sympy(pitch) / (2 * np.pi)
-        self.constrain(s.symbol - s.components[0].initial - turned, f"screw {name}", _joint("screw", a, b))
+        turned = (psi.symbol - psi.given[0]) * as_sympy(pitch) / (2 * np.pi)
+        self.constrain(s.symbol - s.given[0] - turned, f"screw {name}", _joint("screw", a, b))
         return psi, s
 
     @fact
     def rigid(self, a: Body, b: Body) -> None:
         """Body b is welded to body a: its elements belong to a as well. No degree of freedom."""
+        if a is b:
+            raise ModelError(f"rigid: body {a.name} is welded to itself; give two bodies")
         self.extend(a, *b.elements)
 
     @fact
@@ -90,25 +96,25 @@ class Joints:
         self.extend(a, start, normal)
         owner = owner or Owner("joint", f"{point.name} in plane of {a.name}")
         segment = as_combination(point) - start
-        height = float(segment.initial @ normal.initial)
+        height = measures.along(segment, as_combination(normal))
         return self._keep(row.dot(segment, as_combination(normal), height, _size(segment), owner, f"{point.name} in plane", self.scale))
 
     @fact
-    def gear(self, first: Relative, second: Relative, radius_first, radius_second) -> Row:
+    def gear(self, first: Relative, second: Relative, radius_first: Value, radius_second: Value) -> Row:
         """Two angles that turn together: radius_first·ψ1 + radius_second·ψ2 stays constant (radii of opposite sign: same sense)."""
         balance = radius_first * first.symbol + radius_second * second.symbol
-        start = radius_first * first.components[0].initial + radius_second * second.components[0].initial
-        return self.constrain(as_sympy(balance - start), f"gear {first.name}, {second.name}", Owner("joint", f"gear {first.name}-{second.name}"))
+        start = radius_first * first.given[0] + radius_second * second.given[0]
+        return self._turn_together("gear", first, second, balance - start)
 
     @fact
-    def rack(self, slide: Relative, angle: Relative, radius) -> Row:
+    def rack(self, slide: Relative, angle: Relative, radius: Value) -> Row:
         """A rack driven by a pinion: s − radius·ψ stays constant."""
         balance = slide.symbol - as_sympy(radius) * angle.symbol
-        start = slide.components[0].initial - as_sympy(radius) * angle.components[0].initial
-        return self.constrain(balance - start, f"rack {slide.name}, {angle.name}", Owner("joint", f"rack {slide.name}-{angle.name}"))
+        start = slide.given[0] - as_sympy(radius) * angle.given[0]
+        return self._turn_together("rack", slide, angle, balance - start)
 
     @fact
-    def rolling(self, disc: Body, centre: Point, axle: Vector, across: Vector, radius, normal=(0.0, 0.0, 1.0)) -> None:
+    def rolling(self, disc: Body, centre: Point, axle: Vector, across: Vector, radius: Value, normal: Values = (0.0, 0.0, 1.0)) -> None:
         """A thin disc rolls without slipping on the fixed plane through the contact of the initial position.
 
         centre, axle (its axis), across (a unit vector perpendicular to the axle): elements of the disc
@@ -119,9 +125,8 @@ class Joints:
         """
         import sympy
 
+        self._check_rolling(disc, axle, across, radius, normal)
         self.extend(disc, centre, axle, across)
-        if abs(axle.initial @ across.initial) > 1e-9:
-            raise ModelError(f"rolling of {disc.name}: {across.name} must be perpendicular to the axle {axle.name}")
         owner = Owner("joint", f"rolling of {disc.name}")
         n = sympy.Matrix(normal)
         radius = as_sympy(radius)
@@ -132,7 +137,7 @@ class Joints:
         steep = sympy.sqrt(1 - lean**2)
         rho = -(n - lean * u) * (radius / steep)
         slip = dr + v.dot(rho) * dv + w.dot(rho) * dw
-        start = float(np.dot(normal, centre.initial)) - radius * float(np.sqrt(1 - np.dot(normal, axle.initial) ** 2))
+        start = _height(normal, centre) - radius * _steepness(normal, axle)
         self.constrain(n.dot(r) - radius * steep - start, f"contact of {disc.name}", owner)
         helper = np.eye(3)[np.argmin(np.abs(normal))]
         first = np.cross(normal, helper) / np.linalg.norm(np.cross(normal, helper))
@@ -141,7 +146,25 @@ class Joints:
 
     # -- helpers -------------------------------------------------------------------------------
 
+    def _check_rolling(self, disc: Body, axle: Vector, across: Vector, radius, normal) -> None:
+        where = f"rolling of {disc.name}"
+        if len(normal) != 3 or not all(map(is_number, normal)) or abs(np.linalg.norm(normal) - 1.0) > UNIT_LENGTH:
+            raise ModelError(f"{where}: the normal of the plane is {shown(normal)}; give a unit vector of three numbers")
+        if not self._number(radius, where) > 0:
+            raise ModelError(f"{where}: the radius is {self._number(radius, where):g} m; give a positive one")
+        if abs(axle.initial @ across.initial) > 1e-9:
+            raise ModelError(f"{where}: {across.name} must be perpendicular to the axle {axle.name}")
+        if np.linalg.norm(np.cross(normal, axle.initial)) < FLAT:
+            raise ModelError(f"{where}: the disc lies flat, its axle {axle.name} is along the normal; a rim has no lowest point then, tilt it")
+
+    def _turn_together(self, kind: str, first: Relative, second: Relative, balance) -> Row:
+        if first is second:
+            raise ModelError(f"{kind}: {first!r} is tied to itself; give two coordinates")
+        return self.constrain(balance, f"{kind} {first.name}, {second.name}", Owner("joint", f"{kind} {first.name}-{second.name}"))
+
     def _share(self, a: Body, b: Body, *elements) -> None:
+        if a is b:
+            raise ModelError(f"joint: body {a.name} is joined to itself; give two bodies")
         self.extend(a, *elements)
         self.extend(b, *elements)
 
@@ -155,7 +178,9 @@ class Joints:
     def _transverse(self, a: Body, b: Body, axis: Vector) -> tuple[Combination, Combination]:
         """A direction of a and one of b, perpendicular to the axis and to each other in the initial position."""
         first, _ = self.directions_across(a, as_combination(axis))
-        second = self.direction_of(b, np.cross(axis.initial, first.initial), "across")
+        parametric = axis.is_parametric or first.is_parametric
+        across = measures.cross(axis.given, first.given) if parametric else np.cross(axis.initial, first.initial)
+        second = self.direction_of(b, across, "across")
         return first, second
 
 
@@ -165,6 +190,17 @@ def _joint(kind: str, a: Body, b: Body) -> Owner:
 
 def _size(segment: Combination) -> float:
     return float(np.linalg.norm(segment.initial)) or 1.0
+
+
+def _height(normal, centre: Point):
+    return measures.dot(normal, centre.given) if centre.is_parametric else float(np.dot(normal, centre.initial))
+
+
+def _steepness(normal, axle: Vector):
+    """The sine of the angle between a disc's axle and the normal of the plane."""
+    if axle.is_parametric:
+        return measures.norm(measures.cross(normal, axle.given))
+    return float(np.sqrt(1 - np.dot(normal, axle.initial) ** 2))
 
 
 def _clean(vector) -> list[float]:

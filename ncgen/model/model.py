@@ -74,13 +74,12 @@ class Model(Coordinates, Structure, Joints, Loads):
     @fact
     def line(self, *points: Point) -> None:
         """Draw a line through these points."""
-        own = [self._own(p, Point, "line") for p in points]
-        self.drawing.lines += zip(own, own[1:])
+        self.drawing.lines += zip(points, points[1:])
 
     @fact
     def arrow(self, point: Point, vector: Vector) -> None:
         """Draw a unit vector at a point."""
-        self.drawing.arrows.append((self._own(point, Point, "arrow"), self._own(vector, Vector, "arrow")))
+        self.drawing.arrows.append((point, vector))
 
     @classmethod
     def from_tables(cls, P, U, CONSTR, **options) -> Model:

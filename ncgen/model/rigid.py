@@ -15,9 +15,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
 from ncgen.model.rows import Owner, Row
+from ncgen.model.values import Parameter, mentioned, settled, vanishes
 
 WELL = 0.2
 """A direction at least this far (sine of the angle) from the plane or line of the base is taken in the order given."""
@@ -53,8 +55,19 @@ class Frame:
             columns.append(np.cross(*columns))
         return np.array(columns).reshape(-1, 3).T
 
+    @property
+    def given(self) -> list[tuple]:
+        """The same as vectors of values: numbers, or expressions of parameters."""
+        columns = [d.given for d in self.directions]
+        return [*columns, measures.cross(*columns)] if self.is_crossed else columns
 
-def include(frame: Frame, elements: list[Spatial], known: dict, scaled: bool) -> list[Row]:
+    @property
+    def is_parametric(self) -> bool:
+        """True if a parameter has a say in the base."""
+        return any(d.is_parametric for d in self.directions)
+
+
+def include(frame: Frame, elements: list[Spatial], known: dict, parameters: dict[str, Parameter], scaled: bool) -> list[Row]:
     """Rows that tie new elements to a body; `known` remembers which lengths and angles of the model have a row.
 
     Raises ModelError where two points of the body coincide.
@@ -72,7 +85,7 @@ def include(frame: Frame, elements: list[Spatial], known: dict, scaled: bool) ->
                 frame.directions.append(direction)
                 waiting.remove(element)
     for element in waiting:
-        made += _combined_rows(frame, element)
+        made += _combined_rows(frame, element, parameters)
     return [replace(r, measured=True) for r in made if not row.is_trivial(r)]
 
 
@@ -116,45 +129,67 @@ def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: di
         if _claim(known, element):
             made.append(row.unit(element, frame.owner, scaled))
     elif _claim(known, element, frame.origin):
-        length = row.length(direction)
-        made.append(row.distance(frame.origin, element, length, frame.owner, length, scaled))
+        made.append(_distance_row(frame, frame.origin, element, direction, scaled))
     for other in frame.directions:
         made += _angle_row(frame, direction, other, known, scaled)
     return made
 
 
+def _distance_row(frame: Frame, start: Point, end: Point, segment: Combination, scaled: bool) -> Row:
+    return row.distance(start, end, measures.length(segment), frame.owner, float(np.linalg.norm(segment.initial)), scaled)
+
+
 def _angle_row(frame: Frame, a: Combination, b: Combination, known: dict, scaled: bool) -> list[Row]:
-    vectors = [d for d in (a, b) if row.shape(d) == "vector"]
+    vectors = [d for d in (a, b) if measures.shape(d) == "vector"]
     if not vectors:
         # Two segments from the origin: the distance between their ends says the same as their angle.
         (_, first), (_, second) = a.terms[0], b.terms[0]
         if not _claim(known, first, second):
             return []
-        length = row.length(first - second)
-        return [row.distance(first, second, length, frame.owner, length, scaled)]
+        return [_distance_row(frame, first, second, first - second, scaled)]
     if not _claim(known, *a.elements, *b.elements):
         return []
-    cosine = row.cosine(a.initial, b.initial)
+    cosine, numeric = measures.cosine(a, b), measures.cosine_of(a.initial, b.initial)
     if len(vectors) == 2:
-        return [row.vector_vector(a.elements[0], b.elements[0], cosine, frame.owner, scaled)]
-    vector, segment = (a, b) if row.shape(a) == "vector" else (b, a)
-    return [row.vector_segment(vector.elements[0], segment, row.length(segment), cosine, frame.owner, scaled)]
+        return [row.vector_vector(a.elements[0], b.elements[0], cosine, frame.owner, numeric, scaled)]
+    vector, segment = (a, b) if measures.shape(a) == "vector" else (b, a)
+    return [row.vector_segment(vector.elements[0], segment, measures.length(segment), cosine, frame.owner, numeric, scaled)]
 
 
-def _combined_rows(frame: Frame, element: Spatial) -> list[Row]:
+def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Parameter]) -> list[Row]:
     """element = origin + Σ weight · direction, one linear row a component."""
     direction = _direction(frame, element)
-    base = frame.matrix()
-    weights = np.linalg.lstsq(base, direction.initial, rcond=None)[0]
-    size = row.length(direction)
-    weights = [0.0 if abs(w) * np.linalg.norm(d) < SAME * size else float(w) for w, d in zip(weights, base.T, strict=True)]
+    size = float(np.linalg.norm(direction.initial)) if isinstance(element, Point) else 1.0
+    parametric = frame.is_parametric or direction.is_parametric
+    weights = _parametric_weights(frame, element, direction, size, parameters) if parametric else _weights(frame, direction, size)
     turned = weights.pop() if frame.is_crossed else 0.0
     e = direction
     for weight, other in zip(weights, frame.directions, strict=True):
-        if weight:
+        if weight != 0.0:
             e = e - other * weight
     a, b = (frame.directions[0], frame.directions[1]) if frame.is_crossed else (e, e)
     return [row.affine(axis, e, a, b, turned, size, frame.owner, f"combination {element.name}") for axis in range(3)]
+
+
+def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:
+    base = frame.matrix()
+    weights = np.linalg.lstsq(base, direction.initial, rcond=None)[0]
+    return [0.0 if abs(w) * np.linalg.norm(d) < SAME * size else float(w) for w, d in zip(weights, base.T, strict=True)]
+
+
+def _parametric_weights(frame: Frame, element: Spatial, direction: Combination, size: float, parameters: dict[str, Parameter]) -> list:
+    """Weights as expressions; refused where the element leaves what the base spans when parameters change."""
+    base = frame.given
+    weights = measures.weights(base, direction.given)
+    weights = [0.0 if vanishes(w, parameters, SAME * size / np.linalg.norm(d)) else w for w, d in zip(weights, frame.matrix().T, strict=True)]
+    rest = [x - measures.dot(weights, [d[k] for d in base]) for k, x in enumerate(direction.given)]
+    if len(base) < 3 and not all(vanishes(settled(x), parameters, BARELY * size) for x in rest):
+        names = mentioned([*direction.given, *(x for d in base for x in d)], parameters)
+        raise ModelError(
+            f"{frame.owner}: {element!r} lies on the line or in the plane of the body's other elements only at the default of {names}; "
+            "choose a default that shows its general place"
+        )
+    return weights
 
 
 def _claim(known: set, *elements) -> bool:

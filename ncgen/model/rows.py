@@ -13,6 +13,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.model import measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, as_combination
 from ncgen.model.values import Parameter, is_number
@@ -22,6 +23,9 @@ PARALLEL = 1e-6
 
 UNIT_LENGTH = 1e-9
 """How far a unit vector's length may be from 1."""
+
+SIX_DIGITS = 1e-5
+"""How far from 1 the length of a unit vector may be that was typed with six digits."""
 
 
 @dataclass(frozen=True)
@@ -106,25 +110,27 @@ def unit(vector, owner: Owner, scaled: bool) -> Row:
     )
 
 
-def vector_segment(vector, segment: Combination, length, cosine, owner: Owner, scaled: bool) -> Row:
-    """Row 1002: u·segment = length·cosine; refused where the two are parallel."""
+def vector_segment(vector, segment: Combination, length, cosine, owner: Owner, numeric: float, scaled: bool) -> Row:
+    """Row 1002: u·segment = length·cosine; refused where the two are parallel. `numeric` is the cosine's number."""
     label = f"angle {vector.name}, {segment}"
-    _refuse_parallel(cosine, f"{owner}, {label}")
+    _refuse_parallel(numeric, f"{owner}, {label}")
     data = {"L": length, "c": cosine}
     arguments = {"u": as_combination(vector), "a": segment}
     return Row(owner, label, PAPER_CODES["vector-segment"], ROW_TYPES["vector-segment"], arguments, data, scaled=scaled)
 
 
-def vector_vector(u, v, cosine, owner: Owner, scaled: bool) -> Row:
-    """Row 1003: u·v = cosine; refused where the two are parallel."""
+def vector_vector(u, v, cosine, owner: Owner, numeric: float, scaled: bool) -> Row:
+    """Row 1003: u·v = cosine; refused where the two are parallel. `numeric` is the cosine's number."""
     label = f"angle {u.name}, {v.name}"
-    _refuse_parallel(cosine, f"{owner}, {label}")
+    _refuse_parallel(numeric, f"{owner}, {label}")
     arguments = {"u": as_combination(u), "v": as_combination(v)}
     return Row(owner, label, PAPER_CODES["vector-vector"], ROW_TYPES["vector-vector"], arguments, {"c": cosine}, scaled=scaled)
 
 
-def _refuse_parallel(cosine, where: str) -> None:
-    if is_number(cosine) and abs(cosine) > math.cos(PARALLEL):
+def _refuse_parallel(cosine: float, where: str) -> None:
+    if abs(cosine) > 1 + UNIT_LENGTH:
+        raise ModelError(f"{where}: the cosine is {cosine:.12g}; give a number between -1 and 1")
+    if abs(cosine) > math.cos(PARALLEL):
         angle = "0" if cosine > 0 else "pi"
         raise ModelError(
             f"{where}: the cosine is {cosine:.12g}, an angle of {angle}, where this row says no more than the unit length; "
@@ -146,7 +152,7 @@ def affine(axis: int, e: Combination, a: Combination, b: Combination, cross_weig
 def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
     """|segment| = s."""
     arguments = {"a": segment, "s": s.components[0]}
-    return Row(_coordinate(s), f"length {s.name}", None, ROW_TYPES["length"], arguments, {"L": length(segment)}, scaled=scaled)
+    return Row(_coordinate(s), f"length {s.name}", None, ROW_TYPES["length"], arguments, {"L": measures.length(segment)}, scaled=scaled)
 
 
 def slide_row(s: Relative, segment: Combination, axis: Combination, scaled: bool) -> Row:
@@ -186,7 +192,8 @@ def _moves(direction: Combination, axis: int) -> bool:
 
 
 def _zero(direction: Combination, axis: int) -> bool:
-    return not _moves(direction, axis) and direction.initial[axis] == 0.0
+    value = direction.given[axis]
+    return not _moves(direction, axis) and is_number(value) and value == 0.0
 
 
 def angle(psi: Angle, form: str, lengths, branch: tuple[Parameter, ...], scaled: bool) -> Row:
@@ -197,27 +204,11 @@ def angle(psi: Angle, form: str, lengths, branch: tuple[Parameter, ...], scaled:
     lengths: of start, end and axis (m; 1 for unit vectors), or None to measure them in the initial position.
     """
     key = f"angle-sine-{AXES[largest_component(psi.axis.initial)]}" if form == "sine" else f"angle-{form}"
-    la, lb, ln = lengths or map(length, (psi.start, psi.end, psi.axis))
+    la, lb, ln = lengths or map(measures.length, (psi.start, psi.end, psi.axis))
     data = {"la": la, "lb": lb, "ln": ln, **dict(zip(BRANCH_WEIGHTS, branch))}
     arguments = {"a": psi.start, "b": psi.end, "n": psi.axis, "psi": psi.components[0]}
-    code = PAPER_ANGLE_CODES[shape(psi.start), shape(psi.end), shape(psi.axis)]
+    code = PAPER_ANGLE_CODES[tuple(map(measures.shape, (psi.start, psi.end, psi.axis)))]
     return Row(Owner("coordinate", psi.name), f"angle {psi.name}", code, ROW_TYPES[key], arguments, data, scaled=scaled)
-
-
-def shape(direction: Combination) -> str:
-    """"segment" for a difference of points, "vector" otherwise."""
-    return "segment" if all(isinstance(e, Point) for e in direction.elements) else "vector"
-
-
-def length(direction: Combination) -> float:
-    """The length of a direction in the initial position; exactly 1 for a unit vector."""
-    return 1.0 if shape(direction) == "vector" and len(direction.terms) == 1 else float(np.linalg.norm(direction.initial))
-
-
-def cosine(a: np.ndarray, b: np.ndarray) -> float:
-    """The cosine of the angle between two vectors; what is zero but for rounding is zero."""
-    value = float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
-    return 0.0 if abs(value) < 4 * np.finfo(float).eps else value
 
 
 def largest_component(axis: np.ndarray) -> int:

@@ -7,14 +7,16 @@ from dataclasses import replace
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.model import measures
 from ncgen.model import rows as row
-from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia
+from ncgen.model.arguments import value
+from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia, symmetric
 from ncgen.model.coordinates import check_name
 from ncgen.model.elements import Combination, Component, Constant, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rigid import Frame, include
 from ncgen.model.rows import Owner, Row
-from ncgen.model.values import as_sympy, as_value, evaluate, is_number
+from ncgen.model.values import Expression, Value, Values, as_sympy, is_number, settled, shown
 
 USER = Owner("user", "model")
 
@@ -28,7 +30,17 @@ class Structure:
 
     @fact
     def body(
-        self, name: str, points=(), vectors=(), mass=None, com=None, inertia=None, basis=None, *, rigid=True, constant_mass=False
+        self,
+        name: str,
+        points: list[Point] = (),
+        vectors: list[Vector] = (),
+        mass: Value | None = None,
+        com: Values | None = None,
+        inertia=None,
+        basis: list[Spatial] | None = None,
+        *,
+        rigid: bool = True,
+        constant_mass: bool = False,
     ) -> Body:
         """A rigid body.
 
@@ -37,6 +49,7 @@ class Structure:
         com: centre of mass (m, global axes, initial position); default: the middle of the basis' points
         inertia: tensor about the centre of mass (kg m², global axes, initial position), 3×3, its diagonal, or one
             number for a flat body (the moment about z); default 0
+        mass, com and inertia may hold parameters. Numbers stay what they are where a parameter moves points of the body
         basis: the elements that carry the inertia (default: four independent ones if there are, else what there is)
         rigid: False if you write the rows that keep the body rigid yourself
         constant_mass: add an auxiliary unit vector where that makes the body's mass matrix constant
@@ -46,11 +59,13 @@ class Structure:
         check_name(name, "body")
         if name in self.bodies:
             raise ModelError(f"body {name}: there is already a body of that name; choose another")
-        body = Body(name, rigid=rigid, frame=Frame(Owner("body", name)))
+        if name == self.ground.name:
+            raise ModelError("body ground: that is the name of the body that does not move; choose another")
+        body = Body(name, rigid=rigid, constant_mass=constant_mass, frame=Frame(Owner("body", name)))
         self.bodies[name] = body
         self.extend(body, *points, *vectors)
-        if constant_mass:
-            self._complete(body)
+        if mass is None and (com is not None or inertia is not None):
+            raise ModelError(f"body {name}: it has a centre of mass or an inertia but no mass; give its mass")
         if mass is not None:
             body.inertia = self._inertia(body, mass, com, inertia, basis)
         return body
@@ -58,8 +73,7 @@ class Structure:
     @fact
     def extend(self, body: Body, *elements: Spatial) -> None:
         """Add points and vectors to a body, with the rows that keep them in place."""
-        new = [self._own(e, Spatial, f"body {body.name}") for e in elements]
-        new = [e for e in dict.fromkeys(new) if e not in body.elements]
+        new = [e for e in dict.fromkeys(elements) if e not in body.elements]
         if body is self.ground:
             loose = [e for e in new if not e.fixed]
             if loose:
@@ -67,73 +81,79 @@ class Structure:
         body.points += [e for e in new if isinstance(e, Point)]
         body.vectors += [e for e in new if isinstance(e, Vector)]
         if body.rigid and new:
-            self.rows += include(body.frame, new, self._related, self.scale)
+            self.rows += include(body.frame, new, self._related, self.parameters, self.scale)
+            if body.constant_mass:
+                self._complete(body)
 
     @fact
-    def attach_point(self, body: Body, name: str, position) -> Point:
+    def attach_point(self, body: Body, name: str, position: Values) -> Point:
         """A new point of a body (m, initial position), such as where a spring is fixed; on the ground it is fixed."""
         point = self.point(name, position, fixed=True if body is self.ground else "z" if body.frame.planar else False)
         self.extend(body, point)
         return point
 
     @fact
-    def attach_vector(self, body: Body, name: str, direction) -> Vector:
+    def attach_vector(self, body: Body, name: str, direction: Values) -> Vector:
         """A new unit vector of a body (initial position)."""
         vector = self.vector(name, direction, fixed=body is self.ground)
         self.extend(body, vector)
         return vector
 
     @fact
-    def distance(self, start: Point, end: Point, length=None, owner: Body | None = None) -> Row:
+    def distance(self, start: Point, end: Point, length: Value | None = None, owner: Body | None = None) -> Row:
         """Row 1000: a constant distance (m; default: the one of the initial position); a massless rod, or your own row."""
-        start, end = (self._own(p, Point, "distance") for p in (start, end))
-        value = row.length(start - end) if length is None else as_value(length, f"distance {start.name}-{end.name}")
-        number = evaluate(value, self.parameters, f"distance {start.name}-{end.name}")
+        value = measures.length(start - end) if length is None else length
+        number = self._number(value, f"distance {start.name}-{end.name}")
         return self._keep(row.distance(start, end, value, _owner(owner), number, self.scale), length is None)
 
     @fact
     def unit(self, vector: Vector, owner: Body | None = None) -> Row:
         """Row 1001: a vector keeps its unit length."""
-        return self._keep(row.unit(self._own(vector, Vector, "unit"), _owner(owner), self.scale))
+        return self._keep(row.unit(vector, _owner(owner), self.scale))
 
     @fact
-    def vector_segment(self, vector: Vector, segment, length=None, cosine=None, owner: Body | None = None) -> Row:
+    def vector_segment(
+        self, vector: Vector, segment: Combination, length: Value | None = None, cosine: Value | None = None, owner: Body | None = None
+    ) -> Row:
         """Row 1002: a constant angle between a unit vector and a segment of constant length."""
-        vector = self._own(vector, Vector, "vector_segment")
+        label = f"angle {vector.name}, {segment}"
         segment = self._direction(segment, f"angle {vector.name}")
         measured = length is None or cosine is None
-        length = row.length(segment) if length is None else as_value(length, f"angle {vector.name}, {segment}")
-        if is_number(length) and not length > 0:
-            raise ModelError(f"angle {vector.name}, {segment}: the segment has length {length:g} m; give points that are apart")
-        cosine = row.cosine(vector.initial, segment.initial) if cosine is None else as_value(cosine, f"angle {vector.name}, {segment}, cosine")
-        return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), self.scale), measured)
+        length = measures.length(segment) if length is None else length
+        if not (number := self._number(length, label)) > 0:
+            raise ModelError(f"{label}: the segment has length {number:g} m; give points that are apart")
+        cosine = measures.cosine(as_combination(vector), segment) if cosine is None else cosine
+        numeric = self._number(cosine, f"{label}, cosine")
+        return self._keep(row.vector_segment(vector, segment, length, cosine, _owner(owner), numeric, self.scale), measured)
 
     @fact
-    def vector_vector(self, u: Vector, v: Vector, cosine=None, owner: Body | None = None) -> Row:
+    def vector_vector(self, u: Vector, v: Vector, cosine: Value | None = None, owner: Body | None = None) -> Row:
         """Row 1003: a constant angle between two unit vectors."""
         measured = cosine is None
-        u, v = (self._own(w, Vector, "vector_vector") for w in (u, v))
-        cosine = row.cosine(u.initial, v.initial) if cosine is None else as_value(cosine, f"angle {u.name}, {v.name}, cosine")
-        return self._keep(row.vector_vector(u, v, cosine, _owner(owner), self.scale), measured)
+        cosine = measures.cosine(as_combination(u), as_combination(v)) if cosine is None else cosine
+        numeric = self._number(cosine, f"angle {u.name}, {v.name}, cosine")
+        return self._keep(row.vector_vector(u, v, cosine, _owner(owner), numeric, self.scale), measured)
 
     @fact
-    def constrain(self, expression, label: str = "constraint", owner: Owner = USER) -> Row:
+    def constrain(self, expression: Expression, label: str = "constraint", owner: Owner = USER) -> Row:
         """A constraint of your own: a sympy expression of coordinates, `m.time` and parameters that stays zero."""
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False))
+        return self._keep(Row(owner, label, expression=expression, scaled=False))
 
     @fact
-    def constrain_velocity(self, expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
+    def constrain_velocity(self, expression: Expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
         """A nonholonomic constraint: a sympy expression that is linear in rates (`q.rate`) and stays zero."""
-        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False, level="velocity"))
+        return self._keep(Row(owner, label, expression=expression, scaled=False, level="velocity"))
 
     @fact
-    def drive(self, coordinate: Component | Relative, law) -> Row:
+    def drive(self, coordinate: Component | Relative, law: Expression) -> Row:
         """A rheonomic driver: coordinate = law(t), a sympy expression of `m.time` and parameters."""
-        name = coordinate.name
-        if not any(c is each for each in self.components for c in (coordinate, *getattr(coordinate, "components", ()))):
-            raise ModelError(f"drive {name}: the coordinate belongs to another model; use this model's own")
+        name, owner = coordinate.name, Owner("driver", coordinate.name)
+        if getattr(coordinate, "fixed", False):
+            raise ModelError(f"drive {name}: the coordinate is fixed; leave it free, or leave the driver out")
+        if first := next((k for k, each in enumerate(self.rows, 1) if each.owner == owner), None):
+            raise ModelError(f"drive {name}: row {first} drives it already; leave one of the two drivers out")
         self.chosen_independent = tuple(n for n in self.chosen_independent if n != name)  # what is driven is not independent
-        return self.constrain(coordinate.symbol - as_sympy(law), f"driver of {name}", Owner("driver", name))
+        return self.constrain(coordinate.symbol - law, f"driver of {name}", owner)
 
     # -- helpers -------------------------------------------------------------------------------
 
@@ -142,27 +162,39 @@ class Structure:
         return self.rows[-1]
 
     def _inertia(self, body: Body, mass, com, tensor, basis) -> Inertia:
-        mass = as_value(mass, f"body {body.name}, mass")
-        chosen = tuple(self._own(e, Spatial, f"body {body.name}") for e in basis) if basis is not None else None
-        carriers = chosen or tuple(body.elements)
-        points = [e.initial for e in carriers if isinstance(e, Point)]
+        if basis is not None:
+            check_basis(body.name, basis)
+        points = [e for e in basis or body.elements if isinstance(e, Point)]
         if not points:
             raise ModelError(f"body {body.name}: inertia needs at least one point; give it one")
-        com = np.mean(points, axis=0) if com is None else np.asarray(com, dtype=float)
-        if com.shape == (2,) and body.frame.planar:
-            com = np.append(com, points[0][2])
-        tensor = check_inertia(body.name, mass, com, np.zeros((3, 3)) if tensor is None else tensor)
-        if chosen is not None:
-            check_basis(body.name, chosen)
-        return Inertia(mass, com, tensor, chosen)
+        if com is None:
+            com = _middle(points)
+        if len(com) == 2 and body.frame.planar:
+            com = (*com, points[0].given[2])
+        tensor = self._tensor(body.name, 0.0 if tensor is None else tensor)
+        check_inertia(body.name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
+        return Inertia(mass, tuple(com), symmetric(tensor), basis)
+
+    def _tensor(self, name: str, given) -> np.ndarray:
+        """An inertia tensor as 3×3 values, from one for a flat body, its diagonal, or all."""
+        try:
+            given = np.array(given, dtype=object)
+        except ValueError:
+            raise ModelError(f"body {name}, inertia: {shown(given)} given; give one number, three, or 3×3") from None
+        if given.shape not in ((), (3,), (3, 3)):
+            raise ModelError(f"body {name}: the inertia has shape {given.shape}; give one number (planar), (3,) or (3, 3)")
+        values = np.array([value(self, x, f"body {name}, inertia") for x in given.flat], dtype=object).reshape(given.shape)
+        if values.ndim == 0:
+            values = as_sympy(values.item()) * np.array([0.5, 0.5, 1.0], dtype=object)
+        return np.diag(values) if values.ndim == 1 else values
 
     def _complete(self, body: Body) -> None:
         """An auxiliary unit vector that completes a body's base of two directions to three."""
-        base = body.frame.matrix().T
-        if len(base) != 2 or body.frame.planar:
+        if len(body.frame.directions) != 2 or body.frame.planar:
             return
-        direction = np.cross(*base)
-        self.attach_vector(body, f"{body.name}.aux", direction / np.linalg.norm(direction))
+        direction = measures.cross(*body.frame.given) if body.frame.is_parametric else np.cross(*body.frame.matrix().T)
+        size = measures.norm(direction) if body.frame.is_parametric else np.linalg.norm(direction)
+        self.attach_vector(body, f"{body.name}.aux", tuple(x / size for x in direction))
 
     def directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
         """Two directions of a body that are perpendicular to an axis and to each other in the initial position.
@@ -171,36 +203,54 @@ class Structure:
         """
         e = axis.initial / np.linalg.norm(axis.initial)
         helper = np.eye(3)[np.argmin(np.abs(e))]
-        first = np.cross(e, helper)
-        first /= np.linalg.norm(first)
-        return tuple(self.direction_of(body, d, f"across{k}") for k, d in enumerate((first, np.cross(e, first)), 1))
+        if axis.is_parametric:
+            e = measures.unit(axis.given)
+            first = measures.unit(measures.cross(e, helper))
+            second = measures.cross(e, first)
+        else:
+            first = np.cross(e, helper)
+            first /= np.linalg.norm(first)
+            second = np.cross(e, first)
+        return tuple(self.direction_of(body, d, f"across{k}") for k, d in enumerate((first, second), 1))
 
-    def direction_of(self, body: Body, direction: np.ndarray, wish: str) -> Combination:
-        """A direction that moves with a body, given in the initial position."""
+    def direction_of(self, body: Body, direction, wish: str) -> Combination:
+        """A direction that moves with a body, given in the initial position as three values."""
+        numbers = self._numbers(direction)
         if body is self.ground:
-            return as_combination(Constant.of(wish, direction))
-        if body.frame.planar and abs(direction[2]) < 1e-12:
+            return as_combination(Constant.of(wish, direction, numbers))
+        if body.frame.planar and abs(numbers[2]) < 1e-12:
             return as_combination(self.attach_vector_in_plane(body, direction, wish))
-        base = body.frame.matrix()
-        if len(body.frame.directions) < 3:
+        if len(body.frame.directions) < 3 or body.frame.is_parametric or not all(map(is_number, direction)):
             return as_combination(self.attach_vector(body, self._free_name(f"{body.name}.{wish}"), direction))
-        weights = np.linalg.solve(base, direction)
+        weights = np.linalg.solve(body.frame.matrix(), direction)
         combination = None
         for weight, other in zip(weights, body.frame.directions, strict=True):
             if abs(weight) > 1e-14:
                 combination = other * float(weight) if combination is None else combination + other * float(weight)
         return combination
 
-    def attach_vector_in_plane(self, body: Body, direction: np.ndarray, wish: str) -> Vector:
+    def attach_vector_in_plane(self, body: Body, direction, wish: str) -> Vector:
         vector = self.vector(self._free_name(f"{body.name}.{wish}"), (direction[0], direction[1], 0.0), fixed="z")
         self.extend(body, vector)
         return vector
+
+    def _numbers(self, values) -> np.ndarray:
+        """The numbers of values at the parameters' defaults, in the same shape."""
+        values = np.asarray(values)
+        return np.array([self._number(x, "") for x in values.flat]).reshape(values.shape)
 
     def _free_name(self, wish: str) -> str:
         name, number = wish, 2
         while name in self.elements:
             name, number = f"{wish}_{number}", number + 1
         return name
+
+
+def _middle(points: list[Point]) -> tuple:
+    """The mean of some points."""
+    if not any(p.is_parametric for p in points):
+        return tuple(np.mean([p.initial for p in points], axis=0).tolist())
+    return tuple(settled(sum(column) / len(points)) for column in zip(*(p.given for p in points), strict=True))
 
 
 def _owner(body: Body | None) -> Owner:

@@ -8,9 +8,19 @@ constants of the generated code; anything that mentions a parameter stays symbol
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ncgen.errors import ModelError
+
+
+Value = object
+"""In signatures: a number, a parameter, or an expression of parameters."""
+
+Values = object
+"""In signatures: several of them, such as the three of a position."""
+
+Expression = object
+"""In signatures: a number, or an expression of coordinates, rates, time and parameters."""
 
 
 class Symbolic:
@@ -73,8 +83,12 @@ class Parameter(Symbolic):
 
 
 def is_number(value) -> bool:
-    """True for plain numbers (bool excluded), False for parameters and expressions."""
-    return not isinstance(value, (bool, Parameter)) and not hasattr(value, "free_symbols") and hasattr(value, "__float__")
+    """True for plain real numbers, NumPy's included; False for truth values, arrays, complex numbers, parameters and expressions."""
+    if isinstance(value, float):
+        return True
+    if isinstance(value, (bool, Parameter)) or hasattr(value, "free_symbols") or not hasattr(value, "__float__"):
+        return False
+    return getattr(value, "ndim", 0) == 0 and getattr(getattr(value, "dtype", None), "kind", "f") in "iuf"
 
 
 def as_value(value, what: str):
@@ -86,21 +100,42 @@ def as_value(value, what: str):
     if isinstance(value, Parameter):
         return value
     if hasattr(value, "free_symbols"):
-        if value.free_symbols:
+        value = _expression(value, what)
+        if hasattr(value, "free_symbols"):
             return value
-        value = float(value)
     if not is_number(value):
-        raise ModelError(f"{what}: {value!r} is not a number; give a number, a parameter or an expression of parameters")
-    number = float(value)
+        raise ModelError(f"{what}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
     if not math.isfinite(number):
         raise ModelError(f"{what}: {number} is not a finite number; correct it")
     return number
 
 
+def _expression(value, what: str):
+    """An expression of sympy as it is, or as a float where nothing in it is symbolic."""
+    import sympy
+
+    if not isinstance(value, sympy.Expr):
+        raise ModelError(f"{what}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
+    if value.free_symbols:
+        return value
+    if not value.is_real:
+        raise ModelError(f"{what}: {shown(value)} is not a finite number; correct it")
+    return float(value)
+
+
+def settled(value):
+    """A value that turned out to have nothing symbolic in it as a float; other values as they are."""
+    return float(value) if hasattr(value, "free_symbols") and not value.free_symbols else value
+
+
 def evaluate(value, parameters: dict[str, Parameter], what: str) -> float:
     """The number a value has at the parameters' defaults.
 
-    Raises ModelError if an expression mentions something that is not a parameter of the model.
+    Raises ModelError if an expression mentions something that is not a parameter of the model, or is not a real number there.
     """
     if isinstance(value, Parameter):
         return parameters.get(value.name, value).default
@@ -109,4 +144,53 @@ def evaluate(value, parameters: dict[str, Parameter], what: str) -> float:
     unknown = sorted(s.name for s in value.free_symbols if s.name not in parameters)
     if unknown:
         raise ModelError(f"{what}: {unknown[0]} is not a parameter of this model; declare it with m.parameter")
-    return float(value.subs({s: parameters[s.name].default for s in value.free_symbols}))
+    number = value.subs({s: parameters[s.name].default for s in value.free_symbols})
+    if not number.is_real:
+        raise ModelError(f"{what}: {shown(value)} is {shown(number)} at the parameters' defaults, not a finite number; correct it")
+    return float(number)
+
+
+NEARBY = (0.0847, -0.0613, 0.0391, -0.0957, 0.0719)
+"""By how much parameters are changed to see whether something holds for all of them: of their size, or of 1 where they are zero."""
+
+
+def nearby(parameters: dict[str, Parameter]) -> list[dict[str, Parameter]]:
+    """Two other sets of parameters: what holds for them and for the defaults is taken to hold always."""
+    return [
+        {
+            name: replace(parameter, default=parameter.default + sign * NEARBY[k % len(NEARBY)] * (abs(parameter.default) or 1.0))
+            for k, (name, parameter) in enumerate(parameters.items())
+        }
+        for sign in (1.0, -1.0)
+    ]
+
+
+def vanishes(value, parameters: dict[str, Parameter], bound: float) -> bool:
+    """True if a value is not larger than `bound` at the parameters' defaults and at others near them."""
+    if is_number(value):
+        return abs(value) <= bound
+    found = []
+    for each in (parameters, *nearby(parameters)):
+        try:
+            found.append(abs(evaluate(value, each, "")))
+        except ModelError:
+            continue  # outside the domain of a function: says nothing
+    return len(found) > 1 and max(found) <= bound
+
+
+def mentioned(values, parameters: dict[str, Parameter]) -> str:
+    """The names of the parameters in some values, for messages."""
+    found = set()
+    for value in values:
+        found |= {value.name} if isinstance(value, Parameter) else {s.name for s in getattr(value, "free_symbols", ())}
+    return ", ".join(name for name in parameters if name in found)
+
+
+def shown(value) -> str:
+    """Anything in a message: one line, and not more of it than helps."""
+    text = " ".join((str if hasattr(value, "free_symbols") else repr)(value).split())
+    return text if len(text) <= SHOWN else f"{text[: SHOWN - 1]}…"
+
+
+SHOWN = 60
+"""Characters of a value that a message repeats."""

@@ -14,7 +14,7 @@ import numpy as np
 import sympy
 
 from ncgen.errors import ModelError
-from ncgen.model import Model
+from ncgen.model import Model, measures
 from ncgen.model.elements import Combination, Component, rate_name
 from ncgen.model.forces import Couple, Spring, TorsionSpring
 from ncgen.model.rows import Owner, Row, describe
@@ -165,7 +165,8 @@ def _couple(model: Model, couple: Couple) -> Term:
     if _names(model, sympy.Tuple(*couple.components), couple.label)[0] or TIME in sympy.Tuple(*couple.components).free_symbols:
         raise ModelError(f"{couple.label}: give numbers or parameters; for a couple that varies, use a torque on a relative angle")
     forms = [form for d in directions for form in _vector_form(d)]
-    volume = float(np.linalg.det(frame.matrix()))
+    x, y, z = frame.given
+    volume = measures.dot(x, measures.cross(y, z)) if frame.is_parametric else float(np.linalg.det(frame.matrix()))
     return Term(templates.couple(), tuple(forms), (*couple.components, volume), Owner("body", couple.body.name), couple.label)
 
 
@@ -221,7 +222,7 @@ def _inertia_terms(model: Model, bodies, released) -> tuple[list[Term], list[Ter
     weight: dict[Component, object] = defaultdict(Fraction)
     varying = []
     for body in bodies:
-        standard = standard_inertia(body)
+        standard = standard_inertia(body, model.parameters)
         _add_constant_mass(mass, standard, released)
         _add_weight(weight, standard, model.gravity_field)
         if standard.crossed:

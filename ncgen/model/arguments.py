@@ -1,0 +1,202 @@
+"""What the builder's methods take: an argument becomes what its annotation says, or is refused where it is written.
+
+Elements and bodies may be given by their names. A message names the method, the thing that is made where it has a
+name, the argument, and what was given.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Iterable, Mapping, Set
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model.bodies import Body
+from ncgen.model.elements import AXES, Component, Constant, Length, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.rows import Owner
+from ncgen.model.values import Parameter, as_sympy, as_value, evaluate, is_number, shown
+
+WORDS = {Point: "point", Vector: "vector", Spatial: "point or vector", Relative: "angle or length", Length: "length or slide", Body: "body"}
+"""What a kind of thing is called."""
+
+UNSAID = ("position", "direction", "field")
+"""Arguments that go without saying in messages: their axes are named."""
+
+
+def read(model, word: str, bound: inspect.BoundArguments) -> None:
+    """Bring the arguments of a call to what the method's annotations say. Raises ModelError naming method, thing and argument."""
+    name = bound.arguments.get("name")
+    subject = [shown(name)[1:-1]] if isinstance(name, str) else []
+    for key, parameter in bound.signature.parameters.items():
+        if key not in bound.arguments or not isinstance(parameter.annotation, str):
+            continue
+        kind = parameter.annotation.removesuffix(" | None")
+        reader, given = READERS.get(kind), bound.arguments[key]
+        if reader is None or (given is None and kind != parameter.annotation):
+            continue
+        where = " ".join([word, "-".join(subject)]) if subject else word
+        what = where if key in UNSAID else f"{where}, {key}"
+        many = parameter.kind is parameter.VAR_POSITIONAL
+        found = tuple(reader(model, each, what) for each in given) if many else reader(model, given, what)
+        if not isinstance(name, str) and isinstance(found, (Spatial, Relative, Component, Body)):
+            subject.append(found.name)
+        bound.arguments[key] = found
+
+
+def own(model, thing, kind, where: str):
+    """An element of this model by itself or by its name. Raises ModelError for anything else."""
+    if isinstance(thing, str):
+        if thing not in model.elements:
+            raise ModelError(f"{where}: there is no {WORDS[kind]} {shown(thing)[1:-1]}; define it first")
+        thing = model.elements[thing]
+    if not isinstance(thing, kind):
+        raise ModelError(f"{where}: {shown(thing)} is not a {WORDS[kind]}; give one by itself or by its name")
+    if not isinstance(thing, Constant) and model.elements.get(thing.name) is not thing:
+        raise ModelError(f"{where}: {thing!r} belongs to another model; use this model's own")
+    return thing
+
+
+def own_direction(model, thing, where: str):
+    """A vector, a segment, or a combination of them with numbers, as a combination; it may have length zero."""
+    direction = as_combination(own(model, thing, Spatial, where) if isinstance(thing, str) else thing)
+    for weight, element in direction.terms:
+        own(model, element, Spatial, where)
+        if not is_number(weight):
+            raise ModelError(f"{where}: the weight {shown(weight)} of {element.name} is not a number; directions are combined with numbers")
+    if not direction.is_direction:
+        raise ModelError(f"{where}: {direction} is not a direction; give a vector or a difference of points")
+    return direction
+
+
+def value(model, given, where: str):
+    """A number, or a parameter or an expression of parameters of this model that is a number at their defaults."""
+    found = as_value(given, where)
+    if isinstance(found, Parameter) and model.parameters.get(found.name) is not found:
+        raise ModelError(f"{where}: parameter {found.name} belongs to another model; use this model's own")
+    evaluate(found, model.parameters, where)
+    return found
+
+
+def sequence(given, where: str, what: str) -> tuple:
+    """Several things in their order. Raises ModelError for what has no order, and for texts and single things."""
+    if isinstance(given, (str, bytes, Mapping, Set)) or not isinstance(given, Iterable) or getattr(given, "ndim", 1) != 1:
+        raise ModelError(f"{where}: {shown(given)} given; give {what}")
+    return tuple(given)
+
+
+def expression(given, where: str):
+    """A number, or an expression of sympy. Raises ModelError for NaN, infinity, texts and things that are neither."""
+    found = as_sympy(given)
+    if not hasattr(found, "free_symbols"):
+        if not is_number(found):
+            raise ModelError(f"{where}: {shown(given)} is not an expression; give a number, or one of coordinates, m.time and parameters")
+        return as_value(found, where)
+    import sympy
+
+    if not isinstance(found, sympy.Expr):
+        raise ModelError(f"{where}: {shown(found)} is not an expression of numbers; correct it")
+    if found.has(sympy.I, sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
+        raise ModelError(f"{where}: {shown(found)} is not a finite number; correct it")
+    return found
+
+
+def coordinate(model, thing, where: str):
+    """One scalar coordinate that can move: an angle, a length, or a component such as B.x."""
+    if isinstance(thing, str):
+        known = {c.name: c for c in model.components}
+        if thing not in model.elements and thing not in known:
+            raise ModelError(f"{where}: there is no coordinate {shown(thing)[1:-1]}; define it first")
+        thing = model.elements[thing] if thing in model.elements else known[thing]
+    if isinstance(thing, Spatial):
+        raise ModelError(f"{where}: {thing!r} has three coordinates; name one, such as {thing.name}.x")
+    if not isinstance(thing, (Component, Relative)):
+        raise ModelError(f"{where}: {shown(thing)} is not a coordinate; give an angle, a length, or one such as B.x")
+    if not any(c is each for each in model.components for c in (thing, *getattr(thing, "components", ()))):
+        raise ModelError(f"{where}: {thing.name} belongs to another model; use this model's own")
+    return thing
+
+
+def _body(model, thing, where: str):
+    if isinstance(thing, str):
+        known = {"ground": model.ground, **model.bodies}
+        if thing not in known:
+            raise ModelError(f"{where}: there is no body {shown(thing)[1:-1]}; define it first")
+        thing = known[thing]
+    if not isinstance(thing, Body):
+        raise ModelError(f"{where}: {shown(thing)} is not a body; give one by itself or by its name")
+    if thing is not model.ground and model.bodies.get(thing.name) is not thing:
+        raise ModelError(f"{where}: body {thing.name} belongs to another model; use this model's own")
+    return thing
+
+
+def _owner(model, thing, where: str):
+    return thing if isinstance(thing, Owner) else Owner("body", _body(model, thing, where).name)
+
+
+def _of(kind):
+    return lambda model, thing, where: own(model, thing, kind, where)
+
+
+def _several(kind):
+    def reader(model, things, where):
+        if isinstance(things, (str, Spatial)):
+            things = (things,)
+        return tuple(own(model, each, kind, where) for each in sequence(things, where, f"a list of {WORDS[kind]}s"))
+
+    return reader
+
+
+def _text(model, given, where: str):
+    if not isinstance(given, str):
+        raise ModelError(f"{where}: {shown(given)} is not a text; give one in quotes")
+    return given
+
+
+def _truth(model, given, where: str):
+    if not isinstance(given, (bool, np.bool_)):
+        raise ModelError(f"{where}: {shown(given)} given; give True or False")
+    return bool(given)
+
+
+def _held(model, given, where: str):
+    if isinstance(given, str):
+        return given
+    if not isinstance(given, (bool, np.bool_)):
+        raise ModelError(f"{where}: {shown(given)} given; give True, False, or the axes that cannot move, such as 'z'")
+    return bool(given)
+
+
+def _number(model, given, where: str):
+    if not is_number(found := as_value(given, where)):
+        raise ModelError(f"{where}: {shown(given)} depends on parameters; give a number")
+    return found
+
+
+def _values(model, given, where: str):
+    given = sequence(given, where, "three numbers")
+    marks = AXES if len(given) <= len(AXES) else map(str, range(1, len(given) + 1))
+    return tuple(value(model, each, f"{where}, {mark}") for each, mark in zip(given, marks))
+
+
+READERS = {
+    "Body": _body,
+    "Owner": _owner,
+    "Point": _of(Point),
+    "Vector": _of(Vector),
+    "Spatial": _of(Spatial),
+    "Relative": _of(Relative),
+    "list[Point]": _several(Point),
+    "list[Vector]": _several(Vector),
+    "list[Spatial]": _several(Spatial),
+    "Combination": own_direction,
+    "Component | Relative": coordinate,
+    "Value": value,
+    "Values": _values,
+    "Expression": lambda model, given, where: expression(given, where),
+    "str": _text,
+    "bool": _truth,
+    "bool | str": _held,
+    "float": _number,
+}
+"""{annotation: reader(model, what was given, where)}."""

@@ -1,0 +1,111 @@
+"""What is measured in the initial position: lengths, cosines, angles, and weights of combinations.
+
+A measure is a number, or an expression of parameters where positions have some: so a body whose point stands at a
+parameter is, at any p, the body that would have been built with that number. What is decided, such as which elements
+make a base, is decided at the parameters' defaults.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from ncgen.model.elements import Combination, Point
+from ncgen.model.values import is_number, settled
+
+
+def shape(direction: Combination) -> str:
+    """"segment" for a difference of points, "vector" otherwise."""
+    return "segment" if all(isinstance(e, Point) for e in direction.elements) else "vector"
+
+
+def length(direction: Combination):
+    """The length of a direction in the initial position; exactly 1 for a unit vector."""
+    if shape(direction) == "vector" and len(direction.terms) == 1:
+        return 1.0
+    return norm(direction.given) if direction.is_parametric else float(np.linalg.norm(direction.initial))
+
+
+def cosine(a: Combination, b: Combination):
+    """The cosine of the angle between two directions; what is zero but for rounding is zero."""
+    if a.is_parametric or b.is_parametric:
+        return settled(dot(a.given, b.given) / (length(a) * length(b)))
+    return cosine_of(a.initial, b.initial)
+
+
+def cosine_of(a: np.ndarray, b: np.ndarray) -> float:
+    """The same of two vectors of numbers."""
+    value = float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
+    return 0.0 if abs(value) < 4 * np.finfo(float).eps else value
+
+
+def along(direction: Combination, axis: Combination):
+    """The scalar product of two directions."""
+    if direction.is_parametric or axis.is_parametric:
+        return dot(direction.given, axis.given)
+    return float(direction.initial @ axis.initial)
+
+
+def angle(start: Combination, end: Combination, axis: Combination):
+    """The angle from `start` to `end` about `axis`, in (−π, π]."""
+    if not any(d.is_parametric for d in (start, end, axis)):
+        return angle_of(start.initial, end.initial, axis.initial / np.linalg.norm(axis.initial))
+    import sympy
+
+    a, b, n = start.given, end.given, unit(axis.given)
+    return settled(sympy.atan2(dot(cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n)))
+
+
+def angle_of(a: np.ndarray, b: np.ndarray, n: np.ndarray) -> float:
+    """The same of vectors of numbers, n of length 1."""
+    return math.atan2(np.cross(a, b) @ n, a @ b - (a @ n) * (b @ n))
+
+
+def weights(base: list, target) -> list:
+    """Numbers w of the least squares target = Σ w · base, of vectors of values; one to three vectors that are independent."""
+    return [settled(dot(target, other)) for other in reciprocal(base)[: len(base)]]
+
+
+def reciprocal(base: list) -> list:
+    """Vectors whose products with the base are 1 and 0, in the space of the base."""
+    if len(base) == 1:
+        squared = dot(base[0], base[0])
+        return [tuple(x / squared for x in base[0])]
+    if len(base) == 2:
+        base = [*base, cross(*base)]
+    volume = dot(base[0], cross(base[1], base[2]))
+    return [tuple(x / volume for x in cross(base[(k + 1) % 3], base[(k + 2) % 3])) for k in range(3)]
+
+
+# -- arithmetic of values: zeros are left out, so that what is zero stays a plain zero -----------------
+
+
+def dot(a, b):
+    """The scalar product of two vectors of values."""
+    return settled(sum(_product(x, y) for x, y in zip(a, b, strict=True)))
+
+
+def cross(a, b) -> tuple:
+    """The cross product of two vectors of values."""
+    return tuple(settled(_product(a[i - 2], b[i - 1]) - _product(a[i - 1], b[i - 2])) for i in range(3))
+
+
+def norm(a):
+    """The length of a vector of values."""
+    squared = dot(a, a)
+    if is_number(squared):
+        return math.sqrt(squared)
+    import sympy
+
+    return sympy.sqrt(squared)
+
+
+def unit(a) -> tuple:
+    """A vector of values divided by its length."""
+    size = norm(a)
+    return tuple(settled(x / size) if is_number(size) or x != 0.0 else 0.0 for x in a)
+
+
+def _product(x, y):
+    return 0 if x == 0.0 or y == 0.0 else x * y
