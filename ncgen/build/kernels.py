@@ -19,8 +19,10 @@ from ncgen.errors import DomainError, ModelError, NcgenError
 from ncgen.model import Model
 from ncgen.model.elements import Point
 from ncgen.model.rows import Row, natural_size
-from ncgen.model.values import evaluate
+from ncgen.model.values import evaluate, is_number
 from ncgen.program.blocks import Pattern
+from ncgen.program.evaluate import evaluate as evaluate_program
+from ncgen.program.functions import FUNCTIONS
 from ncgen.program.programs import Programs
 
 FLOAT = np.dtype(float)
@@ -99,6 +101,40 @@ class Kernels(ABC):
         """The extent of the mechanism (m) in its initial position; 1 if it has no extent."""
         points = [e.initial for e in self.model.elements.values() if isinstance(e, Point)]
         return float(np.max(np.ptp(points, axis=0))) or 1.0 if points else 1.0
+
+    # -- the initial position ------------------------------------------------------------------
+
+    def start(self, p=None) -> np.ndarray:
+        """The initial position at parameters p (…, parameters), shape (…, n): q0 where positions have no parameters."""
+        if p is None or not self._has_moving_start:
+            return np.array(np.broadcast_to(self.q0, (*np.shape(self.p0 if p is None else p)[:-1], self.n)))
+        return self._run_start(0, p, (self.n,))
+
+    def start_p(self, p=None) -> np.ndarray:
+        """∂start/∂p at parameters p (…, parameters), shape (…, n, parameters)."""
+        p, shape = self.p0 if p is None else p, (self.n, len(self.p0))
+        return self._run_start(1, p, shape) if self._has_moving_start else np.zeros((*np.shape(p)[:-1], *shape))
+
+    @cached_property
+    def _has_moving_start(self) -> bool:
+        return not all(is_number(c.value) for c in self.programs.equations.free)
+
+    @cached_property
+    def _start_programs(self):
+        from ncgen.program.initial import assemble_start
+
+        return assemble_start(self.programs.equations)
+
+    def _run_start(self, which: int, p, shape: tuple[int, ...]) -> np.ndarray:
+        """One of the two programs on whole columns of parameters."""
+        program = self._start_programs[which]
+        p = np.asarray(p, dtype=np.result_type(float, np.asarray(p).dtype))
+        if p.shape[-1:] != (len(self.p0),):
+            raise NcgenError(f"{self.name}.{program.name}: p has shape {p.shape}; the model has {len(self.p0)} parameters")
+        functions = {name: getattr(np, function.numpy) for name, function in FUNCTIONS.items()}
+        columns = evaluate_program(program, {"p": np.moveaxis(p, -1, 0)}, functions)
+        values = np.stack(np.broadcast_arrays(*columns, p[..., 0])[:-1], axis=-1)
+        return values.reshape(*p.shape[:-1], *shape)
 
     # -- kernels -------------------------------------------------------------------------------
 

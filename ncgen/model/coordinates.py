@@ -14,7 +14,7 @@ from ncgen.model.catalogue import BRANCH_WEIGHTS
 from ncgen.model.elements import AXES, Angle, Combination, Component, Element, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rows import SIX_DIGITS, UNIT_LENGTH, Row
-from ncgen.model.values import Parameter, Value, Values, evaluate, mentioned, shown, vanishes
+from ncgen.model.values import Parameter, Value, Values, evaluate, is_number, mentioned, shown, vanishes
 
 ANGLE_FORMS = ("smooth", "paper", "sine", "cosine")
 
@@ -183,7 +183,7 @@ class Coordinates:
         components = []
         for axis, value in zip(AXES, position, strict=True):
             number = self._number(value, f"{what} {name}, {axis}")
-            components.append(Component(f"{name}.{axis}", axis in held, value, number))
+            components.append(Component(f"{name}.{axis}", axis in held, number if is_number(value) else value, number))
         return kind(name, tuple(components))
 
     def _number(self, value, what: str) -> float:

@@ -13,7 +13,7 @@ from ncgen.model.bodies import Body
 from ncgen.model.elements import Point, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.forces import Couple, Force, Potential, Spring, TorsionSpring
-from ncgen.model.values import Expression, Value, Values, shown
+from ncgen.model.values import Expression, Value, Values, is_number, shown
 
 
 class Loads:
@@ -29,7 +29,7 @@ class Loads:
         """The acceleration of gravity (m/s²), three values."""
         if len(field) != 3:
             raise ModelError(f"gravity: {len(field)} numbers given; give three, for example (0, 0, -9.81)")
-        self.gravity_field = field
+        self.gravity_field = tuple(float(g) if is_number(g) else g for g in field)
 
     @fact
     def force(self, point: Point, vector, label: str | None = None) -> Force:

@@ -19,23 +19,31 @@ LIMIT = 100
 LONGEST_STEP = 0.1
 """Largest change of any coordinate in one step, relative to its natural size."""
 
+SLOW = 0.5
+"""A step that leaves more than this of the residual is not one of Newton's method near a solution."""
+
 NAMED = 4
 """How many rows a failure names."""
 
 
-def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] | None = None) -> np.ndarray:
-    """A consistent position near q (default: the model's), shape (n,).
+def assemble(
+    kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] | None = None, tolerance: float = CONSISTENT
+) -> np.ndarray:
+    """A consistent position near q (default: the model's at the parameters p), shape (n,).
 
     q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
     weights: {coordinate: how much dearer than others it is to move it}; 1 is the default
+    tolerance: the relative residual up to which a position passes as closed. One that is open beyond CONSISTENT is closed as far as
+        its rows allow: those of an overconstrained mechanism contradict each other by as much as its dimensions are rounded
     Raises ConvergenceError naming the rows that do not close, DomainError naming one that is not a number, ModelError for
     arguments that do not fit.
     """
-    q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
+    p, tolerance = given.parameters(kernels, p), given.closing(tolerance)
+    q, t = given.position(kernels, q, p), given.finite(t, "t")
     weights = given.numbers_by_name(weights or {}, kernels.index, "weights")
     for name, weight in weights.items():
         given.positive(weight, f"weights: {name}")
-    if residual(kernels, q, t, p) <= CONSISTENT:
+    if residual(kernels, q, t, p) <= min(tolerance, CONSISTENT):
         return q
     sizes = kernels.column_sizes / np.array([weights.get(name, 1.0) for name in kernels.coordinates])
     rows = kernels.holonomic
@@ -43,7 +51,7 @@ def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] 
     for _ in range(LIMIT):
         value = kernels.phi(q, t, p)[rows] / kernels.row_sizes[rows]
         history.append(float(np.max(np.abs(value), initial=0.0)))
-        if history[-1] <= TOLERANCE:
+        if history[-1] <= TOLERANCE or (history[-1] <= tolerance and _stands_still(history)):
             return q
         if not np.isfinite(history[-1]):
             if len(history) == 1 or is_finite(q):
@@ -53,7 +61,12 @@ def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] 
         step = _damped_step(jacobian, value)
         step *= min(1.0, LONGEST_STEP / max(np.max(np.abs(step), initial=0.0), 1e-300))
         q = q + sizes * step
-    raise ConvergenceError(_open_rows(kernels, value), tuple(history))
+    raise ConvergenceError(_open_rows(kernels, value, tolerance), tuple(history))
+
+
+def _stands_still(history: list[float]) -> bool:
+    """True if the last step has not made a residual smaller: rows that contradict each other do not close further."""
+    return len(history) > 1 and history[-1] > SLOW * history[-2]
 
 
 def _damped_step(jacobian: np.ndarray, value: np.ndarray) -> np.ndarray:
@@ -63,8 +76,8 @@ def _damped_step(jacobian: np.ndarray, value: np.ndarray) -> np.ndarray:
     return np.linalg.lstsq(stacked, np.concatenate([-value, np.zeros(jacobian.shape[1])]), rcond=None)[0]
 
 
-def _open_rows(kernels: Kernels, value: np.ndarray) -> str:
-    worst = [i for i in np.argsort(-np.abs(value)) if abs(value[i]) > CONSISTENT][:NAMED]
+def _open_rows(kernels: Kernels, value: np.ndarray, tolerance: float) -> str:
+    worst = [i for i in np.argsort(-np.abs(value)) if not abs(value[i]) <= min(tolerance, CONSISTENT)][:NAMED] or [int(np.argmax(np.abs(value)))]
     rows = [(kernels.holonomic[i], value[i]) for i in worst]
     named = "; ".join(f"row {r + 1} ({kernels.rows[r].label}, {kernels.rows[r].owner}) by {v:.2g}" for r, v in rows)
-    return f"{kernels.name}: the mechanism does not close: {named} (relative); correct a length, or start nearer to a closed position"
+    return f"{kernels.name}: the mechanism does not close: {named} (relative); correct a length, start nearer to a closed position, or allow more"

@@ -21,7 +21,7 @@ from ncgen.solver.protocol import Kernels
 def transformation(kernels: Kernels, body: str, q, p=None) -> np.ndarray:
     """A at positions q (…, n), shape (…, 3, 3); orthogonal as far as Φ = 0."""
     basis = _basis(kernels, body)
-    initial = _columns(basis, lambda e: element(kernels, e, kernels.q0, p))
+    initial = _columns(basis, lambda e: element(kernels, e, kernels.start(p), p))
     return _columns(basis, lambda e: element(kernels, e, q, p)) @ np.linalg.inv(initial)
 
 

@@ -48,7 +48,14 @@ def position(kernels: Kernels, q=None, p=None, what: str = "q") -> np.ndarray:
     Raises ModelError as `parameters` does.
     """
     kernels = checked_kernels(kernels)
-    return _numbers(kernels.coordinates, kernels.q0, q, what, "free coordinate")
+    return _numbers(kernels.coordinates, kernels.start(p), q, what, "free coordinate")
+
+
+def closing(tolerance) -> float:
+    """The relative residual up to which a position passes as closed. Raises ModelError unless it is between 0 and 1."""
+    if not (isinstance(tolerance, Real) and 0 < tolerance < 1):
+        raise ModelError(f"closing tolerance: {echo(tolerance)} given; it must be a number between 0 and 1, such as 1e-6")
+    return float(tolerance)
 
 
 def names_of(given, what: str, known: Collection[str] | None = None, kind: str = "free coordinate") -> tuple[str, ...]:

@@ -83,7 +83,7 @@ def linearise(kernels: Kernels, q=None, qd=None, t: float = 0.0, p=None, z=()) -
     """
     if kernels.model.callbacks:
         raise ModelError(f"{kernels.name}: forces of Python functions have no derivative; write them as expressions to linearise")
-    q = solve_position(kernels, kernels.q0 if q is None else q, t, p).q
+    q = solve_position(kernels, kernels.start(p) if q is None else q, t, p).q
     partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
     velocities, positions = partitions.velocity.independent, partitions.position.independent
     rates = np.zeros(len(velocities)) if qd is None else np.asarray(qd, dtype=float)[velocities]

@@ -53,7 +53,8 @@ def solve_position(
     Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π, DomainError naming a
     row that is not a number, ModelError for arguments that do not fit.
     """
-    q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
+    p = given.parameters(kernels, p)
+    q, t = given.position(kernels, q, p), given.finite(t, "t")
     tolerance, limit = given.positive(tolerance, "tolerance"), given.count(limit, "limit")
     held = set(given.names_of(held, "held", kernels.index))
     free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in held], dtype=int)
@@ -121,7 +122,8 @@ def move(kernels: Kernels, q, targets: dict[str, float], t=0.0, p=None, steps: i
     The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go, ModelError for
     arguments that do not fit.
     """
-    q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
+    p = given.parameters(kernels, p)
+    q, t = given.position(kernels, q, p), given.finite(t, "t")
     end = given.numbers_by_name(targets, kernels.index, "targets")
     names, steps = list(end), given.count(steps, "steps")
     where = [kernels.index[name] for name in names]
@@ -147,7 +149,7 @@ def sweep(kernels: Kernels, name: str, values, q=None, t=0.0, p=None) -> np.ndar
 
     Raises ConvergenceError where the mechanism cannot go, ModelError for arguments that do not fit.
     """
-    position, path = given.position(kernels, q), []
+    position, path = given.position(kernels, q, p), []
     given.known_name(name, kernels.index, "name")
     for value in given.several(values, "values"):
         position = move(kernels, position, {name: value}, t, p).q

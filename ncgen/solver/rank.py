@@ -125,7 +125,8 @@ def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
     q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
     Raises ModelError for arguments that do not fit.
     """
-    q, t, p = given.position(kernels, q), given.finite(t, "t"), given.parameters(kernels, p)
+    p = given.parameters(kernels, p)
+    q, t = given.position(kernels, q, p), given.finite(t, "t")
     # Found once for a position: a series of simulations starts from the same one again and again.
     known = kernels.__dict__.setdefault("_freedoms", {})
     key = (q.tobytes(), float(t), p.tobytes())

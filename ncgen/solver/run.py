@@ -19,7 +19,9 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, find_formalism, find_integrator, in_c, options_of, partners
 from ncgen.model import Model
 from ncgen.model.values import evaluate
+from ncgen.solver import given
 from ncgen.solver.given import ECHOED, checked_kernels, finite, known_name, names_of, offer, parameters, position
+from ncgen.solver.position import CONSISTENT
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.stop import Stop, stop_at
 
@@ -48,6 +50,7 @@ class Initial:
     z: names of the coordinates that are to be independent, () for the model's choice
     zd: initial rates of the independent coordinates by name or as an array in the order of z, or None
     qd: rates of any coordinates by name, or of all as an array (n,), or None
+    closing: the relative residual up to which the position passes as closed
     """
 
     p: np.ndarray
@@ -56,9 +59,10 @@ class Initial:
     z: tuple[str, ...] = ()
     zd: dict[str, float] | np.ndarray | None = None
     qd: dict[str, float] | np.ndarray | None = None
+    closing: float = CONSISTENT
 
     @classmethod
-    def asked(cls, subject: Kernels | Model, *, q0=None, zd0=None, qd0=None, z=None, p=None, t0=0.0, names=("q0", "zd0", "qd0", "t0")) -> Initial:
+    def asked(cls, subject: Kernels | Model, *, q0=None, zd0=None, qd0=None, z=None, p=None, t0=0.0, closing=CONSISTENT, names=("q0", "zd0", "qd0", "t0")) -> Initial:
         """From what the caller gives; names: of the arguments q0, zd0, qd0 and t0 in messages. Raises ModelError."""
         subject = outline(subject)
         if zd0 is not None and qd0 is not None:
@@ -71,6 +75,7 @@ class Initial:
             names_of(z, "z", subject.coordinates),
             _rates(subject, zd0, names[1], whole=False),
             _rates(subject, qd0, names[2], whole=True),
+            given.closing(closing),
         )
 
 
@@ -180,7 +185,7 @@ def outline(subject: Kernels | Model):
         return SimpleNamespace(
             name=subject.name, model=subject, coordinates=tuple(c.name for c in free), parameters=tuple(subject.parameters),
             index={c.name: i for i, c in enumerate(free)}, n=len(free),
-            q0=np.array([c.initial for c in free], dtype=float), p0=np.array(values, dtype=float),
+            start=lambda p=None: np.array([c.initial for c in free], dtype=float), q0=np.array([c.initial for c in free], dtype=float), p0=np.array(values, dtype=float),
         )  # fmt: skip
     return checked_kernels(subject)
 

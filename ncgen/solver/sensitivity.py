@@ -62,7 +62,8 @@ def sensitivities(kernels: Kernels, duration: float, steps: int, **start) -> Sen
     """Derivatives of the whole motion, carried along with it.
 
     steps: Runge-Kutta steps of equal length; the motion is given at all K = steps + 1 instants
-    start: q0, zd0 or qd0, z, p, t0, as for `simulate`
+    start: q0, zd0 or qd0, z, p, t0, as for `simulate`; derivatives by a parameter are taken at the same z of the start, unless the model's
+        own initial position has parameters and no q0 is given: then z starts where they put it
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
     motion = _Motion(kernels, duration, steps, **start)
@@ -71,6 +72,7 @@ def sensitivities(kernels: Kernels, duration: float, steps: int, **start) -> Sen
     dy = np.zeros((2 * nz, count))
     dy[nz:, len(motion.p) : len(motion.p) + nz] = np.eye(nz)
     dy[:nz, len(motion.p) + nz :] = np.eye(nz)
+    dy[nz:, : len(motion.p)] = motion.z_by_p
     q_by, qd_by = [], []
     for stages, h in motion.forward():
         slopes, total = np.zeros_like(dy), np.zeros_like(dy)
@@ -111,7 +113,7 @@ def gradient(
             total += later
             p_bar = p_bar + by_p
         adjoint = total
-    slopes = np.concatenate([p_bar, adjoint[motion.nz :], adjoint[: motion.nz]])
+    slopes = np.concatenate([p_bar + motion.z_by_p.T @ adjoint[motion.nz :], adjoint[motion.nz :], adjoint[: motion.nz]])
     return Gradient(float(value), dict(zip(motion.names, slopes.tolist(), strict=True)))
 
 
@@ -128,6 +130,8 @@ class _Motion:
         self.h = length / steps
         self.partition = begun.partitions.position
         self.nz = len(self.partition.independent)
+        # Where z starts follows the parameters only if the model's own position does.
+        self.z_by_p = (kernels.start_p(self.p) if start.get("q0") is None else np.zeros((kernels.n, len(self.p))))[self.partition.independent]
         names = self.partition.names(kernels)
         self.names = (*kernels.parameters, *names, *(f"rate({name})" for name in names))
         self.y0 = np.concatenate([begun.rates, begun.q[self.partition.independent]])

@@ -14,6 +14,7 @@ from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
 from ncgen.solver.choice import Choice, choose, stiff_choice
 from ncgen.solver.path import Path
+from ncgen.solver.position import CONSISTENT
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.run import EMITTED, Run
 from ncgen.solver.start import Start, begin
@@ -38,6 +39,7 @@ def simulate(
     z=None,
     p=None,
     t0: float = 0.0,
+    closing: float = CONSISTENT,
     points: int = 101,
     max_step: float = np.inf,
     engine: str = "auto",
@@ -72,6 +74,7 @@ def simulate(
         array; what the constraints do not allow is projected, with a warning
     z: names of the independent coordinates (default: the model's choice, else found by pivoting)
     p: parameters as an array or {name: value} (default: the model's)
+    closing: the relative residual up to which the start passes as closed; larger for overconstrained mechanisms with rounded dimensions
     points: how many instants the trajectory holds
     max_step: the longest step (s)
     engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out and compiled
@@ -92,6 +95,7 @@ def simulate(
     run = Run.asked(
         kernels, duration, formalism=formalism, integrator=integrator, rtol=rtol, atol=atol, points=points, max_step=max_step, engine=engine,
         number=number, options=options, stop=stop, progress=progress, q0=q0, zd0=zd0, qd0=qd0, z=z, p=p, t0=t0,
+        closing=closing,
     )  # fmt: skip
     choice = choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)

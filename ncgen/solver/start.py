@@ -54,7 +54,7 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     t = initial.t
     p = refresh_branches(kernels, initial.q, initial.p)
     check_finite(kernels, initial.q, t, p)
-    q = closed_position(kernels, initial.q, t, p)
+    q = closed_position(kernels, initial.q, t, p, initial.closing)
     check_mirror_roots(kernels, q, p)
     driven = bool(np.any(kernels.nu(q, t, p)))
     needed = partitioned or initial.zd is not None
@@ -97,9 +97,9 @@ def _independent_rates(kernels: Kernels, partition: Partition, given) -> np.ndar
     return given
 
 
-def closed_position(kernels: Kernels, q, t: float, p) -> np.ndarray:
-    """The start closed; a warning says what moved most if it was open."""
-    closed = assemble(kernels, q, t, p)
+def closed_position(kernels: Kernels, q, t: float, p, tolerance: float) -> np.ndarray:
+    """The start closed, as `assemble` does with this tolerance; a warning says what moved most if it was open."""
+    closed = assemble(kernels, q, t, p, tolerance=tolerance)
     moved = np.abs(closed - q)
     if np.any(moved > 0):
         most = int(np.argmax(moved))

@@ -175,7 +175,8 @@ def _spring(model: Model, spring: Spring | TorsionSpring) -> Term:
     forms = _vector_form(spring.segment) if along_segment else [((1.0, spring.coordinate.components[0]),)]
     owner = Owner("spring", spring.label)
     if spring.law is None:
-        template = templates.spring() if along_segment else templates.torsion_spring()
+        pulled = templates.spring_to_nothing() if is_number(spring.free) and spring.free == 0.0 else templates.spring()
+        template = pulled if along_segment else templates.torsion_spring()
         return Term(template, tuple(forms), (spring.stiffness, spring.damping, spring.free), owner, spring.label)
     used = {s.name for s in spring.law.free_symbols} - {"x", "v", TIME.name}
     data = [p for p in model.parameters.values() if p.name in used]

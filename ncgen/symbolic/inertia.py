@@ -119,7 +119,7 @@ def _bar(body: Body, axis, offset, forms, parameters):
     tensor = [_exact(row) for row in body.inertia.tensor]
     spin = dot(axis, [dot(row, axis) for row in tensor]) / squared
     transverse = (sum(tensor[k][k] for k in range(3)) - spin) / 2
-    ideal = [[transverse * ((k == l) - x * y / squared) + spin * x * y / squared for l, y in enumerate(axis)] for k, x in enumerate(axis)]
+    ideal = [[transverse * (int(k == l) - x * y / squared) + spin * x * y / squared for l, y in enumerate(axis)] for k, x in enumerate(axis)]
     size = max(abs(evaluate(x, parameters, "")) for x in body.inertia.tensor.flat)
     gaps = [tensor[k][l] - ideal[k][l] for k in range(3) for l in range(3)]
     if not all(_vanishes(x, parameters, OFF_AXIS * size) for x in gaps):

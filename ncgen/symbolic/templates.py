@@ -126,6 +126,17 @@ def spring() -> Template:
 
 
 @cache
+def spring_to_nothing() -> Template:
+    """The same with free length 0: the force −k a is regular where the ends meet; only the damper needs a direction."""
+    a, da = symbols(vector("a")), rates(vector("a"))
+    k, c, _ = symbols(SPRING_DATA)
+    squared, closing = sum(x * x for x in a), sum(x * v for x, v in zip(a, da, strict=True))
+    outputs = {("force", i): -k * x - c * closing / squared * x for i, x in enumerate(a)}
+    outputs |= {"potential": k * squared / 2, "power": -c * closing**2 / squared}
+    return Template("spring-to-nothing", "k |a|^2 / 2, damper c", vector("a"), SPRING_DATA, outputs)
+
+
+@cache
 def torsion_spring() -> Template:
     """Spring and damper along a relative coordinate x."""
     (x,), (v,) = symbols(["x"]), rates(["x"])
