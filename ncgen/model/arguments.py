@@ -88,7 +88,7 @@ def sequence(given, where: str, what: str) -> tuple:
 def expression(given, where: str):
     """A number, or an expression of sympy. Raises ModelError for NaN, infinity, texts and things that are neither."""
     found = as_sympy(given)
-    if not hasattr(found, "free_symbols"):
+    if not hasattr(type(found), "free_symbols"):
         if not is_number(found):
             raise ModelError(f"{where}: {shown(given)} is not an expression; give a number, or one of coordinates, m.time and parameters")
         return as_value(found, where)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ncgen.model.values import Symbolic, as_sympy, is_number, settled
+from ncgen.model.values import Symbolic, as_sympy, is_number, settled, told
 
 AXES = "xyz"
 
@@ -236,7 +236,7 @@ class Combination:
             return f"{self.terms[0][1].name}-{self.terms[1][1].name}"
         parts = []
         for weight, element in self.terms:
-            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{weight}*"
+            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{told(as_sympy(weight))}*"
             parts.append(f"{sign}{element.name}")
         return "+".join(parts).replace("+-", "-")
 

@@ -16,7 +16,7 @@ from ncgen.errors import ModelError
 from ncgen.model import measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, as_combination
-from ncgen.model.values import Parameter, is_number
+from ncgen.model.values import Parameter, is_number, told
 
 PARALLEL = 1e-6
 """Rows 1002 and 1003 are refused within this angle (rad) of 0 and pi: their gradient repeats the unit norm's."""
@@ -90,7 +90,7 @@ def describe(row_type: RowType, values: dict) -> str:
 def _short(value) -> str:
     if isinstance(value, (Parameter, Component)):
         return value.name
-    return f"{value:.6g}" if is_number(value) else str(value)
+    return f"{value:.6g}" if is_number(value) else told(value) if hasattr(type(value), "free_symbols") else str(value)
 
 
 def distance(start: Point, end: Point, length, owner: Owner, numeric: float, scaled: bool) -> Row:

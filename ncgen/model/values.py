@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import islice
 
 from ncgen.errors import ModelError
 
@@ -86,7 +87,7 @@ def is_number(value) -> bool:
     """True for plain real numbers, NumPy's included; False for truth values, arrays, complex numbers, parameters and expressions."""
     if isinstance(value, float):
         return True
-    if isinstance(value, (bool, Parameter)) or hasattr(value, "free_symbols") or not hasattr(value, "__float__"):
+    if isinstance(value, (bool, Parameter)) or hasattr(type(value), "free_symbols") or not hasattr(value, "__float__"):
         return False
     return getattr(value, "ndim", 0) == 0 and getattr(getattr(value, "dtype", None), "kind", "f") in "iuf"
 
@@ -99,9 +100,9 @@ def as_value(value, what: str):
     """
     if isinstance(value, Parameter):
         return value
-    if hasattr(value, "free_symbols"):
+    if hasattr(type(value), "free_symbols"):
         value = _expression(value, what)
-        if hasattr(value, "free_symbols"):
+        if hasattr(type(value), "free_symbols"):
             return value
     if not is_number(value):
         raise ModelError(f"{what}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
@@ -129,7 +130,7 @@ def _expression(value, what: str):
 
 def settled(value):
     """A value that turned out to have nothing symbolic in it as a float; other values as they are."""
-    return float(value) if hasattr(value, "free_symbols") and not value.free_symbols else value
+    return float(value) if hasattr(type(value), "free_symbols") and not value.free_symbols else value
 
 
 def evaluate(value, parameters: dict[str, Parameter], what: str) -> float:
@@ -186,9 +187,22 @@ def mentioned(values, parameters: dict[str, Parameter]) -> str:
     return ", ".join(name for name in parameters if name in found)
 
 
+def told(expression) -> str:
+    """An expression for a reader of code: as it is, or what it is made of where it is longer than anybody reads."""
+    from sympy import preorder_traversal
+
+    if next(islice(preorder_traversal(expression), READABLE, None), None) is None:
+        return str(expression)
+    return f"[{', '.join(sorted(s.name for s in expression.free_symbols))}]"
+
+
+READABLE = 40
+"""Parts of an expression that a comment repeats."""
+
+
 def shown(value) -> str:
     """Anything in a message: one line, and not more of it than helps."""
-    text = " ".join((str if hasattr(value, "free_symbols") else repr)(value).split())
+    text = " ".join((str if hasattr(type(value), "free_symbols") else repr)(value).split())
     return text if len(text) <= SHOWN else f"{text[: SHOWN - 1]}…"
 
 

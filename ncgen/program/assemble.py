@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
 
 from ncgen.errors import ModelError
+from ncgen.model.values import told
 from ncgen.program import passes
 from ncgen.program.angles import share_angles
 from ncgen.program.binding import Bound, Derived, Places, bind
@@ -400,7 +401,7 @@ def _derived_block(derived: Derived, needed: list[int], equations: Equations) ->
     parameters = {p.name: graph.load("p", i) for i, p in enumerate(equations.parameters)}
     names = {node: name for name, node in parameters.items()}
     stores = tuple(
-        Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=str(derived.expressions[i])) for i in needed
+        Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=told(derived.expressions[i])) for i in needed
     )
     return Straight(tuple(graph.ops), stores, names, "derived from parameters")
 

@@ -138,7 +138,7 @@ def _vanishes(value, parameters, bound: float) -> bool:
 
 def _with_parameters(body: Body, values) -> str:
     """What a message adds where parameters are the reason."""
-    return " at all values of its parameters" if any(hasattr(x, "free_symbols") for x in values) else ""
+    return " at all values of its parameters" if any(hasattr(type(x), "free_symbols") for x in values) else ""
 
 
 def _is_planar(base: Point, other: Point | Vector) -> bool:

@@ -95,7 +95,7 @@ def prism(m, L, h, a, f):
     m.prismatic(beam, slider, P, Q, axis)
 
 
-BUILDERS = (link, rest_of_basis, frame, bar, slender, completed, joints, prism)
+BUILDERS = (link, rest_of_basis, frame, bar, slender, completed, joints)
 
 
 def build(builder, numbers=None):
@@ -119,7 +119,7 @@ P = np.array(list(CHANGED.values()))
 
 def states(kernels):
     random = np.random.default_rng(5)
-    for _ in range(4):
+    for _ in range(2):
         yield random.normal(size=kernels.n), random.normal(size=kernels.n)
 
 
@@ -170,8 +170,17 @@ def test_the_slope_of_the_start(pair):
         assert kernels.start_p(P)[:, k] == pytest.approx((after - before) / (2 * h), abs=1e-8), name
 
 
+def test_a_joint_on_a_body_that_is_not_fixed():
+    """Directions across an axis become vectors of their own there: more coordinates, the same position and freedom."""
+    kernels, numbers = ncgen.compile(build(prism), "numpy"), ncgen.compile(build(prism, CHANGED), "numpy")
+    start = dict(zip(kernels.coordinates, kernels.start(P), strict=True))
+    assert np.max(np.abs(kernels.phi(kernels.start(P), 0.0, P))) < 1e-13
+    assert [start[name] for name in numbers.coordinates] == pytest.approx(numbers.q0, abs=1e-13)
+    assert ncgen.freedom(kernels, p=P).dof == ncgen.freedom(numbers).dof == 7
+
+
 def test_compiled_code_has_them_too():
-    kernels, numbers = ncgen.compile(build(frame), "c"), ncgen.compile(build(frame, CHANGED), "numpy")
+    kernels, numbers = ncgen.compile(build(slender), "c"), ncgen.compile(build(slender, CHANGED), "numpy")
     q, qd = next(states(kernels))
     assert kernels.mass_matrix(q, 0.0, P) == pytest.approx(numbers.mass_matrix(q), abs=1e-12)
     assert kernels.start(P) == pytest.approx(numbers.q0, abs=1e-14)
@@ -181,17 +190,17 @@ def test_compiled_code_has_them_too():
 def test_sensitivities_are_differences_of_models_with_numbers():
     """A link of parametric length and place falls; its motion by the parameters against rebuilt models."""
     kernels = ncgen.compile(build(link), "numpy")
-    found = ncgen.sensitivities(kernels, 0.4, 60, z=("psi",))
+    found = ncgen.sensitivities(kernels, 0.4, 12, z=("psi",))
     h = 1e-5
     for k, name in enumerate(DEFAULTS):
         ends = []
         for sign in (1, -1):
             numbers = ncgen.compile(build(link, {**DEFAULTS, name: DEFAULTS[name] + sign * h}), "numpy")
-            ends.append(ncgen.sensitivities(numbers, 0.4, 60, z=("psi",)))
+            ends.append(ncgen.sensitivities(numbers, 0.4, 12, z=("psi",)))
         expected = (ends[0].q[-1] - ends[1].q[-1]) / (2 * h)
         assert found.q_by[-1][:, k] == pytest.approx(expected, rel=1e-6, abs=1e-7), name
         assert np.max(np.abs(expected)) > 1e-2
-        by_sweep = ncgen.gradient(kernels, 0.4, 60, lambda q, qd: (q[-1, 0], _last(q), None), z=("psi",))
+        by_sweep = ncgen.gradient(kernels, 0.4, 12, lambda q, qd: (q[-1, 0], _last(q), None), z=("psi",))
         assert by_sweep.slopes[name] == pytest.approx(expected[0], rel=1e-6, abs=1e-7)
 
 
