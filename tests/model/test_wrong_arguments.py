@@ -1,0 +1,243 @@
+"""Every argument of every builder method is refused in one line where it is wrong; names work where things do."""
+
+from __future__ import annotations
+
+import inspect
+import math
+
+import numpy as np
+import pytest
+import sympy
+
+import ncgen
+from ncgen import Model, ModelError
+from ncgen.model.arguments import READERS
+
+
+class Scene:
+    """Bodies, points, axes and angles to call every method with."""
+
+    def __init__(self, name="scene"):
+        m = self.model = Model(name)
+        self.O, self.A = m.point("O", (0, 0, 0), fixed=True), m.point("A", (1, 0, 0))
+        self.B, self.C = m.point("B", (2, 0, 0)), m.point("C", (1, 1, 0.5))
+        self.D = m.point("D", (3, 0, 0))
+        self.u, self.v = m.vector("u", (1, 0, 0)), m.vector("v", (0, 0, 1))
+        self.w = m.vector("w", (0, 1, 0), fixed=True)
+        self.rod = m.body("rod", [self.A, self.C], [self.v])
+        self.arm = m.body("arm", [self.B, self.D], [self.w])
+        self.psi, self.phi = m.angle("psi", self.u, self.w, self.v), m.angle("phi", self.w, self.u, self.v)
+        self.s = m.length("s", self.A, self.C)
+        self.k = m.parameter("k", 2.0)
+
+
+def calls(s) -> dict[str, dict]:
+    """A right call of every method."""
+    joint = {"a": s.rod, "b": s.arm}
+    return {
+        "parameter": {"name": "new", "default": 1.0, "unit": "m"},
+        "point": {"name": "new", "position": (1, 2, 3), "fixed": "z"},
+        "vector": {"name": "new", "direction": (0, 0.6, 0.8), "fixed": False},
+        "angle": {"name": "new", "start": s.u, "end": s.w, "axis": s.v, "form": "sine", "lengths": (1, 1, 1), "initial": 1.5},
+        "length": {"name": "new", "start": s.A, "end": s.B, "initial": 1.0},
+        "slide": {"name": "new", "start": s.A, "end": s.B, "axis": s.u},
+        "independent": {"coordinates": [s.psi]},
+        "body": {
+            "name": "new", "points": [s.A, s.B], "vectors": [s.v], "mass": 1.0, "com": (1, 0, 0), "inertia": (1, 1, 1),
+            "basis": [s.A, s.B, s.v], "rigid": True, "constant_mass": False,
+        },
+        "extend": {"body": s.rod, "elements": [s.B]},
+        "attach_point": {"body": s.rod, "name": "new", "position": (4, 4, 4)},
+        "attach_vector": {"body": s.rod, "name": "new", "direction": (0, 0.6, 0.8)},
+        "distance": {"start": s.A, "end": s.B, "length": 1.0, "owner": s.rod},
+        "unit": {"vector": s.u, "owner": s.rod},
+        "vector_segment": {"vector": s.v, "segment": s.B - s.A, "length": 1.0, "cosine": 0.0, "owner": s.rod},
+        "vector_vector": {"u": s.u, "v": s.v, "cosine": 0.0, "owner": s.rod},
+        "constrain": {"expression": s.A.x - 1, "label": "mine", "owner": s.rod},
+        "constrain_velocity": {"expression": s.A.x.rate, "label": "mine", "owner": s.rod},
+        "drive": {"coordinate": s.psi, "law": s.model.time},
+        "spherical": {**joint, "point": s.A},
+        "revolute": {**joint, "point": s.A, "axis": s.v},
+        "universal": {**joint, "point": s.A, "u": s.v, "v": s.w},
+        "cylindrical": {**joint, "start": s.A, "end": s.B, "axis": s.u},
+        "prismatic": {**joint, "start": s.A, "end": s.B, "axis": s.u},
+        "planar": {**joint, "start": s.A, "end": s.B, "normal": s.v},
+        "screw": {**joint, "start": s.A, "end": s.B, "axis": s.u, "pitch": 0.01, "name": "new"},
+        "rigid": joint,
+        "point_on_line": {"a": s.rod, "point": s.B, "start": s.A, "axis": s.u},
+        "point_in_plane": {"a": s.rod, "point": s.B, "start": s.A, "normal": s.v, "owner": s.arm},
+        "gear": {"first": s.psi, "second": s.phi, "radius_first": 1.0, "radius_second": 2.0},
+        "rack": {"slide": s.s, "angle": s.psi, "radius": 0.1},
+        "rolling": {"disc": s.rod, "centre": s.A, "axle": s.u, "across": s.w, "radius": 1.0, "normal": (0.0, 0.0, 1.0)},
+        "gravity": {"field": (0, 0, -9.81)},
+        "force": {"point": s.A, "vector": (1, 2, 3), "label": "mine"},
+        "torque": {"coordinate": s.psi, "expression": 1.0, "label": "mine"},
+        "couple": {"body": s.rod, "vector": (1, 2, 3), "label": "mine"},
+        "potential": {"expression": s.A.x**2, "label": "mine"},
+        "spring": {"start": s.A, "end": s.B, "stiffness": 1.0, "damping": 2.0, "free_length": 1.0, "law": None, "label": "mine"},
+        "torsion_spring": {"angle": s.psi, "stiffness": 1.0, "damping": 2.0, "free_angle": 1.0, "law": None, "label": "mine"},
+        "callback": {"function": print},
+        "line": {"points": [s.A, s.B]},
+        "arrow": {"point": s.A, "vector": s.u},
+    }  # fmt: skip
+
+
+NO_NUMBERS = [None, "2 m", b"2", 2j, math.nan, math.inf, -math.inf, True, [1.0], np.ones(1), np.ones((2, 2)), {}, object(), np.complex128(1)]
+NO_NUMBERS += [sympy.Symbol("nobody"), sympy.I, sympy.nan, sympy.zoo, sympy.Symbol("k") < 1, np.array("x"), 10**400]
+NO_THINGS = [None, "nobody", 7, 2.5, math.nan, True, [], {}, object(), np.ones(3), b"A"]
+NO_VECTORS = [None, -9.81, "abc", "xyz", {1, 2, 3}, {0: 1, 1: 2, 2: 3}, (), (1,), (1, 2, 3, 4), (1, 2, None), (1, math.nan, 0), np.ones((3, 1))]
+NO_VECTORS += [np.ones((1, 3)), (1j, 0, 0), ("1", "2", "3"), b"abc", object(), 5, ((1, 0, 0),)]
+WRONG = {
+    "Value": NO_NUMBERS,
+    "Values": NO_VECTORS,
+    "Expression": [x for x in NO_NUMBERS if x is not None and x != sympy.Symbol("nobody")] + [None, (1, 2), np.ones(3)],
+    "float": NO_NUMBERS,
+    "str": [None, 5, True, [], b"new", 2.5, object()],
+    "bool": ["yes", 1, 0.0, [], object(), None],
+    "bool | str": [1, 2.5, ["z"], object(), None, "w"],
+    "list[Point]": [*NO_THINGS[:6], "nobody", {"A": 1}, [None], [3], ["nobody"], [["A"]]],
+    "list[Vector]": [*NO_THINGS[:6], "nobody", [None], ["nobody"]],
+    "list[Spatial]": [3, "nobody", [None], ["nobody"]],
+    "Combination": [*NO_THINGS, "psi"],
+    "Component | Relative": [*NO_THINGS, "A", "O.x"],
+}
+UNANNOTATED = {
+    ("independent", "coordinates"): [[None], ["nobody"], [3], ["O.x"], [[]]],
+    ("force", "vector"): NO_VECTORS,
+    ("couple", "vector"): NO_VECTORS,
+    ("body", "inertia"): ["heavy", (1, 2), math.nan, 1j, (1, math.nan, 1), np.ones((3, 1)), object(), {}, [[1, 0], [0, 1, 2]], -1.0, (1, 1, 3)],
+    ("spring", "law"): ["100*x", 1j, math.nan, [], object(), lambda x, v: None, lambda x, v: "x"],
+    ("torsion_spring", "law"): ["100*x", 1j, math.nan, []],
+    ("callback", "function"): [None, 3, "print"],
+}
+STRANGERS = ("Body", "Owner", "Point", "Vector", "Spatial", "Relative", "Component | Relative", "list[Point]", "list[Vector]", "Value")
+
+
+def signature(word):
+    return {k: p for k, p in inspect.signature(getattr(Model, word)).parameters.items() if k != "self"}
+
+
+def cases():
+    for word, arguments in calls(Scene()).items():
+        for key, parameter in signature(word).items():
+            kind = str(parameter.annotation).removesuffix(" | None")
+            wrong = UNANNOTATED.get((word, key)) or WRONG.get(kind, NO_THINGS)
+            optional = kind != parameter.annotation or (word, key) in UNANNOTATED
+            for number, value in enumerate(wrong):
+                if not (value is None and optional and word != "callback"):
+                    yield pytest.param(word, key, value, id=f"{word}-{key}-{number}")
+
+
+def call(scene, word, arguments):
+    """Variable arguments go by themselves."""
+    parameters = signature(word)
+    many = next((k for k, p in parameters.items() if p.kind is p.VAR_POSITIONAL), None)
+    if many is None:
+        return getattr(scene.model, word)(**arguments)
+    given = arguments[many]
+    first = [v for k, v in arguments.items() if k != many]
+    return getattr(scene.model, word)(*first, *(given if isinstance(given, (list, tuple)) else [given]))
+
+
+def refusal(act) -> str:
+    with pytest.raises(ModelError) as caught:
+        act()
+    message = str(caught.value)
+    assert "\n" not in message and len(message) <= 300, message
+    return message
+
+
+def test_every_method_is_in_the_table():
+    words = {name for name, member in inspect.getmembers(Model) if getattr(member, "is_fact", False)}
+    assert words - {"simulation"} == set(calls(Scene()))
+    for word in calls(Scene()):
+        for key, parameter in signature(word).items():
+            assert str(parameter.annotation).removesuffix(" | None") in READERS or (word, key) in UNANNOTATED or key == "function", (word, key)
+
+
+@pytest.mark.parametrize("word", calls(Scene()))
+def test_the_right_call_is_right(word):
+    scene = Scene()
+    call(scene, word, calls(scene)[word])
+
+
+@pytest.mark.parametrize("word, key, value", cases())
+def test_a_wrong_argument(word, key, value):
+    """One line that names the method or what it makes, and leaves the model as it was."""
+    scene = Scene()
+    right = calls(scene)[word]
+    if key == "elements" and value == []:
+        return
+    before = (len(scene.model.rows), list(scene.model.elements), list(scene.model.bodies), len(scene.model.forces))
+    message = refusal(lambda: call(scene, word, {**right, key: value}))
+    subjects = [word, key, str(right.get("name")), str(right.get("label"))]
+    subjects += [getattr(x, "name", "…") for x in right.values()]
+    assert any(subject in message for subject in subjects), message
+    assert before == (len(scene.model.rows), list(scene.model.elements), list(scene.model.bodies), len(scene.model.forces))
+
+
+@pytest.mark.parametrize("word", calls(Scene()))
+def test_things_of_another_model(word):
+    """Elements, bodies and parameters of another model are refused, namesakes included."""
+    scene, other = Scene(), Scene("other")
+    right, strange = calls(scene)[word], calls(other)[word]
+    for key, parameter in signature(word).items():
+        kind = str(parameter.annotation).removesuffix(" | None")
+        if kind in STRANGERS:
+            value = other.k if kind == "Value" else strange[key]
+            assert "another model" in refusal(lambda: call(scene, word, {**right, key: value}))  # noqa: B023
+
+
+@pytest.mark.parametrize("word", calls(Scene()))
+def test_names_work(word):
+    """Whatever has a name may be given by it."""
+    by_name, scene = Scene(), Scene()
+    arguments = {}
+    for key, value in calls(by_name)[word].items():
+        named = [getattr(x, "name", x) for x in value] if isinstance(value, list) else getattr(value, "name", value)
+        arguments[key] = named
+    call(by_name, word, arguments)
+    call(scene, word, calls(scene)[word])
+    assert [r.label for r in by_name.model.rows] == [r.label for r in scene.model.rows]
+    assert [str(r.owner) for r in by_name.model.rows] == [str(r.owner) for r in scene.model.rows]
+
+
+@pytest.mark.parametrize("number", [2, np.float32(2), np.int64(2), np.array(2.0), sympy.Integer(2), sympy.Rational(4, 2), 2.0])
+def test_numbers_of_many_kinds(number):
+    m = Model("numbers")
+    A, B = m.point("A", (number, 0, 0)), m.point("B", np.array([0, number, 0], dtype=object))
+    m.distance(A, B, number * 1)
+    m.body("b", [A], mass=number)
+    assert ncgen.compile(m, "numpy").q0.tolist() == [2, 0, 0, 0, 2, 0]
+
+
+OTHERS = {
+    "an argument too many": (lambda s: s.model.gravity((0, 0, 1), 3), ["gravity", "field"]),
+    "an argument misspelt": (lambda s: s.model.point("new", (0, 0), fxed=True), ["point", "fxed", "fixed"]),
+    "an argument missing": (lambda s: s.model.revolute("rod", "arm", "A"), ["revolute", "axis"]),
+    "a driver twice": (lambda s: [s.model.drive(s.psi, 1.0), s.model.drive("psi", 2.0)], ["drive psi", "row 9 drives it already"]),
+    "a driver of what is fixed": (lambda s: s.model.drive(s.O.x, 1.0), ["drive O.x", "fixed"]),
+    "a driver of a point": (lambda s: s.model.drive("A", 1.0), ["drive", "three coordinates", "A.x"]),
+    "a body joined to itself": (lambda s: s.model.revolute("rod", "rod", "A", "v"), ["body rod", "itself"]),
+    "a gear with itself": (lambda s: s.model.gear("psi", "psi", 1, 1), ["gear", "psi", "itself"]),
+    "a slide along two metres": (lambda s: s.model.slide("new", "A", "B", s.B - s.O), ["slide new", "length 2"]),
+    "a disc that lies flat": (lambda s: s.model.rolling("rod", "A", "v", "w", 1.0), ["rolling of rod", "flat", "v"]),
+    "a disc of no radius": (lambda s: s.model.rolling("rod", "A", "u", "w", 0.0), ["rolling of rod", "radius is 0 m"]),
+    "a disc on a plane of no direction": (lambda s: s.model.rolling("rod", "A", "u", "w", 1.0, (0, 0, 0)), ["rolling of rod", "normal"]),
+    "a disc on a long normal": (lambda s: s.model.rolling("rod", "A", "u", "w", 1.0, (0, 0, 2)), ["rolling of rod", "unit vector"]),
+    "an axle along its own spoke": (lambda s: s.model.rolling("rod", "A", "u", "u", 1.0), ["rolling of rod", "perpendicular"]),
+    "an inertia without mass": (lambda s: s.model.body("new", ["A"], inertia=1.0), ["body new", "no mass"]),
+    "a body called ground": (lambda s: s.model.body("ground", ["A"]), ["body ground"]),
+    "a cosine of two": (lambda s: s.model.vector_vector("u", "v", 2.0), ["u, v", "cosine is 2"]),
+    "a negative mass by a parameter": (
+        lambda s: s.model.body("new", ["A"], mass=s.model.parameter("m", -1.0)),
+        ["body new", "-1 kg"],
+    ),
+}
+
+
+@pytest.mark.parametrize("case", OTHERS)
+def test_other_mistakes(case):
+    act, words = OTHERS[case]
+    message = refusal(lambda: act(Scene()))
+    assert [word for word in words if word not in message] == [], message
