@@ -74,6 +74,8 @@ class Model(Coordinates, Structure, Joints, Loads):
     @fact
     def line(self, *points: Point) -> None:
         """Draw a line through these points."""
+        if len(points) < 2:
+            raise ModelError(f"line: {len(points)} points given; give two or more")
         self.drawing.lines += zip(points, points[1:])
 
     @fact
