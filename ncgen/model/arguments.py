@@ -75,6 +75,8 @@ def value(model, given, where: str):
     if isinstance(found, Parameter) and model.parameters.get(found.name) is not found:
         raise ModelError(f"{where}: parameter {found.name} belongs to another model; use this model's own")
     evaluate(found, model.parameters, where)
+    if getattr(found, "is_Symbol", False):
+        return model.parameters[found.name]
     return given if type(given) is int else found  # an integer stays one, in model files and in expressions
 
 
