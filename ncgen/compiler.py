@@ -74,28 +74,26 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     """Kernels of a mechanism: stages 1 to 5.
 
     model: a model, or sources from `generate`
-    backend: "c", "numpy", or "auto": C where a compiler is found, otherwise NumPy with one line saying so
-    Raises CompileError if C was asked for and there is no compiler, or the compiler refuses.
+    backend: "c", "numpy", or "auto": C where a compiler works, otherwise NumPy with one line saying why
+    Raises CompileError if C was asked for and there is no compiler, or none that works.
     """
     check_words(backend, emission)
     timings = timings or Timings()
-    from ncgen.build.cache import build
-    from ncgen.build.compilers import find_compiler
+    from ncgen.build.cache import compiled
     from ncgen.build.library import CompiledKernels
     from ncgen.build.numpy_module import NumPyKernels
 
-    compiler = find_compiler() if backend != "numpy" else None
-    sources = _sources(model, emission, timings, kept=compiler is not None)
-    if backend == "numpy":
-        return timings.stage("load", NumPyKernels, sources)
-    if compiler is None:
-        if backend == "c":
-            raise CompileError("no C compiler found (tried CC, cc, gcc, clang, ziglang); install one, or use the numpy backend")
-        warnings.warn("no C compiler found: using the NumPy backend, which is slower; install gcc or clang for C", stacklevel=2)
-        return timings.stage("load", NumPyKernels, sources)
-    files = timings.stage("emit", lambda: sources.c)
-    built = timings.stage("build", build, files, compiler)
-    return timings.stage("load", CompiledKernels, sources.programs, built.library)
+    sources = _sources(model, emission, timings, kept=backend != "numpy")
+    if backend != "numpy":
+        try:
+            files = timings.stage("emit", lambda: sources.c)
+            built = timings.stage("build", compiled, files)
+            return timings.stage("load", CompiledKernels, sources.programs, built.library)
+        except CompileError as error:
+            if backend == "c":
+                raise
+            warnings.warn(f"{str(error)[:240]}; the NumPy backend is used, which is slower", stacklevel=2)
+    return timings.stage("load", NumPyKernels, sources)
 
 
 def _sources(model: Model | Sources, emission: str, timings: Timings, kept: bool) -> Sources:
@@ -104,12 +102,15 @@ def _sources(model: Model | Sources, emission: str, timings: Timings, kept: bool
         return model
     if not kept:
         return generate(model, emission, timings)
-    from ncgen.build.recall import recall, remember
+    from ncgen.build import recall
 
-    sources = timings.stage("recall", recall, model, emission)
+    key = timings.stage("key", recall.key, model, emission)
+    if key is None:
+        return generate(model, emission, timings)
+    sources = timings.stage("recall", recall.recall, model, emission, key)
     if sources is None:
         sources = generate(model, emission, timings)
-        timings.stage("keep", remember, model, emission, sources)
+        timings.stage("keep", recall.remember, key, sources)
     return sources
 
 

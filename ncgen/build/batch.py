@@ -20,12 +20,12 @@ from cffi import FFI
 
 from ncgen.build.abi import abi, declared
 from ncgen.build.arguments import numbers, place
-from ncgen.build.cache import build
-from ncgen.build.compilers import FLAGS, find_compiler
+from ncgen.build.cache import compiled
+from ncgen.build.compilers import FLAGS
 from ncgen.emit.c import HEADERS, c_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
-from ncgen.errors import CompileError, NcgenError
+from ncgen.errors import NcgenError
 from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
 
@@ -53,6 +53,10 @@ class Batch(ABC):
 
     def __init__(self, kernels):
         self.kernels = kernels
+
+    def __reduce__(self):
+        """Pickled as the kernels that it belongs to."""
+        return getattr, (self.kernels, "batch")
 
     def phi(self, q, t=0.0, p=None, out=None) -> np.ndarray:
         """Constraint equations Φ, (B, m)."""
@@ -200,12 +204,7 @@ def load(files: dict[str, str], declarations: str, flags, base: FFI):
     ffi.include(base)
     ffi.cdef(declared("ncgen_batch.h", "cdef") + declared("ncgen_batch.h", "functions") + declarations)
     files = files | {name: verbatim(f"c/{name}") for name in (*HEADERS, *SOURCES)}
-    compiler = find_compiler()
-    try:
-        built = build(files, compiler, (*flags, "-fopenmp"))
-    except CompileError:
-        built = build(files, compiler, flags)
-    library = ffi.dlopen(str(built.library))
+    library = ffi.dlopen(str(compiled(files, (*flags, "-fopenmp")).library))
     return ffi, library, bool(library.ncgen_batch_threads())
 
 

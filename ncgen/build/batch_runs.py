@@ -45,8 +45,12 @@ class LaneDynamics:
         declarations = f"{declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
         self._ffi, self._library, self.has_threads = load(files, declarations, LANES, runtime_abi())
         self._dynamics = getattr(self._library, getter)()
-        self.kernels, self.split = kernels, split
+        self.kernels, self.split, self._samples = kernels, split, samples
         self._model = self._ffi.cast("const ncgen_model *", kernels._descriptor)  # its sizes are asked for, not its kernels
+
+    def __reduce__(self):
+        """Pickled as what it was made of; it is compiled again, or found in the cache, where it arrives."""
+        return LaneDynamics, (self.kernels, self.split, self._samples)
 
     def simulate(self, method: str, times, q, zd, p, threads: int | None = None, **options) -> LaneOutcome:
         """Run all states over the times of a grid.

@@ -1,25 +1,51 @@
-"""Finding a C compiler, and what is asked of it.
+"""Finding a C compiler, what is asked of it, and what it turns out to be able to do.
 
-Order: `$CC`, then cc, gcc and clang on the path, then the compiler of the Python package ziglang.
+Order: `$CC` and nothing else, or cc, gcc and clang on the path, then the compiler of the Python package ziglang.
 """
 
 from __future__ import annotations
 
+import errno
 import hashlib
 import importlib.util
 import os
+import platform
 import shlex
 import shutil
+import signal
+import subprocess
 import sys
+import tempfile
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
+from importlib.metadata import version
 from pathlib import Path
+
+from cffi import FFI
 
 from ncgen.errors import CompileError
 
 FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fPIC", "-shared")
 """No -ffast-math: sums keep their order. Fused multiply-adds, where the processor has them, halve the rounding error of the
 robot's kernels and save a quarter of their time; the price is a last bit that depends on the processor."""
+
+OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp")
+"""Flags that make code faster and no different: a compiler that refuses one is used without it."""
+
+UNSAID = ("-fopenmp",)
+"""Those whose absence is no news: batches say whether they have threads."""
+
+LIBRARIES = ("-lm",)
+LIBRARY = "model.so"
+
+PATIENCE = 30.0
+"""Seconds that a compiler has for any source, and for each thousand bytes of it …"""
+SECONDS_PER_KILOBYTE = 1.0
+LONGEST = 6 * 3600.0
+"""… but never more than this."""
+
+PROBE = {"probe.c": "int ncgen_probe(void) { return 1; }\n"}
 
 
 @dataclass(frozen=True)
@@ -29,41 +55,199 @@ class Compiler:
     command: tuple[str, ...]
     identity: str
 
+    @property
+    def name(self) -> str:
+        """The program, as messages call it."""
+        return self.command[0]
+
+
+# -- finding -------------------------------------------------------------------------------------------------------------------
+
 
 def find_compiler() -> Compiler | None:
     """The first compiler found, or None. Raises CompileError if `$CC` names one that does not exist."""
+    return next(find_compilers(), None)
+
+
+def find_compilers() -> Iterator[Compiler]:
+    """All compilers, each once, in the order in which they are tried. Raises CompileError if `$CC` names one that does not exist."""
     wanted = os.environ.get("CC", "")
     if wanted.strip():
-        try:
-            command = shlex.split(wanted)
-        except ValueError as error:
-            raise CompileError(f"CC={wanted}: {error}; correct CC or unset it") from None
-        path = shutil.which(command[0])
-        if path is None:
-            raise CompileError(f"CC={wanted}: there is no such program; correct CC or unset it")
-        path = str(Path(path).absolute())  # the compiler runs in another folder
-        return Compiler((path, *command[1:]), _identity(path))
-    for name in ("cc", "gcc", "clang"):
-        if path := shutil.which(name):
-            return Compiler((path,), _identity(path))
+        yield _wanted(wanted)
+        return
+    seen = set()
+    for path in filter(None, map(shutil.which, ("cc", "gcc", "clang"))):
+        if (found := Compiler((path,), _identity(path))).identity not in seen:
+            seen.add(found.identity)
+            yield found
     if importlib.util.find_spec("ziglang"):
-        return Compiler((sys.executable, "-m", "ziglang", "cc"), _identity(sys.executable))
-    return None
+        yield zig()
+
+
+def zig() -> Compiler:
+    """The compiler of the Python package ziglang."""
+    return Compiler((sys.executable, "-m", "ziglang", "cc"), f"ziglang {version('ziglang')}:{_machine()}")
+
+
+def _wanted(wanted: str) -> Compiler:
+    """The compiler that `$CC` names."""
+    try:
+        command = shlex.split(wanted)
+    except ValueError as error:
+        raise CompileError(f"CC={wanted}: {error}; correct CC or unset it") from None
+    path = shutil.which(command[0])
+    if path is None:
+        raise CompileError(f"CC={wanted}: there is no such program; correct CC or unset it")
+    path = str(Path(path).absolute())  # the compiler runs in another folder
+    return Compiler((path, *command[1:]), _identity(path))
 
 
 def _identity(path: str) -> str:
-    """The program file behind a name, by path, size and time of change, and the processor."""
+    """The program file behind a name, by path, size and time of change, and the machine."""
     real = Path(path).resolve()
     status = real.stat()
-    return f"{real}:{status.st_size}:{status.st_mtime_ns}:{_processor()}"
+    return f"{real}:{status.st_size}:{status.st_mtime_ns}:{_machine()}"
 
 
 @cache
-def _processor() -> str:
-    """What -march=native depends on: a library built for one processor must not run on a lesser one."""
+def _machine() -> str:
+    """The processor, which -march=native depends on, and the C library: what is built for one must not run on a lesser one."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
-        return os.uname().machine if hasattr(os, "uname") else os.environ.get("PROCESSOR_IDENTIFIER", "")
+        lines = []
     told = sorted({line for line in lines if line.startswith(("flags", "Features", "model name", "CPU part"))})
+    told += [platform.system(), platform.machine(), os.environ.get("PROCESSOR_IDENTIFIER", "")]
+    if "CS_GNU_LIBC_VERSION" in getattr(os, "confstr_names", {}):
+        told.append(os.confstr("CS_GNU_LIBC_VERSION") or "")
     return hashlib.sha256("\n".join(told).encode()).hexdigest()[:16]
+
+
+# -- compiling -----------------------------------------------------------------------------------------------------------------
+
+
+def make_library(folder: Path, files: dict[str, str], compiler: Compiler, flags, libraries, loads: bool = True) -> tuple[list[str], str]:
+    """Write sources into a folder and compile them to LIBRARY there; the command and what the compiler said.
+
+    loads: whether this process must be able to load what comes out
+    Raises CompileError with the compiler's log if it fails, OSError where the folder cannot hold what is written.
+    """
+    for name, text in files.items():
+        (folder / name).write_text(text, encoding="utf-8")
+    command = [*compiler.command, *flags, *sorted(name for name in files if name.endswith(".c")), "-o", LIBRARY, *libraries]
+    log = _run(compiler, command, folder, min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
+    if not (folder / LIBRARY).is_file():
+        raise CompileError(f"{compiler.name} reported success and wrote no library; set CC to a C compiler", log)
+    if loads and (problem := unloadable(folder / LIBRARY)):
+        raise CompileError(f"{compiler.name} wrote a library that cannot be loaded: {problem[:120]}; set CC to a C compiler", log)
+    return command, log
+
+
+def _run(compiler: Compiler, command: list[str], folder: Path, patience: float) -> str:
+    """What a compiler says when it is run in a folder; it and the processes that it starts are stopped when its time is up."""
+    with tempfile.TemporaryDirectory(dir=folder) as scratch:  # what a compiler that is stopped leaves behind goes with it
+        environment = os.environ | {"TMPDIR": scratch, "LC_ALL": "C"}
+        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        try:
+            process = subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True, **streams)
+        except OSError as error:
+            raise CompileError(f"{compiler.name} cannot be run: {error.strerror}; set CC to a C compiler") from error
+        try:
+            log = process.communicate(timeout=patience)[1].decode("utf-8", errors="replace")
+        except subprocess.TimeoutExpired:
+            raise CompileError(f"{compiler.name} did not end within {patience:.3g} s and was stopped; set CC to another compiler") from None
+        finally:
+            if process.returncode is None:  # its time is up, or the user has lost patience
+                _stop(process)
+    for code in (errno.ENOSPC, errno.EDQUOT):
+        if process.returncode and os.strerror(code) in log:
+            raise OSError(code, os.strerror(code), str(folder))
+    if process.returncode < 0:
+        raise CompileError(f"{compiler.name} crashed with signal {-process.returncode}; set CC to another compiler", log)
+    if process.returncode:
+        first = next((line for line in log.splitlines() if "error" in line), " ".join(log.split()))[:200]
+        raise CompileError(f"{compiler.name} refused the generated C: {first}", log)
+    return log
+
+
+def _stop(process: subprocess.Popen) -> None:
+    """End a process with all that it has started: politely, so that it can remove its temporary files, then for certain."""
+    for way in ("SIGTERM", "SIGKILL"):
+        try:
+            os.killpg(process.pid, getattr(signal, way)) if hasattr(os, "killpg") else process.kill()
+        except ProcessLookupError:
+            break
+        try:
+            process.communicate(timeout=2.0)
+        except subprocess.TimeoutExpired:
+            continue
+    process.poll()
+    process.stderr.close()
+
+
+def unloadable(library: Path) -> str | None:
+    """Why this process cannot load a library, in words; None if it can."""
+    if _is_cut(library):
+        return "it is not whole"
+    ffi = FFI()
+    try:
+        ffi.dlclose(ffi.dlopen(str(library)))
+    except OSError as error:
+        said = str(error).replace(f"cannot load library '{library}': ", "").replace(f"{library}: ", "")
+        return " ".join(said.split(".  Additionally")[0].split())
+    return None
+
+
+def _is_cut(library: Path) -> bool:
+    """True for a library in the format ELF that ends before its table of sections, as a full disk leaves it: loading it would
+    end this process, where a file of any other kind is refused by the system."""
+    with library.open("rb") as file:
+        head = file.read(64)
+    if head[:4] != b"\x7fELF" or len(head) < 64:
+        return False
+    order, wide = "big" if head[5] == 2 else "little", head[4] == 2
+    start = int.from_bytes(head[40:48] if wide else head[32:36], order)
+    size, count = (int.from_bytes(head[k : k + 2], order) for k in ((58, 60) if wide else (46, 48)))
+    return start + size * count > library.stat().st_size
+
+
+# -- what was learnt -------------------------------------------------------------------------------------------------------------
+
+_useless: dict[Compiler, CompileError] = {}
+"""Compilers that do not compile anything, and what they did instead."""
+
+_refused: dict[Compiler, frozenset[str]] = {}
+"""Optional flags that a compiler does not know."""
+
+
+def useless(compiler: Compiler) -> CompileError | None:
+    """What a compiler did that was found not to compile anything, in this process; None for any other."""
+    return _useless.get(compiler)
+
+
+def accepted(compiler: Compiler, flags) -> tuple[str, ...]:
+    """Flags without those that a compiler was found to refuse in this process."""
+    return tuple(flag for flag in flags if flag not in _refused.get(compiler, ()))
+
+
+def examine(compiler: Compiler, flags, failure: CompileError) -> tuple[str, ...]:
+    """Find out why a compiler failed, with sources that every compiler takes: the flags that it refuses and can do without.
+
+    Nothing if it compiles nothing at all, or if it was the sources' fault.
+    """
+    if _fails(compiler, ()):
+        _useless[compiler] = failure
+        return ()
+    refused = tuple(flag for flag in flags if flag in OPTIONAL and _fails(compiler, (flag,)))
+    _refused[compiler] = _refused.get(compiler, frozenset()).union(refused)
+    return refused
+
+
+@cache
+def _fails(compiler: Compiler, flags: tuple[str, ...]) -> bool:
+    with tempfile.TemporaryDirectory() as folder:
+        try:
+            make_library(Path(folder), PROBE, compiler, ("-fPIC", "-shared", *flags), ())
+        except (CompileError, OSError):
+            return True
+    return False

@@ -9,8 +9,7 @@ from cffi import FFI
 
 from ncgen.build.abi import abi, declared
 from ncgen.build.arguments import numbers
-from ncgen.build.cache import build
-from ncgen.build.compilers import FLAGS, find_compiler
+from ncgen.build.cache import compiled
 from ncgen.build.library import STATUS, CompiledKernels
 from ncgen.emit.environment import verbatim
 from ncgen.errors import NcgenError
@@ -22,7 +21,7 @@ def _caller():
     ffi.include(abi())
     ffi.cdef(declared("ncgen_call.c"))
     files = {name: verbatim(f"c/{name}") for name in ("ncgen_call.c", "ncgen.h")}
-    return ffi, ffi.dlopen(str(build(files, find_compiler(), FLAGS).library))
+    return ffi, ffi.dlopen(str(compiled(files).library))
 
 
 class Direct:

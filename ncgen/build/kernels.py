@@ -64,6 +64,21 @@ class Kernels(ABC):
     def __repr__(self):
         return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
 
+    def __reduce__(self):
+        """Pickled as programs and the numbers that users may change; the same library is built, or found in the cache, where they arrive."""
+        return self._of, (self.programs,), {"q0": self.q0, "p0": self.p0}
+
+    def __copy__(self) -> Kernels:
+        """Other kernels on the same library."""
+        other = object.__new__(type(self))
+        vars(other).update(vars(self))
+        return other
+
+    @classmethod
+    @abstractmethod
+    def _of(cls, programs: Programs) -> Kernels:
+        """Kernels of programs."""
+
     @property
     def n(self) -> int:
         """Number of free coordinates."""

@@ -11,8 +11,10 @@ from cffi import FFI
 
 from ncgen.build.abi import abi
 from ncgen.build.batch import CompiledBatch
+from ncgen.build.cache import compiled
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import CompiledTangents
+from ncgen.emit.c import c_files
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
 from ncgen.program.programs import Programs
@@ -43,6 +45,10 @@ class CompiledKernels(Kernels):
         if self._descriptor.struct_size != ffi.sizeof("ncgen_model"):
             raise NcgenError(f"{library}: its ncgen_model has another layout; run `ncgen cache --clear` and try again")
         self._buffers = threading.local()
+
+    @classmethod
+    def _of(cls, programs: Programs) -> CompiledKernels:
+        return cls(programs, compiled(c_files(programs)).library)
 
     def function(self, kernel: str):
         """The function of a kernel in C."""

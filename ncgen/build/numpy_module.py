@@ -6,6 +6,7 @@ from ncgen.build.batch import NumPyBatch
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import NumPyTangents
 from ncgen.emit.sources import Sources
+from ncgen.program.programs import Programs
 
 
 class NumPyKernels(Kernels):
@@ -20,6 +21,10 @@ class NumPyKernels(Kernels):
         namespace: dict[str, object] = {"__name__": name.removesuffix(".py")}
         exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
         self._functions = {kernel: namespace[kernel] for kernel in sources.programs.programs}
+
+    @classmethod
+    def _of(cls, programs: Programs) -> NumPyKernels:
+        return cls(Sources(programs))
 
     _tangents = NumPyTangents
     _batch = NumPyBatch

@@ -15,8 +15,8 @@ from cffi import FFI
 from scipy.sparse.linalg import splu
 
 from ncgen.build.abi import NUMBERS, declared, runtime_abi
-from ncgen.build.cache import build
-from ncgen.build.compilers import FLAGS, find_compiler
+from ncgen.build.cache import compiled
+from ncgen.build.compilers import FLAGS
 from ncgen.build.library import STATUS, CompiledKernels
 from ncgen.build.listening import Listener, watch
 from ncgen.emit.c import HEADERS, RUNTIME, RUNTIME_HEADERS, c_files, dynamics_files
@@ -39,7 +39,7 @@ def _load(files: dict[str, str], number: str, declarations: str):
     ffi.include(runtime_abi(number))
     ffi.cdef(declarations)
     files = files | {name: verbatim(f"c/{name}") for name in (*RUNTIME_HEADERS, *HEADERS)}
-    return ffi, ffi.dlopen(str(build(files, find_compiler(), (*FLAGS, *NUMBERS[number].flags)).library))
+    return ffi, ffi.dlopen(str(compiled(files, (*FLAGS, *NUMBERS[number].flags)).library))
 
 
 @cache

@@ -13,8 +13,7 @@ import numpy as np
 from cffi import FFI
 
 from ncgen.build.abi import abi
-from ncgen.build.cache import build
-from ncgen.build.compilers import find_compiler
+from ncgen.build.cache import compiled
 from ncgen.emit.c import HEADERS, tangent_files
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
@@ -33,6 +32,10 @@ class Tangents:
     def __init__(self, programs: TangentPrograms, equations: Numbering):
         self.programs = programs
         self.equations = equations
+
+    def __reduce__(self):
+        """Pickled as programs, which are compiled again where they arrive."""
+        return type(self), (self.programs, self.equations)
 
     @classmethod
     def by_state(cls, programs: Programs) -> Tangents:
@@ -81,7 +84,7 @@ class CompiledTangents(Tangents):
         self._ffi = FFI()
         self._ffi.include(abi())
         self._ffi.cdef(f"const ncgen_{kind} *{getter}(void);")
-        self._library = self._ffi.dlopen(str(build(files, find_compiler()).library))
+        self._library = self._ffi.dlopen(str(compiled(files).library))
         self.descriptor = getattr(self._library, getter)()
 
     def _call(self, name, program, inputs):

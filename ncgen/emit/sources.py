@@ -49,17 +49,25 @@ def write_text(path: Path, text: str) -> Path:
 
 
 def write_bytes(path: Path, data: bytes) -> Path:
-    """Write a file atomically."""
-    temporary = None
+    """Write a file atomically, into a folder that is made if missing. Raises NcgenError naming the file if it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=f".{path.name}.", delete=False) as file:
+        return put(path, data, f".{path.name}.")
+    except OSError as error:
+        raise NcgenError(f"{path} cannot be written: {error.strerror or error}; choose another folder") from error
+
+
+def put(path: Path, data: bytes, prefix: str) -> Path:
+    """Write a file under a temporary name, which begins with prefix, in the same folder and rename it. Raises OSError."""
+    temporary = None
+    try:
+        with tempfile.NamedTemporaryFile(dir=path.parent, prefix=prefix, delete=False) as file:
             temporary = file.name
             file.write(data)
         os.chmod(temporary, 0o644)
         os.replace(temporary, path)
-    except OSError as error:
+    except BaseException:
         if temporary:
             Path(temporary).unlink(missing_ok=True)
-        raise NcgenError(f"{path} cannot be written: {error.strerror or error}; choose another folder") from error
+        raise
     return path

@@ -48,7 +48,12 @@ class RowType:
         """Pickled by its key, since formulas are functions; refused where the catalogue does not have it."""
         if ROW_TYPES.get(self.key) is not self:
             raise pickle.PicklingError(f"row type {self.key} is not in the catalogue")
-        return ROW_TYPES.__getitem__, (self.key,)
+        return row_type, (self.key,)
+
+
+def row_type(key: str) -> RowType:
+    """The catalogue's entry of a key."""
+    return ROW_TYPES[key]
 
 
 def _distance(f, a, L):

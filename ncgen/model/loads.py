@@ -80,7 +80,7 @@ class Loads:
         if start is end or not (regular or np.linalg.norm(segment.initial) > 0):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
-        self.springs.append(Spring(label, segment, stiffness, damping, free, _law(law, label)))
+        self.springs.append(Spring(label, segment, stiffness, damping, free, as_law(law, label)))
         return self.springs[-1]
 
     @fact
@@ -100,7 +100,7 @@ class Loads:
         """
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
-        self.springs.append(TorsionSpring(label, angle, stiffness, damping, free, _law(law, label)))
+        self.springs.append(TorsionSpring(label, angle, stiffness, damping, free, as_law(law, label)))
         return self.springs[-1]
 
     @fact
@@ -129,10 +129,10 @@ def _three(vector, label: str) -> tuple:
     return vector
 
 
-def _law(law, label: str):
+def as_law(law, label: str = "law"):
     """The user's law as an expression of the symbols x and v."""
     if law is None:
         return None
     import sympy
 
-    return sympy.sympify(expression(law(*sympy.symbols("x v", real=True)) if callable(law) else law, f"{label}, law"))
+    return sympy.sympify(expression(law(*sympy.symbols("x v", real=True)) if callable(law) else law, label if label == "law" else f"{label}, law"))

@@ -13,6 +13,10 @@ refuse a mistake on the line that makes it.
 
 from __future__ import annotations
 
+import copy
+import pickle
+import sys
+
 from ncgen.errors import ModelError
 from ncgen.model.bodies import Body
 from ncgen.model.coordinates import Coordinates, check_form, check_name
@@ -20,7 +24,7 @@ from ncgen.model.drawing import Drawing
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.model.facts import Fact, fact
 from ncgen.model.joints import Joints
-from ncgen.model.loads import Loads
+from ncgen.model.loads import Loads, as_law
 from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
@@ -66,6 +70,19 @@ class Model(Coordinates, Structure, Joints, Loads):
     def __repr__(self):
         return f"<Model {self.name}: {len(self.components)} coordinates, {len(self.rows)} rows, {len(self.bodies)} bodies>"
 
+    def __getstate__(self) -> dict:
+        """What pickle takes along: laws of springs as expressions. Raises ModelError naming a callback that pickle cannot find again."""
+        for function in self.callbacks:
+            _check_travels(function, self.name)
+        facts = [Fact(f.word, {k: as_law(v) if k == "law" else v for k, v in f.arguments.items()}) for f in self.facts]
+        return vars(self) | {"facts": facts}
+
+    def __deepcopy__(self, memo: dict) -> Model:
+        """A model of its own in the same process, where callbacks can be shared whatever they are."""
+        other = memo[id(self)] = object.__new__(type(self))
+        vars(other).update(copy.deepcopy(vars(self), memo))
+        return other
+
     @fact
     def simulation(self, **options) -> None:
         """What `ncgen run` does with this model unless told otherwise: arguments of `ncgen.simulate` by name."""
@@ -89,3 +106,18 @@ class Model(Coordinates, Structure, Joints, Loads):
         from ncgen.model.tables import from_tables
 
         return from_tables(cls, P, U, CONSTR, **options)
+
+
+BY_VALUE = ("cloudpickle", "dill")
+"""Packages that can pickle any function."""
+
+
+def _check_travels(function, model: str) -> None:
+    """Refuse a function that pickle, which takes only names along, could not find on the other side."""
+    if any(module.rpartition(".")[2] in BY_VALUE for module in sys.modules):
+        return  # whether it can travel is theirs to say
+    try:
+        pickle.dumps(function)
+    except (pickle.PicklingError, AttributeError, TypeError):
+        name = getattr(function, "__qualname__", repr(function))[:100]
+        raise ModelError(f"{model}: callback {name} cannot go to another process: define it by a name of its own in a module") from None

@@ -7,13 +7,10 @@ under a digest of the example's text.
 from __future__ import annotations
 
 import hashlib
-import json
 from collections.abc import Callable
 
 import ncgen
-from ncgen.build.cache import cache_folder
-from ncgen.emit.sources import write_text
-from ncgen.errors import NcgenError
+from ncgen.build.folder import keep, kept
 from ncgen.exchange.examples import example_names, example_text, lesson, load
 from ncgen.model import Model
 
@@ -30,15 +27,10 @@ def gallery(progress: Callable[[int], None] | None = None) -> list[dict]:
 
 def _facts(name: str) -> dict:
     digest = hashlib.sha256(f"{ncgen.__version__}\n{example_text(name)}".encode()).hexdigest()
-    path = cache_folder() / f"facts-{digest[:40]}.json"
-    try:
-        return json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
+    facts = kept("facts", digest[:40])
+    if facts is None:
         facts = _found(load(name))
-    try:
-        write_text(path, json.dumps(facts))
-    except NcgenError:
-        pass  # a cache that cannot be written only means that this is computed again
+        keep("facts", digest[:40], facts)
     return facts
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ncgen.build.cache import build
+from ncgen.build.cache import compiled
 from ncgen.build.compilers import FLAGS, find_compiler
 from ncgen.compiler import compile, generate
 from ncgen.emit.c import HEADERS, RUNTIME_HEADERS, dynamics_files
@@ -89,7 +89,7 @@ class _Counter:
 
     def __call__(self, files: dict[str, str], function: str, kind: str, numbers, counted: str = "") -> float:
         """Instructions of one call; counted: the function's own name where `function` returns a table of them."""
-        library = build(files, find_compiler(), self.flags).library
+        library = compiled(files, self.flags).library
         q, v, p, size = numbers
         given = " ".join([f"{len(q)} {len(v)} {len(p)} {size}", *(repr(float(x)) for a in (q, v, p) for x in a)])
         valgrind = ["valgrind", "--tool=callgrind", f"--toggle-collect={counted or function}", "--callgrind-out-file=/dev/null"]

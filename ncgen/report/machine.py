@@ -20,7 +20,7 @@ def machine() -> dict[str, str]:
         "processor": _processor(),
         "cores": str(os.cpu_count()),
         "system": platform.platform(),
-        "compiler": find_compiler().identity.splitlines()[0],
+        "compiler": compiler.identity if (compiler := find_compiler()) else "none",
         "flags": " ".join(FLAGS),
         "clock": f"resolution {1e9 * resolution:.0f} ns",
         "ncgen": __version__,

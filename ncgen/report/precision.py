@@ -7,7 +7,6 @@ coordinates; a second one by other equations says how far that can be trusted.
 from __future__ import annotations
 
 import hashlib
-import io
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import suppress
@@ -15,13 +14,14 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+import scipy
 
+from ncgen import __version__
 from ncgen.build import runtime
 from ncgen.build.abi import NUMBERS
-from ncgen.build.cache import KEPT, cache_folder
+from ncgen.build.folder import keep, kept
 from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile
-from ncgen.emit.sources import write_bytes
 from ncgen.errors import NcgenError
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
@@ -63,11 +63,10 @@ class Reference:
 
 def reference(kernels: Kernels, duration: float, start: dict) -> Reference:
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
-    key = hashlib.sha256(repr((kernels.fingerprint, duration, sorted(start.get("zd0", {}).items()), TIGHT)).encode()).hexdigest()[:40]
-    path = cache_folder() / KEPT[1] / f"{key}.npz"
-    if path.is_file():
-        found = np.load(path)
-        return Reference(found["q"], float(found["doubt"]))
+    facts = (kernels.fingerprint, duration, sorted(start.get("zd0", {}).items()), TIGHT, __version__, np.__version__, scipy.__version__)
+    key = hashlib.sha256(repr(facts).encode()).hexdigest()[:40]
+    if found := kept("references", key):
+        return Reference(np.array(found["q"]), found["doubt"])
     ends = []
     for method in (("lagrange", "dop853"), ("coordinate-partitioning", "dop853"), ("lagrange", "dopri5")):
         try:
@@ -79,9 +78,7 @@ def reference(kernels: Kernels, duration: float, start: dict) -> Reference:
         if len(ends) == 2:
             break
     doubt = _distance(kernels, *ends) if len(ends) == 2 else np.inf
-    data = io.BytesIO()
-    np.savez(data, q=ends[0], doubt=doubt)
-    write_bytes(path, data.getvalue())
+    keep("references", key, {"q": ends[0].tolist(), "doubt": doubt})
     return Reference(ends[0], doubt)
 
 

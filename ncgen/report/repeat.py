@@ -9,8 +9,8 @@ import numpy as np
 from cffi import FFI
 
 from ncgen.build.abi import NUMBERS, abi, declared
-from ncgen.build.cache import build
-from ncgen.build.compilers import FLAGS, find_compiler
+from ncgen.build.cache import compiled
+from ncgen.build.compilers import FLAGS
 from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
 
@@ -27,7 +27,7 @@ def _repeater():
     ffi.include(abi())
     ffi.cdef(declared("timing.c", "functions"))
     files = {name: verbatim(f"c/{name}") for name in ("timing.c", "ncgen.h")}
-    return ffi, ffi.dlopen(str(build(files, find_compiler(), SCALAR).library))
+    return ffi, ffi.dlopen(str(compiled(files, SCALAR).library))
 
 
 @dataclass
@@ -84,7 +84,7 @@ def typed_runner(sources, real: str, inputs, names):
     getter = f"{identifier(sources.programs.equations.model.name)}_model"
     ffi.cdef(declared("timing.c", "functions") + f"const ncgen_model *{getter}(void);")
     files = sources.c | {"timing.c": verbatim("c/timing.c")}
-    library = ffi.dlopen(str(build(files, find_compiler(), (*FLAGS, *number.flags)).library))
+    library = ffi.dlopen(str(compiled(files, (*FLAGS, *number.flags)).library))
     model = getattr(library, getter)()
     q, qd, p = (np.array(x, dtype=number.dtype) for x in (inputs.q, inputs.qd, inputs.p))
     programs = sources.programs.programs

@@ -44,6 +44,10 @@ class Deferred(Numbering):
     def __init__(self, model: Model):
         self.model = model
 
+    def __reduce__(self):
+        """Pickled as its model."""
+        return Deferred, (self.model,)
+
     def __getattr__(self, name: str):
         if name not in ("rows", "masses", "forces", "omitted"):
             raise AttributeError(name)

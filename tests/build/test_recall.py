@@ -1,5 +1,7 @@
 """What was generated once is not generated again, and never mistaken for something else."""
 
+import hashlib
+import pickle
 import subprocess
 import sys
 
@@ -8,6 +10,7 @@ import pytest
 
 import ncgen
 from ncgen import compiler
+from ncgen.build import recall
 
 
 @pytest.fixture(autouse=True)
@@ -61,33 +64,65 @@ def test_another_model_or_emission_is_another(generations):
     assert generations == ["pendulum"] * 3
 
 
-def test_another_generator_is_another(generations, monkeypatch):
-    from ncgen.build import recall
-
+@pytest.mark.parametrize("package", [*recall.PACKAGES, "python"])
+def test_another_generator_is_another(generations, monkeypatch, package):
+    """Another version of anything that makes code of a model may make other code."""
+    known = recall.version
     ncgen.compile(pendulum(), "c")
-    monkeypatch.setattr(recall, "_generator", lambda: b"another")
+    recall._generator.cache_clear()
+    monkeypatch.setattr(recall, "version", lambda name: "0" if name == package else known(name))
+    if package == "python":
+        monkeypatch.setattr(recall.platform, "python_version", lambda: "0")
     ncgen.compile(pendulum(), "c")
+    recall._generator.cache_clear()
     assert generations == ["pendulum"] * 2
 
 
 def test_damaged_files_are_written_again(generations, own_cache):
-    ncgen.compile(pendulum(), "c")
+    """Cut, replaced, or another digit in a number, which would be another weight."""
+    right = ncgen.compile(pendulum(), "c").force([1.0, 0.0], [0.0, 0.0])
     (path,) = (own_cache / "programs").iterdir()
     whole = path.read_bytes()
-    for damage in (b"", whole[:100], b"nonsense"):
+    weight = repr(-float(right[1])).encode()
+    assert weight in whole
+    damages = b"", whole[:100], b"nonsense", whole.replace(weight, weight[:-1] + b"7")
+    for damage in damages:
         path.write_bytes(damage)
-        ncgen.compile(pendulum(), "c")
+        assert np.array_equal(ncgen.compile(pendulum(), "c").force([1.0, 0.0], [0.0, 0.0]), right)
         assert path.read_bytes() == whole
-    assert generations == ["pendulum"] * 4
+    assert generations == ["pendulum"] * (1 + len(damages))
 
 
-def test_python_functions_are_not_kept(generations, own_cache):
-    """A function inside a function cannot be told from another one."""
-    for _ in range(2):
+class Planted:
+    """Touches a file when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+@pytest.mark.parametrize("suffix", [".pickle", ".json"])
+def test_nothing_that_is_kept_can_run(generations, own_cache, tmp_path, suffix):
+    """A pickle in the place of kept programs, with a digest or without, is not loaded."""
+    ncgen.compile(pendulum(), "c")
+    (path,) = (own_cache / "programs").iterdir()
+    data = pickle.dumps(Planted(tmp_path / "touched"))
+    for planted in (data, hashlib.sha256(data).hexdigest().encode() + b"\n" + data):
+        path.with_suffix(suffix).write_bytes(planted)
+        ncgen.compile(pendulum(), "c")
+    assert not (tmp_path / "touched").exists()
+
+
+def test_python_functions_are_called_and_not_kept(generations):
+    """Programs do not depend on them, so those of another function serve; each model calls its own."""
+    for push in (1.0, 2.0):
         model = pendulum()
-        model.callback(lambda t, q, qd, kernels: np.zeros(2))
-        ncgen.compile(model, "c")
-    assert generations == ["pendulum"] * 2 and not (own_cache / "programs").exists()
+        model.callback(lambda t, q, qd, kernels, push=push: np.full(2, push))
+        kernels = ncgen.compile(model, "c")
+        assert kernels.force(kernels.q0, 0 * kernels.q0)[0] == push
+    assert generations == ["pendulum"]
 
 
 def test_clearing_the_cache_clears_these_too(own_cache):

@@ -102,11 +102,12 @@ def test_other_commands_refuse_alike(ncgen_main, files, written, command):
 
 
 def test_missing_compiler(ncgen_main, mine, monkeypatch):
-    """CC names a program that does not exist: said so, whatever else could compile."""
+    """CC names a program that does not exist: said so, and no other is taken, whatever else could compile."""
     monkeypatch.setenv("CC", "no-such-compiler -O3")
-    for backend in ("auto", "c"):
-        said = ncgen_main("run", "mine.py", "--json", "--backend", backend)
-        assert_refused(said, 3, ["CC=no-such-compiler -O3: there is no such program"])
+    assert_refused(ncgen_main("run", "mine.py", "--json", "--backend", "c"), 3, ["CC=no-such-compiler -O3: there is no such program"])
+    said = ncgen_main("run", "mine.py", "--json", "--no-files")
+    assert said.code == 0 and json.loads(said.out)["backend"] == "numpy"
+    assert said.err.startswith("ncgen: CC=no-such-compiler -O3: there is no such program") and said.err.count("\n") == 1
 
 
 def test_numpy_needs_no_compiler(ncgen_main, mine, monkeypatch):
@@ -118,7 +119,7 @@ def test_numpy_needs_no_compiler(ncgen_main, mine, monkeypatch):
 def test_no_compiler_at_all(ncgen_main, mine, monkeypatch):
     """One line says that NumPy is used instead; asked for C by name, it is an error."""
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr("ncgen.build.compilers.find_compiler", lambda: None)
+    monkeypatch.setattr("ncgen.build.compilers.find_compilers", lambda: iter(()))
     said = ncgen_main("run", "mine.py", "--json", "--no-files")
     assert said.code == 0 and json.loads(said.out)["backend"] == "numpy"
     assert said.err.startswith("ncgen: no C compiler found") and said.err.count("\n") == 1
@@ -132,19 +133,26 @@ def test_a_compiler_that_refuses(ncgen_main, mine, monkeypatch, folder):
     compiler.chmod(0o755)
     monkeypatch.setenv("CC", str(compiler))
     monkeypatch.setenv("NCGEN_CACHE_DIR", str(folder / "store"))
-    said = ncgen_main("run", "mine.py", "--json")
+    said = ncgen_main("run", "mine.py", "--json", "--backend", "c")
     assert said.code == 3 and said.out == ""
     first, *rest = said.err.splitlines()
     assert first.startswith("ncgen: ") and "refused the generated C: error: not today" in first
     assert rest == ["error: not today"]
     assert list((folder / "store").iterdir()) == []
+    said = ncgen_main("run", "mine.py", "--json", "--no-files")
+    assert said.code == 0 and json.loads(said.out)["backend"] == "numpy"
+    assert "error: not today; the NumPy backend is used" in said.err and said.err.count("\n") == 1
 
 
 def test_a_cache_that_cannot_be_written(ncgen_main, mine, monkeypatch, folder):
-    """A file stands where the cache's folder should."""
+    """A file stands where the cache's folder should: said once, and nothing else is different."""
     monkeypatch.setenv("NCGEN_CACHE_DIR", str(mine / "cache"))
-    assert_refused(ncgen_main("run", "mine.py", "--json"), 2, ["cache folder", "cannot be written", "NCGEN_CACHE_DIR"])
-    assert not (folder / "mine-output").exists()
+    said = ncgen_main("run", "mine.py", "--json", "--no-files")
+    assert said.code == 0 and json.loads(said.out)["backend"] == "c" and said.err.count("\n") == 1
+    assert all(word in said.err for word in ("cache folder", "cannot be written", "NCGEN_CACHE_DIR"))
+    for arguments in (("cache",), ("cache", "--clear")):
+        said = ncgen_main(*arguments)
+        assert said.code == 0 and "0 libraries" in said.out
 
 
 USAGE = [(), ("frobnicate",), ("run",), ("run", "mine.py", "--nope"), ("run", "mine.py", "--duration", "abc")]

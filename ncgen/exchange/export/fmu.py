@@ -15,10 +15,9 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from ncgen.build.cache import build
-from ncgen.build.compilers import find_compiler
+from ncgen.build.cache import compiled
 from ncgen.emit.environment import render
-from ncgen.errors import CompileError, NcgenError
+from ncgen.errors import NcgenError
 from ncgen.exchange.export.package import Package, renamed
 from ncgen.model.elements import Vector
 from ncgen.program.full_loads import loaded_elements
@@ -147,10 +146,7 @@ def _headers(version: int) -> dict[str, str]:
 
 
 def _binary(sources: dict[str, str]) -> bytes:
-    compiler = find_compiler()
-    if compiler is None:
-        raise CompileError("no C compiler found (tried CC, cc, gcc, clang, ziglang); a unit needs one: install gcc or clang")
-    return build(sources, compiler, FLAGS).library.read_bytes()
+    return compiled(sources, FLAGS).library.read_bytes()
 
 
 def _platform(version: int) -> str:

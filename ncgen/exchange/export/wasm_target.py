@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import importlib.util
-import sys
-from importlib.metadata import version
 
 from ncgen.build.cache import build
-from ncgen.build.compilers import Compiler
+from ncgen.build.compilers import zig
 from ncgen.emit.environment import render
 from ncgen.errors import CompileError
 from ncgen.exchange.export.package import Package, renamed
@@ -53,5 +51,4 @@ def files(package: Package) -> dict[str, str | bytes]:
 def _compiled(sources: dict[str, str], seen: list[str]) -> bytes:
     if importlib.util.find_spec("ziglang") is None:
         raise CompileError("WebAssembly is compiled by the package ziglang, which is missing; run pip install 'ncgen[export]'")
-    zig = Compiler((sys.executable, "-m", "ziglang", "cc"), f"ziglang {version('ziglang')}")
-    return build(sources, zig, (*FLAGS, *(f"-Wl,--export={name}" for name in seen))).library.read_bytes()
+    return build(sources, zig(), (*FLAGS, *(f"-Wl,--export={name}" for name in seen)), loads=False).library.read_bytes()

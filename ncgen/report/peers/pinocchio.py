@@ -12,8 +12,7 @@ import numpy as np
 import pinocchio
 from cffi import FFI
 
-from ncgen.build.cache import build
-from ncgen.build.compilers import find_compiler
+from ncgen.build.cache import compiled
 from ncgen.emit.environment import verbatim
 
 NAME = "Pinocchio C++, RK4, Baumgarte 20"
@@ -33,7 +32,7 @@ def _library():
     ffi.cdef("double four_bars(int, double, int, int, double, double *);")
     flags = (*FLAGS, f"-I{prefix}/include", f"-I{prefix}/include/eigen3")
     libraries = ("-x", "none", f"-L{prefix}/lib", f"-Wl,-rpath,{prefix}/lib", "-lpinocchio_default", "-lstdc++", "-lm")
-    return ffi, ffi.dlopen(str(build({"pinocchio.c": verbatim("cpp/pinocchio.cpp")}, find_compiler(), flags, libraries).library))
+    return ffi, ffi.dlopen(str(compiled({"pinocchio.c": verbatim("cpp/pinocchio.cpp")}, flags, libraries).library))
 
 
 def run(count: int, duration: float, intervals: int, steps: int) -> tuple[float, np.ndarray]:

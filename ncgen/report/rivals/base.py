@@ -9,8 +9,7 @@ import numpy as np
 from cffi import FFI
 
 from ncgen.build.abi import abi
-from ncgen.build.cache import Built, build
-from ncgen.build.compilers import find_compiler
+from ncgen.build.cache import Built, compiled
 from ncgen.build.kernels import Kernels
 from ncgen.exchange.examples import example_module, example_names
 from ncgen.report.clock import repeated
@@ -63,7 +62,7 @@ def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[
 
     sizes: how many numbers each kernel writes; symbol: its name in C, with {} for the kernel's
     """
-    built = build(files, find_compiler())
+    built = compiled(files)
     ffi = FFI()
     ffi.include(abi())
     for name in sizes:

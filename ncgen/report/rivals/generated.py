@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from ncgen.build.abi import NUMBERS
-from ncgen.build.cache import build
-from ncgen.build.compilers import find_compiler
+from ncgen.build import cache
 from ncgen.build.kernels import Kernels
 from ncgen.build.library import CompiledKernels
 from ncgen.compiler import compile, generate
@@ -48,7 +47,7 @@ def emissions(model: Model, inputs: Inputs, names) -> list[Rival]:
         programs = kernels.programs.programs
         functions = {name: Call(kernels.function(name), programs[name].size, kernels) for name in programs}
         rival = compiled(f"generated C, {emission}", functions, inputs, names)
-        built = build(sources.c, find_compiler())
+        built = cache.compiled(sources.c)
         facts = {"generation": generation, "compilation": built.spent}
         facts |= {"operations": {name: cost(program).total for name, program in programs.items()}}
         facts |= {"code": code_bytes(built.library, identifier(model.name), names)}
