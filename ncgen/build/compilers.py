@@ -57,8 +57,11 @@ class Compiler:
 
     @property
     def name(self) -> str:
-        """The program, as messages call it."""
-        return self.command[0]
+        """What messages call it: as it is called in a shell."""
+        if "ziglang" in self.command:
+            return "ziglang"
+        short = Path(self.command[0]).name
+        return short if shutil.which(short) == self.command[0] else self.command[0]
 
 
 # -- finding -------------------------------------------------------------------------------------------------------------------
