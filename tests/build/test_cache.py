@@ -223,3 +223,63 @@ def test_kernels_survive_the_cache(cache, pendulum_sources):
     kernels = ncgen.compile(pendulum_sources, backend="c")
     assert clear() == 1
     np.testing.assert_allclose(kernels.force(kernels.q0, 0 * kernels.q0), [0.0, -9.81])
+
+
+# -- many at once, and some that die ---------------------------------------------------------------------------------------------
+
+
+def pendulum_of(length: float):
+    model = ncgen.Model("many")
+    pivot, bob = model.point("pivot", (0, 0), fixed=True), model.point("bob", (length, 0))
+    model.body("bob", points=[bob], mass=1.0)
+    model.distance(pivot, bob)
+    model.gravity((0, -9.81, 0))
+    return model
+
+
+def phi_of(length: float, *_) -> float:
+    """From a model to a number: (d² − L²) / 2 L at d = 2 L, which is 1.5 L."""
+    kernels = ncgen.compile(pendulum_of(length), backend="c")
+    return float(kernels.phi(2 * kernels.q0)[0])
+
+
+def test_eight_processes_and_three_models(cache, child):
+    """The same and different models at once: every process has its own numbers, every model one library and one program."""
+    lengths = [1.0 + k % 3 for k in range(8)]
+    workers = [child(phi_of, length) for length in lengths]
+    assert [worker.result() for worker in workers] == pytest.approx([1.5 * length for length in lengths])
+    assert len(entries()) == 3 == len(list((cache / "programs").iterdir()))
+    assert len(folders(cache)) == 4
+
+
+def killed(cache: Path, child, rounds: int, seed: int) -> None:
+    """Pairs of processes build the same library; one or both are killed at a random moment of what a build takes."""
+    rng = np.random.default_rng(seed)
+    start = time.perf_counter()
+    assert child(phi_of, 100.0).result() == pytest.approx(150.0)
+    whole = time.perf_counter() - start
+    for k in range(rounds):
+        length = 1.0 + k // 2  # every second one finds what the first has left
+        pair = [child(phi_of, length), child(phi_of, length)]
+        time.sleep(rng.uniform(0, whole))
+        for worker in pair[: rng.integers(1, 3)]:
+            os.kill(worker.process.pid, signal.SIGKILL)
+        for worker in pair:
+            assert worker.result() in (pytest.approx(1.5 * length), -signal.SIGKILL)
+    for length in {1.0 + k // 2 for k in range(rounds)}:
+        assert phi_of(length) == pytest.approx(1.5 * length)
+    past = time.time() - ABANDONED - 60
+    for path in (*cache.glob("ncgen-building-*"), *cache.glob("*/ncgen-building-*")):
+        os.utime(path, (past, past))
+    assert clear() == 1 + len({k // 2 for k in range(rounds)})
+    assert folders(cache) == [], "in a day nothing is left of those that died"
+
+
+def test_builders_that_are_killed(cache, child):
+    """SIGKILL at ten random moments: nothing is lost, wrong, or left for ever."""
+    killed(cache, child, 10, 1)
+
+
+@pytest.mark.slow
+def test_many_builders_that_are_killed(cache, child):
+    killed(cache, child, 200, 2)
