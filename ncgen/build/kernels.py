@@ -282,7 +282,8 @@ class Kernels(ABC):
         """The plain output of a kernel; matrices give their nonzeros."""
         program = self.programs.programs.get(kernel)
         if program is None:
-            return np.zeros({"force": self.n, "energy": 3, "mass": 0, "phi_q": 0}.get(kernel, self.m))
+            size = {"force": self.n, "energy": 3, "mass": 0, "phi_q": 0}.get(kernel, self.m)
+            return np.zeros((*np.shape(q)[:-1], size))
         n = len(self.coordinates)
         if not _is_plain(q, n):
             q = self._checked(q, n, kernel, "q", "free coordinates")

@@ -31,4 +31,5 @@ class NumPyKernels(Kernels):
 
     def _call(self, kernel, t, q, qd, p, size):
         arrays = (q, p) if qd is None else (q, qd, p)
-        return self._functions[kernel](t, *arrays)
+        with np.errstate(all="ignore"):  # as in C, what is no number says so by itself
+            return self._functions[kernel](t, *arrays)

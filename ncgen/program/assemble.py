@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 from ncgen.errors import ModelError
@@ -22,6 +23,7 @@ from ncgen.program.lower import lower_value
 from ncgen.program.programs import EMISSIONS, Programs
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
+from ncgen.symbolic.templates import shortened
 
 @dataclass(frozen=True)
 class Kernel:
@@ -170,11 +172,21 @@ def programs_of(kernels, equations: Equations, least: float) -> dict[str, tuple[
 
 
 def _bind(term, equations: Equations, derived: Derived) -> Bound:
-    """bind, with the term's own words in front of what is wrong with it."""
-    try:
+    with told_of(term.label):
         return bind(term, equations, derived)
+
+
+@contextmanager
+def told_of(label: str):
+    """Whatever is wrong with the numbers or the words of a term is a ModelError with the term's own label in front."""
+    try:
+        yield
     except ModelError as error:
-        raise ModelError(f"{term.label}: {error}") from None
+        raise error if str(error).startswith(label) else ModelError(f"{label}: {error}") from None
+    except ArithmeticError as error:
+        raise ModelError(f"{label}: {error}; correct the expression, or the numbers and fixed coordinates in it") from None
+    except ValueError as error:
+        raise ModelError(f"{label}: {error} at its numbers and fixed coordinates; correct the expression") from None
 
 
 def _groups(kernel: Kernel, equations: Equations, bound) -> list[list[Bound]]:
@@ -209,13 +221,9 @@ def parts_of(kernel: Kernel, bound: Bound, graph: Graph, read) -> list[tuple[tup
     """(place, node) of what a term contributes to a kernel; structural zeros stay out. read(reference) gives inputs."""
     places = Places(graph, bound, read)
     wanted = [key for key in bound.template.outputs if kernel.wants(key)]
-    try:
+    with told_of(bound.term.label):
         outputs = bound.template.replay(graph, places.symbol, wanted)
-    except ArithmeticError as error:
-        raise ModelError(f"{bound.term.label}: {error}; correct the expression or the fixed coordinates in it") from None
-    except ValueError as error:
-        raise ModelError(f"{bound.term.label}: {error} at the fixed coordinates; correct the expression") from None
-    return [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
+        return [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
 
 
 def _slot(reference, members, equations) -> Slot:
@@ -250,8 +258,9 @@ def _program(kernel, groups, index, size, equations, derived, least) -> Program:
     base = [0.0] * size
     loops, lines = [], []
     for group in groups:
-        block = passes.fold_tables(_loop(kernel, group, index, equations))
-        block = _take_constants(block, base)
+        with told_of(group.members[0].term.label):
+            block = passes.fold_tables(_loop(kernel, group, index, equations))
+            block = _take_constants(block, base)
         if block.stores:
             (loops if len(group.members) >= least else lines).append(block)
     blocks = _combine(kernel, base, loops, lines, equations)
@@ -307,6 +316,8 @@ def _take_constants(block: Loop, base: list[float]) -> Loop:
             continue
         for position, value in zip(store.table, column, strict=True):
             base[position] += value
+            if not math.isfinite(base[position]):
+                raise OverflowError("what is added up becomes infinite")
     return replace(block, stores=tuple(kept))
 
 
@@ -360,7 +371,8 @@ def _straight(kernel, lines: list[Loop], base, hits, equations) -> Straight | No
     names = {}
     for loop in lines:
         for run in range(loop.count):
-            nodes = passes.unroll(graph, loop, run)
+            with told_of(loop.comments[run]):
+                nodes = passes.unroll(graph, loop, run)
             for store in loop.stores:
                 sums[store.table[run]].append(nodes[store.node])
                 comments[store.table[run]].append(loop.comments[run])
@@ -400,9 +412,11 @@ def _derived_block(derived: Derived, needed: list[int], equations: Equations) ->
     graph = Graph()
     parameters = {p.name: graph.load("p", i) for i, p in enumerate(equations.parameters)}
     names = {node: name for name, node in parameters.items()}
-    stores = tuple(
-        Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=told(derived.expressions[i])) for i in needed
-    )
+    stores = []
+    for i in needed:
+        with told_of(shortened(str(derived.expressions[i]))):
+            stores.append(Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=told(derived.expressions[i])))
+    stores = tuple(stores)
     return Straight(tuple(graph.ops), stores, names, "derived from parameters")
 
 

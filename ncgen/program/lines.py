@@ -7,7 +7,7 @@ from functools import partial
 
 from ncgen.program import passes
 from ncgen.program.angles import share_angles
-from ncgen.program.assemble import Kernel, load_name, parts_of, place_of
+from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
 from ncgen.program.binding import Derived, bind
 from ncgen.program.blocks import Program, Store, Straight
 from ncgen.program.graph import Graph
@@ -32,7 +32,8 @@ class Lines:
         """{place: node} of a kernel's output, contributions added up, structural zeros left out."""
         sums: dict[tuple[int, ...], list[int]] = defaultdict(list)
         for term in kernel.terms(self.equations):
-            bound = bind(term, self.equations, self.derived)
+            with told_of(term.label):
+                bound = bind(term, self.equations, self.derived)
             for place, node in parts_of(kernel, bound, self.graph, partial(self._read, bound)):
                 sums[place_of(place, bound, self.equations)].append(node)
         return {place: self.graph.sum(nodes) for place, nodes in sums.items()}

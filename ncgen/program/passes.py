@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 from ncgen.program.blocks import Block, Loop, Slot
@@ -32,6 +33,8 @@ def fold_tables(loop: Loop) -> Loop:
     made: list[int] = []
 
     def table(column: tuple, name: str | None) -> int:
+        if not all(map(math.isfinite, column)):
+            raise OverflowError(f"a constant becomes {next(x for x in column if not math.isfinite(x))}")
         if len(set(column)) == 1:
             node = graph.const(column[0])
         else:

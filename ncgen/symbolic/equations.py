@@ -23,7 +23,7 @@ from ncgen.symbolic import templates
 from ncgen.symbolic.inertia import StandardInertia, centre_weights, standard_inertia
 from ncgen.symbolic.numbering import Numbering
 from ncgen.symbolic.omissions import angle_row_type
-from ncgen.symbolic.templates import TIME, Template
+from ncgen.symbolic.templates import TIME, Template, shortened
 
 LinearForm = tuple[tuple[object, Component], ...]
 """Pairs (weight, coordinate); a weight is a value."""
@@ -102,11 +102,13 @@ def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
     if row.type is None:
         where = f"row {number + 1} ({row.label})"
         scalars, data = _names(model, row.expression, where)
+        if row.level == "position":
+            _refuse_rates(row.expression, scalars, f"{where}: an equation of position", "use m.constrain_velocity")
         make = templates.velocity_row_template if row.level == "velocity" else templates.expression_row_template
         try:
             template = make(f"row-{number + 1}", sympy.sympify(row.expression), _words(scalars), _words(data))
         except ValueError as error:
-            raise ModelError(f"{where}: {row.expression}: {error}; a velocity constraint is a sum of coefficients times rates") from None
+            raise ModelError(f"{where}: {shortened(row.expression)}: {error}; a velocity constraint is a sum of coefficients times rates") from None
         return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number, row.equation)
     row_type = angle_row_type(model, row, omitted)
     template = templates.row_template(row_type.key)
@@ -144,8 +146,16 @@ def _names(model: Model, expression, where: str) -> tuple[list[Component], list[
     known = {TIME.name} | {p.name for p in parameters} | {n for c in coordinates for n in (c.name, rate_name(c.name))}
     if mentioned - known:
         name = sorted(mentioned - known)[0]
-        raise ModelError(f"{where}: {name} is neither a coordinate, a rate, a parameter nor m.time; correct the expression")
+        raise ModelError(f"{where}: {shortened(name)} is neither a coordinate, a rate, a parameter nor m.time; correct the expression")
     return coordinates, parameters
+
+
+def _refuse_rates(expression, coordinates, what: str, remedy: str) -> None:
+    """Raise ModelError where an expression of positions mentions a velocity."""
+    mentioned = {s.name for s in sympy.sympify(expression).free_symbols}
+    rates = [rate_name(c.name) for c in coordinates if rate_name(c.name) in mentioned]
+    if rates:
+        raise ModelError(f"{what} does not depend on velocities, here on {rates[0]}; {remedy}")
 
 
 def _words(things) -> tuple[str, ...]:
@@ -208,6 +218,7 @@ def _bearer(model: Model, force) -> Owner | None:
 
 def _potential(model: Model, potential) -> Term:
     scalars, data = _names(model, potential.expression, potential.label)
+    _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)
     template = templates.potential_template(potential.label, _words(scalars), _words(data), expression)
     return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), Owner("user", potential.label), potential.label)
@@ -304,5 +315,8 @@ def _cross_product_terms(body, standard: StandardInertia, gravity) -> list[Term]
 
 
 def _rounded(value):
-    """A Fraction as the nearest double; expressions of parameters stay."""
-    return float(value) if isinstance(value, (Fraction, int, float)) else value
+    """A Fraction as the nearest double; expressions of parameters stay. Raises ModelError beyond the range of doubles."""
+    try:
+        return float(value) if isinstance(value, (Fraction, int, float)) else value
+    except OverflowError:
+        raise ModelError("the inertia or the weight of the bodies is beyond 1e308; check masses, inertias and units") from None

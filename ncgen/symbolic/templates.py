@@ -38,6 +38,16 @@ class Template:
     outputs: dict[object, sympy.Expr] = field(repr=False)
 
 
+LONGEST = 60
+"""Characters of an expression in a message."""
+
+
+def shortened(expression) -> str:
+    """An expression's text for a message: its beginning where it is long."""
+    text = str(expression)
+    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
+
+
 def symbols(names) -> list[sympy.Symbol]:
     return [sympy.Symbol(name, real=True) for name in names]
 
@@ -100,7 +110,7 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
     if any(slope.has(*v) for slope in B if v):
         raise ValueError("it is not linear in the rates")
     change = sympy.Add(psi.diff(TIME), *(psi.diff(s) * rate for s, rate in zip(x, v, strict=True)))
-    outputs = {"phi": sympy.Integer(0), "nu": -psi.xreplace(still), "gamma": -change}
+    outputs = {"phi": sympy.Integer(0), "nu": -psi.xreplace(still), "gamma": _without_impulses(-change)}
     outputs.update({("phi_q", k): slope for k, slope in enumerate(B)})
     return Template(key, f"{psi}", scalars, data, outputs)
 
@@ -184,9 +194,11 @@ def force_template(key: str, scalars: tuple[str, ...], data: tuple[str, ...], co
 
 
 def potential_template(key: str, scalars: tuple[str, ...], data: tuple[str, ...], potential: sympy.Expr) -> Template:
-    """A potential the user wrote out; its force is the negative gradient."""
-    outputs = {("force", k): -potential.diff(s) for k, s in enumerate(symbols(scalars))}
+    """A potential the user wrote out; its force is the negative gradient, and what it changes by itself in time is power."""
+    outputs = {("force", k): _without_impulses(-potential.diff(s)) for k, s in enumerate(symbols(scalars))}
     outputs["potential"] = potential
+    if TIME in potential.free_symbols:
+        outputs["power"] = _without_impulses(potential.diff(TIME))
     return Template(key, "user potential", scalars, data, outputs)
 
 

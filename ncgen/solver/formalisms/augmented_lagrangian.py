@@ -41,6 +41,8 @@ def penalty(now: Instant, alpha: float):
 def _correction(now: Instant, alpha: float):
     """The correction of accelerations x with multipliers y."""
     jacobian = now.jacobian
+    if not len(now.force):
+        return lambda x, y: x  # nothing can move, which LAPACK does not take
     factor, failed = lapack.dpotrf(now.mass + alpha * jacobian.T @ jacobian)
     if failed:
         raise massless(now.kernels.name)
