@@ -86,6 +86,15 @@ def examine(seed: int, watch=lambda what: None) -> Report:
     return report
 
 
+def warm() -> None:
+    """Compile what all models in C share: the runtime."""
+    from ncgen.build import runtime
+    from ncgen.build.compilers import find_compiler
+
+    if find_compiler() is not None:
+        runtime.prepare(ncgen.compile(ncgen.load("fourbar"), "c"))
+
+
 def _where(error: BaseException) -> str:
     """An exception in one line, with the place in ncgen or here where it was raised."""
     frames = traceback.extract_tb(error.__traceback__)

@@ -57,8 +57,6 @@ def _dense(weight, left, jacobian, name):
     if not n + len(jacobian):
         return lambda right: right  # nothing moves and nothing holds it: LAPACK takes no empty system
     matrix = np.block([[weight, left], [jacobian, -EPSILON * np.eye(len(jacobian))]])
-    if not len(matrix):
-        return lambda right: right  # nothing can move and nothing holds it, which LAPACK does not take
     lu, exchanges, _ = lapack.dgetrf(matrix)
     pivots = np.abs(np.diag(lu))
     if n and not np.min(pivots) > SMALLEST_PIVOT * np.max(pivots):
