@@ -113,21 +113,26 @@ class Dynamics:
         self._dynamics = self._ffi.new("ncgen_dynamics *")
         descriptor, self._model_library = _model(kernels, number)
         self._model = self._ffi.cast("const ncgen_model *", descriptor)
-        self._arrays: dict[str, np.ndarray] = {}
+        self._arrays: list[np.ndarray] = []
         self._keep({"column_sizes": kernels.column_sizes, "row_sizes": kernels.row_sizes}, self._dynamics, self.number.dtype)
+        self.has_rolling = len(kernels.holonomic) < kernels.m
+        if self.has_rolling:
+            rolling = np.ones(kernels.m)
+            rolling[kernels.holonomic] = 0
+            self._keep({"rolling": rolling}, self._dynamics, np.intc)
 
     def _keep(self, arrays: dict[str, object], struct, dtype) -> None:
         """Let members of a struct point to arrays, which live as long as this object."""
         for name, values in arrays.items():
-            self._arrays[name] = np.array(values if len(values) else (0,), dtype=dtype)
+            array = np.array(values if len(values) else (0,), dtype=dtype)
             kind = "int[]" if dtype == np.intc else self.number.array
-            setattr(struct, name, self._ffi.from_buffer(kind, self._arrays[name]))
+            self._arrays.append(array)
+            setattr(struct, name, self._ffi.from_buffer(kind, array))
 
-    def _describe(self, split: Split) -> None:
-        """A choice of independent coordinates."""
-        self._dynamics.n_independent, self._dynamics.n_dependent = len(split.independent), len(split.dependent)
-        chosen = {"independent": split.independent, "dependent": split.dependent, "rows": split.rows}
-        self._keep(chosen, self._dynamics, np.intc)
+    def _describe(self, split: Split, struct) -> None:
+        """Let a struct say a choice of independent coordinates."""
+        struct.n_independent, struct.n_dependent = len(split.independent), len(split.dependent)
+        self._keep({"independent": split.independent, "dependent": split.dependent, "rows": split.rows}, struct, np.intc)
 
     def simulate(
         self, method: str, times, q, velocities, p, max_step=np.inf, event=None, newton=False, sizes=None, progress=None, **options
@@ -178,14 +183,16 @@ class Dynamics:
         return Outcome(*filled, STATUS[status], float(s.t), last, *counts, *more, float(s.tried), s.stiff, listener.raised)
 
     def jacobian(self, t: float, q, velocities, p, formalism: str = "coordinate-partitioning", **options) -> np.ndarray:
-        """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning,
-        ∂q̈/∂[q̇; q] (n, 2 n) with other formalisms. Arguments as for `simulate`."""
+        """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning, where
+        rolling conditions leave more positions than velocities ∂[z̈; ż]/∂[ż; z], ∂q̈/∂[q̇; q] (n, 2 n) with other formalisms.
+        Arguments as for `simulate`."""
         ffi = self._ffi
         self._take_tangents()
         settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
         work, integers = self._space(settings)
         inputs = [np.ascontiguousarray(a, dtype=self.number.dtype) for a in (p, q, velocities)]
-        out = np.empty((len(inputs[2]), 2 * len(inputs[2])), self.number.dtype)
+        count = len(inputs[2])
+        out = np.empty(self._jacobian_shape(count) if formalism == "coordinate-partitioning" else (count, 2 * count), self.number.dtype)
         pointers = [ffi.from_buffer(self.number.array, a) for a in (*inputs, out, work)]
         status = self._library.ncgen_dynamics_jacobian(
             self._model, self._dynamics, settings, t, *pointers, ffi.from_buffer("int[]", integers)
@@ -197,7 +204,12 @@ class Dynamics:
     def _space(self, settings) -> tuple[np.ndarray, np.ndarray]:
         """Workspace: numbers and integers."""
         numbers = self._library.ncgen_workspace(self._model, self._dynamics, settings)
-        return np.empty(numbers, self.number.dtype), np.empty(4 * self.kernels.n + 3 * self.kernels.m, dtype=np.intc)
+        integers = (7 if self.has_rolling else 4) * self.kernels.n + 3 * self.kernels.m
+        return np.empty(numbers, self.number.dtype), np.empty(integers, dtype=np.intc)
+
+    def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
+        """With coordinate partitioning."""
+        return velocities, 2 * velocities
 
     def _take_tangents(self) -> None:
         """Tangent kernels are compiled when an implicit method first asks for them."""
@@ -205,11 +217,24 @@ class Dynamics:
 
 
 class DenseDynamics(Dynamics):
-    """The runtime's dense elimination on the model's kernels, for one choice of independent coordinates."""
+    """The runtime's dense elimination on the model's kernels, for one choice of independent coordinates.
 
-    def __init__(self, kernels: CompiledKernels, split: Split, number: str = "double"):
+    positions: the choice for positions, where it is not that for velocities
+    """
+
+    def __init__(self, kernels: CompiledKernels, split: Split, number: str = "double", positions: Split | None = None):
         super().__init__(kernels, number)
-        self._describe(split)
+        self.positions = positions
+        self._describe(split, self._dynamics)
+        if positions is not None:
+            self._partition = self._ffi.new("ncgen_partition *")
+            self._describe(positions, self._partition)
+            self._dynamics.positions = self._partition
+
+    def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
+        if self.positions is None:
+            return super()._jacobian_shape(velocities)
+        return (velocities + len(self.positions.independent),) * 2
 
 
 class ConstrainedDynamics(Dynamics):
@@ -264,9 +289,11 @@ def is_conservative(kernels: CompiledKernels) -> bool:
 
 def uses_tangents(kernels: CompiledKernels, method: str) -> bool:
     """True if an integrator takes stiffness and damping: rattle where masses are not constant or forces have no potential,
-    energy-momentum unless constraints are quadratic, masses and forces constant as well."""
+    energy-momentum unless constraints are quadratic, masses and forces constant as well; both with rolling conditions."""
     if INTEGRATORS[method].tangents != "sometimes":
         return INTEGRATORS[method].tangents == "always"
+    if len(kernels.holonomic) < kernels.m:
+        return True
     programs = kernels.programs.programs
     constant = all(programs[k].is_constant for k in ("mass", "force") if k in programs and (k, method) != ("force", "rattle"))
     quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls and not programs["phi"].angles
@@ -299,4 +326,4 @@ class EmittedDynamics(Dynamics):
         written = getattr(self._emitted, getter)()
         for name in ("newton", "acceleration"):
             setattr(self._dynamics, name, self._ffi.cast("void *", getattr(written, name)))
-        self._describe(split)  # what to fall back upon
+        self._describe(split, self._dynamics)  # what to fall back upon

@@ -59,23 +59,15 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
         return "there are no constraint rows that move"
     if number != "double" and uses_tangents(kernels, name):
         return f"{name} takes derivatives of the kernels, which are double"
-    return _refusal_of_rolling(kernels, method)
-
-
-def _refusal_of_rolling(kernels: Kernels, method: Method) -> str | None:
-    """Rolling conditions are equations of no position, which methods that hold Φ = 0 by themselves take apart in Python."""
-    if len(kernels.holonomic) == kernels.m:
-        return None
-    if not method.is_constrained:
-        return "rolling conditions need two partitions"
-    stabilised = method.integrator.tangents != "never" and method.options.get("stabilisation") == "baumgarte"
-    return f"{method.integrator.name} runs in Python with rolling conditions" if stabilised or method.is_stepper else None
+    return None
 
 
 def refusal_of_size(partitions: Partitions, engine: str) -> str | None:
     """Why a state derivative cannot be emitted for a choice of independent coordinates, in words, or None if it can."""
     from ncgen.program.programs import LARGEST
 
+    if engine in EMITTED and partitions.position is not partitions.velocity:
+        return "a state derivative is emitted for one choice of independent coordinates; rolling conditions need two"
     if engine in EMITTED and len(partitions.position.independent) > LARGEST:
         return f"a state derivative is emitted for up to {LARGEST} degrees of freedom"
     return None
@@ -112,7 +104,7 @@ def run_constrained(
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
         rank=freedom(kernels, q, times[0], p).rank, max_steps=MOST_STEPS, event=stop, max_step=max_step, progress=Progress(progress),
         stop_when_stiff=int(stop_when_stiff), **_weights(settings),
-        **tolerances.in_c(kernels.column_sizes),
+        **tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.jacobians += done.jacobians
@@ -169,13 +161,14 @@ def dynamics(kernels: Kernels, partitions: Partitions, form: str, q, p, number: 
     from ncgen.build.runtime import DenseDynamics, EmittedDynamics
     from ncgen.program.programs import Split
 
-    part = partitions.position
-    split = Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
+    split, positions = (
+        Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent))) for part in (partitions.velocity, partitions.position)
+    )
     store = kernels.__dict__.setdefault("_dynamics", {})
-    key = split, form, number
+    key = split, positions, form, number
     if key not in store:
         if form == "dense":
-            store[key] = DenseDynamics(kernels, split, number)
+            store[key] = DenseDynamics(kernels, split, number, None if partitions.position is partitions.velocity else positions)
         elif form == "lanes":
             store[key] = LaneDynamics(kernels, split, _samples(kernels, q, p))
         else:
@@ -202,7 +195,7 @@ def run(
     """  # fmt: skip
     from ncgen.build.listening import Progress
 
-    seen, sizes = [path.partitions], kernels.column_sizes
+    seen = [path.partitions]
     qd, work, grid, growth = None, 0.0, np.asarray(grid, dtype=float), GROWTH
     if len(path.q):
         q, qd, work = path.take_last()
@@ -215,7 +208,7 @@ def run(
             here = dynamics(kernels, path.partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
             done = here.simulate(
                 method.integrator.name, times, q, zd, p, max_step, stop, tolerance=closeness(number), growth=growth, progress=progress,
-                stop_when_stiff=int(stop_when_stiff), **tolerances.in_c(sizes[path.partitions.velocity.independent]),
+                stop_when_stiff=int(stop_when_stiff), **_in_c(tolerances, kernels, path.partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
@@ -248,6 +241,11 @@ def run(
         raise
 
 
+def _in_c(tolerances: Tolerances, kernels: Kernels, partitions: Partitions) -> dict:
+    """Arguments of a run on independent coordinates."""
+    return tolerances.in_c(*(kernels.column_sizes[part.independent] for part in (partitions.velocity, partitions.position)))
+
+
 def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q, t, p) -> Partitions:
     """The best partition at q if it is clearly better than the present one; one used before in this run if it will do."""
     try:
@@ -256,7 +254,7 @@ def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q,
         return partitions
 
     def worth(x: Partitions) -> float:
-        return quality(kernels, x.velocity, q, t, p)
+        return min(quality(kernels, part, q, t, p) for part in {x.velocity, x.position})
 
     possible = worth(best)
     if possible < BETTER * worth(partitions):

@@ -40,9 +40,9 @@ class Tolerances:
         span = run.duration / SHARED if run.promises else 0.0
         return cls(max(run.rtol, LEAST * rounding), max(atol, least), natural, span)
 
-    def in_c(self, sizes: np.ndarray) -> dict:
-        """Arguments of a run in C whose velocities, and positions, have these natural sizes."""
-        return {"rtol": self.rtol, "atol": self.atol, "span": self.span, "sizes": _state(sizes, sizes) if self.natural else None}
+    def in_c(self, velocities: np.ndarray, positions: np.ndarray) -> dict:
+        """Arguments of a run in C whose velocities and positions have these natural sizes."""
+        return {"rtol": self.rtol, "atol": self.atol, "span": self.span, "sizes": _state(velocities, positions) if self.natural else None}
 
     def for_scipy(self, velocities: np.ndarray, positions: np.ndarray) -> dict:
         """Arguments of SciPy's solvers for a state of velocities and positions of these natural sizes, and the work."""

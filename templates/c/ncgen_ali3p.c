@@ -25,7 +25,7 @@ static int factor_penalty(ncgen_run *r, ncgen_correction *c, ncgen_scalar h)
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
             for (int l = phi_q->indptr[i]; l < phi_q->indptr[i + 1]; ++l) {
                 const int row = phi_q->indices[k], column = phi_q->indices[l];
-                c->matrix[row * c->size + column] += r->options->penalty * (values[k] * columns[row] / rows[i]) *
+                c->matrix[row * c->size + column] += r->options->penalty * (c->left[k] * columns[row] / rows[i]) *
                                                      (values[l] * columns[column] / rows[i]);
             }
     int orientation;
@@ -36,12 +36,11 @@ static int factor_penalty(ncgen_run *r, ncgen_correction *c, ncgen_scalar h)
 static void solve_penalty(ncgen_run *r, ncgen_correction *c, const ncgen_real *force, ncgen_real factor, const ncgen_real *gap)
 {
     const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
-    const ncgen_real *values = ncgen_phi_q_values(r);
     for (int i = 0; i < r->n; ++i)
         c->right[i] = force ? factor * force[i] : 0;
     for (int i = 0; i < r->m; ++i)
         for (int k = phi_q->indptr[i]; k < phi_q->indptr[i + 1]; ++k)
-            c->right[phi_q->indices[k]] += values[k] * pushed(r, c, gap, i);
+            c->right[phi_q->indices[k]] += c->left[k] * pushed(r, c, gap, i);
     for (int i = 0; i < r->n; ++i)
         c->right[i] *= r->dynamics->column_sizes[i] / c->unit;
     ncgen_lu_solve(c->size, c->matrix, c->order, c->right, c->x);
@@ -55,7 +54,7 @@ static void project_mass_orthogonally(ncgen_run *r, ncgen_correction *c, ncgen_r
     ncgen_real *gap = c->rest + r->n, last = R(1.0e30);
     for (int pass = 0; pass < PROJECTION_LIMIT; ++pass) {
         ncgen_real largest = 0;
-        ncgen_row_rates(r, ncgen_phi_q_values(r), x, gap);
+        ncgen_row_rates(r, c->left, x, gap);
         for (int i = 0; i < r->m; ++i) {
             gap[i] = right[i] - gap[i];
             const ncgen_real size = NCGEN_ABS(gap[i]) / r->dynamics->row_sizes[i];
@@ -96,7 +95,7 @@ int ncgen_ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scal
         if (pass == ITERATION_LIMIT)
             return NCGEN_NOT_CONVERGED;
         follow_position(r, c, h);
-        status = ncgen_find_rest(r, c, t + h);
+        status = ncgen_find_rest(r, c, t, h);
         if (status == NCGEN_OK)
             status = factor_penalty(r, c, h);
         if (status != NCGEN_OK)
@@ -116,7 +115,7 @@ int ncgen_ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scal
         last = size;
     }
     follow_position(r, c, h);
-    status = ncgen_find_rest(r, c, t + h);
+    status = ncgen_find_rest(r, c, t, h);
     if (status == NCGEN_OK)
         status = factor_penalty(r, c, h);
     for (int i = 0; i < m; ++i)

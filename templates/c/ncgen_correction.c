@@ -54,26 +54,61 @@ int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
     return r->model->force ? r->model->force(t, r->q, r->qd, r->p, c->rest) : NCGEN_OK;
 }
 
-/* M, Phi_q, K and C at r->q and r->qd; rest = [Q - M qdd - Phi_q' lam, Phi], with qdd and lam of r->slopes. */
-int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
+/* Equations of velocities alone close a step from t to t + h by their integral, with the midpoint rule: Phi_q (end - start) - h nu
+ * in the middle. It takes the place of what the rest and Phi_q have for them at the end. */
+static int close_rolling(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h, const ncgen_real *end)
+{
+    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+    ncgen_real *values = ncgen_phi_q_values(r), *middle = c->rolled, *nu = c->rolled + r->n;
+    const ncgen_real *start = r->y + r->n;
+    for (int i = 0; i < r->n; ++i)
+        middle[i] = (start[i] + end[i]) / 2;
+    for (int i = 0; i < r->m; ++i)
+        nu[i] = 0;
+    int status = r->model->phi_q(t + h / 2, middle, r->p, c->halfway);
+    if (status == NCGEN_OK && r->model->nu)
+        status = r->model->nu(t + h / 2, middle, r->p, nu);
+    for (int i = 0; i < r->m; ++i) {
+        ncgen_real way = 0;
+        for (int k = phi_q->indptr[i]; k < (r->dynamics->rolling[i] ? phi_q->indptr[i + 1] : phi_q->indptr[i]); ++k) {
+            values[k] = c->halfway[k];
+            way += values[k] * (end[phi_q->indices[k]] - start[phi_q->indices[k]]);
+        }
+        if (r->dynamics->rolling[i])
+            c->rest[r->n + i] = way - h * nu[i];
+    }
+    return status;
+}
+
+/* What is missing of the rows at the end of a step from t to t + h, in rest, and how it changes with the position there, in Phi_q. */
+int ncgen_find_closure(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h, const ncgen_real *end)
+{
+    int status = r->model->phi(t + h, end, r->p, c->rest + r->n);
+    if (status == NCGEN_OK)
+        status = r->model->phi_q(t + h, end, r->p, ncgen_phi_q_values(r));
+    return status == NCGEN_OK && r->dynamics->rolling ? close_rolling(r, c, t, h, end) : status;
+}
+
+/* M, Phi_q, K and C at r->q and r->qd, the end of a step from t to t + h; rest = [Q - M qdd - Phi_q' lam, rows], with qdd and lam of
+ * r->slopes. Phi_q by which the multipliers act is in c->left. */
+int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h)
 {
     const ncgen_constrained *all = r->constrained;
-    int status = ncgen_begin_correction(r, t);
+    int status = ncgen_begin_correction(r, t + h);
     if (status == NCGEN_OK)
-        status = ncgen_constrained_matrices(r, t);
-    for (int i = 0; i < r->n; ++i)
-        c->rest[i] = 0;
-    if (status == NCGEN_OK && r->model->force)
-        status = r->model->force(t, r->q, r->qd, r->p, c->rest);
+        status = ncgen_constrained_matrices(r, t + h);
     if (status == NCGEN_OK)
-        status = r->model->phi(t, r->q, r->p, c->rest + r->n);
+        status = ncgen_find_forces(r, c, t + h);
     if (status == NCGEN_OK)
-        status = ncgen_find_tangents(r, t);
+        status = r->model->phi(t + h, r->q, r->p, c->rest + r->n);
+    if (status == NCGEN_OK)
+        status = ncgen_find_tangents(r, t + h);
     ncgen_times_mass(r, all->kkt.values, r->slopes->qdd, c->change);
     for (int i = 0; i < r->n; ++i)
         c->rest[i] -= c->change[i];
-    ncgen_subtract_multipliers(r, ncgen_phi_q_values(r), c->rest);
-    return status;
+    ncgen_copy(all->n_phi_q, ncgen_phi_q_values(r), c->left);
+    ncgen_subtract_multipliers(r, c->left, c->rest);
+    return status == NCGEN_OK && r->dynamics->rolling ? close_rolling(r, c, t, h, r->q) : status;
 }
 
 /* Add factor A, in natural sizes, to the upper left part of the matrix. */

@@ -95,7 +95,7 @@ static int correct_along(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncge
     if (status == NCGEN_OK && r->model->nu)
         status = r->model->nu(t + h / 2, r->q, r->p, rates);
     for (int i = 0; i < r->m; ++i)
-        c->gap[i] += h * rates[i];
+        c->gap[i] = r->dynamics->rolling && r->dynamics->rolling[i] ? 0 : c->gap[i] + h * rates[i];
     /* c->change is M (end_qd - velocity) */
     missing = before[1] - after[1] + h * middle[2] + ncgen_dot(n, r->qd, c->change) - (after[0] - before[0]) - ncgen_dot(n, c->rest, moved);
     for (int i = 0; i < n; ++i)
@@ -165,9 +165,7 @@ int ncgen_energy_momentum_corrected(ncgen_run *r, ncgen_stepping *w, ncgen_corre
         for (int i = 0; i < n; ++i)
             c->rest[i] = h * (c->rest[i] - extra * c->along[i]) - c->change[i];
         if (status == NCGEN_OK)
-            status = r->model->phi(t + h, end_q, r->p, c->rest + n);
-        if (status == NCGEN_OK)
-            status = r->model->phi_q(t + h, end_q, r->p, ncgen_phi_q_values(r));
+            status = ncgen_find_closure(r, c, t, h, end_q);
         if (status == NCGEN_OK)
             status = ncgen_solve_with_multipliers(r, c, h / 2, h * h / 4, c->left, h / 2);
         c->is_corrected = 0;

@@ -27,9 +27,9 @@ int ncgen_generalized_alpha(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c
             r->q[i] = q0[i] + by_q * qdd[i];
             r->qd[i] = qd0[i] + by_qd * qdd[i];
         }
-        int status = ncgen_find_rest(r, c, t + h);
+        int status = ncgen_find_rest(r, c, t, h);
         if (status == NCGEN_OK)
-            status = ncgen_solve_with_multipliers(r, c, by_qd, by_q, ncgen_phi_q_values(r), by_q);
+            status = ncgen_solve_with_multipliers(r, c, by_qd, by_q, c->left, by_q);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < n; ++i) {

@@ -3,7 +3,8 @@
  *
  * Newton's method solves (s - J) x = f for numbers s of the method, one of them complex. Since positions change with the
  * velocities, x' = v, half of the unknowns go: (s - J_v - J_x / s) v = f_v + J_x f_x / s. A complex system is solved as a
- * real one of twice the size. Nothing depends on the work, which follows its own sum.
+ * real one of twice the size. Nothing depends on the work, which follows its own sum. With rolling conditions positions are more
+ * than velocities, and all unknowns are solved for.
  *
  * Method, choice of step and of fresh Jacobians: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8.
  */
@@ -56,45 +57,48 @@ static const ncgen_scalar radau_dense[STAGES][3] = {
 
 void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
-    const int half = (r->weighed - 1) / 2, ny = r->ny;
+    const int follows = !(r->partitioning && r->dynamics->positions), width = r->weighed - 1, ny = r->ny;
+    const int count = follows ? width / 2 : width;
     int *integers = r->integers ? r->integers + r->n + 2 * r->m : NULL;
     w->new_y = ncgen_take(&r->space, ny);
     w->at = ncgen_take(&r->space, ny);
     w->slopes = ncgen_take(&r->space, 2 * ny);
     w->interpolant = ncgen_take(&r->space, 3 * ny);
-    m->half = half;
-    m->jacobian = ncgen_take(&r->space, 2 * half * half);
-    m->real.matrix = ncgen_take(&r->space, half * half);
-    m->complex.matrix = ncgen_take(&r->space, 4 * half * half);
+    m->follows = follows;
+    m->count = count;
+    m->width = width;
+    m->jacobian = ncgen_take(&r->space, count * width);
+    m->real.matrix = ncgen_take(&r->space, count * count);
+    m->complex.matrix = ncgen_take(&r->space, 4 * count * count);
     m->real.order = integers;
-    m->complex.order = integers ? integers + half : NULL;
+    m->complex.order = integers ? integers + count : NULL;
     m->stages = ncgen_take(&r->space, STAGES * ny);
     m->rates = ncgen_take(&r->space, STAGES * ny);
     m->unknowns = ncgen_take(&r->space, STAGES * r->weighed);
     m->right = ncgen_take(&r->space, STAGES * r->weighed);
     m->change = ncgen_take(&r->space, STAGES * r->weighed);
-    m->reduced = ncgen_take(&r->space, 4 * half);
+    m->reduced = ncgen_take(&r->space, 4 * count);
 }
 
 /* Linear systems ----------------------------------------------------------------------------------------------- */
 
-/* Factor s - J_v - J_x / s for s = a + ib; parts: 1 where s is real, 2 else. */
+/* Factor s - J_v - J_x / s for s = a + ib, or s - J where positions do not follow; parts: 1 where s is real, 2 else. */
 static int factor_shifted(const ncgen_implicit *m, ncgen_shifted *shifted, int parts, ncgen_scalar a, ncgen_scalar b)
 {
-    const int half = m->half, size = parts * half;
+    const int count = m->count, size = parts * count;
     shifted->parts = parts;
     shifted->inverse[0] = a / (a * a + b * b);
     shifted->inverse[1] = -b / (a * a + b * b);
-    for (int i = 0; i < half; ++i)
-        for (int j = 0; j < half; ++j) {
-            const ncgen_real by_v = m->jacobian[i * 2 * half + j], by_x = m->jacobian[i * 2 * half + half + j];
+    for (int i = 0; i < count; ++i)
+        for (int j = 0; j < count; ++j) {
+            const ncgen_real by_v = m->jacobian[i * m->width + j], by_x = m->follows ? m->jacobian[i * m->width + count + j] : 0;
             const ncgen_real real = (i == j ? a : 0) - by_v - shifted->inverse[0] * by_x;
             const ncgen_real imaginary = (i == j ? b : 0) - shifted->inverse[1] * by_x;
             for (int k = 0; k < parts; ++k) {
-                ncgen_real *row = shifted->matrix + (size_t)(k * half + i) * (size_t)size;
-                row[k * half + j] = real;
+                ncgen_real *row = shifted->matrix + (size_t)(k * count + i) * (size_t)size;
+                row[k * count + j] = real;
                 if (parts == 2)
-                    row[(1 - k) * half + j] = k == 0 ? -imaginary : imaginary;
+                    row[(1 - k) * count + j] = k == 0 ? -imaginary : imaginary;
             }
         }
     int orientation;
@@ -105,20 +109,21 @@ static int factor_shifted(const ncgen_implicit *m, ncgen_shifted *shifted, int p
 static void solve_shifted(const ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f,
                           ncgen_real *x)
 {
-    const int half = m->half, ny = r->weighed, parts = shifted->parts;
+    const int count = m->count, ny = r->weighed, parts = shifted->parts;
     const ncgen_real c = shifted->inverse[0], d = shifted->inverse[1];
-    ncgen_real *right = m->reduced, *v = m->reduced + 2 * half;
+    ncgen_real *right = m->reduced, *v = m->reduced + 2 * count;
     for (int k = 0; k < parts; ++k) /* x = f / s for now */
-        for (int i = half; i < ny; ++i)
+        for (int i = count; i < ny; ++i)
             x[k * ny + i] = c * f[k * ny + i] + (parts == 2 ? (k == 0 ? -d : d) * f[(1 - k) * ny + i] : 0);
     for (int k = 0; k < parts; ++k)
-        for (int i = 0; i < half; ++i)
-            right[k * half + i] = f[k * ny + i] + ncgen_dot(half, m->jacobian + (size_t)i * (size_t)(2 * half) + half, x + k * ny + half);
-    ncgen_lu_solve(parts * half, shifted->matrix, shifted->order, right, v);
+        for (int i = 0; i < count; ++i)
+            right[k * count + i] = f[k * ny + i] + ncgen_dot(m->width - count, m->jacobian + i * m->width + count, x + k * ny + count);
+    ncgen_lu_solve(parts * count, shifted->matrix, shifted->order, right, v);
     for (int k = 0; k < parts; ++k)
-        for (int i = 0; i < half; ++i) {
-            x[k * ny + i] = v[k * half + i];
-            x[k * ny + half + i] += c * v[k * half + i] + (parts == 2 ? (k == 0 ? -d : d) * v[(1 - k) * half + i] : 0);
+        for (int i = 0; i < count; ++i) {
+            x[k * ny + i] = v[k * count + i];
+            if (m->follows)
+                x[k * ny + count + i] += c * v[k * count + i] + (parts == 2 ? (k == 0 ? -d : d) * v[(1 - k) * count + i] : 0);
         }
 }
 

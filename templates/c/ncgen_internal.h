@@ -70,16 +70,25 @@ struct ncgen_run {
     int rows;
 };
 
+/* A choice of independent coordinates in a run. */
+typedef struct ncgen_choice {
+    ncgen_partition of;
+    int orientation, first_orientation;       /* sign of the determinant of Phi_q^d, now and at the start; 0: not known */
+    ncgen_real amplification;                 /* at the start of the run */
+} ncgen_choice;
+
 /* Coordinate partitioning (ncgen_partitioning.c). */
 typedef struct ncgen_partitioning {
     ncgen_real *out;                          /* of the last evaluation: qd, zdd, power, amplification */
     ncgen_real *step, *phi;                   /* one behind the other: an emitted Newton step writes both */
-    ncgen_real amplification;                 /* at the start of the run */
-    int orientation, first_orientation;       /* sign of the determinant of Phi_q^d, now and at the start; 0: not known */
+    ncgen_choice choices[2];
+    ncgen_choice *velocities, *positions;     /* the same one unless there are rolling conditions */
+    const ncgen_partition *factored;          /* whose Phi_q^d has been factored */
     /* Where nothing is emitted, or rows are given, with d dependent and z independent coordinates: */
     ncgen_real *jacobian, *mass;              /* nonzeros */
     ncgen_real *lu;                           /* d x d, row by row */
     ncgen_real *R, *MR;                       /* z rows of n */
+    ncgen_real *place;                        /* R of the positions: a row of n for each independent one */
     ncgen_real *reduced;                      /* z x z */
     ncgen_real *bias, *force, *missing;       /* n */
     ncgen_real *nu, *gamma, *lam;             /* m */
@@ -112,6 +121,7 @@ typedef struct ncgen_constrained {
 /* The tangent kernels' values, and changes of the equations of motion (ncgen_jacobian.c). */
 typedef struct ncgen_slopes {
     ncgen_real *stiffness, *damping, *phidd_q, *phidd_qd; /* nonzeros */
+    ncgen_real *rolled;                                   /* nonzeros of phidd_q: what qdd = qd adds to it; for rolling conditions */
     ncgen_real *qdd, *lam;                                /* n, m: where they are taken */
     ncgen_real *dq, *dqd;                                 /* n */
     ncgen_real *change;                                   /* n + m: of forces and rows */
@@ -139,8 +149,10 @@ typedef struct ncgen_shifted {
 
 /* What an implicit integrator works in besides (ncgen_implicit.c). */
 typedef struct ncgen_implicit {
-    int half;                    /* positions, as many as velocities */
-    ncgen_real *jacobian;        /* half rows of 2 half */
+    int follows;                 /* are positions the integrals of as many velocities? */
+    int count;                   /* unknowns of the linear systems: velocities, and positions where these do not follow */
+    int width;                   /* velocities and positions */
+    ncgen_real *jacobian;        /* count rows of width */
     ncgen_shifted real, complex;
     int factored, fresh;         /* for this Jacobian and step? Is the Jacobian that of the present state? */
     ncgen_real *stages, *rates;  /* three of ny: changes since the start of the step, and derivatives */
@@ -161,7 +173,8 @@ typedef struct ncgen_correction {
     ncgen_real *change;          /* n + m: of q or qdd, and of lam */
     ncgen_real *auxiliary;       /* n: the auxiliary acceleration of generalized-alpha */
     ncgen_real *base;            /* 2 n: qd and q without the accelerations at the end of the step */
-    ncgen_real *left;            /* nonzeros of Phi_q at the start of the step */
+    ncgen_real *left;            /* nonzeros of Phi_q that the multipliers act by */
+    ncgen_real *halfway, *rolled; /* nonzeros of Phi_q in the middle of the step, n + m: for rolling conditions */
     ncgen_real *gap, *along;     /* m, n: what energy-momentum adds to Phi_q in the middle, gap along' */
     int is_corrected;            /* does it? */
     int *order;
@@ -191,6 +204,7 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w);
 void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities);
 int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y);             /* q of the independent ones in y */
 int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd);    /* leaves factors behind */
+int ncgen_partitioning_place(ncgen_run *r, ncgen_scalar t, ncgen_real *amplification);     /* R of the positions at r->q */
 void ncgen_partitioning_solve(const ncgen_run *r, const ncgen_real *right, ncgen_real *x); /* with the factors of Phi_q^d */
 void ncgen_partitioning_multipliers(const ncgen_run *r, const ncgen_real *right, ncgen_real *lam);
 void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w);
@@ -248,7 +262,8 @@ ncgen_real *ncgen_phi_q_values(const ncgen_run *r);
 void ncgen_subtract_multipliers(const ncgen_run *r, const ncgen_real *values, ncgen_real *forces);
 int ncgen_begin_correction(ncgen_run *r, ncgen_scalar t); /* counts a Newton step on the equations of a step, and listens */
 int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t);
-int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t);
+int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h);
+int ncgen_find_closure(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h, const ncgen_real *end);
 void ncgen_fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q);
 int ncgen_solve_with_multipliers(ncgen_run *r, ncgen_correction *c, ncgen_real by_qd, ncgen_real by_q, const ncgen_real *left,
                                  ncgen_real step);

@@ -2,7 +2,8 @@
  *
  * M qdd + Phi_q' lam - Q and the second derivative of the rows stay zero when q and qd change, hence
  *   [M Phi_q'; Phi_q 0] [dqdd; dlam] = -[K; Phidd_q] dq - [C; Phidd_qd] dqd.
- * Of independent coordinates z: dq = R dz and Phi_q dqd = -Phid_q dq, where Phid_q is half of Phidd_qd.
+ * Of independent coordinates z: dq = R dz and Phi_q dqd = -Phid_q dq, where Phid_q is half of Phidd_qd, but of rolling conditions
+ * what qdd = qd adds to Phidd_q.
  */
 #include "ncgen_internal.h"
 
@@ -19,11 +20,21 @@ void ncgen_slopes_layout(ncgen_run *r, ncgen_slopes *w)
     w->damping = ncgen_take(&r->space, values_of(&tangents->damping_pattern));
     w->phidd_q = ncgen_take(&r->space, values_of(&tangents->phidd_q_pattern));
     w->phidd_qd = ncgen_take(&r->space, values_of(&tangents->phidd_qd_pattern));
+    w->rolled = r->dynamics->rolling ? ncgen_take(&r->space, values_of(&tangents->phidd_q_pattern)) : NULL;
     w->qdd = ncgen_take(&r->space, r->n);
     w->lam = ncgen_take(&r->space, r->m);
     w->dq = ncgen_take(&r->space, r->n);
     w->dqd = ncgen_take(&r->space, r->n);
     w->change = ncgen_take(&r->space, r->n + r->m);
+}
+
+/* Row i of A x. */
+static ncgen_real row_times(const ncgen_pattern *pattern, const ncgen_real *values, const ncgen_real *x, int i)
+{
+    ncgen_real sum = 0;
+    for (int k = pattern->indptr ? pattern->indptr[i] : 0; k < (pattern->indptr ? pattern->indptr[i + 1] : 0); ++k)
+        sum += values[k] * x[pattern->indices[k]];
+    return sum;
 }
 
 /* sum += factor A x. */
@@ -47,12 +58,40 @@ int ncgen_find_tangents(ncgen_run *r, ncgen_scalar t)
     return status == NCGEN_OK ? NCGEN_OK : NCGEN_DOMAIN;
 }
 
+/* What qdd = qd adds to Phidd_q. */
+static int find_rolled(ncgen_run *r, ncgen_scalar t)
+{
+    const ncgen_tangents *tangents = r->dynamics->tangents;
+    const ncgen_slopes *w = r->slopes;
+    for (int i = 0; i < r->n; ++i)
+        w->dq[i] = 0;
+    int status = tangents->phidd_q(t, r->q, r->qd, r->qd, r->p, w->rolled);
+    status |= tangents->phidd_q(t, r->q, r->qd, w->dq, r->p, w->phidd_q);
+    for (int k = 0; k < values_of(&tangents->phidd_q_pattern); ++k)
+        w->rolled[k] -= w->phidd_q[k];
+    return status;
+}
+
+/* sum += factor d(Phi_q qd - nu)/dq x. */
+static void add_rate_slope(const ncgen_run *r, const ncgen_real *x, ncgen_real factor, ncgen_real *sum)
+{
+    const ncgen_tangents *tangents = r->dynamics->tangents;
+    const ncgen_slopes *w = r->slopes;
+    for (int i = 0; i < r->m; ++i)
+        if (r->dynamics->rolling && r->dynamics->rolling[i])
+            sum[i] += factor * row_times(&tangents->phidd_q_pattern, w->rolled, x, i);
+        else
+            sum[i] += factor / 2 * row_times(&tangents->phidd_qd_pattern, w->phidd_qd, x, i);
+}
+
 /* The four matrices at r->q, r->qd and the accelerations and multipliers in w. */
 static int find_slopes(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_tangents *tangents = r->dynamics->tangents;
     const ncgen_slopes *w = r->slopes;
     int status = ncgen_find_tangents(r, t);
+    if (tangents->phidd_q && r->dynamics->rolling)
+        status |= find_rolled(r, t);
     if (tangents->phidd_q)
         status |= tangents->phidd_q(t, r->q, r->qd, w->qdd, r->p, w->phidd_q);
     if (tangents->phidd_qd)
@@ -78,8 +117,8 @@ static void find_change(const ncgen_run *r)
 /* dzdd = (R'M R)^-1 R'(change of forces - M b), where b is what the rows demand of the dependent accelerations. */
 static void independent_change(ncgen_run *r, ncgen_real *column, int stride)
 {
-    const ncgen_dynamics *d = r->dynamics;
     ncgen_partitioning *part = r->partitioning;
+    const ncgen_partition *d = &part->velocities->of;
     const ncgen_slopes *w = r->slopes;
     find_change(r);
     ncgen_partitioning_solve(r, w->change + r->n, part->column);
@@ -100,13 +139,13 @@ static void independent_change(ncgen_run *r, ncgen_real *column, int stride)
 /* dqd of a change dq of position with the independent velocities as they are. */
 static void velocity_change(ncgen_run *r)
 {
-    const ncgen_dynamics *d = r->dynamics;
     ncgen_partitioning *part = r->partitioning;
+    const ncgen_partition *d = &part->velocities->of;
     const ncgen_slopes *w = r->slopes;
     ncgen_real *rate = w->change + r->n;
     for (int i = 0; i < r->m; ++i)
         rate[i] = 0;
-    add_product(&r->dynamics->tangents->phidd_qd_pattern, w->phidd_qd, w->dq, -R(0.5), rate);
+    add_rate_slope(r, w->dq, -1, rate);
     ncgen_partitioning_solve(r, rate, part->column);
     for (int i = 0; i < r->n; ++i)
         w->dqd[i] = 0;
@@ -114,12 +153,25 @@ static void velocity_change(ncgen_run *r)
         w->dqd[d->dependent[i]] = part->column[i];
 }
 
+/* A column of the derivatives: of the independent velocities, and of positions where these are more than velocities. */
+static void write_column(ncgen_run *r, ncgen_real *column, int stride)
+{
+    const ncgen_partitioning *part = r->partitioning;
+    const ncgen_partition *d = &part->positions->of;
+    independent_change(r, column, stride);
+    for (int i = 0; i < (part->positions == part->velocities ? 0 : d->n_independent); ++i)
+        column[(r->nz + i) * stride] = r->slopes->dqd[d->independent[i]];
+}
+
 int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian)
 {
     ncgen_partitioning *part = r->partitioning;
     const ncgen_slopes *w = r->slopes;
-    const int nz = r->nz, n = r->n;
+    const int nz = r->nz, n = r->n, positions = part->positions->of.n_independent, width = nz + positions;
+    ncgen_real amplification;
     int status = ncgen_partitioning_position(r, t, y);
+    if (status == NCGEN_OK && part->positions != part->velocities)
+        status = ncgen_partitioning_place(r, t, &amplification);
     if (status == NCGEN_OK)
         status = ncgen_partitioning_accelerate(r, t, y);
     if (status != NCGEN_OK)
@@ -138,10 +190,12 @@ int ncgen_partitioning_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncg
         for (int i = 0; i < n; ++i)
             w->dq[i] = 0;
         ncgen_copy(n, part->R + (size_t)z * (size_t)n, w->dqd);
-        independent_change(r, jacobian + z, 2 * nz);
-        ncgen_copy(n, part->R + (size_t)z * (size_t)n, w->dq);
+        write_column(r, jacobian + z, width);
+    }
+    for (int z = 0; z < positions; ++z) {
+        ncgen_copy(n, part->place + (size_t)z * (size_t)n, w->dq);
         velocity_change(r);
-        independent_change(r, jacobian + nz + z, 2 * nz);
+        write_column(r, jacobian + nz + z, width);
     }
     return NCGEN_OK;
 }
@@ -157,11 +211,14 @@ static int full_change(ncgen_run *r, ncgen_real *column, int stride)
     const ncgen_scalar damping = o->damping * o->frequency, stiffness = o->frequency * o->frequency;
     find_change(r);
     if (stiffness > 0) {
-        ncgen_real *combined = w->dq; /* not needed any more */
-        add_product(&r->dynamics->tangents->phidd_qd_pattern, w->phidd_qd, w->dq, -damping, w->change + r->n);
-        for (int i = 0; i < r->n; ++i)
-            combined[i] = stiffness * w->dq[i] + 2 * damping * w->dqd[i];
-        add_product(&r->model->phi_q_pattern, all->kkt.values + all->n_mass, combined, -1, w->change + r->n);
+        const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
+        const ncgen_real *values = all->kkt.values + all->n_mass;
+        add_rate_slope(r, w->dq, -2 * damping, w->change + r->n);
+        for (int i = 0; i < r->m; ++i) {
+            w->change[r->n + i] -= 2 * damping * row_times(phi_q, values, w->dqd, i);
+            if (!(r->dynamics->rolling && r->dynamics->rolling[i]))
+                w->change[r->n + i] -= stiffness * row_times(phi_q, values, w->dq, i);
+        }
     }
     ncgen_copy(r->n + r->m, w->change, all->right);
     const int status = ncgen_constrained_solve(r);

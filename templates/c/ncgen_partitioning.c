@@ -3,6 +3,7 @@
  * The state is y = [zd, z, W, qp]: velocities and positions of the independent coordinates, the work of drivers and forces
  * without a potential, and the dependent coordinates. These are integrated along only to tell Newton's method where to
  * start, at every stage as near as the stage is accurate; what it finds takes their place.
+ * With rolling conditions there are fewer independent velocities than positions, and two choices of them.
  */
 #include "ncgen_internal.h"
 
@@ -28,14 +29,15 @@ static ncgen_real residual(const ncgen_run *r)
     return largest;
 }
 
-/* Phi_q at (t, q), and the factors of its dependent columns over the kept rows. */
-static int factor_jacobian(ncgen_run *r, ncgen_scalar t)
+/* Phi_q at (t, q), and the factors of the dependent columns of a choice over its kept rows. */
+static int factor_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_choice *choice)
 {
-    const ncgen_dynamics *d = r->dynamics;
+    const ncgen_partition *d = &choice->of;
     const ncgen_pattern *pattern = &r->model->phi_q_pattern;
     ncgen_partitioning *w = r->partitioning;
     const int size = d->n_dependent;
     const int status = r->model->phi_q(t, r->q, r->p, w->jacobian);
+    w->factored = d;
     if (status != NCGEN_OK)
         return status;
     for (int i = 0; i < size; ++i) {
@@ -48,17 +50,17 @@ static int factor_jacobian(ncgen_run *r, ncgen_scalar t)
         for (int c = 0; c < size; ++c)
             row[c] = full[d->dependent[c]];
     }
-    return ncgen_lu_factor(size, w->lu, w->order, &w->orientation);
+    return ncgen_lu_factor(size, w->lu, w->order, &choice->orientation);
 }
 
 /* x of A x = right over kept rows; right is indexed like the model's rows. */
 void ncgen_partitioning_solve(const ncgen_run *r, const ncgen_real *right, ncgen_real *x)
 {
-    const int size = r->dynamics->n_dependent;
     const ncgen_partitioning *w = r->partitioning;
+    const int size = w->factored->n_dependent;
     for (int i = 0; i < size; ++i) {
         const ncgen_real *row = w->lu + (size_t)i * (size_t)size;
-        ncgen_real sum = right[r->dynamics->rows[w->order[i]]];
+        ncgen_real sum = right[w->factored->rows[w->order[i]]];
         for (int c = 0; c < i; ++c)
             sum -= row[c] * x[c];
         x[i] = sum;
@@ -74,11 +76,11 @@ void ncgen_partitioning_solve(const ncgen_run *r, const ncgen_real *right, ncgen
 /* lam of A' lam = right over the dependent coordinates, written to the model's rows; rows that are not kept get zero. */
 void ncgen_partitioning_multipliers(const ncgen_run *r, const ncgen_real *right, ncgen_real *lam)
 {
-    const int size = r->dynamics->n_dependent;
     const ncgen_partitioning *w = r->partitioning;
+    const int size = w->factored->n_dependent;
     ncgen_real *x = w->column;
     for (int i = 0; i < size; ++i) {
-        ncgen_real sum = right[r->dynamics->dependent[i]];
+        ncgen_real sum = right[w->factored->dependent[i]];
         for (int c = 0; c < i; ++c)
             sum -= w->lu[(size_t)c * (size_t)size + (size_t)i] * x[c];
         x[i] = sum / w->lu[(size_t)i * (size_t)size + (size_t)i];
@@ -89,28 +91,28 @@ void ncgen_partitioning_multipliers(const ncgen_run *r, const ncgen_real *right,
     for (int i = 0; i < r->model->n_rows; ++i)
         lam[i] = 0;
     for (int i = 0; i < size; ++i)
-        lam[r->dynamics->rows[w->order[i]]] = x[i];
+        lam[w->factored->rows[w->order[i]]] = x[i];
 }
 
 /* The correction of the dependent coordinates for the phi there is. */
 static int dense_step(ncgen_run *r, ncgen_scalar t)
 {
-    const int status = factor_jacobian(r, t);
+    const int status = factor_jacobian(r, t, r->partitioning->positions);
     if (status != NCGEN_OK)
         return status;
     ncgen_partitioning_solve(r, r->partitioning->phi, r->partitioning->step);
-    for (int i = 0; i < r->dynamics->n_dependent; ++i)
+    for (int i = 0; i < r->partitioning->positions->of.n_dependent; ++i)
         r->partitioning->step[i] = -r->partitioning->step[i];
     return NCGEN_OK;
 }
 
-/* The basis R of the motions: column z of an n x nz matrix is qd for a unit speed of one independent coordinate. */
-static void form_basis(const ncgen_run *r)
+/* The basis R of the motions of the choice that has been factored: column z is the change of q for one independent coordinate. */
+static void form_basis(const ncgen_run *r, ncgen_real *R)
 {
-    const ncgen_dynamics *d = r->dynamics;
     const ncgen_pattern *pattern = &r->model->phi_q_pattern;
     ncgen_partitioning *w = r->partitioning;
-    for (int z = 0; z < r->nz; ++z) {
+    const ncgen_partition *d = w->factored;
+    for (int z = 0; z < d->n_independent; ++z) {
         for (int i = 0; i < r->model->n_rows; ++i) {
             w->lam[i] = 0;
             for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
@@ -118,7 +120,7 @@ static void form_basis(const ncgen_run *r)
                     w->lam[i] = w->jacobian[k];
         }
         ncgen_partitioning_solve(r, w->lam, w->column);
-        ncgen_real *column = w->R + (size_t)z * (size_t)r->n;
+        ncgen_real *column = R + (size_t)z * (size_t)r->n;
         for (int i = 0; i < r->n; ++i)
             column[i] = 0;
         column[d->independent[z]] = 1;
@@ -127,18 +129,45 @@ static void form_basis(const ncgen_run *r)
     }
 }
 
+/* How much an error of one independent coordinate grows in the others, squared. */
+static ncgen_real amplification_of(const ncgen_run *r, int independent, const ncgen_real *column)
+{
+    const ncgen_scalar *sizes = r->dynamics->column_sizes;
+    ncgen_real sum = 0;
+    for (int i = 0; i < r->n; ++i) {
+        const ncgen_real grown = column[i] * sizes[independent] / sizes[i];
+        sum += grown * grown;
+    }
+    return sum;
+}
+
+/* R of the positions at r->q, in place, and its amplification. */
+int ncgen_partitioning_place(ncgen_run *r, ncgen_scalar t, ncgen_real *amplification)
+{
+    ncgen_partitioning *w = r->partitioning;
+    const ncgen_partition *d = &w->positions->of;
+    const int status = factor_jacobian(r, t, w->positions);
+    if (status != NCGEN_OK)
+        return status;
+    form_basis(r, w->place);
+    *amplification = 0;
+    for (int z = 0; z < d->n_independent; ++z)
+        *amplification += amplification_of(r, d->independent[z], w->place + z * r->n);
+    return NCGEN_OK;
+}
+
 /* qd, zdd, power and amplification at r->q for the speeds zd, with the model's kernels; the factors of Phi_q^d, R, M R and
  * the reduced mass matrix stay. */
 int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
 {
     const ncgen_model *model = r->model;
-    const ncgen_dynamics *d = r->dynamics;
     ncgen_partitioning *w = r->partitioning;
+    const ncgen_partition *d = &w->velocities->of;
     ncgen_real *qd = r->partitioning->out, *zdd = r->partitioning->out + r->n;
-    int status = factor_jacobian(r, t);
+    int status = factor_jacobian(r, t, w->velocities);
     if (status != NCGEN_OK)
         return status;
-    form_basis(r);
+    form_basis(r, w->R);
     for (int i = 0; i < model->n_rows; ++i)
         w->nu[i] = 0;
     if (model->nu)
@@ -172,10 +201,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
         for (int j = 0; j <= z; ++j)
             w->reduced[z * r->nz + j] = ncgen_dot(r->n, column, w->MR + j * r->n);
         zdd[z] = ncgen_dot(r->n, column, w->missing);
-        for (int i = 0; i < r->n; ++i) {
-            const ncgen_real grown = column[i] * d->column_sizes[d->independent[z]] / d->column_sizes[i];
-            amplification += grown * grown;
-        }
+        amplification += amplification_of(r, d->independent[z], column);
     }
     status = ncgen_solve_positive(r->nz, w->reduced, zdd);
     if (status != NCGEN_OK)
@@ -221,16 +247,16 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
 /* The dependent coordinates of y at time t for the independent ones. */
 int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
-    const ncgen_dynamics *d = r->dynamics;
+    const ncgen_partition *d = &r->partitioning->positions->of;
     ncgen_real *dependent = y + r->weighed;
     const int emitted = is_emitted(r);
     for (int i = 0; i < d->n_dependent; ++i)
         r->q[d->dependent[i]] = dependent[i];
-    for (int i = 0; i < r->nz; ++i)
+    for (int i = 0; i < d->n_independent; ++i)
         r->q[d->independent[i]] = y[r->nz + i];
     for (int iteration = 0; iteration <= NEWTON_LIMIT; ++iteration) {
         /* An emitted step has phi in it; most often one is needed, so it is not worth a look at phi beforehand. */
-        int status = emitted ? d->newton(t, r->q, r->p, r->partitioning->step) : r->model->phi(t, r->q, r->p, r->partitioning->phi);
+        int status = emitted ? r->dynamics->newton(t, r->q, r->p, r->partitioning->step) : r->model->phi(t, r->q, r->p, r->partitioning->phi);
         if (status != NCGEN_OK)
             return status;
         const ncgen_real size = residual(r);
@@ -250,9 +276,19 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
     return NCGEN_NOT_CONVERGED;
 }
 
+/* Is the position beyond one where Phi_q^d of a choice is singular, perhaps on another branch? */
+static int has_turned(ncgen_choice *choice)
+{
+    if (choice->first_orientation == 0)
+        choice->first_orientation = choice->orientation;
+    return choice->orientation != choice->first_orientation;
+}
+
 /* yd at (t, y); q, qd and the accelerations stay in r->q and r->partitioning->out. */
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
+    const ncgen_partitioning *w = r->partitioning;
+    const ncgen_partition *d = &w->positions->of;
     r->statistics->evaluations += 1;
     int status = ncgen_partitioning_position(r, t, y);
     if (status != NCGEN_OK)
@@ -260,31 +296,37 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     status = accelerate(r, t, y);
     if (status != NCGEN_OK)
         return status;
-    if (!(r->partitioning->out[r->n + r->nz + 1] < broken_down))
+    if (!(w->out[r->n + r->nz + 1] < broken_down) || has_turned(w->velocities) || has_turned(w->positions))
         return NCGEN_PIVOT;
-    if (r->partitioning->first_orientation == 0)
-        r->partitioning->first_orientation = r->partitioning->orientation;
-    if (r->partitioning->orientation != r->partitioning->first_orientation)
-        return NCGEN_PIVOT; /* beyond a position where Phi_q^d is singular, perhaps on another branch */
-    for (int i = 0; i < r->nz; ++i) {
-        yd[i] = r->partitioning->out[r->n + i];
-        yd[r->nz + i] = r->partitioning->out[r->dynamics->independent[i]];
-    }
-    yd[2 * r->nz] = r->partitioning->out[r->n + r->nz];
-    for (int i = 0; i < r->dynamics->n_dependent; ++i)
-        yd[r->weighed + i] = r->partitioning->out[r->dynamics->dependent[i]];
+    for (int i = 0; i < r->nz; ++i)
+        yd[i] = w->out[r->n + i];
+    for (int i = 0; i < d->n_independent; ++i)
+        yd[r->nz + i] = w->out[d->independent[i]];
+    yd[r->weighed - 1] = w->out[r->n + r->nz];
+    for (int i = 0; i < d->n_dependent; ++i)
+        yd[r->weighed + i] = w->out[d->dependent[i]];
     return NCGEN_OK;
 }
 
-/* NCGEN_PIVOT means that other independent coordinates may serve better from here on: the amplification has grown since
- * the start. */
+/* Has the amplification of a choice grown since the start? */
+static int has_grown(const ncgen_run *r, ncgen_choice *choice, ncgen_real amplification)
+{
+    if (!(choice->amplification > 0))
+        choice->amplification = amplification;
+    return amplification > r->options->growth * choice->amplification;
+}
+
+/* NCGEN_PIVOT means that other independent coordinates may serve better from here on. */
 static int accept(ncgen_run *r, ncgen_scalar t)
 {
-    const ncgen_real amplification = r->partitioning->out[r->n + r->nz + 1];
-    (void)t;
-    if (r->partitioning->amplification == 0)
-        r->partitioning->amplification = amplification;
-    return amplification > r->options->growth * r->partitioning->amplification ? NCGEN_PIVOT : NCGEN_OK;
+    const ncgen_partitioning *w = r->partitioning;
+    int grown = has_grown(r, w->velocities, w->out[r->n + r->nz + 1]);
+    if (w->positions != w->velocities) {
+        ncgen_real amplification;
+        const int status = ncgen_partitioning_place(r, t, &amplification);
+        grown |= status != NCGEN_OK || has_grown(r, w->positions, amplification);
+    }
+    return grown ? NCGEN_PIVOT : NCGEN_OK;
 }
 
 static int state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
@@ -295,24 +337,35 @@ static int state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 
 void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
 {
-    const int n = r->n, m = r->m, d = r->dynamics->n_dependent;
+    const ncgen_dynamics *dynamics = r->dynamics;
+    const ncgen_partition velocities = {dynamics->n_independent, dynamics->n_dependent, dynamics->independent, dynamics->dependent,
+                                        dynamics->rows};
+    const int n = r->n, m = r->m, d = velocities.n_dependent;
     ncgen_space *space = &r->space;
     r->partitioning = w;
-    r->weighed = 2 * r->nz + 1;
-    r->ny = r->weighed + d;
+    w->choices[0].of = velocities;
+    w->velocities = w->positions = w->choices;
+    if (dynamics->positions) {
+        w->choices[1].of = *dynamics->positions;
+        w->positions = w->choices + 1;
+    }
+    w->factored = &w->velocities->of;
+    r->weighed = r->nz + w->positions->of.n_independent + 1;
+    r->ny = r->weighed + w->positions->of.n_dependent;
     r->q = ncgen_take(space, n);
     w->out = ncgen_take(space, n + r->nz + 2);
     r->qd = w->out;
     w->step = ncgen_take(space, d + m);
     w->phi = w->step ? w->step + d : NULL;
     w->lu = NULL;
-    if (r->dynamics->newton && !r->dynamics->rows)
+    if (dynamics->newton && !dynamics->rows)
         return;
     w->jacobian = ncgen_take(space, r->model->phi_q_pattern.indptr ? r->model->phi_q_pattern.indptr[m] : 0);
     w->mass = ncgen_take(space, r->model->mass_pattern.indptr ? r->model->mass_pattern.indptr[n] : 0);
     w->lu = ncgen_take(space, d * d);
     w->R = ncgen_take(space, n * r->nz);
     w->MR = ncgen_take(space, n * r->nz);
+    w->place = dynamics->positions ? ncgen_take(space, n * w->positions->of.n_independent) : w->R;
     w->reduced = ncgen_take(space, r->nz * r->nz);
     w->bias = ncgen_take(space, n);
     w->force = ncgen_take(space, n);
@@ -326,17 +379,20 @@ void ncgen_partitioning_layout(ncgen_run *r, ncgen_partitioning *w)
 
 void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
 {
+    ncgen_partitioning *w = r->partitioning;
+    const ncgen_partition *d = &w->positions->of;
     r->derivative = derivative;
     r->accept = accept;
     r->state = state;
     r->jacobian = ncgen_partitioning_jacobian;
-    r->partitioning->amplification = 0;
-    r->partitioning->orientation = r->partitioning->first_orientation = 0;
-    for (int i = 0; i < r->nz; ++i) {
-        r->y[i] = velocities[i];
-        r->y[r->nz + i] = r->start_q[r->dynamics->independent[i]];
+    for (int k = 0; k < 2; ++k) {
+        w->choices[k].amplification = 0;
+        w->choices[k].orientation = w->choices[k].first_orientation = 0;
     }
-    r->y[2 * r->nz] = 0;
-    for (int i = 0; i < r->dynamics->n_dependent; ++i)
-        r->y[r->weighed + i] = r->start_q[r->dynamics->dependent[i]];
+    ncgen_copy(r->nz, velocities, r->y);
+    for (int i = 0; i < d->n_independent; ++i)
+        r->y[r->nz + i] = r->start_q[d->independent[i]];
+    r->y[r->weighed - 1] = 0;
+    for (int i = 0; i < d->n_dependent; ++i)
+        r->y[r->weighed + i] = r->start_q[d->dependent[i]];
 }

@@ -66,9 +66,7 @@ static int drift(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar
         for (int i = 0; i < n; ++i)
             c->rest[i] = h / 2 * c->rest[i] - c->change[i];
         if (status == NCGEN_OK)
-            status = r->model->phi(t + h, end, r->p, c->rest + n);
-        if (status == NCGEN_OK)
-            status = r->model->phi_q(t + h, end, r->p, ncgen_phi_q_values(r));
+            status = ncgen_find_closure(r, c, t, h, end);
         if (status == NCGEN_OK)
             status = ncgen_solve_with_multipliers(r, c, h / 2, 0, c->left, h);
         if (status != NCGEN_OK)

@@ -149,11 +149,11 @@ int ncgen_is_stepper(const ncgen_options *options)
     return facts[options->method].steps_constraints >> options->formalism & 1;
 }
 
-/* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity, and
- * energy-momentum where it is not told that it needs them. */
+/* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity and all rows are
+ * equations of position, and energy-momentum where it is not told that it needs them. */
 int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
-    const int simple = dynamics->conservative && (!model->mass || model->mass_is_constant);
+    const int simple = dynamics->conservative && !dynamics->rolling && (!model->mass || model->mass_is_constant);
     if (facts[options->method].tangents == SOMETIMES)
         return options->method == NCGEN_RATTLE ? !simple : dynamics->tangents != NULL;
     return facts[options->method].tangents == ALWAYS;

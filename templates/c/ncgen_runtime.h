@@ -41,6 +41,15 @@ typedef struct ncgen_elimination {
     const int *entry_start, *entry_columns, *entry_values;
 } ncgen_elimination;
 
+/* A choice of independent coordinates for positions, where it is not that for velocities. */
+typedef struct ncgen_partition {
+    int n_independent;
+    int n_dependent;
+    const int *independent; /* positions in q */
+    const int *dependent;
+    const int *rows;        /* n_dependent kept rows */
+} ncgen_partition;
+
 typedef struct ncgen_dynamics {
     int n_independent;
     int n_dependent;        /* with formalisms over all coordinates: the rank of phi_q, if rows are redundant, else 0 */
@@ -55,6 +64,9 @@ typedef struct ncgen_dynamics {
     int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
     int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */
     const ncgen_tangents *tangents;       /* for methods that need them; rows and column_sizes are needed, too */
+    const int *rolling; /* n_rows: 1 for a rolling condition, which is no equation of position; NULL: there are none */
+    const ncgen_partition *positions; /* NULL, or with rolling conditions and dense elimination: fewer velocities are
+                                       * independent, of which the members above speak, than positions */
 } ncgen_dynamics;
 
 /* Stop where a coordinate or a velocity passes a value, or a function of (t, q, qd, p) passes zero. */
@@ -119,7 +131,7 @@ typedef struct ncgen_statistics {
 /* begin functions */
 
 /* Numbers of workspace that ncgen_simulate needs; besides, it needs 4 n_coordinates + 3 n_rows
- * integers. */
+ * integers, and 3 n_coordinates more with rolling conditions. */
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 
 /* Simulate from times[0] to times[n_times - 1].
@@ -136,7 +148,8 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
 
 /* How the accelerations change with velocities and positions: n_independent rows of 2 n_independent numbers with coordinate
  * partitioning, where velocities and positions are the independent ones, else n_coordinates rows of 2 n_coordinates. The
- * derivatives with respect to velocities come first in a row. Arguments are those of ncgen_simulate at one time. */
+ * derivatives with respect to velocities come first in a row. Where more positions than velocities are independent, rows for
+ * how these positions change follow: it is a square of both numbers together. Arguments are those of ncgen_simulate at one time. */
 int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
                             ncgen_scalar t, const ncgen_real *p, const ncgen_real *q, const ncgen_real *velocities,
                             ncgen_real *jacobian, ncgen_real *workspace, int *integers);

@@ -17,6 +17,8 @@ void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     c->auxiliary = ncgen_take(&r->space, n);
     c->base = ncgen_take(&r->space, 2 * n);
     c->left = ncgen_take(&r->space, r->constrained->n_phi_q);
+    c->halfway = ncgen_take(&r->space, r->dynamics->rolling ? r->constrained->n_phi_q : 0);
+    c->rolled = ncgen_take(&r->space, r->dynamics->rolling ? n + r->m : 0);
     c->gap = ncgen_take(&r->space, r->m);
     c->along = ncgen_take(&r->space, n);
     c->order = r->integers ? r->integers + n + 2 * r->m : NULL;
