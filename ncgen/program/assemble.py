@@ -6,6 +6,7 @@ code otherwise; contributions that turn out to be plain numbers are added up her
 
 from __future__ import annotations
 
+import math
 from collections import defaultdict
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager

@@ -13,7 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg import lapack
 
-from ncgen.errors import ConvergenceError, SingularError
+from ncgen.errors import ConvergenceError
+from ncgen.solver.massless import massless
 from ncgen.solver.partition import Kinematics, Partition, Partitions, factor, kinematics, solve
 from ncgen.solver.position import LIMIT, TOLERANCE
 from ncgen.solver.protocol import Kernels
@@ -99,7 +100,6 @@ def _independent_acceleration(kernels: Kernels, frame: Kinematics, mass, force, 
         return np.zeros(0)
     _, zdd, failed = lapack.dposv(reduced, frame.R.T @ (force - mass @ bias))
     if failed:
-        raise SingularError(
-            f"{kernels.name}: a motion of the mechanism has no inertia (R'MR is not positive definite); give the bodies that move mass"
-        )
+        sizes = kernels.column_sizes[frame.partition.independent]
+        raise massless(kernels, sizes[:, None] * reduced * sizes, frame.R * sizes / kernels.column_sizes[:, None])
     return zdd

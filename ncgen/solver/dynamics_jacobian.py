@@ -33,7 +33,7 @@ def acceleration_jacobians(kernels: Kernels, now: Motion, p=None, rows=None, gai
         by_q = by_q + 2 * gains.xi * gains.omega * rate_slope(kernels, now, p) + gains.omega**2 * _position_rows(kernels, jacobian)
         by_qd = by_qd + 2 * gains.xi * gains.omega * jacobian
     mass, unit = scaled_mass(kernels, q, t, p)
-    system = KKT(mass, jacobian[rows] * columns / sizes[:, None], kernels.name)
+    system = KKT(mass, jacobian[rows] * columns / sizes[:, None], kernels)
     balances = kernels.stiffness(q, qd, now.qdd, now.lam, t, p), kernels.damping(q, qd, t, p)
     right = -np.hstack([columns[:, None] * x.toarray() / unit for x in balances])
     change = columns[:, None] * system.solve(right, -np.hstack([by_q, by_qd])[rows] / sizes[:, None])[0]

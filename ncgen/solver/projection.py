@@ -63,4 +63,4 @@ def project_velocity(kernels: Kernels, q, qd, t=0.0, p=None) -> np.ndarray:
 
 
 def _system(kernels: Kernels, q, t, p) -> KKT:
-    return KKT(scaled_mass(kernels, q, t, p)[0], scaled_jacobian(kernels, q, t, p), kernels.name)
+    return KKT(scaled_mass(kernels, q, t, p)[0], scaled_jacobian(kernels, q, t, p), kernels)

@@ -14,7 +14,7 @@ import scipy.sparse.linalg
 
 from ncgen.errors import ConvergenceError
 from ncgen.solver import given
-from ncgen.solver.position import solve_position
+from ncgen.solver.position import check_finite, solve_position
 from ncgen.solver.protocol import Kernels
 
 RELATIVE_ZERO = 1e-9
@@ -159,6 +159,7 @@ def _sparse_jacobian(kernels: Kernels, q, t, p) -> scipy.sparse.spmatrix:
 
 def _freedom(kernels: Kernels, q, t, p) -> Freedom:
     m, n = kernels.m, kernels.n
+    check_finite(kernels, q, t, p)
     if DENSE <= m <= n and rows_are_clearly_independent(_sparse_jacobian(kernels, q, t, p)):
         return Freedom(m, m, n - m, (), tuple(range(m)), np.zeros((n, 0)), 1)
     positions = trial_positions(kernels, q, t, p)

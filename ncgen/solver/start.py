@@ -143,4 +143,4 @@ def _least_energy(kernels: Kernels, where, rates, q, t: float, p) -> np.ndarray:
     sizes = kernels.column_sizes
     rows = np.vstack([scaled_jacobian(kernels, q, t, p), np.eye(kernels.n)[where]])
     right = np.concatenate([kernels.nu(q, t, p) / kernels.row_sizes, rates / sizes[where]])
-    return sizes * KKT(scaled_mass(kernels, q, t, p)[0], rows, kernels.name).solve(np.zeros(kernels.n), right)[0]
+    return sizes * KKT(scaled_mass(kernels, q, t, p)[0], rows, kernels).solve(np.zeros(kernels.n), right)[0]

@@ -55,7 +55,7 @@ REFUSED = [
     (("open.py",), 4, ["bad: the mechanism does not close", "distance B-D, user model"]),
     (("singular.py",), 4, ["bad: the position is singular, rank 1 where 2 is general", "B.y"]),
     (("nan.py",), 2, ["nan.py, line 8: point B, x: nan is not a finite number"]),
-    (("massless.py",), 4, ["bad: a motion of the mechanism has no inertia"]),
+    (("massless.py",), 4, ["bad: a motion of the mechanism has no inertia: "]),
     (("code.py",), 2, ["CONSTR row 2: code 1007 is unknown; the codes are 1000, 1001"]),
     (("mine.py", "--backend", "foo"), 2, ["backend 'foo' is unknown; choose one of auto, c, numpy"]),
     (("mine.py", "--integrator", "foo"), 2, ["integrator 'foo' is unknown; choose one of"]),

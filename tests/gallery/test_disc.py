@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import ncgen
+from ncgen.errors import ModelError
 from ncgen.exchange.examples import example_module
 from ncgen.solver.position import residual
 
@@ -105,3 +106,31 @@ def test_leaning_it_rolls_in_a_circle():
     size = RADIUS * spin / turning
     expected = [size * np.sin(turning * run.t), RADIUS * s + size * (1 - np.cos(turning * run.t)), RADIUS * c + 0 * run.t]
     assert np.allclose(run.point("C"), np.transpose(expected), rtol=0, atol=1e-8)
+
+
+def test_ten_seconds_in_c_against_newton_and_euler():
+    """By default: coordinates are changed on the way, since those of the disc turn with it."""
+    kernels = ncgen.compile(example_module("disc").build(spokes=0), backend="c")
+    zd0 = kernels.model.simulation_options["zd0"]
+    run = ncgen.simulate(kernels, 10.0, integrator="dop853", rtol=1e-10, atol=1e-11, points=11, zd0=zd0)
+    assert run.engine == "c"
+    start = [np.radians(20.0), 0, 0, 0, 0, 0.5, 1.5 / RADIUS]
+    y = solve_ivp(newton_euler, (0, run.t[-1]), start, method="DOP853", t_eval=run.t, rtol=1e-12, atol=1e-12).y
+    assert np.allclose(run.point("C"), centre(y), rtol=0, atol=1e-6)
+    assert np.allclose(run.vector("u"), axle(y), rtol=0, atol=1e-6)
+
+
+def test_a_disc_that_lies_flat_is_refused():
+    with pytest.raises(ModelError, match="rolling of disc: its axle u stands along the normal, so the disc lies flat"):
+        example_module("disc").build(lean=90.0, spokes=0)
+
+
+def test_a_start_that_lies_flat_is_refused(wobble):
+    """The contact row is closed there, but has no slope."""
+    disc = wobble.kernels
+    flat = dict.fromkeys(disc.coordinates, 0.0) | {"u.z": -1.0, "v.x": 1.0}
+    q0 = np.array([flat[name] for name in disc.coordinates])
+    q0[[disc.index[name] for name in disc.coordinates if name.startswith("disc.aux")]] = [0.0, -1.0, 0.0]
+    for ask in (lambda: ncgen.simulate(disc, 0.1, q0=q0), lambda: ncgen.freedom(disc, q0)):
+        with pytest.raises(ModelError, match=r"row .*\(joint rolling of disc\): its \w+ is not a number at this position"):
+            ask()

@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ncgen.solver.formalisms.instant import Instant
-from ncgen.solver.formalisms.kkt import massless
+from ncgen.solver.formalisms.kkt import undetermined
 
 ITERATIONS = 12
 ENOUGH = 1e-14
@@ -45,7 +45,7 @@ def _correction(now: Instant, alpha: float):
         return lambda x, y: x  # nothing can move, which LAPACK does not take
     factor, failed = lapack.dpotrf(now.mass + alpha * jacobian.T @ jacobian)
     if failed:
-        raise massless(now.kernels.name)
+        raise undetermined(now.kernels, now.mass, now.jacobian)
 
     def correct(x, y):
         rest = now.force - now.mass @ x - jacobian.T @ (y + alpha * (jacobian @ x - now.gamma))

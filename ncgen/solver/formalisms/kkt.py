@@ -13,6 +13,8 @@ from scipy.sparse import block_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 
 from ncgen.errors import SingularError
+from ncgen.solver.massless import massless
+from ncgen.solver.protocol import Kernels
 
 EPSILON = 1e-10
 REFINEMENTS = 6
@@ -26,10 +28,10 @@ LARGE = 300
 class KKT:
     """The factored system for W (n, n) and A (m, n); `left` (n, m) stands for Aᵀ where it is not the transpose of A."""
 
-    def __init__(self, weight, jacobian, name: str, left=None):
+    def __init__(self, weight, jacobian, kernels: Kernels, left=None):
         self.weight, self.jacobian = weight, jacobian
         self.left = jacobian.T if left is None else left
-        self._solve = (_sparse if sum(jacobian.shape) > LARGE else _dense)(weight, self.left, jacobian, name)
+        self._solve = (_sparse if sum(jacobian.shape) > LARGE else _dense)(weight, self.left, jacobian, kernels)
 
     def solve(self, force, gamma) -> tuple[np.ndarray, np.ndarray]:
         """x (n,) and y (m,), or (n, k) and (m, k) for k right-hand sides, refined until the residual no longer falls."""
@@ -45,14 +47,12 @@ class KKT:
         return x, y
 
 
-def massless(name: str) -> SingularError:
+def undetermined(kernels: Kernels, weight, jacobian) -> SingularError:
     """The refusal where accelerations are not determined: [M; Φ_q] has not full column rank."""
-    return SingularError(
-        f"{name}: a motion of the mechanism has no inertia (the rank of [M; Φ_q] is too small); give the bodies that move mass"
-    )
+    return massless(kernels, np.vstack([weight, jacobian]))
 
 
-def _dense(weight, left, jacobian, name):
+def _dense(weight, left, jacobian, kernels):
     n = len(weight)
     if not n + len(jacobian):
         return lambda right: right  # nothing moves and nothing holds it: LAPACK takes no empty system
@@ -60,14 +60,14 @@ def _dense(weight, left, jacobian, name):
     lu, exchanges, _ = lapack.dgetrf(matrix)
     pivots = np.abs(np.diag(lu))
     if n and not np.min(pivots) > SMALLEST_PIVOT * np.max(pivots):
-        raise massless(name)
+        raise undetermined(kernels, weight, jacobian)
     return lambda right: lapack.dgetrs(lu, exchanges, right)[0]
 
 
-def _sparse(weight, left, jacobian, name):
+def _sparse(weight, left, jacobian, kernels):
     corner = -EPSILON * eye_array(jacobian.shape[0])
     try:
         factors = splu(csc_array(block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), corner]])))
     except RuntimeError:  # SuperLU's word for an exactly singular matrix
-        raise massless(name) from None
+        raise undetermined(kernels, weight, jacobian) from None
     return factors.solve

@@ -7,4 +7,4 @@ from ncgen.solver.formalisms.kkt import KKT
 
 
 def lagrange(now: Instant):
-    return KKT(now.mass, now.jacobian, now.kernels.name).solve(now.force, now.gamma)
+    return KKT(now.mass, now.jacobian, now.kernels).solve(now.force, now.gamma)

@@ -10,7 +10,7 @@ import numpy as np
 import scipy.linalg
 
 from ncgen.solver.formalisms.instant import Instant
-from ncgen.solver.formalisms.kkt import SMALLEST_PIVOT, massless
+from ncgen.solver.formalisms.kkt import SMALLEST_PIVOT, undetermined
 from ncgen.solver.rank import RELATIVE_ZERO
 
 
@@ -33,5 +33,5 @@ def _free_accelerations(free: np.ndarray, now: Instant, particular: np.ndarray) 
     reduced = free.T @ now.mass @ free
     factor, failed = scipy.linalg.lapack.dpotrf(reduced)
     if failed or np.min(np.diag(factor)) ** 2 <= SMALLEST_PIVOT * np.max(np.diag(reduced)):
-        raise massless(now.kernels.name)
+        raise undetermined(now.kernels, now.mass, now.jacobian)
     return scipy.linalg.cho_solve((factor, False), free.T @ (now.force - now.mass @ particular))

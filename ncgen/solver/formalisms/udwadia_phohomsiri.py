@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.solver.formalisms.instant import Instant
-from ncgen.solver.formalisms.kkt import massless
+from ncgen.solver.formalisms.kkt import undetermined
 from ncgen.solver.rank import RELATIVE_ZERO
 
 FULL = 1e-12
@@ -22,5 +22,5 @@ def udwadia_phohomsiri(now: Instant):
     stacked = np.vstack([allowed @ now.mass, now.jacobian])
     x, _, rank, _ = np.linalg.lstsq(stacked, np.concatenate([allowed @ now.force, now.gamma]), rcond=FULL)
     if rank < len(x):
-        raise massless(now.kernels.name)
+        raise undetermined(now.kernels, now.mass, now.jacobian)
     return x, inverse.T @ (now.force - now.mass @ x)

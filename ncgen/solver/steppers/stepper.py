@@ -56,7 +56,7 @@ class Stepper:
         weight = self.columns[:, None] * weight * self.columns
         unit = float(np.max(np.abs(np.diag(weight))))
         rows, left = jacobian * self.columns / self.rows[:, None], self.columns[:, None] * left / self.rows
-        x, y = KKT(weight / unit, rows, self.kernels.name, left).solve(self.columns * force / unit, gap / self.rows)
+        x, y = KKT(weight / unit, rows, self.kernels, left).solve(self.columns * force / unit, gap / self.rows)
         return self.columns * x, unit * y / self.rows
 
     def closure(self, q, end: float) -> np.ndarray:
