@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -14,6 +15,17 @@ from ncgen.solver.finite import watched
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import solve_position
 from ncgen.solver.protocol import Kernels
+from ncgen.solver.run import Initial
+from ncgen.solver.start import given_velocity
+from ncgen.solver.steady import drift
+
+ZERO = 1e-6
+"""Eigenvalues below this, relative to the mechanism's rates, are zeros: places, headings and speeds that nothing holds."""
+
+UNSTEADY = (
+    "the motion is neither rest in equilibrium nor steady, so the matrix is that of one instant, and its eigenvalues depend on the "
+    "independent coordinates and say nothing about stability"
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,6 +34,9 @@ class Linearisation:
 
     matrix: A (positions + velocities)²; positions, velocities: names of the independent coordinates and velocities
     shapes: δq = shapes δx (n, len(x)), over all `coordinates`
+    steady: True beside an equilibrium, or a motion that a symmetry of the mechanism carries along (a wheel that rolls, a top that
+        precesses): A is then that of a frame that moves along, in which nothing but small motions is left, and constant. Else A is
+        that of one instant, and its eigenvalues depend on the independent coordinates
     """
 
     matrix: np.ndarray
@@ -29,6 +44,7 @@ class Linearisation:
     velocities: tuple[str, ...]
     coordinates: tuple[str, ...]
     shapes: np.ndarray
+    steady: bool = True
 
     @cached_property
     def _pairs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -69,28 +85,41 @@ class Linearisation:
 
     @property
     def stable(self) -> bool:
-        """True if no eigenvalue grows, up to rounding."""
-        return bool(np.max(self.eigenvalues.real, initial=0.0) <= 1e-8 * np.max(np.abs(self.eigenvalues), initial=0.0))
+        """True if no eigenvalue grows, up to rounding, which of a zero that is there more than once becomes its root."""
+        values, count = self.eigenvalues, len(self.positions)
+        halves = (np.hsplit(half, [count]) for half in np.vsplit(self.matrix, [count]))
+        (own, by_rates), (by_place, damping) = ([np.max(np.abs(part), initial=0.0) for part in half] for half in halves)
+        rate = max(np.max(np.abs(values), initial=0.0), own, damping, np.sqrt(by_rates * by_place))
+        growing = values.real[np.abs(values) > ZERO * rate]
+        return bool(np.max(growing, initial=0.0) <= 1e-8 * np.max(np.abs(values), initial=0.0))
 
 
 def linearise(kernels: Kernels, q=None, qd=None, t: float = 0.0, p=None, z=()) -> Linearisation:
     """Linearise at a position (default: the initial one) and a velocity (n,) (default: rest), which the constraints allow.
 
     z: names of the independent coordinates (default: the model's, else found by pivoting)
-    Beside a motion that is no equilibrium the matrix is that of this instant. Exact, from the tangent kernels.
-    Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative,
-    DomainError naming what is not a number or has a derivative that is none.
+    Beside a motion that is not `steady` the matrix is that of this instant, with a warning. Exact, from the tangent kernels.
+    q: numbers in the order of the coordinates or {name: number}, qd and p likewise
+    Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative and for what cannot be
+    asked, DomainError naming what is not a number or has a derivative that is none.
     """
+    initial = Initial.asked(kernels, q0=q, qd0=qd, z=z, p=p, t0=t, names=("q", "zd", "qd", "t"))
+    t, p = initial.t, initial.p
     if kernels.model.callbacks:
         raise ModelError(f"{kernels.name}: forces of Python functions have no derivative; write them as expressions to linearise")
-    q = solve_position(kernels, kernels.start(p) if q is None else q, t, p).q
-    partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
+    q = solve_position(kernels, initial.q, t, p).q
+    partitions = choose_partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent)
     velocities, positions = partitions.velocity.independent, partitions.position.independent
-    rates = np.zeros(len(velocities)) if qd is None else np.asarray(qd, dtype=float)[velocities]
+    rates = np.zeros(len(velocities)) if initial.qd is None else given_velocity(kernels, initial.qd, q, t, p)[velocities]
     kernels = watched(kernels)
     now = motion_at(kernels, partitions.velocity, t, q, rates, p)
     swapped = partitioned_jacobian(kernels, partitions, now, p)[:-1, :-1]
+    moving = drift(kernels, partitions, now, swapped, p)
+    if moving is None:
+        warnings.warn(f"{kernels.name}: {UNSTEADY}", stacklevel=2)
+    else:
+        swapped = swapped - moving
     order = np.roll(np.arange(len(swapped)), len(positions))
     shapes = np.hstack([independent_motions(kernels, partitions, now, p)[0], np.zeros((kernels.n, len(velocities)))])
     names = partitions.position.names(kernels), partitions.velocity.names(kernels)
-    return Linearisation(swapped[np.ix_(order, order)], *names, kernels.coordinates, shapes)
+    return Linearisation(swapped[np.ix_(order, order)], *names, kernels.coordinates, shapes, moving is not None)
