@@ -2,18 +2,31 @@
 
 from __future__ import annotations
 
+import warnings
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
+from ncgen.methods.method import Method
+from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import GROWTH, dynamics, refusal
-from ncgen.solver.integrators import canonical_name
+from ncgen.solver.compiled import GROWTH, MOST_STEPS, dynamics, refusal, refusal_of_size
+from ncgen.solver.geometry import angles, measured_angles
+from ncgen.solver.given import checked_kernels, finite, known_name, names_of
 from ncgen.solver.partition import choose_partitions
-from ncgen.solver.position import TOLERANCE
+from ncgen.solver.position import TOLERANCE, check_finite, check_mirror_roots
 from ncgen.solver.protocol import Kernels
+from ncgen.solver.run import Run, count
 from ncgen.solver.simulate import simulate
+from ncgen.solver.tolerances import Tolerances
+
+INTERRUPTED = "interrupted"
+"""The status of a state that was on its way, or had not begun, when the batch was ended from outside."""
+
+NEAR_HALF_A_TURN = 0.5
+"""Cosine of an angle's error below which its own parameters decide whether it is on its mirror root."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +35,10 @@ class BatchTrajectory:
 
     t (points,): the time grid (s); q, qd (B, points, n); work (B, points): J, of drivers and forces without a potential
     independent: names of the independent coordinates
-    status (B,): "ok", or why a state did not arrive; its rows from there on are NaN
-    alone (B,): states whose independent coordinates became bad, so that they were simulated one at a time
+    status (B,): "ok", "interrupted", or a sentence that says why a state did not arrive; its rows from there on are NaN
+    steps (B,): accepted ones
+    alone (B,): states that could not go on with the others, mostly since their independent coordinates became bad, so that
+        they were simulated one at a time
     """
 
     kernels: Kernels
@@ -48,13 +63,26 @@ class BatchAccelerations:
 
     qd (B, n): all velocities, None if they were not asked for; independent: names of the independent coordinates
     ok (B,): False where a position does not close, the mechanism is singular or a number is not finite; rows are NaN there
+    status (B,): "ok", or which of these: "not converged", "singular" or "domain"
     """
 
     q: np.ndarray
     qd: np.ndarray | None
     zdd: np.ndarray
-    ok: np.ndarray
+    codes: np.ndarray = field(repr=False)
     choice: _Choice = field(repr=False)
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Which states have accelerations, (B,)."""
+        return self.codes == 0
+
+    @property
+    def status(self) -> tuple[str, ...]:
+        """Words for every state."""
+        from ncgen.build.library import STATUS
+
+        return tuple(STATUS[code] for code in self.codes.tolist())
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -64,18 +92,37 @@ class BatchAccelerations:
 
 @dataclass(frozen=True)
 class _Choice:
-    """Names of the independent coordinates, and the state derivative for them in lanes."""
+    """Names of the independent coordinates, the state derivative for them in lanes, and their places in q."""
 
     names: tuple[str, ...]
     lanes: object
+    places: np.ndarray
 
     @classmethod
-    def at(cls, kernels: Kernels, q, t: float, p, z, method: str) -> _Choice:
-        """A choice that is good at one position. Raises ModelError where lanes cannot do it."""
+    def at(cls, kernels: Kernels, q, t: float, p, z, method: Method) -> _Choice:
+        """A choice that is good at one position. Raises ModelError where lanes cannot do it, SingularError or DomainError for a
+        position at which there is none."""
+        check_finite(kernels, q, t, p)
         partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
         if refused := _refusal(kernels, method, partitions):
             raise ModelError(f"{kernels.name} cannot be simulated in a batch: {refused}; use simulate for every state")
-        return cls(partitions.velocity.names(kernels), dynamics(kernels, partitions, "lanes", q, p))
+        return cls(partitions.velocity.names(kernels), dynamics(kernels, partitions, "lanes", q, p), partitions.velocity.independent)
+
+    @classmethod
+    def at_first(cls, kernels: Kernels, q, t: float, p, z, method: Method) -> _Choice:
+        """A choice that is good at the first position where there is one."""
+        finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
+        if not len(finite):
+            raise ModelError(f"{kernels.name}: no state of the batch has finite q and p; correct them")
+        refused: dict[bytes, NcgenError] = {}
+        for i in finite:
+            here = q[i].tobytes() + p[i].tobytes()
+            if here not in refused:
+                try:
+                    return cls.at(kernels, q[i], t, p[i], z, method)
+                except (SingularError, DomainError) as error:
+                    refused[here] = error
+        raise next(iter(refused.values()))
 
 
 def accelerations_batch(
@@ -93,59 +140,77 @@ def accelerations_batch(
     """The state derivative of many states at a time, for an integrator, an optimiser or a sampler of one's own.
 
     q: (B, n), nearly closed: the dependent coordinates are brought onto the constraints by Newton's method; zd: (B, nz), in
-    the order of z; p: (B, n_p) or (n_p,); z: names of the independent coordinates, chosen at the first finite state if not given
+    the order of z, or {name: number, or one a state}; p: (B, n_p), (n_p,) or by name, too; z: names of the independent
+    coordinates, chosen at the first regular state if not given
     velocities: whether all velocities are wanted, too; threads: None for one on every processor that this process may use
     out: results of before, whose arrays are filled again and whose independent coordinates stay. Positions may stay where
     they are (q = out.q): with less to move through memory all is found the faster
     Raises ModelError as `simulate_batch` does.
     """
-    if out is not None and (z is not None or out.choice.lanes.kernels is not kernels):
+    checked_kernels(kernels)
+    t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), _threads(threads)
+    if out is not None and (z or out.choice.lanes.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.lanes.kernels.name} with its own z; leave z or out out")
-    states = _States.of(kernels, q, zd, p, t, z, "dopri5", out and out.choice)
-    if out is not None and len(out.q) != len(states.q):
-        raise ModelError(f"{kernels.name}: out has results of {len(out.q)} states; {len(states.q)} are needed, or leave it out")
+    states = _States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"), out and out.choice)
     if out is not None:
-        arrays = out.q, out.qd, out.zdd
+        arrays = _places(kernels, out, states)
     else:
         arrays = np.empty(states.q.shape), np.empty(states.q.shape) if velocities else None, np.empty(states.zd.shape)
-    ok = states.choice.lanes.accelerate(t, states.q, states.zd, states.p, arrays, threads, tolerance=TOLERANCE)
-    return BatchAccelerations(*arrays, ok, states.choice)
+    codes = states.choice.lanes.accelerate(t, states.q, states.zd, states.p, arrays, threads, tolerance=TOLERANCE)
+    return BatchAccelerations(*arrays, codes, states.choice)
+
+
+def _places(kernels: Kernels, out: BatchAccelerations, states: _States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+    """The arrays of results of before, where C may write. Raises ModelError for others."""
+    from ncgen.build.arguments import place
+
+    if len(out.q) != len(states.q):
+        raise ModelError(f"{kernels.name}: out has results of {len(out.q)} states; {len(states.q)} are needed, or leave it out")
+    q, zd, p = states.q, states.zd, states.p
+    stays = q.ctypes.data == out.q.ctypes.data and q.shape == out.q.shape
+    place(out.q, q.shape, f"{kernels.name}: out.q", (zd, p) if stays else (q, zd, p))
+    if out.qd is not None:
+        place(out.qd, q.shape, f"{kernels.name}: out.qd", (q, zd, p, out.q))
+    place(out.zdd, zd.shape, f"{kernels.name}: out.zdd", (q, zd, p, out.q))
+    return out.q, out.qd, out.zdd
 
 
 @dataclass(frozen=True, eq=False)
 class _States:
-    """States as rows, of one choice of independent coordinates."""
+    """States as rows, of one choice of independent coordinates; faults: {state: why it has no start}, its q is NaN."""
 
     choice: _Choice
     q: np.ndarray
     zd: np.ndarray
     p: np.ndarray
+    faults: dict[int, str]
 
     @classmethod
-    def of(cls, kernels: Kernels, q, zd, p, t: float, z, method: str, choice=None, assembled=False) -> _States:
-        """From rows, or one row for all; assembled: after positions that are open have been closed.
+    def of(cls, kernels: Kernels, q, zd, p, t: float, z, method: Method, choice=None, assembled=False) -> _States:
+        """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
         choice: of independent coordinates, a new one if not given
         Raises ModelError where shapes do not fit or lanes cannot do it.
         """
-        q, zd, p = (None if a is None else np.asarray(a, dtype=float) for a in (q, zd, p))
-        q, p = kernels.q0 if q is None else q, kernels.p0 if p is None else p
+        p = _given(kernels, "p", p, kernels.parameters, kernels.p0)
+        q = _given(kernels, "q0", q, kernels.coordinates, kernels.start(p))
+        rates = zd if isinstance(zd, Mapping) else None
+        zd = None if zd is None else _given(kernels, "zd0", zd, kernels.coordinates, np.zeros(kernels.n))
         counts = {len(a) for a in (q, zd, p) if a is not None and a.ndim == 2}
         if len(counts) != 1:
             raise ModelError(f"{kernels.name}: q0, zd0 and p have {sorted(counts) or 'no'} rows; a batch has one number of them")
-        (count,) = counts
-        if not count:
+        (size,) = counts
+        if not size:
             raise ModelError(f"{kernels.name}: a batch of no states; give at least one row")
-        q, p = _rows(kernels, "q0", q, count, kernels.n), _rows(kernels, "p", p, count, len(kernels.p0))
-        if assembled:
-            q = _closed(kernels, q, t, p)
-        if choice is None:
-            finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
-            if not len(finite):
-                raise ModelError(f"{kernels.name}: no state of the batch has finite q and p; correct them")
-            choice = _Choice.at(kernels, q[finite[0]], t, p[finite[0]], z, method)
+        q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0))
+        q, faults = _closed(kernels, q, t, p) if assembled else (q, {})
+        if len(faults) == size:
+            raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
+        choice = choice or _Choice.at_first(kernels, q, t, p, z, method)
+        if rates is not None:
+            zd = zd[..., [kernels.index[name] for name in _all_independent(rates, choice.names)]]
         nz = len(choice.names)
-        return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, count, nz), p)
+        return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, size, nz), p, faults)
 
 
 def simulate_batch(
@@ -159,50 +224,151 @@ def simulate_batch(
     z=None,
     integrator: str = "dopri5",
     rtol: float = 1e-8,
-    atol: float = 1e-10,
+    atol: float | None = None,
     max_step: float = np.inf,
     points: int = 2,
     threads: int | None = None,
+    progress: Callable[[float], None] | None = None,
 ) -> BatchTrajectory:
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
-    q0: (B, n) or (n,) for all, assembled where open; zd0: (B, nz) or (nz,), in the order of z; p: (B, n_p) or (n_p,)
+    q0: (B, n) or (n,) for all, assembled where open; zd0: (B, nz) or (nz,), in the order of z; p: (B, n_p) or (n_p,). Or each
+        of them by name, {name: number, or an array with one for every state}; those not named have their defaults
     integrator: dopri5 or dop853 (each state with its own steps) or rk4 (fixed step max_step)
     threads: None for one on every processor that this process may use
+    progress: called now and then with the share of the states that are done, from 0 to 1. What it raises ends the batch, and so
+        does Ctrl-C: it is raised again, with what was found in its `trajectory`, where the other states are "interrupted"
     Everything else as in `simulate`, of which each state is one run with coordinate partitioning. The independent
-    coordinates are chosen at the first state; where they become bad, that state is simulated by `simulate`.
-    Raises ModelError where the mechanism cannot be simulated so, or shapes do not fit.
+    coordinates are chosen at the first regular state; where they become bad, that state is simulated by `simulate` in C. A state
+    that cannot go on, or takes a million steps, costs nothing but itself: its status says why.
+    Raises ModelError where the mechanism cannot be simulated so, shapes do not fit, or no state has a start. One warning sums
+    up what `simulate` warned of.
     """
-    method = canonical_name(integrator)
-    if not (np.isfinite(duration) and duration > 0 and points >= 2):
-        raise ModelError(f"{kernels.name}: duration {duration} s, {points} points; the first must be positive, points at least 2")
-    for name, array in {"q0": q0, "zd0": zd0, "p": p}.items():
-        if array is not None and not np.all(np.isfinite(np.asarray(array, dtype=float))):
-            raise ModelError(f"{kernels.name}: {name} has numbers that are not finite; correct them")
-    states = _States.of(kernels, q0, zd0, p, t0, z, method, assembled=True)
-    grid = np.linspace(t0, t0 + duration, points)
-    done = states.choice.lanes.simulate(
-        method, grid, states.q, states.zd, states.p, threads, tolerance=TOLERANCE, growth=GROWTH, rtol=rtol, atol=atol,
-        max_step=0.0 if np.isinf(max_step) else max_step,
+    run = Run.asked(
+        kernels, duration, formalism="coordinate-partitioning", integrator=integrator, rtol=rtol, atol=atol, points=points, max_step=max_step,
+        progress=progress, t0=t0, z=z,
     )  # fmt: skip
-    alone = np.array([s != "ok" for s in done.status])
-    options = {"z": states.choice.names, "t0": t0, "points": points, "integrator": integrator, "rtol": rtol, "atol": atol, "max_step": max_step}
-    for i in np.flatnonzero(alone):
+    threads, t0, method = _threads(threads), run.initial.t, Method(run.formalism, run.integrator)
+    states = _States.of(kernels, q0, zd0, p, t0, run.initial.z, method, assembled=True)
+    if not np.isfinite(states.zd).all(axis=1).any():
+        raise ModelError(f"{kernels.name}: zd0 has numbers that are not finite in every state; correct them")
+    sizes = kernels.column_sizes[states.choice.places]
+    tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
+    done = states.choice.lanes.simulate(
+        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, tolerance=TOLERANCE, growth=GROWTH,
+        max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
+    )  # fmt: skip
+    exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))
+    for i in exhausted:
+        done.status[i] = (
+            f"{kernels.name}: {MOST_STEPS} steps came no further than t = {done.reached[i]:.6g} s; the state may be stiff, simulate it "
+            "alone with integrator='radau', or take larger tolerances"
+        )
+    for i, fault in states.faults.items():
+        done.status[i] = fault
+    alone = np.array([status not in ("ok", INTERRUPTED) for status in done.status])
+    alone[[*exhausted, *states.faults]] = False
+    batch = _Batch(kernels, run.times, states, done, alone, progress)
+    try:
+        if INTERRUPTED in done.status:
+            raise done.raised or KeyboardInterrupt()
+        batch.go_on_alone(duration, dict(t0=t0, points=points, integrator=integrator, rtol=rtol, atol=atol, max_step=max_step))
+    except BaseException as raised:
+        raised.trajectory = batch.trajectory()
+        raise
+    return batch.trajectory()
+
+
+@dataclass
+class _Batch:
+    """A batch after its run in lanes. alone: states that are still to be simulated one at a time."""
+
+    kernels: Kernels
+    grid: np.ndarray
+    states: _States
+    done: object
+    alone: np.ndarray
+    progress: Callable[[float], None] | None
+
+    def trajectory(self) -> BatchTrajectory:
+        done = self.done
+        names, status = self.states.choice.names, tuple(done.status)
+        return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone)
+
+    def go_on_alone(self, duration: float, options: dict) -> None:
+        """Simulate those that could not go on with the others; what they warn of is said once."""
+        done, left = self.done, np.flatnonzero(self.alone)
+        for i in left:
+            done.status[i] = INTERRUPTED  # until it is done
+        warned = []
+        for k, i in enumerate(left):
+            if self.progress:
+                self.progress(1.0 - (len(left) - k) / len(done.status))
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                done.status[i] = self._simulate(i, duration, options)
+            warned += [f"state {i}: {caught[0].message}"] if caught else []
+        if self.progress:
+            self.progress(1.0)
+        if warned:
+            warnings.warn(f"{self.kernels.name}: {len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}", stacklevel=3)
+
+    def _simulate(self, i: int, duration: float, options: dict) -> str:
+        """Simulate one state; its status."""
+        done, states = self.done, self.states
+        start = dict(q0=states.q[i], zd0=states.zd[i], p=states.p[i], z=states.choice.names)
         try:
-            run = simulate(kernels, duration, q0=states.q[i], zd0=states.zd[i], p=states.p[i], **options)
+            run = simulate(self.kernels, duration, engine="c", **start, **options)  # in Python a hopeless state takes very long
         except NcgenError as error:
-            done.status[i] = str(error)
-            continue
-        done.q[i], done.qd[i], done.work[i], done.status[i], done.steps[i] = run.q, run.qd, run.work, "ok", run.statistics.steps
-    return BatchTrajectory(kernels, grid, done.q, done.qd, done.work, states.choice.names, tuple(done.status), done.steps, alone)
+            return str(error)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            return f"{self.kernels.name}: a calculation failed ({' '.join(str(error).split())}); correct this state"
+        done.q[i], done.qd[i], done.work[i], done.steps[i] = run.q, run.qd, run.work, run.statistics.steps
+        return "ok"
 
 
-def _refusal(kernels: Kernels, method: str, partitions) -> str | None:
-    from ncgen.build.batch_runs import METHODS_IN_LANES
+def _refusal(kernels: Kernels, method: Method, partitions) -> str | None:
+    if not method.integrator.in_lanes:
+        return f"{method.integrator.name} is not among {', '.join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)}"
+    return refusal(kernels, method, "emitted", "double") or refusal_of_size(partitions, "emitted")
 
-    if method not in METHODS_IN_LANES:
-        return f"{method} is not among {', '.join(METHODS_IN_LANES)}"
-    return refusal(kernels, method, partitions, emitted=True)
+
+def _threads(threads) -> int | None:
+    """How many threads, None for all. Raises ModelError for anything but a positive whole number."""
+    return None if threads is None else count(threads, "threads", 1, "give a positive whole number, or None for all processors")
+
+
+def _given(kernels: Kernels, what: str, given, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
+    """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array. Raises ModelError for other things."""
+    from ncgen.build.arguments import numbers
+
+    def array(value, of: str) -> np.ndarray:
+        try:
+            return numbers(value, f"{kernels.name}: {of}")
+        except NcgenError as error:
+            raise ModelError(str(error)) from None
+
+    if given is None:
+        return defaults
+    if not isinstance(given, Mapping):
+        return array(given, what)
+    for name in given:
+        known_name(name, names, what, "parameter" if what == "p" else "free coordinate")
+    columns = {name: array(value, f"{what}, {name}") for name, value in given.items()}
+    counts = {column.shape for column in columns.values() if column.shape}
+    if len(counts) > 1 or any(len(shape) > 1 for shape in counts):
+        raise ModelError(f"{kernels.name}: {what} has arrays of shapes {sorted(counts)}; give each name a number, or one for every state")
+    rows = np.tile(defaults, (*counts.pop(), 1)) if counts else np.array(defaults)
+    for name, column in columns.items():
+        rows[..., names.index(name)] = column
+    return rows
+
+
+def _all_independent(rates: Mapping, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of the independent coordinates. Raises ModelError if velocities of others are given."""
+    if unknown := [name for name in rates if name not in names]:
+        raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
+    return names
 
 
 def _rows(kernels: Kernels, name: str, array: np.ndarray, count: int, size: int) -> np.ndarray:
@@ -211,15 +377,38 @@ def _rows(kernels: Kernels, name: str, array: np.ndarray, count: int, size: int)
     return np.ascontiguousarray(np.broadcast_to(array, (count, size)))
 
 
-def _closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
-    """Positions that close: those that do not are assembled, one after the other."""
-    open_ = np.max(np.abs(kernels.batch.phi(q, t, p) / kernels.row_sizes)[:, kernels.holonomic], axis=1, initial=0.0) > TOLERANCE
-    q = q.copy()
-    found = {}
-    for i in np.flatnonzero(open_):
-        own = p[i] if p.ndim == 2 else p
-        key = q[i].tobytes() + own.tobytes()
-        if key not in found:
-            found[key] = assemble(kernels, q[i], t, own)
-        q[i] = found[key]
+def _closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, dict[int, str]]:
+    """Positions that close: those that do not are assembled, one after the other. Those that have none become NaN: {state: why}."""
+    with np.errstate(invalid="ignore"):
+        relative = np.abs(kernels.batch.phi(q, t, p) / kernels.row_sizes)[:, kernels.holonomic]
+    open_ = np.max(relative, axis=1, initial=0.0) > TOLERANCE
+    q, faults = q.copy(), {}
+    found: dict[bytes, np.ndarray | str] = {}
+    for i in np.flatnonzero(open_ | _may_be_mirrored(kernels, q, p)):
+        here = q[i].tobytes() + p[i].tobytes()
+        if here not in found:
+            found[here] = _assembled(kernels, q[i], t, p[i])
+        if isinstance(found[here], str):
+            faults[int(i)], q[i] = found[here], np.nan
+        else:
+            q[i] = found[here]
+    return q, faults
+
+
+def _assembled(kernels: Kernels, q, t: float, p) -> np.ndarray | str:
+    """One position closed, or why it cannot be."""
+    try:
+        q = assemble(kernels, q, t, p)
+        check_mirror_roots(kernels, q, p)
+    except (NcgenError, np.linalg.LinAlgError) as error:
+        return str(error)
     return q
+
+
+def _may_be_mirrored(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """States some angle of which is about half a turn off its elements, measured with the parameters of the first state alone, (B,)."""
+    known = angles(kernels)
+    if not known:
+        return np.zeros(len(q), dtype=bool)
+    errors = q[:, [kernels.index[angle.name] for angle in known]] - measured_angles(kernels, q, p[0])
+    return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN

@@ -53,13 +53,14 @@ def direction(kernels: Kernels, combination: Combination, q, p=None) -> np.ndarr
 
 
 def measured_angles(kernels: Kernels, q, p=None) -> np.ndarray:
-    """The angles between their elements as they stand at q (n,), in (−π, π], whatever their coordinates say, in the order of `angles`."""
+    """The angles between their elements as they stand at q (…, n), in (−π, π], whatever their coordinates say, in the order of `angles`."""
     weights, fixed = _arms(kernels, p)
-    a, b, n = np.moveaxis((weights @ q + fixed).reshape(-1, 3, 3), 1, 0)
+    arms = (weights @ np.asarray(q).T).T + fixed
+    a, b, n = np.moveaxis(arms.reshape(*arms.shape[:-1], -1, 3, 3), -2, 0)
     n = n / np.linalg.norm(n, axis=-1, keepdims=True)
 
     def dot(x, y):
-        return np.einsum("ij,ij->i", x, y)
+        return np.einsum("...j,...j->...", x, y)
 
     return np.arctan2(dot(np.cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n))
 

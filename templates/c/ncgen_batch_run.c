@@ -11,6 +11,10 @@
 
 #ifdef _OPENMP
 #include <omp.h>
+#define PRAGMA(text) _Pragma(#text)
+#define ATOMIC(how) PRAGMA(omp atomic how)
+#else
+#define ATOMIC(how)
 #endif
 
 enum {
@@ -23,6 +27,19 @@ static const double broken_down = 1e30;
 
 /* After a Newton step from a residual below this, the next one is at rounding: it need not be looked at. */
 static const double nearly_converged = 1e-7;
+
+/* More fixed steps than a number can count. */
+static const double countless = 1e15;
+
+/* What the threads of a call have in common. The calling one alone asks the watch; the others look at what it was told. */
+typedef struct common {
+    const ncgen_options *options;
+    long count;    /* states */
+    long arrived;  /* states that have */
+    long patience; /* steps until the watch is asked again */
+    int idle;      /* threads that have nothing left to do */
+    int stopped;   /* 1: the watch has ended the call */
+} common;
 
 /* Where results go. */
 typedef struct output {
@@ -41,7 +58,11 @@ typedef struct run {
     const ncgen_options *options;
     output to;               /* of the block's first state */
     int n, nz, ny;
+    common *shared;
+    int listens;             /* 1: in the thread that asks the watch */
     ncgen_mask running;
+    ncgen_mask senseless;    /* lanes in which the last evaluation met what is not a number */
+    ncgen_mask singular;     /* lanes in which it met a singular position */
     int row[NCGEN_LANES];    /* how many rows are written */
     ncgen_real *p, *q, *out; /* out = qd, zdd, power, amplification of the last evaluation */
     ncgen_real *step, *phi;  /* one behind the other: an emitted Newton step writes both */
@@ -95,14 +116,60 @@ static void lay_out(run *r, ncgen_real *workspace)
         r->k[s] = take(&workspace, r->ny);
 }
 
+static int is_stopped(common *shared)
+{
+    int stopped;
+    ATOMIC(read)
+    stopped = shared->stopped;
+    return stopped;
+}
+
+/* Ask the watch, which may end the call. */
+static void ask(common *shared)
+{
+    long arrived;
+    ATOMIC(read)
+    arrived = shared->arrived;
+    shared->patience = shared->options->watch(shared->options->context, (double)arrived / (double)shared->count);
+    if (shared->patience <= 0) {
+        ATOMIC(write)
+        shared->stopped = 1;
+    }
+}
+
 /* Lanes end with a status; those that have ended already keep theirs. */
 static void end(run *r, ncgen_mask lanes, int status)
 {
+    long ended = 0;
     lanes &= r->running;
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
-        if (lanes[lane])
+        if (lanes[lane]) {
             r->to.status[lane] = status;
+            ended += 1;
+        }
     r->running &= ~lanes;
+    if (ended && status == NCGEN_OK) {
+        ATOMIC(update)
+        r->shared->arrived += ended;
+    }
+}
+
+/* Lanes end because their last evaluation failed. */
+static void fail(run *r, ncgen_mask lanes)
+{
+    end(r, lanes & r->senseless, NCGEN_DOMAIN);
+    end(r, lanes & r->singular, NCGEN_SINGULAR);
+    end(r, lanes, NCGEN_NOT_CONVERGED);
+}
+
+/* Before every step that is tried: may the block go on? */
+static void listen(run *r)
+{
+    common *shared = r->shared;
+    if (r->listens && --shared->patience <= 0)
+        ask(shared);
+    if (is_stopped(shared))
+        end(r, r->running, NCGEN_INTERRUPTED);
 }
 
 /* The largest |phi| relative to the rows' sizes; not a number if one of them is not. */
@@ -128,6 +195,8 @@ static ncgen_mask close_position(run *r, ncgen_real t, ncgen_mask open)
         const ncgen_real size = residual(r);
         const ncgen_mask closed = open & (size <= r->options->tolerance);
         solved |= closed;
+        if (iteration == 0)
+            r->senseless |= open & ~(size == size);
         open &= ~closed & (size < broken_down);
         for (int i = 0; i < d->n_dependent; ++i)
             r->q[d->dependent[i]] += (ncgen_real)((ncgen_mask)r->step[i] & open);
@@ -143,7 +212,14 @@ static ncgen_mask accelerate(run *r, ncgen_real t, const ncgen_real *zd, ncgen_m
 {
     if (!ncgen_any(closed) || r->dynamics->acceleration(t, r->q, zd, r->p, r->out) != NCGEN_OK)
         return closed & 0;
-    return closed & (r->out[r->n + r->nz + 1] < broken_down);
+    const ncgen_mask regular = closed & (r->out[r->n + r->nz + 1] < broken_down);
+    ncgen_real sum = ncgen_splat(0.0); /* an infinite number or one that is none makes the sum the same */
+    for (int i = 0; i <= r->n + r->nz; ++i)
+        sum += r->out[i];
+    const ncgen_mask finite = sum - sum == 0.0;
+    r->singular |= closed & ~regular;
+    r->senseless |= regular & ~finite;
+    return regular & finite;
 }
 
 /* q in r->q, extrapolated from the last state and closed; velocities and accelerations in r->out. */
@@ -257,7 +333,9 @@ static void advance(const run *r, ncgen_real h, int stages, const double *weight
 /* One trial step of the lanes that run: new_y, and the slope there. Those that have one. */
 static ncgen_mask trial_step(run *r, const tableau *method, ncgen_real t, ncgen_real h)
 {
+    const ncgen_mask none = {0};
     ncgen_mask good = r->running;
+    r->senseless = r->singular = none;
     for (int s = 1; s <= method->stages; ++s) {
         advance(r, h, s, method->a[s], r->new_y);
         good = derivative(r, t + method->c[s] * h, r->new_y, r->k[s], good);
@@ -319,11 +397,11 @@ static void write_inside(run *r, const tableau *method, ncgen_mask lanes, ncgen_
         if (!ncgen_any(inside))
             return;
         if (round == 0)
-            end(r, inside & ~prepare_interpolant(r, method, t, h, inside), NCGEN_NOT_CONVERGED);
+            fail(r, inside & ~prepare_interpolant(r, method, t, h, inside));
         interpolate(r, method, h, (time - t) / h);
         const ncgen_mask good = evaluate(r, time, r->at, inside & r->running);
         write_rows(r, inside & good, r->q, r->out, r->at[2 * r->nz]);
-        end(r, inside & ~good, NCGEN_NOT_CONVERGED);
+        fail(r, inside & ~good);
     }
 }
 
@@ -350,18 +428,28 @@ static void accept_step(run *r, const tableau *method, ncgen_mask lanes, ncgen_r
     end(r, ended, NCGEN_OK);
 }
 
+/* Lanes that have taken as many steps as they may. */
+static ncgen_mask exhausted(const run *r)
+{
+    ncgen_mask lanes = {0};
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (r->running[lane] && r->options->max_steps > 0 && r->to.steps[lane] >= r->options->max_steps)
+            lanes[lane] = -1;
+    return lanes;
+}
+
 static void run_adaptive(run *r, const tableau *method)
 {
     const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step;
     const ncgen_real power = ncgen_splat(-1.0 / (method->order + 1));
     ncgen_real t = r->start_t, h = first_step(r, method->order, stop - r->to.times[0]);
     ncgen_mask rejected = {0}, repeats = {0};
-    while (ncgen_any(r->running)) {
+    for (listen(r); ncgen_any(r->running); listen(r)) {
         if (longest > 0)
             h = at_most(h, longest);
         const ncgen_mask last = t + h >= stop;
         h = ncgen_select(last, stop - t, h);
-        end(r, ~(t + h > t), NCGEN_NOT_CONVERGED);
+        fail(r, ~(t + h > t));
         const ncgen_mask stepped = trial_step(r, method, t, h);
         const ncgen_real error = error_of(r, method, h);
         const ncgen_mask good = stepped & (error < broken_down);
@@ -369,7 +457,7 @@ static void run_adaptive(run *r, const tableau *method)
         const ncgen_mask too_large = r->running & good & ~accepted;
 
         repeats = (repeats - failed) & ~accepted; /* a mask is -1 */
-        end(r, failed & (repeats > REPEAT_LIMIT), NCGEN_NOT_CONVERGED);
+        fail(r, failed & (repeats > REPEAT_LIMIT));
         rejected = (rejected | too_large) & ~failed;
         ncgen_real factor = at_most(ncgen_select(error > 0.0, 0.9 * NCGEN_POW(error, power), ncgen_splat(10.0)), 10.0);
         factor = ncgen_select(factor < 0.2, ncgen_splat(0.2), factor);
@@ -382,6 +470,7 @@ static void run_adaptive(run *r, const tableau *method)
             const ncgen_mask bad = degraded(r, accepted) & (t_new < stop);
             accept_step(r, method, accepted, t, h, t_new);
             end(r, bad, NCGEN_PIVOT);
+            end(r, exhausted(r), NCGEN_NOT_CONVERGED);
         }
         t = ncgen_select(accepted, t_new, t);
         h *= factor;
@@ -390,7 +479,8 @@ static void run_adaptive(run *r, const tableau *method)
 
 static void fixed_step(run *r, const tableau *method, ncgen_real t, ncgen_real h)
 {
-    end(r, ~trial_step(r, method, t, h), NCGEN_NOT_CONVERGED);
+    listen(r);
+    fail(r, ~trial_step(r, method, t, h));
     accept(r, r->running, t + h, r->new_y, r->k[method->stages]);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
         if (r->running[lane])
@@ -402,10 +492,10 @@ static void run_fixed(run *r, const tableau *method)
     const double longest = r->options->max_step, *times = r->to.times;
     for (int row = 1; row < r->to.n_times && ncgen_any(r->running); ++row) {
         const double span = times[row] - times[row - 1];
-        long count = longest > 0 ? (long)(span / longest + 0.999999) : 1;
+        long long count = (long long)(span / longest + 0.999999);
         if (count < 1)
             count = 1;
-        for (long i = 0; i < count && ncgen_any(r->running); ++i) {
+        for (long long i = 0; i < count && ncgen_any(r->running); ++i) {
             const double t = times[row - 1] + (double)i * (span / (double)count);
             fixed_step(r, method, ncgen_splat(t), ncgen_splat(i + 1 == count ? times[row] - t : span / (double)count));
             if (i + 1 == count)
@@ -422,13 +512,10 @@ static void run_fixed(run *r, const tableau *method)
 static void begin(run *r, int count, const double *q, const double *zd, const double *p, int p_stride)
 {
     const double t = r->to.times[0];
+    const ncgen_mask none = {0};
     for (int lane = 0; lane < NCGEN_LANES; ++lane) {
         r->running[lane] = lane < count ? -1 : 0;
         r->row[lane] = 0;
-        if (lane < count) {
-            r->to.reached[lane] = t;
-            r->to.steps[lane] = 0;
-        }
     }
     ncgen_spread(r->model->n_parameters, count, p_stride, p, r->p);
     ncgen_spread(r->n, count, r->n, q, r->start_q);
@@ -439,10 +526,20 @@ static void begin(run *r, int count, const double *q, const double *zd, const do
     for (int i = 0; i < r->n; ++i)
         r->start_qd[i] = ncgen_splat(0.0);
     r->start_t = ncgen_splat(t);
-    end(r, ~derivative(r, r->start_t, r->y, r->k[0], r->running), NCGEN_NOT_CONVERGED);
+    r->senseless = r->singular = none;
+    fail(r, ~derivative(r, r->start_t, r->y, r->k[0], r->running));
     r->amplification = r->out[r->n + r->nz + 1];
     accept(r, r->running, r->start_t, r->y, r->k[0]);
     write_rows(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
+}
+
+static int is_calling_thread(void)
+{
+#ifdef _OPENMP
+    return omp_get_thread_num() == 0;
+#else
+    return 1;
+#endif
 }
 
 /* The share of the workspace of the thread that asks. */
@@ -456,34 +553,86 @@ static ncgen_real *own_workspace(const ncgen_model *model, const ncgen_dynamics 
 #endif
 }
 
-void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
-                          const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
-                          double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
-                          int threads, double *workspace)
+/* Is the method one of those here, with steps that can be counted and times that ascend? */
+static int possible(const ncgen_options *options, int n_times, const double *times)
+{
+    if (n_times < 2 || options->method < 0 || options->method >= N_TABLEAUS || !tableaus[options->method].stages)
+        return 0;
+    const int fixed = tableaus[options->method].n_errors == 0;
+    for (int i = 1; i < n_times; ++i) {
+        const double span = times[i] - times[i - 1];
+        if (!(span > 0) || (fixed && !(options->max_step > 0 && span / options->max_step < countless)))
+            return 0;
+    }
+    return 1;
+}
+
+/* A block of states from `first` on, unless the call has been ended. */
+static void simulate_block(run *r, int count, const double *q, const double *zd, const double *p, int p_stride)
+{
+    const tableau *method = &tableaus[r->options->method];
+    for (int lane = 0; lane < count; ++lane) {
+        r->to.reached[lane] = r->to.times[0];
+        r->to.steps[lane] = 0;
+        r->to.status[lane] = NCGEN_INTERRUPTED;
+    }
+    if (is_stopped(r->shared))
+        return;
+    begin(r, count, q, zd, p, p_stride);
+    if (method->n_errors == 0)
+        run_fixed(r, method);
+    else
+        run_adaptive(r, method);
+}
+
+/* The calling thread has nothing left to do, and listens until the others have nothing left, either. */
+static void wait_for_others(common *shared)
+{
+#ifdef _OPENMP
+    for (int idle = 0; !is_stopped(shared);) {
+        ATOMIC(read)
+        idle = shared->idle;
+        if (idle == omp_get_num_threads())
+            return;
+        ask(shared);
+    }
+#else
+    (void)shared;
+#endif
+}
+
+int ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
+                         const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
+                         double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
+                         int threads, double *workspace)
 {
     const long n = model->n_coordinates, nz = dynamics->n_independent, blocks = (count + NCGEN_LANES - 1) / NCGEN_LANES;
+    common shared = {.options = options, .count = count, .patience = options->patience};
+    if (!possible(options, n_times, times))
+        return NCGEN_ARGUMENT;
     (void)threads;
 #ifdef _OPENMP
 #pragma omp parallel num_threads(threads)
 #endif
     {
-        run r = {.model = model, .dynamics = dynamics, .options = options};
+        run r = {.model = model, .dynamics = dynamics, .options = options, .shared = &shared};
+        r.listens = options->watch && is_calling_thread();
         lay_out(&r, own_workspace(model, dynamics, workspace));
 #ifdef _OPENMP
-#pragma omp for schedule(dynamic)
+#pragma omp for schedule(dynamic) nowait
 #endif
         for (long b = 0; b < blocks; ++b) {
             const long first = b * NCGEN_LANES, left = count - first;
             r.to = (output){n_times, times, out_q + first * n_times * n, out_qd + first * n_times * n,
                             out_work + first * n_times, status + first, steps + first, reached + first};
-            begin(&r, left < NCGEN_LANES ? (int)left : NCGEN_LANES, q + first * n, zd + first * nz, p + first * p_stride, p_stride);
-            const tableau *method = &tableaus[options->method];
-            if (method->n_errors == 0)
-                run_fixed(&r, method);
-            else
-                run_adaptive(&r, method);
+            simulate_block(&r, left < NCGEN_LANES ? (int)left : NCGEN_LANES, q + first * n, zd + first * nz, p + first * p_stride, p_stride);
         }
+        ATOMIC(update)
+        shared.idle += 1;
+        if (r.listens)
+            wait_for_others(&shared);
     }
+    return shared.stopped ? NCGEN_INTERRUPTED : NCGEN_OK;
 }
 
 void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
@@ -508,15 +657,20 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
             ncgen_spread(r.n, block, n, q + first * n, r.q);
             ncgen_spread(r.nz, block, nz, zd + first * nz, r.y);
             ncgen_spread(model->n_parameters, block, p_stride, p + first * p_stride, r.p);
+            r.senseless = r.singular = none;
             ncgen_mask good = accelerate(&r, ncgen_splat(t), r.y, close_position(&r, ncgen_splat(t), ~none));
             for (int i = 0; i < r.nz; ++i)
-                good &= NCGEN_ABS(r.out[r.n + i]) < broken_down;
+                r.singular |= good & ~(NCGEN_ABS(r.out[r.n + i]) < broken_down);
+            good &= ~r.singular;
             ncgen_collect(r.n, block, r.q, out_q + first * n);
             if (out_qd)
                 ncgen_collect(r.n, block, r.out, out_qd + first * n);
             ncgen_collect(r.nz, block, r.out + r.n, out_zdd + first * nz);
             for (int lane = 0; lane < block; ++lane)
-                status[first + lane] = good[lane] ? NCGEN_OK : NCGEN_NOT_CONVERGED;
+                status[first + lane] = good[lane]          ? NCGEN_OK
+                                       : r.senseless[lane] ? NCGEN_DOMAIN
+                                       : r.singular[lane]  ? NCGEN_SINGULAR
+                                                           : NCGEN_NOT_CONVERGED;
         }
     }
 }

@@ -20,16 +20,21 @@ size_t ncgen_batch_run_workspace(const ncgen_model *model, const ncgen_dynamics 
  *     n_parameters for all (p_stride 0) or each
  * out_q, out_qd: count x n_times x n_coordinates; out_work: count x n_times. Rows that a state did not reach are left
  * status: of each state; steps: accepted ones of each; reached: time of each
- * The workspace begins at a multiple of 64 bytes and has room for every thread. */
-void ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
-                          const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
-                          double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
-                          int threads, double *workspace);
+ * The watch is asked by the calling thread, for every step of its own that is tried, with the share of the states that have
+ * arrived; while that thread waits for others it asks again and again, so the watch may take its time then.
+ * The workspace begins at a multiple of 64 bytes and has room for every thread.
+ * returns NCGEN_OK, NCGEN_INTERRUPTED where the watch has ended it, or NCGEN_ARGUMENT, and nothing is written: for another
+ * method, times that do not ascend, and rk4 without max_step or with more steps than can be counted */
+int ncgen_batch_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
+                         const double *q, const double *zd, const double *p, int p_stride, int n_times, const double *times,
+                         double *out_q, double *out_qd, double *out_work, int *status, long *steps, double *reached,
+                         int threads, double *workspace);
 
 /* The state derivative of `count` states at time t: q is closed, the coordinates of the choice stay as they are.
  *
  * out_q, out_qd: count x n_coordinates; out_q may be q, out_qd NULL; out_zdd: count x n_independent; rows of states without
  *     status 0 mean nothing
+ * status: NCGEN_NOT_CONVERGED where a position does not close, NCGEN_SINGULAR, NCGEN_DOMAIN where a number is none
  * Of the options the tolerance counts; everything else as above. */
 void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, long count,
                             const double *q, const double *zd, const double *p, int p_stride, double t, double *out_q,

@@ -2,13 +2,21 @@
 
 from __future__ import annotations
 
+import signal
+import threading
+import time
+import warnings
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import sympy
 from scipy.special import ellipk
 
 import ncgen
+from ncgen.solver.compiled import dynamics
 from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import residual
 
 COUNT = 11
@@ -106,13 +114,206 @@ def test_open_positions_are_closed(robot):
         ({"zd0": np.zeros((3, 6)), "q0": np.zeros((2, 36))}, r"q0, zd0 and p have \[2, 3\] rows"),
         ({"zd0": np.zeros((3, 5))}, r"zd0 has shape \(3, 5\); \(6,\) or \(3, 6\) is needed"),
         ({"zd0": np.full((3, 6), np.nan)}, "zd0 has numbers that are not finite"),
+        ({"zd0": np.zeros((3, 6)), "integrator": "rk4"}, "rk4 has a fixed step: give max_step in seconds"),
+        ({"zd0": np.zeros((3, 6)) * 1j}, "zd0 is complex"),
+        ({"q0": np.full((3, 36), np.nan)}, "no state of the batch has finite q and p"),
+        ({"p": {"k": 1.0}, "zd0": np.zeros((3, 6))}, "p: robot has no k; there are none"),
+        ({"zd0": {"nothing": np.zeros(3)}}, "zd0: robot has no nothing; there are"),
+        ({"zd0": {"r2.x": np.zeros(3)}}, "initial velocity of r2.x: it is not independent; the independent coordinates are"),
+        ({"zd0": {"psi1": np.zeros((3, 2))}}, r"zd0 has arrays of shapes \[\(3, 2\)\]; give each name a number, or one for every state"),
         ({"zd0": np.zeros((3, 6)), "integrator": "bdf"}, "bdf is not among dopri5, dop853, rk4"),
     ],
 )
 def test_mistakes_are_named(robot, given, said):
     with pytest.raises(ncgen.ModelError, match=said) as caught:
         ncgen.simulate_batch(robot, 0.1, **given)
-    assert "\n" not in str(caught.value)
+    assert "\n" not in str(caught.value) and len(str(caught.value)) <= 300
+
+
+class Timer(threading.Timer):
+    """A timer that knows when it has rung."""
+
+    def run(self):
+        self.finished.wait(self.interval)
+        self.fired = time.perf_counter()
+        self.function(*self.args)
+
+
+@pytest.fixture(scope="module")
+def fragile():
+    """A slider-crank with a driver that may pull too far, and a force that is a number up to a height only."""
+    m = ncgen.Model("fragile")
+    speed, height, shake = m.parameter("speed", 0.05), m.parameter("height", 5.0), m.parameter("shake", 0.0)
+    A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (0.5, 0.2)), m.point("C", (0.9, 0.0), fixed="yz")
+    m.body("first", [A, B], mass=1.0)
+    m.body("second", [B, C], mass=1.0)
+    D = m.point("D", (0.5, -0.6))
+    m.body("hanging", [B, D], mass=1.0)
+    m.gravity((0, -9.81, 0))
+    m.drive(C.x, 0.9 + speed.symbol * m.time + 1e-3 * sympy.sin(shake.symbol * m.time))
+    m.force(D, (sympy.sqrt(D.y.symbol + height.symbol), 0, 0))
+    return ncgen.compile(m, "c")
+
+
+DURATION = 0.4
+
+
+@pytest.fixture(scope="module")
+def good(fragile):
+    """Parameters of states that arrive, and the batch of these alone."""
+    p = np.tile(fragile.p0, (COUNT, 1))
+    p[:, 0] = np.linspace(0.02, 0.1, COUNT)
+    return p, ncgen.simulate_batch(fragile, DURATION, p=p, points=5)
+
+
+BAD = {
+    "nan parameter": ("p", (np.nan, 5.0, 0.0), "parameter speed is nan"),
+    "locks": ("p", (0.5, 5.0, 0.0), "t = "),
+    "no number at the start": ("p", (0.05, 0.1, 0.0), "is not a number at t = 0 s"),
+    "no number on the way": ("p", (0.05, 0.6005, 0.0), "t = 0.00"),
+    "does not close": ("q0", 40.0, "does not close"),
+    "nan position": ("q0", np.nan, "which is not a number; give the start in numbers"),
+    "infinite velocity": ("zd0", np.inf, "zd0"),
+}
+
+
+@pytest.mark.parametrize("at", [0, 4, COUNT])
+@pytest.mark.parametrize("wrong", BAD)
+def test_a_bad_state_costs_nothing_but_itself(fragile, good, wrong, at):
+    """Its status is a sentence, its rows are NaN from where it ended, and the others have the bits that they have without it."""
+    array, value, said = BAD[wrong]
+    p, expected = good
+    given = {"p": np.insert(p, at, fragile.p0, axis=0), "q0": np.tile(fragile.q0, (COUNT + 1, 1)), "zd0": np.zeros((COUNT + 1, 1))}
+    given[array][at] = value
+    batch = ncgen.simulate_batch(fragile, DURATION, points=5, z=expected.independent, **given)
+    others = [i for i in range(COUNT + 1) if i != at]
+    assert all(batch.status[i] == "ok" for i in others) and not batch.ok[at]
+    assert said in batch.status[at] and "\n" not in batch.status[at] and len(batch.status[at]) <= 300
+    assert np.isnan(batch.q[at, -1]).all() and np.isnan(batch.work[at, -1])
+    for name in ("q", "qd", "work", "steps"):
+        assert np.array_equal(getattr(batch, name)[others], getattr(expected, name)), name
+
+
+def test_the_others_are_as_alone(fragile, good):
+    p, batch = good
+    for i in range(COUNT):
+        assert_as_alone(fragile, batch, i, ncgen.simulate(fragile, DURATION, p=p[i], points=5, engine="emitted"))
+
+
+def test_a_first_state_that_is_singular():
+    """A four-bar whose links lie in one line has no independent coordinates there; the others have."""
+    m = ncgen.Model("square")
+    A, D = m.point("A", (0, 0), fixed=True), m.point("D", (1, 0), fixed=True)
+    B, C = m.point("B", (0.0, 1.0)), m.point("C", (1.0, 1.0))
+    for name, points in {"crank": [A, B], "coupler": [B, C], "rocker": [C, D]}.items():
+        m.body(name, points, mass=1.0)
+    kernels = ncgen.compile(m, "c")
+    flat = {"B.x": 1.0, "B.y": 0.0, "C.x": 2.0, "C.y": 0.0}
+    q0 = np.array([[flat[name] for name in kernels.coordinates], kernels.q0, kernels.q0])
+    batch = ncgen.simulate_batch(kernels, 0.1, q0=q0, zd0=np.ones(1))
+    assert batch.ok.tolist() == [False, True, True] and "singular" in batch.status[0]
+    with pytest.raises(ncgen.SingularError, match="square: the position is singular"):
+        ncgen.simulate_batch(kernels, 0.1, q0=q0[:1])
+
+
+def test_a_batch_in_which_nothing_closes_says_so(fragile):
+    with pytest.raises(ncgen.ModelError, match="no state of the batch has a start; the first: fragile: the mechanism does not close"):
+        ncgen.simulate_batch(fragile, 0.1, q0=np.full((3, fragile.n), 40.0))
+
+
+def test_an_angle_on_its_mirror_root_is_refused(robot):
+    """Half a turn off its elements, where the rows are zero as well."""
+    q0 = np.tile(robot.q0, (3, 1))
+    q0[1, robot.index["psi1"]] += np.pi
+    batch = ncgen.simulate_batch(robot, 0.01, q0=q0)
+    assert batch.ok.tolist() == [True, False, True] and "angle psi1: the position found is the mirror root" in batch.status[1]
+
+
+def test_names_are_numbers_for_all_or_for_each(driven):
+    """Parameters and velocities by name, as arrays give them."""
+    speeds = np.linspace(1, 4, COUNT)
+    by_name = ncgen.simulate_batch(driven, 0.1, p={"speed": speeds}, zd0={})
+    p = np.column_stack([np.full(COUNT, 40.0), speeds])
+    assert np.array_equal(by_name.q, ncgen.simulate_batch(driven, 0.1, p=p).q)
+    (name,) = by_name.independent
+    rates = np.linspace(-1, 1, COUNT)
+    by_name = ncgen.simulate_batch(driven, 0.1, p={"speed": 2.0}, zd0={name: rates}, z=(name,))
+    in_rows = ncgen.simulate_batch(driven, 0.1, p=np.array([40.0, 2.0]), zd0=rates[:, None], z=(name,))
+    assert np.array_equal(by_name.q, in_rows.q) and by_name.ok.all()
+    found = ncgen.accelerations_batch(driven, driven.q0, {name: rates}, p={"speed": 2.0}, z=(name,))
+    assert np.array_equal(found.zdd, ncgen.accelerations_batch(driven, driven.q0, rates[:, None], p=np.array([40.0, 2.0]), z=(name,)).zdd)
+
+
+def test_a_state_that_takes_for_ever_is_given_up(fragile, good, monkeypatch):
+    """After a number of steps, and is not begun again alone."""
+    monkeypatch.setattr("ncgen.solver.batch.MOST_STEPS", 500)
+    monkeypatch.setattr("ncgen.solver.batch.simulate", None)
+    p, expected = good
+    batch = ncgen.simulate_batch(fragile, DURATION, p=np.vstack([[0.05, 5.0, 1e5], p]), points=5, z=expected.independent)
+    assert batch.steps[0] == 500 and not batch.alone[0] and "fragile: 500 steps came no further than t = 0.0" in batch.status[0]
+    assert np.array_equal(batch.q[1:], expected.q)
+
+
+@pytest.mark.parametrize("threads", [1, 2])
+@pytest.mark.parametrize("slow", [0, -1])
+def test_ctrl_c_ends_a_batch(fragile, good, threads, slow):
+    """Soon, also where the calling thread has nothing to do but wait; what was finished is kept."""
+    p = np.tile(good[0][0], (64, 1))
+    p[slow, 2] = 1e6
+    timer, told = Timer(0.5, signal.raise_signal, [signal.SIGINT]), []
+    ncgen.simulate_batch(fragile, 0.01, p=p[1:2])  # compiled
+    timer.start()
+    with pytest.raises(KeyboardInterrupt) as caught:
+        ncgen.simulate_batch(fragile, 100 * DURATION, p=p, threads=threads, progress=told.append)
+    assert time.perf_counter() - timer.fired < 1.0
+    found = caught.value.trajectory
+    assert found.status[slow] == "interrupted" and np.isnan(found.q[slow, -1]).all()
+    assert told == sorted(told) and 0 <= told[0] and told[-1] < 1
+
+
+def test_progress_is_told_and_may_end_a_batch(robot):
+    """The share of states that are done, in order, up to the whole; what it raises is raised, with what was found."""
+    zd0, told = np.random.default_rng(1).uniform(-2, 2, (3000, 6)), []
+    ncgen.simulate_batch(robot, 0.5, zd0=zd0, threads=1, progress=told.append)
+    assert told == sorted(told) and told[-1] == 1.0 and len(told) > 3
+
+    def enough(share):
+        if share > 0.1:
+            raise ArithmeticError("enough")
+
+    with pytest.raises(ArithmeticError, match="enough") as caught:
+        ncgen.simulate_batch(robot, 0.5, zd0=zd0, threads=2, progress=enough)
+    found = caught.value.trajectory
+    assert set(found.status) == {"ok", "interrupted"} and 0.1 < np.mean(found.ok) < 0.9
+    assert np.isfinite(found.q[found.ok]).all() and np.isnan(found.q[~found.ok, -1]).all()
+
+
+def test_warnings_of_states_alone_are_summed_up(monkeypatch):
+    """One for all of them."""
+
+    def simulate(*args, **options):
+        warnings.warn("the energy changes", stacklevel=2)
+        return ncgen.simulate(*args, **options)
+
+    monkeypatch.setattr("ncgen.solver.batch.simulate", simulate)
+    kernels = ncgen.compile(ncgen.load("pendulum"), "c")
+    with pytest.warns(UserWarning) as said:
+        batch = ncgen.simulate_batch(kernels, 2.0, q0=np.tile(kernels.q0, (9, 1)))
+    (only,) = said
+    assert batch.alone.all() and str(only.message) == "pendulum: 9 of 9 states simulated alone had warnings; state 0: the energy changes"
+    assert only.filename == __file__
+
+
+def test_fixed_steps_without_a_length_are_refused_in_c(robot):
+    """By the runtime itself, which would take a step a row."""
+    q = ncgen.assemble(robot, robot.q0)
+    partitions = choose_partitions(robot, q, independent=robot.model.chosen_independent)
+    lanes, single = (dynamics(robot, partitions, form, q, robot.p0) for form in ("lanes", "emitted"))
+    zd = np.zeros(6)
+    for times, max_step in (([0.0, 1.0], 0.0), ([0.0, 1.0], 1e-300), ([1.0, 1.0], 0.1)):
+        with pytest.raises(ncgen.NcgenError, match="rk4 cannot step over these times"):
+            lanes.simulate("rk4", times, q[None], zd[None], robot.p0, max_step=max_step, tolerance=1e-12, growth=2.0)
+    assert single.simulate("rk4", [0.0, 1.0], q, zd, robot.p0, tolerance=1e-12, growth=2.0).status == "argument"
 
 
 def test_accelerations_are_those_of_the_reference(robot):
@@ -130,6 +331,10 @@ def test_accelerations_are_those_of_the_reference(robot):
         ncgen.accelerations_batch(robot, q[:3], zd[:3], out=found)
     with pytest.raises(ncgen.ModelError, match="leave z or out out"):
         ncgen.accelerations_batch(robot, q, zd, out=found, z=("psi1",))
+    with pytest.raises(ncgen.NcgenError, match=r"out\.q must be a contiguous array of \(21, 36\) doubles that may be written to"):
+        ncgen.accelerations_batch(robot, q, zd, out=replace(found, q=np.zeros((21, 35))))
+    with pytest.raises(ncgen.NcgenError, match=r"out\.qd shares memory with an argument"):
+        ncgen.accelerations_batch(robot, q, zd, out=replace(found, qd=found.q))
     for i in range(21):
         assert residual(robot, found.q[i]) < 1e-12 and np.array_equal(found.q[i][z], q[i][z])
         here = motion_at(robot, start.partitions.velocity, 0.0, found.q[i], zd[i], robot.p0)
@@ -166,6 +371,8 @@ def test_a_state_that_has_no_accelerations_is_not_ok(robot, wrong, at):
     found = ncgen.accelerations_batch(robot, q, zd)
     others = [i for i in range(9) if i != at]
     assert found.ok.tolist() == [i != at for i in range(9)] and np.isnan(found.zdd[at]).all()
+    assert [status != "ok" for status in found.status] == [i == at for i in range(9)]
+    assert found.status[at] == ("not converged" if wrong == "far" else "domain")
     assert np.array_equal(found.zdd[others], expected[others])
 
 
