@@ -99,7 +99,8 @@ class LaneDynamics:
         options |= {"method": number_in_c(INTEGRATORS[method]), "watch": watch("double"), "context": context, "patience": listener.patience}
         ended = self._call(self._library.ncgen_batch_simulate, options, (q, zd, p), (len(times), pointer(self._ffi, times)), out, threads)
         if STATUS[ended] == "argument":
-            raise NcgenError(f"{self.kernels.name}: {method} cannot step over these times; let them ascend, and give rk4 a max_step that is not tiny")
+            remedy = "let them ascend, and give rk4 a max_step that is not tiny"
+            raise NcgenError(f"{self.kernels.name}: {method} cannot step over these times; {remedy}")
         words = [STATUS[s] for s in status.tolist()]
         return LaneOutcome(q_rows, qd_rows, work, words, steps, reached, listener.raised)
 

@@ -58,7 +58,8 @@ class Kernels(ABC):
     def __setattr__(self, name: str, value) -> None:
         """Members stay what they are: C reads as many numbers as there were."""
         if name in self.__dict__ and not name.startswith("_"):
-            raise NcgenError(f"{self.name}: kernels.{name} cannot be replaced; change the model and compile it, or give q0 and p to each call")
+            remedy = "change the model and compile it, or give q0 and p to each call"
+            raise NcgenError(f"{self.name}: kernels.{name} cannot be replaced; {remedy}")
         super().__setattr__(name, value)
 
     def __repr__(self):

@@ -311,7 +311,8 @@ class _Batch:
         if self.progress:
             self.progress(1.0)
         if warned:
-            warnings.warn(f"{self.kernels.name}: {len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}", stacklevel=3)
+            said = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
+            warnings.warn(f"{self.kernels.name}: {said}", stacklevel=3)
 
     def _simulate(self, i: int, duration: float, options: dict) -> str:
         """Simulate one state; its status."""
@@ -339,7 +340,10 @@ def _threads(threads) -> int | None:
 
 
 def _given(kernels: Kernels, what: str, given, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
-    """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array. Raises ModelError for other things."""
+    """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array.
+
+    Raises ModelError for other things.
+    """
     from ncgen.build.arguments import numbers
 
     def array(value, of: str) -> np.ndarray:
