@@ -30,10 +30,10 @@ def looks(run: Run, method: Method) -> np.ndarray:
     return run.times[0] + shares * run.duration
 
 
-def doubts(found: Trajectory, seen: Trajectory, run: Run, method: Method) -> list[str]:
+def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:
     """What speaks against a motion, in words.
 
-    found: the motion on its grid; seen: the same at the instants at which the energy was looked at, its ends included
+    seen: the motion at the instants at which the energy was looked at, its ends included; rtol: that was kept
     """
     feedback = method.options.get("stabilisation") in ("baumgarte", "none")
     said = []
@@ -43,14 +43,14 @@ def doubts(found: Trajectory, seen: Trajectory, run: Run, method: Method) -> lis
             f"{method.formalism.name} without projection changes the energy by {change:.1g} of what moves; "
             "the motion may have left its branch, take smaller steps or another formalism"
         )
-    elif not method.has_fixed_step and change > np.sqrt(run.rtol):
+    elif not method.has_fixed_step and change > np.sqrt(rtol):
         other = "or be too long for the tolerance" if method.is_constrained else "which formalism='lagrange' does better, or be too long for the tolerance"
         said.append(
-            f"the energy changes by {change:.1g} of what moves, although rtol is {run.rtol:g}: the motion may have passed a singular position, {other}"
+            f"the energy changes by {change:.1g} of what moves, although rtol is {rtol:g}: the motion may have passed a singular position, {other}"
         )
-    if feedback and not method.has_fixed_step and (violation := float(seen.violation().max())) > OPEN * run.rtol:
+    if feedback and not method.has_fixed_step and (violation := float(seen.violation().max())) > OPEN * rtol:
         said.append(
-            f"{method.formalism.name} holds the constraints to {violation:.1g} only (relative), although rtol is {run.rtol:g}; "
+            f"{method.formalism.name} holds the constraints to {violation:.1g} only (relative), although rtol is {rtol:g}; "
             + ("raise alpha or omega (options), or take formalism='lagrange'" if "alpha" in method.options else "take stabilisation='projection'")
         )
     return said

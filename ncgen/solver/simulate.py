@@ -13,9 +13,11 @@ from ncgen.errors import ConvergenceError, Interrupted, ModelError
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
 from ncgen.solver.choice import Choice, choose, stiff_choice
+from ncgen.solver.partition import singular_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import CONSISTENT
 from ncgen.solver.protocol import Kernels
+from ncgen.solver.rank import freedom
 from ncgen.solver.run import EMITTED, Run
 from ncgen.solver.start import Start, begin
 from ncgen.solver.tolerances import Tolerances
@@ -121,7 +123,9 @@ def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progres
         raise Interrupted(motion.trajectory(np.isin(times, run.times), time.perf_counter() - clock)) from stopped
     found = motion.trajectory(np.isin(times, run.times), time.perf_counter() - clock)
     seen = motion.trajectory(np.isin(times, np.append(extra, times[[0, -1]])), 0.0) if len(extra) else found
-    for doubt in doubts(found, seen, run, choice.method):
+    if choice.method.is_constrained and (here := freedom(kernels, start.q, run.initial.t, start.p)).is_singular:
+        _warn(singular_message(kernels, here))
+    for doubt in doubts(seen, motion.tolerances.rtol, choice.method):
         _warn(f"{kernels.name}: {doubt}")
     return found
 
@@ -140,6 +144,7 @@ class _Motion:
 
     def __post_init__(self):
         self.path = Path.empty(self.kernels.n, self.start.partitions)
+        self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
 
     def advance(self) -> None:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
@@ -171,8 +176,7 @@ class _Motion:
     def _in_c(self, form: str) -> str | None:
         """Why C did not come to the end, or None."""
         start, run, method = self.start, self.run, self.choice.method
-        tolerances = Tolerances.of(run, self.kernels.length, compiled.rounding(run.number))
-        steps = {"tolerances": tolerances, "max_step": run.max_step, "number": run.number, "stop": run.stop, "progress": self.progress}
+        steps = {"tolerances": self.tolerances, "max_step": run.max_step, "number": run.number, "stop": run.stop, "progress": self.progress}
         steps["stop_when_stiff"] = stiff_choice(run, self.choice) is not None
         if method.is_constrained:
             return compiled.run_constrained(self.path, self.kernels, method, self.times, start.q, start.qd, start.p, **steps)
@@ -180,15 +184,14 @@ class _Motion:
 
     def _in_python(self) -> None:
         start, run, method = self.start, self.run, self.choice.method
-        tolerances = Tolerances.of(run, self.kernels.length, compiled.rounding("double"))
         steps = {"max_step": run.max_step, "stop": run.stop}
         state = self.path, self.kernels, method, self.times, start.q
         if method.is_stepper:
             steppers.run(*state, start.qd, start.p, self.progress, **steps)
         elif method.is_constrained:
-            full_coordinates.run(*state, start.qd, start.p, self.progress, tolerances=tolerances, **steps)
+            full_coordinates.run(*state, start.qd, start.p, self.progress, tolerances=self.tolerances, **steps)
         else:
-            python_engine.run(*state, start.rates, start.p, self.progress, tolerances=tolerances, **steps)
+            python_engine.run(*state, start.rates, start.p, self.progress, tolerances=self.tolerances, **steps)
 
     def trajectory(self, wanted: np.ndarray, seconds: float) -> Trajectory:
         """The motion at the wanted instants (a mask over the times), as far as it came."""

@@ -92,25 +92,25 @@ def test_matlabs_names():
 
 
 def test_unknown_integrator(pendulum):
-    with pytest.raises(ModelError, match="'euler' is unknown; choose one of rk4, rk23, dopri5, .*ode15s"):
+    with pytest.raises(ModelError, match="'euler' is unknown; choose one of auto, dopri5, rk4, .*ode15s"):
         ncgen.simulate(pendulum, 0.1, integrator="euler")
 
 
 def test_unknown_formalism(pendulum):
-    with pytest.raises(ModelError, match="'magic' is unknown; choose one of coordinate-partitioning"):
+    with pytest.raises(ModelError, match="'magic' is unknown; choose one of auto, coordinate-partitioning"):
         ncgen.simulate(pendulum, 0.1, formalism="magic")
 
 
 REFUSED = [
     ({"zd0": {"B.x": 1.0}}, "initial velocity of B.x: it is not independent; the independent coordinates are B.y"),
-    ({"zd0": {"nothing": 1.0}}, "initial velocity of nothing"),
-    ({"zd0": [1.0, 2.0]}, "zd0: .*1 independent coordinates B.y"),
+    ({"zd0": {"nothing": 1.0}}, "zd0: the mechanism has no free coordinate nothing; it has B.x, B.y"),
+    ({"zd0": [1.0, 2.0]}, "zd0: 2 numbers given, 1 needed for the independent coordinates B.y"),
     ({"zd0": [np.nan]}, "zd0: "),
     ({"points": 1}, "points: 1 given"),
-    ({"z": ("B.z",)}, "independent coordinate B.z: pendulum has no such free coordinate"),
+    ({"z": ("B.z",)}, "z: the mechanism has no free coordinate B.z; it has B.x, B.y"),
     ({"z": ("B.x", "B.y")}, "2 independent coordinates were chosen, the mechanism has 1 degrees of freedom"),
-    ({"q0": [1.0, 2.0, 3.0]}, r"q has shape \(3,\); the model has 2 free coordinates"),
-    ({"p": [1.0]}, r"p has shape \(1,\); the model has 0 parameters"),
+    ({"q0": [1.0, 2.0, 3.0]}, "q0: 3 numbers given, 2 needed: B.x, B.y"),
+    ({"p": [1.0]}, "p: 1 number given, the mechanism has no parameter"),
 ]
 
 
@@ -129,7 +129,7 @@ def test_durations_are_positive(pendulum, duration):
 def test_a_coordinate_that_determines_nothing(pendulum):
     """At the start the bar is level: x cannot tell where the mass goes."""
     with pytest.raises(SingularError, match="B.x do not determine the position"):
-        ncgen.simulate(pendulum, 0.1, z=("B.x",))
+        ncgen.simulate(pendulum, 0.1, z=("B.x",), formalism="coordinate-partitioning")
 
 
 LOOSE = [

@@ -209,7 +209,13 @@ def test_a_flat_parallelogram_is_singular():
 def test_a_singular_start_is_refused():
     message = r"parallelogram: .* rank 2 where 3 is general; the extra motion moves [BC]\.y(, [BC]\.y)?;"
     with pytest.raises(SingularError, match=message):
-        ncgen.simulate(parallelogram(0.0), 0.1)
+        ncgen.simulate(parallelogram(0.0), 0.1, formalism="coordinate-partitioning")
+
+
+def test_a_singular_start_is_told():
+    """The default can go on from there, but not say on which branch."""
+    with pytest.warns(UserWarning, match=r"parallelogram: .* rank 2 where 3 is general; .*; start from another position"):
+        assert np.isfinite(ncgen.simulate(parallelogram(0.0), 0.1).q).all()
 
 
 def test_a_dead_centre_has_one_direction():
@@ -225,7 +231,7 @@ def test_a_dead_centre_has_one_direction():
     assert (found.rank, found.rank_here, found.dof) == (2, 1, 0)
     assert np.abs(found.vanishing) == pytest.approx(np.array([[0.0], [1.0]]), abs=1e-12)
     with pytest.raises(SingularError, match="moves B.y;"):
-        ncgen.simulate(kernels, 0.1)
+        ncgen.simulate(kernels, 0.1, formalism="coordinate-partitioning")
 
 
 def test_the_robots_flat_parallelogram(robot, tree):
@@ -242,7 +248,7 @@ def test_the_robots_flat_parallelogram(robot, tree):
     found = freedom(robot, flat)
     assert (found.rank, found.rank_here, found.dof) == (30, 29, 6)
     with pytest.raises(SingularError, match="rank 29 where 30 is general"):
-        ncgen.simulate(robot, 0.1, q0=flat)
+        ncgen.simulate(robot, 0.1, q0=flat, formalism="coordinate-partitioning")
 
 
 def robot_parallelogram_angle(tree):
