@@ -30,6 +30,7 @@ err = Console(stderr=True, highlight=False, soft_wrap=True)
 ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml or .py file")]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Backend = Annotated[str, typer.Option(help="auto, c or numpy")]
+PICTURES = (".svg", ".png")
 Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled")]
 
 
@@ -57,14 +58,14 @@ def inspect(
     emission: Emission = "auto",
 ) -> None:
     """Show degrees of freedom, redundant rows, what was left out, and the kernels; or the health of a motion."""
+    from ncgen.report.along import Recorded, health_record, show_health
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.screen import show_inspection
 
+    recorded = None if along is None else Recorded.read(along)
     kernels, _, seconds = _compiled(model, backend, emission)
-    if along is not None:
-        from ncgen.report.along import health_of_file, health_record, show_health
-
-        health = health_of_file(kernels, along)
+    if recorded is not None:
+        health = recorded.health(kernels)
         if json_output:
             print(json.dumps(health_record(health), indent=1))
         else:
@@ -161,6 +162,8 @@ def bench(
     from ncgen.report.bench import bench as measurements
     from ncgen.report.bench import show
 
+    _writable("--html", html)
+    _writable("--plot", plot, PICTURES)
     if peers:
         _peers(load(model), limit, json_output)
         return
@@ -276,6 +279,8 @@ def compare(
     from ncgen.exchange.examples import load
     from ncgen.report.comparison import Comparison
 
+    for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
+        _writable(option, path, suffixes)
     loaded = load(model)
     if handwritten is not None:
         _mistakes(loaded, handwritten, json_output)
@@ -407,8 +412,23 @@ def main() -> None:
     """Entry point: every refusal is one line on standard error and an exit code."""
     warnings.simplefilter("always", UserWarning)
     warnings.showwarning = lambda message, *_, **__: err.print(f"ncgen: {message}", markup=False)
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="backslashreplace")  # a terminal without Greek letters reads their numbers
     try:
-        app()
+        try:
+            app()
+        finally:
+            if sys.stdout is not None:
+                sys.stdout.flush()
+    except BrokenPipeError:  # whoever read it has read enough
+        _give_up_output()
+        sys.exit(1)
+    except OSError as error:
+        _give_up_output()
+        where = error.filename or "the output cannot be written"
+        err.print(f"ncgen: {where}: {error.strerror or error}; choose another place for it", markup=False)
+        sys.exit(2)
     except CompileError as error:
         err.print(f"ncgen: {error}", markup=False)
         if error.log:
@@ -420,6 +440,28 @@ def main() -> None:
     except KeyboardInterrupt:
         err.print("ncgen: stopped")
         sys.exit(130)
+
+
+def _give_up_output() -> None:
+    """What is still to be written to standard output goes nowhere, so that Python does not try again on its way out."""
+    try:
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+    except (AttributeError, OSError, ValueError):
+        pass  # there is no such file: nothing will be tried
+
+
+def _writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
+    """Refuse a file that cannot be written before the work that it is for is done."""
+    if path is None:
+        return
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise ModelError(f"{option} {path}: choose a name that ends in {' or '.join(suffixes)}")
+    if path.is_dir():
+        raise ModelError(f"{option} {path}: that is a folder; name a file in it")
+    if not path.parent.is_dir():
+        raise ModelError(f"{option} {path}: there is no folder {path.parent}; make it, or choose another")
+    if not os.access(path.parent, os.W_OK):
+        raise ModelError(f"{option} {path}: the folder {path.parent} cannot be written to; choose another")
 
 
 def _compiled(name: str, backend: str, emission: str, check=None):

@@ -11,6 +11,7 @@ from ncgen.report import compare, paper_tables
 from ncgen.report.bench import aligned
 from ncgen.report.document import Section, page
 from ncgen.report.machine import machine
+from ncgen.report.rivals.user import UserFunction
 
 EXPLAINED = (
     "Errors are against 50 digits; derivatives of rows against differences of the rows themselves with 50 digits. "
@@ -35,9 +36,12 @@ class Comparison:
     """What `ncgen compare` does with a model.
 
     users: see ncgen.report.rivals.user; tables: whether the paper's Tables 9 and 10 are wanted, too
+    Raises ModelError at once for a function of the user's that cannot be compared.
     """
 
     def __init__(self, model: Model, users: list[str], tables: bool = False):
+        for text in users:
+            UserFunction.of(text)
         self.model, self.users, self.tables = model, users, tables
         self.machine = machine()
         self.measured: list[Measured] = []
