@@ -52,6 +52,9 @@ INSTANT = ("phi", "phi_q", "nu", "mass", "gamma", "force", "energy")
 SHARES = (0.0, 1.0, 0.5, 0.25, 2.0, 4.0)
 """Where a step that failed is looked at, as shares of how far it was tried."""
 
+NEAR = 1e-9
+"""And at this share of the time: a run that comes nearer and nearer to where a term ends is stuck a few roundings before."""
+
 NAMED = 3
 """How many numbers a sentence gives of where it happened."""
 
@@ -114,9 +117,11 @@ def check_instant(kernels: Kernels, q, qd=None, t=0.0, p=None) -> None:
 def on_the_way(kernels: Kernels, q, qd, t: float, tried: float, p=None) -> DomainError | None:
     """Why a run that came to a state and tried to go on to another time cannot, if a term is not a number there."""
     try:
-        check_instant(kernels, q, qd, t, p)
+        ahead = [share * (tried - t) for share in SHARES] + [NEAR * max(abs(t), abs(tried - t))]
+        for h in ahead:  # in time alone: where a rate has become infinite, it leads nowhere
+            check_instant(kernels, q, qd, t + h, p)
         qdd = _accelerations(kernels, q, qd, t, p)
-        for h in (share * (tried - t) for share in SHARES):
+        for h in ahead:
             check_instant(kernels, q + h * (qd + h / 2 * qdd), qd + h * qdd, t + h, p)
     except DomainError as found:
         return found
@@ -172,11 +177,20 @@ def _of_terms(kernels: Kernels, kernel: str, given: dict) -> str:
 
     definition = {**KERNELS, **TANGENTS}[kernel]
     equations = kernels.programs.equations
-    for term in definition.terms(equations):
-        if not _is_term_finite(term, definition, equations, given):
-            where = _where(kernels, term, given)
-            return f"{DERIVED.get(kernel, '')}{_words(kernels, term)} is not a number at t = {given['t']:.6g} s{where}; {REMEDY}"
+    for there in _close(given):
+        for term in definition.terms(equations):
+            if not _is_term_finite(term, definition, equations, there):
+                where = _where(kernels, term, given)
+                return f"{DERIVED.get(kernel, '')}{_words(kernels, term)} is not a number at t = {given['t']:.6g} s{where}; {REMEDY}"
     return f"{kernel} is not a number at t = {given['t']:.6g} s, although every part of it is: the numbers are too large; {REMEDY}"
+
+
+def _close(given: dict):
+    """The arguments, and some a few roundings away: at the very edge of a term two programs for it may differ."""
+    yield given
+    for name in ("t", "q", "qd"):
+        for share in (-16, 16):
+            yield given | {name: given[name] * (1 + share * float(np.finfo(float).eps))}
 
 
 def _is_term_finite(term, definition, equations, given: dict) -> bool:

@@ -16,7 +16,7 @@ from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.dynamics_jacobian import full_jacobian
-from ncgen.solver.finite import watched
+from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.integrators import ode_solver, replace_state, takes_jacobian
 from ncgen.solver.path import Path
@@ -154,7 +154,7 @@ class _Run:
                 length = min(getattr(solver, "h_abs", np.inf), solver.t_bound - start) / 4 ** (attempt + 1)
                 solver = make(t0=start, y0=y, first_step=length)
         if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
-            raise ConvergenceError(
+            raise on_the_way(self.kernels, y[self._q], y[: self.kernels.n], start, solver.t, self.p) or ConvergenceError(
                 f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )

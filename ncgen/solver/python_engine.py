@@ -14,7 +14,7 @@ from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
-from ncgen.solver.finite import watched
+from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.integrators import ode_solver, takes_jacobian
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
@@ -164,7 +164,7 @@ class _Run:
                 solver = self._solver(here.t, here, work, first_step=length)
         self.steps += 1
         if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
-            raise ConvergenceError(
+            raise on_the_way(self.kernels, here.q, here.qd, here.t, solver.t, self.start.p) or ConvergenceError(
                 f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
