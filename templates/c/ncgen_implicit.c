@@ -495,6 +495,8 @@ static int run_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     ncgen_scalar t = r->times[0];
     w->interpolate = interpolate_fixed;
     m->last_step = 0;
+    if (!(ncgen_step_count(r, end - t) > 0))
+        return NCGEN_ARGUMENT;
     while (t < end) {
         const int last = t + r->options->max_step >= end;
         const ncgen_scalar t_new = last ? end : t + r->options->max_step;

@@ -1,0 +1,77 @@
+"""Stiff mechanisms are found by explicit methods in C, which say so or end; others are not."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.model import Model
+from ncgen.solver.compiled import STIFF, run, run_constrained
+from ncgen.solver.methods import find_method
+from ncgen.solver.partition import choose_partitions
+from ncgen.solver.path import Path
+
+
+def hanging(stiffness, damping):
+    """A rod of 1 m and a mass on a spring below it: what moves is a double pendulum, whatever the spring."""
+    m = Model("hanging")
+    A = m.point("A", (0, 0), fixed=True)
+    B, C = m.point("B", (1, 0)), m.point("C", (1, -1))
+    m.body("upper", points=[B], mass=1.0)
+    m.body("lower", points=[C], mass=1.0)
+    m.distance(A, B)
+    m.spring(B, C, stiffness=stiffness, damping=damping)
+    m.gravity((0, -9.81, 0))
+    return ncgen.compile(m, backend="c")
+
+
+def fill(kernels, formalism, integrator, grid, stop_when_stiff, rtol=1e-8, velocities=None, path=None):
+    """A path filled by the engine in C, and the reason that it returned."""
+    q, p = kernels.q0, kernels.p0
+    partitions = choose_partitions(kernels, q, 0.0, p, kernels.model.chosen_independent)
+    path = path or Path.empty(kernels.n, partitions)
+    qd = np.zeros(kernels.n) if velocities is None else velocities
+    steps = dict(rtol=rtol, atol=rtol / 100, max_step=np.inf, stop_when_stiff=stop_when_stiff)
+    if formalism == "coordinate-partitioning":
+        return path, run(path, kernels, integrator, "dense", grid, q, qd[partitions.velocity.independent], p, **steps)
+    method = find_method(formalism, integrator, None)
+    return path, run_constrained(path, kernels, formalism, integrator, method.options, grid, q, qd, p, **steps)
+
+
+@pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange"])
+@pytest.mark.parametrize("integrator", ["dopri5", "dop853"])
+@pytest.mark.parametrize(("stiffness", "damping"), [(1e8, 1e6), (1e8, 1e5), (1e10, 0.0)])
+def test_a_stiff_spring_is_found(stiffness, damping, integrator, formalism):
+    """The run ends soon, with rows of the grid, and radau goes on from the last of them to where radau alone comes. (Over all
+    coordinates radau itself does not get through at these tolerances.)"""
+    kernels, grid = hanging(stiffness, damping), np.linspace(0.0, 0.5, 501)
+    path, reason = fill(kernels, formalism, integrator, grid, True)
+    assert reason == STIFF and path.stiff == 1 and path.stopped is None
+    assert 1 <= len(path.q) < len(grid)
+    assert path.counts[0] < 20_000
+    if formalism != "coordinate-partitioning":
+        return
+    path, reason = fill(kernels, formalism, "radau", grid, False, path=path)
+    assert reason is None and len(path.q) == len(grid)
+    alone, _ = fill(kernels, formalism, "radau", grid, False, rtol=1e-9)
+    assert np.allclose(path.q, alone.q, atol=1e-5)
+
+
+def test_it_is_counted_where_the_run_goes_on():
+    path, reason = fill(hanging(1e8, 1e6), "lagrange", "dopri5", np.linspace(0.0, 0.02, 3), False)
+    assert reason is None and len(path.q) == 3
+    assert path.stiff >= 2
+
+
+@pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange"])
+@pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-11])
+@pytest.mark.parametrize("integrator", ["dopri5", "dop853"])
+@pytest.mark.parametrize(("name", "duration"), [("robot", 2.0), ("fourbar", 10.0), ("heavytop", 2.0), ("doublependulum", 10.0)])
+def test_examples_are_not_stiff(name, duration, integrator, rtol, formalism):
+    """Thousands of steps, most of them too few to be looked at with loose tolerances."""
+    model = ncgen.load(name)
+    kernels = ncgen.compile(model, backend="c")
+    start = ncgen.simulate(kernels, 1e-6, points=2, **{k: v for k, v in model.simulation_options.items() if k == "zd0"})
+    path, reason = fill(kernels, formalism, integrator, np.linspace(0.0, duration, 11), True, rtol, start.qd[0])
+    assert reason != STIFF and path.stiff == 0
