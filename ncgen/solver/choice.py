@@ -62,7 +62,10 @@ def _method(formalism: Formalism, integrator: str, run: Run) -> Method:
 
 
 def stiff_choice(run: Run, present: Choice) -> Choice | None:
-    """What goes on where an explicit method takes small steps for stability alone; None where the integrator was named."""
-    if not run.promises or present.method.integrator.name == IMPLICIT:
+    """What goes on where an explicit method takes small steps for stability alone; None where the integrator was named.
+
+    On independent coordinates: over all of them the projections of stiff states disturb the Newton steps of Radau IIA.
+    """
+    if not run.promises or run.formalism or run.options or present.method.integrator.name == IMPLICIT:
         return None
-    return Choice(_method(present.method.formalism, IMPLICIT, run), f"{present.method.integrator.name} found the mechanism stiff")
+    return Choice(_method(FORMALISMS[INDEPENDENT], IMPLICIT, run), f"{present.method.integrator.name} found the mechanism stiff")

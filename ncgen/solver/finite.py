@@ -131,11 +131,11 @@ def on_the_way(kernels: Kernels, q, qd, t: float, tried: float, p=None) -> Domai
 
 
 def _accelerations(kernels: Kernels, q, qd, t: float, p) -> np.ndarray:
-    from ncgen.solver.formalisms import FORMALISMS
+    from ncgen.solver.formalisms import ACCELERATIONS
 
-    formalism = FORMALISMS["lagrange"]
+    formalism = ACCELERATIONS["lagrange"]
     try:
-        return formalism.motion(kernels, q, qd, t, p, formalism.options).qdd
+        return formalism.motion(kernels, q, qd, t, p, {}).qdd
     except NcgenError:
         return np.zeros(kernels.n)  # they are not determined: straight on
 

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, Interrupted, ModelError
+from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
 from ncgen.solver.choice import Choice, choose, stiff_choice
-from ncgen.solver.partition import singular_message
+from ncgen.solver.partition import choose_partitions, singular_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import CONSISTENT
 from ncgen.solver.protocol import Kernels
@@ -158,8 +158,7 @@ class _Motion:
             raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {remedy}")
         if refused is None:
             refused = self._in_c(form)
-            if refused == compiled.STIFF and (onward := stiff_choice(run, self.choice)):
-                self.choice = onward
+            if refused == compiled.STIFF and self._can_go_on_implicit():
                 refused = self._refusal() or self._in_c(form)
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
@@ -168,6 +167,16 @@ class _Motion:
                 self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
             self._in_python()
         self.engine = f"python: {refused}" if refused else form if form in EMITTED else "c"
+
+    def _can_go_on_implicit(self) -> bool:
+        """Take the implicit method, with independent coordinates for where the path has come to; False where there are none."""
+        path, start = self.path, self.start
+        try:
+            path.partitions = choose_partitions(self.kernels, path.q[-1], self.times[len(path.q) - 1], start.p, self.run.initial.z)
+        except (SingularError, ModelError):
+            return False
+        self.choice = stiff_choice(self.run, self.choice)
+        return True
 
     def _refusal(self) -> str | None:
         refused = compiled.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)
@@ -180,7 +189,7 @@ class _Motion:
         steps["stop_when_stiff"] = stiff_choice(run, self.choice) is not None
         if method.is_constrained:
             return compiled.run_constrained(self.path, self.kernels, method, self.times, start.q, start.qd, start.p, **steps)
-        return compiled.run(self.path, self.kernels, method, form, self.times, start.q, start.rates, start.p, **steps)
+        return compiled.run(self.path, self.kernels, method, form, self.times, start.q, self._rates(), start.p, **steps)
 
     def _in_python(self) -> None:
         start, run, method = self.start, self.run, self.choice.method
@@ -191,7 +200,11 @@ class _Motion:
         elif method.is_constrained:
             full_coordinates.run(*state, start.qd, start.p, self.progress, tolerances=self.tolerances, **steps)
         else:
-            python_engine.run(*state, start.rates, start.p, self.progress, tolerances=self.tolerances, **steps)
+            python_engine.run(*state, self._rates(), start.p, self.progress, tolerances=self.tolerances, **steps)
+
+    def _rates(self) -> np.ndarray:
+        """Velocities of the independent coordinates at the start."""
+        return self.start.qd[self.path.partitions.velocity.independent]
 
     def trajectory(self, wanted: np.ndarray, seconds: float) -> Trajectory:
         """The motion at the wanted instants (a mask over the times), as far as it came."""

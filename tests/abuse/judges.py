@@ -28,8 +28,9 @@ from ncgen.model.catalogue import ROW_TYPES
 from ncgen.model.elements import Combination, Component, Length, Point
 from ncgen.model.forces import Couple, Spring
 from ncgen.model.values import Parameter, is_number
-from ncgen.solver.formalisms import FORMALISMS
-from ncgen.solver.methods import find_method, partners
+
+from ncgen.methods.method import Method
+from ncgen.methods.table import FORMALISMS, partners
 
 LONG = np.longdouble
 EPS = np.finfo(float).eps
@@ -722,10 +723,10 @@ class Subject:
         if self.used is not self.kernels and rng.random() < 0.5:
             options["engine"] = "python"
             what += " in Python"
-        method = self.attempt(what, find_method, formalism, integrator)
+        method = self.attempt(what, Method.of, formalism, integrator)
         if method is None:
             return
-        fixed = not method.has_error_control
+        fixed = method.has_fixed_step
         options |= {"max_step": DURATION / STEPS} if fixed else {}
         second = self.attempt(what, ncgen.simulate, self.used, DURATION, formalism=formalism, integrator=integrator, points=9, progress=_listener(), **self.given, **options)
         self.said = [*self.said, *self.warned]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import ctypes
-import json
 import multiprocessing
 import os
 import signal
@@ -15,7 +14,7 @@ import pytest
 from tiny import TINY
 
 import ncgen
-from ncgen.build.cache import RECORD, build, clear, compiled, entries
+from ncgen.build.cache import RECORD, build, clear, entries
 from ncgen.build.compilers import FLAGS, LIBRARY, Compiler, find_compiler
 from ncgen.build.folder import ABANDONED, cache_folder, unsealed
 from ncgen.errors import NcgenError

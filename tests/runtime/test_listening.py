@@ -12,11 +12,12 @@ import pytest
 
 import ncgen
 from ncgen.build.listening import FIRST, REACTION, Listener
+from ncgen.methods.method import Method
 from ncgen.report.methods import TimeIsUp, limited
 from ncgen.solver.compiled import run, run_constrained
-from ncgen.solver.methods import find_method
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.path import Path
+from ncgen.solver.tolerances import Tolerances
 
 METHODS = [
     ("coordinate-partitioning", "dopri5", None),
@@ -50,11 +51,11 @@ def begin(kernels, formalism, integrator, step, grid, progress):
     q, p = kernels.q0, kernels.p0
     partitions = choose_partitions(kernels, q, 0.0, p)
     path = Path.empty(kernels.n, partitions)
-    steps = dict(rtol=1e-8, atol=1e-10, max_step=step or np.inf, progress=progress)
+    steps = dict(tolerances=Tolerances(1e-8, 1e-10, False, 0.0), max_step=step or np.inf, progress=progress)
+    method = Method.of(formalism, integrator)
     if formalism == "coordinate-partitioning":
-        return path, lambda: run(path, kernels, integrator, "dense", grid, q, np.zeros(len(partitions.velocity.independent)), p, **steps)
-    method = find_method(formalism, integrator, None)
-    return path, lambda: run_constrained(path, kernels, formalism, integrator, method.options, grid, q, np.zeros(kernels.n), p, **steps)
+        return path, lambda: run(path, kernels, method, "dense", grid, q, np.zeros(len(partitions.velocity.independent)), p, **steps)
+    return path, lambda: run_constrained(path, kernels, method, grid, q, np.zeros(kernels.n), p, **steps)
 
 
 @pytest.mark.parametrize(("formalism", "integrator", "step"), METHODS)

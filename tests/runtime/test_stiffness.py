@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen.methods.method import Method
 from ncgen.model import Model
 from ncgen.solver.compiled import STIFF, run, run_constrained
-from ncgen.solver.methods import find_method
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.path import Path
+from ncgen.solver.tolerances import Tolerances
 
 
 def hanging(stiffness, damping):
@@ -32,11 +33,11 @@ def fill(kernels, formalism, integrator, grid, stop_when_stiff, rtol=1e-8, veloc
     partitions = choose_partitions(kernels, q, 0.0, p, kernels.model.chosen_independent)
     path = path or Path.empty(kernels.n, partitions)
     qd = np.zeros(kernels.n) if velocities is None else velocities
-    steps = dict(rtol=rtol, atol=rtol / 100, max_step=np.inf, stop_when_stiff=stop_when_stiff)
+    steps = dict(tolerances=Tolerances(rtol, rtol / 100, False, 0.0), max_step=np.inf, stop_when_stiff=stop_when_stiff)
+    method = Method.of(formalism, integrator)
     if formalism == "coordinate-partitioning":
-        return path, run(path, kernels, integrator, "dense", grid, q, qd[partitions.velocity.independent], p, **steps)
-    method = find_method(formalism, integrator, None)
-    return path, run_constrained(path, kernels, formalism, integrator, method.options, grid, q, qd, p, **steps)
+        return path, run(path, kernels, method, "dense", grid, q, qd[partitions.velocity.independent], p, **steps)
+    return path, run_constrained(path, kernels, method, grid, q, qd, p, **steps)
 
 
 @pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange"])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import signal
-import threading
 import time
 import warnings
 from dataclasses import replace
@@ -128,15 +127,6 @@ def test_mistakes_are_named(robot, given, said):
     with pytest.raises(ncgen.ModelError, match=said) as caught:
         ncgen.simulate_batch(robot, 0.1, **given)
     assert "\n" not in str(caught.value) and len(str(caught.value)) <= 300
-
-
-class Timer(threading.Timer):
-    """A timer that knows when it has rung."""
-
-    def run(self):
-        self.finished.wait(self.interval)
-        self.fired = time.perf_counter()
-        self.function(*self.args)
 
 
 @pytest.fixture(scope="module")

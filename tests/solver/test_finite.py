@@ -16,7 +16,7 @@ import ncgen
 from ncgen.errors import DomainError, ModelError
 from ncgen.model import Model
 from ncgen.solver.compiled import run
-from ncgen.solver.formalisms import FORMALISMS
+from ncgen.methods.table import FORMALISMS
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.path import Path
 
@@ -101,7 +101,7 @@ METHODS = {
     ("coordinate-partitioning", "lsoda"): {},
     ("coordinate-partitioning", "rk4"): {"max_step": 1e-2},
     ("coordinate-partitioning", "trapezoidal"): {"max_step": 1e-2},
-    **{(name, "dopri5"): {} for name, formalism in FORMALISMS.items() if formalism.solve and formalism.ordinary},
+    **{(name, "dopri5"): {} for name, formalism in FORMALISMS.items() if formalism.is_constrained and formalism.is_ordinary},
     ("lagrange", "dop853"): {},
     ("lagrange", "radau"): {},
     ("lagrange", "rattle"): {"max_step": 1e-2},

@@ -7,7 +7,7 @@ import pytest
 
 import ncgen
 from ncgen import Model
-from ncgen.errors import ConvergenceError, DomainError, ModelError, SingularError
+from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.solver.position import move, residual, solve_position, sweep
 from ncgen.solver.rank import freedom
 
