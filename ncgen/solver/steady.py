@@ -198,7 +198,7 @@ class _Search:
         for k in (-2, -1, 1, 2):
             t = now.t + k * step
             slips.append(kernels.jacobian(now.q, t, p) @ now.qd - kernels.nu(now.q, t, p))
-            accelerations.append(lagrange.motion(kernels, now.q, now.qd, t, p, lagrange.options, rows).qdd)
+            accelerations.append(lagrange.motion(kernels, now.q, now.qd, t, p, {}, rows).qdd)
         slope = [(x[0] - x[3] + 8 * (x[2] - x[1])) / (12 * step) for x in (slips, accelerations)]
         return kernels.nu(now.q, now.t, p), *slope
 
