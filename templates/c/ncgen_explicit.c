@@ -6,7 +6,8 @@ enum {
     REPEAT_LIMIT = 8,
     STIFF_EVERY = 1000, /* accepted steps between two looks at stiffness, as long as nothing speaks for it */
     STIFF_LIMIT = 15,   /* steps in a row that speak for it and say that it is */
-    STIFF_DOUBT = 6     /* steps that speak against it and make these count anew */
+    STIFF_DOUBT = 6,    /* steps that speak against it and make these count anew */
+    TINY_LIMIT = 10     /* looks in a row at steps that are a thousand times too short */
 };
 
 void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
@@ -15,7 +16,7 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
     w->at = ncgen_take(&r->space, r->ny);
     w->slopes = ncgen_take(&r->space, tableaus[r->options->method].width * r->ny);
     w->interpolated = 0;
-    w->stiff = w->not_stiff = 0;
+    w->stiff = w->not_stiff = w->tiny = 0;
 }
 
 /* From this share of the stability interval on the real axis stability begins to hold the step down: along the imaginary axis,
@@ -182,14 +183,17 @@ static int finish_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, n
 /* Does an accepted step speak for a stiff mechanism? It does where the motion itself, whose rate its slopes tell, would allow
  * far longer ones at this tolerance, and what holds it down is the stability of the method: the last two stages are both at
  * the end of the step, and the difference of their slopes over that of their states is about the largest eigenvalue (Hairer
- * and Wanner, Solving Ordinary Differential Equations II, IV.2). A spring may be so stiff that the rounding of its length is a
- * force; then steps are tiny, and no eigenvalue is to be seen. Work is left out, since nothing depends on it. */
-static int speaks_for_stiffness(const ncgen_run *r, const ncgen_stepping *w, const tableau *method, ncgen_scalar h)
+ * and Wanner, Solving Ordinary Differential Equations II, IV.2). Work is left out, since nothing depends on it.
+ *
+ * A spring may be so stiff that the rounding of its length is a force; then no eigenvalue is to be seen, but steps are tiny:
+ * for good, while near a singular position they are so for a moment. */
+static int speaks_for_stiffness(const ncgen_run *r, const ncgen_stepping *w, const tableau *method, ncgen_scalar h, int *tiny)
 {
     const int last = method->stages;
     const ncgen_real *first = slope(r, w, last - 1), *second = slope(r, w, last);
     const ncgen_scalar needed = NCGEN_POW(r->options->rtol, 1 / (ncgen_scalar)(method->order + 1));
     ncgen_real slopes = 0, states = 0, rates = 0, sizes = 0;
+    *tiny = 0;
     if (r->options->max_step > 0 && !(h < r->options->max_step))
         return 0; /* the user holds it down */
     advance(r, w, h, last - 1, method->a[last - 1], w->at);
@@ -203,15 +207,25 @@ static int speaks_for_stiffness(const ncgen_run *r, const ncgen_stepping *w, con
     }
     const ncgen_real moved = h * NCGEN_SQRT(rates / sizes);
     const ncgen_scalar bound = held_down * method->stability;
-    return (moved < R(0.1) * needed && h * h * slopes > bound * bound * states) || moved < R(1.0e-3) * needed;
+    *tiny = moved < R(1.0e-3) * needed;
+    return moved < R(0.1) * needed && h * h * slopes > bound * bound * states;
 }
 
 /* Is the mechanism stiff? Looked at now and then, and at every step once one speaks for it. */
 static int is_stiff(const ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar h)
 {
-    if (w->stiff == 0 && (r->statistics->steps + 1) % STIFF_EVERY != 0)
+    const int due = (r->statistics->steps + 1) % STIFF_EVERY == 0;
+    int tiny;
+    if (w->stiff == 0 && !due)
         return 0;
-    if (speaks_for_stiffness(r, w, method, h)) {
+    const int speaks = speaks_for_stiffness(r, w, method, h, &tiny);
+    if (due)
+        w->tiny = tiny ? w->tiny + 1 : 0;
+    if (w->tiny == TINY_LIMIT) {
+        w->tiny = 0;
+        return 1;
+    }
+    if (speaks) {
         w->not_stiff = 0;
         w->stiff = w->stiff + 1 < STIFF_LIMIT ? w->stiff + 1 : 0;
         return w->stiff == 0;

@@ -137,6 +137,7 @@ typedef struct ncgen_stepping {
     /* at: the state at t + s h, inside a step from y to new_y */
     int (*interpolate)(ncgen_run *r, struct ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s);
     int stiff, not_stiff;        /* steps in a row that spoke for a stiff mechanism, and against it since then */
+    int tiny;                    /* looks in a row at steps far too short */
 } ncgen_stepping;
 
 /* A factored matrix s - J, see ncgen_implicit.c. */

@@ -59,6 +59,13 @@ def test_a_stiff_spring_is_found(stiffness, damping, integrator, formalism):
     assert np.allclose(path.q, alone.q, atol=1e-5)
 
 
+@pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange"])
+def test_a_spring_whose_rounding_is_a_force(formalism):
+    """1e12 N/m times 1e-16 m: steps are tiny, though no eigenvalue is seen."""
+    path, reason = fill(hanging(1e12, 0.0), formalism, "dop853", np.linspace(0.0, 0.5, 5001), True, rtol=1e-11)
+    assert reason == STIFF and path.counts[0] < 100_000
+
+
 def test_it_is_counted_where_the_run_goes_on():
     path, reason = fill(hanging(1e8, 1e6), "lagrange", "dopri5", np.linspace(0.0, 0.02, 3), False)
     assert reason is None and len(path.q) == 3
@@ -68,9 +75,9 @@ def test_it_is_counted_where_the_run_goes_on():
 @pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange"])
 @pytest.mark.parametrize("rtol", [1e-4, 1e-8, 1e-11])
 @pytest.mark.parametrize("integrator", ["dopri5", "dop853"])
-@pytest.mark.parametrize(("name", "duration"), [("robot", 2.0), ("fourbar", 10.0), ("heavytop", 2.0), ("doublependulum", 10.0)])
+@pytest.mark.parametrize(("name", "duration"), [("robot", 1.0), ("fourbar", 10.0), ("heavytop", 2.0), ("doublependulum", 10.0)])
 def test_examples_are_not_stiff(name, duration, integrator, rtol, formalism):
-    """Thousands of steps, most of them too few to be looked at with loose tolerances."""
+    """Up to 40,000 steps. The robot comes to a singular position at 1.015 s, where partitioning ends."""
     model = ncgen.load(name)
     kernels = ncgen.compile(model, backend="c")
     start = ncgen.simulate(kernels, 1e-6, points=2, **{k: v for k, v in model.simulation_options.items() if k == "zd0"})
