@@ -276,6 +276,8 @@ def _entries(formalism, integrator, options):
     """Entries of the table, None for "auto". Raises ModelError where they do not go together or an option is not theirs."""
     one = None if isinstance(formalism, str) and formalism == AUTO else find_formalism(formalism)
     other = None if isinstance(integrator, str) and integrator.lower() == AUTO else find_integrator(integrator)
+    if one and not other and not one.is_ordinary:
+        other = next(entry for entry in INTEGRATORS.values() if one.name in entry.steps)  # the only one that there can be
     if one and other:
         Method.of(one.name, other.name, options)
     elif one or other:

@@ -32,7 +32,7 @@ def test_the_reference_is_the_closed_form(exact):
 
 def test_pendulum(pendulum, exact):
     """Ten seconds; x and y take turns in being independent, since neither is at both ends of the swing."""
-    run = ncgen.simulate(pendulum, 10.0, integrator="dop853", points=21, **TIGHT)
+    run = ncgen.simulate(pendulum, 10.0, formalism="coordinate-partitioning", integrator="dop853", points=21, **TIGHT)
     assert run.t == pytest.approx(exact[:, 0], abs=1e-14)
     assert run.point("B")[:, :2] == pytest.approx(exact[:, 1:3], abs=1e-7)
     assert run.qd == pytest.approx(exact[:, 3:], abs=1e-7)
@@ -55,7 +55,7 @@ def test_pendulum_with_a_coordinate_of_choice(pendulum, exact, z):
 def test_backends_agree_on_the_pendulum(pendulum):
     """Two swings, with changes of the independent coordinate at the same instants."""
     other = ncgen.compile(ncgen.load("pendulum"), backend="numpy")
-    one, two = (ncgen.simulate(k, 1.0, points=11, **TIGHT) for k in (pendulum, other))
+    one, two = (ncgen.simulate(k, 1.0, formalism="coordinate-partitioning", points=11, **TIGHT) for k in (pendulum, other))
     assert two.q == pytest.approx(one.q, abs=1e-9)
     assert two.qd == pytest.approx(one.qd, abs=1e-9)
     assert one.statistics.partition_changes == two.statistics.partition_changes >= 1
