@@ -27,7 +27,7 @@ def tree(robot_tables):
 @pytest.fixture(scope="session")
 def spatial(robot):
     """A spatial motion of the robot under gravity alone."""
-    return ncgen.simulate(robot, 0.5, integrator="dop853", zd0=SPATIAL, points=51, **TIGHT)
+    return ncgen.simulate(robot, 0.5, formalism="coordinate-partitioning", integrator="dop853", zd0=SPATIAL, points=51, **TIGHT)
 
 
 @pytest.fixture(scope="session")
@@ -40,7 +40,7 @@ def driven(robot_tables):
         psi = model.elements[name]
         model.torque(psi, law(model.time, psi.symbol, psi.rate, sympy.sin))
     kernels = ncgen.compile(model, backend="c")
-    return ncgen.simulate(kernels, 0.4, integrator="dop853", zd0=SPATIAL, points=9, **TIGHT)
+    return ncgen.simulate(kernels, 0.4, formalism="coordinate-partitioning", integrator="dop853", zd0=SPATIAL, points=9, **TIGHT)
 
 
 @pytest.fixture(scope="session")
@@ -58,7 +58,7 @@ def fourbar():
 @pytest.fixture(scope="session")
 def turning(fourbar):
     """The four-bar turning freely for nearly two turns of its crank."""
-    return ncgen.simulate(fourbar, 1.0, integrator="dop853", zd0={"psi": 12.0}, points=21, **TIGHT)
+    return ncgen.simulate(fourbar, 1.0, formalism="coordinate-partitioning", integrator="dop853", zd0={"psi": 12.0}, points=21, **TIGHT)
 
 
 @pytest.fixture(scope="session")
