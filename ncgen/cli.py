@@ -353,7 +353,7 @@ def check(file: Annotated[Path, typer.Argument(help="a TOML model file")]) -> No
 
     model, problems = read_toml(file)
     for problem in problems:
-        err.print(f"{file.name}, line {problem.line}: {problem.message}", markup=False)
+        err.print(problem.of(file), markup=False)
     if problems:
         raise ModelError(f"{file.name}: {len(problems)} problem{'s' if len(problems) > 1 else ''}")
     sources_of(model)

@@ -4,15 +4,54 @@ Every message names the thing by the user's own name for it, gives the numbers, 
 The command line prints the message alone and leaves with `exit_code`.
 """
 
+import math
+
+LONGEST_LINE = 300
+"""Characters of a message: one line that can be read."""
+
+SHOWN = 60
+"""Characters of a value that a message repeats."""
+
+
+def shortened(text: str, limit: int = LONGEST_LINE) -> str:
+    """A text in one line of at most `limit` characters: what is too long loses its middle, and nothing in it moves the cursor."""
+    kept = text if len(text) <= limit else text[: limit - limit // 2] + text[-(limit // 2) :]  # nothing longer is looked at
+    line = "".join(c if c.isprintable() else " " if c.isspace() else "\N{REPLACEMENT CHARACTER}" for c in kept)
+    if len(text) <= limit:
+        return line
+    return f"{line[: limit - limit // 2 - 1]}…{line[limit - limit // 2 :]}"
+
+
+def shown(value) -> str:
+    """Anything in a message: one line, and not more of it than helps."""
+    if isinstance(value, int) and abs(value) >= 10**SHOWN:
+        return f"a number of {int(math.log10(abs(value))) + 1} digits"
+    try:
+        text = (str if hasattr(type(value), "free_symbols") else repr)(value)
+    except (ValueError, RecursionError):  # numbers of more digits than Python writes, and what is too deep
+        return f"a {type(value).__name__}"
+    return shortened(" ".join(text.split()), SHOWN)
+
 
 class NcgenError(Exception):
-    """Anything ncgen refuses to do. `exit_code` is what the command line returns."""
+    """Anything ncgen refuses to do, in one line. `exit_code` is what the command line returns."""
 
     exit_code = 2
+
+    def __init__(self, message: str):
+        super().__init__(shortened(str(message)))
 
 
 class ModelError(NcgenError):
     """The description of the mechanism is wrong or contradicts itself."""
+
+
+class UnknownName(ModelError):
+    """Something is mentioned that there is not; `name` is what was looked for."""
+
+    def __init__(self, message: str, name: str = ""):
+        super().__init__(message)
+        self.name = name
 
 
 class DomainError(ModelError):

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import ast
 import importlib.util
+import inspect
 import traceback
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
 from types import ModuleType
 
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
+from ncgen.exchange.text import is_file
 from ncgen.exchange.toml_reader import load_toml
+from ncgen.exchange.words import is_required
 from ncgen.model import Model
 from ncgen.resources import folder
 
@@ -21,11 +24,13 @@ def load(name: str | Path) -> Model:
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
     if _is_example(name):
+        if str(name) not in example_names():
+            raise _no_such(name)
         return _checked(example_module(name))
     path = Path(name)
-    if path.suffix == ".toml" and path.is_file():
-        return load_toml(path)
-    return _checked(_import(path))
+    if not is_file(path):
+        raise _no_such(name)
+    return load_toml(path) if path.suffix == ".toml" else _checked(_import(path))
 
 
 def example_names() -> list[str]:
@@ -61,9 +66,11 @@ class _Reader(SourceFileLoader):
         return self.source_to_code(self.get_data(self.path), self.path)
 
 
+def _no_such(name) -> ModelError:
+    return ModelError(f"{shortened(str(name), SHOWN)}: there is no such file or example; the examples are {', '.join(example_names())}")
+
+
 def _import(path: Path) -> ModuleType:
-    if not path.is_file():
-        raise ModelError(f"{path}: there is no such file or example; the examples are {', '.join(example_names())}")
     if path.suffix != ".py":
         raise ModelError(f"{path}: not a model; give a .toml file, a .py file with a function build(), or the name of an example")
     path = path.resolve()
@@ -78,9 +85,14 @@ def _checked(module: ModuleType) -> Model:
     path = Path(module.__file__)
     if not callable(getattr(module, "build", None)):
         raise ModelError(f"{path}: it has no function build(); define one that returns an ncgen.Model")
+    if needed := [p.name for p in _guarded(path, lambda: inspect.signature(module.build)).parameters.values() if is_required(p)]:
+        raise ModelError(f"{path.name}: build() needs {needed[0]}, but it is called with nothing; give {needed[0]} a default")
+    from ncgen.solver.run import check_options
+
     model = _guarded(path, module.build)
     if not isinstance(model, Model):
         raise ModelError(f"{path}: build() returns {type(model).__name__}; return an ncgen.Model")
+    check_options(model.simulation_options)
     return model
 
 
@@ -89,14 +101,19 @@ def _guarded(path: Path, run):
     try:
         return run()
     except NcgenError as error:
-        line = _line(error, path)
-        raise type(error)(f"{path.name}, line {line}: {error}" if line else str(error)) from error
+        error.args = (shortened(f"{_place(error, path)}: {error}"), *error.args[1:])
+        raise
     except SyntaxError as error:
-        raise ModelError(f"{path.name}, line {error.lineno}: {error.msg}") from error
+        place = f"{shortened(Path(error.filename or path).name, SHOWN)}{f', line {error.lineno}' if error.lineno else ''}"
+        raise ModelError(f"{place}: {error.msg}") from error
+    except SystemExit as error:
+        raise ModelError(f"{_place(error, path)}: it ends Python by sys.exit({error.code!r}); a model file only describes a model") from error
     except Exception as error:
-        raise ModelError(f"{path.name}, line {_line(error, path)}: {type(error).__name__}: {error}") from error
+        raise ModelError(f"{_place(error, path)}: {type(error).__name__}: {error}") from error
 
 
-def _line(error: BaseException, path: Path) -> int | None:
+def _place(error: BaseException, path: Path) -> str:
+    """The file, and the last of its lines that was being run."""
     lines = [frame.lineno for frame in traceback.extract_tb(error.__traceback__) if Path(frame.filename) == path]
-    return lines[-1] if lines else None
+    name = shortened(path.name, SHOWN)
+    return f"{name}, line {lines[-1]}" if lines else name

@@ -4,48 +4,186 @@
 
 Numbers, names, + - * / **, parentheses, the functions of ncgen.program.functions, and rate(…). A text that
 is anything else is refused with the part that is not understood.
+
+The size of what a text says is measured on its syntax tree, before anything is computed: sympy keeps exact numbers
+exact, and a short text can ask for a number that no memory holds.
 """
 
 from __future__ import annotations
 
 import ast
+import math
 import re
+from dataclasses import dataclass, replace
 
-from ncgen.errors import ModelError
+from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
 from ncgen.model.elements import rate_name
+from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS
 from ncgen.program.functions import FUNCTIONS
 
-LONGEST = 4000
-CONSTANTS = {"pi": "pi", "e": "E"}
-_OPERATORS = {ast.Add: "+", ast.Sub: "-", ast.Mult: "*", ast.Div: "/", ast.Pow: "**"}
+LONGEST = 20_000
+"""Characters of an expression."""
+
+MOST_LEVELS = 3 * DEEPEST
+"""Levels of a text: a level of sympy, such as 1/sqrt(-x), may be written with three."""
+
+LARGEST_EXPONENT = 64
+
+HEAVIEST = 2**16
+"""Binary digits of the exact numbers that may come together in an expression."""
+
+CONSTANTS = {"pi": math.pi, "e": math.e}
+_SUMS, _PRODUCTS = (ast.Add, ast.Sub), (ast.Mult, ast.Div)
 
 
 def parse_expression(text: str, known: set[str]):
     """A sympy expression of the known names (coordinates, parameters, t).
 
-    Raises ModelError saying which part is not understood or which name is unknown.
+    Raises ModelError saying which part is not understood, which name is unknown, or which number is out of bounds.
     """
     tree = _tree(text)
-    return _Reader(text, known).read(tree.body)
+    _Measure(text).size(tree)
+    return _Reader(text, known).read(tree)
 
 
 def parse_direction(text: str, elements: dict):
     """An element by its name, or a difference such as `r4 - r2`, `-u3`, as the builder takes it."""
-    if text.strip() in elements:
-        return elements[text.strip()]
-    return _direction(_tree(text).body, elements, text)
+    tree = _tree(text)
+    if dotted(tree) is None:
+        _Measure(text).size(tree)
+    return _direction(tree, elements, text)
 
 
-def _tree(text: str) -> ast.Expression:
+def quoted(text: str) -> str:
+    """A user's text within a message."""
+    return f"“{shortened(text, SHOWN)}”"
+
+
+def _tree(text: str) -> ast.expr:
     if len(text) > LONGEST:
         raise ModelError(f"an expression of {len(text)} characters is too long; {LONGEST} are allowed")
-    unit = re.fullmatch(r"\s*[-+]?(\d+\.?\d*|\.\d+)([eE][-+]?\d+)?\s+[A-Za-z].*", text)
+    unit = re.fullmatch(r"\s*[-+]?(\d+(\.\d*)?|\.\d+)([eE][-+]?\d+)?\s+[A-Za-z].*", text)
     if unit:
-        raise ModelError(f"“{text}” has a unit; give the bare number in m, kg, s, N, rad")
+        raise ModelError(f"{quoted(text)} has a unit; give the bare number in m, kg, s, N, rad")
     try:
-        return ast.parse(text.strip(), mode="eval")
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise ModelError(f"“{text}” is not an expression; write for example 2*L + sin(t)") from None
+        return ast.parse(text.strip(), mode="eval").body
+    except (RecursionError, MemoryError):
+        raise ModelError(f"{quoted(text)} is too long or has too many parentheses; write it in parts") from None
+    except (SyntaxError, ValueError) as error:
+        if "too many nested" in str(error):
+            raise ModelError(f"{quoted(text)} has too many parentheses within each other; write it in parts") from None
+        raise ModelError(f"{quoted(text)} is not an expression; write for example 2*L + sin(t)") from None
+
+
+def chain(node, operators) -> list[tuple[ast.operator | None, ast.expr]]:
+    """a + b - c as [(None, a), (Add, b), (Sub, c)]: however long it is, it is one level."""
+    links = []
+    while isinstance(node, ast.BinOp) and isinstance(node.op, operators):
+        links.append((node.op, node.right))
+        node = node.left
+    return [(None, node), *reversed(links)]
+
+
+@dataclass(frozen=True)
+class Size:
+    """What is known of a part of an expression before it is built.
+
+    value: its number, or None where it has a name in it; digits: the most binary digits that its exact numbers can have;
+    logarithm: whether one is in it, which an exponential function would turn into a power
+    """
+
+    value: float | None
+    digits: int
+    logarithm: bool = False
+
+
+class _Measure:
+    """Bounds the size of an expression from the leaves upwards."""
+
+    def __init__(self, text: str):
+        self.text = text
+
+    def size(self, node, level: int = 1) -> Size:
+        if level > MOST_LEVELS:
+            raise ModelError(f"{quoted(self.text)} has more than {MOST_LEVELS} levels; write it with fewer parentheses, or in parts")
+        found = self._size(node, level)
+        if found.digits > (HEAVIEST if found.value is None else MOST_DIGITS):
+            raise ModelError(f"{quoted(self.text)}: the exact numbers in it have too many digits; write numbers with a decimal point")
+        if found.value is not None and not math.isfinite(found.value):
+            raise self._not_finite(node)
+        return found
+
+    def _size(self, node, level: int) -> Size:
+        if _is_number(node):
+            return Size(self._number(node, lambda: float(node.value)), node.value.bit_length() if isinstance(node.value, int) else 1)
+        if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
+            found = self.size(node.operand, level + 1)
+            return replace(found, value=-found.value) if isinstance(node.op, ast.USub) and found.value is not None else found
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+            return self._power(node, self.size(node.left, level + 1), self.size(node.right, level + 1))
+        if isinstance(node, ast.BinOp) and isinstance(node.op, _SUMS + _PRODUCTS):
+            return self._chain(node, level)
+        if isinstance(node, ast.Call) and dotted(node.func) in FUNCTIONS:
+            return self._call(node, [self.size(a, level + 1) for a in node.args])
+        return Size(CONSTANTS.get(dotted(node)), 1)
+
+    def _chain(self, node, level: int) -> Size:
+        operators = _SUMS if isinstance(node.op, _SUMS) else _PRODUCTS
+        links = chain(node, operators)
+        sizes = [self.size(part, level + 1) for _, part in links]
+        if operators is _PRODUCTS and sum(s.value is None for s in sizes) > MOST_FACTORS:
+            raise ModelError(f"{quoted(self.text)}: a product of {len(sizes)} factors; {MOST_FACTORS} are allowed")
+        value = sizes[0].value
+        for (operator, _), size in zip(links[1:], sizes[1:], strict=True):
+            value = None if value is None or size.value is None else self._number(node, lambda: _combined(operator, value, size.value))
+        return Size(value, sum(s.digits for s in sizes), any(s.logarithm for s in sizes))
+
+    def _power(self, node, base: Size, exponent: Size) -> Size:
+        """base**exponent. An exponent with names in it may come down to the number that its own numbers make."""
+        logarithm = base.logarithm or exponent.logarithm
+        if exponent.value is None or exponent.logarithm:
+            factor = 2 ** min(exponent.digits, HEAVIEST.bit_length())
+        else:
+            if abs(exponent.value) > LARGEST_EXPONENT:
+                raise ModelError(f"{quoted(self.text)}: the exponent {exponent.value:.6g} is too large; {LARGEST_EXPONENT} is the limit")
+            factor = max(1, math.ceil(abs(exponent.value)))
+            if exponent.value != int(exponent.value) and base.digits > MOST_DIGITS:
+                factor = HEAVIEST  # a root of an exact number looks for its factors
+        value = None
+        if base.value is not None and exponent.value is not None:
+            value = self._number(node, lambda: math.pow(base.value, exponent.value))
+        natural = base.value == math.e and base.digits == 1  # e**x is exp(x)
+        digits = exponent.digits if natural and not exponent.logarithm else base.digits * factor + exponent.digits
+        return Size(value, digits, logarithm)
+
+    def _call(self, node, arguments: list[Size]) -> Size:
+        name = dotted(node.func)
+        if len(arguments) != FUNCTIONS[name].arity:
+            return Size(None, 1)  # refused when it is read
+        if name == "pow":
+            return self._power(node, *arguments)
+        digits = sum(a.digits for a in arguments)
+        if name == "exp" and arguments[0].logarithm:
+            digits = 2 ** min(digits, HEAVIEST.bit_length())  # exp(9*log(x)) is x**9
+        if name == "sqrt" and digits > MOST_DIGITS:
+            digits = HEAVIEST + 1
+        value = None
+        if all(a.value is not None for a in arguments):
+            value = self._number(node, lambda: float(FUNCTIONS[name].python(*(a.value for a in arguments))))
+        return Size(value, digits, name == "log" or any(a.logarithm for a in arguments))
+
+    def _number(self, node, compute) -> float:
+        try:
+            return compute()
+        except ZeroDivisionError:
+            raise ModelError(f"{quoted(self.text)} divides by zero") from None
+        except (OverflowError, ValueError):  # beyond the doubles, and outside a function's domain
+            raise self._not_finite(node) from None
+
+    def _not_finite(self, node) -> ModelError:
+        part = ast.get_source_segment(self.text.strip(), node) or self.text
+        place = f"{quoted(self.text)}: " if part != self.text.strip() else ""
+        return ModelError(f"{place}{quoted(part)} is not a finite number; correct it")
 
 
 class _Reader:
@@ -58,31 +196,32 @@ class _Reader:
     def read(self, node):
         import sympy
 
-        if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
+        if _is_number(node):
             return sympy.Integer(node.value) if isinstance(node.value, int) else sympy.Float(node.value)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
             return -self.read(node.operand) if isinstance(node.op, ast.USub) else self.read(node.operand)
-        if isinstance(node, ast.BinOp) and type(node.op) in _OPERATORS:
-            return self._binary(node)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
+            return self.read(node.left) ** self.read(node.right)
+        if isinstance(node, ast.BinOp) and isinstance(node.op, _SUMS):
+            return sympy.Add(*(-self.read(part) if isinstance(op, ast.Sub) else self.read(part) for op, part in chain(node, _SUMS)))
+        if isinstance(node, ast.BinOp) and isinstance(node.op, _PRODUCTS):
+            return self._product(node)
         if isinstance(node, ast.Call) and not node.keywords:
             return self._call(node)
         name = dotted(node)
         if name is None:
-            raise ModelError(f"“{self.text}”: “{ast.unparse(node)}” is not allowed in an expression")
+            raise ModelError(f"{quoted(self.text)}: {quoted(_source(node, self.text))} is not allowed in an expression")
         return self._name(name)
 
-    def _binary(self, node):
-        left, right = self.read(node.left), self.read(node.right)
-        kind = type(node.op)
-        if kind is ast.Pow:
-            if right.is_number and abs(right) > 64:
-                raise ModelError(f"“{self.text}”: the exponent {right} is too large; 64 is the limit")
-            return left**right
-        if kind is ast.Div:
-            if right == 0:
-                raise ModelError(f"“{self.text}” divides by zero")
-            return left / right
-        return {ast.Add: left + right, ast.Sub: left - right, ast.Mult: left * right}[kind]
+    def _product(self, node):
+        (_, first), *rest = chain(node, _PRODUCTS)
+        product = self.read(first)
+        for operator, part in rest:
+            factor = self.read(part)
+            if isinstance(operator, ast.Div) and factor == 0:
+                raise ModelError(f"{quoted(self.text)} divides by zero")
+            product = product / factor if isinstance(operator, ast.Div) else product * factor
+        return product
 
     def _call(self, node):
         import sympy
@@ -91,10 +230,12 @@ class _Reader:
         if function == "rate" and len(node.args) == 1:
             inner = dotted(node.args[0])
             if inner not in self.known:
-                raise ModelError(f"“{self.text}”: rate({inner}): there is no coordinate {inner}")
+                part = shortened(_source(node, self.text), SHOWN)
+                raise UnknownName(f"{quoted(self.text)}: {part}: there is no coordinate of that name", inner or "")
             return sympy.Symbol(rate_name(inner), real=True)
         if function not in FUNCTIONS or len(node.args) != FUNCTIONS[function].arity:
-            raise ModelError(f"“{self.text}”: {function} of {len(node.args)} is unknown; the functions are {', '.join(FUNCTIONS)}, rate")
+            part = shortened(_source(node.func, self.text), SHOWN)
+            raise ModelError(f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {', '.join(FUNCTIONS)}, rate")
         return getattr(sympy, FUNCTIONS[function].sympy)(*map(self.read, node.args))
 
     def _name(self, name: str):
@@ -103,29 +244,56 @@ class _Reader:
         if name in self.known:
             return sympy.Symbol(name, real=True)
         if name in CONSTANTS:
-            return getattr(sympy, CONSTANTS[name])
-        raise ModelError(f"“{self.text}”: {name} is no coordinate, parameter or t; define it first")
+            return sympy.pi if name == "pi" else sympy.E
+        raise UnknownName(f"{quoted(self.text)}: {shortened(name, SHOWN)} is no coordinate, parameter or t; define it first", name)
 
 
 def dotted(node) -> str | None:
     """`a`, `a.b`, `a.b.c` as text, None for anything else."""
-    if isinstance(node, ast.Name):
-        return node.id
-    if isinstance(node, ast.Attribute):
-        head = dotted(node.value)
-        return None if head is None else f"{head}.{node.attr}"
-    return None
+    parts = []
+    while isinstance(node, ast.Attribute):
+        parts.append(node.attr)
+        node = node.value
+    return ".".join([node.id, *reversed(parts)]) if isinstance(node, ast.Name) else None
+
+
+def _is_number(node) -> bool:
+    return isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool)
+
+
+def _combined(operator, a: float, b: float) -> float:
+    if isinstance(operator, _SUMS):
+        return a + b if isinstance(operator, ast.Add) else a - b
+    return a * b if isinstance(operator, ast.Mult) else a / b
+
+
+def _source(node, text: str) -> str:
+    """The part of a text that a node was read from."""
+    return ast.get_source_segment(text.strip(), node) or text
 
 
 def _direction(node, elements: dict, text: str):
-    if isinstance(node, ast.BinOp) and isinstance(node.op, (ast.Add, ast.Sub)):
-        left, right = _direction(node.left, elements, text), _direction(node.right, elements, text)
-        return left + right if isinstance(node.op, ast.Add) else left - right
-    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult) and isinstance(node.left, (ast.Constant, ast.UnaryOp)):
-        return _direction(node.right, elements, text) * float(ast.literal_eval(node.left))
+    if isinstance(node, ast.BinOp) and isinstance(node.op, _SUMS):
+        (_, first), *rest = chain(node, _SUMS)
+        total = _direction(first, elements, text)
+        for operator, part in rest:
+            other = _direction(part, elements, text)
+            total = total + other if isinstance(operator, ast.Add) else total - other
+        return total
+    if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Mult) and (weight := _weight(node.left)) is not None:
+        return _direction(node.right, elements, text) * weight
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         return -_direction(node.operand, elements, text)
     name = dotted(node)
     if name not in elements:
-        raise ModelError(f"“{text}”: there is no point or vector {name or ast.unparse(node)}; define it first")
+        shown = shortened(name or _source(node, text), SHOWN)
+        place = "" if shown == text.strip() else f"{quoted(text)}: "
+        raise UnknownName(f"{place}there is no point or vector {shown}; define it first", name or "")
     return elements[name]
+
+
+def _weight(node) -> float | None:
+    """A number with or without a sign; None for anything else."""
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and _is_number(node.operand):
+        return -float(node.operand.value)
+    return float(node.value) if _is_number(node) else None

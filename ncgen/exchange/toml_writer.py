@@ -2,22 +2,28 @@
 
 from __future__ import annotations
 
-import json
+import inspect
+import re
 from collections import Counter
 
 import numpy as np
 from sympy.printing.str import StrPrinter
 
-from ncgen.errors import ModelError
-from ncgen.exchange.words import NOT_IN_FILES, words
+from ncgen.errors import ModelError, shown
+from ncgen.exchange.grammar import parse_expression
+from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
 from ncgen.model.bodies import Body
+from ncgen.model.coordinates import LAW
 from ncgen.model.elements import Combination, Component, Element
+from ncgen.model.names import TIME, normal
 from ncgen.model.values import Parameter, is_number
-
 
 ONCE = ("gravity", "simulation")
 """Facts that a model has one of: a single table says so."""
+
+ROUNDS = 5
+"""How often an expression is read and written until its text stays; twice is enough for what sympy made itself."""
 
 
 def to_toml(model: Model) -> str:
@@ -25,51 +31,94 @@ def to_toml(model: Model) -> str:
 
     Raises ModelError for what a file cannot say, such as a Python function.
     """
-    head = [f"name = {json.dumps(model.name)}"]
+    head = [f"name = {_quoted(model.name, 'name')}"]
     if not model.scale:
         head.append("scale = false")
     if model.form != "smooth":
-        head.append(f"form = {json.dumps(model.form)}")
+        head.append(f"form = {_quoted(model.form, 'form')}")
     counts = Counter(fact.word for fact in model.facts)
-    tables = [_table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in model.facts]
+    writer = _Writer(model)
+    tables = [writer.table(fact.word, fact.arguments, fact.word in ONCE and counts[fact.word] == 1) for fact in model.facts]
     return "\n".join(head) + "\n\n" + "\n".join(tables)
 
 
-def _table(word: str, arguments: dict, once: bool) -> str:
-    if word in NOT_IN_FILES:
-        raise ModelError(f"{word}: a Python function cannot be written into a model file; use an expression")
-    signature = words()[word]
-    lines = [f"[{word}]" if once else f"[[{word}]]"]
-    for key, value in arguments.items():
-        if signature.parameters[key].kind is signature.parameters[key].VAR_KEYWORD:
-            lines += [f"{k} = {_text(v, f'{word}.{k}')}" for k, v in value.items() if v is not None]
-        elif value is not None:
-            lines.append(f"{key} = {_text(value, f'{word}.{key}')}")
-    return "\n".join(lines) + "\n"
+class _Writer:
+    """Turns facts into tables; what it writes, the reader accepts."""
+
+    def __init__(self, model: Model):
+        self.known = {TIME, *LAW, *model.parameters} | {c.name for c in model.components}
+
+    def table(self, word: str, arguments: dict, once: bool) -> str:
+        if word in NOT_IN_FILES:
+            raise ModelError(f"{word}: a Python function cannot be written into a model file; use an expression")
+        if word == "simulation":
+            from ncgen.solver.run import check_options
+
+            arguments = arguments.get("options", {})
+            check_options(arguments)
+            arguments = {key: arguments[key] for key in signature_of(word).parameters if key in arguments}
+        parameters = signature_of(word).parameters
+        lines = [f"[{word}]" if once else f"[[{word}]]"]
+        for key, value in arguments.items():
+            if value is not None:
+                lines.append(f"{key} = {self.argument(value, parameters.get(key), f'{word}.{key}')}")
+        return "\n".join(lines) + "\n"
+
+    def argument(self, value, parameter: inspect.Parameter | None, where: str) -> str:
+        if parameter is None:
+            raise _refused(value, where)
+        if kind_of(parameter) == "str":
+            return _quoted(value, where)
+        if kind_of(parameter) == "Callable" and callable(value):
+            import sympy
+
+            value = sympy.sympify(value(*sympy.symbols(" ".join(LAW), real=True)))
+        return self.text(value, where)
+
+    def text(self, value, where: str) -> str:
+        """A number, name, expression, or list or table of these."""
+        if isinstance(value, (bool, np.bool_)):
+            return "true" if value else "false"
+        if isinstance(value, str):
+            return _quoted(normal(value), where)
+        if isinstance(value, (Element, Body, Parameter, Component)):
+            return _quoted(value.name, where)
+        if isinstance(value, Combination):
+            return _quoted(_combination(value), where)
+        if isinstance(value, dict):
+            return "{ " + ", ".join(f"{_quoted(normal(k), where)} = {self.text(v, where)}" for k, v in value.items()) + " }"
+        if isinstance(value, (list, tuple)) or (isinstance(value, np.ndarray) and value.ndim):
+            return "[" + ", ".join(self.text(v, where) for v in value) + "]"
+        if hasattr(value, "free_symbols"):
+            return _quoted(self.expression(value, where), where)
+        if is_number(value):
+            return repr(int(value)) if isinstance(value, (int, np.integer)) else repr(float(value))
+        raise _refused(value, where)
+
+    def expression(self, value, where: str) -> str:
+        """The text of an expression that is written like this again after it was read."""
+        text = _Exact().doprint(value)
+        for _ in range(ROUNDS):
+            try:
+                again = _Exact().doprint(parse_expression(text, self.known))
+            except ModelError as error:
+                raise ModelError(f"{where}: it cannot be written into a model file: {error}") from None
+            if again == text:
+                return text
+            text = again
+        raise _refused(value, where)
 
 
-def _text(value, where: str) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        return json.dumps(value, ensure_ascii=False)
-    if isinstance(value, (Element, Body, Parameter, Component)):
-        return json.dumps(value.name)
-    if isinstance(value, Combination):
-        return json.dumps(_combination(value))
-    if isinstance(value, dict):
-        return "{ " + ", ".join(f"{json.dumps(k)} = {_text(v, where)}" for k, v in value.items()) + " }"
-    if isinstance(value, (list, tuple, np.ndarray)):
-        return "[" + ", ".join(_text(v, where) for v in value) + "]"
-    if hasattr(value, "free_symbols") and value.free_symbols:
-        return json.dumps(_Exact().doprint(value))
-    if is_number(value):
-        return repr(int(value)) if isinstance(value, (int, np.integer)) else repr(float(value))
-    if callable(value):
-        import sympy
+def _refused(value, where: str) -> ModelError:
+    return ModelError(f"{where}: {shown(value)} cannot be written into a model file")
 
-        return json.dumps(_Exact().doprint(sympy.sympify(value(*sympy.symbols("x v", real=True)))))
-    raise ModelError(f"{where}: {value!r} cannot be written into a model file")
+
+def _quoted(text: str, where: str) -> str:
+    """A text between quotes as TOML writes it: what is no character of a line is escaped."""
+    if not isinstance(text, str) or re.search("[\ud800-\udfff]", text):
+        raise _refused(text, where)
+    text = text.replace("\\", "\\\\").replace('"', '\\"')
+    return '"' + re.sub("[\x00-\x1f\x7f-\x9f\u2028\u2029]", lambda c: f"\\u{ord(c[0]):04x}", text) + '"'
 
 
 def _combination(value: Combination) -> str:
@@ -77,7 +126,7 @@ def _combination(value: Combination) -> str:
     for weight, element in value.terms:
         if not is_number(weight):
             raise ModelError(f"{value}: a combination with parameters cannot be written into a model file")
-        size = "" if abs(weight) == 1.0 else f"{abs(weight)!r}*"
+        size = "" if abs(weight) == 1.0 else f"{float(abs(weight))!r}*"
         parts.append(f"{'-' if weight < 0 else '+'} {size}{element.name}")
     return " ".join(parts).removeprefix("+ ").replace("- ", "-", 1 if parts[0].startswith("-") else 0)
 
@@ -90,3 +139,6 @@ class _Exact(StrPrinter):
 
     def _print_Abs(self, expr):
         return f"abs({self._print(expr.args[0])})"
+
+    def _print_Exp1(self, expr):
+        return "exp(1)"  # a parameter may be called e

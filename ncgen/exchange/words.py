@@ -1,49 +1,66 @@
-"""The vocabulary of model files: the builder's methods, and how the text of each argument is read.
+"""The vocabulary of model files: the builder's methods and their arguments.
 
 A table [[word]] in a file is one call of the builder method of that name; its keys are the method's arguments.
-So there is no second list of words: methods marked as facts are the vocabulary.
+So there is no second list of words: methods marked as facts are the vocabulary, and annotations say what an argument may be.
 """
 
 from __future__ import annotations
 
+import difflib
 import inspect
+from functools import cache
 
 from ncgen.model import Model
-
-KINDS = {
-    # elements, segments and reversed vectors
-    **dict.fromkeys(("start", "end", "axis", "point", "vector", "segment", "normal", "centre", "axle", "across", "u", "v"), "direction"),
-    **dict.fromkeys(("points", "vectors", "basis", "elements"), "directions"),
-    **dict.fromkeys(("a", "b", "body", "owner", "disc"), "body"),
-    **dict.fromkeys(("first", "second", "coordinate"), "coordinate"),
-    **dict.fromkeys(("coordinates",), "names"),
-    **dict.fromkeys(("expression", "law"), "expression"),
-    **dict.fromkeys(("name", "label", "unit", "form", "fixed"), "text"),
-    **dict.fromkeys(("rigid", "constant_mass"), "text"),
-}
-"""What an argument of this name is; anything else is a number, a list of numbers, or an expression of parameters."""
-
-EXCEPTIONS = {
-    ("force", "vector"): "expressions",
-    ("couple", "vector"): "expressions",
-    ("rack", "slide"): "coordinate",
-    ("rack", "angle"): "coordinate",
-    ("torsion_spring", "angle"): "coordinate",
-    ("torsion_spring", "law"): "law",
-    ("spring", "law"): "law",
-    ("rolling", "normal"): "value",
-    ("vector", "direction"): "value",
-}
+from ncgen.model.names import LONGEST_NAME
 
 NOT_IN_FILES = ("callback",)
 """Python functions cannot be said in a file."""
 
+INTERNAL = ("Owner", "Owner | None")
+"""Annotations of arguments that only the builder itself gives."""
 
-def words() -> dict[str, inspect.Signature]:
-    """{word: signature of its builder method}."""
+
+@cache
+def words() -> tuple[str, ...]:
+    """What a table can be called."""
     methods = inspect.getmembers(Model, lambda member: getattr(member, "is_fact", False))
-    return {name: inspect.signature(method) for name, method in methods if name not in NOT_IN_FILES}
+    return tuple(name for name, _ in methods if name not in NOT_IN_FILES)
 
 
-def kind_of(word: str, argument: str) -> str:
-    return EXCEPTIONS.get((word, argument)) or KINDS.get(argument, "value")
+@cache
+def signature_of(word: str) -> inspect.Signature:
+    """The arguments that a file can give to a builder method."""
+    return _run_options() if word == "simulation" else _for_files(inspect.signature(getattr(Model, word)))
+
+
+@cache
+def head() -> inspect.Signature:
+    """What stands at the top of a file: the arguments of a model."""
+    return _for_files(inspect.signature(Model.__init__))
+
+
+def _run_options() -> inspect.Signature:
+    """What [simulation] can say."""
+    from ncgen.solver.run import OPTIONS
+
+    return inspect.Signature([inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation="option") for name in OPTIONS])
+
+
+def suggestion(word: str, known) -> str:
+    """The known word that looks like a mistyped one, or all of them."""
+    near = difflib.get_close_matches(word, known, n=1) if len(word) <= LONGEST_NAME else []
+    return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"
+
+
+def kind_of(parameter: inspect.Parameter) -> str:
+    """What an argument is, by its annotation."""
+    return parameter.annotation.removesuffix(" | None")
+
+
+def is_required(parameter: inspect.Parameter) -> bool:
+    return parameter.default is parameter.empty and parameter.kind not in (parameter.VAR_POSITIONAL, parameter.VAR_KEYWORD)
+
+
+def _for_files(signature: inspect.Signature) -> inspect.Signature:
+    given = [p for p in signature.parameters.values() if p.name != "self" and p.annotation not in INTERNAL]
+    return signature.replace(parameters=given)

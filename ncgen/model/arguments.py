@@ -11,35 +11,40 @@ from collections.abc import Iterable, Mapping, Set
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import SHOWN, ModelError, UnknownName, shortened, shown
 from ncgen.model.bodies import Body
-from ncgen.model.elements import AXES, Component, Constant, Length, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.elements import AXES, Component, Constant, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.expressions import check_expression
+from ncgen.model.names import check_name, normal
 from ncgen.model.rows import Owner
-from ncgen.model.values import Parameter, as_sympy, as_value, evaluate, is_number, shown
-
-WORDS = {Point: "point", Vector: "vector", Spatial: "point or vector", Relative: "angle or length", Length: "length or slide", Body: "body"}
-"""What a kind of thing is called."""
+from ncgen.model.values import Parameter, as_sympy, as_value, evaluate, is_number
 
 UNSAID = ("position", "direction", "field")
 """Arguments that go without saying in messages: their axes are named."""
 
 
 def read(model, word: str, bound: inspect.BoundArguments) -> None:
-    """Bring the arguments of a call to what the method's annotations say. Raises ModelError naming method, thing and argument."""
-    name = bound.arguments.get("name")
-    subject = [shown(name)[1:-1]] if isinstance(name, str) else []
+    """Bring the arguments of a call to what the method's annotations say. Raises ModelError naming method, thing and argument.
+
+    A new name is checked, and kept in its normal form.
+    """
+    if "name" in bound.arguments:
+        name = bound.arguments["name"] = normal(bound.arguments["name"])
+        check_name(name, word)
+    subject = [bound.arguments["name"]] if "name" in bound.arguments else []
+    label = bound.arguments.get("label")
     for key, parameter in bound.signature.parameters.items():
-        if key not in bound.arguments or not isinstance(parameter.annotation, str):
+        if key not in bound.arguments or key == "name" or not isinstance(parameter.annotation, str):
             continue
         kind = parameter.annotation.removesuffix(" | None")
         reader, given = READERS.get(kind), bound.arguments[key]
         if reader is None or (given is None and kind != parameter.annotation):
             continue
-        where = " ".join([word, "-".join(subject)]) if subject else word
+        where = label if isinstance(label, str) and label else " ".join([word, "-".join(subject)]).strip()
         what = where if key in UNSAID else f"{where}, {key}"
         many = parameter.kind is parameter.VAR_POSITIONAL
         found = tuple(reader(model, each, what) for each in given) if many else reader(model, given, what)
-        if not isinstance(name, str) and isinstance(found, (Spatial, Relative, Component, Body)):
+        if "name" not in bound.arguments and isinstance(found, (Spatial, Relative, Component, Body)):
             subject.append(found.name)
         bound.arguments[key] = found
 
@@ -47,14 +52,18 @@ def read(model, word: str, bound: inspect.BoundArguments) -> None:
 def own(model, thing, kind, where: str):
     """An element of this model by itself or by its name. Raises ModelError for anything else."""
     if isinstance(thing, str):
-        if thing not in model.elements:
-            raise ModelError(f"{where}: there is no {WORDS[kind]} {shown(thing)[1:-1]}; define it first")
-        thing = model.elements[thing]
+        if normal(thing) not in model.elements:
+            raise _unknown(kind.word, thing, where)
+        thing = model.elements[normal(thing)]
     if not isinstance(thing, kind):
-        raise ModelError(f"{where}: {shown(thing)} is not a {WORDS[kind]}; give one by itself or by its name")
+        raise ModelError(f"{where}: {shown(thing)} is not a {kind.word}; give one by itself or by its name")
     if not isinstance(thing, Constant) and model.elements.get(thing.name) is not thing:
         raise ModelError(f"{where}: {thing!r} belongs to another model; use this model's own")
     return thing
+
+
+def _unknown(what: str, name: str, where: str) -> UnknownName:
+    return UnknownName(f"{where}: there is no {what} {shortened(name, SHOWN)}; define it first", normal(name))
 
 
 def own_direction(model, thing, where: str):
@@ -94,37 +103,32 @@ def expression(given, where: str):
         if not is_number(found):
             raise ModelError(f"{where}: {shown(given)} is not an expression; give a number, or one of coordinates, m.time and parameters")
         return as_value(found, where)
-    import sympy
-
-    if not isinstance(found, sympy.Expr):
-        raise ModelError(f"{where}: {shown(found)} is not an expression of numbers; correct it")
-    if found.has(sympy.I, sympy.nan, sympy.oo, -sympy.oo, sympy.zoo):
-        raise ModelError(f"{where}: {shown(found)} is not a finite number; correct it")
+    check_expression(found, where)
     return found
 
 
 def coordinate(model, thing, where: str):
     """One scalar coordinate that can move: an angle, a length, or a component such as B.x."""
     if isinstance(thing, str):
-        known = {c.name: c for c in model.components}
-        if thing not in model.elements and thing not in known:
-            raise ModelError(f"{where}: there is no coordinate {shown(thing)[1:-1]}; define it first")
-        thing = model.elements[thing] if thing in model.elements else known[thing]
+        name, thing = thing, model.bearer(normal(thing))
+        if thing is None:
+            raise _unknown("coordinate", name, where)
     if isinstance(thing, Spatial):
-        raise ModelError(f"{where}: {thing!r} has three coordinates; name one, such as {thing.name}.x")
+        raise ModelError(f"{where}: {thing!r} has three coordinates; name one, such as {shortened(thing.name, SHOWN)}.x")
     if not isinstance(thing, (Component, Relative)):
         raise ModelError(f"{where}: {shown(thing)} is not a coordinate; give an angle, a length, or one such as B.x")
-    if not any(c is each for each in model.components for c in (thing, *getattr(thing, "components", ()))):
+    bearer = model.bearer(thing.name)
+    if not any(each is thing for each in (bearer, *getattr(bearer, "components", ()))):
         raise ModelError(f"{where}: {thing.name} belongs to another model; use this model's own")
     return thing
 
 
 def _body(model, thing, where: str):
     if isinstance(thing, str):
-        known = {"ground": model.ground, **model.bodies}
-        if thing not in known:
-            raise ModelError(f"{where}: there is no body {shown(thing)[1:-1]}; define it first")
-        thing = known[thing]
+        known = {model.ground.name: model.ground, **model.bodies}
+        if normal(thing) not in known:
+            raise _unknown("body", thing, where)
+        thing = known[normal(thing)]
     if not isinstance(thing, Body):
         raise ModelError(f"{where}: {shown(thing)} is not a body; give one by itself or by its name")
     if thing is not model.ground and model.bodies.get(thing.name) is not thing:
@@ -142,9 +146,9 @@ def _of(kind):
 
 def _several(kind):
     def reader(model, things, where):
-        if isinstance(things, (str, Spatial)):
+        if isinstance(things, Spatial):
             things = (things,)
-        return tuple(own(model, each, kind, where) for each in sequence(things, where, f"a list of {WORDS[kind]}s"))
+        return tuple(own(model, each, kind, where) for each in sequence(things, where, f"a list of {kind.word}s, such as [A, B]"))
 
     return reader
 

@@ -9,14 +9,18 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model import measures
 from ncgen.model import rows as row
-from ncgen.model.arguments import coordinate, own_direction
+from ncgen.model.arguments import own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
-from ncgen.model.elements import AXES, Angle, Combination, Component, Element, Length, Point, Relative, Vector, as_combination
+from ncgen.model.elements import AXES, Angle, Combination, Component, Element, Length, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
+from ncgen.model.names import check_scalar
 from ncgen.model.rows import SIX_DIGITS, UNIT_LENGTH, Row
-from ncgen.model.values import Parameter, Value, Values, evaluate, is_number, mentioned, shown, vanishes
+from ncgen.model.values import Parameter, Value, Values, evaluate, is_number, mentioned, vanishes
 
 ANGLE_FORMS = ("smooth", "paper", "sine", "cosine")
+
+LAW = {"x": "the length or angle", "v": "its rate"}
+"""The symbols of a spring's law."""
 
 
 class Coordinates:
@@ -142,13 +146,13 @@ class Coordinates:
         return self._relative(Length(name, (Component(name, False, value, number),)), row.slide_row, segment, axis)
 
     @fact
-    def independent(self, *coordinates) -> None:
+    def independent(self, *coordinates: Component | Relative) -> None:
         """Choose the independent coordinates z of coordinate partitioning (default: found by pivoting)."""
-        names = [c if isinstance(c, str) else coordinate(self, c, "independent").name for c in coordinates]
+        names = [c.name for c in coordinates]
         known = {c.name: c for c in self.components}
         for name in names:
             if name not in known or known[name].fixed:
-                raise ModelError(f"independent coordinate {shown(name)[1:-1]}: it is not a free coordinate of this model; name one that is")
+                raise ModelError(f"independent coordinate {name}: it is not a free coordinate of this model; name one that is")
         self.chosen_independent = tuple(names)
 
     # -- helpers -------------------------------------------------------------------------------
@@ -159,16 +163,23 @@ class Coordinates:
         return coordinate
 
     def _claim(self, name: str, what: str) -> None:
-        check_name(name, what)
-        taken = self.elements.get(name) or self.parameters.get(name)
-        if name == "t" and what in ("parameter", "angle", "length", "slide"):
-            raise ModelError(f"{what} t: that is the name of time; choose another")
-        if what == "parameter" and any(c.name == name for c in self.components):
-            raise ModelError(f"parameter {name}: the name is already used for a coordinate; choose another")
-        if any(f"{name}.{axis}" in self.parameters for axis in AXES):
-            raise ModelError(f"{what} {name}: a parameter is already named like one of its coordinates; choose another")
-        if taken:
-            raise ModelError(f"{what} {name}: the name is already used for {taken!r}; choose another")
+        """Refuse a name that it or one of its coordinates has from something else."""
+        spatial = what in ("point", "vector")
+        if not spatial:
+            check_scalar(name, what)
+        for word in (name, *(f"{name}.{axis}" for axis in AXES if spatial)):
+            if (bearer := self.bearer(word)) is not None:
+                raise ModelError(f"{what} {name}: the name {'' if word == name else word + ' '}is already used for {bearer!r}; choose another")
+        if name in LAW and what == "parameter" and any(spring.law is not None for spring in self.springs):
+            raise ModelError(f"parameter {name}: in the law of a spring that is the name of {LAW[name]}; choose another")
+
+    def bearer(self, word: str):
+        """What has this name: an element, a parameter, or a coordinate of an element; None if nothing has."""
+        found = self.elements.get(word) or self.parameters.get(word)
+        owner, _, axis = word.rpartition(".")
+        if found is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
+            return getattr(self.elements[owner], axis)
+        return found
 
     def _spatial(self, kind, name, position, fixed):
         what = kind.__name__.lower()
@@ -228,8 +239,3 @@ def check_form(form: str) -> str:
     if form not in ANGLE_FORMS:
         raise ModelError(f"form {form!r} is unknown; choose one of {', '.join(ANGLE_FORMS)}")
     return form
-
-
-def check_name(name: str, what: str) -> None:
-    if not isinstance(name, str) or not name or not all(c.isalnum() or c in "_." for c in name) or not name[0].isalpha():
-        raise ModelError(f"{what} name {name!r}: give a word of letters, digits and '_' that begins with a letter")

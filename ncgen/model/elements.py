@@ -28,6 +28,9 @@ class Component(Symbolic):
     value: object
     initial: float
 
+    def __repr__(self):
+        return f"coordinate {self.name}"
+
     @property
     def rate(self):
         """The sympy symbol of this coordinate's velocity."""
@@ -44,11 +47,13 @@ def rate_name(coordinate: str) -> str:
 class Element:
     """What points, vectors and angles share: a name and one or three components.
 
+    word: what such an element is called in messages
     quantity, unit: what a component of this kind is, for people
     """
 
     name: str
     components: tuple[Component, ...]
+    word: str
     quantity: str
     unit: str
 
@@ -75,6 +80,8 @@ class Element:
 
 class Spatial(Element):
     """An element of three components that can be combined with others."""
+
+    word = "point or vector"
 
     @property
     def x(self):
@@ -108,7 +115,7 @@ class Point(Spatial):
     name: str
     components: tuple[Component, ...]
 
-    quantity, unit = "position", "m"
+    word, quantity, unit = "point", "position", "m"
 
     def __repr__(self):
         return f"point {self.name}"
@@ -121,7 +128,7 @@ class Vector(Spatial):
     name: str
     components: tuple[Component, ...]
 
-    quantity, unit = "direction", "1"
+    word, quantity, unit = "vector", "direction", "1"
 
     def __repr__(self):
         return f"vector {self.name}"
@@ -141,6 +148,8 @@ class Constant(Vector):
 class Relative(Symbolic, Element):
     """A scalar coordinate between elements: it can be driven, loaded, and used in expressions by itself."""
 
+    word = "relative angle or distance"
+
     @property
     def rate(self):
         """The sympy symbol of the coordinate's velocity."""
@@ -157,7 +166,7 @@ class Angle(Relative):
     end: Combination = field(repr=False)
     axis: Combination = field(repr=False)
 
-    quantity, unit = "angle", "rad"
+    word, quantity, unit = "angle", "angle", "rad"
 
     def __repr__(self):
         return f"angle {self.name}"
@@ -170,7 +179,7 @@ class Length(Relative):
     name: str
     components: tuple[Component, ...]
 
-    quantity, unit = "length", "m"
+    word, quantity, unit = "length", "length", "m"
 
     def __repr__(self):
         return f"length {self.name}"

@@ -9,14 +9,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rows import UNIT_LENGTH, Owner, Row
-from ncgen.model.values import Value, Values, as_sympy, is_number, shown
+from ncgen.model.values import Value, Values, as_sympy, is_number
 
 FLAT = 1e-6
 """A disc whose axle is nearer than this (sine of the angle) to the normal of the plane lies flat."""

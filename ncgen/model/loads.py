@@ -6,14 +6,15 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model.arguments import expression, sequence
 from ncgen.model.bodies import Body
+from ncgen.model.coordinates import LAW
 from ncgen.model.elements import Point, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.forces import Couple, Force, Potential, Spring, TorsionSpring
-from ncgen.model.values import Expression, Value, Values, is_number, shown
+from ncgen.model.values import Expression, Expressions, Value, Values, is_number
 
 
 class Loads:
@@ -32,7 +33,7 @@ class Loads:
         self.gravity_field = tuple(float(g) if is_number(g) else g for g in field)
 
     @fact
-    def force(self, point: Point, vector, label: str | None = None) -> Force:
+    def force(self, point: Point, vector: Expressions, label: str | None = None) -> Force:
         """A force (N) on a point: three numbers or expressions of m.time, coordinates, rates and parameters."""
         label = label or f"force on {point.name}"
         return self._apply(label, zip(point.components, _three(vector, label), strict=True))
@@ -43,7 +44,7 @@ class Loads:
         return self._apply(label or f"torque on {coordinate.name}", [(coordinate.components[0], expression)])
 
     @fact
-    def couple(self, body: Body, vector, label: str | None = None) -> Couple:
+    def couple(self, body: Body, vector: Expressions, label: str | None = None) -> Couple:
         """A couple (N m, global axes) on a body: three numbers or expressions."""
         label = label or f"couple on {body.name}"
         components = tuple(expression(e, f"{label}, {axis}") for axis, e in zip("xyz", _three(vector, label), strict=True))
@@ -80,7 +81,7 @@ class Loads:
         if start is end or not (regular or np.linalg.norm(segment.initial) > 0):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
-        self.springs.append(Spring(label, segment, stiffness, damping, free, as_law(law, label)))
+        self.springs.append(Spring(label, segment, stiffness, damping, free, self._law(law, label)))
         return self.springs[-1]
 
     @fact
@@ -100,7 +101,7 @@ class Loads:
         """
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
-        self.springs.append(TorsionSpring(label, angle, stiffness, damping, free, as_law(law, label)))
+        self.springs.append(TorsionSpring(label, angle, stiffness, damping, free, self._law(law, label)))
         return self.springs[-1]
 
     @fact
@@ -121,6 +122,12 @@ class Loads:
         self.forces.append(Force(label, pairs))
         return self.forces[-1]
 
+    def _law(self, law, label: str):
+        for name in LAW if law is not None else ():
+            if name in self.parameters:
+                raise ModelError(f"{label}: the model has a parameter {name}, which a law calls {LAW[name]}; rename the parameter")
+        return as_law(law, f"{label}, law")
+
 
 def _three(vector, label: str) -> tuple:
     vector = sequence(vector, label, "three numbers or expressions")
@@ -135,4 +142,5 @@ def as_law(law, label: str = "law"):
         return None
     import sympy
 
-    return sympy.sympify(expression(law(*sympy.symbols("x v", real=True)) if callable(law) else law, label if label == "law" else f"{label}, law"))
+    law = law(*sympy.symbols(" ".join(LAW), real=True)) if callable(law) else law
+    return sympy.sympify(expression(law, label))

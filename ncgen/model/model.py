@@ -17,20 +17,22 @@ import copy
 import pickle
 import sys
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.model.bodies import Body
-from ncgen.model.coordinates import Coordinates, check_form, check_name
+from ncgen.model.coordinates import Coordinates, check_form
 from ncgen.model.drawing import Drawing
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.model.facts import Fact, fact
 from ncgen.model.joints import Joints
 from ncgen.model.loads import Loads, as_law
+from ncgen.model.names import check_word, normal
 from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner, Row
 from ncgen.model.structure import Structure
 from ncgen.model.values import Parameter
 
 LONGEST_NAME = 100
+"""Characters of a model's name, which becomes a file name."""
 
 
 class Model(Coordinates, Structure, Joints, Loads):
@@ -43,9 +45,10 @@ class Model(Coordinates, Structure, Joints, Loads):
     """
 
     def __init__(self, name: str, *, scale: bool = True, form: str = "smooth"):
-        check_name(name, "model")
+        name = normal(name)
+        check_word(name, "model")
         if name.lower().startswith("ncgen") or len(name) > LONGEST_NAME:
-            raise ModelError(f"model name {name[:40]!r}: it becomes a file name; use at most {LONGEST_NAME} letters, not beginning with ncgen")
+            raise ModelError(f"model name {shown(name)}: it becomes a file name; use at most {LONGEST_NAME} letters, not beginning with ncgen")
         self.name = name
         self.scale = scale
         self.form = check_form(form)
@@ -86,7 +89,7 @@ class Model(Coordinates, Structure, Joints, Loads):
     @fact
     def simulation(self, **options) -> None:
         """What `ncgen run` does with this model unless told otherwise: arguments of `ncgen.simulate` by name."""
-        self.simulation_options = options
+        self.simulation_options = _with_names(options)
 
     @fact
     def line(self, *points: Point) -> None:
@@ -106,6 +109,13 @@ class Model(Coordinates, Structure, Joints, Loads):
         from ncgen.model.tables import from_tables
 
         return from_tables(cls, P, U, CONSTR, **options)
+
+
+def _with_names(options):
+    """Options in which coordinates are called as the model keeps their names."""
+    if isinstance(options, dict):
+        return {normal(key): _with_names(value) for key, value in options.items()}
+    return type(options)(map(_with_names, options)) if type(options) in (list, tuple) else normal(options)
 
 
 BY_VALUE = ("cloudpickle", "dill")

@@ -6,17 +6,16 @@ from dataclasses import replace
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import value
 from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia, symmetric
-from ncgen.model.coordinates import check_name
 from ncgen.model.elements import Combination, Component, Constant, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rigid import Frame, include
 from ncgen.model.rows import Owner, Row
-from ncgen.model.values import Expression, Value, Values, as_sympy, is_number, settled, shown
+from ncgen.model.values import Expression, Tensor, Value, Values, as_sympy, is_number, settled
 
 USER = Owner("user", "model")
 
@@ -36,7 +35,7 @@ class Structure:
         vectors: list[Vector] = (),
         mass: Value | None = None,
         com: Values | None = None,
-        inertia=None,
+        inertia: Tensor | None = None,
         basis: list[Spatial] | None = None,
         *,
         rigid: bool = True,
@@ -56,11 +55,8 @@ class Structure:
 
         Raises ModelError naming the body where its inertia is impossible or its elements are degenerate.
         """
-        check_name(name, "body")
-        if name in self.bodies:
+        if name in self.bodies or name == self.ground.name:
             raise ModelError(f"body {name}: there is already a body of that name; choose another")
-        if name == self.ground.name:
-            raise ModelError("body ground: that is the name of the body that does not move; choose another")
         body = Body(name, rigid=rigid, constant_mass=constant_mass, frame=Frame(Owner("body", name)))
         self.bodies[name] = body
         self.extend(body, *points, *vectors)
@@ -241,7 +237,7 @@ class Structure:
 
     def _free_name(self, wish: str) -> str:
         name, number = wish, 2
-        while name in self.elements:
+        while self.bearer(name) is not None:
             name, number = f"{wish}_{number}", number + 1
         return name
 

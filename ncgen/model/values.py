@@ -11,8 +11,11 @@ import math
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
+from ncgen.model.expressions import check_expression
 
+LARGEST = 1e100
+"""The largest number that can be given: products of three are still doubles. A length, mass or stiffness beyond it is a slip."""
 
 Value = object
 """In signatures: a number, a parameter, or an expression of parameters."""
@@ -22,6 +25,12 @@ Values = object
 
 Expression = object
 """In signatures: a number, or an expression of coordinates, rates, time and parameters."""
+
+Expressions = object
+"""In signatures: three of them."""
+
+Tensor = object
+"""In signatures: one value, three, or 3×3."""
 
 
 class Symbolic:
@@ -82,6 +91,9 @@ class Parameter(Symbolic):
     default: float
     unit: str = ""
 
+    def __repr__(self):
+        return f"parameter {self.name}"
+
 
 def is_number(value) -> bool:
     """True for plain real numbers, NumPy's included; False for truth values, arrays, complex numbers, parameters and expressions."""
@@ -95,37 +107,26 @@ def is_number(value) -> bool:
 def as_value(value, what: str):
     """Check one number as the user wrote it; `what` names it in the message.
 
-    Returns a float, a `Parameter` or a sympy expression. Raises ModelError for NaN, infinity and
-    things that are no numbers.
+    Returns a float, a `Parameter` or a sympy expression. Raises ModelError for NaN, infinity, numbers
+    beyond `LARGEST`, and things that are no numbers.
     """
     if isinstance(value, Parameter):
         return value
     if hasattr(type(value), "free_symbols"):
-        value = _expression(value, what)
-        if hasattr(type(value), "free_symbols"):
+        check_expression(value, what)
+        if value.free_symbols:
             return value
-    if not is_number(value):
+    elif not is_number(value):
         raise ModelError(f"{what}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
     try:
         number = float(value)
     except OverflowError:
-        number = math.inf
+        raise ModelError(f"{what}: {shown(value)} is not a finite number; correct it") from None
     if not math.isfinite(number):
         raise ModelError(f"{what}: {number} is not a finite number; correct it")
+    if abs(number) > LARGEST:
+        raise ModelError(f"{what}: {number:g} is too large; the largest number is {LARGEST:g}, check the unit")
     return number
-
-
-def _expression(value, what: str):
-    """An expression of sympy as it is, or as a float where nothing in it is symbolic."""
-    import sympy
-
-    if not isinstance(value, sympy.Expr):
-        raise ModelError(f"{what}: {shown(value)} is not a number; give a number, a parameter or an expression of parameters")
-    if value.free_symbols:
-        return value
-    if not value.is_real:
-        raise ModelError(f"{what}: {shown(value)} is not a finite number; correct it")
-    return float(value)
 
 
 def settled(value):
@@ -146,9 +147,13 @@ def evaluate(value, parameters: dict[str, Parameter], what: str) -> float:
     if unknown:
         raise ModelError(f"{what}: {unknown[0]} is not a parameter of this model; declare it with m.parameter")
     number = value.subs({s: parameters[s.name].default for s in value.free_symbols})
-    if not number.is_real:
+    try:
+        found = float(number)
+    except (TypeError, OverflowError):  # complex, or beyond the doubles
+        found = math.nan
+    if not math.isfinite(found):
         raise ModelError(f"{what}: {shown(value)} is {shown(number)} at the parameters' defaults, not a finite number; correct it")
-    return float(number)
+    return found
 
 
 NEARBY = (0.0847, -0.0613, 0.0391, -0.0957, 0.0719)
@@ -198,13 +203,3 @@ def told(expression) -> str:
 
 READABLE = 40
 """Parts of an expression that a comment repeats."""
-
-
-def shown(value) -> str:
-    """Anything in a message: one line, and not more of it than helps."""
-    text = " ".join((str if hasattr(type(value), "free_symbols") else repr)(value).split())
-    return text if len(text) <= SHOWN else f"{text[: SHOWN - 1]}…"
-
-
-SHOWN = 60
-"""Characters of a value that a message repeats."""

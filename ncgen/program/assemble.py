@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.model.values import told
 from ncgen.program import passes
 from ncgen.program.angles import share_angles
@@ -24,7 +24,6 @@ from ncgen.program.lower import lower_value
 from ncgen.program.programs import EMISSIONS, Programs
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
-from ncgen.symbolic.templates import shortened
 
 @dataclass(frozen=True)
 class Kernel:
@@ -415,7 +414,7 @@ def _derived_block(derived: Derived, needed: list[int], equations: Equations) ->
     names = {node: name for name, node in parameters.items()}
     stores = []
     for i in needed:
-        with told_of(shortened(str(derived.expressions[i]))):
+        with told_of(shown(derived.expressions[i])):
             stores.append(Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=told(derived.expressions[i])))
     stores = tuple(stores)
     return Straight(tuple(graph.ops), stores, names, "derived from parameters")

@@ -6,8 +6,10 @@ coordinates) are computed by the same operations on other places: they share one
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
+from ncgen.errors import ModelError
 from ncgen.model.elements import Component, rate_name
 from ncgen.model.values import Parameter, is_number
 from ncgen.program.graph import Graph
@@ -63,6 +65,8 @@ def bind(term: Term, equations: Equations, derived: Derived) -> Bound:
 
     def value(v, name: str) -> tuple:
         if is_number(v):
+            if not math.isfinite(v):
+                raise ModelError(f"its {name} becomes {float(v)}; check the units of lengths and masses")
             if float(v) in FOLDED:
                 return ("number", float(v) + 0.0)
             bound.constants.append(float(v))

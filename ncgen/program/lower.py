@@ -12,10 +12,10 @@ from functools import lru_cache
 import sympy
 from sympy.core.sorting import default_sort_key
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Graph, Op
-from ncgen.symbolic.templates import TIME, Template, rate_name, shortened
+from ncgen.symbolic.templates import TIME, Template, rate_name
 
 SIMPLE = 2**53
 """Integers below this are doubles."""
@@ -96,7 +96,7 @@ def _lower_new(graph: Graph, expression, nodes: dict, data: set) -> int:
         return _lower_power(graph, expression, nodes, data)
     name = BY_SYMPY_NAME.get(type(expression).__name__)
     if name is None:
-        raise ModelError(f"{shortened(expression)}: this cannot be generated; known functions are {', '.join(FUNCTIONS)}")
+        raise ModelError(f"{shown(expression)}: this cannot be generated; known functions are {', '.join(FUNCTIONS)}")
     return graph.call(name, *(_lower(graph, a, nodes, data) for a in expression.args))
 
 
@@ -107,7 +107,7 @@ def _finite(number) -> float:
     except (OverflowError, TypeError):
         value = math.inf
     if not math.isfinite(value):
-        raise ModelError(f"{shortened(number)}: this is not a finite number; correct the expression")
+        raise ModelError(f"{shown(number)}: this is not a finite number; correct the expression")
     return value
 
 

@@ -190,17 +190,28 @@ def outline(subject: Kernels | Model):
     return checked_kernels(subject)
 
 
+GIVEN = ("subject", "initial", "names", "progress")
+"""Arguments of a run that are no options of it."""
+
+OPTIONS = tuple(name for name in {**signature(Run.asked).parameters, **signature(Initial.asked).parameters} if name not in GIVEN)
+"""What a model's own `simulation` can say."""
+
+
 def check_simulation(model: Model, **more) -> Run:
     """The run that a model's own `simulation` describes, with other options in their place, checked and not carried out.
 
     Raises ModelError naming the option.
     """
     options = simulation_of(model, **more)
-    known = {*signature(Run.asked).parameters, *signature(Initial.asked).parameters} - {"subject", "initial", "names"}
-    for name in options:
-        if name not in known:
-            raise ModelError(f"m.simulation({name[:40]}=…): simulate has no such option; {offer(name, sorted(known))}")
+    check_options(options)
     return Run.asked(model, **options)
+
+
+def check_options(options) -> None:
+    """Raise ModelError for a name that is no option of a run."""
+    for name in options:
+        if name not in OPTIONS:
+            raise ModelError(f"m.simulation({name[:40]}=…): simulate has no such option; {offer(name, sorted(OPTIONS))}")
 
 
 def simulation_of(model: Model, **more) -> dict:

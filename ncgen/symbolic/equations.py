@@ -13,7 +13,7 @@ from fractions import Fraction
 import numpy as np
 import sympy
 
-from ncgen.errors import ModelError
+from ncgen.errors import SHOWN, ModelError, shortened, shown
 from ncgen.model import Model, measures
 from ncgen.model.elements import Combination, Component, rate_name
 from ncgen.model.forces import Couple, Spring, TorsionSpring
@@ -23,7 +23,7 @@ from ncgen.symbolic import templates
 from ncgen.symbolic.inertia import StandardInertia, centre_weights, standard_inertia
 from ncgen.symbolic.numbering import Numbering
 from ncgen.symbolic.omissions import angle_row_type
-from ncgen.symbolic.templates import TIME, Template, shortened
+from ncgen.symbolic.templates import TIME, Template
 
 LinearForm = tuple[tuple[object, Component], ...]
 """Pairs (weight, coordinate); a weight is a value."""
@@ -108,7 +108,7 @@ def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
         try:
             template = make(f"row-{number + 1}", sympy.sympify(row.expression), _words(scalars), _words(data))
         except ValueError as error:
-            raise ModelError(f"{where}: {shortened(row.expression)}: {error}; a velocity constraint is a sum of coefficients times rates") from None
+            raise ModelError(f"{where}: {shown(row.expression)}: {error}; a velocity constraint is a sum of coefficients times rates") from None
         return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number, row.equation)
     row_type = angle_row_type(model, row, omitted)
     template = templates.row_template(row_type.key)
@@ -146,7 +146,7 @@ def _names(model: Model, expression, where: str) -> tuple[list[Component], list[
     known = {TIME.name} | {p.name for p in parameters} | {n for c in coordinates for n in (c.name, rate_name(c.name))}
     if mentioned - known:
         name = sorted(mentioned - known)[0]
-        raise ModelError(f"{where}: {shortened(name)} is neither a coordinate, a rate, a parameter nor m.time; correct the expression")
+        raise ModelError(f"{where}: {shortened(name, SHOWN)} is neither a coordinate, a rate, a parameter nor m.time; correct the expression")
     return coordinates, parameters
 
 
@@ -234,7 +234,10 @@ def _inertia_terms(model: Model, bodies, released) -> tuple[list[Term], list[Ter
     weight: dict[Component, object] = defaultdict(Fraction)
     varying = []
     for body in bodies:
-        standard = standard_inertia(body, model.parameters)
+        try:
+            standard = standard_inertia(body, model.parameters)
+        except OverflowError:
+            raise _too_large(f"body {body.name}, inertia") from None
         _add_constant_mass(mass, standard, released)
         _add_weight(weight, standard, model.gravity_field)
         if standard.crossed:
@@ -267,7 +270,7 @@ def _exact(weight: float, partner):
 def _mass_term(pair, value, owner) -> Term:
     a, b = pair
     label = a.name if a is b else f"{a.name} {b.name}"
-    value = _rounded(value)
+    value = _rounded(value, f"mass of {label}")
     if a is b:
         return Term(templates.mass_diagonal(), (((1.0, a),),), (value,), owner, label)
     return Term(templates.mass_pair(), (((1.0, a),), ((1.0, b),)), (value,), owner, label)
@@ -295,9 +298,9 @@ def _weight_terms(weight, owner, released) -> list[Term]:
         if component.fixed and component not in released:
             offset -= force * (Fraction(component.value) if is_number(component.value) else as_sympy(component.value))
         else:
-            terms.append(Term(templates.weight(), (((1.0, component),),), (_rounded(force),), owner, component.name))
+            terms.append(Term(templates.weight(), (((1.0, component),),), (_rounded(force, f"weight of {component.name}"),), owner, component.name))
     if offset != 0:
-        terms.append(Term(templates.energy_offset(), (), (_rounded(offset),), owner, "potential of fixed points"))
+        terms.append(Term(templates.energy_offset(), (), (_rounded(offset, "potential of fixed points"),), owner, "potential of fixed points"))
     return terms
 
 
@@ -308,15 +311,19 @@ def _cross_product_terms(body, standard: StandardInertia, gravity) -> list[Term]
         forms += [tuple((w, components[axis]) for w, components in direction) for axis in range(3)]
     last = standard.matrix[3]
     pull = [last[0] * _field(g, last[0]) for g in gravity]
-    data = tuple(_rounded(v) for v in (*last, *pull))
+    data = tuple(_rounded(v, f"body {body.name}, inertia") for v in (*last, *pull))
     if not any(v != 0 for v in data):
         return []
     return [Term(templates.cross_product_body(), tuple(forms), data, Owner("body", body.name), body.name)]
 
 
-def _rounded(value):
-    """A Fraction as the nearest double; expressions of parameters stay. Raises ModelError beyond the range of doubles."""
+def _rounded(value, what: str):
+    """A Fraction as the nearest double; expressions of parameters stay."""
     try:
         return float(value) if isinstance(value, (Fraction, int, float)) else value
     except OverflowError:
-        raise ModelError("the inertia or the weight of the bodies is beyond 1e308; check masses, inertias and units") from None
+        raise _too_large(what) from None
+
+
+def _too_large(what: str) -> ModelError:
+    return ModelError(f"{what}: it exceeds 1.8e308, the largest double; check the units of mass, inertia and lengths")

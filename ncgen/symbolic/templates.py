@@ -38,16 +38,6 @@ class Template:
     outputs: dict[object, sympy.Expr] = field(repr=False)
 
 
-LONGEST = 60
-"""Characters of an expression in a message."""
-
-
-def shortened(expression) -> str:
-    """An expression's text for a message: its beginning where it is long."""
-    text = str(expression)
-    return text if len(text) <= LONGEST else f"{text[: LONGEST - 1]}…"
-
-
 def symbols(names) -> list[sympy.Symbol]:
     return [sympy.Symbol(name, real=True) for name in names]
 
@@ -161,9 +151,10 @@ def spring_law(key: str, law: sympy.Expr, along_segment: bool, data: tuple[str, 
     s, ds = symbols(scalars), rates(scalars)
     x = sympy.sqrt(sum(c * c for c in s)) if along_segment else s[0]
     v = sum(c * d for c, d in zip(s, ds, strict=True)) / x if along_segment else ds[0]
-    tension = law.xreplace(dict(zip(symbols(["x", "v"]), (x, v), strict=True)))
+    named = tuple(f"law.{name}" for name in data)  # a parameter may be called like a scalar
+    tension = law.xreplace(dict(zip(symbols(["x", "v", *data]), (x, v, *symbols(named)), strict=True)))
     gradient = [c / x for c in s] if along_segment else [1]
-    return _pull(key, f"tension {law}", scalars, data, x, v, gradient, tension, sympy.Integer(0), -tension * v)
+    return _pull(key, f"tension {law}", scalars, named, x, v, gradient, tension, sympy.Integer(0), -tension * v)
 
 
 SPRING_DATA = ("k", "c", "L0")

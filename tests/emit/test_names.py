@@ -23,9 +23,11 @@ PYTHON_KEYWORDS = "def lambda None True False import from as is in yield async a
 ARGUMENTS = "q p qd d i R np phi phi_q gamma mass force energy nu out values main errno index x1 x2 x1_2 dpsi psi a_x scale".split()
 LIBRARY = "printf abs fabs y0 index isnan stdin assert linux unix M_PI complex I".split()
 UNICODE = ["Ö", "中文", "ψ1", "étage", "ª", "Åß", "u4e2d", "µ", "xÖ", "xud6"]
-COLLIDING = ["a.b", "a_b", "a__b", "a_b_", "a.b.", "a_b_2", "A.b"]
+COLLIDING = ["a.b", "a_b", "a__b", "a_b_", "a_b_2", "A.b"]
 LONG = ["w" * 300, "w" * 299 + "v", "é" * 300]
-HARMLESS = [*dict.fromkeys(C_KEYWORDS + CPP_KEYWORDS + PYTHON_KEYWORDS + ARGUMENTS + LIBRARY + UNICODE + COLLIDING + LONG)]
+EVERY = [*dict.fromkeys(C_KEYWORDS + CPP_KEYWORDS + PYTHON_KEYWORDS + ARGUMENTS + LIBRARY + UNICODE + COLLIDING + LONG)]
+HARMLESS = [name for name in EVERY if not keyword.iskeyword(name)]
+"""What a model accepts: Python's keywords are those of its expressions, too."""
 
 COLLISIONS = {
     "functions": [*FUNCTIONS, "sinf", "sqrtl"],

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import os
+
 import pytest
 
 import ncgen
@@ -19,8 +21,21 @@ BAD = [
     ("build = 1\n", "it has no function build()"),
     ("", "it has no function build()"),
     ("def build():\n    return 'robot'\n", "build() returns str; return an ncgen.Model"),
-    ("def build(size):\n    return size\n", "TypeError: build() missing 1 required positional argument: 'size'"),
+    ("def build(size):\n    return size\n", "build() needs size"),
 ]
+
+
+ENDS = [
+    ("import sys\n\ndef build():\n    sys.exit(3)\n", "own.py, line 4: it ends Python by sys.exit(3)"),
+    ("raise SystemExit\n", "own.py, line 1: it ends Python by sys.exit(None)"),
+    ("def build(*, size):\n    return size\n", "build() needs size"),
+    ("build = int\n", "own.py: ValueError"),
+    ("x = '\0'\n", "own.py: "),
+    ("def build():\n    raise ValueError('two\\nlines' + 900 * 'x')\n", "own.py, line 2: ValueError: two lines"),
+    ("def build():\n    return build()\n", "own.py, line 2: RecursionError"),
+    ("from ncgen import Model\n\ndef build():\n    m = Model('m')\n    m.simulation(duraton=3)\n    return m\n", "duraton=…): simulate has no such option; did you mean duration?"),
+]
+"""Files that end otherwise than by returning a model that can be run."""
 
 
 @pytest.fixture
@@ -80,6 +95,14 @@ def test_bad_files(write, text, message):
     assert "\n" not in str(refusal.value)
 
 
+@pytest.mark.parametrize(("text", "message"), ENDS, ids=[message for _, message in ENDS])
+def test_files_that_end_otherwise(write, text, message):
+    with pytest.raises(ModelError) as refusal:
+        load(write(text))
+    assert message in str(refusal.value)
+    assert len(str(refusal.value)) <= 300 and str(refusal.value).isprintable()
+
+
 def test_the_kind_of_error_is_kept(write):
     """What the user's file lets through from ncgen keeps its exit code."""
     text = "from ncgen import ConvergenceError\n\ndef build():\n    raise ConvergenceError('too far')\n"
@@ -87,10 +110,19 @@ def test_the_kind_of_error_is_kept(write):
         load(write(text))
 
 
-@pytest.mark.parametrize("name", ["nosuch", "nosuch.py", "some/where.py", "", "..", "robot/"])
+@pytest.mark.parametrize("name", ["nosuch", "nosuch.py", "some/where.py", "", "..", "robot/", ".", "/", "/dev/zero", "a\0.py", "x" * 5000, "x" * 5000 + ".py", "*"])
 def test_what_there_is_not(name):
-    with pytest.raises(ModelError, match="there is no such file or example; the examples are "):
+    with pytest.raises(ModelError, match="there is no such file or example; the examples are ") as refusal:
         load(name)
+    assert "site-packages" not in str(refusal.value) and len(str(refusal.value)) <= 300
+
+
+def test_a_file_that_may_not_be_read(write):
+    path = write(GOOD)
+    path.chmod(0)
+    if not os.access(path, os.R_OK):
+        with pytest.raises(ModelError, match="own.py: PermissionError"):
+            load(path)
 
 
 def test_not_a_python_file(write):

@@ -97,7 +97,7 @@ MISTAKES = {
     ),
     "a basis of vectors": (lambda s: s.model.body("beam", vectors=[s.ex, s.ez], mass=1.0), ["body beam", "at least one point"]),
     "a basis without anything": (lambda s: s.model.body("beam", mass=1.0), ["body beam", "at least one point"]),
-    "an independent coordinate that is none": (lambda s: s.model.independent("psi"), ["independent coordinate psi"]),
+    "an independent coordinate that is none": (lambda s: s.model.independent("psi"), ["independent, coordinates", "no coordinate psi"]),
     "an independent coordinate that is fixed": (lambda s: s.model.independent("pivot.x"), ["pivot.x", "not a free coordinate"]),
 }
 

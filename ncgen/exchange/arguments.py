@@ -1,0 +1,169 @@
+"""What stands in a model file as what the builder takes.
+
+TOML has texts, numbers and lists: an expression in quotes is read here, and what is no text, number or list where one is needed
+is refused in the words of a file. Everything else is the builder's own to say (`ncgen.model.arguments`).
+"""
+
+from __future__ import annotations
+
+import inspect
+from contextlib import contextmanager
+
+from ncgen import errors
+from ncgen.errors import SHOWN, ModelError, shortened
+from ncgen.exchange.grammar import parse_direction, parse_expression
+from ncgen.exchange.words import kind_of
+from ncgen.model import Model
+from ncgen.model.arguments import READERS
+from ncgen.model.coordinates import LAW
+from ncgen.model.elements import Spatial
+from ncgen.model.names import TIME
+
+
+def convert(model: Model | None, parameter: inspect.Parameter, raw, where: str):
+    """The argument that a value of a file stands for; a tuple for a variable one.
+
+    model: None where the argument needs none
+    Raises ModelError beginning with `where`: UnknownName where the value mentions what there is not.
+    """
+    if parameter.kind is not parameter.VAR_POSITIONAL:
+        return _converted(model, kind_of(parameter), raw, where)
+    with _told_at(where):
+        items = _list(raw)
+    return tuple(_converted(model, kind_of(parameter), item, where) for item in items)
+
+
+def _converted(model, kind: str, raw, where: str):
+    with _told_at(where):
+        said = CONVERSIONS[kind](model, raw)
+    return READERS[kind](model, said, where) if kind in READERS else said
+
+
+@contextmanager
+def _told_at(where: str):
+    """Whatever is refused is told with its place."""
+    try:
+        yield
+    except ModelError as error:
+        error.args = (shortened(f"{where}: {error}"),)
+        raise
+
+
+def _text(model, raw) -> str:
+    if not isinstance(raw, str):
+        raise ModelError(f'{shown(raw)} is not a text; write it as "…"')
+    return raw
+
+
+def _name(model, raw) -> str:
+    return _text(model, raw).strip()
+
+
+def _names(model, raw) -> list[str]:
+    return [_name(model, item) for item in _list(raw)]
+
+
+def _flag(model, raw) -> bool:
+    if not isinstance(raw, bool):
+        raise ModelError(f"{shown(raw)} is neither true nor false")
+    return raw
+
+
+def _held(model, raw):
+    if not isinstance(raw, (bool, str)):
+        raise ModelError(f'{shown(raw)} is neither true nor false, nor a text of axes such as "xz"')
+    return raw
+
+
+def _number(model, raw):
+    if isinstance(raw, bool) or not isinstance(raw, (int, float)):
+        raise ModelError(f"{shown(raw)} is not a number")
+    return raw
+
+
+def _value(model: Model, raw):
+    """A number, or an expression of parameters."""
+    return _expression_of(raw, model.parameters)
+
+
+def _values(model: Model, raw) -> list:
+    return [_value(model, item) for item in _list(raw)]
+
+
+def _tensor(model: Model, raw):
+    """A number, three of them, or three rows of three."""
+    if not isinstance(raw, list):
+        return _value(model, raw)
+    return [_values(model, item) if isinstance(item, list) else _value(model, item) for item in raw]
+
+
+def _expression(model: Model, raw):
+    """A number, or an expression of everything that moves."""
+    return _expression_of(raw, {TIME, *model.parameters, *(c.name for c in model.components)} if isinstance(raw, str) else ())
+
+
+def _expressions(model: Model, raw) -> list:
+    return [_expression(model, item) for item in _list(raw)]
+
+
+def _law(model: Model, raw):
+    return _expression_of(raw, {*LAW, TIME, *model.parameters})
+
+
+def _expression_of(raw, known):
+    if isinstance(raw, str):
+        return parse_expression(raw, known)
+    if isinstance(raw, bool) or not isinstance(raw, (int, float)):
+        raise ModelError(f"{shown(raw)} is not a number or an expression")
+    return raw
+
+
+def _direction(model: Model, raw):
+    return parse_direction(_text(model, raw), {name: e for name, e in model.elements.items() if isinstance(e, Spatial)})
+
+
+def _option(model, raw):
+    """What a run can be told: everything but a date."""
+    if isinstance(raw, dict):
+        return {key: _option(model, item) for key, item in raw.items()}
+    if isinstance(raw, list):
+        return [_option(model, item) for item in raw]
+    if not isinstance(raw, (bool, int, float, str)):
+        raise ModelError(f"{shown(raw)} is a date; give a number or a text")
+    return raw
+
+
+def _list(raw) -> list:
+    if not isinstance(raw, list):
+        raise ModelError(f"{shown(raw)} is not a list; write it as […]")
+    return raw
+
+
+def shown(raw) -> str:
+    """A value of a file within a message, as a file writes it."""
+    if isinstance(raw, bool):
+        return "true" if raw else "false"
+    if isinstance(raw, (list, dict)):
+        return "a list" if isinstance(raw, list) else "a table"
+    if isinstance(raw, str):
+        return f'"{shortened(raw, SHOWN)}"'
+    return errors.shown(raw) if isinstance(raw, (int, float)) else str(raw)
+
+
+CONVERSIONS = {
+    "str": _text,
+    "bool": _flag,
+    "bool | str": _held,
+    "float": _number,
+    "Value": _value,
+    "Values": _values,
+    "Tensor": _tensor,
+    "Expression": _expression,
+    "Expressions": _expressions,
+    "Callable": _law,
+    "Combination": _direction,
+    **dict.fromkeys(("Body", "Point", "Vector", "Spatial", "Relative", "Component | Relative"), _name),
+    **dict.fromkeys(("list[Point]", "list[Vector]", "list[Spatial]"), _names),
+    "option": _option,
+}
+"""{annotation: conversion(model, what a file says)}."""

@@ -1,0 +1,43 @@
+"""The text of a model file, read no further than a model file goes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from ncgen.errors import ModelError
+
+LARGEST = 4_000_000
+"""Bytes of a model file."""
+
+
+def is_file(path: Path) -> bool:
+    """True for what can be read to an end: no folder, no device, no pipe; False for names that no file can have."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def text_of(path: Path) -> str:
+    """The text of a file, without a byte order mark.
+
+    Raises ModelError where there is no file, where it cannot be read, is too large, or is no UTF-8 text.
+    """
+    if not is_file(path):
+        try:
+            what = "a model file is an ordinary file, not a folder, a device or a pipe" if path.exists() else "there is no such file"
+        except (OSError, ValueError):
+            what = "there is no such file"
+        raise ModelError(f"{path}: {what}")
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+    except OSError as error:
+        raise ModelError(f"{path}: {error.strerror}") from None
+    if len(data) > LARGEST:
+        raise ModelError(f"{path}: a model file has at most {LARGEST} bytes")
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        raise ModelError(f"{path}, line {line}: byte {data[error.start]:#04x} is no UTF-8 text; save the file as UTF-8") from None

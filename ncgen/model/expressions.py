@@ -1,0 +1,65 @@
+"""What an expression may hold: finite numbers of a size that can be worked with, and no more depth than sympy can follow.
+
+Everything here looks at an expression without changing it. Numbers of an expression are doubles in the end, so whatever is
+no double at any place within it is refused there, before a tower of powers becomes a number that fills the memory.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ncgen.errors import ModelError, shown
+
+DEEPEST = 50
+"""Levels of functions and operations within each other; sympy follows them by recursion."""
+
+MOST_DIGITS = 2100
+"""Binary digits of an exact number, above or below the fraction's line: a double's range, and finding roots stays quick."""
+
+MOST_FACTORS = 64
+"""Factors of a product: the second derivative has as many terms as this has pairs."""
+
+
+def check_expression(expression, what: str) -> None:
+    """Refuse what is no sympy expression, is too deep, or holds what is no finite real number; `what` names it.
+
+    Every different part is looked at once, arguments first.
+    """
+    import sympy
+
+    if not isinstance(expression, sympy.Expr):
+        raise ModelError(f"{what}: {shown(expression)} is not an expression; give one of coordinates, rates, time and parameters")
+    depth: dict[object, int] = {}
+    values: dict[object, float] = {}
+    stack = [(expression, False)]
+    while stack:
+        node, ready = stack.pop()
+        if node in depth:
+            continue
+        if not ready:
+            stack.append((node, True))
+            stack.extend((argument, False) for argument in node.args)
+            continue
+        depth[node] = 1 + max((depth[a] for a in node.args), default=0)
+        if depth[node] > DEEPEST:
+            raise ModelError(f"{what}: an expression of more than {DEEPEST} levels; write it with fewer parentheses, or in parts")
+        if node.is_Mul and len(node.args) > MOST_FACTORS:
+            raise ModelError(f"{what}: a product of {len(node.args)} factors; {MOST_FACTORS} are allowed")
+        if node.is_number and all(a in values for a in node.args):
+            values[node] = _value(node, [values[a] for a in node.args], what)
+
+
+def _value(node, arguments: list[float], what: str) -> float:
+    """The double that a number, or a function of numbers, stands for."""
+    import sympy
+
+    if node.is_Rational and max(node.p.bit_length(), node.q.bit_length()) > MOST_DIGITS:
+        raise ModelError(f"{what}: an exact number of {len(bin(max(abs(node.p), node.q))) - 2} binary digits; {MOST_DIGITS} are allowed, correct it")
+    try:
+        found = node.func(*map(sympy.Float, arguments)) if arguments else node
+        value = float(found)
+    except (TypeError, OverflowError):  # what is not real, and what is beyond the doubles
+        value = math.nan
+    if not math.isfinite(value):
+        raise ModelError(f"{what}: {shown(node)} is not a finite number; correct it")
+    return value

@@ -1,0 +1,48 @@
+"""Names: what can be one, and which two are the same.
+
+A name is read back by the grammar of model files, which is Python's: there µ (U+00B5) and μ (U+03BC) are one letter, and so
+they are here. Names are kept in that normal form, NFKC, and whoever looks for one asks for the normal form.
+"""
+
+from __future__ import annotations
+
+import keyword
+import unicodedata
+
+from ncgen.errors import ModelError, shown
+
+LONGEST_NAME = 500
+
+TIME = "t"
+
+RESERVED = {TIME: "time", "pi": "the constant"}
+"""Names that an expression already gives a meaning to, and no name of one's own can take from it."""
+
+
+def normal(name):
+    """The form in which a name is kept and looked for; what is no text is returned as it is."""
+    return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
+
+
+def check_word(name, what: str) -> None:
+    """Refuse what is no word of letters, digits, '_' and '.' that begins with a letter."""
+    if not isinstance(name, str) or not name or not all(c.isalnum() or c in "_." for c in name) or not name[0].isalpha():
+        raise ModelError(f"{what} name {shown(name)}: give a word of letters, digits and '_' that begins with a letter")
+    if len(name) > LONGEST_NAME:
+        raise ModelError(f"{what} name {shown(name)}: it has {len(name)} characters; use at most {LONGEST_NAME}")
+
+
+def check_name(name, what: str) -> None:
+    """Refuse a name that no expression could mention; between dots stand Python's identifiers, but none of its keywords."""
+    check_word(name, what)
+    for part in name.split("."):
+        if not part.isidentifier():
+            raise ModelError(f"{what} name {shown(name)}: an expression could not mention it; let a letter follow every dot")
+        if keyword.iskeyword(part):
+            raise ModelError(f"{what} name {shown(name)}: {part} is a keyword of expressions; choose another")
+
+
+def check_scalar(name: str, what: str) -> None:
+    """Refuse a scalar's name that means something else in every expression."""
+    if name in RESERVED:
+        raise ModelError(f"{what} {name}: that is the name of {RESERVED[name]}; choose another")
