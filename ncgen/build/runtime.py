@@ -242,7 +242,7 @@ class ConstrainedDynamics(Dynamics):
 
     def __init__(self, kernels: CompiledKernels, number: str = "double"):
         super().__init__(kernels, number)
-        singular = not _is_definite(kernels)
+        self.singular_mass = singular = not _is_definite(kernels)
         self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
         self._elimination = self._ffi.new("ncgen_elimination *", {"size": self.plan.size, "nonzeros": self.plan.nonzeros})
         self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)

@@ -8,6 +8,7 @@ from ncgen.errors import SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.solver.finite import on_the_way
+from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
@@ -92,6 +93,9 @@ def run_constrained(
     if number not in known:
         known[number] = ConstrainedDynamics(kernels, number)
     dynamics = known[number]
+    if dynamics.singular_mass:
+        # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
+        ACCELERATIONS["lagrange"].motion(kernels, q, qd, float(grid[0]), p, {})
     settings = method.options
     projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"

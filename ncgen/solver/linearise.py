@@ -12,6 +12,7 @@ from ncgen.errors import ModelError
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.dynamics_jacobian import independent_motions, partitioned_jacobian
 from ncgen.solver.finite import watched
+from ncgen.solver.given import checked_kernels
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import solve_position
 from ncgen.solver.protocol import Kernels
@@ -103,7 +104,7 @@ def linearise(kernels: Kernels, q=None, qd=None, t: float = 0.0, p=None, z=()) -
     Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative and for what cannot be
     asked, DomainError naming what is not a number or has a derivative that is none.
     """
-    initial = Initial.asked(kernels, q0=q, qd0=qd, z=z, p=p, t0=t, names=("q", "zd", "qd", "t"))
+    initial = Initial.asked(checked_kernels(kernels), q0=q, qd0=qd, z=z, p=p, t0=t, names=("q", "zd", "qd", "t"))
     t, p = initial.t, initial.p
     if kernels.model.callbacks:
         raise ModelError(f"{kernels.name}: forces of Python functions have no derivative; write them as expressions to linearise")

@@ -20,6 +20,7 @@ from scipy.linalg import cho_factor, cho_solve
 
 from ncgen.errors import ModelError
 from ncgen.solver.coordinate_partitioning import Start, dependent_position, motion_at
+from ncgen.solver.given import checked_kernels
 from ncgen.solver.partition import kinematics, quality
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.run import Initial, count, positive
@@ -122,7 +123,7 @@ class _Motion:
 
     def __init__(self, kernels: Kernels, duration: float, steps: int, **start):
         length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
-        initial = Initial.asked(kernels, **start)
+        initial = Initial.asked(checked_kernels(kernels), **start)
         _check(kernels)
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p = kernels, begun.p

@@ -13,6 +13,7 @@ from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularErro
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
 from ncgen.solver.choice import Choice, choose, stiff_choice
+from ncgen.solver.given import checked_kernels
 from ncgen.solver.partition import choose_partitions, singular_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import CONSISTENT
@@ -95,7 +96,7 @@ def simulate(
     another formalism would be many times faster.
     """
     run = Run.asked(
-        kernels, duration, formalism=formalism, integrator=integrator, rtol=rtol, atol=atol, points=points, max_step=max_step, engine=engine,
+        checked_kernels(kernels), duration, formalism=formalism, integrator=integrator, rtol=rtol, atol=atol, points=points, max_step=max_step, engine=engine,
         number=number, options=options, stop=stop, progress=progress, q0=q0, zd0=zd0, qd0=qd0, z=z, p=p, t0=t0,
         closing=closing,
     )  # fmt: skip

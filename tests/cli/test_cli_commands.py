@@ -118,7 +118,7 @@ def test_run_a_file_of_ones_own(ncgen_main, mine, written):
     assert said.code == 0 and said.err == ""
     record = json.loads(said.out)
     assert (record["name"], record["dof"], record["time"]) == ("mine", 1, 0.2)
-    assert (record["backend"], record["integrator"]) == ("numpy", "ode113")
+    assert (record["backend"], record["integrator"]) == ("numpy", "adams")
     assert set(record["outputs"]) == ARTEFACTS | sources("mine")
     assert written() == {"mine.py"} | {f"out/here/{name}" for name in record["outputs"]}
     with np.load("out/here/trajectory.npz") as archive:

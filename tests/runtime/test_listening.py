@@ -111,7 +111,9 @@ def test_a_signal_ends_it_at_once(pendulum, formalism, integrator, step):
 
 
 PROGRAM = """
+import signal
 import numpy as np, ncgen
+signal.signal(signal.SIGINT, signal.default_int_handler)
 kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
 ncgen.simulate(kernels, 0.01)
 print("begins", flush=True)

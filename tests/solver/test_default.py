@@ -1,0 +1,112 @@
+"""The default goes through: `simulate(kernels, T)` alone on mechanisms that break methods, at the accuracy that rtol promises."""
+
+from __future__ import annotations
+
+import warnings
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.exchange.examples import load
+from ncgen.model import Model
+from ncgen.report.hard_cases import CASES
+
+QUICK = ("robot", "bricard", "heavy-top", "nfourbar-2", "equal-crank", "massless", "pendulum-1e-06", "pendulum-1e+06", "near-parallel")
+SLOW = ("nfourbar-40", "free-body", "squeezer", "governor")
+
+
+def error_of(name: str, rtol: float) -> float:
+    case = CASES[name]
+    kernels = ncgen.compile(case.build(), "c")
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = ncgen.simulate(kernels, case.duration, rtol=rtol, points=case.points, **case.options)
+    assert run.made_with
+    return case.error(run)
+
+
+@pytest.mark.parametrize("name", [*QUICK, *(pytest.param(name, marks=pytest.mark.slow) for name in SLOW)])
+def test_within_a_hundred_tolerances(name):
+    assert error_of(name, 1e-8) < 1e-6
+
+
+def pendulum() -> Model:
+    m = Model("swing")
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0))
+    m.body("bob", points=[B], mass=1.0)
+    m.distance(A, B)
+    m.gravity((0, -9.81, 0))
+    return m
+
+
+@pytest.fixture(scope="module")
+def swing():
+    return ncgen.compile(pendulum(), "c")
+
+
+def test_no_alarm_at_rest(swing):
+    """It hangs still: what its velocities are is rounding."""
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        run = ncgen.simulate(swing, 1.0, q0=[0.0, -1.0])
+    assert run.energy_drift < 1e-6
+
+
+@pytest.mark.parametrize("points", [2, 21])
+def test_no_alarm_on_a_stroboscopic_grid(swing, points):
+    """At whole periods the pendulum is at rest: the energy is looked at elsewhere, too."""
+    from scipy.special import ellipk
+
+    period = 4 * ellipk(0.5) / np.sqrt(9.81)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ncgen.simulate(swing, 20 * period, points=points)
+
+
+def test_the_true_alarm_stays():
+    """A method that slides over a singular position is told by its energy: BDF on the slider-crank of equal rods."""
+    case = CASES["equal-crank"]
+    kernels = ncgen.compile(case.build(), "c")
+    with pytest.warns(UserWarning, match="the energy changes by|constraints to"):
+        ncgen.simulate(kernels, 0.5, formalism="penalty", integrator="dop853", options={"alpha": 10.0}, rtol=1e-10, **case.options)
+
+
+def test_what_penalty_keeps_open_is_told(swing):
+    with pytest.warns(UserWarning, match=r"penalty holds the constraints to .* only \(relative\), although rtol is 1e-12"):
+        ncgen.simulate(swing, 0.5, formalism="penalty", rtol=1e-12)
+
+
+def test_ctrl_c_keeps_what_was_reached(swing):
+    """A KeyboardInterrupt on the way, which a user may catch, has the motion up to there."""
+
+    def press(t):
+        if t > 0.0:
+            raise KeyboardInterrupt
+
+    with pytest.raises(ncgen.Interrupted) as stopped:
+        ncgen.simulate(swing, 1e5, points=100_001, progress=press)
+    run = stopped.value.run
+    assert run.stopped and 2 <= len(run.t) == len(run.q) and np.isfinite(run.q).all()
+    again = ncgen.simulate(swing, run.t[1], points=2)
+    assert np.max(np.abs(again.q[-1] - run.q[1])) < 1e-5
+
+
+def test_a_stiff_mechanism_goes_on_implicitly():
+    """A spring of 1e12 N/m: explicit steps would never end."""
+    m = Model("stiff")
+    A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0)), m.point("C", (1, -1))
+    m.body("upper", points=[B], mass=1.0)
+    m.body("lower", points=[C], mass=1.0)
+    m.distance(A, B)
+    m.spring(B, C, stiffness=1e8, damping=1e5)
+    m.gravity((0, -9.81, 0))
+    run = ncgen.simulate(ncgen.compile(m, "c"), 0.2)
+    assert run.integrator == "radau" and "stiff" in run.made_with
+    assert np.hypot(*(run.q[-1, 2:] - run.q[-1, :2])) == pytest.approx(1.0, abs=1e-6)
+
+
+def test_a_rolling_disc_is_quick():
+    """In C, by default."""
+    run = ncgen.simulate(ncgen.compile(load("disc"), "c"), 0.5)
+    assert run.engine == "c"
