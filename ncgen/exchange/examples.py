@@ -67,7 +67,7 @@ class _Reader(SourceFileLoader):
 
 
 def _no_such(name) -> ModelError:
-    return ModelError(f"{shortened(str(name), SHOWN)}: there is no such file or example; the examples are {', '.join(example_names())}")
+    return ModelError(f"{shortened(str(name), SHOWN) or repr('')}: there is no such file or example; the examples are {', '.join(example_names())}")
 
 
 def _import(path: Path) -> ModuleType:

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
 from ncgen.model.elements import rate_name
-from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS
+from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS, check_expression
 from ncgen.program.functions import FUNCTIONS
 
 LONGEST = 20_000
@@ -43,7 +43,9 @@ def parse_expression(text: str, known: set[str]):
     """
     tree = _tree(text)
     _Measure(text).size(tree)
-    return _Reader(text, known).read(tree)
+    found = _Reader(text, known).read(tree)
+    check_expression(found, quoted(text))
+    return found
 
 
 def parse_direction(text: str, elements: dict):
@@ -107,7 +109,7 @@ class _Measure:
         if level > MOST_LEVELS:
             raise ModelError(f"{quoted(self.text)} has more than {MOST_LEVELS} levels; write it with fewer parentheses, or in parts")
         found = self._size(node, level)
-        if found.digits > (HEAVIEST if found.value is None else MOST_DIGITS):
+        if found.digits > (HEAVIEST if found.value is None else 2 * MOST_DIGITS):
             raise ModelError(f"{quoted(self.text)}: the exact numbers in it have too many digits; write numbers with a decimal point")
         if found.value is not None and not math.isfinite(found.value):
             raise self._not_finite(node)
@@ -147,7 +149,7 @@ class _Measure:
             if abs(exponent.value) > LARGEST_EXPONENT:
                 raise ModelError(f"{quoted(self.text)}: the exponent {exponent.value:.6g} is too large; {LARGEST_EXPONENT} is the limit")
             factor = max(1, math.ceil(abs(exponent.value)))
-            if exponent.value != int(exponent.value) and base.digits > MOST_DIGITS:
+            if exponent.value != int(exponent.value) and base.digits > 2 * MOST_DIGITS:
                 factor = HEAVIEST  # a root of an exact number looks for its factors
         value = None
         if base.value is not None and exponent.value is not None:
@@ -165,7 +167,7 @@ class _Measure:
         digits = sum(a.digits for a in arguments)
         if name == "exp" and arguments[0].logarithm:
             digits = 2 ** min(digits, HEAVIEST.bit_length())  # exp(9*log(x)) is x**9
-        if name == "sqrt" and digits > MOST_DIGITS:
+        if name == "sqrt" and digits > 2 * MOST_DIGITS:
             digits = HEAVIEST + 1
         value = None
         if all(a.value is not None for a in arguments):

@@ -17,7 +17,7 @@ from ncgen.model.elements import AXES, Component, Constant, Point, Relative, Spa
 from ncgen.model.expressions import check_expression
 from ncgen.model.names import check_name, normal
 from ncgen.model.rows import Owner
-from ncgen.model.values import Parameter, as_sympy, as_value, evaluate, is_number
+from ncgen.model.values import LARGEST, Parameter, as_sympy, as_value, evaluate, is_number
 
 UNSAID = ("position", "direction", "field")
 """Arguments that go without saying in messages: their axes are named."""
@@ -75,6 +75,8 @@ def own_direction(model, thing, where: str):
             raise ModelError(f"{where}: the weight {shown(weight)} of {element.name} is not a number; directions are combined with numbers")
     if not direction.is_direction:
         raise ModelError(f"{where}: {direction} is not a direction; give a vector or a difference of points")
+    if np.max(np.abs(direction.initial)) > LARGEST:
+        raise ModelError(f"{where}: {direction} is longer than {LARGEST:g}; the weights of its elements are too large")
     return direction
 
 

@@ -13,8 +13,8 @@ from ncgen.errors import ModelError, shown
 DEEPEST = 50
 """Levels of functions and operations within each other; sympy follows them by recursion."""
 
-MOST_DIGITS = 2100
-"""Binary digits of an exact number, above or below the fraction's line: a double's range, and finding roots stays quick."""
+MOST_DIGITS = 1023
+"""Binary digits of an exact number, above or below the fraction's line: those of a double's range."""
 
 MOST_FACTORS = 64
 """Factors of a product: the second derivative has as many terms as this has pairs."""

@@ -15,7 +15,7 @@ import tempfile
 import time
 import traceback
 import warnings
-from collections import Counter
+from collections import Counter, defaultdict
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -167,42 +167,58 @@ def _characters(chance, text: str) -> str:
 
 
 def _table(chance, text: str) -> str:
-    """One more table, with arguments of about the right kinds."""
-    names = re.findall(r'(?m)^name = "([^"\n]+)"', text) or ["A"]
+    """One more table, with arguments of about the right kinds, and perhaps a parameter that they may mention."""
+    names = defaultdict(list)
+    for word, name in re.findall(r'(?m)^\[\[(\w+)\]\]\n(?:\w+ = .*\n)*?name = "([^"\n]+)"', text):
+        names[{"attach_point": "point", "attach_vector": "vector"}.get(word, word)].append(name)
+    tables = text.split("\n\n")
+    if not names["parameter"]:
+        tables.insert(1, '[[parameter]]\nname = "par"\ndefault = 0.5')
+        names["parameter"].append("par")
     word = chance.choice(words())
     lines = [f"[[{word}]]"]
     for key, parameter in signature_of(word).parameters.items():
-        if parameter.default is parameter.empty or chance.random() < 0.4:
-            value = _argument(chance, kind_of(parameter), names)
-            lines.append(f"{key} = [{value}, {value}]" if parameter.kind is parameter.VAR_POSITIONAL else f"{key} = {value}")
-    tables = text.split("\n\n")
-    tables.insert(chance.randrange(1, len(tables) + 1), "\n".join(lines))
+        if parameter.default is parameter.empty or chance.random() < 0.3:
+            values = [_argument(chance, kind_of(parameter), names) for _ in range(2)]
+            lines.append(f"{key} = {values[0]}" if parameter.kind is not parameter.VAR_POSITIONAL else f"{key} = [{', '.join(values)}]")
+    tables.insert(len(tables) if chance.random() < 0.7 else chance.randrange(1, len(tables) + 1), "\n".join(lines))
     return "\n\n".join(tables)
 
 
-def _argument(chance, kind: str, names: list[str]) -> str:
-    name, other = chance.choice(names), chance.choice(names)
+def _argument(chance, kind: str, names: dict[str, list[str]]) -> str:
+    def any_of(*kinds: str) -> str:
+        return chance.choice([name for kind in kinds for name in names[kind]] or ["A"])
+
+    relative = ("angle", "length", "slide")
+    one, other, vector = any_of("point"), any_of("point"), any_of("vector")
     number = chance.choice(["0", "1", "-2.5", "0.5", "1e3", *NUMBERS[:9]])
-    coordinate = chance.choice((f"{name}.x", f"{name}.y", f"{name}.z", name))
-    expression = chance.choice((f"2*{coordinate}", f"{coordinate}**2 - sin(t)", f"rate({coordinate})", f"{name}.x - {other}.x", *EXPRESSIONS))
-    few = [f'"{name}"', f'"{expression}"', number, '""', "[]", "true"]
+    value = chance.choice((number, number, f'"{any_of("parameter")}"', f'"2*{any_of("parameter")} + 1"', f'"{chance.choice(EXPRESSIONS)}"'))
+    coordinate = chance.choice((f"{one}.x", f"{one}.y", f"{vector}.z", any_of(*relative)))
+    moving = chance.choice((f"2*{coordinate}", f"{coordinate}**2 - sin(t)", f"rate({coordinate})", f"{one}.x - {other}.x", *EXPRESSIONS))
+    moving = f'"{moving}"' if chance.random() < 0.8 else number
+    few = [f'"{one}"', f'"{vector}"', moving, value, '""', "[]", "true"]
     usual = {
-        "str": [f'"{chance.choice([*WORDS, "new"])}"'],
+        "str": [f'"{chance.choice([*WORDS, "new", "new"])}"'],
         "bool": ["true", "false"],
         "bool | str": ["true", "false", '"z"', '"xz"', '"w"'],
         "float": [number],
-        "Value": [number, f'"{expression}"'],
-        "Values": [f"[{number}, 0, 1]", f"[{number}, 0]", "[0, 0, 1]", f'["{expression}", 0, 0]'],
-        "Tensor": [number, "[1, 1, 1]", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[[{number}, 0, 0], [0, 1, 0], [0, 0, 1]]"],
-        "Expression": [number, f'"{expression}"'],
-        "Expressions": [f'[{number}, "{expression}", 0]'],
-        "Callable": ['"2*x - v"', f'"{expression}"'],
-        **dict.fromkeys(("list[Point]", "list[Vector]", "list[Spatial]"), [f'["{name}", "{other}"]']),
-        "Combination": [f'"{name}"', f'"{name} - {other}"', f'"-{name}"', f'"2*{name} - {other}"'],
+        "Value": [value],
+        "Values": [f"[{value}, 0, 1]", f"[{value}, 0]", "[0, 0, 1]", f"[{value}, {value}, {value}]", "[1, 0, 0]"],
+        "Tensor": [value, "[1, 1, 1]", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[[{value}, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[{value}, 1, 1]"],
+        "Expression": [moving],
+        "Expressions": [f"[{number}, {moving}, 0]", f"[{value}, 0, 1]"],
+        "Callable": ['"2*x - v"', moving, value],
+        "Point": [f'"{one}"'],
+        "Vector": [f'"{vector}"'],
+        "Spatial": [f'"{any_of("point", "vector")}"'],
+        **dict.fromkeys(("list[Point]", "list[Vector]", "list[Spatial]"), [f'["{one}", "{other}"]', f'["{one}"]', f'["{vector}"]']),
+        "Relative": [f'"{any_of(*relative)}"'],
+        "Combination": [f'"{vector}"', f'"{one} - {other}"', f'"-{vector}"', f'"2*{one} - {other}"', f'"{one} - {other} + 1e300*{vector}"'],
         "Component | Relative": [f'"{coordinate}"'],
-        "Body": [f'"{name}"', '"ground"'],
+        "Body": [f'"{any_of("body")}"', f'"{any_of("body")}"', '"ground"'],
+        "option": [number, f'"{one}"', '["psi"]', "{ a = 1.0 }", "1e-6", '"dopri5"'],
     }
-    return chance.choice(few if chance.random() < 0.1 else usual.get(kind, [f'"{name}"']))
+    return chance.choice(few if chance.random() < 0.05 else usual[kind])
 
 
 CHANGES = (_lines, _tables, _tokens, _numbers, _numbers, _values, _keys, _headers, _strings, _strings, _renamed, _characters, _table, _table)
