@@ -16,6 +16,7 @@ import time
 import traceback
 import warnings
 from collections import Counter, defaultdict
+from contextlib import suppress
 from dataclasses import dataclass, field
 from multiprocessing.connection import Connection, wait
 from pathlib import Path
@@ -349,8 +350,9 @@ def _serve(pipe: Connection, texts: dict[str, str]) -> None:
             outcome(text.encode(), Path(folder))  # imports and sympy's tables are not the time of the first file
         warnings.simplefilter("error")
         pipe.send("ready")
-        while True:
-            pipe.send(outcome(mutated(pipe.recv(), texts), Path(folder)))
+        with suppress(EOFError, OSError):  # whoever asks has gone
+            while True:
+                pipe.send(outcome(mutated(pipe.recv(), texts), Path(folder)))
 
 
 # -- where the long run goes on -----------------------------------------------------------------
