@@ -77,20 +77,26 @@ def centre_weights(standard: StandardInertia) -> tuple[object, ...]:
 
 def _standard(inertia: Inertia, axes, offset):
     inverse = _inverse(axes)
-    a = [_cleaned(dot(row, offset), 1) for row in inverse]
+    sizes = [_norm(row) for row in inverse]
+    a = [_cleaned(dot(row, offset), size * _norm(offset)) for row, size in zip(inverse, sizes, strict=True)]
     tensor = [_exact(row) for row in inertia.tensor]
     half = sum(tensor[k][k] for k in range(3)) / 2
     planar = [[(half if k == l else 0) - tensor[k][l] for l in range(3)] for k in range(3)]
     spread = [[dot(row, [dot(planar[k], other) for k in range(3)]) for other in inverse] for row in inverse]
-    largest = max((abs(spread[k][k]) for k in range(3) if isinstance(spread[k][k], Fraction)), default=0)
-    spread = [[_cleaned(x, largest) for x in row] for row in spread]
+    whole = float(half) if isinstance(half, Fraction) else 0.0  # the trace of J_G; directions have sizes of their own, so every entry has its scale
+    spread = [[_cleaned(x, whole * n * m) for x, m in zip(row, sizes, strict=True)] for row, n in zip(spread, sizes, strict=True)]
     mass = _mass(inertia.mass)
     top = (mass, *(_times(mass, x) for x in a))
     rows = [(_times(mass, a[k]), *(_plus(spread[k][l], _times(mass, a[k] * a[l])) for l in range(3))) for k in range(3)]
     return (top, *map(tuple, rows))
 
 
-def _cleaned(value, scale):
+def _norm(vector) -> float:
+    """The length of a vector, without what parameters have a say in."""
+    return sum(float(x) ** 2 for x in vector if isinstance(x, Fraction)) ** 0.5
+
+
+def _cleaned(value, scale: float):
     return value if not isinstance(value, Fraction) or abs(value) > ROUNDING * scale else Fraction(0)
 
 
