@@ -56,14 +56,16 @@ def chain(output: str, order: int, by_row: bool):
         graph = places.graph
         weights = [places.weights(c) for c in range(len(places.bound.coordinates))]
         head = ("row",) if by_row else ()
+        made: dict[tuple[int, int], int] = {}
         for i, first in enumerate(weights):
             if order == 1:
                 pieces = [graph.mul(w, outputs[output, k]) for k, w in first if (output, k) in outputs]
                 yield (*head, i), graph.sum(pieces)
                 continue
             for j, second in enumerate(weights):
-                pieces = [graph.mul(graph.mul(w, x), outputs[output, k, l]) for k, w in first for l, x in second]
-                yield (*head, i, j), graph.sum(pieces)
+                if i <= j:  # of a symmetric matrix each pair is computed once, so that it is symmetric to the last bit
+                    made[i, j] = graph.sum(graph.mul(graph.mul(w, x), outputs[output, k, l]) for k, w in first for l, x in second)
+                yield (*head, i, j), made[min(i, j), max(i, j)]
 
     return parts
 

@@ -693,14 +693,15 @@ class Subject:
                 jacobian = k.jacobian(q, t, refresh_branches(k, q, run.p))
             rest = (mass @ a + jacobian.T @ l - force) * self.sizes
             size = (np.abs(mass) @ np.abs(a) + np.abs(jacobian.T) @ np.abs(l) + np.abs(force)) * self.sizes
-            if not np.all(np.abs(rest) <= 1e-6 * np.max(size, initial=0.0) + 1e-300):
+            rounding = 1e-12 * np.max(np.abs(mass) @ self.sizes * self.sizes, initial=0.0)  # of accelerations of a size a second squared
+            if not np.all(np.abs(rest) <= 1e-6 * np.max(size, initial=0.0) + rounding):
                 i = int(np.argmax(np.abs(rest)))
                 self.find(what, f"at t = {t:.3g} s forces on {k.coordinates[i]} are not in balance by {np.max(np.abs(rest)) / np.max(size):.2g}")
                 return
             if k.model.branches:
                 continue
-            if "generalized-alpha" in what:
-                continue  # which keeps the rows themselves alone
+            if any(name in what for name in ("generalized-alpha", "energy-momentum")):
+                continue  # which keep the rows themselves alone
             speed = (jacobian * qd).sum(axis=1) - k.nu(q, t, run.p)
             size = np.abs(jacobian) @ np.abs(qd) + np.abs(k.nu(q, t, run.p))
             if not np.all(np.abs(speed) <= 1e-6 * size + 1e-9 * np.abs(jacobian) @ self.sizes):
@@ -708,7 +709,7 @@ class Subject:
                 return
             gamma = k.gamma(q, qd, t, run.p)
             gap, size = jacobian @ a - gamma, np.abs(jacobian) @ np.abs(a) + np.abs(gamma)
-            if not np.all(np.abs(gap) <= 1e-6 * np.max(size, initial=0.0) + 1e-300):
+            if not np.all(np.abs(gap) <= 1e-6 * np.max(size, initial=0.0) + 1e-12 * np.max(np.abs(jacobian) @ self.sizes, initial=0.0)):
                 self.find(what, f"at t = {t:.3g} s accelerations break row {self.model.rows[int(np.argmax(np.abs(gap)))].label}")
                 return
 

@@ -698,7 +698,10 @@ def main(arguments: list[str]) -> int:
     for seed in range(first, first + count):
         report = examine(seed)
         if count == 1 and report.model is not None:
-            print(to_toml(report.model))
+            try:
+                print(to_toml(report.model))
+            except NcgenError as error:
+                print(f"# no TOML: {error}")
         print(report)
         found += len(report.findings)
     return found
