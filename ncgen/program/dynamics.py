@@ -14,6 +14,7 @@ from __future__ import annotations
 from collections import defaultdict
 from dataclasses import dataclass
 
+from ncgen.errors import SingularError
 from ncgen.program.assemble import ENERGIES, KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_refined, solve_transposed
@@ -123,7 +124,10 @@ def _acceleration(equations: Equations, split: Split, samples: Samples, sizes, r
     MR = [times_mass(column) for column in R]
     reduced = {(i, j): dot(R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
     right = [graph.sub(dot(column, force), dot(momentum, bias)) for column, momentum in zip(R, MR, strict=True)]  # M is symmetric
-    zdd = solve_positive(graph, reduced, nz, right)
+    try:
+        zdd = solve_positive(graph, reduced, nz, right)
+    except ZeroDivisionError:  # an entry is nothing by its structure
+        raise SingularError(f"{equations.model.name}: a motion of the mechanism has no inertia; give the bodies that move mass") from None
     power = _power(lines, split, factors, nu, force, times_mass(bias) if nu else {}, zdd, MR)
     amplification = _amplification(graph, split, R, sizes)
     return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])

@@ -167,7 +167,9 @@ def kinematics(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> Kine
 
 
 def factor(matrix: np.ndarray, name: str) -> tuple:
-    """LU factors; SingularError instead of infinities."""
+    """LU factors, none of an empty matrix; SingularError instead of infinities."""
+    if not matrix.size:
+        return ()
     lu, exchanges, _ = lapack.dgetrf(matrix)
     pivots = np.abs(np.diag(lu))
     if not np.min(pivots) > 1e-14 * np.max(pivots):
@@ -177,4 +179,4 @@ def factor(matrix: np.ndarray, name: str) -> tuple:
 
 def solve(factors: tuple, right: np.ndarray, transposed: int = 0) -> np.ndarray:
     """x of A x = right, or of Aᵀ x = right."""
-    return lapack.dgetrs(*factors, right, trans=transposed)[0]
+    return lapack.dgetrs(*factors, right, trans=transposed)[0] if factors else right

@@ -15,6 +15,7 @@ derivation serves every mechanism and every pattern of fixed and free coordinate
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cache
 
@@ -58,17 +59,33 @@ def differentiate(phi: sympy.Expr, scalars: tuple[str, ...]) -> dict[object, sym
     Taken so, the products of Φ stay products; building the Hessian first costs twice the operations.
     """
     x, v = symbols(scalars), rates(scalars)
+    smooth, whole = _beside_kinks(phi)
     step = sympy.Dummy("step", real=True)
     moved = {s: s + step * rate for s, rate in zip(x, v, strict=True)} | {TIME: TIME + step}
-    curvature = phi.xreplace(moved).diff(step, 2).xreplace({step: sympy.Integer(0)})
-    outputs = {"phi": phi, "nu": -phi.diff(TIME), "gamma": -curvature}
-    outputs.update({("phi_q", k): phi.diff(s) for k, s in enumerate(x)})
-    return {key: _without_impulses(value) for key, value in outputs.items()}
+    curvature = smooth.xreplace(moved).diff(step, 2).xreplace({step: sympy.Integer(0)})
+    outputs = {"nu": -smooth.diff(TIME), "gamma": -curvature}
+    outputs.update({("phi_q", k): smooth.diff(s) for k, s in enumerate(x)})
+    return {"phi": phi, **{key: whole(value) for key, value in outputs.items()}}
 
 
-def _without_impulses(expression: sympy.Expr) -> sympy.Expr:
-    """Derivatives of |x| and sign(x) away from the kink, where they are used: no Dirac impulse in it."""
-    return expression.replace(sympy.DiracDelta, lambda *_: sympy.Integer(0))
+def _beside_kinks(expression: sympy.Expr) -> tuple[sympy.Expr, Callable]:
+    """The expression with constants for the signs in it, |u| being sign(u) u, and a function that puts the signs back.
+
+    Its derivatives are those beside the kinks, where they are used; sympy's own have Dirac impulses, and derivatives of these.
+    """
+    signs: dict[sympy.Symbol, sympy.Expr] = {}
+
+    def constant(u):
+        signs[made := sympy.Dummy("sign", real=True)] = sympy.sign(u)
+        return made
+
+    def whole(derived):
+        for made, sign in reversed(signs.items()):  # outer ones first: their arguments have inner ones
+            derived = derived.xreplace({made: sign})
+        return derived
+
+    smooth = expression.replace(sympy.Abs, lambda u: constant(u) * u).replace(sympy.sign, constant)
+    return (smooth, whole) if signs else (expression, lambda derived: derived)
 
 
 @cache
@@ -95,12 +112,13 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
     γ = −Ḃ q̇ + ν̇. Raises ValueError if the expression is not linear in the rates.
     """
     x, v = symbols(scalars), rates(scalars)
+    smooth, whole = _beside_kinks(psi)
     still = dict.fromkeys(v, sympy.Integer(0))
     B = [psi.diff(rate) for rate in v]
     if any(slope.has(*v) for slope in B if v):
         raise ValueError("it is not linear in the rates")
-    change = sympy.Add(psi.diff(TIME), *(psi.diff(s) * rate for s, rate in zip(x, v, strict=True)))
-    outputs = {"phi": sympy.Integer(0), "nu": -psi.xreplace(still), "gamma": _without_impulses(-change)}
+    change = sympy.Add(smooth.diff(TIME), *(smooth.diff(s) * rate for s, rate in zip(x, v, strict=True)))
+    outputs = {"phi": sympy.Integer(0), "nu": -psi.xreplace(still), "gamma": whole(-change)}
     outputs.update({("phi_q", k): slope for k, slope in enumerate(B)})
     return Template(key, f"{psi}", scalars, data, outputs)
 
@@ -186,10 +204,11 @@ def force_template(key: str, scalars: tuple[str, ...], data: tuple[str, ...], co
 
 def potential_template(key: str, scalars: tuple[str, ...], data: tuple[str, ...], potential: sympy.Expr) -> Template:
     """A potential the user wrote out; its force is the negative gradient, and what it changes by itself in time is power."""
-    outputs = {("force", k): _without_impulses(-potential.diff(s)) for k, s in enumerate(symbols(scalars))}
+    smooth, whole = _beside_kinks(potential)
+    outputs = {("force", k): whole(-smooth.diff(s)) for k, s in enumerate(symbols(scalars))}
     outputs["potential"] = potential
     if TIME in potential.free_symbols:
-        outputs["power"] = _without_impulses(potential.diff(TIME))
+        outputs["power"] = whole(smooth.diff(TIME))
     return Template(key, "user potential", scalars, data, outputs)
 
 

@@ -148,12 +148,17 @@ class Maker:
         number = float(number)
         if not self.chance(share):
             return number
-        if self.model.parameters and self.chance(0.3):
-            old = self.pick([p for p in self.model.parameters.values()])
+        if self.parameters() and self.chance(0.3):
+            old = self.pick(self.parameters())
             if old.default:
                 return old * (number / old.default)
         made = self.tell("parameter", self.name("parameter"), number, self.pick(("", "N/m", "kg")))
         return number if made is None else made
+
+    def parameters(self) -> list:
+        """Those that were declared, without the weights of the paper's rows, which change by themselves."""
+        weights = {w.name for each in self.model.branches.values() for w in each}
+        return [p for p in self.model.parameters.values() if p.name not in weights]
 
     def leaves(self, rates: bool = False, time: bool = True) -> list:
         """Symbols for an expression, of the order of 1."""
@@ -167,7 +172,7 @@ class Maker:
             made += [c.rate / scales.get(c, 1.0) if scales.get(c, 1.0) != 1.0 else c.rate for c in chosen]
         if time:
             made.append(model.time)
-        of_order_one = [p for p in model.parameters.values() if 0.01 < abs(p.default) < 100]
+        of_order_one = [p for p in self.parameters() if 0.01 < abs(p.default) < 100]
         if of_order_one and self.chance(0.4):
             made.append(self.pick(of_order_one).symbol)
         return made

@@ -124,3 +124,42 @@ def test_what_cannot_move_stands_still(formalism, rows, capfd):
     run = ncgen.simulate(ncgen.compile(m, "numpy"), 0.1, formalism=formalism, integrator="dopri5", points=3)
     assert run.q.shape == run.qdd.shape == (3, 0) and np.all(run.lam == 0.0)
     assert capfd.readouterr() == ("", "")
+
+
+def test_second_derivatives_beside_a_kink():
+    """sign of what is no polynomial, in a row: γ is that of the row without it."""
+    gammas = []
+    for sign in (1, sympy.sign(sympy.acos(sympy.Symbol("B.x", real=True) / 2) - 3)):
+        m, _, B = bob()
+        m.constrain(sympy.sqrt(B.x.symbol**2 + 1) * sign)
+        gammas.append(ncgen.compile(m, "numpy").gamma([0.6, -0.8], [0.3, -0.2])[1])
+    assert gammas[0] == pytest.approx(-gammas[1]) != 0.0
+
+
+@pytest.mark.parametrize("alpha", [1e7, 1.0])
+def test_ali3p_where_nothing_has_inertia(alpha, capfd):
+    """One line of our own instead of a division by the largest mass there is, which is none."""
+    m = ncgen.Model("massless")
+    m.point("P", (0, 0, 0))
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        with pytest.raises(ncgen.SingularError, match="no inertia"):
+            ncgen.simulate(ncgen.compile(m, "numpy"), 0.1, formalism="ali3p", integrator="trapezoidal", max_step=0.05, options={"alpha": alpha})
+    assert capfd.readouterr() == ("", "")
+
+
+def test_rows_that_nothing_can_satisfy_are_named():
+    """A row of time alone opens; there is no coordinate to close it."""
+    m = ncgen.Model("clock")
+    m.constrain(m.time**2, "the hour")
+    with pytest.raises(ncgen.ConvergenceError, match="beyond t"):
+        ncgen.simulate(ncgen.compile(m, "numpy"), 1.0)
+
+
+@pytest.mark.parametrize("engine", ["emitted", "batch"])
+def test_motions_without_inertia_are_refused_where_dynamics_are_written_out(engine):
+    m, *_ = bob()
+    m.point("massless", (2, 0, 0))
+    k = ncgen.compile(m, "c")
+    with pytest.raises(ncgen.SingularError, match="no inertia"):
+        ncgen.simulate_batch(k, 0.1, q0=np.array([k.q0, k.q0])) if engine == "batch" else ncgen.simulate(k, 0.1, engine=engine)

@@ -323,3 +323,35 @@ def test_bodies_in_both_backends(backend, emission):
         computed = kernels.mass_matrix(e.ravel())
         close(computed, mass.reshape(15, 15))
         close(kernels.force(e.ravel(), de.ravel()), force.ravel())
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e3, 1e6, 1e8])
+def test_inertia_of_a_body_of_any_size_on_a_segment_and_a_unit_vector(size):
+    """The segment is as long as the body and the vector is not: M in units of the size is the same for all sizes."""
+    rotation = np.linalg.qr(np.array([[1.0, 2.0, 0.5], [-0.3, 1.0, 2.0], [0.7, -0.2, 1.0]]))[0]
+    tensor = rotation @ np.diag([2.0, 3.0, 4.0]) @ rotation.T
+    m = ncgen.Model("scaled")
+    A, B = m.point("A", (0, 0, 0)), m.point("B", size * np.array([0.9, 0.5, -0.3]))
+    u = m.vector("u", (0.6, 0.0, 0.8))
+    m.body("b", [A, B], [u], mass=5.0, com=size * np.array([0.3, 0.1, 0.4]), inertia=size**2 * (tensor + tensor.T) / 2)
+    k = ncgen.compile(m, "numpy")
+    units = np.array([size] * 6 + [1.0] * 3)
+    omega, v = np.array([0.3, -0.7, 0.2]), np.array([0.1, 0.2, -0.4])
+    arms = np.array([[0, 0, 0], [0.9, 0.5, -0.3], [0.6, 0.0, 0.8]])
+    rates = np.cross(omega, arms) + np.array([v, v, np.zeros(3)])
+    centre = v + np.cross(omega, (0.3, 0.1, 0.4))
+    qd = units * rates.ravel()
+    assert qd @ k.mass_matrix(k.q0) @ qd / 2 == pytest.approx(size**2 * (5.0 * centre @ centre + omega @ tensor @ omega) / 2, rel=1e-12)
+
+
+def test_mass_matrix_is_symmetric_to_the_last_bit():
+    """Also where its entries are sums whose order could differ on the two sides of the diagonal."""
+    rng = np.random.default_rng(4)
+    for mass in (3.0, None):
+        m = ncgen.Model("pairs")
+        points = [m.point(name, rng.normal(size=3)) for name in "ABC"]
+        m.body("b", points[:2], [m.vector("u", (0.6, 0.0, 0.8))], mass=mass or m.parameter("m", 3.0), inertia=(2.0, 3.0, 4.0))
+        m.body("c", points, mass=2.0, inertia=(2.0, 2.5, 3.0))
+        k = ncgen.compile(m, "numpy")
+        for q in k.q0 + rng.normal(size=(20, k.n)):
+            assert np.array_equal(k.mass_matrix(q), k.mass_matrix(q).T)

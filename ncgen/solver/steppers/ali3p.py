@@ -11,8 +11,9 @@ Nonlinear Dyn. 9 (1996), doi 10.1007/BF01833296; Cuadrado, Gutiérrez, Naya, Mor
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg
+from scipy.linalg import lapack
 
+from ncgen.solver.formalisms.kkt import massless
 from ncgen.solver.steppers.stepper import Stepper
 
 PROJECTIONS = 6
@@ -56,13 +57,13 @@ class Ali3p(Stepper):
         scaled = self._rows * self.columns / self.rows[:, None]
         left = self.columns[:, None] * self._transposed / self.rows
         tangent = self.columns[:, None] * tangent * self.columns
-        self._unit = float(np.max(np.abs(np.diag(tangent))))
-        self._factors = scipy.linalg.lu_factor(tangent / self._unit + self.settings["alpha"] * left @ scaled)
+        self._unit = float(np.max(np.abs(np.diag(tangent)), initial=0.0)) or 1.0
+        self._factors = _factored(tangent / self._unit + self.settings["alpha"] * left @ scaled, self.kernels.name)
 
     def _solve(self, force, gap) -> np.ndarray:
         """x of P x + αΦ_qᵀ(Φ_q x − gap) = force."""
         right = self.columns * (force + self._transposed @ self._push(gap)) / self._unit
-        return self.columns * scipy.linalg.lu_solve(self._factors, right)
+        return self.columns * lapack.dgetrs(*self._factors, right)[0] if self._factors else right
 
     def _push(self, gap) -> np.ndarray:
         """The multipliers that a violation calls forth: α times it."""
@@ -78,3 +79,13 @@ class Ali3p(Stepper):
                 break
             x, last = x + self._solve(np.zeros(len(x)), gap), size
         return x
+
+
+def _factored(matrix: np.ndarray, name: str) -> tuple:
+    """LU factors, none of an empty matrix; SingularError where a motion has neither inertia nor anything else against it."""
+    if not matrix.size:
+        return ()
+    lu, exchanges, _ = lapack.dgetrf(matrix)
+    if not np.min(np.abs(np.diag(lu))) > 0.0:
+        raise massless(name)
+    return lu, exchanges
