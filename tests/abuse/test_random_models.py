@@ -11,8 +11,11 @@ from random_expressions import SAFE
 
 from ncgen.program.functions import FUNCTIONS
 
-ALWAYS = [seed for seed in range(60_001, 60_045) if seed % 10]
-"""In NumPy."""
+ALWAYS = (
+    60002, 60003, 60004, 60013, 60014, 60018, 60019, 60022, 60025, 60026, 60031, 60032, 60035, 60037, 60039, 60043, 60044, 60046,
+    60048, 60049, 60051, 60052, 60055, 60057, 60059, 60061, 60064, 60065, 60068, 60069, 60085, 60092, 60094, 60096, 60107, 60113,
+)  # fmt: skip
+"""Quick ones of every kind, in NumPy."""
 
 MANY = int(os.environ.get("NCGEN_ABUSE_COUNT", 5000))
 
