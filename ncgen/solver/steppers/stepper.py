@@ -54,7 +54,7 @@ class Stepper:
         weight (n, n) in units of mass, left (n, m), jacobian (m, n)
         """
         weight = self.columns[:, None] * weight * self.columns
-        unit = float(np.max(np.abs(np.diag(weight))))
+        unit = float(np.max(np.abs(np.diag(weight)), initial=0.0)) or 1.0
         rows, left = jacobian * self.columns / self.rows[:, None], self.columns[:, None] * left / self.rows
         x, y = KKT(weight / unit, rows, self.kernels, left).solve(self.columns * force / unit, gap / self.rows)
         return self.columns * x, unit * y / self.rows
