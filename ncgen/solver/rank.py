@@ -175,18 +175,17 @@ def _freedom(kernels: Kernels, q, t, p) -> Freedom:
 
 
 def _independent_rows(jacobians: list[np.ndarray]) -> tuple[list[int], list[int]]:
-    """Rows in their own order, each kept if it is independent of those kept before in any position."""
-    bases = [np.zeros((0, j.shape[1])) for j in jacobians]
+    """Rows in their own order, each kept if it is independent of those kept before in some position, which is then asked on.
+
+    Positions in which a kept row depends on those before are asked no more, so that all kept rows are independent together.
+    """
+    bases = [(j, np.zeros((0, j.shape[1]))) for j in jacobians]
     kept, dependent = [], []
     for row in range(jacobians[0].shape[0]):
-        rests = [_rest(j[row], basis) for j, basis in zip(jacobians, bases, strict=True)]
-        if all(np.linalg.norm(rest) < 1e-8 for rest in rests):
-            dependent.append(row)
-            continue
-        kept.append(row)
-        for k, rest in enumerate(rests):
-            if (size := np.linalg.norm(rest)) > 1e-8:
-                bases[k] = np.vstack([bases[k], rest / size])
+        rests = [(j, basis, _rest(j[row], basis)) for j, basis in bases]
+        new = [(j, np.vstack([basis, rest / size])) for j, basis, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
+        bases = new or bases
+        (kept if new else dependent).append(row)
     return kept, dependent
 
 

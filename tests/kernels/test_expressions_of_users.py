@@ -157,7 +157,7 @@ def test_rows_that_nothing_can_satisfy_are_named():
     """A row of time alone opens; there is no coordinate to close it."""
     m = ncgen.Model("clock")
     m.constrain(m.time**2, "the hour")
-    with pytest.raises(ncgen.ConvergenceError, match="beyond t"):
+    with pytest.raises(ncgen.ConvergenceError, match="clock: .* t = "):
         ncgen.simulate(ncgen.compile(m, "numpy"), 1.0)
 
 
