@@ -14,7 +14,7 @@ from ncgen.report.repeat import Call, each, runner
 from ncgen.report.rivals import KERNELS
 from ncgen.solver.assembly import assemble
 from ncgen.solver.batch import accelerations_batch, simulate_batch
-from ncgen.solver.compiled import GROWTH, dynamics, refusal
+from ncgen.solver.compiled import GROWTH, dynamics, is_emitted
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import TOLERANCE
 
@@ -77,7 +77,7 @@ def _kernel_records(kernels: Kernels) -> Iterator[dict]:
 
 def _runs_in_lanes(kernels: Kernels) -> bool:
     partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
-    return refusal(kernels, "dopri5", partitions, emitted=True) is None
+    return is_emitted(kernels, partitions)
 
 
 def _derivative_records(kernels: Kernels) -> Iterator[dict]:

@@ -13,7 +13,7 @@ from ncgen.build.kernels import Kernels
 from ncgen.errors import NcgenError
 from ncgen.report.rivals import handwritten, octave
 from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import refusal
+from ncgen.solver.compiled import is_emitted
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.simulate import simulate
 
@@ -28,6 +28,9 @@ LONGEST = 2.0
 """Seconds after which a run in C is not repeated any more."""
 
 TIGHT = 1e-13
+
+PARTITIONED = "coordinate-partitioning"
+"""The formalism of all engines that are compared, the emitted one among them."""
 
 ENGINES = {"emitted": "emitted C", "c": "C, dense elimination", "python": "Python"}
 
@@ -56,7 +59,7 @@ def own_run(kernels: Kernels) -> tuple[float, dict]:
 def _runs_in_c(kernels: Kernels) -> bool:
     """False for what only Python simulates: it would take minutes."""
     partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
-    return refusal(kernels, "dopri5", partitions, emitted=True) is None
+    return is_emitted(kernels, partitions)
 
 
 def _settings(duration: float):
@@ -78,7 +81,7 @@ def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
         return module.END
     try:
         tight = {"rtol": TIGHT, "atol": ABSOLUTE * TIGHT}
-        run = simulate(kernels, duration, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1])
+        run = simulate(kernels, duration, formalism=PARTITIONED, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1])
     except NcgenError:
         return None
     return dict(zip(kernels.coordinates, run.q[-1].tolist(), strict=True))
@@ -107,10 +110,10 @@ def _repeated(kernels, duration, integrator, options, engine, repeats):
     seconds, totals = [], []
     options = options | own_run(kernels)[1]
     if engine != "python":
-        simulate(kernels, duration, integrator=integrator, engine=engine, points=2, **options)  # compiles
+        simulate(kernels, duration, formalism=PARTITIONED, integrator=integrator, engine=engine, points=2, **options)  # compiles
     while len(seconds) < repeats and sum(totals) < LONGEST:
         start = time.perf_counter()
-        run = simulate(kernels, duration, integrator=integrator, engine=engine, points=2, **options)
+        run = simulate(kernels, duration, formalism=PARTITIONED, integrator=integrator, engine=engine, points=2, **options)
         totals.append(time.perf_counter() - start)
         seconds.append(run.statistics.seconds)
     return run, seconds, totals

@@ -26,7 +26,7 @@ from ncgen.program.assemble import EMISSIONS
 from ncgen.report.rivals.base import KERNELS, Inputs
 from ncgen.report.rivals.handwritten import source
 from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import dynamics, refusal
+from ncgen.solver.compiled import dynamics, is_emitted
 from ncgen.solver.partition import choose_partitions
 
 TIMES = 1000
@@ -64,7 +64,7 @@ def _derivative_records(kernels, count: _Counter) -> Iterator[dict]:
     """The two functions of the emitted state derivative, at a closed position."""
     q = assemble(kernels, kernels.q0)
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
-    if not kernels.m or refusal(kernels, "dopri5", partitions, emitted=True):
+    if not kernels.m or not is_emitted(kernels, partitions):
         return
     programs = dynamics(kernels, partitions, "emitted", q, kernels.p0).programs
     files = dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)

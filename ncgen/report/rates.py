@@ -12,7 +12,7 @@ from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
 from ncgen.report.rivals import Inputs, exact, handwritten, relative_error
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import dynamics as dynamics_in_c
-from ncgen.solver.compiled import refusal
+from ncgen.solver.compiled import is_emitted
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.partition import choose_partitions
 
@@ -34,7 +34,7 @@ def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
     """
     q = assemble(kernels, kernels.q0)
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
-    if refusal(kernels, "dopri5", partitions, emitted=True):
+    if not is_emitted(kernels, partitions):
         return []
     zd = np.full(len(partitions.velocity.independent), SPEED)
     _, parts, programs = emitted_parts(kernels)

@@ -17,7 +17,7 @@ from ncgen.report.rivals.differences import central, forward, jacobian
 from ncgen.report.rivals.exact import DIGITS, MPMATH
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import dynamics as dynamics_in_c
-from ncgen.solver.compiled import refusal
+from ncgen.solver.compiled import is_emitted
 from ncgen.solver.coordinate_partitioning import Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.partition import choose_partitions
@@ -40,7 +40,7 @@ class StateJacobian:
     @property
     def possible(self) -> bool:
         """Whether the state derivative is emitted at all, and has a state."""
-        return len(self.z) > 0 and refusal(self.kernels, "dopri5", self.partitions, emitted=True) is None
+        return len(self.z) > 0 and is_emitted(self.kernels, self.partitions)
 
     def derivative(self, y) -> np.ndarray:
         """ẏ by the generated C kernels and the linear algebra of Python."""

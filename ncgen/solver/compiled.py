@@ -74,6 +74,12 @@ def refusal_of_size(partitions: Partitions, engine: str) -> str | None:
     return None
 
 
+def is_emitted(kernels: Kernels, partitions: Partitions) -> bool:
+    """True where the state derivative of a choice of independent coordinates can be written out and run in C."""
+    method = Method.of("coordinate-partitioning", "dopri5")
+    return (refusal(kernels, method, "emitted", "double") or refusal_of_size(partitions, "emitted")) is None
+
+
 def run_constrained(
     path: Path, kernels: Kernels, method: Method, grid, q, qd, p, max_step, tolerances: Tolerances, number="double", stop=None,
     progress=None, stop_when_stiff=False,

@@ -121,7 +121,7 @@ def test_ten_seconds_in_c_against_newton_and_euler():
 
 
 def test_a_disc_that_lies_flat_is_refused():
-    with pytest.raises(ModelError, match="rolling of disc: its axle u stands along the normal, so the disc lies flat"):
+    with pytest.raises(ModelError, match="rolling of disc: the disc lies flat, its axle u is along the normal"):
         example_module("disc").build(lean=90.0, spokes=0)
 
 
@@ -132,5 +132,5 @@ def test_a_start_that_lies_flat_is_refused(wobble):
     q0 = np.array([flat[name] for name in disc.coordinates])
     q0[[disc.index[name] for name in disc.coordinates if name.startswith("disc.aux")]] = [0.0, -1.0, 0.0]
     for ask in (lambda: ncgen.simulate(disc, 0.1, q0=q0), lambda: ncgen.freedom(disc, q0)):
-        with pytest.raises(ModelError, match=r"row .*\(joint rolling of disc\): its \w+ is not a number at this position"):
+        with pytest.raises(ModelError, match=r"disc: .*row .*\(.*joint rolling of disc\) is not a number at t = 0 s"):
             ask()

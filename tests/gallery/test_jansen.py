@@ -25,7 +25,7 @@ def driven():
 
 @pytest.fixture(scope="module")
 def turn(driven):
-    return ncgen.simulate(driven, 1.0, integrator="dop853", rtol=1e-8, atol=1e-10, points=25)
+    return ncgen.simulate(driven, 1.0, formalism="coordinate-partitioning", integrator="dop853", rtol=1e-8, atol=1e-10, points=25)
 
 
 def crossing(p, rp, q, rq):

@@ -37,14 +37,14 @@ def test_a_zero_pivot_is_repeated_and_counted(square, method):
     emitted = compiled.dynamics(square, partitions, "emitted", later, square.p0)
     jacobian = square.jacobian(square.q0)
     assert np.sum(jacobian[np.ix_(partitions.position.rows[1:], [square.index["C.x"], square.index["C.y"]])] == 0.0) == 2
-    given = (method, [0.0, 0.1], square.q0, np.zeros(1), square.p0, 1e-9, 1e-11)
-    done = emitted.simulate(*given, tolerance=1e-12, growth=1e9)
+    given = (method, [0.0, 0.1], square.q0, np.zeros(1), square.p0)
+    done = emitted.simulate(*given, rtol=1e-9, atol=1e-11, tolerance=1e-12, growth=1e9)
     assert done.status == "ok" and done.fallbacks > 0
     assert done.q[-1] == pytest.approx(python.q[-1], abs=1e-8)
     kept, emitted._dynamics.rows = emitted._dynamics.rows, emitted._ffi.NULL
     try:
         if method != "radau":
-            assert emitted.simulate(*given, tolerance=1e-12, growth=1e9).status != "ok"
+            assert emitted.simulate(*given, rtol=1e-9, atol=1e-11, tolerance=1e-12, growth=1e9).status != "ok"
     finally:
         emitted._dynamics.rows = kept
 

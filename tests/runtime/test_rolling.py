@@ -25,7 +25,7 @@ def roll(duration, **options):
 
 @pytest.mark.parametrize(("integrator", "step"), [("rk4", 2.5e-3), ("trapezoidal", 5e-3)])
 def test_both_engines_step_alike(integrator, step):
-    c, python = (roll(0.05, integrator=integrator, max_step=step, points=6, engine=engine) for engine in ("c", "python"))
+    c, python = (roll(0.05, formalism="coordinate-partitioning", integrator=integrator, max_step=step, points=6, engine=engine) for engine in ("c", "python"))
     assert c.engine == "c" and python.engine.startswith("python")
     assert c.q == pytest.approx(python.q, abs=1e-12)
     assert c.qd == pytest.approx(python.qd, abs=1e-11)
@@ -34,7 +34,7 @@ def test_both_engines_step_alike(integrator, step):
 @pytest.mark.parametrize("integrator", ["dopri5", "dop853", "radau"])
 def test_the_default_is_in_c_and_changes_its_coordinates(integrator):
     """Three seconds: five turns of the disc, of which no coordinate is good all the way. Against all coordinates in another formalism."""
-    run = roll(3.0, integrator=integrator, rtol=1e-9, atol=1e-11, points=31)
+    run = roll(3.0, formalism="coordinate-partitioning", integrator=integrator, rtol=1e-9, atol=1e-11, points=31)
     known = roll(3.0, integrator="dop853", rtol=1e-12, atol=1e-13, points=31, formalism="lagrange")
     assert run.engine == known.engine == "c"
     assert run.statistics.partition_changes > 5
