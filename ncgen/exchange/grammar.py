@@ -32,6 +32,9 @@ LARGEST_EXPONENT = 64
 HEAVIEST = 2**16
 """Binary digits of the exact numbers that may come together in an expression."""
 
+UNDONE = {"exp": frozenset({"log"}), "log": frozenset({"exp"}), **dict.fromkeys(("sin", "cos", "tan"), frozenset({"asin", "acos", "atan", "atan2"}))}
+"""{function: those that it undoes}: what stands within both comes out again."""
+
 CONSTANTS = {"pi": math.pi, "e": math.e}
 _SUMS, _PRODUCTS = (ast.Add, ast.Sub), (ast.Mult, ast.Div)
 
@@ -90,13 +93,25 @@ def chain(node, operators) -> list[tuple[ast.operator | None, ast.expr]]:
 class Size:
     """What is known of a part of an expression before it is built.
 
-    value: its number, or None where it has a name in it; digits: the most binary digits that its exact numbers can have;
-    logarithm: whether one is in it, which an exponential function would turn into a power
+    value: its number, or None where it has a name in it; digits: the most binary digits that its exact numbers can have
+    growth: the most binary digits of the number that it may come down to once names cancel, which counts where it is an exponent;
+        numbers within a function stay there
+    functions: what is called in it, but for what other functions hide
     """
 
     value: float | None
     digits: int
-    logarithm: bool = False
+    growth: int = 0
+    functions: frozenset[str] = frozenset()
+
+
+def _functions(sizes: list[Size]) -> frozenset[str]:
+    return frozenset().union(*(size.functions for size in sizes))
+
+
+def _largest(growth: int) -> int:
+    """The largest number of so many binary digits, or one that is too large for anything."""
+    return 2 ** min(growth, HEAVIEST.bit_length())
 
 
 class _Measure:
@@ -117,7 +132,8 @@ class _Measure:
 
     def _size(self, node, level: int) -> Size:
         if _is_number(node):
-            return Size(self._number(node, lambda: float(node.value)), node.value.bit_length() if isinstance(node.value, int) else 1)
+            digits = node.value.bit_length() if isinstance(node.value, int) else 1
+            return Size(self._number(node, lambda: float(node.value)), digits, digits)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
             found = self.size(node.operand, level + 1)
             return replace(found, value=-found.value) if isinstance(node.op, ast.USub) and found.value is not None else found
@@ -127,7 +143,7 @@ class _Measure:
             return self._chain(node, level)
         if isinstance(node, ast.Call) and dotted(node.func) in FUNCTIONS:
             return self._call(node, [self.size(a, level + 1) for a in node.args])
-        return Size(CONSTANTS.get(dotted(node)), 1)
+        return Size(CONSTANTS.get(dotted(node)), 1)  # a name, or what is refused when it is read
 
     def _chain(self, node, level: int) -> Size:
         operators = _SUMS if isinstance(node.op, _SUMS) else _PRODUCTS
@@ -138,13 +154,15 @@ class _Measure:
         value = sizes[0].value
         for (operator, _), size in zip(links[1:], sizes[1:], strict=True):
             value = None if value is None or size.value is None else self._number(node, lambda: _combined(operator, value, size.value))
-        return Size(value, sum(s.digits for s in sizes), any(s.logarithm for s in sizes))
+        digits, growth = sum(s.digits for s in sizes), sum(s.growth for s in sizes)
+        return Size(value, digits, growth + len(sizes).bit_length() - 1 if operators is _SUMS else growth, _functions(sizes))
 
     def _power(self, node, base: Size, exponent: Size) -> Size:
         """base**exponent. An exponent with names in it may come down to the number that its own numbers make."""
-        logarithm = base.logarithm or exponent.logarithm
-        if exponent.value is None or exponent.logarithm:
-            factor = 2 ** min(exponent.digits, HEAVIEST.bit_length())
+        if base.value == math.e and base.digits == 1:
+            return self._function(node, "exp", [exponent])
+        if exponent.value is None or "log" in exponent.functions:
+            factor = _largest(exponent.growth)
         else:
             if abs(exponent.value) > LARGEST_EXPONENT:
                 raise ModelError(f"{quoted(self.text)}: the exponent {exponent.value:.6g} is too large; {LARGEST_EXPONENT} is the limit")
@@ -154,25 +172,29 @@ class _Measure:
         value = None
         if base.value is not None and exponent.value is not None:
             value = self._number(node, lambda: math.pow(base.value, exponent.value))
-        natural = base.value == math.e and base.digits == 1  # e**x is exp(x)
-        digits = exponent.digits if natural and not exponent.logarithm else base.digits * factor + exponent.digits
-        return Size(value, digits, logarithm)
+        return Size(value, base.digits * factor + exponent.digits, base.growth * factor, _functions([base, exponent]))
 
     def _call(self, node, arguments: list[Size]) -> Size:
         name = dotted(node.func)
         if len(arguments) != FUNCTIONS[name].arity:
             return Size(None, 1)  # refused when it is read
-        if name == "pow":
-            return self._power(node, *arguments)
-        digits = sum(a.digits for a in arguments)
-        if name == "exp" and arguments[0].logarithm:
-            digits = 2 ** min(digits, HEAVIEST.bit_length())  # exp(9*log(x)) is x**9
+        return self._power(node, *arguments) if name == "pow" else self._function(node, name, arguments)
+
+    def _function(self, node, name: str, arguments: list[Size]) -> Size:
+        digits, growth, inside = sum(a.digits for a in arguments), sum(a.growth for a in arguments), _functions(arguments)
+        if name == "exp" and "log" in inside:
+            digits *= _largest(growth)  # exp(9*log(x)) is x**9
         if name == "sqrt" and digits > 2 * MOST_DIGITS:
             digits = HEAVIEST + 1
+        if inside & UNDONE.get(name, frozenset()):
+            growth = digits
+        elif name not in ("sqrt", "abs"):  # what stands within stays there, at most for the function that undoes this one
+            growth = digits.bit_length() if name == "log" else 1
+            inside = inside if any(name in undone for undone in UNDONE.values()) else frozenset()
         value = None
         if all(a.value is not None for a in arguments):
             value = self._number(node, lambda: float(FUNCTIONS[name].python(*(a.value for a in arguments))))
-        return Size(value, digits, name == "log" or any(a.logarithm for a in arguments))
+        return Size(value, digits, growth, inside | {name})
 
     def _number(self, node, compute) -> float:
         try:

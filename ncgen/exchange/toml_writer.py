@@ -7,6 +7,8 @@ import re
 from collections import Counter
 
 import numpy as np
+from sympy import Mul
+from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from ncgen.errors import ModelError, shown
@@ -133,6 +135,28 @@ def _combination(value: Combination) -> str:
 
 class _Exact(StrPrinter):
     """sympy's own notation, with numbers that read back to the same bits, and our names of functions."""
+
+    def _print_Mul(self, expr):
+        """A product whose factors meet one by one when it is read, but never a number and a sum alone.
+
+        sympy multiplies such two out: x/7/(x²/49 + 1), which it would print as x/(7 (x²/49 + 1)), would be read as x/(x²/7 + 7).
+        """
+        number = Mul(*(f for f in expr.args if f.is_Number))
+        over, under = (number.p, number.q) if number.is_Rational else (number, 1)
+        sign, over = ("-", self._print(-over)) if over < 0 else ("", self._print(over))
+        factors = [f for f in expr.as_ordered_factors() if not f.is_Number]
+        below = [f for f in factors if f.is_Pow and f.exp.is_Rational and f.exp < 0]
+        sums = [self._factor(f) for f in factors if f.is_Add]
+        plain = [self._factor(f) for f in factors if not f.is_Add and f not in below]
+        divided = [self._print(under)] * (under != 1) + [self._factor(f.base**-f.exp) for f in below]
+        if sums and not plain and (number == 1 or not below):  # the number goes last
+            last = [f"(-{over})"] if sign else [over] * (over != "1")
+            return "/".join(["*".join(sums + last), *divided])
+        first = [over] * (over != "1" or not plain)
+        return sign + "*".join(["/".join(["*".join(first + plain), *divided]), *sums])
+
+    def _factor(self, expr) -> str:
+        return self.parenthesize(expr, PRECEDENCE["Mul"], strict=False)
 
     def _print_Float(self, expr):
         return repr(float(expr))

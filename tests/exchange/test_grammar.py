@@ -33,6 +33,9 @@ MEANINGS = {
     "+".join(f"x/{k}" for k in range(1, 300)): sum(sympy.Rational(1, k) for k in range(1, 300)) * x,
     "-" * 20 + "x": x,
     "sin(" * 45 + "x" + ")" * 45: None,
+    "(1 + y**2)**sin((1 + 4*x**2)**(3/2))": (1 + y**2) ** sympy.sin((1 + 4 * x**2) ** sympy.Rational(3, 2)),
+    "exp(-log(2 + cos(5/2))**2)": sympy.exp(-(sympy.log(2 + sympy.cos(sympy.Rational(5, 2))) ** 2)),
+    "(1 + x**2)**sin(log(1000*y))": (1 + x**2) ** sympy.sin(sympy.log(1000 * y)),
 }
 
 BOMBS = {
@@ -45,6 +48,13 @@ BOMBS = {
     "(9**(387420489*x))**(387420489/x)": "too many digits",
     "x**(999999999*log(9)/log(x))": "too many digits",
     "((1 + 1/10**60)**64)**64": "too many digits",
+    "9**(x*387420489/x)": "too many digits",
+    "9**(x/(x/387420489))": "too many digits",
+    "9**(sin(asin(387420489*x))/x)": "too many digits",
+    "9**(tan(atan2(387420489*y, y))/x)": "too many digits",
+    "9**(log(exp(387420489*y))/y)": "too many digits",
+    "9**(sqrt(387420489**2*x**2)/abs(x))": "too many digits",
+    "e**(387420489*log(9*x))": "too many digits",
     "sqrt(" + "+".join(f"x/{k}" for k in range(1, 900)) + ")": "too many digits",
     "9" * 400: "not a finite number",
     "9" * 5000 + "*x": "not an expression",
