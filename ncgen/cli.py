@@ -349,9 +349,10 @@ def hard(
 def check(file: Annotated[Path, typer.Argument(help="a TOML model file")]) -> None:
     """Report everything that is wrong with a model file, with line numbers."""
     from ncgen.compiler import generate as sources_of
-    from ncgen.exchange.toml_reader import read_toml
+    from ncgen.exchange.toml_reader import problems_of_run, read_toml
 
     model, problems = read_toml(file)
+    problems = problems or problems_of_run(file, model)
     for problem in problems:
         err.print(problem.of(file), markup=False)
     if problems:

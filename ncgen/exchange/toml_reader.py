@@ -75,6 +75,13 @@ def line_of(path: Path, word: str, key: str) -> int:
     return tables[-1].line_of(key) if tables else 1
 
 
+def problems_of_run(path: Path, model: Model) -> list[Problem]:
+    """What is wrong with the run that [simulation] describes, in a file that could be read."""
+    from ncgen.solver.run import refusals
+
+    return sorted((Problem(line_of(path, "simulation", option or ""), message) for option, message in refusals(model)), key=lambda p: p.line)
+
+
 def _line_of_number(text: str) -> int:
     """The line of the longest run of digits."""
     longest = max(re.finditer(r"[0-9A-Fa-f_]+", text), key=lambda found: len(found[0]), default=None)

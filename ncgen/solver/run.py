@@ -190,6 +190,9 @@ def outline(subject: Kernels | Model):
     return checked_kernels(subject)
 
 
+DURATION = 1.0
+"""Seconds that a run takes unless its model or its caller says something else."""
+
 GIVEN = ("subject", "initial", "names", "progress")
 """Arguments of a run that are no options of it."""
 
@@ -207,6 +210,32 @@ def check_simulation(model: Model, **more) -> Run:
     return Run.asked(model, **options)
 
 
+def refusals(model: Model) -> list[tuple[str | None, str]]:
+    """All that is wrong with a model's own `simulation`: (option, message), the option None where none is to blame.
+
+    To blame is the last option without which nothing is wrong, or at least something else.
+    """
+    options, found = dict(model.simulation_options), []
+    while message := _refusal(model, options):
+        without = {name: _refusal(model, {k: v for k, v in options.items() if k != name}) for name in reversed(options)}
+        blamed = min((name for name in without if without[name] != message), key=lambda name: without[name] != "", default=None)
+        found.append((blamed, message))
+        if blamed is None:
+            break
+        del options[blamed]
+    return found
+
+
+def _refusal(model: Model, options: dict) -> str:
+    """Why there is no such run, or nothing."""
+    try:
+        check_options(options)
+        Run.asked(model, **{"duration": DURATION, **options})
+    except ModelError as error:
+        return str(error)
+    return ""
+
+
 def check_options(options) -> None:
     """Raise ModelError for a name that is no option of a run."""
     for name in options:
@@ -216,7 +245,7 @@ def check_options(options) -> None:
 
 def simulation_of(model: Model, **more) -> dict:
     """Arguments of `ncgen.simulate` for a model: its own, with others in their place where they are not None."""
-    return {"duration": 1.0, **model.simulation_options, **{name: value for name, value in more.items() if value is not None}}
+    return {"duration": DURATION, **model.simulation_options, **{name: value for name, value in more.items() if value is not None}}
 
 
 # -- single numbers and words --------------------------------------------------------------------------------------------------------------

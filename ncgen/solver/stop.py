@@ -60,7 +60,7 @@ def stop_at(kernels: Kernels, wanted: dict | None) -> Stop | None:
     inner = name[5:-1] if str(name).startswith("rate(") and name.endswith(")") else name
     if inner not in kernels.index:
         raise ModelError(f"stop at {name}: {kernels.name} has no free coordinate {inner}; it has {', '.join(kernels.coordinates)}")
-    value, direction = condition if isinstance(condition, tuple) and len(condition) == 2 else (condition, "either")
+    value, direction = condition if isinstance(condition, (tuple, list)) and len(condition) == 2 else (condition, "either")
     if direction not in DIRECTIONS:
         raise ModelError(f"stop at {name}: direction {direction!r} is unknown; choose one of {', '.join(DIRECTIONS)}")
     if not (isinstance(value, Real) and np.isfinite(value)):
