@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import ncgen
 from ncgen import Model
 from ncgen.emit.c import number
+from ncgen.model.values import LARGEST
 from ncgen.program.evaluate import evaluate
 
 EDGES = [
@@ -49,7 +50,7 @@ def sources(constants):
     model = Model("constants")
     for k in range(0, COUNT, 3):
         point = model.point(f"P{k}", (0, 0, 0))
-        model.force(point, constants[k : k + 3])
+        model.force(point, [sympy.Float(c) for c in constants[k : k + 3]])
     x = model.elements["P0"].x
     for c in constants:
         model.constrain(x + sympy.Float(c))
@@ -88,7 +89,7 @@ def test_constants_in_python(sources, constants):
 
 def test_initial_position_and_defaults(tmp_path):
     """Initial coordinates and default parameters keep their bits, too."""
-    values = doubles(30)
+    values = [value for value in doubles(60) if abs(value) <= LARGEST][:30]
     model = Model("start")
     for k in range(0, 27, 3):
         model.point(f"P{k}", values[k : k + 3])
