@@ -80,7 +80,7 @@ class _Counter:
 
     def __init__(self, folder: Path, flags: tuple[str, ...]):
         self.flags, self.program = flags, folder / "count"
-        for name in ("count.c", "ncgen_runtime.h", *HEADERS):
+        for name in ("count.c", *RUNTIME_HEADERS, *HEADERS):
             (folder / name).write_text(verbatim(f"c/{name}"), encoding="utf-8")
         command = [*find_compiler().command, "-std=gnu99", "-O1", "count.c", "-o", "count", "-ldl", "-lm"]
         made = subprocess.run(command, cwd=folder, capture_output=True, text=True)
