@@ -32,7 +32,8 @@ LARGEST_EXPONENT = 64
 HEAVIEST = 2**16
 """Binary digits of the exact numbers that may come together in an expression."""
 
-UNDONE = {"exp": frozenset({"log"}), "log": frozenset({"exp"}), **dict.fromkeys(("sin", "cos", "tan"), frozenset({"asin", "acos", "atan", "atan2"}))}
+_INVERSE = frozenset({"asin", "acos", "atan", "atan2"})
+UNDONE = {"exp": frozenset({"log"}), "log": frozenset({"exp"}), "sin": _INVERSE, "cos": _INVERSE, "tan": _INVERSE}
 """{function: those that it undoes}: what stands within both comes out again."""
 
 CONSTANTS = {"pi": math.pi, "e": math.e}

@@ -31,7 +31,7 @@ def hanging(m, mass):
 
 BEYOND = {
     "a mass over a short length": (flat, 1e-100, "mass of B.x"),
-    "a spatial body": (spatial, 1e-150, "body beam, inertia"),
+    "a spatial body": (spatial, 1e-160, "body beam, inertia"),
     "lengths whose reciprocal overflows": (rods, 1e-310, "distance A-B0"),
     "a mass of 1e308": (hanging, 1e308, "body bob, mass: 1e[+]308 is too large"),
     "an integer of 400 digits": (hanging, 10**400, "body bob, mass: a number of 401 digits is not a finite number"),
