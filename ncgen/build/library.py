@@ -22,7 +22,7 @@ from ncgen.program.programs import Programs
 if TYPE_CHECKING:
     from ncgen.build.direct import Direct
 
-STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted", "stiff")
+STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted", "stiff", "short")
 
 
 class CompiledKernels(Kernels):

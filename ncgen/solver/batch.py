@@ -12,7 +12,7 @@ from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import GROWTH, MOST_STEPS, dynamics, refusal, refusal_of_size
+from ncgen.solver.compiled import GROWTH, dynamics, refusal, refusal_of_size
 from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.given import checked_kernels, finite, known_name, names_of
 from ncgen.solver.partition import choose_partitions
@@ -24,6 +24,9 @@ from ncgen.solver.tolerances import Tolerances
 
 INTERRUPTED = "interrupted"
 """The status of a state that was on its way, or had not begun, when the batch was ended from outside."""
+
+MOST_STEPS = 1_000_000
+"""Steps with error control after which a state of a batch is given up."""
 
 NEAR_HALF_A_TURN = 0.5
 """Cosine of an angle's error below which its own parameters decide whether it is on its mirror root."""
@@ -90,7 +93,7 @@ class BatchAccelerations:
         return self.choice.names
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Choice:
     """Names of the independent coordinates, the state derivative for them in lanes, and their places in q."""
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.errors import SingularError
+from ncgen.errors import ConvergenceError, SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms import ACCELERATIONS
-from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
+from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.protocol import Kernels
@@ -25,11 +25,11 @@ coordinates only, and R is what their errors are multiplied by."""
 REUSE = 0.7
 """A choice of independent coordinates made earlier in the run is taken again if its quality is this share of the best."""
 
-MOST_STEPS = 1_000_000
-"""Steps with error control after which a run over all coordinates is given up: near a singular position they may become tiny."""
-
 STIFF = "the mechanism is stiff"
 """The reason of a run that was to end where an implicit integrator would serve better: the path goes on with that."""
+
+FINAL = ("short", "not converged")
+"""Statuses of a run that Python's engine, which has the same method, would not carry farther."""
 
 MOST_EMITTED = 6
 """How many choices of independent coordinates are emitted and compiled in one run before the dense path takes over."""
@@ -90,7 +90,8 @@ def run_constrained(
     progress: called now and then with the time reached; what is raised meanwhile ends the run and is raised here, the path
         holding what was reached
     stop_when_stiff: dopri5 and dop853 end with the reason STIFF where an implicit integrator would serve better
-    Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number.
+    Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number,
+    ConvergenceError where steps become too short.
     """  # fmt: skip
     from ncgen.build.listening import Progress
     from ncgen.build.runtime import ConstrainedDynamics
@@ -112,7 +113,7 @@ def run_constrained(
     done = dynamics.simulate(
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism), project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, times[0], p).rank, max_steps=MOST_STEPS, event=stop, max_step=max_step, progress=Progress(progress),
+        rank=freedom(kernels, q, times[0], p).rank, event=stop, max_step=max_step, progress=Progress(progress),
         stop_when_stiff=int(stop_when_stiff), **_weights(settings),
         **tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
@@ -123,7 +124,13 @@ def run_constrained(
     path.largest_projection = max(path.largest_projection, done.largest_projection)
     if done.stopped:
         path.stop(done.reached, *done.last[:2], work + done.last[2])
-    return _ended(path, kernels, grid, done, work, p)
+    reason = _ended(path, kernels, grid, done, work, p)
+    if done.status in FINAL:
+        raise ConvergenceError(
+            f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s, where steps become too short; the mechanism comes to a "
+            "singular position there, or rtol asks for less than rounding leaves"
+        )
+    return reason
 
 
 def _ended(path: Path, kernels: Kernels, grid, done, work: float, p) -> str | None:
@@ -201,7 +208,8 @@ def run(
     coordinates become bad, go on with others.
 
     form: of the state derivative, as for `dynamics`; progress, stop_when_stiff: as for `run_constrained`
-    Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number.
+    Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number,
+    ConvergenceError where steps become too short.
     """  # fmt: skip
     from ncgen.build.listening import Progress
 
@@ -238,6 +246,8 @@ def run(
             t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
             before, path.partitions = path.partitions, _better(kernels, path.partitions, seen, q, t, p)
             changed = path.partitions is not before
+            if not (advanced or changed) and done.status in FINAL:
+                raise ConvergenceError(stuck_message(kernels, t))
             if not (advanced or changed):
                 return reason
             path.counts[3] += changed

@@ -121,6 +121,14 @@ def singular_message(kernels: Kernels, found) -> str:
     )
 
 
+def stuck_message(kernels: Kernels, t: float) -> str:
+    """One line about a motion on independent coordinates that ends."""
+    return (
+        f"{kernels.name}: the motion cannot go on beyond t = {t:.6g} s; the mechanism locks or comes to a "
+        "singular position there, which formalism='lagrange' passes; or take smaller steps (rtol, max_step)"
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Kinematics:
     """The factorised Jacobian at a position: velocities and accelerations from independent ones."""

@@ -16,7 +16,7 @@ from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_a
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.integrators import ode_solver, takes_jacobian
-from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality
+from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.protocol import Kernels
 from ncgen.solver.tolerances import Tolerances
@@ -157,7 +157,7 @@ class _Run:
                 break
             except (ConvergenceError, SingularError, DomainError) as error:
                 if attempt == RETRIES:
-                    raise error if isinstance(error, DomainError) else type(error)(self._stuck(here)) from error
+                    raise error if isinstance(error, DomainError) else type(error)(stuck_message(self.kernels, here.t)) from error
                 self.rejections += 1
                 self._repartition(here, any_better=True)
                 length = min(getattr(solver, "h_abs", np.inf), self.end - here.t) / 4 ** (attempt + 1)
@@ -187,12 +187,6 @@ class _Run:
 
     def _accept(self, here: Motion) -> None:
         self.start = Start(here.t, here.q, here.qd, refresh_branches(self.kernels, here.q, self.start.p))
-
-    def _stuck(self, here: Motion) -> str:
-        return (
-            f"{self.kernels.name}: the motion cannot go on beyond t = {here.t:.6g} s; the mechanism locks or comes to a "
-            "singular position there, which formalism='lagrange' passes; or take smaller steps (rtol, max_step)"
-        )
 
     def _quality(self, partitions: Partitions, here: Motion) -> float:
         return min(quality(self.kernels, p, here.q, here.t, self.start.p) for p in {partitions.position, partitions.velocity})

@@ -42,7 +42,7 @@ MOST_NUMBERS = 2**31
 """Numbers in a trajectory's positions, velocities and accelerations: 16 GiB."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Initial:
     """Where a mechanism begins, as it was asked for: nothing is closed or solved yet.
 
@@ -79,7 +79,7 @@ class Initial:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Run:
     """One simulation as it was asked for.
 

@@ -12,7 +12,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
-from ncgen.solver.choice import Choice, choose, stiff_choice
+from ncgen.solver.choice import IMPLICIT, Choice, choose, stiff_choice
 from ncgen.solver.given import checked_kernels
 from ncgen.solver.partition import choose_partitions, singular_message
 from ncgen.solver.path import Path
@@ -159,8 +159,8 @@ class _Motion:
             raise ModelError(f"{kernels.name} cannot be simulated in C{number}: {refused}; use {remedy}")
         if refused is None:
             refused = self._in_c(form)
-            if refused == compiled.STIFF and self._can_go_on_implicit():
-                refused = self._refusal() or self._in_c(form)
+            if refused == compiled.STIFF:
+                refused = self._go_on_implicit()
             if refused and needs_c:
                 raise ConvergenceError(f"{kernels.name}: {refused}; with {remedy} it goes on in Python")
         if refused is not None:
@@ -169,15 +169,19 @@ class _Motion:
             self._in_python()
         self.engine = f"python: {refused}" if refused else form if form in EMITTED else "c"
 
-    def _can_go_on_implicit(self) -> bool:
-        """Take the implicit method, with independent coordinates for where the path has come to; False where there are none."""
-        path, start = self.path, self.start
+    def _go_on_implicit(self) -> str | None:
+        """Take the implicit method, with independent coordinates for where the path has come to: why that cannot be done in C, or None."""
+        path, before = self.path, self.choice.method
+        t = self.times[len(path.q) - 1]
         try:
-            path.partitions = choose_partitions(self.kernels, path.q[-1], self.times[len(path.q) - 1], start.p, self.run.initial.z)
-        except (SingularError, ModelError):
-            return False
-        self.choice = stiff_choice(self.run, self.choice)
-        return True
+            path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
+            self.choice = stiff_choice(self.run, self.choice)
+            return self._refusal() or self._in_c("dense")
+        except (SingularError, ModelError, ConvergenceError) as error:
+            raise ConvergenceError(
+                f"{self.kernels.name}: beyond t = {t:.6g} s steps of {before} become tiny and {IMPLICIT} does not go on; the "
+                "mechanism comes to a singular position there, or rtol asks for less than rounding leaves"
+            ) from error
 
     def _refusal(self) -> str | None:
         refused = compiled.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)

@@ -27,7 +27,7 @@ NOTICEABLE = 1e-9
 """Changes of a given velocity up to this, relative to the largest velocity, are rounding and not reported."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Start:
     """A closed position q (n,) and velocities qd (n,) that the constraints allow; p (n_p,) with the paper rows' choice made there.
 

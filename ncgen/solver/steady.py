@@ -40,7 +40,7 @@ DISTANCE = 0.1
 """How many states nearby tell symmetries from other fields, and how far off they are in natural sizes."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Shift:
     """Some components change at constant rates, shape (N,) over all components, whatever the position."""
 
@@ -51,7 +51,7 @@ class Shift:
         return self.rates if order == 0 else np.zeros(x.shape)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Turn:
     """Points and vectors turn about an axis: a constant direction or a linear map of the components, as is the centre.
 

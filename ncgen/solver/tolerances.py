@@ -21,7 +21,7 @@ LEAST = 10.0
 
 @dataclass(frozen=True)
 class Tolerances:
-    """The error of a step in a component x may be min(1, h / span) (atol s + rtol |x|).
+    """The error of a step in a component x may be min(1, max(h, mean step) / span) (atol s + rtol |x|).
 
     natural: s is the natural size of the component, else 1; span: s; 0 where every step may have the whole
     """
@@ -55,8 +55,17 @@ class Tolerances:
         span = self.span
 
         class Sharing(solver):
+            begun, taken = None, 0
+
+            def _step_impl(self):
+                self.begun = self.t if self.begun is None else self.begun
+                self.taken += 1
+                return super()._step_impl()
+
             def _estimate_error_norm(self, K, h, scale):
-                return super()._estimate_error_norm(K, h, scale) * max(1.0, span / abs(h))
+                """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
+                mean = (self.t - self.begun) / self.taken if self.taken else 0.0
+                return super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
 
         return Sharing
 

@@ -394,10 +394,11 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
     return status;
 }
 
-static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
+/* precise: with the factors of this state */
+static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
 {
     ncgen_copy(r->n, y + r->n, r->constrained->solution);
-    const int status = project(r, t, y, !is_dense(r));
+    const int status = project(r, t, y, !is_dense(r) && !precise);
     for (int i = 0; i < r->n; ++i)
         r->constrained->solution[i] -= y[r->n + i];
     const ncgen_real moved = scaled_size(r, r->constrained->solution);

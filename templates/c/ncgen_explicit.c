@@ -16,7 +16,7 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
     w->at = ncgen_take(&r->space, r->ny);
     w->slopes = ncgen_take(&r->space, tableaus[r->options->method].width * r->ny);
     w->interpolated = 0;
-    w->stiff = w->not_stiff = w->tiny = 0;
+    w->repeated = w->stiff = w->not_stiff = w->tiny = 0;
 }
 
 /* From this share of the stability interval on the real axis stability begins to hold the step down: along the imaginary axis,
@@ -52,15 +52,28 @@ static void advance(const ncgen_run *r, const ncgen_stepping *w, ncgen_scalar h,
         y_new[i] = r->y[i] + h * y_new[i];
 }
 
-/* One trial step: new_y, and the slope there. NCGEN_DOMAIN if these are no numbers. */
+/* new_y onto the constraints; at the end of a step the statistics tell how far it was moved. */
+static int settle(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, int is_end)
+{
+    const ncgen_real largest = r->statistics->largest_projection;
+    const int status = r->settle(r, t, w->new_y, w->repeated);
+    if (!is_end)
+        r->statistics->largest_projection = largest;
+    return status;
+}
+
+/* One trial step: new_y, and the slope there. NCGEN_DOMAIN if these are no numbers.
+ *
+ * Once it is repeated its stages are settled as well as its end: beside a singular position the accelerations of a state that is
+ * off the constraints by a truncation error are wrong by that error over the distance, and no step is short enough to pass. */
 static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h)
 {
     const int last = method->stages;
     for (int s = 1; s <= last; ++s) {
         advance(r, w, h, s, method->a[s], w->new_y);
         int status = ncgen_listen(r, t + method->c[s] * h);
-        if (status == NCGEN_OK && s == last && r->settle)
-            status = r->settle(r, t + h, w->new_y);
+        if (status == NCGEN_OK && (s == last || w->repeated) && r->settle)
+            status = settle(r, w, t + method->c[s] * h, s == last);
         if (status == NCGEN_OK)
             status = r->derivative(r, t + method->c[s] * h, w->new_y, slope(r, w, s));
         if (status != NCGEN_OK)
@@ -94,28 +107,24 @@ static ncgen_real estimate(ncgen_run *r, ncgen_stepping *w, const tableau *metho
     return ncgen_weighted_square(r, w->at, r->y, w->new_y);
 }
 
-/* By how much a step has to be better because all steps share the tolerance. Steps that are far below the mean count as longer
- * ones: beside a singular position rounding is all that is left of the error, and no step could be short enough for it. */
+/* The part of the tolerance that a step of a length may take, because all steps share it. Steps that are shorter than the mean
+ * count as that: beside a singular position rounding is all that is left of the error, and no step could be short enough for it. */
 static ncgen_scalar share(const ncgen_run *r, ncgen_scalar h)
 {
-    const ncgen_scalar taken = (ncgen_scalar)r->statistics->steps + 1;
-    const ncgen_scalar least = (r->start_t - r->times[0]) / (16 * taken);
-    if (h < least)
-        h = least;
-    return r->options->span > h ? r->options->span / h : 1;
+    const ncgen_scalar mean = (r->start_t - r->times[0]) / ((ncgen_scalar)r->statistics->steps + 1);
+    if (h < mean)
+        h = mean;
+    return r->options->span > h ? h / r->options->span : 1;
 }
 
-/* The error of a step over what it may be. */
+/* The error of a step over the tolerance. */
 static ncgen_real error_of(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar h)
 {
-    ncgen_real error = estimate(r, w, method, 0);
-    if (method->n_errors == 1) {
-        error = h * NCGEN_SQRT(error);
-    } else {
-        const ncgen_real both = error + R(0.01) * estimate(r, w, method, 1);
-        error = both > 0 ? h * error / NCGEN_SQRT(both) : both;
-    }
-    return error * share(r, h);
+    const ncgen_real error = estimate(r, w, method, 0);
+    if (method->n_errors == 1)
+        return h * NCGEN_SQRT(error);
+    const ncgen_real both = error + R(0.01) * estimate(r, w, method, 1);
+    return both > 0 ? h * error / NCGEN_SQRT(both) : both;
 }
 
 /* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
@@ -242,10 +251,10 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
     const ncgen_scalar power = -1 / (ncgen_scalar)(method->order + 1);
     ncgen_scalar t = r->times[0];
     ncgen_scalar h = ncgen_first_step(r, w, method->order, t, end - t);
-    int repeats = 0, rejected = 0, stiff = 0, trouble = NCGEN_NOT_CONVERGED;
+    int repeats = 0, rejected = 0, stiff = 0, trouble = NCGEN_SHORT;
     while (t < end) {
-        if (r->options->max_steps && r->statistics->steps >= r->options->max_steps)
-            return NCGEN_NOT_CONVERGED;
+        if (ncgen_creeps(r, w, t))
+            return NCGEN_SHORT;
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
         const int last = t + h >= end;
@@ -253,10 +262,11 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             h = end - t;
         if (!(t + h > t))
             return trouble;
+        w->repeated = repeats || rejected;
         int status = trial_step(r, w, method, t, h);
         if (status == NCGEN_INTERRUPTED)
             return status;
-        const ncgen_real error = status == NCGEN_OK ? error_of(r, w, method, h) : 0;
+        const ncgen_real error = status == NCGEN_OK ? error_of(r, w, method, h) / share(r, h) : 0;
         if (status != NCGEN_OK || !(error < R(1.0e30))) {
             trouble = status != NCGEN_OK ? status : NCGEN_NOT_CONVERGED;
             if (++repeats > REPEAT_LIMIT)
@@ -279,7 +289,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         if (rejected && factor > R(1.0))
             factor = R(1.0);
         if (repeats == 0 && rejected == 0)
-            trouble = NCGEN_NOT_CONVERGED; /* what was wrong is behind */
+            trouble = NCGEN_SHORT; /* what was wrong is behind */
         repeats = rejected = 0;
         const ncgen_scalar t_new = last ? end : t + h;
         stiff = is_stiff(r, w, method, h);

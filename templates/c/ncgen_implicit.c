@@ -321,7 +321,7 @@ static ncgen_real step_factor(const ncgen_implicit *m, ncgen_scalar h, ncgen_rea
 /* A converged step whose error is small enough becomes the state. */
 static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
 {
-    int status = r->settle ? r->settle(r, t + h, w->new_y) : NCGEN_OK;
+    int status = r->settle ? r->settle(r, t + h, w->new_y, 0) : NCGEN_OK;
     if (status == NCGEN_OK)
         status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
     if (status != NCGEN_OK)
@@ -343,15 +343,15 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     const ncgen_scalar end = r->times[r->n_times - 1];
     ncgen_scalar t = r->times[0];
     ncgen_scalar h = ncgen_first_step(r, w, ORDER, t, end - t);
-    int repeats = 0, rejected = 0, trouble = NCGEN_NOT_CONVERGED;
+    int repeats = 0, rejected = 0, trouble = NCGEN_SHORT;
     int status = find_jacobian(r, m, t, r->y);
     m->fresh = 1;
     m->last_step = 0;
     m->last_error = 0;
     w->interpolate = interpolate;
     while (t < end && status == NCGEN_OK) {
-        if (r->options->max_steps && r->statistics->steps >= r->options->max_steps)
-            return NCGEN_NOT_CONVERGED;
+        if (ncgen_creeps(r, w, t))
+            return NCGEN_SHORT;
         const ncgen_scalar wanted = h;
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
@@ -395,7 +395,7 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         const ncgen_scalar t_new = last ? end : t + h;
         const int renew = m->iterations > 2 && m->rate > R(1.0e-3);
         if (repeats == 0 && rejected == 0)
-            trouble = NCGEN_NOT_CONVERGED; /* what was wrong is behind */
+            trouble = NCGEN_SHORT; /* what was wrong is behind */
         repeats = rejected = 0;
         m->fresh = 0;
         m->last_step = h;
@@ -481,7 +481,7 @@ static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, 
             status = correct_fixed(r, w, m, t, h);
     }
     if (status == NCGEN_OK && r->settle)
-        status = r->settle(r, t + h, w->new_y);
+        status = r->settle(r, t + h, w->new_y, 0);
     if (status == NCGEN_OK)
         status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
     if (status == NCGEN_OK && !(ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->slopes + r->ny)))

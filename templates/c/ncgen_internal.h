@@ -52,7 +52,7 @@ struct ncgen_run {
     /* The formalism. settle brings a new state onto the constraints before its derivative is taken; accept looks at a
      * new state whose derivative is the last evaluation; state computes q and qd of an interpolated state. */
     int (*derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd);
-    int (*settle)(ncgen_run *r, ncgen_scalar t, ncgen_real *y);
+    int (*settle)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise);
     int (*accept)(ncgen_run *r, ncgen_scalar t);
     int (*state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y);
     /* For implicit methods: how the velocities' derivatives change with velocities and positions, row by row. */
@@ -136,8 +136,10 @@ typedef struct ncgen_stepping {
     ncgen_real event;            /* value of the event's function at the last accepted state */
     /* at: the state at t + s h, inside a step from y to new_y */
     int (*interpolate)(ncgen_run *r, struct ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s);
+    int repeated;                /* is the step taken again, since its error was too large or a stage had no derivative? */
     int stiff, not_stiff;        /* steps in a row that spoke for a stiff mechanism, and against it since then */
     int tiny;                    /* looks in a row at steps far too short */
+    ncgen_scalar mark;           /* the time at the last look at how far the steps come */
 } ncgen_stepping;
 
 /* A factored matrix s - J, see ncgen_implicit.c. */
@@ -236,6 +238,7 @@ int ncgen_find_tangents(ncgen_run *r, ncgen_scalar t); /* stiffness and damping 
 /* ncgen_grid.c: rows of the time grid and the event, inside steps from y to new_y. A step's end has been evaluated last. */
 int ncgen_grid_begin(ncgen_run *r, ncgen_stepping *w);
 int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar t_new); /* new_y becomes y */
+int ncgen_creeps(const ncgen_run *r, ncgen_stepping *w, ncgen_scalar t);
 void ncgen_interpolate_cubic(ncgen_run *r, ncgen_stepping *w, const ncgen_real *first, const ncgen_real *last, ncgen_scalar h,
                              ncgen_scalar s);
 

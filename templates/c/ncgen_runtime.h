@@ -77,8 +77,9 @@ typedef struct ncgen_event {
     ncgen_velocity_kernel *function; /* one number */
 } ncgen_event;
 
-/* What a run returns besides: its watch has ended it; it was found stiff and asked to stop then. */
-enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7 };
+/* What a run returns besides: its watch has ended it; it was found stiff and asked to stop then; its steps became too short, or too
+ * many. */
+enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_SHORT = 8 };
 
 /* Who listens to a long run: called now and then with the time reached, on the caller's own thread. Returns how many steps
  * may be tried before the next call, 0 to end the run at the last accepted state. Every stage of a step and every iteration

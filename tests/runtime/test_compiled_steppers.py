@@ -60,5 +60,5 @@ def test_energy_is_kept_to_rounding(name, duration, step):
 
 def test_a_step_is_needed():
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
-    with pytest.raises(ModelError, match="rattle has a fixed step: give max_step"):
+    with pytest.raises(ModelError, match="max_step: rattle has a fixed step; give its length in seconds"):
         ncgen.simulate(kernels, 0.1, formalism="lagrange", integrator="rattle")

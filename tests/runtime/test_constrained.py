@@ -74,9 +74,8 @@ def test_period_of_the_pendulum(formalism, integrator):
 def test_both_engines_move_alike(name, formalism):
     """Redundant rows (robot, Bricard), singular masses, loads: C and Python are two programs for one method."""
     kernels = ncgen.compile(ncgen.load(name), backend="c")
-    c, python = (
-        ncgen.simulate(kernels, 0.02, formalism=formalism, rtol=1e-9, atol=1e-11, points=3, engine=engine) for engine in ("c", "python")
-    )
+    asked = {"formalism": formalism, "integrator": "dopri5", "rtol": 1e-9, "atol": 1e-11, "points": 3}
+    c, python = (ncgen.simulate(kernels, 0.02, engine=engine, **asked) for engine in ("c", "python"))
     tolerance = 1e-6 if formalism == "penalty" else 1e-9
     assert np.max(np.abs(c.q - python.q)) < tolerance * max(kernels.length, 1.0)
     assert np.max(np.abs(c.work - python.work)) < tolerance * max(1.0, np.max(np.abs(python.work)))

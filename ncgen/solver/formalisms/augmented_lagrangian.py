@@ -2,7 +2,7 @@
 
 q̈ₖ₊₁ solves M q̈ + Φ_qᵀ(λₖ + α(Φ_q q̈ − γ)) = Q, and λₖ₊₁ = λₖ + α(Φ_q q̈ₖ₊₁ − γ). Each iteration is written as a correction,
 since its right-hand side then holds what the rounding of the large penalty has spoilt.
-With a single iteration it is the penalty method, whose accelerations violate the rows by λ/α.
+With λ = 0 before a single one it is the penalty method, whose accelerations violate the rows by λ/α.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ncgen.solver.formalisms.instant import Instant
-from ncgen.solver.formalisms.kkt import undetermined
+from ncgen.solver.formalisms.kkt import factored, undetermined
 
 ITERATIONS = 12
 ENOUGH = 1e-14
@@ -34,8 +34,10 @@ def augmented_lagrangian(now: Instant, alpha: float):
 
 
 def penalty(now: Instant, alpha: float):
-    x = _correction(now, alpha)(np.zeros(len(now.force)), 0.0 * now.gamma)
-    return x, alpha * (now.jacobian @ x - now.gamma)
+    """M q̈ + Φ_qᵀλ = Q with λ = α(Φ_q q̈ − γ), as one system: in M + αΦ_qᵀΦ_q the rounding of the penalty would spoil M."""
+    n, solve = len(now.force), factored(now.mass, now.jacobian.T, now.jacobian, now.kernels, 1 / alpha)
+    found = solve(np.concatenate([now.force, now.gamma]))
+    return found[:n], found[n:]
 
 
 def _correction(now: Instant, alpha: float):

@@ -31,7 +31,7 @@ class KKT:
     def __init__(self, weight, jacobian, kernels: Kernels, left=None):
         self.weight, self.jacobian = weight, jacobian
         self.left = jacobian.T if left is None else left
-        self._solve = (_sparse if sum(jacobian.shape) > LARGE else _dense)(weight, self.left, jacobian, kernels)
+        self._solve = factored(weight, self.left, jacobian, kernels, EPSILON)
 
     def solve(self, force, gamma) -> tuple[np.ndarray, np.ndarray]:
         """x (n,) and y (m,), or (n, k) and (m, k) for k right-hand sides, refined until the residual no longer falls."""
@@ -52,11 +52,16 @@ def undetermined(kernels: Kernels, weight, jacobian) -> SingularError:
     return massless(kernels, np.vstack([weight, jacobian]))
 
 
-def _dense(weight, left, jacobian, kernels):
+def factored(weight, left, jacobian, kernels: Kernels, corner: float):
+    """A function that solves [W L; A −corner] [x; y] = right once. Raises SingularError where that has no inverse."""
+    return (_sparse if sum(jacobian.shape) > LARGE else _dense)(weight, left, jacobian, kernels, corner)
+
+
+def _dense(weight, left, jacobian, kernels, corner):
     n = len(weight)
     if not n + len(jacobian):
         return lambda right: right  # nothing moves and nothing holds it: LAPACK takes no empty system
-    matrix = np.block([[weight, left], [jacobian, -EPSILON * np.eye(len(jacobian))]])
+    matrix = np.block([[weight, left], [jacobian, -corner * np.eye(len(jacobian))]])
     lu, exchanges, _ = lapack.dgetrf(matrix)
     pivots = np.abs(np.diag(lu))
     if n and not np.min(pivots) > SMALLEST_PIVOT * np.max(pivots):
@@ -64,10 +69,10 @@ def _dense(weight, left, jacobian, kernels):
     return lambda right: lapack.dgetrs(lu, exchanges, right)[0]
 
 
-def _sparse(weight, left, jacobian, kernels):
-    corner = -EPSILON * eye_array(jacobian.shape[0])
+def _sparse(weight, left, jacobian, kernels, corner):
+    diagonal = -corner * eye_array(jacobian.shape[0])
     try:
-        factors = splu(csc_array(block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), corner]])))
+        factors = splu(csc_array(block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), diagonal]])))
     except RuntimeError:  # SuperLU's word for an exactly singular matrix
         raise undetermined(kernels, weight, jacobian) from None
     return factors.solve
