@@ -18,7 +18,7 @@ from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.dynamics_jacobian import full_jacobian
 from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.formalisms import ACCELERATIONS
-from ncgen.solver.integrators import ode_solver, replace_state, takes_jacobian
+from ncgen.solver.integrators import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
 from ncgen.solver.protocol import Kernels
@@ -55,7 +55,7 @@ class _Run:
         self.rank = freedom(kernels, q0, t0, p).rank
         self.reached: tuple[float, np.ndarray] | None = None
         self.projecting = method.options["stabilisation"] == "projection"
-        self.rows = None
+        self.rows = self.solver = None
         self.evaluations = 0
 
     def integrate(self, grid, q, qd, progress, stop, tolerances: Tolerances, max_step: float) -> None:
@@ -65,10 +65,10 @@ class _Run:
         if takes_jacobian(self.method.integrator, self.kernels):
             options["jac"] = self._jacobian
         make = partial(tolerances.sharing(ode_solver(self.method.integrator)), self._derivative, t_bound=grid[-1], **options)
-        solver = make(t0=grid[0], y0=np.concatenate([qd, q, [0.0]]))
+        solver = self.solver = make(t0=grid[0], y0=np.concatenate([qd, q, [0.0]]))
         self._record([solver.y])
         self.reached = solver.t, solver.y
-        taken = 0
+        taken, self.pace = 0, Pace(grid[0], grid[-1] - grid[0])
         while solver.status == "running":
             start, before = self.reached
             solver = self._step(solver, make)
@@ -120,6 +120,8 @@ class _Run:
 
     def _derivative(self, t: float, y: np.ndarray) -> np.ndarray:
         self.evaluations += 1
+        if self.projecting and getattr(self.solver, "repeated", False):  # as in C, where it is said why
+            y = self._settled(t, y)
         now = self.motion(t, y)
         return np.concatenate([now.qdd, now.qd, [now.power]])
 
@@ -152,13 +154,20 @@ class _Run:
                 if attempt == RETRIES:
                     raise
                 length = min(getattr(solver, "h_abs", np.inf), solver.t_bound - start) / 4 ** (attempt + 1)
-                solver = make(t0=start, y0=y, first_step=length)
-        if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+                solver = self.solver = make(t0=start, y0=y, first_step=length)
+        creeps = self.pace.creeps(solver.t)
+        if creeps or solver.status == "failed" or not np.all(np.isfinite(solver.y)):
             raise on_the_way(self.kernels, y[self._q], y[: self.kernels.n], start, solver.t, self.p) or ConvergenceError(
-                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
+                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or ('steps become tiny' if creeps else 'the state is not finite')}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
         return solver
+
+    def _settled(self, t: float, y: np.ndarray) -> np.ndarray:
+        """The state of a stage on the constraints."""
+        n = self.kernels.n
+        found = project(self.kernels, y[self._q], y[:n], t, self.p)
+        return np.concatenate([found.qd, found.q, y[-1:]])
 
     def _closed(self, t: float, y: np.ndarray) -> np.ndarray:
         """The state on the constraints; itself if nothing is to be done."""

@@ -82,6 +82,26 @@ class FixedRungeKutta(scipy.integrate.OdeSolver):
         return Hermite(*self._previous, self.t, self.y, self.f)
 
 
+class Pace:
+    """Steps with error control that come no farther, as beside a singular position or where a rate becomes infinite.
+
+    span: of the run (s)
+    """
+
+    STEPS, SHARE = 200, 1e-9
+
+    def __init__(self, start: float, span: float):
+        self.mark, self.least, self.steps = start, self.SHARE * span, 0
+
+    def creeps(self, t: float) -> bool:
+        """Called once a step: whether so many steps have come no farther than that share of the run."""
+        self.steps += 1
+        if self.steps % self.STEPS:
+            return False
+        before, self.mark = self.mark, t
+        return t - before < self.least
+
+
 def replace_state(solver: scipy.integrate.OdeSolver, y: np.ndarray) -> None:
     """Put a slightly corrected state in place of an accepted one; the method goes on from it with its history as it is.
 

@@ -15,7 +15,7 @@ from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.finite import on_the_way, watched
-from ncgen.solver.integrators import ode_solver, takes_jacobian
+from ncgen.solver.integrators import Pace, ode_solver, takes_jacobian
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.protocol import Kernels
@@ -84,6 +84,7 @@ class _Run:
         t = grid[0]
         here = motion_at(self.kernels, self.partitions.velocity, t, q, zd, p)
         self.start = Start(t, here.q, here.qd, p)
+        self.pace = Pace(t, self.end - t)
         self.reference = self._quality(self.partitions, here)
         solver = self._solver(t, here, 0.0)
         self._note(here, 0.0)
@@ -163,9 +164,10 @@ class _Run:
                 length = min(getattr(solver, "h_abs", np.inf), self.end - here.t) / 4 ** (attempt + 1)
                 solver = self._solver(here.t, here, work, first_step=length)
         self.steps += 1
-        if solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+        creeps = self.pace.creeps(solver.t)
+        if creeps or solver.status == "failed" or not np.all(np.isfinite(solver.y)):
             raise on_the_way(self.kernels, here.q, here.qd, here.t, solver.t, self.start.p) or ConvergenceError(
-                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or 'the state is not finite'}); "
+                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or ('steps become tiny' if creeps else 'the state is not finite')}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
         return solver

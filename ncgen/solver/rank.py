@@ -164,14 +164,23 @@ def _freedom(kernels: Kernels, q, t, p) -> Freedom:
         return Freedom(m, m, n - m, (), tuple(range(m)), np.zeros((n, 0)), 1)
     positions = trial_positions(kernels, q, t, p)
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]
+    largest = _largest_rows(jacobians)
+    jacobians = [j / largest for j in jacobians]
     ranks = [numerical_rank(j) for j in jacobians]
     rank = max(ranks)
     general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
     kept, dependent = _independent_rows(general)
     scale = kernels.row_sizes
-    redundant = tuple(_implication(general[-1], row, kept, scale) for row in dependent)
-    vanishing = _extra_motions(kernels, q, t, p, rank) if ranks[0] < rank else np.zeros((kernels.n, 0))
+    redundant = tuple(_implication(general[-1] * largest, row, kept, scale) for row in dependent)
+    vanishing = _extra_motions(kernels, q, t, p, rank, largest) if ranks[0] < rank else np.zeros((kernels.n, 0))
     return Freedom(rank, ranks[0], kernels.n - rank, redundant, tuple(kept), vanishing, len(positions))
+
+
+def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
+    """The norm of every row where it is largest, shape (m, 1): users' rows have no natural size, and one that is small everywhere is no
+    dependent one. Rows that vanish in some position keep doing so."""
+    norms = np.max([np.linalg.norm(j, axis=1) for j in jacobians], axis=0)
+    return np.where(norms > 0, norms, 1.0)[:, None]
 
 
 def _independent_rows(jacobians: list[np.ndarray]) -> tuple[list[int], list[int]]:
@@ -203,14 +212,14 @@ def _implication(jacobian: np.ndarray, row: int, kept: list[int], scale: np.ndar
     return Redundancy(row, {k: float(c) for k, c, s in zip(kept, raw, solution, strict=True) if abs(s) > 1e-7})
 
 
-def _extra_motions(kernels: Kernels, q, t, p, rank: int) -> np.ndarray:
+def _extra_motions(kernels: Kernels, q, t, p, rank: int, largest: np.ndarray) -> np.ndarray:
     """Motions that are free at q and not just beside it, in natural units, columns over the free coordinates.
 
     They are what is left of the null space at q beside that of a neighbouring position in general position.
     """
-    here = null_space(scaled_jacobian(kernels, q, t, p))
+    here = null_space(scaled_jacobian(kernels, q, t, p) / largest)
     beside = trial_positions(kernels, q, t, p, distance=NEIGHBOUR)[1:]
-    spaces = [null_space(scaled_jacobian(kernels, x, t, p)) for x in beside]
+    spaces = [null_space(scaled_jacobian(kernels, x, t, p) / largest) for x in beside]
     general = next((s for s in spaces if s.shape[1] == kernels.n - rank), np.zeros((kernels.n, 0)))
     left, _, _ = np.linalg.svd(here.T @ general, full_matrices=True)
     return here @ left[:, general.shape[1] :]

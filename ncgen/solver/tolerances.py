@@ -49,23 +49,26 @@ class Tolerances:
         return {"rtol": self.rtol, "atol": self.atol * _state(velocities, positions) if self.natural else self.atol}
 
     def sharing(self, solver: type) -> type:
-        """An explicit SciPy solver whose steps share the tolerance; other solvers as they are."""
-        if not self.span or not issubclass(solver, RK45.__mro__[1]):
+        """An explicit SciPy solver whose steps share the tolerance, and which knows when one is `repeated`; others as they are."""
+        if not issubclass(solver, RK45.__mro__[1]):
             return solver
         span = self.span
 
         class Sharing(solver):
-            begun, taken = None, 0
+            begun, taken, repeated = None, 0, False
 
             def _step_impl(self):
                 self.begun = self.t if self.begun is None else self.begun
                 self.taken += 1
+                self.repeated = False
                 return super()._step_impl()
 
             def _estimate_error_norm(self, K, h, scale):
                 """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
-                mean = (self.t - self.begun) / self.taken if self.taken else 0.0
-                return super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
+                mean = (self.t - self.begun) / self.taken
+                error = super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
+                self.repeated = not error < 1
+                return error
 
         return Sharing
 
