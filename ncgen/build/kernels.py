@@ -17,7 +17,7 @@ from ncgen.build.batch import Batch
 from ncgen.build.tangents import Tangents
 from ncgen.errors import DomainError, ModelError, NcgenError
 from ncgen.model import Model
-from ncgen.model.elements import Point
+from ncgen.model.elements import Length, Point
 from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate, is_number
 from ncgen.program.blocks import Pattern
@@ -103,9 +103,9 @@ class Kernels(ABC):
 
     @cached_property
     def column_sizes(self) -> np.ndarray:
-        """Natural size of every coordinate: the mechanism's length for points, 1 for vectors and angles."""
-        points = {c.name for e in self.model.elements.values() if isinstance(e, Point) for c in e.components}
-        return constant(np.array([self.length if name in points else 1.0 for name in self.coordinates]))
+        """Natural size of every coordinate: the mechanism's length for points and lengths, 1 for vectors and angles."""
+        lengths = {c.name for e in self.model.elements.values() if isinstance(e, (Point, Length)) for c in e.components}
+        return constant(np.array([self.length if name in lengths else 1.0 for name in self.coordinates]))
 
     @cached_property
     def holonomic(self) -> np.ndarray:
