@@ -266,9 +266,15 @@ def _precision(model, html: Path | None, plot: Path | None, json_output: bool) -
 @app.command()
 def compare(
     model: ModelName,
-    users: Annotated[list[str] | None, typer.Option("--with", help="a function of yours, module:function for Φ_q, or gamma=module:function")] = None,
-    handwritten: Annotated[Path | None, typer.Option(help="find mistakes in this Python file's phi, phi_q, gamma (the file is run)")] = None,
-    tables: Annotated[bool, typer.Option("--tables", help="also the paper's Tables 9 and 10: integrators by source of derivatives")] = False,
+    users: Annotated[
+        list[str] | None, typer.Option("--with", help="a function of yours, module:function for Φ_q, or gamma=module:function")
+    ] = None,
+    handwritten: Annotated[
+        Path | None, typer.Option(help="find mistakes in this Python file's phi, phi_q, gamma (the file is run)")
+    ] = None,
+    tables: Annotated[
+        bool, typer.Option("--tables", help="also the paper's Tables 9 and 10: integrators by source of derivatives")
+    ] = False,
     html: Annotated[Path | None, typer.Option(help="write a report into this file")] = None,
     plot: Annotated[Path | None, typer.Option(help="write the plots into this .svg or .png file")] = None,
     csv: Annotated[Path | None, typer.Option(help="write the records into this file")] = None,

@@ -477,7 +477,9 @@ def derivative(t, y, guess):
 
 def data(q):
     """The tables and a start as plain numbers, places counted from 1, for handwritten.m."""
-    bodies = [{"places": (where + 1).tolist(), "mass": mass.tolist(), "weight": weight.tolist()} for where, mass, weight in CONSTANT + CROSSED]
+    bodies = [
+        {"places": (where + 1).tolist(), "mass": mass.tolist(), "weight": weight.tolist()} for where, mass, weight in CONSTANT + CROSSED
+    ]
     return {
         "P": (R + 1).tolist(), "U": (U + 1).tolist(), "CONSTR": CONSTR, "qini": full(q).tolist(), "bodies": bodies,
         "free": (FREE + 1).tolist(), "qind": (FREE[INDEPENDENT] + 1).tolist(), "qdep": (FREE[DEPENDENT] + 1).tolist(),

@@ -93,7 +93,9 @@ def build(files: dict[str, str], compiler: Compiler, flags=FLAGS, libraries=LIBR
     try:
         return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads))
     except OSError as error:
-        raise CompileError(f"there is no room to compile in: {error.strerror or error}; set NCGEN_CACHE_DIR to a folder with some") from error
+        raise CompileError(
+            f"there is no room to compile in: {error.strerror or error}; set NCGEN_CACHE_DIR to a folder with some"
+        ) from error
 
 
 def _key(files, compiler, flags, libraries) -> str:

@@ -66,7 +66,7 @@ class Kernels(ABC):
         return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
 
     def __reduce__(self):
-        """Pickled as programs and the numbers that users may change; the library is built again, or found in the cache, where they arrive."""
+        """Pickled as programs and the numbers that users may change; the library is built where they arrive, or found in the cache."""
         return self._of, (self.programs,), {"q0": self.q0, "p0": self.p0}
 
     def __copy__(self) -> Kernels:

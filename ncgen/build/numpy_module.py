@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+
 from ncgen.build.batch import NumPyBatch
 from ncgen.build.kernels import Kernels
 from ncgen.build.tangents import NumPyTangents

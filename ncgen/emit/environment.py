@@ -12,7 +12,6 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from ncgen.resources import folder
 
-
 EXACT = 2**53
 """Whole numbers below this are doubles."""
 

@@ -67,7 +67,9 @@ class _Reader(SourceFileLoader):
 
 
 def _no_such(name) -> ModelError:
-    return ModelError(f"{shortened(str(name), SHOWN) or repr('')}: there is no such file or example; the examples are {', '.join(example_names())}")
+    return ModelError(
+        f"{shortened(str(name), SHOWN) or repr('')}: there is no such file or example; the examples are {', '.join(example_names())}"
+    )
 
 
 def _import(path: Path) -> ModuleType:
@@ -107,7 +109,9 @@ def _guarded(path: Path, run):
         place = f"{shortened(Path(error.filename or path).name, SHOWN)}{f', line {error.lineno}' if error.lineno else ''}"
         raise ModelError(f"{place}: {error.msg}") from error
     except SystemExit as error:
-        raise ModelError(f"{_place(error, path)}: it ends Python by sys.exit({error.code!r}); a model file only describes a model") from error
+        raise ModelError(
+            f"{_place(error, path)}: it ends Python by sys.exit({error.code!r}); a model file only describes a model"
+        ) from error
     except Exception as error:
         raise ModelError(f"{_place(error, path)}: {type(error).__name__}: {error}") from error
 

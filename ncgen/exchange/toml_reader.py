@@ -79,7 +79,9 @@ def problems_of_run(path: Path, model: Model) -> list[Problem]:
     """What is wrong with the run that [simulation] describes, in a file that could be read."""
     from ncgen.solver.run import refusals
 
-    return sorted((Problem(line_of(path, "simulation", option or ""), message) for option, message in refusals(model)), key=lambda p: p.line)
+    return sorted(
+        (Problem(line_of(path, "simulation", option or ""), message) for option, message in refusals(model)), key=lambda p: p.line
+    )
 
 
 def _line_of_number(text: str) -> int:
@@ -106,7 +108,7 @@ class _Reading:
         said = {key: value for key, value in data.items() if key in known}
         if "name" not in said:
             self.problems.append(Problem(1, 'the file has no name; begin with name = "…"'))
-        for key, value in data.items():
+        for key in data:
             if key in words() and key != "gravity":
                 self.problems.append(Problem(top.line_of(key), f"{key}: write every table with its own header line, as [[{key}]]"))
             elif key not in said and key != "gravity":
@@ -153,7 +155,9 @@ class _Reading:
         refused = False
         for key in said:
             if key not in signature.parameters:
-                self._report(table.line_of(key), ModelError(f"{place}{shown_key(key)}: unknown; {self._suggest(key, signature.parameters)}"))
+                self._report(
+                    table.line_of(key), ModelError(f"{place}{shown_key(key)}: unknown; {self._suggest(key, signature.parameters)}")
+                )
                 refused = True
         arguments = {}
         for key, parameter in signature.parameters.items():

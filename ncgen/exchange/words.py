@@ -43,7 +43,9 @@ def _run_options() -> inspect.Signature:
     """What [simulation] can say."""
     from ncgen.solver.run import OPTIONS
 
-    return inspect.Signature([inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation="option") for name in OPTIONS])
+    return inspect.Signature(
+        [inspect.Parameter(name, inspect.Parameter.KEYWORD_ONLY, default=None, annotation="option") for name in OPTIONS]
+    )
 
 
 def suggestion(word: str, known) -> str:

@@ -30,7 +30,8 @@ class Integrator:
     help: one line; also: SciPy's and Matlab's names; extra: what `pip install 'ncgen[…]'` has to bring
     has_fixed_step: its step is max_step; else rtol and atol choose it
     takes_jacobian: it solves equations with the Jacobian of the state derivative
-    tangents: whether it needs the tangent kernels in C: "never", "always", or "sometimes", where it can do without them in simple mechanisms
+    tangents: whether it needs the tangent kernels in C: "never", "always", or "sometimes",
+        where it can do without them in simple mechanisms
     steps: formalisms whose constrained equations it discretises itself; is_ordinary: it also takes a state derivative
     keeps_history: its state cannot be corrected between steps, so it goes with coordinate partitioning alone
     in_c, in_lanes: it runs in the C runtime; also for many states at a time
@@ -131,7 +132,9 @@ def _of_accelerations(name: str, help: str, stabilisation: str = "projection", *
 FORMALISMS = {
     entry.name: entry
     for entry in (
-        Formalism("coordinate-partitioning", "the independent coordinates alone are integrated (the paper's Table 8)", is_constrained=False),
+        Formalism(
+            "coordinate-partitioning", "the independent coordinates alone are integrated (the paper's Table 8)", is_constrained=False
+        ),
         _of_accelerations("lagrange", "accelerations and multipliers at once, index 1"),
         _of_accelerations("augmented-lagrangian", "the same by iteration with a penalty", alpha=1e7),
         _of_accelerations("penalty", "forces of a penalty in place of constraints", stabilisation="baumgarte", alpha=1e7),

@@ -113,7 +113,9 @@ def _exact(weights: np.ndarray, slopes: np.ndarray, order: int, s: float, what: 
     for tree in trees(order):
         elementary, wanted = _elementary(tree, slopes), s ** _nodes(tree) / _density(tree)
         if abs(weights @ elementary - wanted) > ROUNDING * (1 + np.abs(weights) @ np.abs(elementary)):
-            raise WrongTableau(f"{what} is not of order {order}: {weights @ elementary!r} in place of {wanted!r} in the condition of the tree {tree}")
+            raise WrongTableau(
+                f"{what} is not of order {order}: {weights @ elementary!r} in place of {wanted!r} in the condition of the tree {tree}"
+            )
 
 
 Tree = tuple

@@ -30,7 +30,8 @@ class Inertia:
     """Mass (kg), centre of mass (m, global, initial position), inertia tensor about it (kg m², 3×3), and its basis.
 
     `basis` are the points and vectors whose velocities carry the kinetic energy: one point, and up to three further
-    elements; two points are a bar, and three elements get the cross product of their directions for the third. Any number may be a value with parameters; a mass that is one
+    elements; two points are a bar, and three elements get the cross product of their directions for the third.
+    Any number may be a value with parameters; a mass that is one
     scales the tensor only if the user writes it so.
     """
 
@@ -98,7 +99,10 @@ def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -
 
 def symmetric(tensor: np.ndarray) -> np.ndarray:
     """A tensor (3, 3) of values with the mean of what differs by rounding."""
-    mean = [[a if a == b else (as_sympy(a) + as_sympy(b)) / 2 for a, b in zip(*rows, strict=True)] for rows in zip(tensor, tensor.T, strict=True)]
+    mean = [
+        [a if a == b else (as_sympy(a) + as_sympy(b)) / 2 for a, b in zip(*rows, strict=True)]
+        for rows in zip(tensor, tensor.T, strict=True)
+    ]
     return np.array(mean, dtype=object if not all(map(is_number, tensor.flat)) else float)
 
 

@@ -169,7 +169,9 @@ class Coordinates:
             check_scalar(name, what)
         for word in (name, *(f"{name}.{axis}" for axis in AXES if spatial)):
             if (bearer := self.bearer(word)) is not None:
-                raise ModelError(f"{what} {name}: the name {'' if word == name else word + ' '}is already used for {bearer!r}; choose another")
+                raise ModelError(
+                    f"{what} {name}: the name {'' if word == name else word + ' '}is already used for {bearer!r}; choose another"
+                )
         if name in LAW and what == "parameter" and any(spring.law is not None for spring in self.springs):
             raise ModelError(f"parameter {name}: in the law of a spring that is the name of {LAW[name]}; choose another")
 

@@ -54,7 +54,9 @@ def _value(node, arguments: list[float], what: str) -> float:
     import sympy
 
     if node.is_Rational and max(node.p.bit_length(), node.q.bit_length()) > MOST_DIGITS:
-        raise ModelError(f"{what}: an exact number of {len(bin(max(abs(node.p), node.q))) - 2} binary digits; {MOST_DIGITS} are allowed, correct it")
+        raise ModelError(
+            f"{what}: an exact number of {len(bin(max(abs(node.p), node.q))) - 2} binary digits; {MOST_DIGITS} are allowed, correct it"
+        )
     try:
         found = node.func(*map(sympy.Float, arguments)) if arguments else node
         value = float(found)

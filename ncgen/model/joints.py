@@ -155,7 +155,9 @@ class Joints:
         if abs(axle.initial @ across.initial) > 1e-9:
             raise ModelError(f"{where}: {across.name} must be perpendicular to the axle {axle.name}")
         if np.linalg.norm(np.cross(normal, axle.initial)) < FLAT:
-            raise ModelError(f"{where}: the disc lies flat, its axle {axle.name} is along the normal; a rim has no lowest point then, tilt it")
+            raise ModelError(
+                f"{where}: the disc lies flat, its axle {axle.name} is along the normal; a rim has no lowest point then, tilt it"
+            )
 
     def _turn_together(self, kind: str, first: Relative, second: Relative, balance) -> Row:
         if first is second:

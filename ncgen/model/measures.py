@@ -16,7 +16,7 @@ from ncgen.model.values import is_number, settled
 
 
 def shape(direction: Combination) -> str:
-    """"segment" for a difference of points, "vector" otherwise."""
+    """ "segment" for a difference of points, "vector" otherwise."""
     return "segment" if all(isinstance(e, Point) for e in direction.elements) else "vector"
 
 

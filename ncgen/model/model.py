@@ -48,7 +48,9 @@ class Model(Coordinates, Structure, Joints, Loads):
         name = normal(name)
         check_word(name, "model")
         if name.lower().startswith("ncgen") or len(name) > LONGEST_NAME:
-            raise ModelError(f"model name {shown(name)}: it becomes a file name; use at most {LONGEST_NAME} letters, not beginning with ncgen")
+            raise ModelError(
+                f"model name {shown(name)}: it becomes a file name; use at most {LONGEST_NAME} letters, not beginning with ncgen"
+            )
         self.name = name
         self.scale = scale
         self.form = check_form(form)

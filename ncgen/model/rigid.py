@@ -181,7 +181,9 @@ def _parametric_weights(frame: Frame, element: Spatial, direction: Combination, 
     """Weights as expressions; refused where the element leaves what the base spans when parameters change."""
     base = frame.given
     weights = measures.weights(base, direction.given)
-    weights = [0.0 if vanishes(w, parameters, SAME * size / np.linalg.norm(d)) else w for w, d in zip(weights, frame.matrix().T, strict=True)]
+    weights = [
+        0.0 if vanishes(w, parameters, SAME * size / np.linalg.norm(d)) else w for w, d in zip(weights, frame.matrix().T, strict=True)
+    ]
     rest = [x - measures.dot(weights, [d[k] for d in base]) for k, x in enumerate(direction.given)]
     if len(base) < 3 and not all(vanishes(settled(x), parameters, BARELY * size) for x in rest):
         names = mentioned([*direction.given, *(x for d in base for x in d)], parameters)

@@ -97,17 +97,13 @@ def distance(start: Point, end: Point, length, owner: Owner, numeric: float, sca
     """Row 1000: |end − start| = length (m). `numeric` is the length's number."""
     label = f"distance {start.name}-{end.name}"
     if not numeric > 0:
-        raise ModelError(
-            f"{owner}, {label}: the length is {numeric:g} m; two points of a rigid body must be apart, give other points"
-        )
+        raise ModelError(f"{owner}, {label}: the length is {numeric:g} m; two points of a rigid body must be apart, give other points")
     return Row(owner, label, PAPER_CODES["distance"], ROW_TYPES["distance"], {"a": start - end}, {"L": length}, scaled=scaled)
 
 
 def unit(vector, owner: Owner, scaled: bool) -> Row:
     """Row 1001: |u| = 1."""
-    return Row(
-        owner, f"unit {vector.name}", PAPER_CODES["unit"], ROW_TYPES["unit"], {"u": as_combination(vector)}, scaled=scaled
-    )
+    return Row(owner, f"unit {vector.name}", PAPER_CODES["unit"], ROW_TYPES["unit"], {"u": as_combination(vector)}, scaled=scaled)
 
 
 def vector_segment(vector, segment: Combination, length, cosine, owner: Owner, numeric: float, scaled: bool) -> Row:

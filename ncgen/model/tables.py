@@ -15,9 +15,7 @@ from ncgen.model.values import is_number
 COLUMNS = 12
 
 
-def from_tables(
-    cls, P, U, CONSTR, *, inertia=None, lines=(), uvect=(), fixed=(), independent=(), name="model", scale=True, form="smooth"
-):
+def from_tables(cls, P, U, CONSTR, *, inertia=None, lines=(), uvect=(), fixed=(), independent=(), name="model", scale=True, form="smooth"):
     """Build a model from the paper's tables.
 
     P, U: rows of x, y, z and the 1-based position in q (Table 1); points are named r1, r2 …, vectors u1, u2 …
@@ -184,5 +182,3 @@ ROW_READERS = {
     1014: _Tables.vector_segment_on_vector,
     1015: _Tables.vector_segment_on_segment,
 }
-
-

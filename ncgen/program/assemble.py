@@ -25,6 +25,7 @@ from ncgen.program.programs import EMISSIONS, Programs
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
 
+
 @dataclass(frozen=True)
 class Kernel:
     """What a kernel is: its inputs, which terms enter, and how a term contributes.
@@ -276,8 +277,7 @@ def _program(kernel, groups, index, size, equations, derived, least) -> Program:
 
 def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> Loop:
     stores = tuple(
-        TableStore(kernel.name, tuple(index[place_of(place, b, equations)] for b in group.members), node)
-        for place, node in group.parts
+        TableStore(kernel.name, tuple(index[place_of(place, b, equations)] for b in group.members), node) for place, node in group.parts
     )
     bound = group.members[0]
     names = {group.graph.slot(number): _name(bound, reference) for number, (reference, _) in enumerate(group.slots)}

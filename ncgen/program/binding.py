@@ -128,6 +128,4 @@ class Places:
 
     def weights(self, coordinate: int) -> list[tuple[int, int]]:
         """(scalar number, node of its weight) for every scalar the coordinate enters."""
-        return [
-            (k, self.node(w)) for k, pairs in enumerate(self.bound.scalars) for w, c in pairs if c == ("q", coordinate)
-        ]
+        return [(k, self.node(w)) for k, pairs in enumerate(self.bound.scalars) for w, c in pairs if c == ("q", coordinate)]

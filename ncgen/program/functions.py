@@ -36,6 +36,11 @@ def _one_minus(g, node: int) -> int:
     return g.sub(g.const(1.0), node)
 
 
+def _other_leg(g, x: int) -> int:
+    """√(1 − x²)"""
+    return g.call("sqrt", _one_minus(g, g.mul(x, x)))
+
+
 def _radius(g, y: int, x: int) -> int:
     return g.add(g.mul(y, y), g.mul(x, x))
 
@@ -45,10 +50,8 @@ FUNCTIONS = {
     "sin": Function("NCGEN_SIN", "sin", "sin", math.sin, (lambda g, y, x: g.call("cos", x),)),
     "cos": Function("NCGEN_COS", "cos", "cos", math.cos, (lambda g, y, x: g.neg(g.call("sin", x)),)),
     "tan": Function("NCGEN_TAN", "tan", "tan", math.tan, (lambda g, y, x: _one_plus(g, g.mul(y, y)),)),
-    "asin": Function("NCGEN_ASIN", "arcsin", "asin", math.asin, (lambda g, y, x: _one_over(g, g.call("sqrt", _one_minus(g, g.mul(x, x)))),)),
-    "acos": Function(
-        "NCGEN_ACOS", "arccos", "acos", math.acos, (lambda g, y, x: g.neg(_one_over(g, g.call("sqrt", _one_minus(g, g.mul(x, x))))),)
-    ),
+    "asin": Function("NCGEN_ASIN", "arcsin", "asin", math.asin, (lambda g, y, x: _one_over(g, _other_leg(g, x)),)),
+    "acos": Function("NCGEN_ACOS", "arccos", "acos", math.acos, (lambda g, y, x: g.neg(_one_over(g, _other_leg(g, x))),)),
     "atan": Function("NCGEN_ATAN", "arctan", "atan", math.atan, (lambda g, y, x: _one_over(g, _one_plus(g, g.mul(x, x))),)),
     "atan2": Function(
         "NCGEN_ATAN2", "arctan2", "atan2", math.atan2,

@@ -1,7 +1,7 @@
 """The initial position as a program of the parameters, for models whose positions have some.
 
-    start(p)      q of the position that the user described with these parameters (n)
-    start_p(p)    its derivatives (n × parameters), row by row
+start(p)      q of the position that the user described with these parameters (n)
+start_p(p)    its derivatives (n × parameters), row by row
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ data first, so that constants meet constants.
 from __future__ import annotations
 
 import math
-from functools import lru_cache
+from functools import cache
 
 import sympy
 from sympy.core.sorting import default_sort_key
@@ -67,7 +67,7 @@ class LoweredTemplate:
         return sorted(needed)
 
 
-@lru_cache(maxsize=None)
+@cache
 def lowered(template: Template) -> LoweredTemplate:
     """Templates are lowered once per process."""
     return LoweredTemplate(template)

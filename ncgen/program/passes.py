@@ -169,4 +169,3 @@ def _keep(block: Block, order: list[int]) -> Block:
     ops = tuple(op._replace(args=tuple(new[a] for a in op.args)) for op in ops)
     stores = tuple(replace(s, node=new[s.node]) for s in block.stores)
     return replace(block, ops=ops, stores=stores, names=names, **changes)
-

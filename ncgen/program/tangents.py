@@ -155,9 +155,7 @@ PARAMETER_TANGENTS = {
         Kernel("phi_p", ("t", "q", "p"), "mp", _rows, lambda key: key == "phi", _by_parameters(_row)),
         Kernel("phid_p", ("t", "q", "qd", "p"), "mp", _rows, _enters_rates, _by_parameters(_row_rate)),
         Kernel("phidd_p", ("t", "q", "qd", "qdd", "p"), "mp", _rows, _enters_rows, _by_parameters(_row_acceleration)),
-        Kernel(
-            "balance_p", ("t", "q", "qd", "qdd", "lam", "p"), "np", _everything, _enters_balance, _by_parameters(_balance)
-        ),
+        Kernel("balance_p", ("t", "q", "qd", "qdd", "lam", "p"), "np", _everything, _enters_balance, _by_parameters(_balance)),
     ]
 }
 

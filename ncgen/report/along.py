@@ -41,7 +41,9 @@ class Recorded:
                     raise ValueError("a single array")
                 found = {name: archive[name] for name in (*ARRAYS, *NAMES) if name in archive.files}
         except OSError as error:
-            raise NcgenError(f"{path}: it cannot be read: {error.strerror or error}; give a trajectory.npz that `ncgen run` has written") from error
+            raise NcgenError(
+                f"{path}: it cannot be read: {error.strerror or error}; give a trajectory.npz that `ncgen run` has written"
+            ) from error
         except UNREADABLE as error:
             raise _no_trajectory(path, "it is no readable archive of numbers and texts") from error
         if missing := [name for name in (*ARRAYS, *NAMES) if name not in found]:

@@ -68,7 +68,8 @@ def _kernel_records(kernels: Kernels) -> Iterator[dict]:
         for way, batch in ways.items():
             runs[way] = repeated(lambda batch=batch, name=name, out=out[way]: batch.values(name, 0.0, q, qd, None, out))
         # Last, since wide vectors lower the clock of some processors for a while, which copying does not mind.
-        runs[WRITTEN] = repeated(lambda spare=np.empty_like(there), there=there: np.copyto(spare, there))
+        spare = np.empty_like(there)
+        runs[WRITTEN] = repeated(lambda spare=spare, there=there: np.copyto(spare, there))
         counts = dict.fromkeys((ALONE_IN_C, WRITTEN, *ways), STATES)
         error = max(_difference(found[-1], own) for found in out.values())
         for record in _records(name, measure(runs, ROUNDS), error, counts):
@@ -105,7 +106,9 @@ def _simulation_records(kernels: Kernels) -> Iterator[dict]:
     single = dynamics(kernels, partitions, "emitted", q, p)
 
     def alone():
-        return [single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES).completed() for zd in zd0[:ALONE]]
+        return [
+            single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES).completed() for zd in zd0[:ALONE]
+        ]
 
     def together(count: int):
         return lambda: simulate_batch(kernels, duration, zd0=zd0, threads=count, **TOLERANCES)

@@ -123,7 +123,20 @@ def as_csv(records: list[dict]) -> str:
 LEAST = 1e-20
 """The least error that is drawn: numbers without one have a place, too."""
 
-HEAD = ("", "from C, ns", "from Python, µs", "quartiles", "ratio", "error", "ulps", "rms", "generated, s", "compiled, s", "operations", "bytes")
+HEAD = (
+    "",
+    "from C, ns",
+    "from Python, µs",
+    "quartiles",
+    "ratio",
+    "error",
+    "ulps",
+    "rms",
+    "generated, s",
+    "compiled, s",
+    "operations",
+    "bytes",
+)
 
 
 def table(records: list[dict]) -> list[tuple[str, ...]]:

@@ -70,7 +70,9 @@ class Comparison:
             if number in printed:
                 yield Measured(f"printed {number}", f"The paper's Table {number}", [], printed[number], ELSEWHERE)
         if slopes := list(paper_tables.first_slopes(self.model)):
-            yield Measured("slopes", "∂ẏ/∂y by differences at the start, in the steps SciPy takes first", slopes, paper_tables.slope_table(slopes))
+            yield Measured(
+                "slopes", "∂ẏ/∂y by differences at the start, in the steps SciPy takes first", slopes, paper_tables.slope_table(slopes)
+            )
 
     @property
     def records(self) -> list[dict]:

@@ -81,7 +81,9 @@ def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
         return module.END
     try:
         tight = {"rtol": TIGHT, "atol": ABSOLUTE * TIGHT}
-        run = simulate(kernels, duration, formalism=PARTITIONED, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1])
+        run = simulate(
+            kernels, duration, formalism=PARTITIONED, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1]
+        )
     except NcgenError:
         return None
     return dict(zip(kernels.coordinates, run.q[-1].tolist(), strict=True))

@@ -22,6 +22,7 @@ ABSOLUTE = 1e-2
 LIMIT = 20.0
 """Seconds after which a run is stopped."""
 
+
 def hard_records(names=(), limit: float = LIMIT) -> Iterator[dict]:
     """Records of the named cases (default: all), a run at a time.
 

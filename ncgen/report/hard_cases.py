@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 
 import numpy as np
 from scipy.integrate import quad, solve_ivp
@@ -22,7 +23,8 @@ class Case:
     """One hard case.
 
     breaks: what is hard about it; build: the model; error: of a run against an independent solution, which `against` names
-    step: of methods with a fixed step (s); rtol: of the others, atol being a hundredth of it times the length; options: for every run, such as initial velocities
+    step: of methods with a fixed step (s); rtol: of the others, atol being a hundredth of it times the length
+    options: for every run, such as initial velocities
     violated: the start is moved by this share of the mechanism's size
     """
 
@@ -106,7 +108,9 @@ def _equal_crank_error(run) -> float:
     momentum = speed * np.sqrt(inertia(start))
 
     def angle(t):
-        passed = lambda theta: quad(lambda x: np.sqrt(inertia(x)), start, theta, epsabs=1e-13, epsrel=1e-13, limit=200)[0] / momentum - t
+        def passed(theta):
+            return quad(lambda x: np.sqrt(inertia(x)), start, theta, epsabs=1e-13, epsrel=1e-13, limit=200)[0] / momentum - t
+
         return brentq(passed, start, start + 100.0, xtol=1e-14)
 
     angles = np.array([start if t == 0 else angle(t) for t in run.t])
@@ -300,7 +304,9 @@ def _cases():
             name, f"flattens twice a turn, where its freedom is {count + 1}", build, 10.0, error, "Jacobi's functions",
             step=5e-4, options={"qd0": {f"B{i}.x": 1.0 for i in range(count + 1)}},
         )  # fmt: skip
-    yield Case("robot", "starts where cosines and sines of its angles vanish", lambda: load("robot"), 0.5, _robot_error, "hand-written programs")
+    yield Case(
+        "robot", "starts where cosines and sines of its angles vanish", lambda: load("robot"), 0.5, _robot_error, "hand-written programs"
+    )
     yield Case(
         "robot-float", "24 bits: computed with float, at rtol 1e-6", lambda: load("robot"), 0.5, _robot_error, "hand-written programs",
         rtol=1e-6, options={"number": "float"},
@@ -311,7 +317,9 @@ def _cases():
         options={"qd0": {"A.x": -np.sin(0.5) * 2.0}},
     )  # fmt: skip
     yield Case("bricard", "a redundant row everywhere", lambda: load("bricard"), 10.0, _bricard_error, "the energy integral, 34 digits")
-    yield Case("squeezer", "seven bodies within milliseconds", _squeezer, 0.03, _squeezer_error, "the energy integral, 40 digits", step=1e-5)
+    yield Case(
+        "squeezer", "seven bodies within milliseconds", _squeezer, 0.03, _squeezer_error, "the energy integral, 40 digits", step=1e-5
+    )
     yield Case(
         "governor", "springs of 8e5 N/m: stiff", lambda: load("flyball"), 0.5, _governor_error, "minimal coordinates",
         options={k: v for k, v in load("flyball").simulation_options.items() if k == "zd0"}, step=2e-4,
@@ -324,7 +332,7 @@ def _cases():
         "free-body", "turns a thousand times: errors add up", _free_body, 5000.0, _free_body_error, "Jacobi's functions", step=1e-2,
         rtol=1e-13, options={"qd0": _spin_rates(_free_body())},
     )  # fmt: skip
-    skewed = lambda: _free_body(0.01)
+    skewed = partial(_free_body, 0.01)
     yield Case(
         "near-parallel", "two vectors of a body 0.6° apart", skewed, 10.0, _free_body_error, "Jacobi's functions", step=2e-3,
         options={"qd0": _spin_rates(skewed())},
@@ -334,7 +342,9 @@ def _cases():
     yield Case("light-lower", "masses 1e8 : 1", _double(1.0, 1e-8), 0.7, _light_lower_error, "the limit of no mass")
     for size in (1e-6, 1e6):
         build, error = _scaled_pendulum(size)
-        yield Case(f"pendulum-{size:g}", f"{size:g} m long: tolerances and ranks must not know metres", build, 5.0, error, "Jacobi's functions")
+        yield Case(
+            f"pendulum-{size:g}", f"{size:g} m long: tolerances and ranks must not know metres", build, 5.0, error, "Jacobi's functions"
+        )
     yield Case("massless", "points and bars without mass: M is singular", _massless, 5.0, _pendulum_error, "Jacobi's functions")
     yield Case("violated", "the start is open by 10 %", lambda: load("pendulum"), 1.0, _energy, "its own energy", violated=0.1)
 

@@ -13,7 +13,8 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
     """One JSON-ready record.
 
     name; coordinates, free, rows: counts; rank, dof; redundant: [{row, label, owner, implied_by, coefficients}] with
-    rows counted from 1; measured: how many rows have their lengths and angles from the initial position; singular: True if the initial position is; omitted: [text]; initial: {angle: radians};
+    rows counted from 1; measured: how many rows have their lengths and angles from the initial position
+    singular: True if the initial position is; omitted: [text]; initial: {angle: radians};
     kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters: {name: default}
     """
     found = found or freedom(kernels)

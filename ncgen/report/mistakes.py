@@ -144,7 +144,11 @@ class _Case:
         factor = self._factor(row, found, good)
         if factor is not None:
             return _scaled(factor, "it")
-        return self._term(row, column, found - good) or self._exchanged(row, column, found) or ("different", "it differs; no simple reason fits")
+        return (
+            self._term(row, column, found - good)
+            or self._exchanged(row, column, found)
+            or ("different", "it differs; no simple reason fits")
+        )
 
     def _moved(self, row: int, column: int, wrong) -> tuple[str, str] | None:
         """A number that belongs to another wrong column of the row, or to the same column of another row."""
@@ -187,7 +191,9 @@ class _Case:
     def _exchanged(self, row: int, column: int, found) -> tuple[str, str] | None:
         """Sine and cosine in each other's place."""
         expression = self._expression(row, column)
-        other = expression.replace(lambda e: isinstance(e, (sympy.sin, sympy.cos)), lambda e: (sympy.cos if e.func is sympy.sin else sympy.sin)(*e.args))
+        other = expression.replace(
+            lambda e: isinstance(e, (sympy.sin, sympy.cos)), lambda e: (sympy.cos if e.func is sympy.sin else sympy.sin)(*e.args)
+        )
         if other != expression and self.same(row, found, self._numbers(other)):
             return "sine and cosine", "sine and cosine are exchanged"
         return None

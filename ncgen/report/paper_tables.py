@@ -169,7 +169,14 @@ class _Partitioned:
 def _simulated(kernels, integrator, source, duration, end, engine) -> dict:
     """A run by ncgen's own engines."""
     try:
-        options = {"formalism": "coordinate-partitioning", "integrator": integrator, "engine": engine, "points": 2, **own_run(kernels)[1], **TOLERANCES}
+        options = {
+            "formalism": "coordinate-partitioning",
+            "integrator": integrator,
+            "engine": engine,
+            "points": 2,
+            **own_run(kernels)[1],
+            **TOLERANCES,
+        }
         simulate(kernels, duration / 100, **options)  # compiles
         start = time.perf_counter()
         run = simulate(kernels, duration, **options)

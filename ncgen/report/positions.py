@@ -32,7 +32,9 @@ def largest_errors(kernels: Kernels, q, calls: dict[str, Call], exact: Program) 
         return {}
     expected = _exact(kernels, positions, rates, exact)
     scale = np.maximum(np.max(np.abs(expected), axis=1), np.finfo(float).tiny)  # nothing need accelerate
-    found = {name: np.array([_evaluated(kernels, call, x, v) for x, v in zip(positions, rates, strict=True)]) for name, call in calls.items()}
+    found = {
+        name: np.array([_evaluated(kernels, call, x, v) for x, v in zip(positions, rates, strict=True)]) for name, call in calls.items()
+    }
     return {name: float(np.max(np.max(np.abs(values - expected), axis=1) / scale)) for name, values in found.items()}
 
 

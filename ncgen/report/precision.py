@@ -138,7 +138,14 @@ def _ladder(kernels, known, duration, start, formalism, integrator, engine, numb
             _run(kernels, duration, {"engine": engine, "number": number, "points": 2, **start}, np.inf)  # compiles
     method = _name(formalism, integrator, engine, kernels, number)
     for level in STEPS if fixed else TOLERANCES:
-        record = {"method": method, "formalism": formalism, "integrator": integrator, "engine": engine, "kernels": kernels.backend, "number": number}
+        record = {
+            "method": method,
+            "formalism": formalism,
+            "integrator": integrator,
+            "engine": engine,
+            "kernels": kernels.backend,
+            "number": number,
+        }
         record |= {"setting": f"{level} steps" if fixed else f"rtol {level:.0e}", "error": None, "doubt": known.doubt}
         record |= {"seconds": None, "low": None, "high": None, "noisy": False, "steps": None, "evaluations": None, "reason": None}
         accuracy = {"max_step": duration / level} if fixed else {"rtol": level, "atol": 1e-2 * level * kernels.length}
@@ -253,7 +260,20 @@ def figure(records: list[dict], title: str):
 LEAST, MOST = 1e-16, 1.0
 """Errors that are drawn: a run that ends a whole size away has gone somewhere else."""
 
-COLORS = ("#c8102e", "#30506b", "#e08a00", "#2a9d5c", "#7b4fa3", "#888888", "#00a3b4", "#a0522d", "#d45ba0", "#556b2f", "#000000", "#b5a400")
+COLORS = (
+    "#c8102e",
+    "#30506b",
+    "#e08a00",
+    "#2a9d5c",
+    "#7b4fa3",
+    "#888888",
+    "#00a3b4",
+    "#a0522d",
+    "#d45ba0",
+    "#556b2f",
+    "#000000",
+    "#b5a400",
+)
 MARKERS = "osD^vP*X"
 
 

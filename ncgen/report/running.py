@@ -49,5 +49,3 @@ def write_outputs(sources: Sources, run: Trajectory, folder: Path) -> list[Path]
     paths.append(run.plot(folder / "motion.png"))
     paths.append(run.animate(folder / "animation.html"))
     return paths
-
-

@@ -56,7 +56,11 @@ def show_run(console: Console, record: dict) -> None:
     for name, value in record["final"].items():
         table.add_row(name, f"{value:.12g}", f"{record['final_velocity'][name]:.12g}")
     lines = [
-        Text(f"{record['time']:g} s with {record['integrator']} on {record['formalism']}, kernels in {record['backend']}, engine {record['engine']}", style="bold"),
+        Text(
+            f"{record['time']:g} s with {record['integrator']} on {record['formalism']}, "
+            f"kernels in {record['backend']}, engine {record['engine']}",
+            style="bold",
+        ),
         table,
         Text(f"  constraint error {record['violation']:.1e} (relative), energy error {record['energy_drift']:.1e} (relative)"),
         Text(f"  {record['steps']} steps, {record['evaluations']} evaluations, {record['wall_seconds']:.2f} s"),

@@ -44,13 +44,22 @@ def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:
             "the motion may have left its branch, take smaller steps or another formalism"
         )
     elif not method.has_fixed_step and change > np.sqrt(rtol):
-        other = "or be too long for the tolerance" if method.is_constrained else "which formalism='lagrange' does better, or be too long for the tolerance"
+        other = (
+            "or be too long for the tolerance"
+            if method.is_constrained
+            else "which formalism='lagrange' does better, or be too long for the tolerance"
+        )
         said.append(
-            f"the energy changes by {change:.1g} of what moves, although rtol is {rtol:g}: the motion may have passed a singular position, {other}"
+            f"the energy changes by {change:.1g} of what moves, although rtol is {rtol:g}: "
+            f"the motion may have passed a singular position, {other}"
         )
     if feedback and not method.has_fixed_step and (violation := float(seen.violation().max())) > OPEN * rtol:
         said.append(
             f"{method.formalism.name} holds the constraints to {violation:.1g} only (relative), although rtol is {rtol:g}; "
-            + ("raise alpha or omega (options), or take formalism='lagrange'" if "alpha" in method.options else "take stabilisation='projection'")
+            + (
+                "raise alpha or omega (options), or take formalism='lagrange'"
+                if "alpha" in method.options
+                else "take stabilisation='projection'"
+            )
         )
     return said

@@ -26,9 +26,7 @@ NAMED = 4
 """How many rows a failure names."""
 
 
-def assemble(
-    kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] | None = None, tolerance: float = CONSISTENT
-) -> np.ndarray:
+def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] | None = None, tolerance: float = CONSISTENT) -> np.ndarray:
     """A consistent position near q (default: the model's at the parameters p), shape (n,).
 
     q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
@@ -77,7 +75,10 @@ def _damped_step(jacobian: np.ndarray, value: np.ndarray) -> np.ndarray:
 
 
 def _open_rows(kernels: Kernels, value: np.ndarray, tolerance: float) -> str:
-    worst = [i for i in np.argsort(-np.abs(value)) if not abs(value[i]) <= min(tolerance, CONSISTENT)][:NAMED] or [int(np.argmax(np.abs(value)))]
+    worst = [i for i in np.argsort(-np.abs(value)) if not abs(value[i]) <= min(tolerance, CONSISTENT)][:NAMED] or [
+        int(np.argmax(np.abs(value)))
+    ]
     rows = [(kernels.holonomic[i], value[i]) for i in worst]
     named = "; ".join(f"row {r + 1} ({kernels.rows[r].label}, {kernels.rows[r].owner}) by {v:.2g}" for r, v in rows)
-    return f"{kernels.name}: the mechanism does not close: {named} (relative); correct a length, start nearer to a closed position, or allow more"
+    advice = "correct a length, start nearer to a closed position, or allow more"
+    return f"{kernels.name}: the mechanism does not close: {named} (relative); {advice}"

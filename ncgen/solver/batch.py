@@ -248,7 +248,8 @@ def simulate_batch(
     up what `simulate` warned of.
     """
     run = Run.asked(
-        checked_kernels(kernels), duration, formalism="coordinate-partitioning", integrator=integrator, rtol=rtol, atol=atol, points=points, max_step=max_step,
+        checked_kernels(kernels), duration, formalism="coordinate-partitioning", integrator=integrator, rtol=rtol, atol=atol, points=points,
+        max_step=max_step,
         progress=progress, t0=t0, z=z,
     )  # fmt: skip
     threads, t0, method = _threads(threads), run.initial.t, Method(run.formalism, run.integrator)

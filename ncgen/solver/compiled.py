@@ -81,8 +81,19 @@ def is_emitted(kernels: Kernels, partitions: Partitions) -> bool:
 
 
 def run_constrained(
-    path: Path, kernels: Kernels, method: Method, grid, q, qd, p, max_step, tolerances: Tolerances, number="double", stop=None,
-    progress=None, stop_when_stiff=False,
+    path: Path,
+    kernels: Kernels,
+    method: Method,
+    grid,
+    q,
+    qd,
+    p,
+    max_step,
+    tolerances: Tolerances,
+    number="double",
+    stop=None,
+    progress=None,
+    stop_when_stiff=False,
 ) -> str | None:
     """Complete a path over a time grid with a formalism over all coordinates, from its last row on if it has any.
 
@@ -111,7 +122,8 @@ def run_constrained(
         q, qd, work = path.take_last()
         times = grid[len(path.q) :]
     done = dynamics.simulate(
-        method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism), project=int(projected),
+        method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
+        project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
         rank=freedom(kernels, q, times[0], p).rank, event=stop, max_step=max_step, progress=Progress(progress),
         stop_when_stiff=int(stop_when_stiff), **_weights(settings),
@@ -127,8 +139,8 @@ def run_constrained(
     reason = _ended(path, kernels, grid, done, work, p)
     if done.status in FINAL:
         raise ConvergenceError(
-            f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s, where steps become too short; the mechanism comes to a "
-            "singular position there, or rtol asks for less than rounding leaves"
+            f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s, where steps become too short; the mechanism comes "
+            "to a singular position there, or rtol asks for less than rounding leaves"
         )
     return reason
 
@@ -179,7 +191,8 @@ def dynamics(kernels: Kernels, partitions: Partitions, form: str, q, p, number: 
     from ncgen.program.programs import Split
 
     split, positions = (
-        Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent))) for part in (partitions.velocity, partitions.position)
+        Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
+        for part in (partitions.velocity, partitions.position)
     )
     store = kernels.__dict__.setdefault("_dynamics", {})
     key = split, positions, form, number
@@ -201,8 +214,20 @@ def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
 
 
 def run(
-    path: Path, kernels: Kernels, method: Method, form: str, grid, q, zd, p, max_step, tolerances: Tolerances, number="double", stop=None,
-    progress=None, stop_when_stiff=False,
+    path: Path,
+    kernels: Kernels,
+    method: Method,
+    form: str,
+    grid,
+    q,
+    zd,
+    p,
+    max_step,
+    tolerances: Tolerances,
+    number="double",
+    stop=None,
+    progress=None,
+    stop_when_stiff=False,
 ) -> str | None:
     """Complete a path over a time grid, from its last row on if it has any, to its end or to a `Stop`; where the independent
     coordinates become bad, go on with others.

@@ -26,7 +26,9 @@ from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
 from ncgen.solver.tolerances import Tolerances
 
 
-def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None) -> None:
+def run(
+    path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None
+) -> None:
     """Fill an empty path over a time grid, to its end or to a `Stop`.
 
     Raises ConvergenceError or SingularError with the time where the motion cannot go on, DomainError naming what is not a
@@ -157,8 +159,9 @@ class _Run:
                 solver = self.solver = make(t0=start, y0=y, first_step=length)
         creeps = self.pace.creeps(solver.t)
         if creeps or solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+            message = message or ("steps become tiny" if creeps else "the state is not finite")
             raise on_the_way(self.kernels, y[self._q], y[: self.kernels.n], start, solver.t, self.p) or ConvergenceError(
-                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or ('steps become tiny' if creeps else 'the state is not finite')}); "
+                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
         return solver

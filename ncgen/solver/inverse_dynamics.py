@@ -92,7 +92,9 @@ def driver_forces(run: Trajectory) -> dict[str, np.ndarray]:
         forces[name] = forces.get(name, 0.0) - run.lam[:, row]
     implied = [{r.row, *r.implied_by} for r in freedom(kernels, run.q[0], run.t[0], run.p).redundant] if driven else []
     if shared := [name for row, name in driven.items() if any(row in rows for rows in implied)]:
-        warnings.warn(f"{kernels.name}: the driver of {shared[0]} does what other rows do as well; how they share it is arbitrary", stacklevel=2)
+        warnings.warn(
+            f"{kernels.name}: the driver of {shared[0]} does what other rows do as well; how they share it is arbitrary", stacklevel=2
+        )
     return forces
 
 
@@ -104,4 +106,6 @@ def _drivers(kernels: Kernels) -> dict[int, str]:
 def _instead(kernels: Kernels) -> str:
     """Where to look for the forces of what is driven already."""
     driven = tuple(dict.fromkeys(_drivers(kernels).values()))
-    return f"; {shortened(driven)} {'is' if len(driven) == 1 else 'are'} driven, and run.driver_forces() has what that takes" if driven else ""
+    return (
+        f"; {shortened(driven)} {'is' if len(driven) == 1 else 'are'} driven, and run.driver_forces() has what that takes" if driven else ""
+    )

@@ -43,9 +43,7 @@ def residual(kernels: Kernels, q, t=0.0, p=None) -> float:
     return float(np.max(values, initial=0.0))
 
 
-def solve_position(
-    kernels: Kernels, q=None, t=0.0, p=None, held=(), tolerance: float = TOLERANCE, limit: int = LIMIT
-) -> Position:
+def solve_position(kernels: Kernels, q=None, t=0.0, p=None, held=(), tolerance: float = TOLERANCE, limit: int = LIMIT) -> Position:
     """The consistent position near q (default: the initial one); the coordinates named in `held` (one name or several) keep their values.
 
     q: numbers in the order of the coordinates or {name: number}; p likewise for parameters

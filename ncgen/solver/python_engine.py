@@ -29,7 +29,9 @@ RETRIES = 8
 """How often a step whose position problem fails is tried again, each time four times shorter."""
 
 
-def run(path: Path, kernels: Kernels, method: Method, grid, q, zd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None) -> None:
+def run(
+    path: Path, kernels: Kernels, method: Method, grid, q, zd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None
+) -> None:
     """Complete a path over a time grid, from its last row on if it has any.
 
     stop: a `Stop` before the end
@@ -166,8 +168,9 @@ class _Run:
         self.steps += 1
         creeps = self.pace.creeps(solver.t)
         if creeps or solver.status == "failed" or not np.all(np.isfinite(solver.y)):
+            message = message or ("steps become tiny" if creeps else "the state is not finite")
             raise on_the_way(self.kernels, here.q, here.qd, here.t, solver.t, self.start.p) or ConvergenceError(
-                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message or ('steps become tiny' if creeps else 'the state is not finite')}); "
+                f"{self.kernels.name}: the integration stops at t = {solver.t:.6g} s ({message}); "
                 "the motion may become singular there, or try another integrator or tolerance"
             )
         return solver
@@ -184,7 +187,9 @@ class _Run:
         self.newton += now.iterations
         self.orientation = self.orientation or now.orientation
         if now.orientation != self.orientation:
-            raise SingularError(f"{self.kernels.name}: a position beyond a singular one of the dependent coordinates, perhaps on another branch")
+            raise SingularError(
+                f"{self.kernels.name}: a position beyond a singular one of the dependent coordinates, perhaps on another branch"
+            )
         return now
 
     def _accept(self, here: Motion) -> None:

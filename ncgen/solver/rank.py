@@ -63,9 +63,7 @@ def scaled_jacobian(kernels: Kernels, q, t=0.0, p=None) -> np.ndarray:
     return kernels.jacobian(q, t, p) * kernels.column_sizes / kernels.row_sizes[:, None]
 
 
-def trial_positions(
-    kernels: Kernels, q, t=0.0, p=None, count: int = POSITIONS, distance: float = DISTANCE
-) -> list[np.ndarray]:
+def trial_positions(kernels: Kernels, q, t=0.0, p=None, count: int = POSITIONS, distance: float = DISTANCE) -> list[np.ndarray]:
     """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
     generator = np.random.default_rng(0)
     sizes = kernels.column_sizes

@@ -62,7 +62,19 @@ class Initial:
     closing: float = CONSISTENT
 
     @classmethod
-    def asked(cls, subject: Kernels | Model, *, q0=None, zd0=None, qd0=None, z=None, p=None, t0=0.0, closing=CONSISTENT, names=("q0", "zd0", "qd0", "t0")) -> Initial:
+    def asked(
+        cls,
+        subject: Kernels | Model,
+        *,
+        q0=None,
+        zd0=None,
+        qd0=None,
+        z=None,
+        p=None,
+        t0=0.0,
+        closing=CONSISTENT,
+        names=("q0", "zd0", "qd0", "t0"),
+    ) -> Initial:
         """From what the caller gives; names: of the arguments q0, zd0, qd0 and t0 in messages. Raises ModelError."""
         subject = outline(subject)
         if zd0 is not None and qd0 is not None:
@@ -133,7 +145,9 @@ class Run:
             dict(options or {}),
             positive(rtol, "rtol"),
             None if atol is None else positive(atol, "atol"),
-            np.inf if max_step is None or (isinstance(max_step, Real) and max_step == np.inf) else positive(max_step, "max_step", "number of seconds"),
+            np.inf
+            if max_step is None or (isinstance(max_step, Real) and max_step == np.inf)
+            else positive(max_step, "max_step", "number of seconds"),
             stop_at(subject, stop),
             chosen(engine, "engine", ENGINES),
             chosen(number, "number", NUMBERS),
@@ -160,15 +174,22 @@ class Run:
             return
         fixed = self.integrator is not None and self.integrator.has_fixed_step
         if self.max_step < FINEST * np.max(np.abs(self.times)):
-            raise ModelError(f"max_step: {self.max_step:.6g} s cannot be told apart at t = {np.max(np.abs(self.times)):.6g} s; take a longer one")
+            raise ModelError(
+                f"max_step: {self.max_step:.6g} s cannot be told apart at t = {np.max(np.abs(self.times)):.6g} s; take a longer one"
+            )
         if self.duration / self.max_step > MOST_STEPS:
             kind = "steps" if fixed else "steps at least"
-            raise ModelError(f"max_step: {self.max_step:.6g} s makes {self.duration / self.max_step:.3g} {kind}; {MOST_STEPS:.0e} are the limit, take a longer one")
+            raise ModelError(
+                f"max_step: {self.max_step:.6g} s makes {self.duration / self.max_step:.3g} {kind}; "
+                f"{MOST_STEPS:.0e} are the limit, take a longer one"
+            )
 
     def _check_engine(self) -> None:
         """An engine that can never take the method."""
         if self.engine in EMITTED and self.formalism is not None and self.formalism.is_constrained:
-            raise ModelError(f"engine {self.engine!r}: a state derivative is emitted for coordinate-partitioning, not for {self.formalism.name}")
+            raise ModelError(
+                f"engine {self.engine!r}: a state derivative is emitted for coordinate-partitioning, not for {self.formalism.name}"
+            )
         named = self.integrator
         if named is not None and not named.in_c and (self.engine in ("c", *EMITTED) or self.number != "double"):
             what = f"engine {self.engine!r}" if self.engine in ("c", *EMITTED) else f"number {self.number!r}"
@@ -185,7 +206,8 @@ def outline(subject: Kernels | Model):
         return SimpleNamespace(
             name=subject.name, model=subject, coordinates=tuple(c.name for c in free), parameters=tuple(subject.parameters),
             index={c.name: i for i, c in enumerate(free)}, n=len(free),
-            start=lambda p=None: np.array([c.initial for c in free], dtype=float), q0=np.array([c.initial for c in free], dtype=float), p0=np.array(values, dtype=float),
+            start=lambda p=None: np.array([c.initial for c in free], dtype=float), q0=np.array([c.initial for c in free], dtype=float),
+            p0=np.array(values, dtype=float),
         )  # fmt: skip
     return checked_kernels(subject)
 

@@ -89,9 +89,7 @@ def sensitivities(kernels: Kernels, duration: float, steps: int, **start) -> Sen
     return Sensitivities(motion.t, np.array(motion.q), np.array(motion.qd), q_by, qd_by, motion.names)
 
 
-def gradient(
-    kernels: Kernels, duration: float, steps: int, objective: Callable[[np.ndarray, np.ndarray], tuple], **start
-) -> Gradient:
+def gradient(kernels: Kernels, duration: float, steps: int, objective: Callable[[np.ndarray, np.ndarray], tuple], **start) -> Gradient:
     """The gradient of one number that depends on a motion, by one sweep back through it.
 
     objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
@@ -132,7 +130,9 @@ class _Motion:
         self.partition = begun.partitions.position
         self.nz = len(self.partition.independent)
         # Where z starts follows the parameters only if the model's own position does.
-        self.z_by_p = (kernels.start_p(self.p) if start.get("q0") is None else np.zeros((kernels.n, len(self.p))))[self.partition.independent]
+        self.z_by_p = (kernels.start_p(self.p) if start.get("q0") is None else np.zeros((kernels.n, len(self.p))))[
+            self.partition.independent
+        ]
         names = self.partition.names(kernels)
         self.names = (*kernels.parameters, *names, *(f"rate({name})" for name in names))
         self.y0 = np.concatenate([begun.rates, begun.q[self.partition.independent]])
@@ -159,7 +159,9 @@ class _Motion:
     def _keep(self, stage: _Stage) -> None:
         if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < POOR:
             names = ", ".join(self.partition.names(self.kernels))
-            raise ModelError(f"{names} do not determine the motion any more at t = {stage.t:.6g} s; choose other independent coordinates (z)")
+            raise ModelError(
+                f"{names} do not determine the motion any more at t = {stage.t:.6g} s; choose other independent coordinates (z)"
+            )
         self.q.append(stage.q)
         self.qd.append(stage.qd)
 

@@ -104,7 +104,9 @@ def _changes(run, shares: list[Share], idle, t: float, q: np.ndarray) -> list[np
     """For every body what can be added to the loads on its elements, columns of one basis; in natural units (moments)."""
     n, index = run.kernels.n, run.kernels.index
     rows = [scaled_jacobian(share.kernels, share.position(q), t, run.p) for share in shares]
-    bases = [_internal_loads(share, q, axes, own, _rows_on(share, shares, rows)) for share, axes, own in zip(shares, idle, rows, strict=True)]
+    bases = [
+        _internal_loads(share, q, axes, own, _rows_on(share, shares, rows)) for share, axes, own in zip(shares, idle, rows, strict=True)
+    ]
     free = []
     for share, basis in zip(shares, bases, strict=True):
         part = np.zeros((n, basis.shape[1]))
@@ -127,7 +129,11 @@ def _internal_loads(share: Share, q, idle, own_rows, rows_on) -> np.ndarray:
     A body whose rows the user wrote is rigid only as far as these rows say; between its fixed elements it is in any case.
     """
     motions, own = _rigid_motions(share, q, idle), share.own
-    held = np.ones(len(own), dtype=bool) if share.body.rigid else np.array([c.fixed for e in share.body.elements for c in e.components], dtype=bool)
+    held = (
+        np.ones(len(own), dtype=bool)
+        if share.body.rigid
+        else np.array([c.fixed for e in share.body.elements for c in e.components], dtype=bool)
+    )
     balanced = np.zeros((len(share.coordinates), held.sum()))
     balanced[own[held]] = np.eye(held.sum())
     balanced = balanced @ null_space(motions[held].T)

@@ -66,8 +66,8 @@ def simulate(
         on "lagrange" also those that discretise the constrained equations, with the fixed step max_step: rattle
         (symplectic), energy-momentum (exact energy), generalized-alpha (numerical damping)
     options: {name: value} for formalism and integrator: stabilisation ("projection", "baumgarte", "none"), omega (1/s) and
-        xi of Baumgarte's terms, alpha, the penalty over the largest inertia (ali3p: times h²/4, over that of its tangent); project_velocities of
-        energy-momentum; rho, ρ∞ of generalized-alpha, or hht, α of HHT in its place
+        xi of Baumgarte's terms, alpha, the penalty over the largest inertia (ali3p: times h²/4, over that of its tangent);
+        project_velocities of energy-momentum; rho, ρ∞ of generalized-alpha, or hht, α of HHT in its place
     rtol, atol: with a named integrator the tolerances of every step, as is usual. Where the integrator is ncgen's choice, many steps
         share rtol, so that it speaks of the whole run: well-behaved motions end within about 100 rtol of their natural size
         atol: absolute (m, rad, and per second); default: a hundredth of rtol in the natural size of every coordinate
@@ -92,13 +92,13 @@ def simulate(
 
     Raises ModelError for what cannot be asked, ConvergenceError naming the rows where the start does not close, SingularError for a
     singular one, ConvergenceError naming the time where the motion cannot go on. Ctrl-C raises `ncgen.Interrupted`, a
-    KeyboardInterrupt whose `run` holds the motion up to there. Warns where the energy of what was found says that it cannot be right, and where
-    another formalism would be many times faster.
+    KeyboardInterrupt whose `run` holds the motion up to there. Warns where the energy of what was found says that it cannot be right, and
+    where another formalism would be many times faster.
     """
     run = Run.asked(
-        checked_kernels(kernels), duration, formalism=formalism, integrator=integrator, rtol=rtol, atol=atol, points=points, max_step=max_step, engine=engine,
-        number=number, options=options, stop=stop, progress=progress, q0=q0, zd0=zd0, qd0=qd0, z=z, p=p, t0=t0,
-        closing=closing,
+        checked_kernels(kernels), duration, formalism=formalism, integrator=integrator, rtol=rtol, atol=atol, points=points,
+        max_step=max_step, engine=engine, number=number, options=options, stop=stop, progress=progress, q0=q0, zd0=zd0, qd0=qd0, z=z,
+        p=p, t0=t0, closing=closing,
     )  # fmt: skip
     choice = choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)

@@ -13,9 +13,9 @@ import numpy as np
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.solver.assembly import assemble
+from ncgen.solver.branches import refresh_branches
 from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
-from ncgen.solver.branches import refresh_branches
 from ncgen.solver.partition import Partition, Partitions, choose_partitions, kinematics
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.projection import project_velocity
@@ -79,7 +79,9 @@ def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial,
     if initial.qd is not None:
         return given_velocity(kernels, initial.qd, q, initial.t, p)
     if partitions is not None:
-        return velocity_from_rates(kernels, partitions.velocity, _independent_rates(kernels, partitions.velocity, initial.zd), q, initial.t, p)
+        return velocity_from_rates(
+            kernels, partitions.velocity, _independent_rates(kernels, partitions.velocity, initial.zd), q, initial.t, p
+        )
     return given_velocity(kernels, {}, q, initial.t, p) if driven else np.zeros(kernels.n)
 
 

@@ -19,7 +19,6 @@ from ncgen.solver.given import echo, offer
 from ncgen.solver.partition import Partitions, choose_partitions, other_partitions, quality
 from ncgen.solver.protocol import Kernels
 
-
 CONDITION = 1e-3
 """Quality of a partition below which accelerations are computed with a better one."""
 
@@ -132,11 +131,15 @@ class Trajectory:
     def __getitem__(self, name: str) -> np.ndarray:
         """One free coordinate, or `rate(name)`, over time, shape (K,). Raises ModelError for an unknown name."""
         if not isinstance(name, str):
-            raise ModelError(f"{self.name}: a coordinate is asked for by its name, not by {echo(name)}; instants are rows of run.t, run.q, run.qd")
+            raise ModelError(
+                f"{self.name}: a coordinate is asked for by its name, not by {echo(name)}; instants are rows of run.t, run.q, run.qd"
+            )
         inner = _coordinate(name)
         if isinstance(thing := self.model.elements.get(inner), (Point, Vector)):
             kind = type(thing).__name__.lower()
-            raise ModelError(f"{self.name}: {inner} is a {kind} of three coordinates, {inner}.x and others; run.{kind}({inner!r}) has them all")
+            raise ModelError(
+                f"{self.name}: {inner} is a {kind} of three coordinates, {inner}.x and others; run.{kind}({inner!r}) has them all"
+            )
         if inner not in self.kernels.index:
             raise ModelError(f"{self.name} has no free coordinate {echo(inner)}; {offer(inner, self.coordinates)}")
         return (self.q if inner == name else self.qd)[:, self.kernels.index[inner]]

@@ -108,7 +108,9 @@ def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
         try:
             template = make(f"row-{number + 1}", sympy.sympify(row.expression), _words(scalars), _words(data))
         except ValueError as error:
-            raise ModelError(f"{where}: {shown(row.expression)}: {error}; a velocity constraint is a sum of coefficients times rates") from None
+            raise ModelError(
+                f"{where}: {shown(row.expression)}: {error}; a velocity constraint is a sum of coefficients times rates"
+            ) from None
         return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number, row.equation)
     row_type = angle_row_type(model, row, omitted)
     template = templates.row_template(row_type.key)
@@ -146,7 +148,9 @@ def _names(model: Model, expression, where: str) -> tuple[list[Component], list[
     known = {TIME.name} | {p.name for p in parameters} | {n for c in coordinates for n in (c.name, rate_name(c.name))}
     if mentioned - known:
         name = sorted(mentioned - known)[0]
-        raise ModelError(f"{where}: {shortened(name, SHOWN)} is neither a coordinate, a rate, a parameter nor m.time; correct the expression")
+        raise ModelError(
+            f"{where}: {shortened(name, SHOWN)} is neither a coordinate, a rate, a parameter nor m.time; correct the expression"
+        )
     return coordinates, parameters
 
 
@@ -298,9 +302,13 @@ def _weight_terms(weight, owner, released) -> list[Term]:
         if component.fixed and component not in released:
             offset -= force * (Fraction(component.value) if is_number(component.value) else as_sympy(component.value))
         else:
-            terms.append(Term(templates.weight(), (((1.0, component),),), (_rounded(force, f"weight of {component.name}"),), owner, component.name))
+            terms.append(
+                Term(templates.weight(), (((1.0, component),),), (_rounded(force, f"weight of {component.name}"),), owner, component.name)
+            )
     if offset != 0:
-        terms.append(Term(templates.energy_offset(), (), (_rounded(offset, "potential of fixed points"),), owner, "potential of fixed points"))
+        terms.append(
+            Term(templates.energy_offset(), (), (_rounded(offset, "potential of fixed points"),), owner, "potential of fixed points")
+        )
     return terms
 
 

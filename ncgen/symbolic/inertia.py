@@ -83,7 +83,9 @@ def _standard(inertia: Inertia, axes, offset):
     half = sum(tensor[k][k] for k in range(3)) / 2
     planar = [[(half if k == l else 0) - tensor[k][l] for l in range(3)] for k in range(3)]
     spread = [[dot(row, [dot(planar[k], other) for k in range(3)]) for other in inverse] for row in inverse]
-    whole = float(half) if isinstance(half, Fraction) else 0.0  # the trace of J_G; directions have sizes of their own, so every entry has its scale
+    whole = (
+        float(half) if isinstance(half, Fraction) else 0.0
+    )  # the trace of J_G; directions have sizes of their own, so every entry has its scale
     spread = [[_cleaned(x, whole * n * m) for x, m in zip(row, sizes, strict=True)] for row, n in zip(spread, sizes, strict=True)]
     mass = _mass(inertia.mass)
     top = (mass, *(_times(mass, x) for x in a))
@@ -125,7 +127,9 @@ def _bar(body: Body, axis, offset, forms, parameters):
     tensor = [_exact(row) for row in body.inertia.tensor]
     spin = dot(axis, [dot(row, axis) for row in tensor]) / squared
     transverse = (sum(tensor[k][k] for k in range(3)) - spin) / 2
-    ideal = [[transverse * (int(k == l) - x * y / squared) + spin * x * y / squared for l, y in enumerate(axis)] for k, x in enumerate(axis)]
+    ideal = [
+        [transverse * (int(k == l) - x * y / squared) + spin * x * y / squared for l, y in enumerate(axis)] for k, x in enumerate(axis)
+    ]
     size = max(abs(evaluate(x, parameters, "")) for x in body.inertia.tensor.flat)
     gaps = [tensor[k][l] - ideal[k][l] for k in range(3) for l in range(3)]
     if not all(_vanishes(x, parameters, OFF_AXIS * size) for x in gaps):

@@ -160,7 +160,9 @@ def torsion_spring() -> Template:
     (x,), (v,) = symbols(["x"]), rates(["x"])
     k, c, free = symbols(SPRING_DATA)
     tension = k * (x - free) + c * v
-    return _pull("torsion-spring", "k (x - x0)^2 / 2, damper c", ("x",), SPRING_DATA, x, v, [1], tension, k * (x - free) ** 2 / 2, -c * v**2)
+    return _pull(
+        "torsion-spring", "k (x - x0)^2 / 2, damper c", ("x",), SPRING_DATA, x, v, [1], tension, k * (x - free) ** 2 / 2, -c * v**2
+    )
 
 
 def spring_law(key: str, law: sympy.Expr, along_segment: bool, data: tuple[str, ...]) -> Template:

@@ -85,7 +85,9 @@ class Worker:
     def _start(self) -> None:
         self.errors = tempfile.TemporaryFile("w+", encoding="utf-8")
         command = [sys.executable, "-X", "utf8", str(Path(__file__).resolve())]
-        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.errors, text=True, encoding="utf-8")
+        self.process = subprocess.Popen(
+            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=self.errors, text=True, encoding="utf-8"
+        )
         self._ask(WARM)
 
     def _end(self) -> None:

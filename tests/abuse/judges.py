@@ -24,13 +24,12 @@ import ncgen
 from ncgen.emit.sources import Sources
 from ncgen.errors import NcgenError
 from ncgen.exchange.toml_writer import to_toml
+from ncgen.methods.method import Method
+from ncgen.methods.table import FORMALISMS, partners
 from ncgen.model.catalogue import ROW_TYPES
 from ncgen.model.elements import Combination, Component, Length, Point
 from ncgen.model.forces import Couple, Spring
 from ncgen.model.values import Parameter, is_number
-
-from ncgen.methods.method import Method
-from ncgen.methods.table import FORMALISMS, partners
 
 LONG = np.longdouble
 EPS = np.finfo(float).eps
@@ -264,7 +263,15 @@ class Subject:
         return np.broadcast_to(np.asarray(function(*(numbers[s.name] for s in used)), dtype=LONG), q.shape[:-1])
 
     def combined(self, combination: Combination, places) -> tuple:
-        return tuple(sum(LONG(float(self._value(w))) * places[e.components[k]] if e in self.known else LONG(float(self._value(w))) * LONG(e.initial[k]) for w, e in combination.terms) for k in range(3))
+        return tuple(
+            sum(
+                LONG(float(self._value(w))) * places[e.components[k]]
+                if e in self.known
+                else LONG(float(self._value(w))) * LONG(e.initial[k])
+                for w, e in combination.terms
+            )
+            for k in range(3)
+        )
 
     @cached_property
     def known(self) -> set:
@@ -292,7 +299,7 @@ class Subject:
         k = self.kernels
         if not k.m:
             return
-        q, qd, p = self.q.astype(LONG), self.qd.astype(LONG), self.p
+        q, qd = self.q.astype(LONG), self.qd.astype(LONG)
         states = np.concatenate([q[None], q + LONG(1e-3) * self.sizes * self.rng.standard_normal((3, k.n))])
         rates = np.broadcast_to(qd, states.shape)
         phi = self.phi(states, self.t)
@@ -366,7 +373,9 @@ class Subject:
         wrong = known & ~(np.abs(made - found) <= 20 * doubt + 1e-9 * size)
         if np.any(wrong):
             i = np.unravel_index(np.argmax(wrong), wrong.shape)
-            self.find(judge, f"{what(*i)} is {made[i]:.12g}, by differences {found[i]:.12g} ± {doubt[i]:.1g}; {wrong.sum()} of {wrong.size} wrong")
+            self.find(
+                judge, f"{what(*i)} is {made[i]:.12g}, by differences {found[i]:.12g} ± {doubt[i]:.1g}; {wrong.sum()} of {wrong.size} wrong"
+            )
 
     def row_derivatives(self) -> None:
         """Φ_q, ν and γ by differences of what they are derivatives of."""
@@ -384,7 +393,14 @@ class Subject:
         self.compare("phi_q", lambda i, j: f"∂({names[i]})/∂{k.coordinates[j]}", scaled, slope.T[position], doubt.T[position], size)
         rest = np.zeros_like(qd)
         rate, doubt = self.along(self.phi, q, rest)
-        self.compare("nu", lambda i: f"ν of {names[i]}", k.nu(q, t, p)[position], -rate[position], doubt[position], np.abs(rate[position]) + phi[:, 0])
+        self.compare(
+            "nu",
+            lambda i: f"ν of {names[i]}",
+            k.nu(q, t, p)[position],
+            -rate[position],
+            doubt[position],
+            np.abs(rate[position]) + phi[:, 0],
+        )
 
         change, doubt = self.along(lambda x, s: self.speed(x, np.broadcast_to(qd, x.shape), s), q, qd)
         size = np.abs(change) + np.max(np.abs(jacobian * qd), axis=1) + np.abs(k.nu(q, t, p))
@@ -423,7 +439,9 @@ class Subject:
         if np.linalg.eigvalsh(unit)[0] < -1e-9 if k.n else False:
             self.find("mass", f"M is not positive semidefinite: {np.linalg.eigvalsh(unit)[0]:.3g} of its diagonal")
         kinetic = k.energy(self.q, self.qd, self.t, p)[0]
-        if not np.isclose(kinetic, self.qd @ mass @ self.qd / 2, rtol=1e-9, atol=1e-12 * np.sum(np.abs(mass) * np.abs(np.outer(self.qd, self.qd)))):
+        if not np.isclose(
+            kinetic, self.qd @ mass @ self.qd / 2, rtol=1e-9, atol=1e-12 * np.sum(np.abs(mass) * np.abs(np.outer(self.qd, self.qd)))
+        ):
             self.find("mass", f"T is {kinetic:.12g}, ½ q̇ᵀMq̇ is {self.qd @ mass @ self.qd / 2:.12g}")
         self.rigid_energy()
 
@@ -470,7 +488,9 @@ class Subject:
         applied = self.applied(q[None], speed[None] * 0, LONG(0))[0]
         self.p = kept
         power = float(k.force(q, 0 * q, LONG(0), k.p0) @ speed + self.height_rate - applied @ speed)
-        if any(isinstance(f, Couple) for f in model.forces) and not abs(power - couples) <= 1e-6 * sizes[0] + 1e-9 * abs(applied) @ abs(speed):
+        if any(isinstance(f, Couple) for f in model.forces) and not abs(power - couples) <= 1e-6 * sizes[0] + 1e-9 * abs(applied) @ abs(
+            speed
+        ):
             self.find("couple", f"couples give {power:.12g} W, of the bodies' angular velocities {couples:.12g}")
 
     def _slope_of_height(self, q, speed):
@@ -565,7 +585,14 @@ class Subject:
         power = k.energy(q, qd, t, p)[2]
         told = force / self.sizes @ qd + inertial + change[1]
         size = np.abs(force / self.sizes) @ np.abs(qd) + np.abs(change).sum()
-        self.compare("power", lambda i: "the power of forces without a potential", power, told, doubt.sum() + np.abs(doubt_of_carried) @ np.abs(qd), size)
+        self.compare(
+            "power",
+            lambda i: "the power of forces without a potential",
+            power,
+            told,
+            doubt.sum() + np.abs(doubt_of_carried) @ np.abs(qd),
+            size,
+        )
 
     # -- C -------------------------------------------------------------------------------------
 
@@ -591,7 +618,10 @@ class Subject:
             self.report.counts["numbers of C judged"] += same.size
             if not np.all(same) and not np.all(same | (np.abs(compiled - plain) <= 64 * EPS * self.added_up(name))):
                 i = np.unravel_index(np.argmin(same), same.shape)
-                self.find("agreement", f"{name}[{i[1]}] is {compiled[i]:.17g} in C, {plain[i]:.17g} in NumPy, {float(exact[i]):.17g} in long double")
+                self.find(
+                    "agreement",
+                    f"{name}[{i[1]}] is {compiled[i]:.17g} in C, {plain[i]:.17g} in NumPy, {float(exact[i]):.17g} in long double",
+                )
 
     def added_up(self, name: str) -> np.ndarray:
         """The size of what is added up in each number of a kernel."""
@@ -652,7 +682,6 @@ class Subject:
 
     def judge_run(self, what: str, run, loose: bool = False, fixed: bool = False) -> None:
         """Finite, closed, in balance at every instant, and with its energy."""
-        k = self.kernels
         self.watch(what)
         if not (np.all(np.isfinite(run.q)) and np.all(np.isfinite(run.qd)) and np.all(np.isfinite(run.work))):
             self.find(what, "the run has numbers that are none")
@@ -697,7 +726,9 @@ class Subject:
             rounding = 1e-12 * np.max(np.abs(mass) @ self.sizes * self.sizes, initial=0.0)  # of accelerations of a size a second squared
             if not np.all(np.abs(rest) <= (1e-4 if "augmented" in what else 1e-6) * np.max(size, initial=0.0) + rounding):
                 i = int(np.argmax(np.abs(rest)))
-                self.find(what, f"at t = {t:.3g} s forces on {k.coordinates[i]} are not in balance by {np.max(np.abs(rest)) / np.max(size):.2g}")
+                self.find(
+                    what, f"at t = {t:.3g} s forces on {k.coordinates[i]} are not in balance by {np.max(np.abs(rest)) / np.max(size):.2g}"
+                )
                 return
             if k.model.branches:
                 continue
@@ -706,7 +737,8 @@ class Subject:
             speed = (jacobian * qd).sum(axis=1) - k.nu(q, t, run.p)
             size = np.abs(jacobian) @ np.abs(qd) + np.abs(k.nu(q, t, run.p))
             if not np.all(np.abs(speed) <= 1e-6 * size + 1e-9 * np.abs(jacobian) @ self.sizes):
-                self.find(what, f"at t = {t:.3g} s velocities break row {self.model.rows[int(np.argmax(np.abs(speed)))].label} by {np.max(np.abs(speed)):.2g}")
+                worst = int(np.argmax(np.abs(speed)))
+                self.find(what, f"at t = {t:.3g} s velocities break row {self.model.rows[worst].label} by {abs(speed[worst]):.2g}")
                 return
             gamma = k.gamma(q, qd, t, run.p)
             gap, size = jacobian @ a - gamma, np.abs(jacobian) @ np.abs(a) + np.abs(gamma)
@@ -730,7 +762,18 @@ class Subject:
             return
         fixed = method.has_fixed_step
         options |= {"max_step": DURATION / STEPS} if fixed else {}
-        second = self.attempt(what, ncgen.simulate, self.used, DURATION, formalism=formalism, integrator=integrator, points=9, progress=_listener(), **self.given, **options)
+        second = self.attempt(
+            what,
+            ncgen.simulate,
+            self.used,
+            DURATION,
+            formalism=formalism,
+            integrator=integrator,
+            points=9,
+            progress=_listener(),
+            **self.given,
+            **options,
+        )
         self.said = [*self.said, *self.warned]
         if second is None:
             return

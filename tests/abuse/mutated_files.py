@@ -33,20 +33,71 @@ LIMIT = 10.0
 MEMORY = 3 * 2**30
 """Bytes of address space of a process that reads files."""
 
-NUMBERS = """0 -0.0 1 -1 2 3 1e308 -1e308 1e-308 5e-324 1.7976931348623157e308 1e999 nan inf -inf 1e16 1e150 1e-150 9223372036854775808
-0x10 0b1 1_000 1979-05-27 07:32:00 true false 1e5 0.1 1e-9 1e200""".split() + ["7" * 400, "1" * 5000, "0." + "3" * 400]
+NUMBERS = (
+    """0 -0.0 1 -1 2 3 1e308 -1e308 1e-308 5e-324 1.7976931348623157e308 1e999 nan inf -inf 1e16 1e150 1e-150 9223372036854775808
+0x10 0b1 1_000 1979-05-27 07:32:00 true false 1e5 0.1 1e-9 1e200""".split()
+    + ["7" * 400, "1" * 5000, "0." + "3" * 400]
+)
 
 EXPRESSIONS = [
     "pow(9, 999999999)", "9**9**9", "((9**64)**64)**64", "exp(exp(exp(exp(9))))", "(" * 3000 + "1" + ")" * 3000, " + ".join(["t"] * 990),
     "1/0", "1/3", "sqrt(2)", "sqrt(-1)", "log(0)", "0**0", "2*pi", "e", "exp(1)", "t", "x + v", "-t", "--1", "1e400", "9" * 400, "9" * 5000,
     "exp(999999999*log(9))", "__import__('os')", "().__class__", "lambda: 0", "t if t else 1", "'a'*10", "[0]*10", "1j", "...", "a.b.c", "",
-    " ", "sin", "sin()", "rate(t)", "rate(1)", "2 kg", "class", "None", "True", "t.x", "x" * 5000, "sin(" * 60 + "t" + ")" * 60, "2*(t + 1)",
+    " ", "sin", "sin()", "rate(t)", "rate(1)", "2 kg", "class", "None", "True", "t.x",
+    "x" * 5000, "sin(" * 60 + "t" + ")" * 60, "2*(t + 1)",
     "sin(t)**2 + cos(t)**2", "abs(t)", "sign(t)", "atan2(t, 1)", "tan(pi/2)", "0*t", "t/t", "t - t", "0", "1e-320*t", "t**0.5", "t**t", "µ",
 ]  # fmt: skip
 
-WORDS = ["class", "for", "None", "t", "pi", "e", "a²", "µ", "μ", "ground", "A B", "A.x", "", ".", "a.", "1a", "é", "x" * 600, "ﬁ", "x", "v", "name"]
+WORDS = [
+    "class",
+    "for",
+    "None",
+    "t",
+    "pi",
+    "e",
+    "a²",
+    "µ",
+    "μ",
+    "ground",
+    "A B",
+    "A.x",
+    "",
+    ".",
+    "a.",
+    "1a",
+    "é",
+    "x" * 600,
+    "ﬁ",
+    "x",
+    "v",
+    "name",
+]
 
-BITS = ["\ufeff", "\x00", "\u2028", "\x7f", "\r", "\t", '"', "'", '"""', "'''", "[", "]", "{", "}", "=", ".", ",", "#", "\\", "\\u0000", "💥", "ß", "²"]
+BITS = [
+    "\ufeff",
+    "\x00",
+    "\u2028",
+    "\x7f",
+    "\r",
+    "\t",
+    '"',
+    "'",
+    '"""',
+    "'''",
+    "[",
+    "]",
+    "{",
+    "}",
+    "=",
+    ".",
+    ",",
+    "#",
+    "\\",
+    "\\u0000",
+    "💥",
+    "ß",
+    "²",
+]
 
 
 def examples() -> dict[str, str]:
@@ -131,7 +182,23 @@ def _numbers(chance, text: str) -> str:
 
 
 def _values(chance, text: str) -> str:
-    kinds = ["[]", "{}", "true", "0", '""', '"A"', "[[]]", '["A"]', '[["A"]]', "[1, 2]", "[1, 2, 3]", "[1, 2, 3, 4]", "{ a = 1 }", "1979-05-27", "[0, 0, 0]"]
+    kinds = [
+        "[]",
+        "{}",
+        "true",
+        "0",
+        '""',
+        '"A"',
+        "[[]]",
+        '["A"]',
+        '[["A"]]',
+        "[1, 2]",
+        "[1, 2, 3]",
+        "[1, 2, 3, 4]",
+        "{ a = 1 }",
+        "1979-05-27",
+        "[0, 0, 0]",
+    ]
     kinds += ["[" * 3000 + "]" * 3000, "'A'", '"""\n[[point]]\n"""', "[true]", "nan", "[inf, 0]"]
     return _replaced(chance, text, r"(?<== )[^\n]+", lambda _: chance.choice(kinds))
 
@@ -222,14 +289,29 @@ def _argument(chance, kind: str, names: dict[str, list[str]]) -> str:
     return chance.choice(few if chance.random() < 0.05 else usual[kind])
 
 
-CHANGES = (_lines, _tables, _tokens, _numbers, _numbers, _values, _keys, _headers, _strings, _strings, _renamed, _characters, _table, _table)
+CHANGES = (
+    _lines,
+    _tables,
+    _tokens,
+    _numbers,
+    _numbers,
+    _values,
+    _keys,
+    _headers,
+    _strings,
+    _strings,
+    _renamed,
+    _characters,
+    _table,
+    _table,
+)
 
 
 # -- what becomes of them -----------------------------------------------------------------------
 
 
 def outcome(data: bytes, folder: Path) -> str:
-    """"refused" or "accepted" for a file that is dealt with as it should be, otherwise what is wrong."""
+    """ "refused" or "accepted" for a file that is dealt with as it should be, otherwise what is wrong."""
     path = folder / "mutated.toml"
     path.write_bytes(data)
     try:

@@ -9,7 +9,18 @@ from __future__ import annotations
 import sympy
 
 R = sympy.Rational
-CONSTANTS = (sympy.pi, sympy.E, R(1, 3), R(-22, 7), R(5, 2), sympy.Integer(2), sympy.Integer(-3), sympy.Float(0.1), sympy.Float(1.7e-3), sympy.sqrt(2))
+CONSTANTS = (
+    sympy.pi,
+    sympy.E,
+    R(1, 3),
+    R(-22, 7),
+    R(5, 2),
+    sympy.Integer(2),
+    sympy.Integer(-3),
+    sympy.Float(0.1),
+    sympy.Float(1.7e-3),
+    sympy.sqrt(2),
+)
 
 SAFE = {
     "sqrt": lambda u, v: sympy.sqrt(1 + u**2),

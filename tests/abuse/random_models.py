@@ -26,9 +26,11 @@ LONGEST_MESSAGE = 300
 
 PLAIN = ("A{}", "B{}", "P{}", "r{}", "u{}", "arm{}", "psi{}", "k{}")
 ODD = (
-    "q", "qd", "p", "t_", "x", "v", "i", "I", "E", "S", "N", "O", "pi", "e", "rate", "sin", "gamma", "beta", "lambda_", "double", "int", "return",
+    "q", "qd", "p", "t_", "x", "v", "i", "I", "E", "S", "N", "O", "pi", "e", "rate", "sin", "gamma", "beta", "lambda_", "double", "int",
+    "return",
     "static", "R", "np", "out", "phi", "mass", "force", "M_PI", "NCGEN_SIN", "ncgen", "inf", "nan", "end_", "main", "errno", "Q", "a.b",
-    "a.b.c", "r2.d2", "x.rate", "Ω", "ä", "größe", "ж1", "关节", "é", "a_b", "a__b", "A" * 90, "name", "point", "ground", "aux", "self", "Symbol", "sqrt",
+    "a.b.c", "r2.d2", "x.rate", "Ω", "ä", "größe", "ж1", "关节", "é", "a_b", "a__b", "A" * 90, "name", "point", "ground", "aux", "self",
+    "Symbol", "sqrt",
 )  # fmt: skip
 
 FORMS = ("smooth", "smooth", "paper", "sine", "cosine")
@@ -164,7 +166,12 @@ class Maker:
         """Symbols for an expression, of the order of 1."""
         model = self.model
         scales = {c: self.size for e in model.elements.values() if not isinstance(e, Angle) for c in e.components}
-        scales |= {c: 1.0 for e in model.elements.values() if len(e.components) == 3 and np.isclose(np.linalg.norm(e.initial), 1) for c in e.components}
+        scales |= {
+            c: 1.0
+            for e in model.elements.values()
+            if len(e.components) == 3 and np.isclose(np.linalg.norm(e.initial), 1)
+            for c in e.components
+        }
         free = [c for c in model.components if not c.fixed]
         chosen = [self.pick(free) for _ in range(min(3, len(free)))]
         made = [c.symbol / scales.get(c, 1.0) if scales.get(c, 1.0) != 1.0 else c.symbol for c in chosen]
@@ -264,7 +271,9 @@ class Maker:
         elif kind == "distance":
             start, end = self.on(a), self.on(b)
             if start is not None and end is not None:
-                self.tell("distance", start, end, *([] if self.chance(0.8) else [self.value(np.linalg.norm(start.initial - end.initial), 0.7)]))
+                self.tell(
+                    "distance", start, end, *([] if self.chance(0.8) else [self.value(np.linalg.norm(start.initial - end.initial), 0.7)])
+                )
         else:
             getattr(self, f"_{kind}")(a, b)
 
@@ -328,7 +337,7 @@ class Maker:
 
     @staticmethod
     def measured(start, end, axis) -> float:
-        a, b, n = (getattr(d, "initial") for d in (start, end, axis))
+        a, b, n = (d.initial for d in (start, end, axis))
         n = n / np.linalg.norm(n)
         return float(np.arctan2(np.cross(a, b) @ n, a @ b - (a @ n) * (b @ n)))
 
@@ -475,7 +484,9 @@ class Maker:
 
     def add_force(self):
         if points := self.points():
-            vector = [self.pull * self.expression(2, rates=True) if self.chance(0.7) else self.value(self.pull * self.number()) for _ in range(3)]
+            vector = [
+                self.pull * self.expression(2, rates=True) if self.chance(0.7) else self.value(self.pull * self.number()) for _ in range(3)
+            ]
             self.tell("force", self.pick(points), vector, **({"label": "wind, from the “west”"} if self.chance(0.1) else {}))
 
     def add_torque(self):
@@ -513,7 +524,13 @@ class Maker:
                 self.tell("torsion_spring", thing, law=self.law())
             else:
                 k = self.pull * self.number()
-                self.tell("torsion_spring", thing, self.value(k), self.value(k * self.number() * 0.1), *([] if self.chance(0.5) else [self.number()]))
+                self.tell(
+                    "torsion_spring",
+                    thing,
+                    self.value(k),
+                    self.value(k * self.number() * 0.1),
+                    *([] if self.chance(0.5) else [self.number()]),
+                )
 
     # -- drawing, choices ----------------------------------------------------------------------
 
@@ -572,7 +589,12 @@ def pendulum(maker: Maker) -> None:
         if body is not None:
             maker.bodies.append(body)
         if maker.chance(0.85):
-            maker.tell("distance", before, following, *([maker.value(np.linalg.norm(before.initial - following.initial), 0.8)] if maker.chance(0.3) else []))
+            maker.tell(
+                "distance",
+                before,
+                following,
+                *([maker.value(np.linalg.norm(before.initial - following.initial), 0.8)] if maker.chance(0.3) else []),
+            )
         else:
             maker.tell("spring", before, following, maker.value(maker.weight * 100 * maker.number()), maker.weight * maker.number())
         before = maker.pick(maker.points())
@@ -592,7 +614,15 @@ def scatter(maker: Maker) -> None:
         if not point.fixed and maker.chance(0.8):
             body = maker.tell("body", maker.name("body"), [point], mass=maker.value(maker.weight * maker.number()))
             maker.bodies += [body] * (body is not None)
-    adds = (maker.add_paper_row, maker.add_paper_row, maker.add_angle, maker.add_length, maker.add_row, maker.add_velocity_row, maker.add_gear)
+    adds = (
+        maker.add_paper_row,
+        maker.add_paper_row,
+        maker.add_angle,
+        maker.add_length,
+        maker.add_row,
+        maker.add_velocity_row,
+        maker.add_gear,
+    )
     for _ in range(maker.some(1, 5)):
         maker.pick(adds)()
     maker.add_loads()
@@ -615,7 +645,15 @@ def disc(maker: Maker) -> None:
     tensor = moment * (np.eye(3) + np.outer(axle, axle))
     third = maker.vector(np.cross(axle, frame[:, 2])) if maker.chance(0.7) else None
     vectors = [u, across] + [third] * (third is not None)
-    body = maker.tell("body", maker.name("body"), [centre], vectors, mass=maker.value(maker.weight), inertia=((tensor + tensor.T) / 2).tolist(), constant_mass=True)
+    body = maker.tell(
+        "body",
+        maker.name("body"),
+        [centre],
+        vectors,
+        mass=maker.value(maker.weight),
+        inertia=((tensor + tensor.T) / 2).tolist(),
+        constant_mass=True,
+    )
     if body is not None:
         maker.bodies.append(body)
         maker.tell("rolling", body, centre, u, across, maker.value(radius, 0.2), normal=normal.tolist())
@@ -628,7 +666,8 @@ def odd(maker: Maker) -> None:
     adds = (
         lambda: maker.point(), lambda: maker.point(fixed=True), lambda: maker.vector(), lambda: maker.vector(fixed=True), maker.body,
         maker.add_force, maker.add_row, maker.add_redundant, maker.add_length, maker.add_angle, maker.add_driver, maker.add_velocity_row,
-        maker.add_gravity, maker.add_spring, maker.add_potential, maker.add_couple, maker.add_line, lambda: maker.value(maker.number(0.3), 1.0),
+        maker.add_gravity, maker.add_spring, maker.add_potential, maker.add_couple, maker.add_line,
+        lambda: maker.value(maker.number(0.3), 1.0),
         lambda: maker.on(model.ground), lambda: maker.direction_of(model.ground),
     )  # fmt: skip
     for _ in range(maker.some(0, 6)):
@@ -677,7 +716,11 @@ def tables(maker: Maker) -> None:
                 1015: [k, i, j, r[0], r[1], 0, 0, 0, length(i, j), length(r[0], r[1]), angles],
             }
             rows.append([code, *shapes[code]])
-    inertia = {1: {"m": maker.weight * maker.number(0), "cog": places[0].tolist(), "IT": [[0.0] * 3] * 3, "r": [1]}} if maker.chance(0.7) else None
+    inertia = (
+        {1: {"m": maker.weight * maker.number(0), "cog": places[0].tolist(), "IT": [[0.0] * 3] * 3, "r": [1]}}
+        if maker.chance(0.7)
+        else None
+    )
     fixed = sorted({int(x) for x in 1 + maker.rng.integers(0, 3 * (count + vectors), maker.some(0, 6))})
     try:
         maker.model = ncgen.Model.from_tables(P, U, rows, inertia=inertia, fixed=fixed, name=maker.model.name, **maker.options)
@@ -689,7 +732,12 @@ def tables(maker: Maker) -> None:
     maker.add_loads()
 
 
-KINDS = (("linkage", linkage),) * 9 + (("pendulum", pendulum),) * 5 + (("scatter", scatter),) * 2 + (("disc", disc), ("odd", odd), ("tables", tables), ("tables", tables))
+KINDS = (
+    (("linkage", linkage),) * 9
+    + (("pendulum", pendulum),) * 5
+    + (("scatter", scatter),) * 2
+    + (("disc", disc), ("odd", odd), ("tables", tables), ("tables", tables))
+)
 
 
 def main(arguments: list[str]) -> int:

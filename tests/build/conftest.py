@@ -14,6 +14,7 @@ import ncgen
 from ncgen import Model
 from ncgen.build.compilers import Compiler, find_compiler
 
+
 @pytest.fixture
 def cache(tmp_path, monkeypatch) -> Path:
     """An empty cache folder of the test's own, not yet made."""

@@ -153,10 +153,7 @@ DAMAGES = {
 
 @pytest.mark.parametrize(
     "damage",
-    [
-        pytest.param(damage, id=name)
-        for name, (damage, _) in DAMAGES.items()
-    ],
+    [pytest.param(damage, id=name) for name, (damage, _) in DAMAGES.items()],
 )
 def test_a_damaged_library_is_not_run(cache, child, pendulum_sources, damage):
     """A library that lost its content is built again, or refused in one line that says what to do: no crash."""

@@ -71,7 +71,7 @@ def test_hostile_names(emission, tmp_path):
 
 
 def test_ordinary_names_are_kept():
-    """A name that needs no change gets none, in C or in NumPy: what a user calls `boom` is found under `boom`, its sine under `sin_boom`."""
+    """A name that needs no change gets none: what a user calls `boom` is found under `boom`, its sine under `sin_boom`."""
     sources = ncgen.generate(pendulum(["boom", "spare"]), emission="unrolled")
     assert re.search(r"const ncgen_real sin_boom = sine\[0\];", sources.c["m.c"])
     assert re.search(r"^ +sin_boom = sine\[\.\.\., 0\]$", sources.numpy["m.py"], re.MULTILINE)
@@ -157,9 +157,7 @@ def labelled(label: str) -> Model:
 
 @pytest.mark.parametrize(
     "label",
-    [
-        pytest.param(text, id=name) for name, (text, _) in LABELS.items()
-    ],
+    [pytest.param(text, id=name) for name, (text, _) in LABELS.items()],
 )
 def test_hostile_labels(label, tmp_path):
     """A label is free text: it may hold anything that ends a string, a comment or a line in C, Python or a template."""

@@ -33,7 +33,10 @@ ENDS = [
     ("x = '\0'\n", "own.py: "),
     ("def build():\n    raise ValueError('two\\nlines' + 900 * 'x')\n", "own.py, line 2: ValueError: two lines"),
     ("def build():\n    return build()\n", "own.py, line 2: RecursionError"),
-    ("from ncgen import Model\n\ndef build():\n    m = Model('m')\n    m.simulation(duraton=3)\n    return m\n", "duraton=…): simulate has no such option; did you mean duration?"),
+    (
+        "from ncgen import Model\n\ndef build():\n    m = Model('m')\n    m.simulation(duraton=3)\n    return m\n",
+        "duraton=…): simulate has no such option; did you mean duration?",
+    ),
 ]
 """Files that end otherwise than by returning a model that can be run."""
 
@@ -110,7 +113,10 @@ def test_the_kind_of_error_is_kept(write):
         load(write(text))
 
 
-@pytest.mark.parametrize("name", ["nosuch", "nosuch.py", "some/where.py", "", "..", "robot/", ".", "/", "/dev/zero", "a\0.py", "x" * 5000, "x" * 5000 + ".py", "*"])
+@pytest.mark.parametrize(
+    "name",
+    ["nosuch", "nosuch.py", "some/where.py", "", "..", "robot/", ".", "/", "/dev/zero", "a\0.py", "x" * 5000, "x" * 5000 + ".py", "*"],
+)
 def test_what_there_is_not(name):
     with pytest.raises(ModelError, match="there is no such file or example; the examples are ") as refusal:
         load(name)

@@ -76,7 +76,11 @@ def test_mistakes_are_named_with_their_line(case, tmp_path):
 
 def test_all_mistakes_at_once_without_echoes(tmp_path):
     """Three mistakes give three messages; what follows from a failed definition is not repeated."""
-    text = HEAD + '[[point]]\nname = "C"\nposition = [0]\n[[distance]]\nstart = "A"\nend = "C"\n[[pont]]\n[[vector]]\nname = "u"\ndirection = [0, 0, 2]\n'
+    text = (
+        HEAD
+        + '[[point]]\nname = "C"\nposition = [0]\n[[distance]]\nstart = "A"\nend = "C"\n'
+        + '[[pont]]\n[[vector]]\nname = "u"\ndirection = [0, 0, 2]\n'
+    )
     _, problems = read(tmp_path, text)
     assert [p.line for p in problems] == [9, 15, 16]
 
@@ -143,7 +147,10 @@ ODD = {
     "the kernels of a run": (HEAD + "[simulation]\nkernels = 3", 10, "kernels: unknown"),
     "a keyword": (HEAD + "[[point]]\nname = 'class'\nposition = [0, 1]", 9, "keyword"),
     "a couple of two": (HEAD + "[[body]]\nname = 'b'\npoints = ['B']\n[[couple]]\nbody = 'b'\nvector = [0, 1]", 12, "2 components"),
-    "a header in a text": (HEAD + '[[body]]\nname = "b"\npoints = ["B"]\n[[force]]\npoint = "B"\nlabel = """\n[[point]]\n"""\nvector = [0, 0]', 12, "2 comp"),
+    "a header in a text": (
+        HEAD + '[[body]]\nname = "b"\npoints = ["B"]\n[[force]]\npoint = "B"\nlabel = """\n[[point]]\n"""\nvector = [0, 0]',
+        12, "2 comp",
+    ),
     "no UTF-8": (b'name = "x"\n# \xff', None, "line 2: byte 0xff is no UTF-8 text"),
 }  # fmt: skip
 
@@ -226,7 +233,9 @@ def test_names_in_either_form(tmp_path):
 def test_lines_of_keys(tmp_path):
     """What is found out later about a key can be said with its line."""
     path = tmp_path / "model.toml"
-    path.write_text(HEAD + '[[body]]\nname = "b"\n[simulation]\nduration = 3\n"points" = 5 # c\n[simulation.zd0]\n"B.x" = 1\n', encoding="utf-8")
+    path.write_text(
+        HEAD + '[[body]]\nname = "b"\n[simulation]\nduration = 3\n"points" = 5 # c\n[simulation.zd0]\n"B.x" = 1\n', encoding="utf-8"
+    )
     assert [line_of(path, "simulation", key) for key in ("duration", "points", "zd0", "rtol")] == [12, 13, 14, 11]
     assert line_of(path, "gravity", "field") == 1
 

@@ -59,7 +59,8 @@ def test_energy_of_bricard_for_ten_seconds():
 def test_lengths_do_not_matter():
     """A pendulum of a micrometre and one of a thousand kilometres have the same relative error."""
     small, large = (
-        run_case(ncgen.compile(CASES[name].build(), "c"), CASES[name], "lagrange", "rk4")["error"] for name in ("pendulum-1e-06", "pendulum-1e+06")
+        run_case(ncgen.compile(CASES[name].build(), "c"), CASES[name], "lagrange", "rk4")["error"]
+        for name in ("pendulum-1e-06", "pendulum-1e+06")
     )
     assert small == pytest.approx(large, rel=1e-3)
 
@@ -85,7 +86,9 @@ def test_a_run_that_takes_too_long_is_stopped():
 def test_the_free_body_s_reference():
     """Jacobi's functions as they are fitted here satisfy Euler's equations."""
     t = np.linspace(0.0, 10.0, 21)
-    euler = solve_ivp(lambda t, w: -np.cross(w, PRINCIPAL * w) / PRINCIPAL, (0, 10), SPIN, method="DOP853", rtol=1e-13, atol=1e-13, t_eval=t)
+    euler = solve_ivp(
+        lambda t, w: -np.cross(w, PRINCIPAL * w) / PRINCIPAL, (0, 10), SPIN, method="DOP853", rtol=1e-13, atol=1e-13, t_eval=t
+    )
     assert free_rotation(t) == pytest.approx(euler.y.T, abs=1e-11)
 
 

@@ -36,14 +36,14 @@ def test_potential_that_changes_in_time_is_in_the_balance():
 
 def test_potential_without_time_has_no_power():
     m, _, B = bob()
-    m.potential(B.y.symbol ** 3)
+    m.potential(B.y.symbol**3)
     assert ncgen.compile(m, "numpy").energy([0.6, 0.8], [0.3, -0.2], 2.0)[2] == 0.0
 
 
 def test_kinks_are_derived_beside_the_kink():
     """sign in a potential and in a velocity row: its derivative is zero where it is one."""
     m, _, B = bob()
-    m.potential(sympy.sign(B.y.symbol) * B.y.symbol ** 2)
+    m.potential(sympy.sign(B.y.symbol) * B.y.symbol**2)
     m.constrain_velocity(B.x.rate * sympy.sign(B.x.symbol) + B.y.rate * sympy.Abs(B.y.symbol))
     k = ncgen.compile(m, "numpy")
     q, qd = np.array([0.6, -0.8]), np.array([0.3, -0.2])
@@ -149,7 +149,9 @@ def test_ali3p_where_nothing_has_inertia(alpha, capfd):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         with pytest.raises(ncgen.SingularError, match="no inertia"):
-            ncgen.simulate(ncgen.compile(m, "numpy"), 0.1, formalism="ali3p", integrator="trapezoidal", max_step=0.05, options={"alpha": alpha})
+            ncgen.simulate(
+                ncgen.compile(m, "numpy"), 0.1, formalism="ali3p", integrator="trapezoidal", max_step=0.05, options={"alpha": alpha}
+            )
     assert capfd.readouterr() == ("", "")
 
 

@@ -9,6 +9,7 @@ from scipy.spatial.transform import Rotation
 import ncgen
 from ncgen import Model, ModelError
 
+
 @pytest.mark.parametrize("seed", range(20))
 def test_a_turned_tensor(seed):
     """R D Rᵀ is symmetric but for rounding; the moments are those of D."""

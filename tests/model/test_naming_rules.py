@@ -36,7 +36,27 @@ CLAIMS = {
     "attached vector": lambda s, name: s.model.attach_vector(s.bar, name, (0, 1, 0)),
 }
 SCALARS = ("angle", "length", "slide", "parameter")
-NO_NAMES = ["class", "for", "None", "True", "and", "lambda", "a.class", "a..b", "a.", "a.1", "①", "²", "a b", "", "a-b", "x" * 501, "1a", None, 3]
+NO_NAMES = [
+    "class",
+    "for",
+    "None",
+    "True",
+    "and",
+    "lambda",
+    "a.class",
+    "a..b",
+    "a.",
+    "a.1",
+    "①",
+    "²",
+    "a b",
+    "",
+    "a-b",
+    "x" * 501,
+    "1a",
+    None,
+    3,
+]
 
 
 @pytest.mark.parametrize("kind", CLAIMS)
@@ -67,7 +87,9 @@ def test_names_of_constants(kind, name):
 def test_names_are_kept_in_normal_form(kind):
     """µ and μ, ² and 2, ﬁ and fi are one, as they are for Python's parser."""
     for written in (MICRO, "a²", "ﬁ", "é"):
-        assert CLAIMS[kind](Scene(), unicodedata.normalize("NFD", written) if written == "é" else written).name == unicodedata.normalize("NFKC", written)
+        assert CLAIMS[kind](Scene(), unicodedata.normalize("NFD", written) if written == "é" else written).name == unicodedata.normalize(
+            "NFKC", written
+        )
 
 
 @pytest.mark.parametrize("kind", [kind for kind in CLAIMS if kind != "body"])

@@ -34,7 +34,21 @@ def test_sizes(robot_model):
 def test_order_of_coordinates(robot_model):
     """Points and vectors stand where column 4 of Table 1 puts them, the angles behind them."""
     names = [c.name for c in robot_model.components]
-    positions = {"r1": 1, "r2": 4, "u1": 7, "u2": 10, "u3": 13, "r3": 16, "r4": 19, "r5": 22, "r6": 25, "r7": 28, "u4": 31, "r8": 34, "u5": 37}
+    positions = {
+        "r1": 1,
+        "r2": 4,
+        "u1": 7,
+        "u2": 10,
+        "u3": 13,
+        "r3": 16,
+        "r4": 19,
+        "r5": 22,
+        "r6": 25,
+        "r7": 28,
+        "u4": 31,
+        "r8": 34,
+        "u5": 37,
+    }
     for element, position in positions.items():
         assert names[position - 1 : position + 2] == [f"{element}.{axis}" for axis in "xyz"]
     assert names[39:] == [f"psi{k}" for k in range(1, 7)]

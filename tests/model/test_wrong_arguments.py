@@ -84,10 +84,38 @@ def calls(s) -> dict[str, dict]:
     }  # fmt: skip
 
 
-NO_NUMBERS = [None, "2 m", b"2", 2j, math.nan, math.inf, -math.inf, True, [1.0], np.ones(1), np.ones((2, 2)), {}, object(), np.complex128(1)]
+NO_NUMBERS = [
+    None,
+    "2 m",
+    b"2",
+    2j,
+    math.nan,
+    math.inf,
+    -math.inf,
+    True,
+    [1.0],
+    np.ones(1),
+    np.ones((2, 2)),
+    {},
+    object(),
+    np.complex128(1),
+]
 NO_NUMBERS += [sympy.Symbol("nobody"), sympy.I, sympy.nan, sympy.zoo, sympy.Symbol("k") < 1, np.array("x"), 10**400]
 NO_THINGS = [None, "nobody", 7, 2.5, math.nan, True, [], {}, object(), np.ones(3), b"A"]
-NO_VECTORS = [None, -9.81, "abc", "xyz", {1, 2, 3}, {0: 1, 1: 2, 2: 3}, (), (1,), (1, 2, 3, 4), (1, 2, None), (1, math.nan, 0), np.ones((3, 1))]
+NO_VECTORS = [
+    None,
+    -9.81,
+    "abc",
+    "xyz",
+    {1, 2, 3},
+    {0: 1, 1: 2, 2: 3},
+    (),
+    (1,),
+    (1, 2, 3, 4),
+    (1, 2, None),
+    (1, math.nan, 0),
+    np.ones((3, 1)),
+]
 NO_VECTORS += [np.ones((1, 3)), (1j, 0, 0), ("1", "2", "3"), b"abc", object(), 5, ((1, 0, 0),)]
 WRONG = {
     "Value": NO_NUMBERS,
@@ -107,7 +135,19 @@ UNANNOTATED = {
     ("independent", "coordinates"): [[None], ["nobody"], [3], ["O.x"], [[]]],
     ("force", "vector"): NO_VECTORS,
     ("couple", "vector"): NO_VECTORS,
-    ("body", "inertia"): ["heavy", (1, 2), math.nan, 1j, (1, math.nan, 1), np.ones((3, 1)), object(), {}, [[1, 0], [0, 1, 2]], -1.0, (1, 1, 3)],
+    ("body", "inertia"): [
+        "heavy",
+        (1, 2),
+        math.nan,
+        1j,
+        (1, math.nan, 1),
+        np.ones((3, 1)),
+        object(),
+        {},
+        [[1, 0], [0, 1, 2]],
+        -1.0,
+        (1, 1, 3),
+    ],
     ("spring", "law"): ["100*x", 1j, math.nan, [], object(), lambda x, v: None, lambda x, v: "x"],
     ("torsion_spring", "law"): ["100*x", 1j, math.nan, []],
     ("callback", "function"): [None, 3, "print"],
@@ -120,7 +160,7 @@ def signature(word):
 
 
 def cases():
-    for word, arguments in calls(Scene()).items():
+    for word in calls(Scene()):
         for key, parameter in signature(word).items():
             kind = str(parameter.annotation).removesuffix(" | None")
             wrong = UNANNOTATED.get((word, key), WRONG.get(kind, NO_THINGS))
@@ -154,7 +194,10 @@ def test_every_method_is_in_the_table():
     assert words - {"simulation"} == set(calls(Scene()))
     for word in calls(Scene()):
         for key, parameter in signature(word).items():
-            assert str(parameter.annotation).removesuffix(" | None") in READERS or (word, key) in UNANNOTATED or key == "function", (word, key)
+            assert str(parameter.annotation).removesuffix(" | None") in READERS or (word, key) in UNANNOTATED or key == "function", (
+                word,
+                key,
+            )
 
 
 @pytest.mark.parametrize("word", calls(Scene()))

@@ -14,7 +14,6 @@ from operator import add
 
 import numpy as np
 
-
 from ncgen.model.elements import Combination, Component
 from ncgen.model.values import Parameter, is_number
 from ncgen.symbolic.equations import build_equations

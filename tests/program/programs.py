@@ -71,8 +71,6 @@ def loops(draw) -> Loop:
         a, b = draw(st.sampled_from(nodes)), draw(st.sampled_from(nodes))
         nodes.append(getattr(graph, draw(st.sampled_from(["add", "sub", "mul"])))(a, b))
     places = draw(st.permutations(range(2 * count)))
-    stores = tuple(
-        TableStore("out", tuple(places[k * count : (k + 1) * count]), draw(st.sampled_from(nodes))) for k in range(2)
-    )
+    stores = tuple(TableStore("out", tuple(places[k * count : (k + 1) * count]), draw(st.sampled_from(nodes))) for k in range(2))
     names = {k: f"s{k}" for k in range(len(slots))}
     return Loop(count, tuple(graph.ops), tuple(slots), stores, names)

@@ -21,8 +21,10 @@ LOOP = Loop(
 )
 SOUND = Program("sound", ("t", "q"), "out", 3, (LINE, LOOP))
 
+FIRST = Store("out", 0, 0)
 
-def line(*ops: Op, store: Store = Store("out", 0, 0)) -> Program:
+
+def line(*ops: Op, store: Store = FIRST) -> Program:
     """The sound program with another straight block."""
     return replace(SOUND, blocks=(Straight(ops, (store,)), LOOP))
 

@@ -62,6 +62,7 @@ def test_the_fall(robot, monkeypatch):
 
 def test_octave_that_fails_takes_nothing_else_with_it(robot, monkeypatch):
     """Its line says why; a bench has other results by then."""
+
     def fails(kernels, **settings):
         raise ncgen.NcgenError("octave-cli: no jsondecode")
 

@@ -116,7 +116,11 @@ def test_functions_of_the_user(tmp_path, monkeypatch, fourbar):
     monkeypatch.chdir(tmp_path)
     sections = dict(compare(fourbar.model, ["mine_for_compare:dense"]))
     assert of(sections["phi_q"], "mine_for_compare:dense")["error"] == pytest.approx(1e-5, rel=0.9)
-    for text, words in (("mine_for_compare:short", "shape"), ("nowhere:f", "nowhere"), ("energy=mine_for_compare:dense", "no kernel energy")):
+    for text, words in (
+        ("mine_for_compare:short", "shape"),
+        ("nowhere:f", "nowhere"),
+        ("energy=mine_for_compare:dense", "no kernel energy"),
+    ):
         with pytest.raises(ModelError, match=words):
             list(compare(fourbar.model, [text]))
 
@@ -138,7 +142,8 @@ PLANTED = {
     "exchanged columns": (
         "    J[SROW, SJ] = u\n    J[SROW, SK] = -u", "    J[SROW, SK] = u\n    J[SROW, SJ] = -u", "vector_phi_q", 6, {"r2.x", "r3.x"},
     ),
-    "sine and cosine": ("s * b - c * crosses(b, n), s * a", "c * b - s * crosses(b, n), s * a", "vector_phi_q", 28, {"r4.x", "r4.y", "r4.z"}),
+    "sine and cosine": ("s * b - c * crosses(b, n), s * a", "c * b - s * crosses(b, n), s * a", "vector_phi_q", 28,
+        {"r4.x", "r4.y", "r4.z"}),
     "sign of a term": ("psi) * dots(a, b) - np.cos(psi)", "psi) * dots(a, b) + np.cos(psi)", "vector_phi", 26, set()),
 }  # fmt: skip
 
@@ -170,7 +175,12 @@ def test_planted_mistakes_are_named(kind, robot, by_hand, tmp_path):
 
 def test_files_that_are_no_help(robot, tmp_path):
     path = tmp_path / "mine.py"
-    for text, words in (("x = 1", "no function called"), ("def phi(q):\n    return q[0, 0]", "it fails"), ("def phi(q):\n    return 1", "shape"), ("(", "cannot be run")):
+    for text, words in (
+        ("x = 1", "no function called"),
+        ("def phi(q):\n    return q[0, 0]", "it fails"),
+        ("def phi(q):\n    return 1", "shape"),
+        ("(", "cannot be run"),
+    ):
         path.write_text(text)
         with pytest.raises(ModelError, match=words):
             find_mistakes(robot, path)
@@ -197,7 +207,14 @@ def test_the_report_opens_in_a_browser(fourbar, tmp_path):
     path, log = tmp_path / "report.html", tmp_path / "net.json"
     path.write_text(fourbar.html(), encoding="utf-8")
     browser = shutil.which("chromium") or shutil.which("google-chrome")
-    options = ["--headless", "--no-sandbox", "--disable-gpu", "--enable-logging=stderr", f"--log-net-log={log}", "--disable-background-networking"]
+    options = [
+        "--headless",
+        "--no-sandbox",
+        "--disable-gpu",
+        "--enable-logging=stderr",
+        f"--log-net-log={log}",
+        "--disable-background-networking",
+    ]
     done = subprocess.run([browser, *options, "--dump-dom", path.as_uri()], capture_output=True, text=True, timeout=60, check=False)
     assert done.stdout.count("<svg") == 5 and done.stdout.count("<table>") == 5
     assert "CONSOLE" not in done.stderr

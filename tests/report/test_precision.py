@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.report import precision
 from ncgen.methods.table import FORMALISMS
+from ncgen.report import precision
 
 
 @pytest.fixture(scope="module")
@@ -58,7 +58,16 @@ def test_times_have_a_spread(records):
 
 
 def record(name, error, seconds):
-    plain = {"formalism": "lagrange", "integrator": name, "engine": "c", "kernels": "c", "number": "double", "setting": "", "noisy": False, "doubt": 1e-7}
+    plain = {
+        "formalism": "lagrange",
+        "integrator": name,
+        "engine": "c",
+        "kernels": "c",
+        "number": "double",
+        "setting": "",
+        "noisy": False,
+        "doubt": 1e-7,
+    }
     return plain | {"method": name, "error": error, "seconds": seconds}
 
 

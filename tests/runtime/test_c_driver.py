@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import subprocess
+from itertools import product
 from math import pi
 
 import numpy as np
@@ -11,9 +12,9 @@ from scipy.special import ellipk
 
 import ncgen
 from ncgen.build.runtime import ConstrainedDynamics
+from ncgen.emit.c import HEADERS, RUNTIME, c_files, tangent_files
 from ncgen.emit.environment import verbatim
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
-from ncgen.emit.c import HEADERS, RUNTIME, c_files, tangent_files
 from ncgen.program.quasidefinite import Elimination
 from ncgen.solver.partition import choose_partitions
 
@@ -122,7 +123,9 @@ def build_driver(kernels, folder, tolerance, duration, flags, step="0.0", rank=0
     for name, positions in (("independent", part.independent), ("dependent", part.dependent), ("rows_kept", part.rows)):
         arrays.append(f"static const int {name}[] = {{{', '.join(map(str, positions))}}};")
     for name in ("row_sizes", "column_sizes"):
-        arrays.append(f"static const ncgen_scalar {name}[] = {{{', '.join(f'(ncgen_scalar){x!r}' for x in getattr(kernels, name).tolist())}}};")
+        arrays.append(
+            f"static const ncgen_scalar {name}[] = {{{', '.join(f'(ncgen_scalar){x!r}' for x in getattr(kernels, name).tolist())}}};"
+        )
     defines = {
         "SIZE": dynamics.plan.size, "NONZEROS": dynamics.plan.nonzeros,
         "TOLERANCE": tolerance, "DURATION": duration, "STEP": step, "RANK": rank, "PENALTY": "1e7",
@@ -164,7 +167,7 @@ def sanitized(tmp_path_factory):
 
 @pytest.mark.parametrize("general", [(), ("general",)], ids=["plain", "general"])
 @pytest.mark.parametrize(("formalism", "method"), [
-    *((formalism, method) for formalism in (*ORDINARY, "coordinate-partitioning") for method in ("dopri5", "dop853", "rk4", "radau", "trapezoidal")),
+    *product((*ORDINARY, "coordinate-partitioning"), ("dopri5", "dop853", "rk4", "radau", "trapezoidal")),
     *(("lagrange", method) for method in ("rattle", "energy-momentum", "generalized-alpha")),
     ("ali3p", "trapezoidal"),
 ])  # fmt: skip

@@ -86,9 +86,7 @@ def test_orders():
     kernels = four_bars(2)
     errors = []
     for h in (0.01, 0.005):
-        run = ncgen.simulate(
-            kernels, 0.5, formalism="lagrange", integrator="rk4", max_step=h, qd0=turning(kernels), points=2, engine="c"
-        )
+        run = ncgen.simulate(kernels, 0.5, formalism="lagrange", integrator="rk4", max_step=h, qd0=turning(kernels), points=2, engine="c")
         errors.append(np.max(np.abs(run.q[-1, :2] - top(2, 0.5))))
     assert 3.8 < np.log2(errors[0] / errors[1]) < 4.3
 

@@ -159,7 +159,7 @@ def test_both_engines_step_alike(name, duration, step, formalism, integrator, to
 def test_order_two(name, duration, step, formalism, integrator):
     options = dict(formalism=formalism, integrator=integrator, points=2, engine="c")
     coarse, fine = (
-        np.max(np.abs((simulate(name, duration, max_step=h, **options).q - exact(name, duration).q[[0, -1]]))) for h in (step, step / 2)
+        np.max(np.abs(simulate(name, duration, max_step=h, **options).q - exact(name, duration).q[[0, -1]])) for h in (step, step / 2)
     )
     assert np.log2(coarse / fine) == pytest.approx(2.0, abs=0.1)
 

@@ -166,7 +166,9 @@ def test_other_number_types_listen_too(number):
             raise Enough
 
     with pytest.raises(Enough):
-        ncgen.simulate(kernels, 1e4, integrator="rk4", max_step=1e-2 if number == "float" else 1e-5, number=number, points=101, progress=progress)
+        ncgen.simulate(
+            kernels, 1e4, integrator="rk4", max_step=1e-2 if number == "float" else 1e-5, number=number, points=101, progress=progress
+        )
     assert told[0] < told[1] < told[2]
 
 
@@ -183,7 +185,9 @@ def test_engines_in_python_keep_what_they_reached(pendulum, formalism, integrato
             raise Enough
 
     with pytest.raises(Enough):
-        ncgen.simulate(pendulum, 1.0, formalism=formalism, integrator=integrator, engine="python", points=101, max_step=3e-3, progress=progress)
+        ncgen.simulate(
+            pendulum, 1.0, formalism=formalism, integrator=integrator, engine="python", points=101, max_step=3e-3, progress=progress
+        )
     path = paths[-1]
     grid = np.linspace(0.0, 1.0, 101)
     if integrator != "rattle":

@@ -25,7 +25,10 @@ def roll(duration, **options):
 
 @pytest.mark.parametrize(("integrator", "step"), [("rk4", 2.5e-3), ("trapezoidal", 5e-3)])
 def test_both_engines_step_alike(integrator, step):
-    c, python = (roll(0.05, formalism="coordinate-partitioning", integrator=integrator, max_step=step, points=6, engine=engine) for engine in ("c", "python"))
+    c, python = (
+        roll(0.05, formalism="coordinate-partitioning", integrator=integrator, max_step=step, points=6, engine=engine)
+        for engine in ("c", "python")
+    )
     assert c.engine == "c" and python.engine.startswith("python")
     assert c.q == pytest.approx(python.q, abs=1e-12)
     assert c.qd == pytest.approx(python.qd, abs=1e-11)
@@ -53,7 +56,9 @@ def test_single_precision():
 def test_a_stop_and_what_is_not_written_out():
     run = roll(3.0, stop={"C.x": 0.5})
     assert run.stopped and run["C.x"][-1] == pytest.approx(0.5, abs=1e-12)
-    with pytest.raises(ModelError, match="disc cannot be simulated in C: a state derivative is emitted for one choice of independent coordinates"):
+    with pytest.raises(
+        ModelError, match="disc cannot be simulated in C: a state derivative is emitted for one choice of independent coordinates"
+    ):
         roll(0.1, engine="emitted")
     with pytest.raises(ModelError, match="disc cannot be simulated in a batch: a state derivative is emitted for one choice"):
         ncgen.simulate_batch(disc(), 0.1, zd0=np.zeros((2, 3)))

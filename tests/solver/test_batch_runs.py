@@ -68,7 +68,9 @@ def test_parameters_as_alone(driven, options):
     batch = ncgen.simulate_batch(driven, 0.3, p=p, t0=0.1, points=4, **options)
     assert set(batch.status) == {"ok"}
     for i in np.flatnonzero(~batch.alone):
-        assert_as_alone(driven, batch, i, ncgen.simulate(driven, 0.3, p=p[i], t0=0.1, points=4, engine="emitted", **{"integrator": "dopri5", **options}))
+        assert_as_alone(
+            driven, batch, i, ncgen.simulate(driven, 0.3, p=p[i], t0=0.1, points=4, engine="emitted", **{"integrator": "dopri5", **options})
+        )
 
 
 def test_states_whose_coordinates_become_bad_go_on_alone():

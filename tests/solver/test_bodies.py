@@ -86,9 +86,7 @@ def test_robot_from_bodies_moves_like_the_tables(robot_tables, robot_numpy):
     mine = ncgen.compile(robot_from_bodies(robot_tables), backend="numpy")
     assert ncgen.freedom(mine).dof == 6
     rates = {"psi1": 1.0, "psi2": 0.5, "psi3": -0.7, "psi4": 1.2, "psi5": 0.3, "psi6": -2.0}
-    runs = [
-        ncgen.simulate(k, 0.1, integrator="dop853", rtol=1e-11, atol=1e-12, points=3, zd0=rates) for k in (mine, robot_numpy)
-    ]
+    runs = [ncgen.simulate(k, 0.1, integrator="dop853", rtol=1e-11, atol=1e-12, points=3, zd0=rates) for k in (mine, robot_numpy)]
     for name in rates:
         assert np.max(np.abs(runs[0][name] - runs[1][name])) < 1e-9
 

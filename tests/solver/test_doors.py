@@ -108,7 +108,9 @@ def test_parameters_by_name_and_in_order_are_the_same(kernels):
 
 
 @pytest.mark.parametrize("engine", ["c", "python"])
-@pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange", "null-space", "augmented-lagrangian", "udwadia-phohomsiri", "penalty"])
+@pytest.mark.parametrize(
+    "formalism", ["coordinate-partitioning", "lagrange", "null-space", "augmented-lagrangian", "udwadia-phohomsiri", "penalty"]
+)
 def test_a_fixed_step_is_needed_whatever_the_formalism(kernels, formalism, engine):
     """One step an output row was taken without a word."""
     with pytest.raises(ModelError, match="max_step: rk4 has a fixed step; give its length in seconds"):

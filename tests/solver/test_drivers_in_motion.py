@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import sympy
-from fourbar_loop import A, B0, C0, COUPLER, CRANK, D, ROCKER
+from fourbar_loop import B0, C0, COUPLER, CRANK, ROCKER, A, D
 from robot_motions import TIGHT
 from scipy.integrate import quad
 
@@ -103,7 +103,7 @@ def test_torque_of_the_drive(kernels, run, loop):
 def test_the_drive_has_a_name(kernels, run, fourbar, loop):
     """The couple that the drive puts in, by the coordinate it turns: of the one-angle formulation, and what a motor on the same
     mechanism without a drive would need for the same motion."""
-    (name, couple), = run.driver_forces().items()
+    ((name, couple),) = run.driver_forces().items()
     expected = np.array([loop.torque(*law(t)) for t in run.t])
     assert name == "psi" and couple == pytest.approx(expected, abs=1e-9 * np.max(np.abs(expected)))
     assert run.coordinates == fourbar.coordinates

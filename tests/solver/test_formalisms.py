@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.methods.table import INTEGRATORS
 from ncgen.errors import ModelError, SingularError
 from ncgen.exchange.examples import example_module, example_names
+from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.partition import choose_partitions
@@ -168,7 +168,10 @@ REFUSED = [
         {"formalism": "lagrange", "options": {"beta": 1.0}},
         "option beta: lagrange with dopri5 has no such option; it has stabilisation, omega, xi",
     ),
-    ({"options": {"alpha": 1.0}, "formalism": "coordinate-partitioning", "integrator": "dopri5"}, "option alpha: coordinate-partitioning with dopri5 has no such option; it has none"),
+    (
+        {"options": {"alpha": 1.0}, "formalism": "coordinate-partitioning", "integrator": "dopri5"},
+        "option alpha: coordinate-partitioning with dopri5 has no such option; it has none",
+    ),
     ({"formalism": "penalty", "options": {"alpha": "much"}}, "option alpha: much given; it must be a number from 0 on"),
     ({"formalism": "lagrange", "options": {"stabilisation": "hope"}}, "stabilisation 'hope' is unknown; choose one of projection"),
     ({"formalism": "lagrange", "integrator": "bdf", "engine": "c"}, "engine 'c': bdf runs in Python; in C there are"),

@@ -21,7 +21,9 @@ def slider():
     return ncgen.compile(m, backend="numpy")
 
 
-@pytest.mark.parametrize("given", [None, [3.0, 0.5], (3, 0.5), np.array([3, 0.5]), {}, {"k": 3}, {"c": np.float64(0.5)}, {"k": np.array(3.0)}])
+@pytest.mark.parametrize(
+    "given", [None, [3.0, 0.5], (3, 0.5), np.array([3, 0.5]), {}, {"k": 3}, {"c": np.float64(0.5)}, {"k": np.array(3.0)}]
+)
 def test_parameters_are_taken_by_name_or_in_order(slider, given):
     assert parameters(slider, given).tolist() == [3.0, 0.5]
 

@@ -48,7 +48,10 @@ def test_all_coordinates_in_float(pendulum):
     "options, message",
     [
         ({"number": "half"}, "number 'half' is unknown; choose one of double, float, long double"),
-        ({"number": "float", "integrator": "radau"}, "in C with float: radau takes derivatives of the kernels, which are double; use number='double'"),
+        (
+            {"number": "float", "integrator": "radau"},
+            "in C with float: radau takes derivatives of the kernels, which are double; use number='double'",
+        ),
         ({"number": "float", "integrator": "bdf"}, "bdf runs in Python"),
         ({"number": "float", "engine": "python"}, "number 'float': Python computes with doubles; leave out engine='python'"),
     ],

@@ -148,9 +148,7 @@ def test_adjoint_against_complex_steps(case):
     """The gradient of a number that sees all instants, to 1e-10."""
     kernels, rates, columns = case
     a, b = weights(kernels)
-    found = ncgen.gradient(
-        kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), zd0=rates, z=tuple(rates)
-    )
+    found = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), zd0=rates, z=tuple(rates))
     assert tuple(found.slopes) == tuple(columns)
     for name, (q, qd) in columns.items():
         wanted = np.sum(a * q.real * q.imag + b * qd.imag) / STEP

@@ -33,7 +33,7 @@ def disc(across=(1, 0, 0), lean=0.0):
 def moving(kernels, omega, velocity, origin):
     """Velocities of all points and vectors of one rigid body that turns at omega, its point at `origin` moving at velocity."""
     rates = {}
-    for name, element in kernels.model.elements.items():
+    for element in kernels.model.elements.values():
         point = element in [p for body in kernels.model.bodies.values() for p in body.points]
         arm = element.initial - origin if point else element.initial
         rate = np.cross(omega, arm) + (np.array(velocity) if point else 0.0)

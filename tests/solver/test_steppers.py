@@ -156,8 +156,14 @@ def test_instants_between_steps():
 
 REFUSED = [
     ({"formalism": "lagrange", "integrator": "rattle"}, "max_step: rattle has a fixed step; give its length in seconds"),
-    ({"formalism": "coordinate-partitioning", "integrator": "rattle"}, "rattle does not go with coordinate-partitioning: .*; rattle goes with lagrange"),
-    ({"formalism": "ali3p", "integrator": "dopri5"}, "dopri5 does not go with ali3p: ali3p goes with trapezoidal; dopri5 goes with coordinate-partitioning, "),
+    (
+        {"formalism": "coordinate-partitioning", "integrator": "rattle"},
+        "rattle does not go with coordinate-partitioning: .*; rattle goes with lagrange",
+    ),
+    (
+        {"formalism": "ali3p", "integrator": "dopri5"},
+        "dopri5 does not go with ali3p: ali3p goes with trapezoidal; dopri5 goes with coordinate-partitioning, ",
+    ),
     ({"formalism": "lagrange", "integrator": "generalized-alpha", "max_step": 0.01, "options": {"rho": 1.5}}, "option rho: 1.5 given"),
     ({"formalism": "lagrange", "integrator": "generalized-alpha", "max_step": 0.01, "options": {"hht": 0.5}}, "option hht: 0.5 given"),
     (

@@ -147,7 +147,8 @@ def reasons(records: list[dict], count: int) -> list[str]:
 def lines(records: list[dict]) -> Iterator[str]:
     """The records as tables, and what did not arrive."""
     for count in dict.fromkeys(r["count"] for r in records):
-        yield f"{count} four-bars, {DURATION:g} s: the quickest run of each within {ERROR:.0e} m of B0's exact motion, else its most exact one"
+        exactness = f"the quickest run of each within {ERROR:.0e} m of B0's exact motion, else its most exact one"
+        yield f"{count} four-bars, {DURATION:g} s: {exactness}"
         yield from aligned(table(records, count))
         yield from (f"  {line}" for line in reasons(records, count))
         yield ""

@@ -13,7 +13,8 @@ NAME = "MuJoCo, RK4, hardened constraints"
 def _rods(number: int, count: int) -> str:
     """A standing rod, and the lying one on its top that closes on the top of the next."""
     inertial = '<inertial pos="{}" mass="1" diaginertia="{}"/>'
-    lying = f'<body name="l{number}" pos="0 0 1"><joint type="hinge" axis="0 -1 0"/>{inertial.format("0.5 0 0", f"1e-6 {1 / 12} {1 / 12}")}</body>'
+    rod = inertial.format("0.5 0 0", f"1e-6 {1 / 12} {1 / 12}")
+    lying = f'<body name="l{number}" pos="0 0 1"><joint type="hinge" axis="0 -1 0"/>{rod}</body>'
     standing = inertial.format("0 0 0.5", f"{1 / 12} {1 / 12} 1e-6")
     return (
         f'<body name="s{number}" pos="{number} 0 0"><joint type="hinge" axis="0 -1 0"/>{standing}{lying if number < count else ""}</body>'

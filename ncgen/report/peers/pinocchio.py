@@ -21,7 +21,8 @@ FREQUENCY = 20.0
 
 # Pinocchio's own definitions; no -march: the library is compiled without, and Eigen's alignment must be the same.
 FLAGS = (
-    "-x", "c++", "-std=c++17", "-O3", "-DNDEBUG", "-w", "-fPIC", "-shared", "-DBOOST_MPL_LIMIT_LIST_SIZE=30", "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
+    "-x", "c++", "-std=c++17", "-O3", "-DNDEBUG", "-w", "-fPIC", "-shared", "-DBOOST_MPL_LIMIT_LIST_SIZE=30",
+    "-DBOOST_MPL_CFG_NO_PREPROCESSED_HEADERS",
 )  # fmt: skip
 
 

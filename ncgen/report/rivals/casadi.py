@@ -48,7 +48,12 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     calls, built = foreign(files, {k: f.nnz_out(0) for k, f in functions.items()}, "casadi_{}_call")
     raw = compiled("CasADi, C", calls, inputs, names)
     operations = {k: f.n_instructions() - f.nnz_in() - f.nnz_out() for k, f in functions.items()}
-    facts = {"generation": generation, "compilation": built.spent, "operations": operations, "code": code_bytes(built.library, "casadi", names)}
+    facts = {
+        "generation": generation,
+        "compilation": built.spent,
+        "operations": operations,
+        "code": code_bytes(built.library, "casadi", names),
+    }
 
     def values(name):
         found = np.zeros(kernels.programs.programs[name].size)

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ncgen.build.abi import NUMBERS
 from ncgen.build import cache
+from ncgen.build.abi import NUMBERS
 from ncgen.build.kernels import Kernels
 from ncgen.build.library import CompiledKernels
 from ncgen.compiler import compile, generate
@@ -113,4 +113,3 @@ def code_bytes(library: Path, prefix: str, names) -> dict[str, int]:
     said = subprocess.run(["nm", "--print-size", str(library)], capture_output=True, text=True, check=False).stdout
     sizes = {words[3]: int(words[1], 16) for line in said.splitlines() if len(words := line.split()) == 4}
     return {name: sizes[f"{prefix}_{name}"] for name in names if f"{prefix}_{name}" in sizes}
-

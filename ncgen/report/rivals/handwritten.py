@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-
 from ncgen.build.kernels import Kernels
 from ncgen.exchange.examples import example_names
 from ncgen.report.repeat import Call

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import time
 
-
 from ncgen.build.kernels import Kernels
 from ncgen.emit.environment import verbatim
 from ncgen.program.evaluate import evaluate
@@ -42,7 +41,12 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     files = {"symforce.c": text, "ncgen.h": verbatim("c/ncgen.h")}
     calls, built = foreign(files, {k: kernels.programs.programs[k].size for k in names}, "symforce_{}")
     raw = compiled("SymForce, C", calls, inputs, names)
-    facts = {"generation": generation, "compilation": built.spent, "operations": operations, "code": code_bytes(built.library, "symforce", names)}
+    facts = {
+        "generation": generation,
+        "compilation": built.spent,
+        "operations": operations,
+        "code": code_bytes(built.library, "symforce", names),
+    }
     return [Rival(raw.name, raw.runs, raw.values, **facts)]
 
 

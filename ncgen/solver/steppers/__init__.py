@@ -30,7 +30,8 @@ ON_THE_GRID = 1e-9
 
 
 def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, *, max_step: float, stop=None) -> None:
-    """Fill an empty path over a time grid, to its end or to a `Stop`, with equal steps of max_step, or a little less so that they end with the grid.
+    """Fill an empty path over a time grid, to its end or to a `Stop`, with equal steps of max_step, or a little less
+    so that they end with the grid.
 
     Instants within a step are interpolated and projected onto the constraints.
     Raises ConvergenceError with the time where a step cannot be solved, DomainError naming what is not a number there. Whatever
