@@ -47,6 +47,14 @@ def accelerations(kernels, formalism, q, qd, **options):
     return form.motion(kernels, q, qd, 0.0, kernels.p0, options)
 
 
+def test_a_penalty_does_not_spoil_the_masses():
+    """Python's engine takes the steps of C: M + αΦ_qᵀΦ_q would have lost the masses in the rounding of α, and taken 1,500 steps."""
+    robot = ncgen.compile(ncgen.load("robot"), "c")
+    asked = {"formalism": "penalty", "integrator": "dopri5", "rtol": 1e-9, "atol": 1e-11, "points": 2}
+    c, python = (ncgen.simulate(robot, 0.02, engine=engine, **asked) for engine in ("c", "python"))
+    assert python.statistics.steps == c.statistics.steps < 10
+
+
 @pytest.mark.parametrize("name", example_names())
 def test_accelerations(name):
     """Those of coordinate partitioning to 1e-10, and they satisfy the equations of motion."""
