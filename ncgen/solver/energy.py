@@ -36,4 +36,4 @@ def drift(kernels: Kernels, t, q, qd, work, p) -> float:
 
 def _least(kernels: Kernels, t, q, p) -> float:
     """The kinetic energy of speeds that count as rest, or a number that does no harm where nothing has mass."""
-    return max(0.5 * REST**2 * float(kernels.mass(q, t, p).diagonal() @ kernels.column_sizes**2), 1e-300)
+    return max(float(kernels.energy(q, REST * kernels.column_sizes, t, p)[0]), 1e-300)
