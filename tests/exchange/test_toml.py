@@ -37,6 +37,15 @@ def test_examples_survive_the_file(name, tmp_path):
     assert ncgen.generate(again).files == ncgen.generate(model).files
 
 
+def test_raw_rows_stay_raw(tmp_path):
+    """`scale` is part of what a model says: without it rows are divided by their lengths."""
+    m = ncgen.Model("raw", scale=False)
+    m.distance(m.point("A", (0, 0), fixed=True), m.point("B", (2, 0)))
+    again, problems = read(tmp_path, to_toml(m))
+    assert not problems and not again.scale
+    assert ncgen.compile(again, "numpy").jacobian([2.0, 0.0]).tolist() == [[4.0, 0.0]]
+
+
 def test_documentation_example(tmp_path):
     """The file shown in docs/models.md is a model."""
     page = Path(__file__).parents[2] / "docs" / "models.md"

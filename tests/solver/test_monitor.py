@@ -58,6 +58,13 @@ def test_energy_and_violation(pendulum):
     assert monitor(pendulum, angles, 1.01 * q, qd).violation == pytest.approx(np.full(10, 0.0201), rel=0.6)
 
 
+def test_drift_is_relative_to_what_moves(pendulum):
+    """From rest at the height of the support to the lowest point with half of the kinetic energy: half of m g L is lost of m g L."""
+    q, qd = np.array([[1.0, 0.0], [0.0, -1.0]]), np.array([[0.0, 0.0], [np.sqrt(9.81), 0.0]])
+    health = monitor(pendulum, [0.0, 0.5], q, qd)
+    assert health.drift == pytest.approx([0.0, 0.5], abs=1e-12)
+
+
 def test_a_healthy_motion(pendulum):
     run = ncgen.simulate(pendulum, 0.1, points=5)
     found = monitor(pendulum, run.t, run.q, run.qd, run.work)

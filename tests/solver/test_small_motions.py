@@ -54,6 +54,7 @@ def test_double_pendulum():
         mode = small.mode(k)
         assert mode["P2.x"] / mode["P1.x"] == pytest.approx(ratio, rel=1e-10)
         assert abs(mode["P1.y"]) < 1e-12
+        assert max(map(abs, mode.values())) == pytest.approx(1.0, abs=1e-14)
 
 
 def test_damped_oscillator():

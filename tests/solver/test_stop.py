@@ -73,6 +73,21 @@ def test_direction(pendulum, engine):
 
 
 @pytest.mark.parametrize("engine", ["c", "python"])
+@pytest.mark.parametrize("side", [-1.0, 1.0])
+def test_either_way(pendulum, engine, side):
+    """From the left x passes zero rising, from the right falling."""
+    run = fall(pendulum, {"B.x": 0.0}, engine=engine, q0=[side, 0.0])
+    assert run.stopped and run.t[-1] == pytest.approx(QUARTER, abs=1e-8)
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_a_run_that_starts_on_the_value_goes_on(pendulum, engine):
+    """At rest the rate is zero; the next time at the lowest point."""
+    run = fall(pendulum, {"rate(B.y)": 0.0}, engine=engine)
+    assert run.stopped and run.t[-1] == pytest.approx(QUARTER, abs=1e-8)
+
+
+@pytest.mark.parametrize("engine", ["c", "python"])
 def test_what_does_not_happen_does_not_stop(pendulum, engine):
     run = fall(pendulum, {"B.y": 0.5}, engine=engine)
     assert not run.stopped and run.t[-1] == 2.0 and len(run.t) == 21
