@@ -145,6 +145,7 @@ def test_the_same_bounds_in_python(what):
     assert m.forces == m.potentials == m.springs == [] and psi.default == 1.0
 
 
+@pytest.mark.slow
 def test_deep_expressions_that_are_accepted_can_be_generated():
     import ncgen
 

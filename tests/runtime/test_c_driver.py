@@ -179,10 +179,10 @@ def test_within_its_workspace(sanitized, formalism, method, general):
 @pytest.mark.parametrize(("type_name", "method", "tolerance", "error"), [
     ("float", "dopri5", "1e-5L", 1e-4),
     ("double", "dop853", "1e-13L", 1e-11),
-    ("long double", "dop853", "1e-16L", 1e-14),
+    pytest.param("long double", "dop853", "1e-16L", 1e-14, marks=pytest.mark.slow),
     ("__float128", "dop853", "1e-20L", 1e-17),
-    ("float", "radau", "1e-5L", 1e-4),
-    ("long double", "radau", "1e-13L", 1e-12),
+    pytest.param("float", "radau", "1e-5L", 1e-4, marks=pytest.mark.slow),
+    pytest.param("long double", "radau", "1e-13L", 1e-12, marks=pytest.mark.slow),
     ("__float128", "radau", "1e-14L", 1e-13),
 ])  # fmt: skip
 def test_every_number_type_reaches_its_precision(type_name, method, tolerance, error, tmp_path):

@@ -156,7 +156,7 @@ def test_short_runs_are_not_asked_and_large_mechanisms_at_every_stage():
     assert large.hear(0.0) == 1
 
 
-@pytest.mark.parametrize("number", ["float", "long double"])
+@pytest.mark.parametrize("number", ["float", pytest.param("long double", marks=pytest.mark.slow)])
 def test_other_number_types_listen_too(number):
     kernels, told = ncgen.compile(ncgen.load("pendulum"), backend="c"), []
 
