@@ -122,8 +122,8 @@ class _Run:
 
     def _derivative(self, t: float, y: np.ndarray) -> np.ndarray:
         self.evaluations += 1
-        if self.projecting and getattr(self.solver, "repeated", False):  # as in C, where it is said why
-            y = self._settled(t, y)
+        if getattr(self.solver, "repeated", False):  # as in C, where it is said why
+            y = self._closed(t, y, note=False)
         now = self.motion(t, y)
         return np.concatenate([now.qdd, now.qd, [now.power]])
 
@@ -166,19 +166,14 @@ class _Run:
             )
         return solver
 
-    def _settled(self, t: float, y: np.ndarray) -> np.ndarray:
-        """The state of a stage on the constraints."""
-        n = self.kernels.n
-        found = project(self.kernels, y[self._q], y[:n], t, self.p)
-        return np.concatenate([found.qd, found.q, y[-1:]])
-
-    def _closed(self, t: float, y: np.ndarray) -> np.ndarray:
-        """The state on the constraints; itself if nothing is to be done."""
+    def _closed(self, t: float, y: np.ndarray, note: bool = True) -> np.ndarray:
+        """The state on the constraints; itself if nothing is to be done. note: the statistics count it"""
         if not self.projecting:
             return y
         qd, q = y[: self.kernels.n], y[self._q]
         found = project(self.kernels, q, qd, t, self.p)
         if found.q is q and found.qd is qd:
             return y
-        self.path.note_projection(found)
+        if note:
+            self.path.note_projection(found)
         return np.concatenate([found.qd, found.q, y[-1:]])

@@ -5,6 +5,7 @@ Rank is numerical and is taken at several consistent positions, because one posi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,7 +26,7 @@ DISTANCE = 0.1
 """How far the trial positions are from the given one, relative to the mechanism's size."""
 
 REMEMBERED = 16
-"""How many positions' degrees of freedom are kept with the kernels."""
+"""How much of what was found for positions, such as degrees of freedom, is kept with the kernels."""
 
 NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
@@ -125,13 +126,17 @@ def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
     """
     p = given.parameters(kernels, p)
     q, t = given.position(kernels, q, p), given.finite(t, "t")
-    # Found once for a position: a series of simulations starts from the same one again and again.
-    known = kernels.__dict__.setdefault("_freedoms", {})
-    key = (q.tobytes(), float(t), p.tobytes())
+    return remembered(kernels, ("freedom", q.tobytes(), float(t), p.tobytes()), lambda: _freedom(kernels, q, t, p))
+
+
+def remembered(kernels: Kernels, key: tuple, find: Callable):
+    """What `find` finds, found once for a position: a series of simulations starts from the same one again and again."""
+    known = kernels.__dict__.setdefault("_remembered", {})
     if key not in known:
+        value = find()
         if len(known) >= REMEMBERED:
             known.clear()
-        known[key] = _freedom(kernels, q, t, p)
+        known[key] = value
     return known[key]
 
 

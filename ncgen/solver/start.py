@@ -20,7 +20,7 @@ from ncgen.solver.partition import Partition, Partitions, choose_partitions, kin
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.projection import project_velocity
 from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import REMEMBERED, scaled_jacobian
+from ncgen.solver.rank import remembered, scaled_jacobian
 from ncgen.solver.run import Initial
 
 NOTICEABLE = 1e-9
@@ -66,21 +66,13 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
 
 def _partitions(kernels: Kernels, q, t: float, p, names: tuple[str, ...], needed: bool) -> Partitions | None:
     """Independent coordinates at the start; None at a singular position where they can be done without."""
-    # Found once for a position: a series of simulations starts from the same one again and again.
-    known = kernels.__dict__.setdefault("_starts", {})
-    key = (q.tobytes(), float(t), p.tobytes(), tuple(names))
-    if key in known:
-        return known[key]
     try:
-        found = choose_partitions(kernels, q, t, p, names)
+        key = ("partitions", q.tobytes(), float(t), p.tobytes(), tuple(names))
+        return remembered(kernels, key, lambda: choose_partitions(kernels, q, t, p, names))
     except SingularError:
         if needed:
             raise
         return None
-    if len(known) >= REMEMBERED:
-        known.clear()
-    known[key] = found
-    return found
 
 
 def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial, q, p, driven: bool) -> np.ndarray:

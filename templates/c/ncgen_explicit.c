@@ -253,8 +253,6 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
     ncgen_scalar h = ncgen_first_step(r, w, method->order, t, end - t);
     int repeats = 0, rejected = 0, stiff = 0, trouble = NCGEN_SHORT;
     while (t < end) {
-        if (ncgen_creeps(r, w, t))
-            return NCGEN_SHORT;
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
         const int last = t + h >= end;
@@ -298,6 +296,8 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;
         t = t_new;
+        if (t < end && ncgen_creeps(r, w, t))
+            return NCGEN_SHORT;
         if (stiff && t < end && r->options->stop_when_stiff)
             return NCGEN_STIFF;
         h *= factor;

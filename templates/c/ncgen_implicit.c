@@ -350,8 +350,6 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     m->last_error = 0;
     w->interpolate = interpolate;
     while (t < end && status == NCGEN_OK) {
-        if (ncgen_creeps(r, w, t))
-            return NCGEN_SHORT;
         const ncgen_scalar wanted = h;
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
@@ -404,6 +402,8 @@ static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;
         t = t_new;
+        if (t < end && ncgen_creeps(r, w, t))
+            return NCGEN_SHORT;
         ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
         if (renew && t < end) {
             status = find_jacobian(r, m, t, r->y);

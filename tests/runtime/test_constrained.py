@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 from scipy.special import ellipj, ellipk
 
 import ncgen
 from ncgen.exchange.examples import example_module
+from ncgen.model import Model
 from ncgen.solver.stop import Stop
 
 FORMALISMS = ("null-space", "lagrange", "augmented-lagrangian", "udwadia-phohomsiri")
@@ -99,6 +101,19 @@ def test_rows_of_the_grid_are_as_good_as_steps():
     )
     assert np.max(np.abs(run.q[:, :2] - [top(2, t) for t in run.t])) < 1e-7
     assert np.max(run.violation()) < 1e-12
+
+
+def test_many_healthy_steps_are_not_taken_for_creeping():
+    """A force that turns round 589 times a second: the 100,000th step is followed by a refused one, which comes no farther at all."""
+    m = Model("kinks")
+    ball = m.point("ball", (0, 0))
+    m.body("body", [ball], mass=1.0)
+    m.constrain(ball.y, label="line")
+    m.force(ball, (sympy.sign(sympy.sin(1850 * m.time)), 0, 0))
+    run = ncgen.simulate(ncgen.compile(m, "c"), 10.0, formalism="lagrange", integrator="dop853", rtol=1e-8, points=2, engine="c")
+    assert run.statistics.steps > 100_000
+    half = np.pi / 1850
+    assert run["rate(ball.x)"][-1] == pytest.approx(half - abs(10.0 % (2 * half) - half), abs=1e-6)
 
 
 def test_thousand_links():
