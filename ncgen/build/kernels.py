@@ -97,9 +97,23 @@ class Kernels(ABC):
 
     @cached_property
     def row_sizes(self) -> np.ndarray:
-        """Natural size of every row: a residual divided by it is a relative one."""
+        """Natural size of every row: a residual divided by it is a relative one.
+
+        A row given as an expression has the size of what it changes by when the coordinates move by their own sizes.
+        """
         parameters = self.model.parameters
-        return constant(np.array([natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows]))
+        sizes = [natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows]
+        changes = self._row_changes() if None in sizes else sizes
+        return constant(np.array([change if size is None else size for size, change in zip(sizes, changes, strict=True)]))
+
+    def _row_changes(self) -> list[float]:
+        """The norm of every row's gradient, coordinates measured in their sizes: at the start or a tenth of the mechanism away, where it is
+        larger, since it may vanish at the start; 1 where it vanishes at both. Three digits, so that all machines agree."""
+        aside = 0.1 * self.column_sizes * np.cos(np.arange(self.n))
+        with np.errstate(all="ignore"):
+            norms = [np.linalg.norm(self.jacobian(q, 0.0, self.p0) * self.column_sizes, axis=1) for q in (self.q0, self.q0 + aside)]
+        largest = np.max(np.where(np.isfinite(norms), norms, 0.0), axis=0)
+        return [float(f"{norm:.3g}") or 1.0 for norm in largest]
 
     @cached_property
     def column_sizes(self) -> np.ndarray:

@@ -69,13 +69,14 @@ class Row:
         return describe(self.type, {**self.arguments, **self.data})
 
 
-def natural_size(row: Row, number) -> float:
+def natural_size(row: Row, number) -> float | None:
     """The size of a row's value where it is grossly violated: what a residual is compared with.
 
-    `number` turns a value into a float. For a scaled distance row this is L/2 (m), for all other scaled rows 1.
+    `number` turns a value into a float. For a scaled distance row this is L/2 (m), for all other rows of the catalogue that are scaled 1;
+    None for a row given as an expression, which only its gradient can tell.
     """
     if row.type is None:
-        return 1.0
+        return None
     size = math.prod(number(row.data[name]) for name in row.type.size)
     scale = row.type.scale_factor / math.prod(number(row.data[name]) for name in row.type.scale_data) if row.scaled else 1.0
     return size * scale

@@ -122,21 +122,22 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     omitted += _folded(equations)
     programs = {name: program for name, (program, _) in built.items() if program is not None}
     pattern = built["phi_q"][1]
-    if "phi_q" in programs:
+    if "phi" in programs:
         programs["constraints"] = _constraints(programs, pattern, equations)
     programs = {name: share_angles(program) for name, program in programs.items()}
     return Programs(equations, programs, pattern, built["mass"][1], emission, tuple(omitted))
 
 
 ALWAYS = ("phi", "phi_q", "gamma")
-"""Kernels that are made for every mechanism that has rows; "constraints" is all of them at once."""
+"""Kernels that are made for every mechanism that has rows; "constraints" is all of them at once. Φ_q is left out where no row has a
+coordinate in it."""
 
 
 def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Equations) -> Program:
     """Φ, the values of Φ_q, and γ, one after the other."""
     rows = range(pattern.shape[0])
     of_values = tuple(r for r in rows for _ in range(pattern.indptr[r], pattern.indptr[r + 1]))
-    parts = [Part(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS]
+    parts = [Part(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS if name in programs]
     program = fuse("constraints", VELOCITY, parts)
     verify(program, _input_lengths(equations))
     return program

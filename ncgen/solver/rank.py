@@ -173,6 +173,9 @@ def _freedom(kernels: Kernels, q, t, p) -> Freedom:
     rank = max(ranks)
     general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
     kept, dependent = _independent_rows(general)
+    if len(kept) != rank:  # rows at the edge of independence, which the order of exclusion decides
+        kept = best_rows(general[-1], rank).tolist()
+        dependent = [row for row in range(m) if row not in kept]
     scale = kernels.row_sizes
     redundant = tuple(_implication(general[-1] * largest, row, kept, scale) for row in dependent)
     vanishing = _extra_motions(kernels, q, t, p, rank, largest) if ranks[0] < rank else np.zeros((kernels.n, 0))

@@ -99,5 +99,5 @@ def _step(pull, stiffness, values, vectors, kind: str) -> np.ndarray:
         return pull
     if kind == "nearest":
         return np.linalg.lstsq(stiffness, pull, rcond=NEUTRAL)[0]
-    floor = NEUTRAL * np.max(np.abs(values))
-    return vectors @ ((vectors.T @ pull) / np.maximum(np.abs(values), max(floor, 1e-300)))
+    floor = max(NEUTRAL * np.max(np.abs(values)), NEUTRAL * np.max(np.abs(pull)), 1e-300)  # what it lets pass is cut to LONGEST_STEP
+    return vectors @ ((vectors.T @ pull) / np.maximum(np.abs(values), floor))

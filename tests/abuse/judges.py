@@ -355,7 +355,9 @@ class Subject:
         n = len(q)
         moved = q + self.OFFSETS[:, None, None] * self.STEP * np.eye(n, dtype=LONG) * self.sizes
         values = f(moved.reshape(-1, n))
-        return self._slope(values.reshape(6, n, *values.shape[1:]), self.STEP)
+        slope, doubt = self._slope(values.reshape(6, n, *values.shape[1:]), self.STEP)
+        lost = 4 * np.finfo(LONG).eps * np.abs(q) / (self.STEP * self.sizes)  # of the steps themselves, where q is large beside them
+        return slope, doubt + np.abs(slope) * lost.reshape(n, *(1,) * (slope.ndim - 1))
 
     def along(self, f, q, qd, with_time: bool = True):
         """d/dε f(q + ε q̇, t + ε), with doubts."""
@@ -386,6 +388,7 @@ class Subject:
         jacobian = k.jacobian(q, t, p)
         position = k.holonomic
         slope, doubt = self.gradient(lambda x: self.phi(x, t), q)
+        doubt = doubt + np.array([np.finfo(LONG).eps * self.doubt(i) / 1e-13 / self.STEP for i in range(k.m)])
         scaled = (jacobian * self.sizes)[position]
         phi = np.abs(k.phi(q, t, p))[position, None]
         size = np.max(np.abs(slope.T[position]), axis=1, keepdims=True, initial=0.0) + 1e-4 * phi
@@ -481,16 +484,16 @@ class Subject:
         q, speed = k.q0.astype(LONG), qd.astype(LONG)
         height = k.energy(q, 0 * q, LONG(0), k.p0)[1] - self.potential(q[None], LONG(0))[0]
         slope, doubt = self._slope_of_height(q, speed)
-        if not abs(height - heights) <= 1e-9 * (sizes[1] + abs(self.potential(q[None], LONG(0))[0])):
+        rounding = 1e-9 * abs(self.potential(q[None], LONG(0))[0]) + 2 * self.potential_doubt(q[None])[0]
+        if not abs(height - heights) <= 1e-9 * sizes[1] + rounding:
             self.find("gravity", f"V of gravity is {float(height):.12g} J, of the centres {heights:.12g}")
         if not abs(slope + weight) <= 1e-6 * sizes[0] + 20 * doubt:
             self.find("gravity", f"gravity takes {-float(slope):.12g} W, of the centres {weight:.12g}")
         applied = self.applied(q[None], speed[None] * 0, LONG(0))[0]
         self.p = kept
         power = float(k.force(q, 0 * q, LONG(0), k.p0) @ speed + self.height_rate - applied @ speed)
-        if any(isinstance(f, Couple) for f in model.forces) and not abs(power - couples) <= 1e-6 * sizes[0] + 1e-9 * abs(applied) @ abs(
-            speed
-        ):
+        allowed = 1e-6 * sizes[0] + 1e-9 * abs(applied) @ abs(speed) + 20 * doubt
+        if any(isinstance(f, Couple) for f in model.forces) and not abs(power - couples) <= allowed:
             self.find("couple", f"couples give {power:.12g} W, of the bodies' angular velocities {couples:.12g}")
 
     def _slope_of_height(self, q, speed):
@@ -500,7 +503,9 @@ class Subject:
         whole = self.energies(states, 0 * states, LONG(0))[:, 1]
         slope, _ = self._slope(whole, h)
         self.height_rate = slope
-        return self._slope(whole - self.potential(states, LONG(0)), h)
+        slope, doubt = self._slope(whole - self.potential(states, LONG(0)), h)
+        unsure = self._slope(self.potential_doubt(states), h)[0]
+        return slope, doubt + abs(unsure) + np.max(self.potential_doubt(states)) / h
 
     def rigid_motion(self, body, qd):
         """(velocity of the first point, angular velocity, that point) of a body whose elements move so; None if they do not."""
@@ -534,6 +539,19 @@ class Subject:
                 total = total + self.number(spring.stiffness) * (x - self.number(spring.free)) ** 2 / 2
         for potential in self.model.potentials:
             total = total + self.written(potential.expression, q, 0 * q, t)
+        return total
+
+    def potential_doubt(self, q):
+        """What the rounding of numbers given as doubles may change in `potential`, (batch,): a stretch is a difference of lengths."""
+        places, total = self.places(q), np.zeros(q.shape[:-1], dtype=LONG)
+        for spring in self.model.springs:
+            if spring.law is None:
+                x, free = self.stretch(spring, places, places)[0], self.number(spring.free)
+                lost = 1e-15 * (max(np.max(np.abs(place)) for place in places.values()) + np.abs(x) + np.abs(free))
+                total = total + np.abs(self.number(spring.stiffness)) * (np.abs(x - free) + lost) * lost
+        for potential in self.model.potentials:
+            here, beside = (self.written(potential.expression, x, 0 * q, LONG(0)) for x in (q, q * (1 + LONG(1e-15))))
+            total = total + np.abs(beside - here)
         return total
 
     def stretch(self, spring, places, rates):

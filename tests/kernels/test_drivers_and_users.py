@@ -233,3 +233,14 @@ def test_driver_at_the_start(kernels):
     assert kernels.phi(q)[1] == 0.0
     assert kernels.nu(q)[1] == pytest.approx(0.7 * 2.3, rel=ROUNDING)
     assert kernels.gamma(q, qd)[1] == pytest.approx(2 / 3, rel=ROUNDING)
+
+
+@pytest.mark.parametrize("backend", ["numpy", "c"])
+def test_rows_of_time_alone_are_in_all_constraints_at_once(backend):
+    """Φ_q has no entry at all here: Φ and γ are there nevertheless. γ = −d²(t³)/dt² = −6 t."""
+    m = ncgen.Model("clock")
+    m.body("ball", points=[m.point("A", (1.0, 2.0))], mass=1.0)
+    m.constrain(m.time**3)
+    kernels = ncgen.compile(m, backend)
+    phi, phi_q, gamma = kernels.constraints(kernels.q0, np.zeros(kernels.n), 0.5)
+    assert (phi, phi_q.nnz, gamma) == (pytest.approx([0.125]), 0, pytest.approx([-3.0]))

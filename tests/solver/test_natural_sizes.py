@@ -42,3 +42,45 @@ def test_rows_of_the_users_own_have_any_size(factor):
     both = ncgen.freedom(ncgen.compile(B, "numpy"))
     assert (ncgen.freedom(kernels).rank, both.rank, len(both.redundant)) == (1, 2, 0)
     assert np.isfinite(kernels.row_sizes).all()
+
+
+def driven_pendulum(size: float) -> Model:
+    """A rod whose end is driven, in a unit of length that makes its numbers large or small."""
+    m = Model("driven")
+    a = m.point("A", (0.0, 0.0), fixed=True)
+    b = m.point("B", (size, 0.0))
+    m.body("rod", points=[a, b], mass=1.0)
+    m.constrain(b.y - size * m.time)
+    return m
+
+
+@pytest.mark.parametrize("size", (1e-6, 1.0, 1e6))
+def test_a_row_given_as_an_expression_is_measured_by_what_it_changes(size):
+    """∂(y − size·t)/∂y times the mechanism's length: the row in any unit of length is the same row."""
+    kernels = ncgen.compile(driven_pendulum(size), backend="numpy")
+    assert kernels.row_sizes[-1] == pytest.approx(size, rel=2e-3)
+
+
+def test_a_row_that_is_level_at_the_start_is_measured_beside_it():
+    """The gradient of (y − x²)² vanishes where the row holds, and that is where mechanisms start."""
+    m = Model("level")
+    a = m.point("A", (1.0, 1.0))
+    m.body("ball", points=[a], mass=1.0)
+    m.point("B", (0.0, 0.0), fixed=True)
+    m.constrain((a.y - a.x**2) ** 2)
+    size = ncgen.compile(m, backend="numpy").row_sizes[-1]
+    assert 0.01 < size < 1
+
+
+def test_small_rolling_rows_hold_for_accelerations():
+    """A velocity row in numbers of 1e-9: its accelerations keep it to rounding like any other."""
+    m = Model("small")
+    a = m.point("A", (0.0, 0.0))
+    m.body("ball", points=[a], mass=1.0)
+    m.gravity((0.0, -9.81, 0.0))
+    m.constrain_velocity(1e-9 * (a.y.rate - a.x * a.x.rate))
+    kernels = ncgen.compile(m, backend="numpy")
+    run = ncgen.simulate(kernels, 0.1, qd0={"A.x": 1.0}, rtol=1e-9)
+    assert np.max(np.abs(kernels.jacobian(run.q[-1]) @ run.qd[-1])) < 1e-9 * 1e-8
+    # y' = x x' integrates to y = x²/2
+    assert run.q[-1, 1] == pytest.approx(run.q[-1, 0] ** 2 / 2, abs=1e-8)
