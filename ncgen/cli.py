@@ -158,9 +158,9 @@ def bench(
     json_output: Json = False,
 ) -> None:
     """Measure generated code beside hand-written code: times with their errors."""
+    from ncgen.comparisons.bench import bench as measurements
+    from ncgen.comparisons.bench import show
     from ncgen.exchange.examples import load
-    from ncgen.report.bench import bench as measurements
-    from ncgen.report.bench import show
 
     _writable("--html", html)
     _writable("--plot", plot, PICTURES)
@@ -189,8 +189,8 @@ def bench(
 
 def _growth(model, json_output: bool) -> None:
     """Seconds and bytes of longer and longer chains."""
-    from ncgen.report.bench import aligned, generation_rows
-    from ncgen.report.generation import LENGTHS, growth_records
+    from ncgen.comparisons.bench import aligned, generation_rows
+    from ncgen.comparisons.generation import LENGTHS, growth_records
 
     if model.name != "chain":
         raise ModelError(f"--growth: {model.name} has one size; choose chain")
@@ -208,8 +208,8 @@ def _growth(model, json_output: bool) -> None:
 
 def _instructions(model, json_output: bool) -> None:
     """Counts that repeat to the digit."""
-    from ncgen.report.bench import aligned
-    from ncgen.report.instructions import instruction_records, table
+    from ncgen.comparisons.bench import aligned
+    from ncgen.comparisons.instructions import instruction_records, table
 
     with _progress(f"counting instructions of {model.name}", None):
         records = list(instruction_records(model))
@@ -222,7 +222,7 @@ def _instructions(model, json_output: bool) -> None:
 
 def _peers(model, limit: float, json_output: bool) -> None:
     """Other simulators beside ncgen."""
-    from ncgen.report import peers
+    from ncgen.comparisons import peers
 
     if model.name != "nfourbar":
         raise ModelError(f"--peers: {model.name} is not a mechanism that the other simulators were given; choose nfourbar")
@@ -239,9 +239,9 @@ def _peers(model, limit: float, json_output: bool) -> None:
 
 def _precision(model, html: Path | None, plot: Path | None, json_output: bool) -> None:
     """Every method from loose to tight; the front in words."""
+    from ncgen.comparisons import precision
+    from ncgen.comparisons.bench import aligned
     from ncgen.emit.sources import write_text
-    from ncgen.report import precision
-    from ncgen.report.bench import aligned
     from ncgen.report.document import Section, page
     from ncgen.report.machine import machine
 
@@ -281,9 +281,9 @@ def compare(
     json_output: Json = False,
 ) -> None:
     """Compare generated derivatives with hand-written ones, differences and automatic differentiation: error beside time."""
+    from ncgen.comparisons.comparison import Comparison
     from ncgen.emit.sources import write_text
     from ncgen.exchange.examples import load
-    from ncgen.report.comparison import Comparison
 
     for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
         _writable(option, path, suffixes)
@@ -310,8 +310,8 @@ def _mistakes(model, path: Path, json_output: bool) -> None:
     """The mistakes in a file; exit code 1 if there are any."""
     from dataclasses import asdict
 
+    from ncgen.comparisons.mistakes import find_mistakes
     from ncgen.compiler import compile
-    from ncgen.report.mistakes import find_mistakes
 
     found = find_mistakes(compile(model, "c"), path)
     if json_output:
@@ -333,8 +333,8 @@ def hard(
     json_output: Json = False,
 ) -> None:
     """Run mechanisms that break methods: case by formalism and integrator, with error, drift, time, or why it fails."""
-    from ncgen.report.hard import hard_records, lines, methods
-    from ncgen.report.hard_cases import CASES
+    from ncgen.comparisons.hard import hard_records, lines, methods
+    from ncgen.comparisons.hard_cases import CASES
 
     names = case or list(CASES)
     if unknown := [name for name in names if name not in CASES]:
@@ -404,7 +404,7 @@ def export(
 @app.command()
 def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all compiled libraries")] = False) -> None:
     """Show or clear the cache of compiled libraries."""
-    from ncgen.build import cache as store
+    from ncgen.toolchain import cache as store
 
     if clear:
         out.print(f"{store.clear()} libraries removed from {store.cache_folder()}", markup=False)

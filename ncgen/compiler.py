@@ -4,10 +4,10 @@
 1. symbolic   rows, masses and forces as templates bound to places (ncgen.symbolic)
 2. program    straight-line code and loops, folded and counted (ncgen.program)
 3. emit       C and NumPy source (ncgen.emit)
-4. build      a compiled library from the cache or the compiler (ncgen.build)
+4. toolchain  a compiled library from the cache or the compiler (ncgen.toolchain), in what one calls (ncgen.mechanism)
 5. load       kernels
 
-What stages 1 to 3 made of a model is kept beside the compiled libraries (ncgen.build.recall). sympy is imported by stage 1
+What stages 1 to 3 made of a model is kept beside the compiled libraries (ncgen.mechanism.recall). sympy is imported by stage 1
 only, so importing ncgen stays quick.
 """
 
@@ -23,8 +23,8 @@ from ncgen.model import Model
 from ncgen.program.programs import EMISSIONS
 
 if TYPE_CHECKING:
-    from ncgen.build.kernels import Kernels
     from ncgen.emit.sources import Sources
+    from ncgen.mechanism.kernels import Kernels
 
 BACKENDS = ("auto", "c", "numpy")
 
@@ -79,9 +79,9 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     """
     check_words(backend, emission)
     timings = timings or Timings()
-    from ncgen.build.cache import compiled
-    from ncgen.build.library import CompiledKernels
-    from ncgen.build.numpy_module import NumPyKernels
+    from ncgen.mechanism.library import CompiledKernels
+    from ncgen.mechanism.numpy_module import NumPyKernels
+    from ncgen.toolchain.cache import compiled
 
     sources = _sources(model, emission, timings, kept=backend != "numpy")
     if backend != "numpy":
@@ -102,7 +102,7 @@ def _sources(model: Model | Sources, emission: str, timings: Timings, kept: bool
         return model
     if not kept:
         return generate(model, emission, timings)
-    from ncgen.build import recall
+    from ncgen.mechanism import recall
 
     key = timings.stage("key", recall.key, model, emission)
     if key is None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 from typing import TYPE_CHECKING
 
-from ncgen.emit.environment import comment_text, loop_comments, render, verbatim
+from ncgen.emit.environment import comment_text, loop_comments, render
 from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
+from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.emit.tables import Place, Tables
 from ncgen.model.values import evaluate
 from ncgen.program.angles import SHARED
@@ -21,33 +22,6 @@ if TYPE_CHECKING:
     from ncgen.program.tangents import TangentPrograms
     from ncgen.symbolic.equations import Equations
 
-HEADERS = ("ncgen.h", "ncgen_math.h")
-RUNTIME_HEADERS = ("ncgen_runtime.h", "ncgen_methods.h")
-"""What state derivatives and embedders include."""
-
-RUNTIME = (
-    "ncgen_methods.h",
-    "ncgen_runtime.h",
-    "ncgen_internal.h",
-    "ncgen_facts.h",
-    "ncgen_run.c",
-    "ncgen_partitioning.c",
-    "ncgen_constrained.c",
-    "ncgen_dense.c",
-    "ncgen_sparse.c",
-    "ncgen_lu.c",
-    "ncgen_jacobian.c",
-    "ncgen_grid.c",
-    "ncgen_tableaus.h",
-    "ncgen_explicit.c",
-    "ncgen_implicit.c",
-    "ncgen_steppers.c",
-    "ncgen_correction.c",
-    "ncgen_rattle.c",
-    "ncgen_energy_momentum.c",
-    "ncgen_generalized_alpha.c",
-    "ncgen_ali3p.c",
-)
 WIDTH = 100
 
 
@@ -63,7 +37,7 @@ def c_files(programs: Programs) -> dict[str, str]:
         f"{prefix}.h": render("c/model.h.jinja", **records),
         f"{prefix}.c": render("c/model.c.jinja", fingerprint=fingerprint, **records),
     }
-    return files | {name: verbatim(f"c/{name}") for name in HEADERS}
+    return files | runtime_files(*HEADERS)
 
 
 def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) -> dict[str, str]:

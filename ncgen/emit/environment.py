@@ -39,24 +39,6 @@ def render(template: str, **records) -> str:
     return environment().get_template(template).render(**records)
 
 
-@cache
-def verbatim(name: str) -> str:
-    """A file of the C library: as it stands, such as ncgen.h, or printed from the table of methods, such as ncgen_methods.h."""
-    path = folder("templates") / name
-    return path.read_text(encoding="utf-8") if path.is_file() else render(f"{name}.jinja", **_methods())
-
-
-@cache
-def _methods() -> dict:
-    """The entries that are in C, in the order of their numbers there."""
-    from ncgen.methods.table import FORMALISMS, INTEGRATORS
-
-    integrators = [entry for entry in INTEGRATORS.values() if entry.in_c]
-    explicit = [entry for entry in integrators if entry.tableau]
-    width = max(entry.coefficients.width for entry in explicit)
-    return {"formalisms": [f for f in FORMALISMS.values() if f.in_c], "integrators": integrators, "explicit": explicit, "width": width}
-
-
 def c_literal(number) -> str:
     """An exact number (a Fraction) as C sees it: a quotient of whole numbers, or a decimal with all its digits."""
     number = Fraction(number)

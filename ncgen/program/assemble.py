@@ -21,7 +21,7 @@ from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, 
 from ncgen.program.fused import Part, fuse
 from ncgen.program.graph import Graph
 from ncgen.program.lower import lower_value
-from ncgen.program.programs import EMISSIONS, Programs
+from ncgen.program.programs import EMISSIONS, ENERGIES, Programs
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
 
@@ -69,9 +69,6 @@ def chain(output: str, order: int, by_row: bool):
                 yield (*head, i, j), made[min(i, j), max(i, j)]
 
     return parts
-
-
-ENERGIES = ("kinetic", "potential", "power")
 
 
 def _energies(places, outputs):
@@ -122,22 +119,21 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
     omitted += _folded(equations)
     programs = {name: program for name, (program, _) in built.items() if program is not None}
     pattern = built["phi_q"][1]
-    if "phi" in programs:
+    if "phi_q" in programs:
         programs["constraints"] = _constraints(programs, pattern, equations)
     programs = {name: share_angles(program) for name, program in programs.items()}
     return Programs(equations, programs, pattern, built["mass"][1], emission, tuple(omitted))
 
 
 ALWAYS = ("phi", "phi_q", "gamma")
-"""Kernels that are made for every mechanism that has rows; "constraints" is all of them at once. Φ_q is left out where no row has a
-coordinate in it."""
+"""Kernels that are made for every mechanism that has rows; "constraints" is all of them at once."""
 
 
 def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Equations) -> Program:
     """Φ, the values of Φ_q, and γ, one after the other."""
     rows = range(pattern.shape[0])
     of_values = tuple(r for r in rows for _ in range(pattern.indptr[r], pattern.indptr[r + 1]))
-    parts = [Part(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS if name in programs]
+    parts = [Part(programs[name], of_values if name == "phi_q" else tuple(rows)) for name in ALWAYS]
     program = fuse("constraints", VELOCITY, parts)
     verify(program, _input_lengths(equations))
     return program

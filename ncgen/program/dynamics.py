@@ -15,12 +15,12 @@ from collections import defaultdict
 from dataclasses import dataclass
 
 from ncgen.errors import SingularError
-from ncgen.program.assemble import ENERGIES, KERNELS
+from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_refined, solve_transposed
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
-from ncgen.program.programs import Split
+from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
 

@@ -27,12 +27,13 @@ from functools import cached_property
 
 import numpy as np
 
-from ncgen.program.assemble import ENERGIES, KERNELS
+from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.derivatives import tangent
 from ncgen.program.elimination import SymmetricFactors, factor_symmetric, solve_symmetric
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
+from ncgen.program.programs import ENERGIES
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import Equations
 

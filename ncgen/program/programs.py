@@ -15,6 +15,9 @@ if TYPE_CHECKING:
 EMISSIONS = {"unrolled": math.inf, "tabled": 2, "auto": 16}
 """The least number of equal terms that become a loop; measured, loops pay from about 16 on (docs/performance.md)."""
 
+ENERGIES = ("kinetic", "potential", "power")
+"""The numbers of the kernel "energy", in their order: J, J, and W of forces without a potential."""
+
 LARGEST = 24
 """Degrees of freedom up to which the reduced mass matrix is eliminated in straight-line code."""
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import numpy as np
 
-from ncgen.build.kernels import Kernels
 from ncgen.errors import NcgenError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.monitor import Health, monitor
 
 ARRAYS = {"t": "K", "q": "Kn", "qd": "Kn", "work": "K", "p": "p"}

@@ -9,10 +9,10 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 
-import ncgen
-from ncgen.build.folder import keep, kept
+from ncgen import __version__
 from ncgen.exchange.examples import example_names, example_text, lesson, load
 from ncgen.model import Model
+from ncgen.toolchain.folder import keep, kept
 
 
 def gallery(progress: Callable[[int], None] | None = None) -> list[dict]:
@@ -26,7 +26,7 @@ def gallery(progress: Callable[[int], None] | None = None) -> list[dict]:
 
 
 def _facts(name: str) -> dict:
-    digest = hashlib.sha256(f"{ncgen.__version__}\n{example_text(name)}".encode()).hexdigest()
+    digest = hashlib.sha256(f"{__version__}\n{example_text(name)}".encode()).hexdigest()
     facts = kept("facts", digest[:40])
     if facts is None:
         facts = _found(load(name))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ncgen.build.kernels import Kernels
+from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle
 from ncgen.program.assemble import Programs
 from ncgen.program.cost import cost

@@ -8,7 +8,7 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 
 from ncgen import __version__
-from ncgen.build.compilers import FLAGS, find_compiler
+from ncgen.toolchain.compilers import FLAGS, find_compiler
 
 PACKAGES = ("numpy", "scipy", "sympy", "casadi", "jax", "symforce", "exudyn", "pin", "mujoco")
 

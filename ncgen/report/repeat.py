@@ -4,18 +4,20 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cache
+from pathlib import Path
 
 import numpy as np
-from cffi import FFI
 
-from ncgen.build.abi import NUMBERS, abi, declared
-from ncgen.build.cache import compiled
-from ncgen.build.compilers import FLAGS
-from ncgen.emit.environment import verbatim
 from ncgen.emit.naming import identifier
+from ncgen.emit.runtime import runtime_files
+from ncgen.toolchain.abi import NUMBERS, abi, marked
+from ncgen.toolchain.compilers import FLAGS
+from ncgen.toolchain.loader import load
 
 SCALAR = (*FLAGS, "-fno-tree-vectorize", "-fno-tree-slp-vectorize")
 """The arithmetic rate is that of single numbers, as in straight-line code."""
+
+TIMING = Path(__file__).with_name("timing.c").read_text(encoding="utf-8")
 
 OPERATIONS = 24
 """Multiplications and additions in one turn of the loop of `ncgen_arithmetic`."""
@@ -23,11 +25,7 @@ OPERATIONS = 24
 
 @cache
 def _repeater():
-    ffi = FFI()
-    ffi.include(abi())
-    ffi.cdef(declared("timing.c", "functions"))
-    files = {name: verbatim(f"c/{name}") for name in ("timing.c", "ncgen.h")}
-    return ffi, ffi.dlopen(str(compiled(files, SCALAR).library))
+    return load({"timing.c": TIMING} | runtime_files("ncgen.h"), marked(TIMING, "functions"), abi(), SCALAR)
 
 
 @dataclass
@@ -79,12 +77,10 @@ def typed_runner(sources, real: str, inputs, names):
 
     sources: as `ncgen.generate` gives them; inputs: q, qd, p, t in double
     """
-    number, ffi = NUMBERS[real], FFI()
-    ffi.include(abi(real))
+    number = NUMBERS[real]
     getter = f"{identifier(sources.programs.equations.model.name)}_model"
-    ffi.cdef(declared("timing.c", "functions") + f"const ncgen_model *{getter}(void);")
-    files = sources.c | {"timing.c": verbatim("c/timing.c")}
-    library = ffi.dlopen(str(compiled(files, (*FLAGS, *number.flags)).library))
+    declarations = marked(TIMING, "functions") + f"const ncgen_model *{getter}(void);"
+    ffi, library = load(sources.c | {"timing.c": TIMING}, declarations, abi(real), (*FLAGS, *number.flags))
     model = getattr(library, getter)()
     q, qd, p = (np.array(x, dtype=number.dtype) for x in (inputs.q, inputs.qd, inputs.p))
     programs = sources.programs.programs

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.build.kernels import Kernels
-from ncgen.build.library import CompiledKernels
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import measure, repeated
 from ncgen.report.repeat import Call, runner
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import is_finite, watched
 from ncgen.solver.position import CONSISTENT, TOLERANCE, check_finite, residual
-from ncgen.solver.protocol import Kernels
 
 LIMIT = 100
 LONGEST_STEP = 0.1

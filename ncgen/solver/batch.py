@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.assembly import assemble
@@ -17,7 +18,6 @@ from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.given import checked_kernels, finite, known_name, names_of
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import TOLERANCE, check_finite, check_mirror_roots
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.run import Run, count
 from ncgen.solver.simulate import simulate
 from ncgen.solver.tolerances import Tolerances
@@ -83,7 +83,7 @@ class BatchAccelerations:
     @property
     def status(self) -> tuple[str, ...]:
         """Words for every state."""
-        from ncgen.build.library import STATUS
+        from ncgen.mechanism.library import STATUS
 
         return tuple(STATUS[code] for code in self.codes.tolist())
 
@@ -165,7 +165,7 @@ def accelerations_batch(
 
 def _places(kernels: Kernels, out: BatchAccelerations, states: _States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
     """The arrays of results of before, where C may write. Raises ModelError for others."""
-    from ncgen.build.arguments import place
+    from ncgen.mechanism.arguments import place
 
     if len(out.q) != len(states.q):
         raise ModelError(f"{kernels.name}: out has results of {len(out.q)} states; {len(states.q)} are needed, or leave it out")
@@ -348,7 +348,7 @@ def _given(kernels: Kernels, what: str, given, names: tuple[str, ...], defaults:
 
     Raises ModelError for other things.
     """
-    from ncgen.build.arguments import numbers
+    from ncgen.mechanism.arguments import numbers
 
     def array(value, of: str) -> np.ndarray:
         try:

@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from ncgen.mechanism.kernels import Kernels
 from ncgen.model.coordinates import paper_choice
 from ncgen.solver.geometry import direction, element
-from ncgen.solver.protocol import Kernels
 
 
 def refresh_branches(kernels: Kernels, q, p) -> np.ndarray:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
+from ncgen.program.programs import Split
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import freedom, trial_positions
 from ncgen.solver.run import EMITTED
 from ncgen.solver.steppers.generalized_alpha import weights
@@ -40,8 +41,8 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
 
     engine: as of `simulate`; number: C's type
     """
-    from ncgen.build.library import CompiledKernels
-    from ncgen.build.runtime import uses_tangents
+    from ncgen.mechanism.library import CompiledKernels
+    from ncgen.mechanism.properties import uses_tangents
 
     name = method.integrator.name
     if not isinstance(kernels, CompiledKernels):
@@ -104,13 +105,10 @@ def run_constrained(
     Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number,
     ConvergenceError where steps become too short.
     """  # fmt: skip
-    from ncgen.build.listening import Progress
-    from ncgen.build.runtime import ConstrainedDynamics
+    from ncgen.mechanism.listening import Progress
+    from ncgen.mechanism.runtime import ConstrainedDynamics
 
-    known = kernels.__dict__.setdefault("_constrained", {})
-    if number not in known:
-        known[number] = ConstrainedDynamics(kernels, number)
-    dynamics = known[number]
+    dynamics = kernels.remember("constrained dynamics", number, lambda: ConstrainedDynamics(kernels, number))
     if dynamics.singular_mass:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
         ACCELERATIONS["lagrange"].motion(kernels, q, qd, float(grid[0]), p, {})
@@ -171,7 +169,7 @@ def _weights(settings: dict) -> dict[str, float]:
 
 def rounding(number: str) -> float:
     """The relative rounding of a number type."""
-    from ncgen.build.abi import NUMBERS
+    from ncgen.toolchain.abi import NUMBERS
 
     return float(np.finfo(NUMBERS[number].dtype).eps)
 
@@ -186,24 +184,25 @@ def dynamics(kernels: Kernels, partitions: Partitions, form: str, q, p, number: 
 
     form: "dense", "emitted", "refined" (emitted, with iterative refinement), or "lanes" for many states at a time (double only)
     """
-    from ncgen.build.batch_runs import LaneDynamics
-    from ncgen.build.runtime import DenseDynamics, EmittedDynamics
-    from ncgen.program.programs import Split
-
     split, positions = (
         Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
         for part in (partitions.velocity, partitions.position)
     )
-    store = kernels.__dict__.setdefault("_dynamics", {})
+    apart = None if partitions.position is partitions.velocity else positions
     key = split, positions, form, number
-    if key not in store:
-        if form == "dense":
-            store[key] = DenseDynamics(kernels, split, number, None if partitions.position is partitions.velocity else positions)
-        elif form == "lanes":
-            store[key] = LaneDynamics(kernels, split, _samples(kernels, q, p))
-        else:
-            store[key] = EmittedDynamics(kernels, split, _samples(kernels, q, p), number, refine=form == "refined")
-    return store[key]
+    return kernels.remember("dynamics", key, lambda: _made(kernels, split, apart, form, number, q, p))
+
+
+def _made(kernels: Kernels, split: Split, positions: Split | None, form: str, number: str, q, p):
+    """A state derivative; positions: the choice for them where it is another than for velocities."""
+    from ncgen.mechanism.batch_runs import LaneDynamics
+    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
+
+    if form == "dense":
+        return DenseDynamics(kernels, split, number, positions)
+    if form == "lanes":
+        return LaneDynamics(kernels, split, _samples(kernels, q, p))
+    return EmittedDynamics(kernels, split, _samples(kernels, q, p), number, refine=form == "refined")
 
 
 def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
@@ -236,7 +235,7 @@ def run(
     Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number,
     ConvergenceError where steps become too short.
     """  # fmt: skip
-    from ncgen.build.listening import Progress
+    from ncgen.mechanism.listening import Progress
 
     seen = [path.partitions]
     qd, work, grid, growth = None, 0.0, np.asarray(grid, dtype=float), GROWTH

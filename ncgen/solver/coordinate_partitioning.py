@@ -14,10 +14,10 @@ import numpy as np
 from scipy.linalg import lapack
 
 from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.massless import massless
 from ncgen.solver.partition import Kinematics, Partition, Partitions, factor, kinematics, solve
 from ncgen.solver.position import LIMIT, TOLERANCE
-from ncgen.solver.protocol import Kernels
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.instant import Baumgarte, scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.partition import Partitions, kinematics
-from ncgen.solver.protocol import Kernels
 
 
 def acceleration_jacobians(kernels: Kernels, now: Motion, p=None, rows=None, gains: Baumgarte | None = None):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ncgen.solver.protocol import Kernels
+from ncgen.mechanism.kernels import Kernels
 
 ROUNDING = 64 * np.finfo(float).eps
 """A change of energy below this share of all energies is rounding."""

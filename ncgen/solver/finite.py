@@ -13,7 +13,7 @@ import math
 import numpy as np
 
 from ncgen.errors import DomainError, ModelError, NcgenError
-from ncgen.solver.protocol import Kernels
+from ncgen.mechanism.kernels import Kernels
 
 POSITION, VELOCITY = ("q", "t", "p"), ("q", "qd", "t", "p")
 

@@ -12,10 +12,10 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Point
 from ncgen.model.rigid import NORMAL
 from ncgen.solver.geometry import element, element_rate
-from ncgen.solver.protocol import Kernels
 
 
 def transformation(kernels: Kernels, body: str, q, p=None) -> np.ndarray:

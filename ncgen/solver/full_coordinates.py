@@ -12,6 +12,7 @@ from functools import partial
 import numpy as np
 
 from ncgen.errors import ConvergenceError, DomainError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion
@@ -21,7 +22,6 @@ from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.integrators import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
 from ncgen.solver.tolerances import Tolerances
 

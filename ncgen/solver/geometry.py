@@ -8,9 +8,9 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle, Combination, Element
 from ncgen.model.values import evaluate
-from ncgen.solver.protocol import Kernels
 
 
 def component(kernels: Kernels, c, q, p=None) -> np.ndarray:
@@ -68,11 +68,8 @@ def measured_angles(kernels: Kernels, q, p=None) -> np.ndarray:
 def _arms(kernels: Kernels, p):
     """(W, w): start, end and axis of all angles are W q + w at parameters p; made once and kept for the last p."""
     p = kernels.p0 if p is None else p
-    known, arms = kernels.__dict__.get("_arms", (None, None))
-    if known is None or not np.array_equal(known, p):
-        arms = _collect_arms(kernels, p)
-        kernels.__dict__["_arms"] = (np.array(p), arms)
-    return arms
+    p = np.asarray(p, dtype=float)
+    return kernels.remember("arms", p.tobytes(), lambda: _collect_arms(kernels, p), most=1)
 
 
 def _collect_arms(kernels: Kernels, p):

@@ -13,7 +13,7 @@ from numbers import Real
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.solver.protocol import Kernels
+from ncgen.mechanism.kernels import Kernels
 
 LISTED = 100
 """Characters that a list of names may take in a message."""

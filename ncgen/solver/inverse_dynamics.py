@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ModelError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.given import echo, names_of, offer, shortened
 from ncgen.solver.partition import choose_partition, kinematics
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import freedom
 from ncgen.solver.trajectory import Trajectory
 

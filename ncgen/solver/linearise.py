@@ -9,13 +9,13 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.dynamics_jacobian import independent_motions, partitioned_jacobian
 from ncgen.solver.finite import watched
 from ncgen.solver.given import checked_kernels
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import solve_position
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.run import Initial
 from ncgen.solver.start import given_velocity
 from ncgen.solver.steady import drift

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import SingularError
-from ncgen.solver.protocol import Kernels
+from ncgen.mechanism.kernels import Kernels
 
 SMALL = 1e-9
 """Singular values below this, relative to the largest, belong to motions without inertia."""

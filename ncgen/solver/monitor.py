@@ -12,10 +12,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ModelError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import names_of
 from ncgen.solver.partition import Partition, choose_partition, quality
 from ncgen.solver.position import residual
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
 
 NEARLY_SINGULAR = 1e-3

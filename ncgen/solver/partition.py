@@ -13,7 +13,7 @@ import scipy.linalg
 from scipy.linalg import lapack
 
 from ncgen.errors import ModelError, SingularError
-from ncgen.solver.protocol import Kernels
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
 
 WORST = 1e-7

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import check_instant, is_finite, watched
 from ncgen.solver.geometry import angles, measured_angles
-from ncgen.solver.protocol import Kernels
 
 TOLERANCE = 1e-12
 LIMIT = 40

@@ -11,10 +11,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.position import TOLERANCE, residual
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import scaled_jacobian
 
 LIMIT = 12

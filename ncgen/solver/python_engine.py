@@ -10,6 +10,7 @@ import warnings
 import numpy as np
 
 from ncgen.errors import ConvergenceError, DomainError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
@@ -18,7 +19,6 @@ from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.integrators import Pace, ode_solver, takes_jacobian
 from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.tolerances import Tolerances
 
 DEGRADED = 0.7

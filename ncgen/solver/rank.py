@@ -5,7 +5,6 @@ Rank is numerical and is taken at several consistent positions, because one posi
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,9 +13,9 @@ import scipy.sparse
 import scipy.sparse.linalg
 
 from ncgen.errors import ConvergenceError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.position import check_finite, solve_position
-from ncgen.solver.protocol import Kernels
 
 RELATIVE_ZERO = 1e-9
 """Singular values below this, relative to the largest, count as zero."""
@@ -126,18 +125,7 @@ def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
     """
     p = given.parameters(kernels, p)
     q, t = given.position(kernels, q, p), given.finite(t, "t")
-    return remembered(kernels, ("freedom", q.tobytes(), float(t), p.tobytes()), lambda: _freedom(kernels, q, t, p))
-
-
-def remembered(kernels: Kernels, key: tuple, find: Callable):
-    """What `find` finds, found once for a position: a series of simulations starts from the same one again and again."""
-    known = kernels.__dict__.setdefault("_remembered", {})
-    if key not in known:
-        value = find()
-        if len(known) >= REMEMBERED:
-            known.clear()
-        known[key] = value
-    return known[key]
+    return kernels.remember("freedom", (q.tobytes(), float(t), p.tobytes()), lambda: _freedom(kernels, q, t, p), REMEMBERED)
 
 
 def rows_are_clearly_independent(jacobian: scipy.sparse.spmatrix) -> bool:

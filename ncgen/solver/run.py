@@ -15,6 +15,7 @@ from types import SimpleNamespace
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, find_formalism, find_integrator, in_c, options_of, partners
 from ncgen.model import Model
@@ -22,7 +23,6 @@ from ncgen.model.values import evaluate
 from ncgen.solver import given
 from ncgen.solver.given import ECHOED, checked_kernels, finite, known_name, names_of, offer, parameters, position
 from ncgen.solver.position import CONSISTENT
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.stop import Stop, stop_at
 
 ENGINES = (AUTO, "c", "emitted", "refined", "python")

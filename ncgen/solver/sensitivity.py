@@ -19,10 +19,10 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.coordinate_partitioning import Start, dependent_position, motion_at
 from ncgen.solver.given import checked_kernels
 from ncgen.solver.partition import kinematics, quality
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.run import Initial, count, positive
 from ncgen.solver.start import begin
 

@@ -14,8 +14,8 @@ import numpy as np
 from scipy.linalg import orth
 from scipy.sparse.csgraph import connected_components
 
-from ncgen.build.numpy_module import NumPyKernels
 from ncgen.emit.sources import Sources
+from ncgen.mechanism.numpy_module import NumPyKernels
 from ncgen.model.bodies import Body
 from ncgen.model.elements import AXES, Point, Vector
 from ncgen.model.rows import Owner

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
 from ncgen.solver.choice import IMPLICIT, Choice, choose, stiff_choice
@@ -17,7 +18,6 @@ from ncgen.solver.given import checked_kernels
 from ncgen.solver.partition import choose_partitions, singular_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import CONSISTENT
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import freedom
 from ncgen.solver.run import EMITTED, Run
 from ncgen.solver.start import Start, begin

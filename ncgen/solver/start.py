@@ -12,6 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ModelError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.formalisms.instant import scaled_mass
@@ -19,8 +20,7 @@ from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.partition import Partition, Partitions, choose_partitions, kinematics
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.projection import project_velocity
-from ncgen.solver.protocol import Kernels
-from ncgen.solver.rank import remembered, scaled_jacobian
+from ncgen.solver.rank import REMEMBERED, scaled_jacobian
 from ncgen.solver.run import Initial
 
 NOTICEABLE = 1e-9
@@ -68,7 +68,7 @@ def _partitions(kernels: Kernels, q, t: float, p, names: tuple[str, ...], needed
     """Independent coordinates at the start; None at a singular position where they can be done without."""
     try:
         key = ("partitions", q.tobytes(), float(t), p.tobytes(), tuple(names))
-        return remembered(kernels, key, lambda: choose_partitions(kernels, q, t, p, names))
+        return kernels.remember("partitions", key, lambda: choose_partitions(kernels, q, t, p, names), REMEMBERED)
     except SingularError:
         if needed:
             raise

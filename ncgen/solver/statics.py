@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.assembly import assemble
 from ncgen.solver.finite import watched
 from ncgen.solver.position import solve_position
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import null_space, scaled_jacobian
 
 LIMIT = 200

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Point, Relative, Vector
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.dynamics_jacobian import acceleration_jacobians, independent_motions, rate_slope
@@ -23,7 +24,6 @@ from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.geometry import component
 from ncgen.solver.partition import Partitions
 from ncgen.solver.position import solve_position
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.rank import null_space
 
 AGREES = 1e-6

@@ -9,7 +9,7 @@ from numbers import Real
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.solver.protocol import Kernels
+from ncgen.mechanism.kernels import Kernels
 
 DIRECTIONS = {"falling": -1, "either": 0, "rising": 1}
 

@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import frames, geometry
 from ncgen.solver.branches import refresh_branches
@@ -17,7 +18,6 @@ from ncgen.solver.energy import drift, energies
 from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.given import echo, offer
 from ncgen.solver.partition import Partitions, choose_partitions, other_partitions, quality
-from ncgen.solver.protocol import Kernels
 
 CONDITION = 1e-3
 """Quality of a partition below which accelerations are computed with a better one."""

@@ -88,8 +88,8 @@ def examine(seed: int, watch=lambda what: None) -> Report:
 
 def warm() -> None:
     """Compile what all models in C share: the runtime."""
-    from ncgen.build import runtime
-    from ncgen.build.compilers import find_compiler
+    from ncgen.mechanism import runtime
+    from ncgen.toolchain.compilers import find_compiler
 
     if find_compiler() is not None:
         runtime.prepare(ncgen.compile(ncgen.load("fourbar"), "c"))
@@ -643,7 +643,7 @@ class Subject:
 
     def added_up(self, name: str) -> np.ndarray:
         """The size of what is added up in each number of a kernel."""
-        from ncgen.report.rivals import Inputs, scale
+        from ncgen.comparisons.rivals import Inputs, scale
 
         return np.nan_to_num(np.asarray(scale(self.kernels, name, Inputs(self.q, self.qd, self.p, self.t)), dtype=float), nan=0.0)
 

@@ -183,7 +183,7 @@ def test_generate_where_it_is_told(ncgen_main, mine, written):
 
 def test_cache(ncgen_main, mine, monkeypatch, written):
     """Empty, then the model and the runtime, kept by a second run, then none. What is not the cache's own stays."""
-    from ncgen.build import runtime
+    from ncgen.mechanism import runtime
 
     runtime._runtime.cache_clear()  # as in a new process: the runtime is looked for in this cache, too
     monkeypatch.setenv("NCGEN_CACHE_DIR", "store")

@@ -118,7 +118,7 @@ def test_numpy_needs_no_compiler(ncgen_main, mine, monkeypatch):
 def test_no_compiler_at_all(ncgen_main, mine, monkeypatch):
     """One line says that NumPy is used instead; asked for C by name, it is an error."""
     monkeypatch.delenv("CC", raising=False)
-    monkeypatch.setattr("ncgen.build.compilers.find_compilers", lambda: iter(()))
+    monkeypatch.setattr("ncgen.toolchain.compilers.find_compilers", lambda: iter(()))
     said = ncgen_main("run", "mine.py", "--json", "--no-files")
     assert said.code == 0 and json.loads(said.out)["backend"] == "numpy"
     assert said.err.startswith("ncgen: no C compiler found") and said.err.count("\n") == 1

@@ -200,12 +200,12 @@ def test_functions_are_looked_at_before_they_are_called(ncgen_main, folder, monk
     (folder / "fails.py").write_text("1 / 0\n")
     monkeypatch.syspath_prepend(str(folder))
     monkeypatch.delitem(sys.modules, "own", raising=False)
-    monkeypatch.setattr("ncgen.report.comparison.compare.compare", lambda *_: pytest.fail("work was done"))
+    monkeypatch.setattr("ncgen.comparisons.comparison.compare.compare", lambda *_: pytest.fail("work was done"))
     refused(ncgen_main("compare", "pendulum", "--with", text), f"--with {text}: ", words)
 
 
 def test_a_function_that_fails_is_said_in_a_line():
-    from ncgen.report.rivals.user import UserFunction
+    from ncgen.comparisons.rivals.user import UserFunction
 
     def broken(q):
         return q / 0

@@ -19,11 +19,11 @@ CLAIMED = 0.8
 
 @pytest.fixture(scope="module")
 def at_once():
-    from ncgen.build.cache import build
-    from ncgen.build.compilers import find_compiler
-    from ncgen.emit.environment import verbatim
+    from ncgen.emit.runtime import runtime_files
+    from ncgen.toolchain.cache import build
+    from ncgen.toolchain.compilers import find_compiler
 
-    files = {"at_once.c": SOURCE} | {name: verbatim(f"c/{name}") for name in ("ncgen.h", "ncgen_math.h")}
+    files = {"at_once.c": SOURCE} | runtime_files("ncgen.h", "ncgen_math.h")
     ffi = FFI()
     ffi.cdef("void at_once(int n, const double *x, double *sine, double *cosine);")
     library = ffi.dlopen(str(build(files, find_compiler()).library))

@@ -10,11 +10,11 @@ import pytest
 import sympy
 
 import ncgen
-from ncgen.build.batch import LANES, CompiledBatch, available
-from ncgen.build.cache import build
-from ncgen.build.compilers import FLAGS, find_compiler
-from ncgen.build.library import CompiledKernels
 from ncgen.errors import NcgenError
+from ncgen.mechanism.batch import LANES, CompiledBatch, available
+from ncgen.mechanism.library import CompiledKernels
+from ncgen.toolchain.cache import build
+from ncgen.toolchain.compilers import FLAGS, find_compiler
 
 COUNT = 21
 """No multiple of the lanes, so that the last block is not full."""

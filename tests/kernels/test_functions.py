@@ -15,12 +15,12 @@ import sympy
 from cffi import FFI
 
 import ncgen
-from ncgen.build.batch import LANES, CompiledBatch
-from ncgen.build.cache import build
-from ncgen.build.compilers import FLAGS, find_compiler
-from ncgen.build.library import CompiledKernels
+from ncgen.mechanism.batch import LANES, CompiledBatch
+from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Graph
+from ncgen.toolchain.cache import build
+from ncgen.toolchain.compilers import FLAGS, find_compiler
 
 DIGITS = 40
 IN_MPMATH = {name: getattr(mpmath, name) for name in FUNCTIONS if name not in ("abs", "pow")} | {"abs": mpmath.fabs, "pow": mpmath.power}

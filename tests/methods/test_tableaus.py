@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
-from ncgen.emit.environment import verbatim
+from ncgen.emit.runtime import runtime_text
 from ncgen.errors import ModelError
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, find_integrator, in_c, number_in_c, other_names, partners
@@ -81,7 +81,7 @@ def test_a_new_method_of_the_table_runs_in_python():
 
 def test_c_has_the_numbers_of_the_table():
     """The header is printed from it."""
-    header = verbatim("c/ncgen_methods.h")
+    header = runtime_text("ncgen_methods.h")
     for table in (INTEGRATORS, FORMALISMS):
         for name in in_c(table):
             assert f"{table[name].constant} = {number_in_c(table[name])}" in header

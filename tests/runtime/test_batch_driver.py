@@ -7,10 +7,10 @@ import subprocess
 import pytest
 
 import ncgen
-from ncgen.build.batch import SOURCES as KERNELS
-from ncgen.build.batch_runs import SOURCES
-from ncgen.emit.c import HEADERS, c_files, dynamics_files
-from ncgen.emit.environment import verbatim
+from ncgen.emit.c import c_files, dynamics_files
+from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.mechanism.batch import SOURCES as KERNELS
+from ncgen.mechanism.batch_runs import SOURCES
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import dynamics
 from ncgen.solver.partition import choose_partitions
@@ -125,7 +125,7 @@ def test_many_states_within_their_arrays(model, lanes, tmp_path):
     q = assemble(kernels, kernels.q0)
     programs = dynamics(kernels, choose_partitions(kernels, q), "emitted", q, kernels.p0).programs
     files = c_files(kernels.programs) | dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
-    files |= {name: verbatim(f"c/{name}") for name in (*HEADERS, *KERNELS, *SOURCES)}
+    files |= runtime_files(*HEADERS, *KERNELS, *SOURCES)
     files["main.c"] = DRIVER.replace("@", model) % {
         "start": ", ".join(map(repr, q.tolist())),
         "parameters": "".join(f"{x!r}, " for x in kernels.p0.tolist()),

@@ -11,13 +11,14 @@ import pytest
 from scipy.special import ellipk
 
 import ncgen
-from ncgen.build.runtime import ConstrainedDynamics
-from ncgen.emit.c import HEADERS, RUNTIME, c_files, tangent_files
-from ncgen.emit.environment import verbatim
+from ncgen.emit.c import c_files, tangent_files
+from ncgen.emit.runtime import runtime_files, runtime_names
+from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.quasidefinite import Elimination
 from ncgen.solver.partition import choose_partitions
 
+RUNTIME = runtime_names()
 STRICT = ("-std=c99", "-Wall", "-Wextra", "-Wpedantic", "-Wconversion", "-Wdouble-promotion", "-Wshadow", "-Werror")
 TYPES = {"float": "-DNCGEN_SINGLE", "double": "-DNCGEN_DOUBLE", "long double": "-DNCGEN_LONG_DOUBLE", "__float128": "-DNCGEN_QUAD"}
 
@@ -132,7 +133,7 @@ def build_driver(kernels, folder, tolerance, duration, flags, step="0.0", rank=0
         "SINGULAR_MASS": int(dynamics._dynamics.singular_mass), "N_INDEPENDENT": len(part.independent),
     }  # fmt: skip
     files = c_files(kernels.programs) | tangent_files(kernels.tangents.programs, kernels.programs.equations)
-    files |= {name: verbatim(f"c/{name}") for name in RUNTIME}
+    files |= runtime_files(*RUNTIME)
     files["main.c"] = DRIVER.replace("@", kernels.name) % {"arrays": "\n".join(arrays)}
     for name, text in files.items():
         (folder / name).write_text(text)
@@ -200,8 +201,8 @@ def test_every_number_type_reaches_its_precision(type_name, method, tolerance, e
 
 def test_it_is_cpp_as_well(tmp_path):
     """For those who embed it in a C++ project and compile all sources alike."""
-    for name in RUNTIME + HEADERS:
-        (tmp_path / name).write_text(verbatim(f"c/{name}"))
+    for name, text in runtime_files(*RUNTIME).items():
+        (tmp_path / name).write_text(text)
     sources = [name for name in RUNTIME if name.endswith(".c")]
     command = ["g++", "-x", "c++", "-std=c++11", *STRICT[1:], "-O0", "-c", *sources]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
@@ -210,8 +211,8 @@ def test_it_is_cpp_as_well(tmp_path):
 
 def test_no_state_and_no_calls_but_libm(tmp_path):
     """The runtime's objects have no writable data and need elementary functions and each other, nothing else."""
-    for name in RUNTIME + HEADERS:
-        (tmp_path / name).write_text(verbatim(f"c/{name}"))
+    for name, text in runtime_files(*RUNTIME).items():
+        (tmp_path / name).write_text(text)
     sources = [name for name in RUNTIME if name.endswith(".c")]
     subprocess.run(["gcc", *STRICT, "-O1", "-fno-pic", "-fno-pie", "-c", *sources], cwd=tmp_path, check=True)
     objects = [f"{name[:-2]}.o" for name in sources]

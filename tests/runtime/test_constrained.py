@@ -118,7 +118,7 @@ def test_many_healthy_steps_are_not_taken_for_creeping():
 
 def test_thousand_links():
     """Work a step grows with the number of links, not with its square: sparse factors."""
-    from ncgen.build.runtime import ConstrainedDynamics
+    from ncgen.mechanism.runtime import ConstrainedDynamics
     from ncgen.methods.table import FORMALISMS, number_in_c
 
     sizes = {}
@@ -149,7 +149,7 @@ def test_a_motion_without_inertia_is_reported():
 @pytest.mark.parametrize("integrator", ["dopri5", "dop853", "rk4"])
 def test_stop_at_a_position(integrator):
     """The pendulum's x rises through 0 after a quarter of its period, which is the elliptic one."""
-    from ncgen.build.runtime import ConstrainedDynamics
+    from ncgen.mechanism.runtime import ConstrainedDynamics
     from ncgen.methods.table import FORMALISMS, number_in_c
 
     kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.build.runtime import ConstrainedDynamics
 from ncgen.errors import ModelError
+from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.solver import compiled
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.build.listening import FIRST, REACTION, Listener
+from ncgen.mechanism.listening import FIRST, REACTION, Listener
 from ncgen.methods.method import Method
 from ncgen.report.methods import TimeIsUp, limited
 from ncgen.solver.alarms import GOLDEN, LOOKS

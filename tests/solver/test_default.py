@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen.comparisons.hard_cases import CASES
 from ncgen.errors import ConvergenceError
 from ncgen.exchange.examples import load
 from ncgen.model import Model
-from ncgen.report.hard_cases import CASES
 from ncgen.report.methods import limited
 
 QUICK = ("robot", "bricard", "heavy-top", "nfourbar-2", "equal-crank", "massless", "pendulum-1e-06", "pendulum-1e+06", "near-parallel")

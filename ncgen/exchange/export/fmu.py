@@ -15,12 +15,12 @@ import zipfile
 from dataclasses import dataclass
 from pathlib import Path
 
-from ncgen.build.cache import compiled
 from ncgen.emit.environment import render
 from ncgen.errors import NcgenError
 from ncgen.exchange.export.package import Package, renamed
 from ncgen.model.elements import Vector
 from ncgen.program.full_loads import loaded_elements
+from ncgen.toolchain.cache import compiled
 
 FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
 """For any processor of this kind, not only this one; nothing but the standard's functions can be seen from outside."""

@@ -13,13 +13,14 @@ from functools import cached_property
 import numpy as np
 
 from ncgen import __version__
-from ncgen.build.kernels import Kernels
 from ncgen.compiler import compile, generate
-from ncgen.emit.c import HEADERS, number, program_records
-from ncgen.emit.environment import render, verbatim
+from ncgen.emit.c import number, program_records
+from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
+from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
@@ -68,7 +69,7 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        files = self.sources.c | {name: verbatim(f"c/{name}") for name in HEADERS}
+        files = self.sources.c | runtime_files(*HEADERS)
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **self.records) for kind in "hc"}
         return {renamed(name, self.prefix): renamed(text, self.prefix) for name, text in files.items()}
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import importlib.util
 
-from ncgen.build.cache import build
-from ncgen.build.compilers import zig
 from ncgen.emit.environment import render
 from ncgen.errors import CompileError
 from ncgen.exchange.export.package import Package, renamed
+from ncgen.toolchain.cache import build
+from ncgen.toolchain.compilers import zig
 
 FLAGS = (
     "-target",

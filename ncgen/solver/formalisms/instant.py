@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.solver.protocol import Kernels
+from ncgen.mechanism.kernels import Kernels
 
 
 @dataclass(frozen=True, eq=False)

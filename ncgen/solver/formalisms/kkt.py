@@ -13,8 +13,8 @@ from scipy.sparse import block_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 
 from ncgen.errors import SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.massless import massless
-from ncgen.solver.protocol import Kernels
 
 EPSILON = 1e-10
 REFINEMENTS = 6

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from math import ceil
 
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import watched
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
-from ncgen.solver.protocol import Kernels
 from ncgen.solver.steppers.ali3p import Ali3p
 from ncgen.solver.steppers.energy_momentum import EnergyMomentum
 from ncgen.solver.steppers.generalized_alpha import GeneralizedAlpha

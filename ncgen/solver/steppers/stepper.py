@@ -9,11 +9,11 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.position import check_mirror_roots
-from ncgen.solver.protocol import Kernels
 
 LIMIT = 25
 ENOUGH = 1e-14

@@ -1,0 +1,136 @@
+"""Many states in one call against one at a time: kernels and whole simulations."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+
+from ncgen.comparisons.rates import emitted_parts
+from ncgen.comparisons.rivals import KERNELS
+from ncgen.mechanism.batch import CompiledBatch, available
+from ncgen.mechanism.kernels import Kernels
+from ncgen.report.clock import measure, repeated
+from ncgen.report.repeat import Call, each, runner
+from ncgen.solver.assembly import assemble
+from ncgen.solver.batch import accelerations_batch, simulate_batch
+from ncgen.solver.compiled import GROWTH, dynamics, is_emitted
+from ncgen.solver.partition import choose_partitions
+from ncgen.solver.position import TOLERANCE
+
+STATES = 10_000
+RUNS = 2_000
+"""Simulations in a batch: enough to fill lanes and threads many times over."""
+
+MEASURED = (*KERNELS, "constraints", "mass")
+ALONE = 5
+"""Simulations one at a time in a sample."""
+
+ROUNDS = 9
+ALONE_IN_C = "one at a time in C"
+BATCH = "batch, threads: {}"
+WAYS = {False: "batch, one after the other", True: "batch in lanes"}
+WRITTEN = "copying the results alone"
+"""What memory allows: results of so many states pass through no cache."""
+
+TOLERANCES = {"rtol": 1e-6, "atol": 1e-8}
+
+
+def batch_records(kernels: Kernels) -> Iterator[dict]:
+    """Records of seconds a state; ratio: how many times less than one at a time in C; error: largest relative difference.
+
+    Of kernels, one at a time goes through the same rows of states and results; everything else is one state again and again.
+    chosen: of the two ways of a batch of kernels, whether `kernels.batch` takes it
+    """
+    yield from _kernel_records(kernels)
+    if kernels.m and _runs_in_lanes(kernels):
+        yield from _derivative_records(kernels)
+        yield from _simulation_records(kernels)
+
+
+def _kernel_records(kernels: Kernels) -> Iterator[dict]:
+    ways = {WAYS[in_lanes]: CompiledBatch(kernels, least=0.0 if in_lanes else np.inf) for in_lanes in WAYS}
+    rng = np.random.default_rng(0)
+    q = kernels.q0 + rng.uniform(-0.1, 0.1, (STATES, kernels.n))
+    qd = rng.uniform(-1, 1, q.shape)
+    for name in (n for n in MEASURED if n in kernels.programs.programs):
+        out = {way: batch.values(name, 0.0, q, qd, None) for way, batch in ways.items()}
+        chosen = WAYS[kernels.batch.in_lanes(name)]
+        there = out[chosen]
+        own = kernels.values(name, 0.0, q[-1], qd[-1], None)
+        call = Call(kernels.function(name), there.shape[1], kernels)
+        moves = "qd" in kernels.programs.programs[name].inputs
+        runs = {
+            ALONE_IN_C: each(0.0, q, qd, kernels.p0, call.function, moves, there),
+            "the same state in C": runner(0.0, q[0], qd[0], kernels.p0, *(([], call) if moves else ([call],))),
+            "one at a time from Python": repeated(lambda name=name: kernels.values(name, 0.0, q[0], qd[0], None)),
+        }
+        for way, batch in ways.items():
+            runs[way] = repeated(lambda batch=batch, name=name, out=out[way]: batch.values(name, 0.0, q, qd, None, out))
+        # Last, since wide vectors lower the clock of some processors for a while, which copying does not mind.
+        spare = np.empty_like(there)
+        runs[WRITTEN] = repeated(lambda spare=spare, there=there: np.copyto(spare, there))
+        counts = dict.fromkeys((ALONE_IN_C, WRITTEN, *ways), STATES)
+        error = max(_difference(found[-1], own) for found in out.values())
+        for record in _records(name, measure(runs, ROUNDS), error, counts):
+            yield record | ({"chosen": record["tool"] == chosen} if record["tool"] in ways else {})
+
+
+def _runs_in_lanes(kernels: Kernels) -> bool:
+    partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
+    return is_emitted(kernels, partitions)
+
+
+def _derivative_records(kernels: Kernels) -> Iterator[dict]:
+    """State derivatives at closed positions, where one Newton step is enough; the batch is the whole call from Python, in place."""
+    q, parts, programs = emitted_parts(kernels)
+    zd = np.random.default_rng(0).uniform(-1, 1, (STATES, programs["acceleration"].size - kernels.n - 2))
+    states = np.tile(q, (STATES, 1))
+    batch = accelerations_batch(kernels, states, zd)
+    states = batch.q
+    runs = {
+        ALONE_IN_C: runner(0.0, q, zd[-1], kernels.p0, [parts["newton"]], parts["acceleration"]),
+        BATCH.format(1): repeated(lambda: accelerations_batch(kernels, states, zd, threads=1, out=batch)),
+    }
+    spent = measure(runs, ROUNDS)
+    own = parts["acceleration"].out[kernels.n : -2]
+    yield from _records("derivative", spent, _difference(batch.zdd[-1], own), {BATCH.format(1): STATES})
+
+
+def _simulation_records(kernels: Kernels) -> Iterator[dict]:
+    """One at a time: the emitted run alone, without what `simulate` does before it; the batch is the whole call."""
+    duration = float(kernels.model.simulation_options.get("duration", 1.0))
+    q, p, grid = assemble(kernels, kernels.q0), kernels.p0, [0.0, duration]
+    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    zd0 = np.random.default_rng(0).uniform(-1, 1, (RUNS, len(partitions.velocity.independent)))
+    single = dynamics(kernels, partitions, "emitted", q, p)
+
+    def alone():
+        return [
+            single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES).completed() for zd in zd0[:ALONE]
+        ]
+
+    def together(count: int):
+        return lambda: simulate_batch(kernels, duration, zd0=zd0, threads=count, **TOLERANCES)
+
+    threads = sorted({1, available()})
+    batch, runs = together(1)(), alone()
+    arrived = [i for i, run in enumerate(runs) if run.status == "ok"]
+    error = max((_difference(batch.q[i, -1], runs[i].q[-1]) for i in arrived), default=None)
+    spent = measure({ALONE_IN_C: repeated(alone)} | {BATCH.format(k): repeated(together(k)) for k in threads}, ROUNDS)
+    counts = {ALONE_IN_C: ALONE} | {BATCH.format(k): RUNS for k in threads}
+    yield from _records("simulation", spent, error, counts)
+
+
+def _difference(ours, own) -> float:
+    return float(np.max(np.abs(ours - own)) / max(np.max(np.abs(own)), np.finfo(float).tiny))
+
+
+def _records(what: str, spent: dict, error: float | None, states: dict[str, int]) -> Iterator[dict]:
+    """states: how many of them a measured call computes, where it is not one."""
+    times = {tool: {x: getattr(spread, x) / states.get(tool, 1) for x in ("median", "low", "high")} for tool, spread in spent.items()}
+    alone = times[ALONE_IN_C]["median"]
+    for tool, t in times.items():
+        compared = error if tool.startswith("batch") else None
+        record = {"case": "batch", "tool": tool, "what": what, "error": compared, "seconds": t["median"], "ratio": alone / t["median"]}
+        yield record | {"low": t["low"], "high": t["high"]}

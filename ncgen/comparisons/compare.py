@@ -1,0 +1,179 @@
+"""`ncgen compare`: kernels and derivatives by hand, generated, and by differentiation of every other kind; error beside time."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterator
+
+import numpy as np
+
+from ncgen.comparisons.rivals import Inputs, Rival, all_rivals, by_differences, exact, relative_error, scale
+from ncgen.comparisons.rivals.base import KERNELS, differentiable
+from ncgen.comparisons.state_jacobian import StateJacobian
+from ncgen.compiler import compile
+from ncgen.model import Model
+from ncgen.report.clock import Spread, measure
+
+COMPARED = ("phi_q", "gamma", "mass")
+TITLES = {
+    "phi_q": "Φ_q, the Jacobian",
+    "gamma": "γ, of the accelerations",
+    "mass": "M, the mass matrix",
+    "all": "Φ, Φ_q and γ together",
+    "state": "∂ẏ/∂y of the state derivative",
+}
+NOISY = 0.3
+"""Distance of the quartiles, relative to the median, from which a time is marked."""
+
+
+def compare(model: Model, users: list[str] = ()) -> Iterator[tuple[str, list[dict]]]:
+    """(kernel, records) for Φ_q, γ, M, for Φ, Φ_q and γ together, and for ∂ẏ/∂y, as far as the mechanism has them.
+
+    users: functions of the user's own, see ncgen.comparisons.rivals.user
+    A record has kernel, tool, place ("C" or "Python": where the timing loop is), seconds, low, high (median and quartiles
+    per call, of a batch per state), noisy, error (relative to the largest entry), ulps_max and ulps_rms (in ulps of what is
+    added up in the entry), generation, compilation (seconds), operations, code (bytes); None where that is not known.
+    """
+    kernels = compile(model, "c")
+    names = tuple(k for k in (*KERNELS, "mass") if k in kernels.programs.programs)
+    if kernels.m and names:
+        inputs = Inputs.typical(kernels)
+        yield from _kernel_sections(model, kernels, inputs, names, list(users))
+    yield from _state_section(kernels)
+
+
+def _kernel_sections(model, kernels, inputs, names, users):
+    found = all_rivals(model, inputs, names, users)
+    spent = measure({(r.name, k): run for r in found for k, run in r.runs.items() if k in (*COMPARED, "all")})
+    judges = {k: _Judge(kernels, k, inputs) for k in names}
+    for kernel in (*COMPARED, "all"):
+        parts = KERNELS if kernel == "all" else (kernel,)
+        if not set(parts) <= set(names):
+            continue
+        records = [_record(r, kernel, spent[r.name, kernel], [judges[k](r) for k in parts]) for r in found if kernel in r.runs]
+        yield kernel, sorted(records, key=lambda record: record["seconds"])
+
+
+class _Judge:
+    """What a kernel should give, found with 50 digits and, for derivatives, from Φ alone."""
+
+    def __init__(self, kernels, kernel: str, inputs: Inputs):
+        self.kernel = kernel
+        alone = kernel in ("phi_q", "gamma") and differentiable(kernels)
+        self.reference = (by_differences if alone else exact)(kernels, kernel, inputs)
+        self.scale = scale(kernels, kernel, inputs)
+
+    def __call__(self, rival: Rival) -> tuple[float, float, float]:
+        """Relative error, largest and root mean square ulps."""
+        value = rival.values(self.kernel)
+        ulps = np.abs(value - self.reference) / self.scale / rival.epsilon
+        return relative_error(value, self.reference), float(np.max(ulps)), float(np.sqrt(np.mean(ulps**2)))
+
+
+def _record(rival: Rival, kernel: str, spread: Spread, errors) -> dict:
+    error, largest, rms = (max(column) for column in zip(*errors, strict=True))
+    each = rival.calls
+    return {
+        "kernel": kernel,
+        "tool": rival.name,
+        "place": rival.place,
+        "seconds": spread.median / each,
+        "low": spread.low / each,
+        "high": spread.high / each,
+        "noisy": spread.high - spread.low > NOISY * spread.median,
+        "error": error,
+        "ulps_max": largest,
+        "ulps_rms": rms,
+        "generation": rival.generation,
+        "compilation": rival.compilation,
+        "operations": rival.operations.get(kernel),
+        "code": rival.code.get(kernel),
+    }
+
+
+def _state_section(kernels):
+    state = StateJacobian(kernels)
+    if not state.possible:
+        return
+    found = state.rivals()
+    spent = measure({r.name: r.runs["state"] for r in found}, rounds=9)
+    reference = state.exact()
+    size = np.max(np.abs(reference), axis=1, keepdims=True) + np.finfo(float).tiny
+    records = []
+    for rival in found:
+        value = rival.values("state")
+        ulps = np.abs(value - reference) / size / rival.epsilon
+        errors = relative_error(value, reference), float(np.max(ulps)), float(np.sqrt(np.mean(ulps**2)))
+        records.append(_record(rival, "state", spent[rival.name], [errors]))
+    yield "state", sorted(records, key=lambda record: record["seconds"])
+
+
+def as_csv(records: list[dict]) -> str:
+    """Records as a table for machines, a line each."""
+    text = io.StringIO()
+    writer = csv.DictWriter(text, list(dict.fromkeys(key for r in records for key in r)), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(records)
+    return text.getvalue()
+
+
+# -- for people --------------------------------------------------------------------------------------------------------
+
+LEAST = 1e-20
+"""The least error that is drawn: numbers without one have a place, too."""
+
+HEAD = (
+    "",
+    "from C, ns",
+    "from Python, µs",
+    "quartiles",
+    "ratio",
+    "error",
+    "ulps",
+    "rms",
+    "generated, s",
+    "compiled, s",
+    "operations",
+    "bytes",
+)
+
+
+def table(records: list[dict]) -> list[tuple[str, ...]]:
+    """Rows of cells, titles first; the ratio is to the quickest generated code in double."""
+    own = [r["seconds"] for r in records if r["tool"].startswith("generated") and not r["tool"].endswith("float")]
+    rows = [HEAD]
+    for number, r in enumerate(records, 1):
+        unit = 1e9 if r["place"] == "C" else 1e6
+        time = f"{unit * r['seconds']:.{0 if unit == 1e9 else 2}f}"
+        spread = f"{unit * r['low']:.3g}-{unit * r['high']:.3g}" + (" noisy" if r["noisy"] else "")
+        cells = [f"{number:2}  {r['tool']}", *((time, "") if r["place"] == "C" else ("", time)), spread, f"{r['seconds'] / min(own):.3g}"]
+        cells += [f"{r['error']:.1e}", f"{r['ulps_max']:.2g}", f"{r['ulps_rms']:.2g}"]
+        cells += ["" if r[key] is None else f"{r[key]:.2f}" for key in ("generation", "compilation")]
+        rows.append((*cells, *("" if r[key] is None else str(r[key]) for key in ("operations", "code"))))
+    return rows
+
+
+def figure(sections: dict[str, list[dict]]):
+    """Error against time of every tool, both logarithmic, a panel a kernel: the lower left corner is where one wants to be."""
+    from ncgen.view.chart import GRID, empty
+
+    drawn = {kernel: records for kernel, records in sections.items() if kernel in TITLES}
+    chart = empty(9.0, 4.2 * max(len(drawn), 1))
+    chart.set_layout_engine("constrained")
+    for place, (kernel, records) in enumerate(drawn.items(), 1):
+        axes = chart.add_subplot(len(drawn), 1, place, xscale="log", yscale="log", ylabel="relative error", title=TITLES[kernel])
+        axes.set_xlabel("time of a call (s)")
+        axes.grid(**GRID)
+        axes.set_axisbelow(True)
+        for number, r in enumerate(records, 1):
+            x, y = r["seconds"], max(r["error"], LEAST)
+            generated = r["tool"].startswith("generated")
+            axes.plot(x, y, "o" if r["place"] == "C" else "s", color="#c8102e" if generated else "#30506b", markersize=5)
+            axes.annotate(str(number), (x, y), xytext=(0, 5 + 8 * (number % 2)), textcoords="offset points", fontsize=7, ha="center")
+        names = "\n".join(f"{n}  {r['tool']}" for n, r in enumerate(records, 1))
+        axes.text(1.02, 1.0, names, transform=axes.transAxes, fontsize=7, va="top")
+        axes.margins(0.1)
+        errors = [max(r["error"], LEAST) for r in records]
+        axes.set_ylim(min(errors) / 30, max(errors) * 30)
+    return chart

@@ -1,0 +1,175 @@
+"""A whole simulation: seconds against error for integrators, in C and in Python, and for hand-written code."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.integrate import solve_ivp
+
+from ncgen.comparisons.rivals import handwritten, octave
+from ncgen.errors import NcgenError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.assembly import assemble
+from ncgen.solver.compiled import is_emitted
+from ncgen.solver.partition import choose_partitions
+from ncgen.solver.simulate import simulate
+
+TOLERANCES = (1e-5, 1e-6, 1e-8, 1e-10)
+ABSOLUTE = 1e-2
+"""Absolute tolerance as a share of the relative one."""
+
+STEPS = (50, 100, 200)
+STUDENT_STEPS = 100
+REPEATS = 9
+LONGEST = 2.0
+"""Seconds after which a run in C is not repeated any more."""
+
+TIGHT = 1e-13
+
+PARTITIONED = "coordinate-partitioning"
+"""The formalism of all engines that are compared, the emitted one among them."""
+
+ENGINES = {"emitted": "emitted C", "c": "C, dense elimination", "python": "Python"}
+
+
+def fall_records(kernels: Kernels) -> Iterator[dict]:
+    """Records of the model's own simulation, one at a time.
+
+    error: largest difference (m, rad) of the end position; seconds: of the run; total: of the whole call of `simulate`
+    """
+    duration = own_run(kernels)[0]
+    if not _runs_in_c(kernels) or (reference := end_state(kernels, duration)) is None:
+        return
+    for engine in ("emitted", "c"):
+        for integrator, setting, options in _settings(duration):
+            yield _timed(kernels, duration, reference, integrator, setting, options, engine, REPEATS)
+    yield _timed(kernels, duration, reference, "dopri5", "rtol 1e-06", _tolerances(1e-6), "python", 1)
+    yield from _student(kernels, duration, reference)
+
+
+def own_run(kernels: Kernels) -> tuple[float, dict]:
+    """Duration (s) and initial velocities of the model's own simulation, as arguments of `simulate`."""
+    options = kernels.model.simulation_options
+    return float(options.get("duration", 1.0)), {k: options[k] for k in ("zd0",) if k in options}
+
+
+def _runs_in_c(kernels: Kernels) -> bool:
+    """False for what only Python simulates: it would take minutes."""
+    partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
+    return is_emitted(kernels, partitions)
+
+
+def _settings(duration: float):
+    for rtol in TOLERANCES:
+        for integrator in ("dopri5", "dop853"):
+            yield integrator, f"rtol {rtol:g}", _tolerances(rtol)
+    for steps in STEPS:
+        yield "rk4", f"{steps} steps", {"max_step": duration / steps}
+
+
+def _tolerances(rtol: float) -> dict:
+    return {"rtol": rtol, "atol": ABSOLUTE * rtol}
+
+
+def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
+    """{coordinate: end value}: known beforehand, or from a run at tight tolerance; None where it cannot be simulated."""
+    module = handwritten(kernels)
+    if module is not None:
+        return module.END
+    try:
+        tight = {"rtol": TIGHT, "atol": ABSOLUTE * TIGHT}
+        run = simulate(
+            kernels, duration, formalism=PARTITIONED, integrator="dopri5", points=2, engine="emitted", **tight, **own_run(kernels)[1]
+        )
+    except NcgenError:
+        return None
+    return dict(zip(kernels.coordinates, run.q[-1].tolist(), strict=True))
+
+
+def _timed(kernels, duration, reference, integrator, setting, options, engine, repeats) -> dict:
+    record = {"case": "simulation", "tool": f"{integrator}, {ENGINES[engine]}", "setting": setting}
+    try:
+        run, seconds, totals = _repeated(kernels, duration, integrator, options, engine, repeats)
+    except NcgenError as error:
+        return record | {"error": None, "seconds": None, "stopped": str(error)}
+    if engine != "python" and run.engine.startswith("python"):
+        return record | {"error": None, "seconds": None, "stopped": run.engine}
+    counts = run.statistics
+    return record | {
+        "error": max(abs(run[name][-1] - value) for name, value in reference.items()),
+        "seconds": statistics.median(seconds),
+        "total": statistics.median(totals),
+        "steps": counts.steps,
+        "evaluations": counts.evaluations,
+        "newton_steps": counts.newton_steps,
+    }
+
+
+def _repeated(kernels, duration, integrator, options, engine, repeats):
+    seconds, totals = [], []
+    options = options | own_run(kernels)[1]
+    if engine != "python":
+        simulate(kernels, duration, formalism=PARTITIONED, integrator=integrator, engine=engine, points=2, **options)  # compiles
+    while len(seconds) < repeats and sum(totals) < LONGEST:
+        start = time.perf_counter()
+        run = simulate(kernels, duration, formalism=PARTITIONED, integrator=integrator, engine=engine, points=2, **options)
+        totals.append(time.perf_counter() - start)
+        seconds.append(run.statistics.seconds)
+    return run, seconds, totals
+
+
+def _scipy(derivative, duration: float, y0) -> tuple[np.ndarray, int]:
+    """End state and evaluations."""
+    found = solve_ivp(derivative, (0.0, duration), y0, method="RK45", **_tolerances(1e-6))
+    return found.y[:, -1], int(found.nfev)
+
+
+def _rk4(derivative, duration: float, y) -> tuple[np.ndarray, int]:
+    """End state and evaluations."""
+    h = duration / STUDENT_STEPS
+    for t in h * np.arange(STUDENT_STEPS):
+        a = derivative(t, y)
+        b = derivative(t + h / 2, y + h / 2 * a)
+        c = derivative(t + h / 2, y + h / 2 * b)
+        y = y + h / 6 * (a + 2 * b + 2 * c + derivative(t + h, y + h * c))
+    return y, 4 * STUDENT_STEPS
+
+
+def _student(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
+    """The hand-written derivative with SciPy's RK45 and with Runge and Kutta's own steps, and the paper's own times."""
+    module = handwritten(kernels)
+    if module is None:
+        return
+    for tool, setting, integrate in (("SciPy RK45", "rtol 1e-06", _scipy), ("RK4", f"{STUDENT_STEPS} steps", _rk4)):
+        guess = kernels.q0.copy()
+        y0 = np.concatenate([np.zeros(len(module.INDEPENDENT)), guess[module.INDEPENDENT]])
+        start = time.perf_counter()
+        y, evaluations = integrate(lambda t, y, guess=guess: module.derivative(t, y, guess), duration, y0)
+        seconds = time.perf_counter() - start
+        end = dict(zip((kernels.coordinates[i] for i in module.INDEPENDENT), y[len(module.INDEPENDENT) :], strict=True))
+        error = float(max(abs(end[name] - value) for name, value in reference.items()))
+        record = {"case": "simulation", "tool": f"hand-written NumPy, {tool}", "setting": setting, "error": error}
+        yield record | {"seconds": seconds, "total": seconds, "evaluations": evaluations}
+    yield from _octave(kernels, duration, reference)
+    for tool, seconds in ((name, hand) for name, (hand, _) in module.PAPER_TABLE_9.items()):
+        yield {"case": "simulation", "tool": f"the paper's Table 9, {tool}", "setting": "2007", "error": None, "seconds": seconds}
+
+
+def _octave(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
+    """The paper's own program, where Octave is installed."""
+    if not octave.available(kernels):
+        return
+    names = [kernels.coordinates[i] for i in handwritten(kernels).INDEPENDENT]
+    try:
+        found = octave.falls(kernels, duration=duration, steps=STUDENT_STEPS, **_tolerances(1e-6))
+    except NcgenError as error:
+        yield {"case": "simulation", "tool": "hand-written Octave", "setting": "", "error": None, "seconds": None, "stopped": str(error)}
+        return
+    for run, setting in zip(found, (f"{STUDENT_STEPS} steps", "rtol 1e-06"), strict=True):
+        end = dict(zip(names, run["psi"], strict=True))
+        error = max(abs(end[name] - value) for name, value in reference.items())
+        record = {"case": "simulation", "tool": f"hand-written Octave, {run['tool']}", "setting": setting, "error": error}
+        yield record | {"seconds": run["seconds"], "total": run["seconds"], "evaluations": run["evaluations"]}

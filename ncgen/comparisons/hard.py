@@ -1,0 +1,74 @@
+"""`ncgen hard`: every hard case by every method: the error, the drift, the time, or the reason why it fails."""
+
+from __future__ import annotations
+
+import time
+import warnings
+from collections.abc import Iterator
+
+import numpy as np
+
+from ncgen.comparisons.hard_cases import CASES, Case
+from ncgen.compiler import compile
+from ncgen.errors import NcgenError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.runtime import prepare
+from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
+from ncgen.solver.simulate import simulate
+
+ABSOLUTE = 1e-2
+"""Absolute tolerance as a share of the relative one, for a mechanism of one metre."""
+
+LIMIT = 20.0
+"""Seconds after which a run is stopped."""
+
+
+def hard_records(names=(), limit: float = LIMIT) -> Iterator[dict]:
+    """Records of the named cases (default: all), a run at a time.
+
+    case, formalism, integrator, engine; error and against: largest error, and what is known; drift: of the energy, relative;
+    seconds; reason: in words, where there is no result; said: what a run with a result warned of
+    """
+    for name in names or CASES:
+        case = CASES[name]
+        kernels = compile(case.build(), "c")
+        for formalism, integrator in methods():
+            yield run_case(kernels, case, formalism, integrator, limit)
+
+
+def run_case(kernels: Kernels, case: Case, formalism: str, integrator: str, limit: float = LIMIT) -> dict:
+    """One run as a record."""
+    record = {"case": case.name, "formalism": formalism, "integrator": integrator, "engine": None, "error": None, "drift": None}
+    record |= {"against": case.against, "seconds": None, "reason": None, "said": None}
+    steps = {"max_step": case.step} if integrator in FIXED else {"rtol": case.rtol, "atol": ABSOLUTE * case.rtol * kernels.length}
+    options = {**case.options, **steps, "points": case.points}
+    if case.violated:
+        noise = np.random.default_rng(1).uniform(-1, 1, kernels.n)
+        options["q0"] = kernels.q0 + case.violated * kernels.column_sizes * noise
+    prepare(kernels, case.options.get("number", "double"))
+    start = time.perf_counter()
+    try:
+        with warnings.catch_warnings(record=True) as said, limited(limit):
+            run = simulate(kernels, case.duration, formalism=formalism, integrator=integrator, **options)
+    except (NcgenError, TimeIsUp) as error:
+        return record | {"seconds": time.perf_counter() - start, "reason": str(error)}
+    record |= {"engine": run.engine.split(":")[0], "seconds": run.statistics.seconds}
+    record |= {"said": "; ".join(str(warning.message) for warning in said) or None}
+    if not np.all(np.isfinite(run.q)):
+        return record | {"reason": "the motion is not finite, and nothing said so"}
+    return record | {"error": float(case.error(run)), "drift": float(run.energy_drift)}
+
+
+def lines(records: list[dict]) -> Iterator[str]:
+    """The records as a table, a case after the other."""
+    for name in dict.fromkeys(r["case"] for r in records):
+        mine = [r for r in records if r["case"] == name]
+        yield f"{name}: {CASES[name].breaks}; error against {mine[0]['against']}"
+        for r in mine:
+            method = f"  {r['formalism']:<24}{r['integrator']:<18}"
+            if r["reason"]:
+                yield f"{method}{'':>34}{r['reason']}"
+            else:
+                said = f"  {r['said']}" if r["said"] else ""
+                yield f"{method}{r['engine']:<8}{r['error']:>9.1e}{r['drift']:>9.1e}{r['seconds']:>7.2f} s{said}"
+        yield ""

@@ -1,0 +1,113 @@
+"""Instructions of kernels by valgrind's callgrind: counts that repeat to the digit, whatever else the machine does.
+
+They depend on the compiler and on the C library's sine and cosine, so they are compared on one system.
+"""
+
+from __future__ import annotations
+
+import re
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from ncgen.comparisons.rivals.base import KERNELS, Inputs
+from ncgen.comparisons.rivals.handwritten import source
+from ncgen.compiler import compile, generate
+from ncgen.emit.c import dynamics_files
+from ncgen.emit.naming import identifier
+from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files
+from ncgen.errors import NcgenError
+from ncgen.model import Model
+from ncgen.program.assemble import EMISSIONS
+from ncgen.solver.assembly import assemble
+from ncgen.solver.compiled import dynamics, is_emitted
+from ncgen.solver.partition import choose_partitions
+from ncgen.toolchain.cache import compiled
+from ncgen.toolchain.compilers import FLAGS, find_compiler
+
+TIMES = 1000
+"""As in count.c."""
+
+COMMON = "x86-64-v3"
+"""What valgrind can run: it knows no AVX-512."""
+
+
+def instruction_records(model: Model) -> Iterator[dict]:
+    """Records of case (the kernel), tool and instructions of one call. Raises NcgenError where valgrind or a compiler is missing."""
+    if shutil.which("valgrind") is None:
+        raise NcgenError("instructions are counted by valgrind, which is not there; install it (Debian: apt install valgrind)")
+    kernels = compile(model, "c")
+    inputs = Inputs.typical(kernels)
+    prefix = identifier(model.name)
+    flags = tuple(f"-march={COMMON}" if flag.startswith("-march") else flag for flag in FLAGS)
+    with tempfile.TemporaryDirectory() as folder:
+        count = _Counter(Path(folder), flags)
+        for way in EMISSIONS:
+            sources = generate(model, way)
+            for name, program in sources.programs.programs.items():
+                kind = "velocity" if "qd" in program.inputs else "position"
+                numbers = inputs.q, inputs.qd, inputs.p, program.size
+                yield _record(name, f"generated, {way}", count(sources.c, f"{prefix}_{name}", kind, numbers))
+        if path := source(kernels):
+            for name in KERNELS:
+                kind, size = "velocity" if name == "gamma" else "position", kernels.programs.programs[name].size
+                numbers = inputs.q, inputs.qd, inputs.p, size
+                yield _record(name, "hand-written", count({path.name: path.read_text("utf-8")}, f"handwritten_{name}", kind, numbers))
+        yield from _derivative_records(kernels, count)
+
+
+def _derivative_records(kernels, count: _Counter) -> Iterator[dict]:
+    """The two functions of the emitted state derivative, at a closed position."""
+    q = assemble(kernels, kernels.q0)
+    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    if not kernels.m or not is_emitted(kernels, partitions):
+        return
+    programs = dynamics(kernels, partitions, "emitted", q, kernels.p0).programs
+    files = dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
+    files = files | runtime_files(*RUNTIME_HEADERS, *HEADERS)
+    prefix, zd = identifier(kernels.name), np.ones(len(partitions.velocity.independent))
+    for kind, program in (("newton", programs.newton), ("acceleration", programs.acceleration)):
+        numbers = q, zd, kernels.p0, program.size
+        yield _record(kind, "state derivative", count(files, f"{prefix}_dynamics", kind, numbers, f"{prefix}_{kind}"))
+
+
+class _Counter:
+    """The program that calls a function of a library, and valgrind around it."""
+
+    def __init__(self, folder: Path, flags: tuple[str, ...]):
+        self.flags, self.program = flags, folder / "count"
+        for name, text in runtime_files(*RUNTIME_HEADERS, *HEADERS).items():
+            (folder / name).write_text(text, encoding="utf-8")
+        shutil.copy(Path(__file__).with_name("count.c"), folder)
+        command = [*find_compiler().command, "-std=gnu99", "-O1", "count.c", "-o", "count", "-ldl", "-lm"]
+        made = subprocess.run(command, cwd=folder, capture_output=True, text=True)
+        if made.returncode:
+            raise NcgenError(f"the program that calls kernels does not compile: {made.stderr.strip().splitlines()[0]}")
+
+    def __call__(self, files: dict[str, str], function: str, kind: str, numbers, counted: str = "") -> float:
+        """Instructions of one call; counted: the function's own name where `function` returns a table of them."""
+        library = compiled(files, self.flags).library
+        q, v, p, size = numbers
+        given = " ".join([f"{len(q)} {len(v)} {len(p)} {size}", *(repr(float(x)) for a in (q, v, p) for x in a)])
+        valgrind = ["valgrind", "--tool=callgrind", f"--toggle-collect={counted or function}", "--callgrind-out-file=/dev/null"]
+        done = subprocess.run([*valgrind, self.program, library, function, kind], input=given, capture_output=True, text=True)
+        collected = re.search(r"Collected : (\d+)", done.stderr)
+        if done.returncode or not collected:
+            raise NcgenError(f"{function}: valgrind does not count it: {done.stderr.strip().splitlines()[-1]}")
+        return int(collected[1]) / TIMES
+
+
+def _record(case: str, tool: str, instructions: float) -> dict:
+    return {"case": case, "tool": tool, "instructions": instructions}
+
+
+def table(records: list[dict]) -> list[tuple[str, ...]]:
+    """A line a tool, a column a kernel, titles first."""
+    cases = list(dict.fromkeys(r["case"] for r in records))
+    known = {(r["tool"], r["case"]): f"{r['instructions']:.0f}" for r in records}
+    tools = dict.fromkeys(r["tool"] for r in records)
+    return [("instructions", *cases), *((tool, *(known.get((tool, case), "") for case in cases)) for tool in tools)]

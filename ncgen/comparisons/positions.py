@@ -1,0 +1,67 @@
+"""How exact emitted accelerations are from position to position: their order of pivots is fixed, and can be unlucky."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.mechanism.kernels import Kernels
+from ncgen.program.blocks import Program
+from ncgen.program.evaluate import evaluate
+from ncgen.program.functions import FUNCTIONS
+from ncgen.report.repeat import Call, runner
+from ncgen.solver.batch import accelerations_batch
+
+POSITIONS = 1000
+REACH = 1.0
+"""How far the independent coordinates go from where they start, in radians or natural sizes."""
+
+STAGES = 20
+"""Newton's method follows from one to the next, so that it stays on its branch."""
+
+
+def largest_errors(kernels: Kernels, q, calls: dict[str, Call], exact: Program) -> dict[str, float]:
+    """The largest relative error of z̈ in many closed positions, of some ways to compute [q̇, z̈, …].
+
+    q: where to start; exact: a program of the same numbers, which is evaluated in long double
+    Empty where long double is no better than double, or there is no freedom to go anywhere.
+    """
+    if np.finfo(np.longdouble).eps >= np.finfo(float).eps:
+        return {}
+    positions, rates = _positions(kernels, q, exact.size - kernels.n - 2)
+    if not rates.size:
+        return {}
+    expected = _exact(kernels, positions, rates, exact)
+    scale = np.maximum(np.max(np.abs(expected), axis=1), np.finfo(float).tiny)  # nothing need accelerate
+    found = {
+        name: np.array([_evaluated(kernels, call, x, v) for x, v in zip(positions, rates, strict=True)]) for name, call in calls.items()
+    }
+    return {name: float(np.max(np.max(np.abs(values - expected), axis=1) / scale)) for name, values in found.items()}
+
+
+def _positions(kernels: Kernels, q, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Closed positions, reached from q in stages, and random rates of the `count` independent coordinates."""
+    rng = np.random.default_rng(0)
+    rates = rng.uniform(-1, 1, (POSITIONS, count))
+    batch = accelerations_batch(kernels, np.tile(q, (POSITIONS, 1)), rates)
+    independent = [kernels.index[name] for name in batch.independent]
+    steps = rng.uniform(-REACH, REACH, rates.shape) * kernels.column_sizes[independent] / STAGES
+    arrived = np.ones(POSITIONS, dtype=bool)
+    for _ in range(STAGES):
+        batch.q[:, independent] += steps
+        batch.q[~arrived] = q  # what does not close any more stays out
+        batch = accelerations_batch(kernels, batch.q, rates, out=batch)
+        arrived &= batch.ok
+    return batch.q[arrived], rates[arrived]
+
+
+def _exact(kernels: Kernels, positions, rates, program: Program) -> np.ndarray:
+    long = np.longdouble
+    inputs = {"t": long(0), "q": long(1) * positions.T, "zd": long(1) * rates.T, "p": long(1) * kernels.p0}
+    functions = {name: getattr(np, f.numpy) for name, f in FUNCTIONS.items()}
+    values = evaluate(program, inputs, functions, long)[kernels.n : -2]
+    return np.array([np.broadcast_to(x, len(positions)) for x in values]).T
+
+
+def _evaluated(kernels: Kernels, call: Call, q, rates) -> np.ndarray:
+    runner(0.0, q, rates, kernels.p0, [], call)(1)
+    return call.out[kernels.n : -2].copy()

@@ -1,0 +1,113 @@
+"""One emitted state derivative: its parts, what they take, and what their operations alone would take."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.comparisons.positions import largest_errors
+from ncgen.comparisons.rivals import Inputs, exact, handwritten, relative_error
+from ncgen.mechanism.kernels import Kernels
+from ncgen.program.cost import cost
+from ncgen.report.clock import measure, repeated
+from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
+from ncgen.solver.assembly import assemble
+from ncgen.solver.compiled import dynamics as dynamics_in_c
+from ncgen.solver.compiled import is_emitted
+from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.partition import choose_partitions
+
+REFINED = "accelerations, refined"
+SPEED = 1.0
+"""Independent velocities at which the derivative is measured."""
+
+
+def arithmetic_rate() -> float:
+    """Multiplications and additions per second of one core, one number at a time."""
+    return OPERATIONS / measure({"rate": arithmetic()})["rate"].median
+
+
+def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
+    """Parts of the state derivative in C and in Python; empty where the mechanism has no such code.
+
+    error: relative, of the independent accelerations against the reference in Python; worst: the largest of many positions
+    against long double
+    """
+    q = assemble(kernels, kernels.q0)
+    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    if not is_emitted(kernels, partitions):
+        return []
+    zd = np.full(len(partitions.velocity.independent), SPEED)
+    _, parts, programs = emitted_parts(kernels)
+    refined = dynamics_in_c(kernels, partitions, "refined", q, kernels.p0)
+    programs[REFINED] = refined.programs.acceleration
+    parts[REFINED] = Call(refined._dynamics.acceleration, programs[REFINED].size, (kernels, refined))
+    runs = {name: runner(0.0, q, zd, kernels.p0, *chosen) for name, chosen in _combinations(parts).items()}
+    runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
+    runs |= _student(kernels, q, zd)
+    spent = measure(runs)
+    error = _error(kernels, partitions, q, zd, parts)
+    counts = _counts(programs)
+    ways = {"accelerations": parts["acceleration"], REFINED: parts[REFINED]}
+    worst = largest_errors(kernels, q, ways, programs[REFINED])
+    return [_record(name, spread, counts.get(name), rate, error.get(name), worst.get(name)) for name, spread in spent.items()]
+
+
+def emitted_parts(kernels: Kernels):
+    """A closed position, the functions phi, newton and acceleration as calls, and their programs."""
+    q = assemble(kernels, kernels.q0)
+    partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
+    emitted = dynamics_in_c(kernels, partitions, "emitted", q, kernels.p0)
+    programs = {"phi": kernels.programs.programs["phi"]}
+    programs |= {name: getattr(emitted.programs, name) for name in ("newton", "acceleration")}
+    functions = {"phi": kernels.function("phi")}
+    functions |= {name: getattr(emitted._dynamics, name) for name in ("newton", "acceleration")}
+    return q, {name: Call(functions[name], program.size, (kernels, emitted)) for name, program in programs.items()}, programs
+
+
+def _combinations(parts):
+    phi, newton, acceleration = (parts[name] for name in ("phi", "newton", "acceleration"))
+    return {
+        "residual": ([phi],),
+        "Newton step": ([newton],),
+        "accelerations": ([], acceleration),
+        REFINED: ([], parts[REFINED]),
+        "all, with one Newton step": ([phi, newton], acceleration),
+    }
+
+
+def _counts(programs) -> dict[str, int]:
+    phi, newton, acceleration, refined = (cost(programs[name]).total for name in ("phi", "newton", "acceleration", REFINED))
+    return dict(zip(_combinations(programs), (phi, newton, acceleration, refined, phi + newton + acceleration), strict=True))
+
+
+def _student(kernels, q, zd) -> dict:
+    """The hand-written derivative, started from the position itself."""
+    module = handwritten(kernels)
+    if module is None:
+        return {}
+    y, guess = np.concatenate([zd, q[module.INDEPENDENT]]), q.copy()
+    return {"hand-written NumPy": repeated(lambda: module.derivative(0.0, y, guess))}
+
+
+def _error(kernels, partitions, q, zd, parts) -> dict[str, float]:
+    """Errors of what the functions have just written."""
+    here = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
+    part = partitions.velocity.independent
+    found = {"residual": float(np.max(np.abs(parts["phi"].out - exact(kernels, "phi", Inputs(q, q, kernels.p0)))))}
+    for name, call in (("accelerations", "acceleration"), ("all, with one Newton step", "acceleration"), (REFINED, REFINED)):
+        found[name] = relative_error(parts[call].out[kernels.n : kernels.n + len(part)], here.qdd[part])
+    return found | _student_error(kernels, q, zd, here.qdd[part])
+
+
+def _student_error(kernels, q, zd, expected) -> dict[str, float]:
+    module = handwritten(kernels)
+    if module is None:
+        return {}
+    rate = module.derivative(0.0, np.concatenate([zd, q[module.INDEPENDENT]]), q.copy())
+    return {"hand-written NumPy": relative_error(rate[: len(zd)], expected)}
+
+
+def _record(name, spread, operations, rate, error, worst) -> dict:
+    record = {"case": "state derivative", "tool": name, "error": error, "worst": worst}
+    record |= {"seconds": spread.median, "low": spread.low, "high": spread.high}
+    return record if operations is None else record | {"operations": operations, "floor": operations / rate}

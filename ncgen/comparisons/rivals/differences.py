@@ -1,0 +1,62 @@
+"""Derivatives from values: differences of Φ, and steps into the complex plane."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.comparisons.rivals.base import Inputs, Rival, called, differentiable, nonzeros
+from ncgen.mechanism.kernels import Kernels
+
+EPSILON = np.finfo(float).eps
+IMAGINARY = 1e-200
+
+
+def rivals(kernels: Kernels, complex_kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+    """Φ_q from Φ, γ from Φ_q q̇ along q̇; complex_kernels: those of NumPy, which take complex numbers."""
+    if not differentiable(kernels):
+        return []
+
+    ways = {
+        "finite differences, 2 points": (forward, kernels),
+        "finite differences, 3 points": (central, kernels),
+        "complex step, NumPy": (complex_step, complex_kernels),
+    }
+    found = []
+    for name, (slope, used) in ways.items():
+        functions = {
+            "phi_q": lambda slope=slope, used=used: jacobian(slope, lambda x: used.phi(x, inputs.t, inputs.p), inputs.q),
+            "gamma": lambda slope=slope, used=used: -slope(_rate(used, inputs), inputs.q, inputs.qd),
+        }
+        functions = {k: f for k, f in functions.items() if k in names}
+        found.append(called(name, functions, lambda k, functions=functions: nonzeros(kernels, k, functions[k]())))
+    return found
+
+
+def _rate(kernels: Kernels, inputs: Inputs):
+    return lambda x: kernels.jacobian(x, inputs.t, inputs.p) @ inputs.qd
+
+
+def jacobian(slope, function, x) -> np.ndarray:
+    """∂function/∂x, column by column."""
+    return np.column_stack([slope(function, x, unit) for unit in np.eye(len(x))])
+
+
+def forward(function, x, direction) -> np.ndarray:
+    """Error h |f''|/2 + ε |f|/h, least at h = √ε."""
+    h = np.sqrt(EPSILON) * _size(x, direction)
+    return (function(x + h * direction) - function(x)) / h
+
+
+def central(function, x, direction) -> np.ndarray:
+    """Error h² |f'''|/6 + ε |f|/h, least at h = ∛ε."""
+    h = np.cbrt(EPSILON) * _size(x, direction)
+    return (function(x + h * direction) - function(x - h * direction)) / (2 * h)
+
+
+def complex_step(function, x, direction) -> np.ndarray:
+    """Nothing cancels, so the step may be as small as one likes (Squire and Trapp 1998)."""
+    return function(x + 1j * IMAGINARY * direction).imag / IMAGINARY
+
+
+def _size(x, direction) -> float:
+    return max(1.0, float(np.max(np.abs(x[direction != 0]), initial=0.0))) / float(np.max(np.abs(direction)))

@@ -1,0 +1,115 @@
+"""ncgen's own code: C in every emission and number type, C called from Python, batches, NumPy."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+
+from ncgen.comparisons.rivals.base import KERNELS, Inputs, Rival, called
+from ncgen.compiler import compile, generate
+from ncgen.emit.naming import identifier
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import CompiledKernels
+from ncgen.model import Model
+from ncgen.program.assemble import EMISSIONS
+from ncgen.program.cost import cost
+from ncgen.report.clock import repeated
+from ncgen.report.repeat import Call, runner, typed_runner
+from ncgen.toolchain import cache
+from ncgen.toolchain.abi import NUMBERS
+
+STATES = 1000
+"""States of a batch: few enough to stay in the processor's second cache."""
+
+
+def at_once(kernels: CompiledKernels, inputs: Inputs) -> Rival:
+    """The one function that writes Φ, Φ_q and γ."""
+    program = kernels.programs.programs["constraints"]
+    function = Call(kernels.function("constraints"), program.size, kernels)
+    run = runner(inputs.t, inputs.q, inputs.qd, inputs.p, [], function)
+    ends = np.cumsum([kernels.programs.programs[k].size for k in KERNELS])
+    part = dict(zip(KERNELS, np.split(np.arange(function.size), ends[:-1]), strict=True))
+    return Rival("generated C, all at once", {"all": run}, lambda k: (run(1), function.out[part[k]])[1])
+
+
+def emissions(model: Model, inputs: Inputs, names) -> list[Rival]:
+    """Every emission, `auto` first, with the seconds it took to make."""
+    found = []
+    for emission in ("auto", *sorted(set(EMISSIONS) - {"auto"})):
+        start = time.perf_counter()
+        sources = generate(model, emission)
+        generation = time.perf_counter() - start
+        kernels = compile(sources, "c")
+        programs = kernels.programs.programs
+        functions = {name: Call(kernels.function(name), programs[name].size, kernels) for name in programs}
+        rival = compiled(f"generated C, {emission}", functions, inputs, names)
+        built = cache.compiled(sources.c)
+        facts = {"generation": generation, "compilation": built.spent}
+        facts |= {"operations": {name: cost(program).total for name, program in programs.items()}}
+        facts |= {"code": code_bytes(built.library, identifier(model.name), names)}
+        found.append(Rival(rival.name, rival.runs, rival.values, **facts))
+    return found
+
+
+def compiled(name: str, functions: dict[str, Call], inputs: Inputs, names) -> Rival:
+    """A rival of functions in C with the face of kernels."""
+
+    def run(*chosen):
+        velocity = functions["gamma"] if "gamma" in chosen else None
+        return runner(inputs.t, inputs.q, inputs.qd, inputs.p, [functions[k] for k in chosen if k != "gamma"], velocity)
+
+    names = [k for k in names if k in functions]
+    runs = {k: run(k) for k in names}
+    if set(KERNELS) <= set(names):
+        runs["all"] = run(*KERNELS)
+    return Rival(name, runs, lambda k: (runs[k](1), functions[k].out.copy())[1])
+
+
+def other_types(model: Model, inputs: Inputs, names) -> list[Rival]:
+    """The same source for float and long double."""
+    sources = generate(model)
+    found = []
+    for name in (name for name in NUMBERS if name != "double"):
+        runs, out = typed_runner(sources, name, inputs, names)
+        epsilon = float(np.finfo(NUMBERS[name].dtype).eps)
+        found.append(Rival(f"generated C, {name}", runs, lambda k, runs=runs, out=out: (runs[k](1), out[k].copy())[1], epsilon=epsilon))
+    return found
+
+
+def from_python(name: str, kernels: Kernels, inputs: Inputs, names) -> Rival:
+    """Kernels as a user calls them."""
+    functions = {k: lambda k=k: kernels.values(k, inputs.t, inputs.q, inputs.qd, inputs.p) for k in names}
+    return called(name, functions)
+
+
+def direct(kernels: CompiledKernels, inputs: Inputs, names) -> Rival:
+    """Kernels on arrays of their own, for loops in Python."""
+    functions = {k: kernels.direct(k) for k in names if k in kernels.programs.programs}
+    for function in functions.values():
+        function.q[:], function.qd[:], function.p[:], function.t = inputs.q, inputs.qd, inputs.p, inputs.t
+    return called("generated C, direct", functions, lambda k: (functions[k](), functions[k].out.copy())[1])
+
+
+def batch(kernels: CompiledKernels, inputs: Inputs, names) -> Rival:
+    """Many states in one call, each the same; times are those of a state."""
+    q, qd = (np.tile(x, (STATES, 1)) for x in (inputs.q, inputs.qd))
+    out = {k: np.empty((STATES, kernels.programs.programs[k].size)) for k in names}
+
+    def function(k):
+        return lambda: kernels.batch.values(k, inputs.t, q, qd, inputs.p, out[k])
+
+    runs = {k: repeated(function(k)) for k in names}
+    return Rival(f"generated C, batch of {STATES}", runs, lambda k: function(k)()[0], "Python", STATES)
+
+
+def code_bytes(library: Path, prefix: str, names) -> dict[str, int]:
+    """Size of every kernel's machine code, where the tool `nm` can tell."""
+    if shutil.which("nm") is None:
+        return {}
+    said = subprocess.run(["nm", "--print-size", str(library)], capture_output=True, text=True, check=False).stdout
+    sizes = {words[3]: int(words[1], 16) for line in said.splitlines() if len(words := line.split()) == 4}
+    return {name: sizes[f"{prefix}_{name}"] for name in names if f"{prefix}_{name}" in sizes}

@@ -1,0 +1,83 @@
+"""SymForce: symbolic derivatives of Φ, its common subexpressions, its C++ expressions.
+
+They are compiled like the generated code and without the matrices of Eigen around them, so that both are timed alike.
+"""
+
+from __future__ import annotations
+
+import time
+
+from ncgen.comparisons.rivals.base import Inputs, Rival, differentiable, foreign
+from ncgen.comparisons.rivals.generated import code_bytes, compiled
+from ncgen.emit.runtime import runtime_files
+from ncgen.mechanism.kernels import Kernels
+from ncgen.program.evaluate import evaluate
+from ncgen.program.functions import FUNCTIONS
+
+LARGEST = 150
+"""Rows up to which it is asked: its time grows with the square of the size, and worse."""
+
+TEXT = """#include <math.h>
+#include "ncgen.h"
+#define Scalar(x) ((double)(x))
+"""
+
+
+def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+    """Nothing where SymForce is not installed."""
+    try:
+        import symforce
+
+        symforce.set_epsilon_to_number()
+        import symforce.symbolic
+    except ImportError:
+        return []
+    if not differentiable(kernels) or kernels.m > LARGEST:
+        return []
+    names = [k for k in names if k in ("phi", "phi_q", "gamma")]
+    start = time.perf_counter()
+    text, operations = _code(symforce.symbolic, kernels, names)
+    generation = time.perf_counter() - start
+    files = {"symforce.c": text} | runtime_files("ncgen.h")
+    calls, built = foreign(files, {k: kernels.programs.programs[k].size for k in names}, "symforce_{}")
+    raw = compiled("SymForce, C", calls, inputs, names)
+    facts = {
+        "generation": generation,
+        "compilation": built.spent,
+        "operations": operations,
+        "code": code_bytes(built.library, "symforce", names),
+    }
+    return [Rival(raw.name, raw.runs, raw.values, **facts)]
+
+
+def _code(sf, kernels: Kernels, names) -> tuple[str, dict[str, int]]:
+    """The C text, and SymForce's own count of operations."""
+    from symforce.codegen import CppConfig
+    from symforce.codegen.codegen_util import print_code
+    from symforce.values import Values
+
+    expressions, q, qd = _symbolic(sf, kernels)
+    text, operations = TEXT, {}
+    for name in names:
+        found = print_code(Values(q=q, qd=qd), Values(out=expressions[name]), {}, CppConfig())
+        lines = [f"const double {symbol} = {code};" for symbol, code in found.intermediate_terms]
+        lines += [f"{place} = {code};" for place, code in found.dense_terms[0].terms]
+        arguments = "double t, const double *q, " + "const double *qd, " * (name == "gamma") + "const double *p, double *out"
+        body = "\n    ".join(["(void)t, (void)p;", *lines, "return 0;"])
+        text += f"\nint symforce_{name}({arguments})\n{{\n    {body}\n}}\n".replace("std::", "")
+        operations[name] = found.total_ops
+    return text, operations
+
+
+def _symbolic(sf, kernels: Kernels):
+    """{kernel: expressions}, Φ_q in the kernels' pattern, and the symbols q and q̇."""
+    q, qd = ([sf.Symbol(f"{letter}{i}") for i in range(kernels.n)] for letter in ("x", "v"))
+    functions = {name: getattr(sf, f.sympy) for name, f in FUNCTIONS.items()}
+    phi = evaluate(kernels.programs.programs["phi"], {"t": 0.0, "q": q, "p": kernels.p0.tolist()}, functions, sf.S)
+    jacobian = {(row, column): phi[row].diff(q[column]) for row, column in kernels.phi_q_pattern.positions()}
+    rate, gamma = ([sf.S(0)] * kernels.m for _ in range(2))
+    for (row, column), entry in jacobian.items():
+        rate[row] += entry * qd[column]
+    for row, column in jacobian:
+        gamma[row] -= rate[row].diff(q[column]) * qd[column]
+    return {"phi": phi, "phi_q": list(jacobian.values()), "gamma": gamma}, q, qd

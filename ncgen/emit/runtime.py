@@ -1,0 +1,67 @@
+"""The C library in ncgen/runtime: its files as they stand, and those headers of it that are printed from the table of methods.
+
+    include/   what a model's source and programs around it include
+    src/       the library, one idea a file
+    lanes/     many states at once: compiled together with a model
+
+All files of a library end in one folder, where they include each other by name.
+"""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+
+from ncgen.emit.environment import render
+from ncgen.methods.table import FORMALISMS, INTEGRATORS
+
+FOLDER = Path(__file__).resolve().parent.parent / "runtime"
+
+PRINTED = ("ncgen_facts.h", "ncgen_methods.h", "ncgen_tableaus.h")
+"""Headers with a template in templates/c, of the formalisms and integrators that are in C."""
+
+HEADERS = ("ncgen.h", "ncgen_math.h")
+"""What the source of a model includes."""
+
+RUNTIME_HEADERS = ("ncgen_runtime.h", "ncgen_methods.h")
+"""What state derivatives and embedders include."""
+
+
+def runtime_names() -> tuple[str, ...]:
+    """The files of the library, headers that it includes among them."""
+    return (*(path.name for path in sorted((FOLDER / "src").iterdir())), *RUNTIME_HEADERS, *HEADERS, "ncgen_facts.h", "ncgen_tableaus.h")
+
+
+def runtime_files(*names: str) -> dict[str, str]:
+    """{file name: text} of files of the library."""
+    return {name: runtime_text(name) for name in names}
+
+
+@cache
+def runtime_text(name: str) -> str:
+    """One file of the library. Raises FileNotFoundError for one that it does not have."""
+    if name in PRINTED:
+        return render(f"c/{name}.jinja", **_methods())
+    places = [FOLDER / part / name for part in ("include", "src", "lanes")]
+    return next((place for place in places if place.is_file()), places[0]).read_text(encoding="utf-8")
+
+
+@cache
+def _methods() -> dict:
+    """The entries that are in C, in the order of their numbers there."""
+    integrators = [entry for entry in INTEGRATORS.values() if entry.in_c]
+    explicit = [entry for entry in integrators if entry.tableau]
+    width = max(entry.coefficients.width for entry in explicit)
+    return {"formalisms": [f for f in FORMALISMS.values() if f.in_c], "integrators": integrators, "explicit": explicit, "width": width}
+
+
+def write_printed(folder: Path) -> None:
+    """Write the printed headers into a folder, for a build of the library without ncgen around it (see its Makefile)."""
+    for name, text in runtime_files(*PRINTED).items():
+        (folder / name).write_text(text, encoding="utf-8")
+
+
+if __name__ == "__main__":
+    import sys
+
+    write_printed(Path(sys.argv[1]))

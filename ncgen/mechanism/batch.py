@@ -1,0 +1,229 @@
+"""Kernels of many states in one call.
+
+In C there are two ways. Where a kernel computes much for every number that it reads and writes, the generated text is
+compiled once more with vectors of 4 or 8 doubles for numbers, one state a lane; where it computes little, bringing rows into
+lanes and back would take longer than it saves, and one state follows the other. Threads may share the states where the
+compiler has OpenMP (without it there is one). Each state has the numbers that it has alone, to the last bit where the
+compiler is told to fuse nothing (-ffp-contract=off), else to rounding. In NumPy the leading axis is the batch.
+"""
+
+from __future__ import annotations
+
+import os
+from abc import ABC, abstractmethod
+from dataclasses import dataclass
+from functools import cached_property
+from numbers import Integral
+
+import numpy as np
+from cffi import FFI
+
+from ncgen.emit.c import c_files
+from ncgen.emit.naming import identifier
+from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.errors import NcgenError
+from ncgen.mechanism.arguments import numbers, place
+from ncgen.program.blocks import Program
+from ncgen.program.cost import cost
+from ncgen.toolchain.abi import abi, declared
+from ncgen.toolchain.compilers import FLAGS
+from ncgen.toolchain.loader import load as loaded
+
+LANES = (*FLAGS, "-fno-math-errno", "-include", "ncgen_lanes.h")
+"""Square roots set no errno, so that they become one instruction; their values are the same."""
+
+SOURCES = ("ncgen_batch.h", "ncgen_lanes.h", "ncgen_rows.h", "ncgen_batch.c")
+LANES_PAY = 2.8
+"""Operations per number read or written from which lanes pay; measured (docs/performance.md)."""
+
+FUNCTION = 20
+"""Operations that an elementary function counts for."""
+
+ALIGNMENT = 64
+
+
+class Batch(ABC):
+    """Kernels of B states: q, qd (B, n) in m, rad and per second; t (s) one number or (B,); p (n_p,) or (B, n_p).
+
+    Results have one row a state; of matrices the nonzeros, in the order of `kernels.phi_q_pattern` and `mass_pattern`.
+    out: where to put them; an array that is used again saves the time that the system needs to give a new one
+    Raises NcgenError naming the argument that is no array of real numbers, or whose shape is wrong, or for forces that a Python
+    function computes.
+    """
+
+    def __init__(self, kernels):
+        self.kernels = kernels
+
+    def __reduce__(self):
+        """Pickled as the kernels that it belongs to."""
+        return getattr, (self.kernels, "batch")
+
+    def phi(self, q, t=0.0, p=None, out=None) -> np.ndarray:
+        """Constraint equations Φ, (B, m)."""
+        return self.values("phi", t, q, None, p, out)
+
+    def phi_q(self, q, t=0.0, p=None, out=None) -> np.ndarray:
+        """Nonzeros of the Jacobian Φ_q, (B, nonzeros)."""
+        return self.values("phi_q", t, q, None, p, out)
+
+    def nu(self, q, t=0.0, p=None, out=None) -> np.ndarray:
+        """ν = −Φ_t, (B, m)."""
+        return self.values("nu", t, q, None, p, out)
+
+    def gamma(self, q, qd, t=0.0, p=None, out=None) -> np.ndarray:
+        """γ, (B, m)."""
+        return self.values("gamma", t, q, qd, p, out)
+
+    def mass(self, q, t=0.0, p=None, out=None) -> np.ndarray:
+        """Nonzeros of the mass matrix M, (B, nonzeros)."""
+        return self.values("mass", t, q, None, p, out)
+
+    def force(self, q, qd, t=0.0, p=None, out=None) -> np.ndarray:
+        """Generalised forces Q, (B, n)."""
+        return self.values("force", t, q, qd, p, out)
+
+    def energy(self, q, qd, t=0.0, p=None, out=None) -> np.ndarray:
+        """Kinetic and potential energy (J) and the power (W) of forces without a potential, (B, 3)."""
+        return self.values("energy", t, q, qd, p, out)
+
+    def values(self, kernel: str, t, q, qd, p, out=None) -> np.ndarray:
+        """The plain output of a kernel, one row a state."""
+        kernels = self.kernels
+        if kernels.model.callbacks and kernel in ("force", "energy"):
+            raise NcgenError(f"{kernels.name}.batch.{kernel}: the model calls a Python function; call kernels.{kernel} for every state")
+        q = numbers(q, f"{kernels.name}.batch.{kernel}: q")
+        count = len(q) if q.ndim == 2 else 0
+        q = self._checked(q, kernel, "q", (count, kernels.n))
+        program = kernels.programs.programs.get(kernel)
+        if program is None:
+            return np.zeros((count, len(kernels.values(kernel, 0.0, kernels.q0, kernels.q0, None))))
+        qd = self._checked(qd, kernel, "qd", (count, kernels.n)) if "qd" in program.inputs else None
+        t = self._checked(t, kernel, "t", (), (count,))
+        size = len(kernels.p0)
+        p = self._checked(kernels.p0 if p is None else p, kernel, "p", (size,), (count, size))
+        if out is None:
+            out = np.empty((count, program.size))
+        else:
+            beside = [array for array in (t, q, qd, p) if array is not None]
+            out = place(out, (count, program.size), f"{kernels.name}.batch.{kernel}: out", beside)
+        self._evaluate(kernel, t, q, qd, p, out)
+        return out
+
+    def _checked(self, array, kernel: str, name: str, *shapes) -> np.ndarray:
+        array = numbers(array, f"{self.kernels.name}.batch.{kernel}: {name}")
+        if array.shape not in shapes:
+            wanted = " or ".join(map(str, shapes))
+            raise NcgenError(f"{self.kernels.name}.batch.{kernel}: {name} has shape {array.shape}; {wanted} is needed for this batch")
+        return array
+
+    @abstractmethod
+    def _evaluate(self, kernel: str, t, q, qd, p, out) -> None: ...
+
+
+class NumPyBatch(Batch):
+    """Through the leading axes of the generated NumPy source."""
+
+    def _evaluate(self, kernel, t, q, qd, p, out):
+        t = t[:, None] if t.ndim else t
+        out[:] = self.kernels.values(kernel, t, q, qd, p)
+
+
+class CompiledBatch(Batch):
+    """In C. Libraries are compiled when a kernel first needs them.
+
+    threads: how many to use where there is OpenMP, at first 1: kernels take less time than numbers take to come from memory;
+        None for one on every processor that this process may use, more than that are not started
+    least: operations per number read or written from which a kernel is evaluated in lanes
+    """
+
+    def __init__(self, kernels, flags=LANES, least: float = LANES_PAY):
+        super().__init__(kernels)
+        self._threads, self._flags, self._least = 1, flags, least
+        self._kernels_in_lanes = {name for name, program in kernels.programs.programs.items() if self._pays(program)}
+
+    @property
+    def threads(self) -> int:
+        """How many threads share the states."""
+        return self._threads
+
+    @threads.setter
+    def threads(self, count: int | None) -> None:
+        self._threads = thread_count(count, f"{self.kernels.name}.batch")
+
+    def in_lanes(self, kernel: str) -> bool:
+        """Whether a kernel of several states is evaluated in lanes, or one state after the other."""
+        return kernel in self._kernels_in_lanes
+
+    def _pays(self, program: Program) -> bool:
+        moved = program.size + self.kernels.n * sum(name in program.inputs for name in ("q", "qd"))
+        found = cost(program)
+        return found.total + (FUNCTION - 1) * found.calls >= self._least * moved
+
+    @cached_property
+    def _in_lanes(self) -> _Loop:
+        getter = f"{identifier(self.kernels.name)}_model"
+        ffi, library, has_threads = load(c_files(self.kernels.programs), f"const ncgen_model *{getter}(void);", self._flags, abi())
+        return _Loop(ffi, library, has_threads, getattr(library, getter)())
+
+    @cached_property
+    def _in_turn(self) -> _Loop:
+        return _Loop(*load({}, "", FLAGS, abi()), self.kernels._descriptor)
+
+    def _evaluate(self, kernel, t, q, qd, p, out):
+        loop = self._in_lanes if self.in_lanes(kernel) else self._in_turn
+        ffi, library, size = loop.ffi, loop.library, out.shape[1]
+        arrays = {name: pointer(ffi, array) for name, array in {"t": t, "q": q, "qd": qd, "p": p}.items()}
+        states = ffi.new("ncgen_states *", arrays | {"count": len(q), "t_stride": int(t.ndim > 0), "p_stride": p.shape[-1] * (p.ndim - 1)})
+        threads = self.threads if loop.has_threads else 1
+        work = aligned(threads * library.ncgen_batch_workspace(loop.model, size))
+        function = getattr(loop.model, kernel)
+        either = (function, ffi.NULL) if qd is None else (ffi.NULL, function)
+        status = library.ncgen_batch_kernel(loop.model, *either, states, size, pointer(ffi, out), threads, pointer(ffi, work))
+        if status:
+            from ncgen.mechanism.library import STATUS
+
+            raise NcgenError(f"{self.kernels.name}.batch.{kernel}: the kernel returned “{STATUS[status]}” for a state of the batch")
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """One of the ways through many states: its library, whether that has threads, and the model with kernels for it."""
+
+    ffi: FFI
+    library: object
+    has_threads: bool
+    model: object
+
+
+def load(files: dict[str, str], declarations: str, flags, base: FFI):
+    """(interface, library, whether it has threads) of ncgen_batch.c with other sources for many states.
+
+    declarations: of what the other sources have; base: the interface that knows the types in them
+    """
+    declarations = declared("ncgen_batch.h", "cdef") + declared("ncgen_batch.h", "functions") + declarations
+    ffi, library = loaded(files | runtime_files(*HEADERS, *SOURCES), declarations, base, (*flags, "-fopenmp"))
+    return ffi, library, bool(library.ncgen_batch_threads())
+
+
+def pointer(ffi: FFI, array: np.ndarray | None, kind: str = "double[]"):
+    """An array as an argument in C, NULL for none."""
+    return ffi.NULL if array is None else ffi.from_buffer(kind, array)
+
+
+def available() -> int:
+    """Processors that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def thread_count(wanted: int | None, what: str) -> int:
+    """How many threads to start: those wanted, but one on every processor at most, which is also what None is for."""
+    if wanted is not None and not (isinstance(wanted, Integral) and wanted >= 1):
+        raise NcgenError(f"{what}: threads is {wanted!r}; it must be a whole number from 1 on, or None")
+    return min(available() if wanted is None else int(wanted), available())
+
+
+def aligned(size: int) -> np.ndarray:
+    """Numbers for vectors: they begin at a multiple of 64 bytes."""
+    room = np.empty(size + ALIGNMENT // 8)
+    start = -room.ctypes.data % ALIGNMENT // 8
+    return room[start : start + size]

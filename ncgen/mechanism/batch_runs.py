@@ -1,0 +1,129 @@
+"""Simulations of many states in one call: the emitted state derivative compiled with vectors for numbers."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+
+from ncgen.emit.c import dynamics_files
+from ncgen.emit.naming import identifier
+from ncgen.emit.runtime import RUNTIME_HEADERS, runtime_files
+from ncgen.errors import NcgenError
+from ncgen.mechanism.batch import LANES, aligned, load, pointer, thread_count
+from ncgen.mechanism.library import STATUS, CompiledKernels
+from ncgen.mechanism.listening import Listener, watch
+from ncgen.methods.table import INTEGRATORS, number_in_c
+from ncgen.program.elimination import Samples
+from ncgen.program.programs import Split
+from ncgen.toolchain.abi import declared, runtime_abi
+
+SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", *RUNTIME_HEADERS)
+
+
+QUICKEST = 1e-7
+"""Seconds that a step of a block takes at least: who is asked again sooner is asked by a thread that waits."""
+
+PAUSE = 2e-3
+"""Seconds for which such a thread sleeps, so that the others have its processor."""
+
+
+@dataclass(frozen=True, eq=False)
+class LaneOutcome:
+    """q, qd (B, times, n), work (B, times), NaN where a state did not arrive; status (B,) words of ncgen_status.
+
+    steps, reached (B,): accepted steps, and the time (s) after them; raised: what ended the call from outside, or None
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    status: list[str]
+    steps: np.ndarray
+    reached: np.ndarray
+    raised: BaseException | None = None
+
+
+class _BatchListener(Listener):
+    """Who listens to many runs: its progress is called with the share of them that have arrived."""
+
+    def hear(self, t: float) -> int:
+        if time.perf_counter() - self._clock < QUICKEST * self.patience:
+            time.sleep(PAUSE)
+        return super().hear(t)
+
+
+class LaneDynamics:
+    """The state derivative of one choice of independent coordinates, for many states at a time."""
+
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
+        from ncgen.program.dynamics import assemble_dynamics
+
+        equations = kernels.programs.equations
+        programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
+        files = dynamics_files(programs, equations, kernels.row_sizes) | runtime_files(*SOURCES)
+        getter = f"{identifier(kernels.name)}_dynamics"
+        declarations = f"{declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
+        self._ffi, self._library, self.has_threads = load(files, declarations, LANES, runtime_abi())
+        self._dynamics = getattr(self._library, getter)()
+        self.kernels, self.split, self._samples = kernels, split, samples
+        self._model = self._ffi.cast("const ncgen_model *", kernels._descriptor)  # its sizes are asked for, not its kernels
+
+    def __reduce__(self):
+        """Pickled as what it was made of; it is compiled again, or found in the cache, where it arrives."""
+        return LaneDynamics, (self.kernels, self.split, self._samples)
+
+    def simulate(self, method: str, times, q, zd, p, threads: int | None = None, progress=None, **options) -> LaneOutcome:
+        """Run all states over the times of a grid.
+
+        q (B, n), zd (B, nz): where they start; p (n_p,) or (B, n_p)
+        threads: None for one on every processor that this process may use
+        progress: called now and then with the share of the states that have arrived. What it raises, or a handler of a signal
+            such as that of Ctrl-C, ends the call: it is in the outcome, and the states that were on their way are "interrupted"
+        options: the members of `ncgen_options`, by their names
+        Raises NcgenError for a method, times or fixed steps that there cannot be.
+        """
+        rows = len(q), len(times)
+        q_rows, qd_rows = np.full((*rows, self.kernels.n), np.nan), np.full((*rows, self.kernels.n), np.nan)
+        work, times = np.full(rows, np.nan), np.ascontiguousarray(times, dtype=float)
+        status, steps, reached = np.zeros(len(q), dtype=np.intc), np.zeros(len(q), dtype="l"), np.full(len(q), times[0])
+        out = [(array, "double[]") for array in (q_rows, qd_rows, work)] + [(status, "int[]"), (steps, "long[]"), (reached, "double[]")]
+        listener = _BatchListener(progress, self.kernels.n + self.kernels.m)
+        sizes = options.pop("sizes", None)
+        if sizes is not None:
+            sizes = np.ascontiguousarray(sizes, dtype=float)
+            options["sizes"] = pointer(self._ffi, sizes)
+        context = self._ffi.new_handle(listener)
+        options |= {"method": number_in_c(INTEGRATORS[method]), "watch": watch("double"), "context": context, "patience": listener.patience}
+        ended = self._call(self._library.ncgen_batch_simulate, options, (q, zd, p), (len(times), pointer(self._ffi, times)), out, threads)
+        if STATUS[ended] == "argument":
+            remedy = "let them ascend, and give rk4 a max_step that is not tiny"
+            raise NcgenError(f"{self.kernels.name}: {method} cannot step over these times; {remedy}")
+        words = [STATUS[s] for s in status.tolist()]
+        return LaneOutcome(q_rows, qd_rows, work, words, steps, reached, listener.raised)
+
+    def accelerate(self, t: float, q, zd, p, out, threads: int | None = None, **options) -> np.ndarray:
+        """Fill out, arrays for q closed (B, n), q̇ (B, n) or None, and z̈ (B, nz), and return the ncgen_status of every state (B,).
+
+        Other arguments as for `simulate`; rows of states that failed become NaN.
+        """
+        status = np.zeros(len(q), dtype=np.intc)
+        places = [(array, "double[]") for array in out] + [(status, "int[]")]
+        self._call(self._library.ncgen_batch_accelerate, options, (q, zd, p), (t,), places, threads)
+        if status.any():
+            for array in (a for a in out if a is not None):
+                array[status != 0] = np.nan
+        return status
+
+    def _call(self, function, options: dict, state, instants: tuple, out, threads: int | None):
+        """One call of the library for states q, zd, p at some instants; out: (array, kind) to be filled."""
+        q, zd, p = (np.ascontiguousarray(a, dtype=float) for a in state)
+        threads = thread_count(threads, self.kernels.name) if self.has_threads else 1
+        work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
+        place = partial(pointer, self._ffi)
+        return function(
+            self._model, self._dynamics, self._ffi.new("ncgen_options *", options), len(q), place(q), place(zd), place(p),
+            p.shape[-1] * (p.ndim - 1), *instants, *(place(array, kind) for array, kind in out), threads, place(work),
+        )  # fmt: skip

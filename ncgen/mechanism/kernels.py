@@ -1,0 +1,361 @@
+"""Kernels ready to be called: what the solver and the user hold in their hands.
+
+`Kernels` knows the names, sizes and patterns of a mechanism; its two children evaluate the same programs
+through a compiled library or through NumPy.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from ncgen.errors import DomainError, ModelError, NcgenError
+from ncgen.mechanism.arguments import constant, numbers
+from ncgen.mechanism.batch import Batch
+from ncgen.mechanism.tangents import Tangents
+from ncgen.model import Model
+from ncgen.model.elements import Length, Point
+from ncgen.model.rows import Row, natural_size
+from ncgen.model.values import evaluate, is_number
+from ncgen.program.blocks import Pattern
+from ncgen.program.evaluate import evaluate as evaluate_program
+from ncgen.program.functions import FUNCTIONS
+from ncgen.program.programs import Programs
+
+FLOAT = np.dtype(float)
+
+
+class Kernels(ABC):
+    """The kernels of one mechanism.
+
+    q, qd: free coordinates (m, rad) and velocities, shape (n,), in the order of `coordinates`
+    p: parameters in the order of `parameters`; None means their defaults
+    Kernels that the mechanism does not need return zeros.
+    q0, p0, row_sizes, column_sizes and holonomic are the mechanism's own; copy them to change them.
+    """
+
+    backend: str
+    _batch: type[Batch]
+    _tangents: type[Tangents]
+    batches = False
+    """True if leading axes and complex numbers are allowed."""
+
+    def __init__(self, programs: Programs):
+        self.programs = programs
+        self.model: Model = programs.equations.model
+        self.name = self.model.name
+        self.coordinates: tuple[str, ...] = tuple(c.name for c in programs.equations.free)
+        self.rows: tuple[Row, ...] = tuple(self.model.rows)
+        self.parameters: tuple[str, ...] = tuple(self.model.parameters)
+        self.q0 = constant(np.array([c.initial for c in programs.equations.free]))
+        self.p0 = constant(np.array([evaluate(v, self.model.parameters, v.name) for v in self.model.parameters.values()]))
+        self.phi_q_pattern = programs.phi_q
+        self.mass_pattern = programs.mass
+        self._known: dict[str, dict] = {}
+
+    def __setattr__(self, name: str, value) -> None:
+        """Members stay what they are: C reads as many numbers as there were."""
+        if name in self.__dict__ and not name.startswith("_"):
+            remedy = "change the model and compile it, or give q0 and p to each call"
+            raise NcgenError(f"{self.name}: kernels.{name} cannot be replaced; {remedy}")
+        super().__setattr__(name, value)
+
+    def __repr__(self):
+        return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
+
+    def __reduce__(self):
+        """Pickled as programs; the library is built where they arrive, or found in the cache."""
+        return self._of, (self.programs,)
+
+    def __copy__(self) -> Kernels:
+        """Other kernels on the same library."""
+        other = object.__new__(type(self))
+        vars(other).update(vars(self))
+        return other
+
+    def remember(self, what: str, key, find: Callable[[], Any], most: int | None = None):
+        """What `find` finds, found once for a key and kept with the kernels under the name `what`.
+
+        A series of runs asks for the same things again and again: what is compiled for a choice of coordinates, degrees of freedom.
+        most: how many keys are kept; None for all. Beyond that all are forgotten.
+        """
+        known = self._known.setdefault(what, {})
+        if key not in known:
+            value = find()
+            if most is not None and len(known) >= most:
+                known.clear()
+            known[key] = value
+        return known[key]
+
+    @classmethod
+    @abstractmethod
+    def _of(cls, programs: Programs) -> Kernels:
+        """Kernels of programs."""
+
+    @property
+    def n(self) -> int:
+        """Number of free coordinates."""
+        return len(self.coordinates)
+
+    @property
+    def m(self) -> int:
+        """Number of constraint rows."""
+        return len(self.rows)
+
+    @cached_property
+    def index(self) -> dict[str, int]:
+        """{coordinate name: position in q}."""
+        return {name: i for i, name in enumerate(self.coordinates)}
+
+    @cached_property
+    def row_sizes(self) -> np.ndarray:
+        """Natural size of every row: a residual divided by it is a relative one.
+
+        A row given as an expression has the size of what it changes by when the coordinates move by their own sizes.
+        """
+        parameters = self.model.parameters
+        sizes = [natural_size(row, lambda v, row=row: evaluate(v, parameters, row.label)) for row in self.rows]
+        changes = self._row_changes() if None in sizes else sizes
+        return constant(np.array([change if size is None else size for size, change in zip(sizes, changes, strict=True)]))
+
+    def _row_changes(self) -> list[float]:
+        """The norm of every row's gradient, coordinates measured in their sizes: at the start or a tenth of the mechanism away, where it is
+        larger, since it may vanish at the start; 1 where it vanishes at both. Three digits, so that all machines agree."""
+        aside = 0.1 * self.column_sizes * np.cos(np.arange(self.n))
+        with np.errstate(all="ignore"):
+            norms = [np.linalg.norm(self.jacobian(q, 0.0, self.p0) * self.column_sizes, axis=1) for q in (self.q0, self.q0 + aside)]
+        largest = np.max(np.where(np.isfinite(norms), norms, 0.0), axis=0)
+        return [float(f"{norm:.3g}") or 1.0 for norm in largest]
+
+    @cached_property
+    def column_sizes(self) -> np.ndarray:
+        """Natural size of every coordinate: the mechanism's length for points and lengths, 1 for vectors and angles."""
+        lengths = {c.name for e in self.model.elements.values() if isinstance(e, (Point, Length)) for c in e.components}
+        return constant(np.array([self.length if name in lengths else 1.0 for name in self.coordinates]))
+
+    @cached_property
+    def holonomic(self) -> np.ndarray:
+        """Rows that are equations of position; the others (rolling) constrain velocities only."""
+        return constant(np.array([i for i, row in enumerate(self.rows) if row.level == "position"], dtype=int))
+
+    @cached_property
+    def length(self) -> float:
+        """The extent of the mechanism (m) in its initial position; 1 if it has no extent."""
+        points = [e.initial for e in self.model.elements.values() if isinstance(e, Point)]
+        return float(np.max(np.ptp(points, axis=0))) or 1.0 if points else 1.0
+
+    # -- the initial position ------------------------------------------------------------------
+
+    def start(self, p=None) -> np.ndarray:
+        """The initial position at parameters p (…, parameters), shape (…, n): q0 where positions have no parameters."""
+        if p is None or not self._has_moving_start:
+            return np.array(np.broadcast_to(self.q0, (*np.shape(self.p0 if p is None else p)[:-1], self.n)))
+        return self._run_start(0, p, (self.n,))
+
+    def start_p(self, p=None) -> np.ndarray:
+        """∂start/∂p at parameters p (…, parameters), shape (…, n, parameters)."""
+        p, shape = self.p0 if p is None else p, (self.n, len(self.p0))
+        return self._run_start(1, p, shape) if self._has_moving_start else np.zeros((*np.shape(p)[:-1], *shape))
+
+    @cached_property
+    def _has_moving_start(self) -> bool:
+        return not all(is_number(c.value) for c in self.programs.equations.free)
+
+    @cached_property
+    def _start_programs(self):
+        from ncgen.program.initial import assemble_start
+
+        return assemble_start(self.programs.equations)
+
+    def _run_start(self, which: int, p, shape: tuple[int, ...]) -> np.ndarray:
+        """One of the two programs on whole columns of parameters."""
+        program = self._start_programs[which]
+        p = np.asarray(p, dtype=np.result_type(float, np.asarray(p).dtype))
+        if p.shape[-1:] != (len(self.p0),):
+            raise NcgenError(f"{self.name}.{program.name}: p has shape {p.shape}; the model has {len(self.p0)} parameters")
+        functions = {name: getattr(np, function.numpy) for name, function in FUNCTIONS.items()}
+        columns = evaluate_program(program, {"p": np.moveaxis(p, -1, 0)}, functions)
+        values = np.stack(np.broadcast_arrays(*columns, p[..., 0])[:-1], axis=-1)
+        return values.reshape(*p.shape[:-1], *shape)
+
+    # -- kernels -------------------------------------------------------------------------------
+
+    def phi(self, q, t=0.0, p=None) -> np.ndarray:
+        """Constraint equations Φ(q, t), shape (m,)."""
+        return self.values("phi", t, q, None, p)
+
+    def phi_q(self, q, t=0.0, p=None) -> csr_array:
+        """Jacobian Φ_q, sparse (m, n)."""
+        return self._sparse(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
+
+    def nu(self, q, t=0.0, p=None) -> np.ndarray:
+        """ν = −Φ_t, shape (m,): Φ_q q̇ = ν."""
+        return self.values("nu", t, q, None, p)
+
+    def gamma(self, q, qd, t=0.0, p=None) -> np.ndarray:
+        """γ, shape (m,): Φ_q q̈ = γ."""
+        return self.values("gamma", t, q, qd, p)
+
+    def constraints(self, q, qd, t=0.0, p=None) -> tuple[np.ndarray, csr_array, np.ndarray]:
+        """Φ, Φ_q and γ at once, which is quicker than one by one: they have much in common."""
+        if "constraints" not in self.programs.programs:  # no row has a coordinate in it: they have nothing in common
+            return self.phi(q, t, p), self.phi_q(q, t, p), self.gamma(q, qd, t, p)
+        values = self.values("constraints", t, q, qd, p)
+        phi_q = self._sparse(self.phi_q_pattern, values[self.m : len(values) - self.m])
+        return values[: self.m], phi_q, values[len(values) - self.m :]
+
+    def mass(self, q, t=0.0, p=None) -> csr_array:
+        """Mass matrix M, sparse (n, n), symmetric and positive semidefinite."""
+        return self._sparse(self.mass_pattern, self.values("mass", t, q, None, p))
+
+    def force(self, q, qd, t=0.0, p=None) -> np.ndarray:
+        """Generalised forces Q, shape (n,): applied ones and velocity-dependent inertia."""
+        force = self.values("force", t, q, qd, p)
+        return force + self._called_back(t, q, qd) if self.model.callbacks else force
+
+    def energy(self, q, qd, t=0.0, p=None) -> np.ndarray:
+        """Kinetic and potential energy (J), and the power (W) of forces without a potential."""
+        energy = self.values("energy", t, q, qd, p)
+        if self.model.callbacks:
+            energy[..., 2] += self._called_back(t, q, qd) @ qd
+        return energy
+
+    def _called_back(self, t, q, qd) -> np.ndarray:
+        """Forces of the model's own functions; ModelError naming one that returns something else, DomainError no numbers."""
+        total = np.zeros(self.n)
+        for function in self.model.callbacks:
+            force = np.asarray(function(t, q, qd, self), dtype=float)
+            shaped = force.shape == (self.n,)
+            if not shaped or not np.all(np.isfinite(force)):
+                name, refused = getattr(function, "__name__", "callback"), DomainError if shaped else ModelError
+                raise refused(f"callback {name}: it must return {self.n} finite numbers, one a free coordinate, at t = {t:g}")
+            total += force
+        return total
+
+    # -- many states ---------------------------------------------------------------------------
+
+    @cached_property
+    def batch(self) -> Batch:
+        """The kernels of many states in one call; compiled when first asked for (ncgen.mechanism.batch)."""
+        return self._batch(self)
+
+    # -- tangents ------------------------------------------------------------------------------
+
+    @cached_property
+    def tangents(self) -> Tangents:
+        """The tangent kernels, generated and compiled when first asked for (ncgen.program.tangents)."""
+        return self._tangents.by_state(self.programs)
+
+    @cached_property
+    def parameter_tangents(self) -> Tangents:
+        """Derivatives by the parameters, generated and compiled when first asked for."""
+        return self._tangents.by_parameters(self.programs)
+
+    def stiffness(self, q, qd, qdd, lam, t=0.0, p=None) -> csr_array:
+        """∂(M q̈ + Φ_qᵀ λ − Q)/∂q, sparse (n, n). Forces of Python functions are not in it."""
+        return self._tangent("stiffness", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
+
+    def damping(self, q, qd, t=0.0, p=None) -> csr_array:
+        """−∂Q/∂q̇, sparse (n, n). Forces of Python functions are not in it."""
+        return self._tangent("damping", t=t, q=q, qd=qd, p=p)
+
+    def phidd_q(self, q, qd, qdd, t=0.0, p=None) -> csr_array:
+        """∂(Φ_q q̈ − γ)/∂q, sparse (m, n)."""
+        return self._tangent("phidd_q", t=t, q=q, qd=qd, qdd=qdd, p=p)
+
+    def phidd_qd(self, q, qd, t=0.0, p=None) -> csr_array:
+        """−∂γ/∂q̇, sparse (m, n)."""
+        return self._tangent("phidd_qd", t=t, q=q, qd=qd, p=p)
+
+    def phi_p(self, q, t=0.0, p=None) -> csr_array:
+        """∂Φ/∂p, sparse (m, parameters)."""
+        return self._tangent("phi_p", t=t, q=q, p=p)
+
+    def phid_p(self, q, qd, t=0.0, p=None) -> csr_array:
+        """∂(Φ_q q̇ − ν)/∂p, sparse (m, parameters)."""
+        return self._tangent("phid_p", t=t, q=q, qd=qd, p=p)
+
+    def phidd_p(self, q, qd, qdd, t=0.0, p=None) -> csr_array:
+        """∂(Φ_q q̈ − γ)/∂p, sparse (m, parameters)."""
+        return self._tangent("phidd_p", t=t, q=q, qd=qd, qdd=qdd, p=p)
+
+    def balance_p(self, q, qd, qdd, lam, t=0.0, p=None) -> csr_array:
+        """∂(M q̈ + Φ_qᵀ λ − Q)/∂p, sparse (n, parameters)."""
+        return self._tangent("balance_p", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
+
+    def dense_tangent(self, name: str, **given) -> np.ndarray:
+        """One of these eight by its name, t, q, qd, qdd, lam and p given by theirs, as a dense array: quicker where it is small."""
+        return self._dense(*self._tangent_values(name, given))
+
+    def _tangent(self, name: str, **given) -> csr_array:
+        return self._sparse(*self._tangent_values(name, given))
+
+    def _tangent_values(self, name: str, given: dict) -> tuple[Pattern, np.ndarray]:
+        sizes = {"q": self.n, "qd": self.n, "qdd": self.n, "lam": self.m, "p": len(self.p0)}
+        given["p"] = self.p0 if given["p"] is None else given["p"]
+        for array, size in sizes.items():
+            if array in given and not _is_plain(given[array], size):
+                given[array] = self._checked(given[array], size, name, array, "of them")
+        tangents = self.parameter_tangents if name.endswith("_p") else self.tangents
+        return tangents.programs.patterns[name], tangents.values(name, given)
+
+    def jacobian(self, q, t=0.0, p=None) -> np.ndarray:
+        """Φ_q as a dense array, for linear algebra on small mechanisms."""
+        return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
+
+    def mass_matrix(self, q, t=0.0, p=None) -> np.ndarray:
+        """M as a dense array."""
+        return self._dense(self.mass_pattern, self.values("mass", t, q, None, p))
+
+    def values(self, kernel: str, t, q, qd, p) -> np.ndarray:
+        """The plain output of a kernel; matrices give their nonzeros."""
+        program = self.programs.programs.get(kernel)
+        if program is None:
+            size = {"force": self.n, "energy": 3, "mass": 0, "phi_q": 0}.get(kernel, self.m)
+            return np.zeros((*np.shape(q)[:-1], size))
+        n = len(self.coordinates)
+        if not _is_plain(q, n):
+            q = self._checked(q, n, kernel, "q", "free coordinates")
+        if "qd" not in program.inputs:
+            qd = None
+        elif not _is_plain(qd, n):
+            qd = self._checked(qd, n, kernel, "qd", "free coordinates")
+        if p is None:
+            p = self.p0
+        elif not _is_plain(p, len(self.p0)):
+            p = self._checked(p, len(self.p0), kernel, "p", "parameters")
+        return self._call(kernel, t, q, qd, p, program.size)
+
+    @abstractmethod
+    def _call(self, kernel: str, t, q, qd, p, size: int) -> np.ndarray: ...
+
+    def _checked(self, array, size: int, kernel: str, name: str, what: str) -> np.ndarray:
+        array = numbers(array, f"{self.name}.{kernel}: {name}", complex_too=self.batches)
+        if not self.batches and array.ndim > 1 and array.shape[-1] == size:
+            raise NcgenError(
+                f"{self.name}.{kernel}: {name} is a batch; compiled kernels take one state, kernels.batch takes many, and so does "
+                "backend='numpy'"
+            )
+        if array.shape[-1:] != (size,):
+            raise NcgenError(f"{self.name}.{kernel}: {name} has shape {array.shape}; the model has {size} {what}")
+        return array
+
+    @staticmethod
+    def _sparse(pattern: Pattern, values) -> csr_array:
+        return csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
+
+    @staticmethod
+    def _dense(pattern: Pattern, values) -> np.ndarray:
+        dense = np.zeros((*np.shape(values)[:-1], pattern.shape[0] * pattern.shape[1]), dtype=values.dtype)
+        dense[..., pattern.flat] = values
+        return dense.reshape(*np.shape(values)[:-1], *pattern.shape)
+
+
+def _is_plain(array, size: int) -> bool:
+    """True for what needs no look: a real vector of the right length. Most calls are of this kind, and looking costs time."""
+    return type(array) is np.ndarray and array.dtype is FLOAT and array.shape == (size,)

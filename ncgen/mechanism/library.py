@@ -1,0 +1,98 @@
+"""A compiled library as kernels, through cffi in ABI mode: no Python.h, no setuptools."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+
+from ncgen.emit.c import c_files
+from ncgen.emit.naming import identifier
+from ncgen.errors import NcgenError
+from ncgen.mechanism.batch import CompiledBatch
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.tangents import CompiledTangents
+from ncgen.program.programs import Programs
+from ncgen.toolchain.abi import abi
+from ncgen.toolchain.cache import compiled
+from ncgen.toolchain.loader import opened
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.direct import Direct
+
+STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted", "stiff", "short")
+
+
+class CompiledKernels(Kernels):
+    """Kernels of a shared library; safe to call from several threads."""
+
+    backend = "c"
+
+    def __init__(self, programs: Programs, library: Path):
+        super().__init__(programs)
+        getter = f"{identifier(self.name)}_model"
+        self._ffi, self._library = opened(library, f"const ncgen_model *{getter}(void);", abi())
+        self.library = library
+        self._descriptor = getattr(self._library, getter)()
+        if self._descriptor.struct_size != self._ffi.sizeof("ncgen_model"):
+            raise NcgenError(f"{library}: its ncgen_model has another layout; run `ncgen cache --clear` and try again")
+        self._buffers = threading.local()
+
+    @classmethod
+    def _of(cls, programs: Programs) -> CompiledKernels:
+        return cls(programs, compiled(c_files(programs)).library)
+
+    def function(self, kernel: str):
+        """The function of a kernel in C."""
+        return getattr(self._descriptor, kernel)
+
+    @property
+    def fingerprint(self) -> str:
+        """A digest of the generated source."""
+        return self._ffi.string(self._descriptor.fingerprint).decode()
+
+    _tangents = CompiledTangents
+    _batch = CompiledBatch
+
+    def direct(self, kernel: str) -> Direct:
+        """A kernel ("phi", "phi_q", ...) on arrays of its own, for loops where the way into C matters: see `Direct`."""
+        from ncgen.mechanism.direct import Direct
+
+        return Direct(self, kernel)
+
+    def _call(self, kernel, t, q, qd, p, size):
+        try:
+            call = self._buffers.calls[kernel]
+        except AttributeError:
+            self._buffers.calls = {name: _Call.of(self, name) for name in self.programs.programs}
+            call = self._buffers.calls[kernel]
+        function, result, pointer = call
+        try:
+            if qd is None:
+                status = function(t, q.tobytes(), p.tobytes(), pointer)
+            else:
+                status = function(t, q.tobytes(), qd.tobytes(), p.tobytes(), pointer)
+        except TypeError:
+            raise NcgenError(f"{self.name}.{kernel}: t is {t!r}; compiled kernels take one real number") from None
+        if status:
+            raise NcgenError(f"{self.name}.{kernel}: the kernel returned “{STATUS[status]}”")
+        return result.copy()
+
+
+class _Call(NamedTuple):
+    """One kernel and a thread's own place for its result. Inputs go as bytes: cffi passes these on without looking for an
+    array's address, which takes longer than a kernel."""
+
+    function: object
+    result: np.ndarray
+    pointer: object
+
+    @classmethod
+    def of(cls, kernels: CompiledKernels, name: str) -> _Call:
+        program = kernels.programs.programs[name]
+        arrays = ", ".join("double" if a == "t" else "const char *" for a in program.inputs)
+        result = np.empty(program.size)
+        pointer = kernels._ffi.cast("double *", result.ctypes.data)
+        return cls(kernels._ffi.cast(f"int (*)({arrays}, double *)", kernels.function(name)), result, pointer)

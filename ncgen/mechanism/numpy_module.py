@@ -1,0 +1,37 @@
+"""The generated NumPy module as kernels: needs no compiler, takes batches and complex numbers."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.emit.sources import Sources
+from ncgen.mechanism.batch import NumPyBatch
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.tangents import NumPyTangents
+from ncgen.program.programs import Programs
+
+
+class NumPyKernels(Kernels):
+    """Kernels of the generated NumPy source. Leading axes of q, qd and p are batches."""
+
+    backend = "numpy"
+    batches = True
+
+    def __init__(self, sources: Sources):
+        super().__init__(sources.programs)
+        ((name, text),) = sources.numpy.items()
+        namespace: dict[str, object] = {"__name__": name.removesuffix(".py")}
+        exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
+        self._functions = {kernel: namespace[kernel] for kernel in sources.programs.programs}
+
+    @classmethod
+    def _of(cls, programs: Programs) -> NumPyKernels:
+        return cls(Sources(programs))
+
+    _tangents = NumPyTangents
+    _batch = NumPyBatch
+
+    def _call(self, kernel, t, q, qd, p, size):
+        arrays = (q, p) if qd is None else (q, qd, p)
+        with np.errstate(all="ignore"):  # as in C, what is no number says so by itself
+            return self._functions[kernel](t, *arrays)

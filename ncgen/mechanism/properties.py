@@ -1,0 +1,64 @@
+"""What a mechanism's programs and masses are like, as far as integrators in C must know."""
+
+from __future__ import annotations
+
+import numpy as np
+from scipy.sparse.linalg import splu
+
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import INTEGRATORS
+from ncgen.program.cost import cost
+from ncgen.program.programs import ENERGIES
+
+SINGULAR = 1e-9
+"""A mass matrix is taken as singular where elimination leaves less than this of an entry of its diagonal."""
+
+
+def is_definite(kernels: Kernels) -> bool:
+    """True if every motion of the coordinates has inertia, constraints apart, at the initial position."""
+    sizes = kernels.column_sizes
+    mass = kernels.mass(kernels.q0).tocsc()
+    mass.data *= sizes[mass.indices] * np.repeat(sizes, np.diff(mass.indptr))
+    diagonal = mass.diagonal()
+    if not np.all(diagonal > 0):
+        return False
+    try:
+        factors = splu(mass, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+    except RuntimeError:  # SuperLU's word for an exactly singular matrix
+        return False
+    return bool(np.all(factors.U.diagonal() > SINGULAR * diagonal[np.argsort(factors.perm_c)]))
+
+
+def is_conservative(kernels: Kernels) -> bool:
+    """True if nothing does work but forces with a potential: no drivers, and a power that is zero by structure."""
+    programs = kernels.programs.programs
+    if "nu" in programs:
+        return False
+    if "energy" not in programs:
+        return True
+    power = ENERGIES.index("power")
+    return all(_is_zero_at(power, block, store) for block in programs["energy"].blocks for store in block.stores if store.array == "energy")
+
+
+def uses_tangents(kernels: Kernels, method: str) -> bool:
+    """True if an integrator takes stiffness and damping: rattle where masses are not constant or forces have no potential,
+    energy-momentum unless constraints are quadratic, masses and forces constant as well; both with rolling conditions."""
+    if INTEGRATORS[method].tangents != "sometimes":
+        return INTEGRATORS[method].tangents == "always"
+    if len(kernels.holonomic) < kernels.m:
+        return True
+    programs = kernels.programs.programs
+    constant = all(programs[k].is_constant for k in ("mass", "force") if k in programs and (k, method) != ("force", "rattle"))
+    quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls and not programs["phi"].angles
+    return not (is_conservative(kernels) and constant and (quadratic or method == "rattle"))
+
+
+def _is_zero_at(index: int, block, store) -> bool:
+    """True if a store leaves one number of its array zero by structure."""
+    table = getattr(store, "table", None) or (store.index,)
+    op = block.ops[store.node]
+    if index not in table:
+        return True
+    if op.code == "slot" and block.slots[op.leaf].array == "const":
+        return all(v == 0.0 for i, v in zip(table, block.slots[op.leaf].table, strict=True) if i == index)
+    return op.code == "const" and op.leaf == 0.0

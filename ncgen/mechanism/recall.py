@@ -1,0 +1,90 @@
+"""Programs and C source of a model kept in the cache folder, so that a second start neither imports sympy nor derives anything.
+
+The key is the whole model (ncgen.model.digest) and all that makes code of it. What is kept is data, in JSON: reading it runs nothing.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import platform
+from dataclasses import fields, is_dataclass
+from functools import cache
+from importlib.metadata import version
+
+import numpy as np
+
+from ncgen.emit.sources import Sources
+from ncgen.model import Model
+from ncgen.model.digest import digest
+from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, TableStore
+from ncgen.program.graph import Op
+from ncgen.program.programs import Programs
+from ncgen.resources import package_files
+from ncgen.symbolic.numbering import Deferred
+from ncgen.toolchain.folder import keep, kept
+
+KIND = "programs"
+LARGEST = 8_000_000
+"""Bytes up to which an entry is kept: larger models are seldom started again and again."""
+
+PACKAGES = ("jinja2", "mpmath", "numpy", "sympy")
+"""What generating relies on."""
+
+PARTS = {kind.__name__: kind for kind in (Loop, Op, Pattern, Program, Slot, Store, Straight, TableStore)}
+"""What programs are made of."""
+
+
+def key(model: Model, emission: str) -> str | None:
+    """What the sources of a model are kept under; None for a model that cannot be told from others."""
+    told = digest(model)
+    return told and hashlib.sha256(f"{_generator()}\n{emission}\n{told}".encode()).hexdigest()[:40]
+
+
+def recall(model: Model, emission: str, key: str) -> Sources | None:
+    """The sources of a model that was compiled before, or None."""
+    found = kept(KIND, key)
+    if found is None:
+        return None
+    programs, phi_q, mass, omitted, files = _restored(found)
+    sources = Sources(Programs(Deferred(model), programs, phi_q, mass, emission, omitted))
+    sources.__dict__["c"] = files
+    return sources
+
+
+def remember(key: str, sources: Sources) -> None:
+    """Keep the sources of a model."""
+    found = sources.programs
+    keep(KIND, key, _plain((found.programs, found.phi_q, found.mass, found.omitted, sources.c)), LARGEST)
+
+
+def _plain(value):
+    """Programs as JSON can say them: tuples as lists, all else by its name with its parts."""
+    if isinstance(value, Op):
+        return {"Op": [_plain(part) for part in value]}
+    if is_dataclass(value):
+        return {type(value).__name__: [_plain(getattr(value, field.name)) for field in fields(value)]}
+    if isinstance(value, dict):
+        return {"dict": [[_plain(name), _plain(part)] for name, part in value.items()]}
+    if isinstance(value, (tuple, list)):
+        return [_plain(part) for part in value]
+    return value.item() if isinstance(value, np.generic) else value
+
+
+def _restored(data):
+    """What `_plain` made plain."""
+    if isinstance(data, list):
+        return tuple([_restored(part) for part in data])
+    if isinstance(data, dict):
+        ((name, parts),) = data.items()
+        return dict(_restored(parts)) if name == "dict" else PARTS[name](*[_restored(part) for part in parts])
+    return data
+
+
+@cache
+def _generator() -> str:
+    """All that makes code of a model: the generator's own files, what they rely on, and Python, whose sums and functions round."""
+    made_with = hashlib.sha256()
+    for path in package_files("model", "symbolic", "program", "methods", "emit", "runtime", "templates"):
+        made_with.update(f"{path.name}\n".encode() + hashlib.sha256(path.read_bytes()).digest())
+    versions = [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
+    return "\n".join([*versions, made_with.hexdigest()])

@@ -1,0 +1,270 @@
+"""Whole simulations in one call of the C runtime, on a state derivative that is emitted or dense.
+
+Dense: the runtime's own elimination with the model's kernels. Nothing is generated or compiled for a choice of
+independent coordinates, so it suits single runs and changing choices.
+Emitted: the elimination written out for one mechanism and one choice, several times faster, after a compile.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from ncgen.emit.c import c_files, dynamics_files
+from ncgen.emit.naming import identifier
+from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files, runtime_names
+from ncgen.errors import NcgenError
+from ncgen.mechanism.library import STATUS, CompiledKernels
+from ncgen.mechanism.listening import Listener, watch
+from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
+from ncgen.program.elimination import Samples
+from ncgen.program.programs import Split
+from ncgen.program.quasidefinite import Elimination, plan
+from ncgen.toolchain.abi import NUMBERS, declared, runtime_abi
+from ncgen.toolchain.compilers import FLAGS
+from ncgen.toolchain.loader import load
+
+
+def _load(files: dict[str, str], number: str, declarations: str):
+    """A library of these files and the headers, and its interface."""
+    files = files | runtime_files(*RUNTIME_HEADERS, *HEADERS)
+    return load(files, declarations, runtime_abi(number), (*FLAGS, *NUMBERS[number].flags))
+
+
+@cache
+def _runtime(number: str):
+    """The runtime, the same for all mechanisms."""
+    return _load(runtime_files(*runtime_names()), number, declared("ncgen_runtime.h", "functions"))
+
+
+def _model(kernels: CompiledKernels, number: str):
+    """The descriptor of a mechanism's kernels in a number type, and the library that it lives in; made once for every type."""
+    if number == "double":
+        return kernels._descriptor, kernels
+    return kernels.remember("models", number, lambda: _compiled_model(kernels, number))
+
+
+def _compiled_model(kernels: CompiledKernels, number: str):
+    getter = f"{identifier(kernels.name)}_model"
+    _, library = _load(c_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
+    return getattr(library, getter)(), library
+
+
+def prepare(kernels: CompiledKernels, number: str = "double") -> None:
+    """Compile what a run may ask for on its way, so that a limit to its time is a limit to the run."""
+    _runtime(number)
+    _model(kernels, number)
+    kernels.tangents  # noqa: B018
+
+
+@dataclass(frozen=True, eq=False)
+class Outcome:
+    """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
+
+    q, qd (rows, n); work (rows,); status "ok" or the reason; reached: time (s) of the state `last` = (q, qd, work)
+    tried: time of the last stage; stiff: how often it was found stiff; raised: what ended the run from outside, or None
+    """
+
+    q: np.ndarray
+    qd: np.ndarray
+    work: np.ndarray
+    status: str
+    reached: float
+    last: tuple[np.ndarray, np.ndarray, float]
+    steps: int
+    rejected: int
+    repeated: int
+    evaluations: int
+    newton_steps: int
+    factorisations: int = 0
+    perturbed: int = 0
+    refinements: int = 0
+    stopped: bool = False
+    largest_projection: float = 0.0
+    jacobians: int = 0
+    fallbacks: int = 0
+    tried: float = 0.0
+    stiff: int = 0
+    raised: BaseException | None = None
+
+    def completed(self) -> Outcome:
+        """This outcome, unless something was raised while the run went on: that is raised now."""
+        if self.status == "interrupted":
+            raise self.raised or KeyboardInterrupt()
+        return self
+
+
+class Dynamics:
+    """A state derivative with the runtime around it, in a number type of C."""
+
+    def __init__(self, kernels: CompiledKernels, number: str):
+        self.kernels, self.number = kernels, NUMBERS[number]
+        self._ffi, self._library = _runtime(number)
+        self._dynamics = self._ffi.new("ncgen_dynamics *")
+        descriptor, self._model_library = _model(kernels, number)
+        self._model = self._ffi.cast("const ncgen_model *", descriptor)
+        self._arrays: list[np.ndarray] = []
+        self._keep({"column_sizes": kernels.column_sizes, "row_sizes": kernels.row_sizes}, self._dynamics, self.number.dtype)
+        self.has_rolling = len(kernels.holonomic) < kernels.m
+        if self.has_rolling:
+            rolling = np.ones(kernels.m)
+            rolling[kernels.holonomic] = 0
+            self._keep({"rolling": rolling}, self._dynamics, np.intc)
+
+    def _keep(self, arrays: dict[str, object], struct, dtype) -> None:
+        """Let members of a struct point to arrays, which live as long as this object."""
+        for name, values in arrays.items():
+            array = np.array(values if len(values) else (0,), dtype=dtype)
+            kind = "int[]" if dtype == np.intc else self.number.array
+            self._arrays.append(array)
+            setattr(struct, name, self._ffi.from_buffer(kind, array))
+
+    def _describe(self, split: Split, struct) -> None:
+        """Let a struct say a choice of independent coordinates."""
+        struct.n_independent, struct.n_dependent = len(split.independent), len(split.dependent)
+        self._keep({"independent": split.independent, "dependent": split.dependent, "rows": split.rows}, struct, np.intc)
+
+    def simulate(
+        self, method: str, times, q, velocities, p, max_step=np.inf, event=None, newton=False, sizes=None, progress=None, **options
+    ) -> Outcome:
+        """Run over the times of a grid (first one is the start).
+
+        velocities: independent ones with coordinate partitioning, all of them with other formalisms
+        event: at which to stop, with members coordinate, value and direction as in `ncgen_event`
+        newton: with tangents, also where a method can do without them
+        sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
+        progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
+            that of Ctrl-C, ends the run; `Outcome.completed` raises it again
+        options: the other members of `ncgen_options`, by their names
+        """
+        ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
+        times = np.ascontiguousarray(times, dtype=dtype)
+        rows_and_last = len(times) + 1
+        out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))
+        longest = 0.0 if np.isinf(max_step) else max_step
+        filled = {"method": number_in_c(INTEGRATORS[method]), "rtol": 1e-8, "atol": 1e-10, "max_step": longest, **options}
+        settings = ffi.new("ncgen_options *", filled)
+        if sizes is not None:
+            sizes = np.ascontiguousarray(sizes, dtype=dtype)
+            settings.sizes = ffi.from_buffer(self.number.array, sizes)
+        listener = Listener(progress, n + self.kernels.m)
+        context = ffi.new_handle(listener)
+        settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
+        if event:
+            stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
+            settings.event = stop
+        if newton or uses_tangents(self.kernels, method):
+            self._take_tangents()
+        else:
+            self._dynamics.tangents = ffi.NULL
+        work, integers = self._space(settings)
+        statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
+        inputs = [np.ascontiguousarray(a, dtype=dtype) for a in (p, q, velocities)]
+        pointers = [ffi.from_buffer(self.number.array, a) for a in (*inputs, times, out_q, out_qd, out_work, work)]
+        status = self._library.ncgen_simulate(
+            self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
+            ffi.from_buffer("int[]", integers),
+        )  # fmt: skip
+        done, s = rows[0], statistics
+        last = tuple(a[-1].astype(float) for a in (out_q, out_qd, out_work))
+        filled = (np.asarray(a[:done], dtype=float) for a in (out_q, out_qd, out_work))
+        counts = (s.steps, s.rejected, s.repeated, s.evaluations, s.newton_steps)
+        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped), float(s.largest_projection), s.jacobians, s.fallbacks)
+        return Outcome(*filled, STATUS[status], float(s.t), last, *counts, *more, float(s.tried), s.stiff, listener.raised)
+
+    def jacobian(self, t: float, q, velocities, p, formalism: str = "coordinate-partitioning", **options) -> np.ndarray:
+        """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning, where
+        rolling conditions leave more positions than velocities ∂[z̈; ż]/∂[ż; z], ∂q̈/∂[q̇; q] (n, 2 n) with other formalisms.
+        Arguments as for `simulate`."""
+        ffi = self._ffi
+        self._take_tangents()
+        settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
+        work, integers = self._space(settings)
+        inputs = [np.ascontiguousarray(a, dtype=self.number.dtype) for a in (p, q, velocities)]
+        count = len(inputs[2])
+        out = np.empty(self._jacobian_shape(count) if formalism == "coordinate-partitioning" else (count, 2 * count), self.number.dtype)
+        pointers = [ffi.from_buffer(self.number.array, a) for a in (*inputs, out, work)]
+        status = self._library.ncgen_dynamics_jacobian(
+            self._model, self._dynamics, settings, t, *pointers, ffi.from_buffer("int[]", integers)
+        )
+        if status:
+            raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
+        return out
+
+    def _space(self, settings) -> tuple[np.ndarray, np.ndarray]:
+        """Workspace: numbers and integers."""
+        numbers = self._library.ncgen_workspace(self._model, self._dynamics, settings)
+        integers = (7 if self.has_rolling else 4) * self.kernels.n + 3 * self.kernels.m
+        return np.empty(numbers, self.number.dtype), np.empty(integers, dtype=np.intc)
+
+    def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
+        """With coordinate partitioning."""
+        return velocities, 2 * velocities
+
+    def _take_tangents(self) -> None:
+        """Tangent kernels are compiled when an implicit method first asks for them."""
+        self._dynamics.tangents = self._ffi.cast("ncgen_tangents *", self.kernels.tangents.descriptor)
+
+
+class DenseDynamics(Dynamics):
+    """The runtime's dense elimination on the model's kernels, for one choice of independent coordinates.
+
+    positions: the choice for positions, where it is not that for velocities
+    """
+
+    def __init__(self, kernels: CompiledKernels, split: Split, number: str = "double", positions: Split | None = None):
+        super().__init__(kernels, number)
+        self.positions = positions
+        self._describe(split, self._dynamics)
+        if positions is not None:
+            self._partition = self._ffi.new("ncgen_partition *")
+            self._describe(positions, self._partition)
+            self._dynamics.positions = self._partition
+
+    def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
+        if self.positions is None:
+            return super()._jacobian_shape(velocities)
+        return (velocities + len(self.positions.independent),) * 2
+
+
+class ConstrainedDynamics(Dynamics):
+    """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism."""
+
+    def __init__(self, kernels: CompiledKernels, number: str = "double"):
+        super().__init__(kernels, number)
+        self.singular_mass = singular = not is_definite(kernels)
+        self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
+        self._elimination = self._ffi.new("ncgen_elimination *", {"size": self.plan.size, "nonzeros": self.plan.nonzeros})
+        self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
+        self._dynamics.elimination = self._elimination
+        self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
+
+    def simulate(self, method: str, *args, rank: int = 0, **options) -> Outcome:
+        """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
+        self._dynamics.n_dependent = rank
+        done = super().simulate(method, *args, **options)
+        if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
+            # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
+            done = super().simulate(method, *args, newton=True, **options)
+        return done
+
+
+class EmittedDynamics(Dynamics):
+    """The state derivative written out and compiled for one choice of independent coordinates."""
+
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double", refine: bool = False):
+        from ncgen.program.dynamics import assemble_dynamics
+
+        super().__init__(kernels, number)
+        equations = kernels.programs.equations
+        self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes, refine)
+        files = dynamics_files(self.programs, equations, kernels.row_sizes)
+        getter = f"{identifier(kernels.name)}_dynamics"
+        _, self._emitted = _load(files, number, f"const ncgen_dynamics *{getter}(void);")
+        written = getattr(self._emitted, getter)()
+        for name in ("newton", "acceleration"):
+            setattr(self._dynamics, name, self._ffi.cast("void *", getattr(written, name)))
+        self._describe(split, self._dynamics)  # what to fall back upon

@@ -1,0 +1,95 @@
+"""The tangent kernels of a mechanism, ready to be called: made when they are first needed.
+
+Explicit integrators never need them, so they are generated and compiled apart from the other kernels. `Tangents` are
+those by position and velocity, or those by the parameters (ncgen.program.tangents).
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from ncgen.emit.c import tangent_files
+from ncgen.emit.naming import identifier
+from ncgen.emit.numpy import numpy_tangents
+from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.errors import NcgenError
+from ncgen.program.programs import Programs
+from ncgen.toolchain.abi import abi
+from ncgen.toolchain.loader import load
+
+if TYPE_CHECKING:
+    from ncgen.program.tangents import TangentPrograms
+    from ncgen.symbolic.numbering import Numbering
+
+
+class Tangents:
+    """Nonzeros of the derivatives of the equations of motion."""
+
+    def __init__(self, programs: TangentPrograms, equations: Numbering):
+        self.programs = programs
+        self.equations = equations
+
+    def __reduce__(self):
+        """Pickled as programs, which are compiled again where they arrive."""
+        return type(self), (self.programs, self.equations)
+
+    @classmethod
+    def by_state(cls, programs: Programs) -> Tangents:
+        """stiffness, damping, phidd_q and phidd_qd."""
+        from ncgen.program.tangents import assemble_tangents
+
+        return cls(assemble_tangents(programs.equations, programs.emission), programs.equations)
+
+    @classmethod
+    def by_parameters(cls, programs: Programs) -> Tangents:
+        """phi_p, phid_p, phidd_p and balance_p."""
+        from ncgen.program.tangents import assemble_parameter_tangents
+
+        return cls(assemble_parameter_tangents(programs.equations), programs.equations)
+
+    def values(self, name: str, given: dict[str, object]) -> np.ndarray:
+        """The nonzeros of one matrix; given: t, q, qd, qdd, lam, p by name."""
+        program = self.programs.programs.get(name)
+        if program is None:
+            return np.zeros(0)
+        return self._call(name, program, [given[a] for a in program.inputs])
+
+
+class NumPyTangents(Tangents):
+    """Through the generated NumPy source; takes batches and complex numbers."""
+
+    @cached_property
+    def _functions(self) -> dict[str, object]:
+        ((name, text),) = numpy_tangents(self.programs, self.equations).items()
+        namespace: dict[str, object] = {"__name__": name.removesuffix(".py")}
+        exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
+        return namespace
+
+    def _call(self, name, program, inputs):
+        with np.errstate(all="ignore"):  # as in C, what is no number says so by itself
+            return self._functions[name](*inputs)
+
+
+class CompiledTangents(Tangents):
+    """Through a compiled library, whose `descriptor` the C runtime takes."""
+
+    def __init__(self, programs: TangentPrograms, equations: Numbering):
+        super().__init__(programs, equations)
+        files = tangent_files(self.programs, self.equations) | runtime_files(*HEADERS)
+        kind = programs.kind
+        getter = f"{identifier(equations.model.name)}_{kind}"
+        self._ffi, self._library = load(files, f"const ncgen_{kind} *{getter}(void);", abi())
+        self.descriptor = getattr(self._library, getter)()
+
+    def _call(self, name, program, inputs):
+        out = np.empty(program.size)
+        arrays = [np.ascontiguousarray(a, dtype=float) for a in inputs[1:]]
+        pointers = [self._ffi.from_buffer("double[]", a, require_writable=a is out) for a in (*arrays, out)]
+        try:
+            getattr(self.descriptor, name)(inputs[0], *pointers)
+        except TypeError:
+            raise NcgenError(f"{self.equations.model.name}.{name}: t is {inputs[0]!r}; compiled kernels take one real number") from None
+        return out

@@ -1,0 +1,70 @@
+"""What the C headers declare, as cffi sees it, for every number type that Python can pass on."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from cffi import FFI
+
+from ncgen.emit.runtime import runtime_text
+
+
+class Number(NamedTuple):
+    """A number type of C: its name, the compiler's flags that choose it in ncgen.h, and NumPy's type."""
+
+    name: str
+    flags: tuple[str, ...]
+    dtype: np.dtype
+
+    @property
+    def array(self) -> str:
+        """The type of an array of them, for cffi."""
+        return f"{self.name}[]"
+
+
+NUMBERS = {
+    "double": Number("double", (), np.dtype(np.float64)),
+    "float": Number("float", ("-DNCGEN_SINGLE",), np.dtype(np.float32)),
+    "long double": Number("long double", ("-DNCGEN_LONG_DOUBLE",), np.dtype(np.longdouble)),
+}
+
+STRUCTS = {
+    "ncgen.h": ("ncgen_model", "ncgen_tangents", "ncgen_parameter_tangents"),
+    "ncgen_runtime.h": ("ncgen_dynamics", "ncgen_elimination", "ncgen_event", "ncgen_options", "ncgen_statistics"),
+}
+
+
+def declared(file: str, part: str = "cdef") -> str:
+    """What a file of the C library declares between its marks "begin part" and "end part"."""
+    return marked(runtime_text(file), part)
+
+
+def marked(text: str, part: str = "cdef") -> str:
+    """What stands in a text between the marks "begin part" and "end part"."""
+    return text.split(f"/* begin {part} */")[1].split(f"/* end {part} */")[0]
+
+
+@cache
+def abi(number: str = "double") -> FFI:
+    """The types of ncgen.h."""
+    ffi = FFI()
+    ffi.cdef(f"typedef {number} ncgen_real; typedef {number} ncgen_scalar;" + declared("ncgen.h"))
+    return _completed(ffi, "ncgen.h")
+
+
+@cache
+def runtime_abi(number: str = "double") -> FFI:
+    """The types of ncgen.h and ncgen_runtime.h."""
+    ffi = FFI()
+    ffi.include(abi(number))
+    ffi.cdef(declared("ncgen_runtime.h"))
+    return _completed(ffi, "ncgen_runtime.h")
+
+
+def _completed(ffi: FFI, file: str) -> FFI:
+    """Structs are completed here: otherwise they are completed by, and die with, the first library that uses them."""
+    for name in STRUCTS[file]:
+        ffi.sizeof(name)
+    return ffi

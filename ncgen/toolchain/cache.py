@@ -1,0 +1,218 @@
+"""The cache of compiled libraries: one folder a key, published with one rename.
+
+A library is built in a temporary folder inside the cache, tried, and renamed to its key when it is complete. Two builders of
+the same key both succeed, the second discarding its copy; a builder that is killed leaves only a temporary folder, which is
+never looked at and goes in a day.
+"""
+
+from __future__ import annotations
+
+import errno
+import hashlib
+import os
+import secrets
+import shutil
+import tempfile
+import time
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+from ncgen.errors import CompileError, NcgenError
+from ncgen.toolchain import compilers
+from ncgen.toolchain.compilers import FLAGS, LIBRARIES, LIBRARY, Compiler
+from ncgen.toolchain.folder import KEY, TEMPORARY, cache_folder, folders, forget, intruder, sealed, sweep, unsealed, written
+
+RECORD = "build.json"
+
+
+@dataclass(frozen=True)
+class Built:
+    """A compiled library; seconds is the compile time, 0 if it came from the cache; spent: now or when it came into the cache."""
+
+    library: Path
+    seconds: float
+    spent: float
+
+
+def compiled(files: dict[str, str], flags=FLAGS, libraries=LIBRARIES) -> Built:
+    """The library of some C sources, from the cache or compiled now by the first compiler that works.
+
+    A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
+    is said in one warning, and found out once in a process.
+    Raises CompileError with the compiler's log if there is none, or none that works.
+    """
+    failures: list[CompileError] = []
+    news: list[str] = []
+    for compiler in compilers.find_compilers():
+        if known := compilers.useless(compiler):
+            failures.append(known)
+            continue
+        while True:
+            taken = compilers.accepted(compiler, flags)
+            try:
+                built = build(files, compiler, taken, libraries)
+            except CompileError as error:
+                if refused := compilers.examine(compiler, taken, error):
+                    news += [f"{compiler.name} refuses {flag} and is used without it" for flag in refused if flag not in compilers.UNSAID]
+                    continue
+                failures.append(error)
+                news.append(f"{_short(error, 120)}; {{}} is used instead")
+                break
+            if news:
+                warnings.warn("; ".join(news).replace("{}", compiler.name)[:300], stacklevel=2)
+            return built
+    raise _summary(failures)
+
+
+def _summary(failures: list[CompileError]) -> CompileError:
+    """Why no compiler could be used, in one line, with the first log."""
+    if not failures:
+        return CompileError("no C compiler found (tried CC, cc, gcc, clang, ziglang); install gcc or clang")
+    if len(failures) == 1:
+        return CompileError(str(failures[0]), failures[0].log)
+    text = "; ".join(_short(failure, 240 // len(failures)) for failure in failures)
+    return CompileError(f"no C compiler works: {text}", next((failure.log for failure in failures if failure.log), ""))
+
+
+def _short(error: CompileError, length: int) -> str:
+    """What happened, without advice."""
+    return str(error).split("; set CC")[0][:length]
+
+
+def build(files: dict[str, str], compiler: Compiler, flags=FLAGS, libraries=LIBRARIES, loads: bool = True) -> Built:
+    """The library of some C sources by one compiler, from the cache or compiled now.
+
+    loads: whether it is for this process, which is then able to load it
+    Raises CompileError with the compiler's log if it fails.
+    """
+    key = _key(files, compiler, flags, libraries)
+    for folder in folders():
+        if record := _record(folder / key, loads):
+            return Built(folder / key / LIBRARY, 0.0, record["seconds"])
+    try:
+        return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads))
+    except OSError as error:
+        raise CompileError(
+            f"there is no room to compile in: {error.strerror or error}; set NCGEN_CACHE_DIR to a folder with some"
+        ) from error
+
+
+def _key(files, compiler, flags, libraries) -> str:
+    digest = hashlib.sha256()
+    fields = [compiler.identity, *compiler.command, *flags, *libraries]
+    for name in sorted(files):
+        fields += [name, files[name]]
+    for field in fields:
+        data = field.encode()
+        digest.update(len(data).to_bytes(8, "little") + data)
+    return digest.hexdigest()[:40]
+
+
+def _build(entry: Path, files, compiler, flags, libraries, loads: bool) -> Built:
+    """Compile and publish an entry. Raises OSError where its folder does not take it."""
+    work = Path(tempfile.mkdtemp(prefix=TEMPORARY, dir=entry.parent))
+    try:
+        if problem := intruder(work):  # on some network drives nothing belongs to who made it
+            raise PermissionError(errno.EACCES, problem)
+        start = time.perf_counter()
+        command, log = compilers.make_library(work, files, compiler, flags, libraries, loads)
+        seconds = time.perf_counter() - start
+        record = {"command": command, "seconds": round(seconds, 3), "log": log, "library": _digest(work / LIBRARY)}
+        (work / RECORD).write_bytes(sealed(record))
+        _publish(work, entry, loads)
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+        sweep()
+    return Built(entry / LIBRARY, seconds, seconds)
+
+
+def _record(entry: Path, loads: bool) -> dict | None:
+    """What is known of an entry if its library is there as it was built and can be loaded, and nobody else could have touched it:
+    a damaged one would crash the process that loads it, or worse."""
+    if intruder(entry / LIBRARY):
+        return None
+    record = unsealed(entry / RECORD)
+    try:
+        whole = record is not None and record["library"] == _digest(entry / LIBRARY)
+    except OSError:
+        return None
+    return record if whole and not (loads and compilers.unloadable(entry / LIBRARY)) else None
+
+
+def _digest(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _publish(work: Path, entry: Path, loads: bool) -> None:
+    """Rename the finished folder to its key; what stands there is kept if it is whole, else put aside and removed."""
+    for path in work.iterdir():
+        path.chmod(0o644)
+    work.chmod(0o755)
+    for last in (False, True):
+        try:
+            os.rename(work, entry)
+            return
+        except OSError:
+            if _record(entry, loads):
+                return
+            if last or not entry.is_dir():
+                raise
+            _discard(entry)
+
+
+def _discard(entry: Path) -> None:
+    """Put an entry aside with one rename, so that nobody sees it half removed, and remove it."""
+    aside = entry.parent / f"{TEMPORARY}{secrets.token_hex(4)}"
+    try:
+        os.rename(entry, aside)
+    except FileNotFoundError:
+        return  # another process was quicker
+    shutil.rmtree(aside, ignore_errors=True)
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One library in the cache."""
+
+    key: str
+    sources: tuple[str, ...]
+    size: int
+    age: float
+
+
+def entries() -> list[Entry]:
+    """What the cache holds, newest first; folders that are no entries are not listed."""
+    found = []
+    for folder in cache_folder().glob("*"):
+        try:
+            if _is_entry(folder):
+                files = [f for f in folder.iterdir() if f.is_file()]
+                size = sum(f.stat().st_size for f in files)
+                age = time.time() - (folder / RECORD).stat().st_mtime
+                found.append(Entry(folder.name, tuple(sorted(f.name for f in files if f.suffix == ".c")), size, age))
+        except OSError:
+            continue  # another process is clearing the cache, or it is not this user's
+    return sorted(found, key=lambda e: e.age)
+
+
+def _is_entry(folder: Path) -> bool:
+    """True for what `build` has made, whole or not: it has a key for a name, and both files."""
+    made = KEY.fullmatch(folder.name) and not folder.is_symlink()
+    return bool(made) and (folder / RECORD).is_file() and (folder / LIBRARY).is_file()
+
+
+def clear() -> int:
+    """Remove all entries, what was kept beside them, and abandoned builds; returns how many libraries went.
+
+    Raises NcgenError if the system does not let them go.
+    """
+    known = entries()
+    try:
+        sweep()
+        forget()
+        for entry in known:
+            _discard(cache_folder() / entry.key)
+    except OSError as error:
+        raise NcgenError(f"cache folder {cache_folder()} cannot be cleared: {error.strerror or error}; remove it yourself") from error
+    return len(known)

@@ -1,0 +1,31 @@
+"""From sources in C to functions that Python calls: the one way in."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from cffi import FFI
+
+from ncgen.errors import NcgenError
+from ncgen.toolchain.cache import compiled
+from ncgen.toolchain.compilers import FLAGS
+
+
+def load(files: dict[str, str], declarations: str, base: FFI, flags: tuple[str, ...] = FLAGS) -> tuple[FFI, Any]:
+    """(interface, library) of sources {file name: text}: from the cache, or compiled.
+
+    declarations: what is called, in C; base: the interface that knows the types in them
+    """
+    return opened(compiled(files, flags).library, declarations, base)
+
+
+def opened(library: Path, declarations: str, base: FFI) -> tuple[FFI, Any]:
+    """(interface, library) of a compiled library. Raises NcgenError where it cannot be loaded."""
+    ffi = FFI()
+    ffi.include(base)
+    ffi.cdef(declarations)
+    try:
+        return ffi, ffi.dlopen(str(library))
+    except OSError as error:
+        raise NcgenError(f"{library} cannot be loaded: {error}; run `ncgen cache --clear` and try again") from error

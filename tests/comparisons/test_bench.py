@@ -1,0 +1,95 @@
+"""`ncgen bench`: every time has its error beside it, and the records are what scripts may rely on."""
+
+import json
+
+import pytest
+
+import ncgen
+from ncgen.comparisons import batches, falls, rates
+from ncgen.comparisons.bench import _simulation_rows, aligned, bench, kernel_records
+from ncgen.comparisons.rivals import handwritten
+from ncgen.report import clock
+
+pytestmark = pytest.mark.xdist_group("robot")
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch):
+    """Few samples: the numbers are not looked at."""
+    monkeypatch.setattr(clock, "SHORTEST", 1e-6)
+    monkeypatch.setattr(clock.measure, "__defaults__", (1,))
+    monkeypatch.setattr(falls, "TOLERANCES", (1e-6,))
+    monkeypatch.setattr(falls, "STEPS", (100,))
+    monkeypatch.setattr(falls, "REPEATS", 1)
+    monkeypatch.setattr(batches, "STATES", 20)
+    monkeypatch.setattr(batches, "RUNS", 9)
+    monkeypatch.setattr(batches, "ROUNDS", 1)
+
+
+def test_kernels_of_the_robot(robot_model):
+    """All tools compute the same; lambdify prints 15 digits."""
+    records = kernel_records(robot_model, 1e9)
+    tools = {r["tool"] for r in records}
+    assert {"generated C, auto", "hand-written C", "hand-written NumPy, vectorised", "generated NumPy"} <= tools
+    assert {r["case"] for r in records} == {"phi", "phi_q", "gamma", "all"}
+    assert all(r["error"] < 2e-15 for r in records if r["tool"] != "floor")
+    assert all(r["seconds"] > 0 for r in records)
+
+
+def test_sections_of_a_mechanism_without_hand_written_code():
+    sections = dict(bench(ncgen.load("fourbar")))
+    records = [r for found in sections.values() for r in found]
+    assert {r["case"] for r in records} >= {"phi", "all", "state derivative", "simulation", "batch"}
+    assert all({"case", "tool", "error", "seconds"} <= r.keys() for r in records)
+    assert not any("hand-written" in r["tool"] for r in records)
+    assert json.loads(json.dumps(records)) == records
+
+
+def test_the_fall(robot, monkeypatch):
+    """Simulations reach the known end state, each in its own way; Octave would take a quarter of a minute."""
+    end = [0.0] * 6
+    for name, value in handwritten(robot).END.items():
+        end[int(name[-1]) - 1] = value
+    octaves = [{"tool": tool, "seconds": 1.0, "psi": end, "evaluations": 400} for tool in ("RK4", "ode45")]
+    monkeypatch.setattr(falls.octave, "available", lambda kernels: True)
+    monkeypatch.setattr(falls.octave, "falls", lambda kernels, **settings: octaves)
+    records = {r["tool"]: r for r in falls.fall_records(robot)}
+    assert records["dopri5, emitted C"]["error"] < 1e-5
+    assert records["rk4, emitted C"]["error"] < 1e-6
+    assert records["hand-written NumPy, SciPy RK45"]["error"] < 1e-5
+    assert records["hand-written Octave, RK4"] | {"error": 0.0, "seconds": 1.0} == records["hand-written Octave, RK4"]
+    assert records["the paper's Table 9, ode45"]["seconds"] == 4.125
+
+
+def test_octave_that_fails_takes_nothing_else_with_it(robot, monkeypatch):
+    """Its line says why; a bench has other results by then."""
+
+    def fails(kernels, **settings):
+        raise ncgen.NcgenError("octave-cli: no jsondecode")
+
+    monkeypatch.setattr(falls.octave, "available", lambda kernels: True)
+    monkeypatch.setattr(falls.octave, "falls", fails)
+    (record,) = falls._octave(robot, 0.5, {})
+    assert record["stopped"] == "octave-cli: no jsondecode" and record["seconds"] is None
+    assert "stopped" in "".join(aligned(_simulation_rows([record])))
+
+
+def test_the_state_derivative(robot):
+    records = {r["tool"]: r for r in rates.derivative_records(robot, 1e9)}
+    assert records["accelerations"]["error"] < 1e-12
+    assert records["hand-written NumPy"]["error"] < 1e-11
+    if records["accelerations"]["worst"] is not None:  # where long double is more than double
+        assert records["accelerations, refined"]["worst"] < 1e-13 < 10 * records["accelerations"]["worst"] < 1e-8
+    assert records["Newton step"]["floor"] == records["Newton step"]["operations"] / 1e9
+
+
+def test_batches(robot):
+    """Each state has in the batch what it has alone."""
+    records = list(batches.batch_records(robot))
+    assert {r["what"] for r in records} == {"phi", "phi_q", "gamma", "constraints", "mass", "derivative", "simulation"}
+    assert {"one at a time in C", "batch, threads: 1"} <= {r["tool"] for r in records}
+    assert all(r["error"] < 1e-11 for r in records if r["tool"].startswith("batch"))
+    assert {r["what"]: r["tool"] for r in records if r.get("chosen")} == {
+        "phi": "batch in lanes", "phi_q": "batch, one after the other", "gamma": "batch in lanes", "constraints": "batch in lanes",
+        "mass": "batch, one after the other",
+    }  # fmt: skip

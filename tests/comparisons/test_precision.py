@@ -1,0 +1,90 @@
+"""`ncgen bench --precision`: errors fall as tolerances do, the front is the quickest, and no method is lost."""
+
+import json
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.comparisons import precision
+from ncgen.methods.table import FORMALISMS
+
+
+@pytest.fixture(scope="module")
+def records():
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(precision, "TOLERANCES", (1e-4, 1e-8))
+        patch.setattr(precision, "STEPS", (50, 100))
+        patch.setattr(precision, "ROUNDS", 2)
+        patch.setattr(precision, "own_run", lambda kernels: (0.1, {"zd0": {"B.y": -5.0}}))
+        return precision.precision_records(ncgen.load("pendulum"), limit=3.0)
+
+
+def test_every_method_is_there(records):
+    """With a result or with the reason why there is none."""
+    assert {(r["formalism"], r["integrator"]) for r in records} == set(precision.tried())
+    assert {r["formalism"] for r in records} == set(FORMALISMS)
+    assert all((r["error"] is None) == (r["reason"] is not None) for r in records)
+    assert {"emitted", "c", "python"} <= {r["engine"] for r in records}
+
+
+def test_tighter_is_better(records):
+    """From 1e-4 to 1e-8, every method with error control gains at least two digits, or is better than asked for."""
+    for method, runs in precision.by_method(records).items():
+        done = [r["error"] for r in runs if r["error"] is not None and r["setting"].startswith("rtol")]
+        if len(done) == 2 and "penalty" not in method and runs[0]["number"] != "float":
+            assert done[1] < max(done[0] / 100, 1e-8), method
+
+
+def test_fourth_order_is_seen(records):
+    """Half the step leaves a sixteenth of the error of the classical method, with any formalism that holds the constraints."""
+    for method, runs in precision.by_method(records).items():
+        if runs[0]["integrator"] == "rk4" and "penalty" not in method and runs[0]["number"] != "float":
+            errors = [r["error"] for r in runs]
+            assert 3.5 < np.log2(errors[0] / errors[1]) < 5.5, method
+
+
+def test_float_ends_at_its_rounding(records):
+    """24 bits are 6e-8; some steps add some of them up."""
+    for integrator in precision.WRITTEN_OUT:
+        errors = [r["error"] for r in records if r["number"] == "float" and r["integrator"] == integrator]
+        assert len(errors) == 2 and 1e-9 < min(errors) < 5e-6
+
+
+def test_times_have_a_spread(records):
+    done = [r for r in records if r["error"] is not None]
+    assert all(0 < r["low"] <= r["seconds"] <= r["high"] for r in done)
+    assert json.loads(json.dumps(records)) == records
+
+
+def record(name, error, seconds):
+    plain = {
+        "formalism": "lagrange",
+        "integrator": name,
+        "engine": "c",
+        "kernels": "c",
+        "number": "double",
+        "setting": "",
+        "noisy": False,
+        "doubt": 1e-7,
+    }
+    return plain | {"method": name, "error": error, "seconds": seconds}
+
+
+def test_the_front_is_the_quickest():
+    """Of four runs b is beaten by c, which is quicker and more exact; below the doubt nothing is said."""
+    runs = [record("a", 1e-2, 1.0), record("b", 1e-3, 4.0), record("c", 1e-4, 2.0), record("d", 1e-8, 9.0)]
+    assert [r["method"] for r in precision._unbeaten(runs)] == ["d", "c", "a"]
+    said = [line.split(": ")[1].split(",")[0] for line in precision.front(runs)]
+    assert said == ["a", "c", "c", "d", "d"]  # for 1e-2 to 1e-6
+
+
+def test_the_reference_is_trusted_and_kept(tmp_path, monkeypatch):
+    """Two methods agree to ten digits; the second question is answered from the file."""
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(tmp_path))
+    kernels = ncgen.compile(ncgen.load("pendulum"), "c")
+    first = precision.reference(kernels, 1.0, {})
+    assert first.doubt < 1e-10
+    monkeypatch.setattr(precision, "simulate", None)
+    again = precision.reference(kernels, 1.0, {})
+    assert np.array_equal(first.q, again.q) and first.doubt == again.doubt

@@ -1,0 +1,139 @@
+"""What was generated once is not generated again, and never mistaken for something else."""
+
+import hashlib
+import pickle
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen import compiler
+from ncgen.mechanism import recall
+
+
+@pytest.fixture(autouse=True)
+def own_cache(tmp_path, monkeypatch):
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(tmp_path))
+    return tmp_path
+
+
+def pendulum(mass=1.0):
+    model = ncgen.Model("pendulum")
+    origin, end = model.point("O", (0, 0), fixed=True), model.point("A", (1, 0))
+    model.body("rod", points=[origin, end], mass=mass, inertia=0.1)
+    model.gravity((0, -9.81, 0))
+    return model
+
+
+@pytest.fixture
+def generations(monkeypatch):
+    """Names of the models that were generated."""
+    seen = []
+    generate = compiler.generate
+    monkeypatch.setattr(compiler, "generate", lambda model, *rest: (seen.append(model.name), generate(model, *rest))[1])
+    return seen
+
+
+def test_the_second_time_nothing_is_generated(generations):
+    first, model = ncgen.compile(pendulum(), "c"), pendulum()
+    again = ncgen.compile(model, "c")
+    assert generations == ["pendulum"]
+    assert again.model is model and again.coordinates == first.coordinates
+    q, qd = np.array([0.6, -0.8]), np.array([1.6, 1.2])
+    for name in ("phi", "phi_q", "gamma", "mass", "force", "energy"):
+        assert np.array_equal(again.values(name, 0.0, q, qd, None), first.values(name, 0.0, q, qd, None))
+    assert again.programs.omitted == first.programs.omitted
+
+
+def test_what_was_kept_can_be_gone_on_with(generations):
+    """Tangents, emitted runs and reactions derive what they need from the model itself."""
+    ncgen.compile(pendulum(), "c")
+    kernels = ncgen.compile(pendulum(), "c")
+    assert generations == ["pendulum"]
+    run = ncgen.simulate(kernels, 0.1, engine="emitted")
+    assert run.engine.startswith("emitted") and run.reactions().loads
+    assert kernels.stiffness(run.q[-1], run.qd[-1], run.qdd[-1], run.lam[-1]).shape == (2, 2)
+
+
+def test_another_model_or_emission_is_another(generations):
+    ncgen.compile(pendulum(), "c")
+    assert ncgen.compile(pendulum(2.0), "c").mass_matrix([1.0, 0.0])[0, 0] != ncgen.compile(pendulum(), "c").mass_matrix([1.0, 0.0])[0, 0]
+    ncgen.compile(pendulum(), "c", "tabled")
+    assert generations == ["pendulum"] * 3
+
+
+@pytest.mark.parametrize("package", [*recall.PACKAGES, "python"])
+def test_another_generator_is_another(generations, monkeypatch, package):
+    """Another version of anything that makes code of a model may make other code."""
+    known = recall.version
+    ncgen.compile(pendulum(), "c")
+    recall._generator.cache_clear()
+    monkeypatch.setattr(recall, "version", lambda name: "0" if name == package else known(name))
+    if package == "python":
+        monkeypatch.setattr(recall.platform, "python_version", lambda: "0")
+    ncgen.compile(pendulum(), "c")
+    recall._generator.cache_clear()
+    assert generations == ["pendulum"] * 2
+
+
+def test_damaged_files_are_written_again(generations, own_cache):
+    """Cut, replaced, or another digit in a number, which would be another weight."""
+    right = ncgen.compile(pendulum(), "c").force([1.0, 0.0], [0.0, 0.0])
+    (path,) = (own_cache / "programs").iterdir()
+    whole = path.read_bytes()
+    weight = repr(-float(right[1])).encode()
+    assert weight in whole
+    damages = b"", whole[:100], b"nonsense", whole.replace(weight, weight[:-1] + b"7")
+    for damage in damages:
+        path.write_bytes(damage)
+        assert np.array_equal(ncgen.compile(pendulum(), "c").force([1.0, 0.0], [0.0, 0.0]), right)
+        assert path.read_bytes() == whole
+    assert generations == ["pendulum"] * (1 + len(damages))
+
+
+class Planted:
+    """Touches a file when it is unpickled."""
+
+    def __init__(self, path):
+        self.path = path
+
+    def __reduce__(self):
+        return open, (str(self.path), "w")
+
+
+@pytest.mark.parametrize("suffix", [".pickle", ".json"])
+def test_nothing_that_is_kept_can_run(generations, own_cache, tmp_path, suffix):
+    """A pickle in the place of kept programs, with a digest or without, is not loaded."""
+    ncgen.compile(pendulum(), "c")
+    (path,) = (own_cache / "programs").iterdir()
+    data = pickle.dumps(Planted(tmp_path / "touched"))
+    for planted in (data, hashlib.sha256(data).hexdigest().encode() + b"\n" + data):
+        path.with_suffix(suffix).write_bytes(planted)
+        ncgen.compile(pendulum(), "c")
+    assert not (tmp_path / "touched").exists()
+
+
+def test_python_functions_are_called_and_not_kept(generations):
+    """Programs do not depend on them, so those of another function serve; each model calls its own."""
+    for push in (1.0, 2.0):
+        model = pendulum()
+        model.callback(lambda t, q, qd, kernels, push=push: np.full(2, push))
+        kernels = ncgen.compile(model, "c")
+        assert kernels.force(kernels.q0, 0 * kernels.q0)[0] == push
+    assert generations == ["pendulum"]
+
+
+def test_clearing_the_cache_clears_these_too(own_cache):
+    from ncgen.toolchain import cache
+
+    ncgen.compile(pendulum(), "c")
+    assert cache.clear() == 1 and not (own_cache / "programs").exists()
+
+
+def test_sympy_stays_away(own_cache):
+    """From the cache to the end of a simulation, in a process of its own."""
+    text = "import sys, ncgen; k = ncgen.compile(ncgen.load('robot'), 'c'); ncgen.simulate(k, 0.01); print('sympy' in sys.modules)"
+    said = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)]
+    assert said == ["True", "False"]
