@@ -73,6 +73,12 @@ def test_imports_go_upwards_only(path):
     assert breaches(part(path), path.read_text(encoding="utf-8")) == []
 
 
+def test_no_folder_has_a_name_that_tools_skip():
+    """pytest, git and packagers pass over folders called build or dist without a word."""
+    skipped = {"build", "dist", "CVS", "_darcs", "node_modules", "venv", "lib", "env", "target", "out"}
+    assert not [path for root in (PACKAGE, ROOT / "tests") for path in root.rglob("*") if path.is_dir() and path.name in skipped]
+
+
 def test_every_part_has_a_place():
     """A package or module that is in no list above would escape the order."""
     assert {part(path) for path in modules()} <= set(LAYERS) | DOORS | FOR_ALL
