@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -76,7 +77,7 @@ def test_imports_go_upwards_only(path):
 def test_no_folder_has_a_name_that_tools_skip():
     """pytest, git and packagers pass over folders called build or dist without a word."""
     skipped = {"build", "dist", "CVS", "_darcs", "node_modules", "venv", "lib", "env", "target", "out"}
-    assert not [path for root in (PACKAGE, ROOT / "tests") for path in root.rglob("*") if path.is_dir() and path.name in skipped]
+    assert not [path for root in (PACKAGE, ROOT / "tests") for path in root.rglob("*.*") if skipped & set(path.relative_to(ROOT).parts)]
 
 
 def test_every_part_has_a_place():
@@ -144,3 +145,51 @@ def test_nothing_else_lies_at_the_top():
     """The names at the top of the repository are fixed."""
     assert tracked() <= TOP
     assert {"ncgen", "templates", "tests", "pyproject.toml"} <= tracked()
+
+
+RUNTIME = PACKAGE / "runtime"
+BESIDE = {"ncgen_dense": "ncgen_constrained"}
+"""Sources that implement a part of another room's header."""
+
+
+def c_rooms() -> dict[str, set[str]]:
+    """{room of the C library: rooms that it includes}; a room is a source with the header of its name."""
+    rooms: dict[str, set[str]] = {}
+    for path in sorted([*RUNTIME.glob("*/*.c"), *RUNTIME.glob("*/*.h")]):
+        room = BESIDE.get(path.stem, path.stem)
+        included = {BESIDE.get(name, name) for name in re.findall(r'^#include "(\w+)\.h"', path.read_text(encoding="utf-8"), re.M)}
+        rooms.setdefault(room, set()).update(included - {room})
+    return rooms
+
+
+def circles(rooms: dict[str, set[str]]) -> list[str]:
+    """Rooms from which one comes back to them."""
+
+    def reached(room: str) -> set[str]:
+        seen, waiting = set(), [room]
+        while waiting:
+            new = rooms.get(waiting.pop(), set()) - seen
+            seen |= new
+            waiting += new
+        return seen
+
+    return [room for room in rooms if room in reached(room)]
+
+
+def test_no_circle_in_the_c_library():
+    rooms = c_rooms()
+    assert len(rooms) > 20 and "ncgen_state" in rooms["ncgen_constrained"]
+    assert circles(rooms) == []
+    assert circles({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c"]
+
+
+def module(imported_name: str, names) -> str:
+    """The module that an imported name is, or is in."""
+    return imported_name if imported_name in names else imported_name.rpartition(".")[0]
+
+
+def test_no_circle_of_modules():
+    """No module of the package needs itself through others as it is loaded."""
+    names = {".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__"): path for path in modules()}
+    needs = {name: {module(n, names) for n in eager(ast.parse(path.read_text(encoding="utf-8")))} - {name} for name, path in names.items()}
+    assert circles(needs) == []

@@ -1,7 +1,9 @@
 /* ncgen_ali3p.c: index-3 augmented Lagrangian by the trapezoidal rule, with mass-orthogonal projections of velocities and
  * accelerations (Bayo and Ledesma 1996).
  */
-#include "ncgen_internal.h"
+#include "ncgen_jacobian.h"
+#include "ncgen_lu.h"
+#include "ncgen_steppers.h"
 
 enum {
     ITERATION_LIMIT = 30,

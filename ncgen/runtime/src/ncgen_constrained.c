@@ -3,19 +3,13 @@
  * Accelerations and multipliers solve [M Phi_q'; Phi_q -E] [qdd; lam] = [Q; gamma], where the diagonal E is zero for
  * lagrange and the inverse of a penalty else: the augmented Lagrangian removes its effect by iteration, penalty leaves it
  * in. Where M is singular lagrange goes the same way, since M + Phi_q' Phi_q / E is positive definite all the same.
- *
- * After a step, position and velocity are brought back onto the constraints with the same matrix: the smallest change
- * in the sense of kinetic energy.
  */
-#include "ncgen_internal.h"
+#include "ncgen_constrained.h"
+#include "ncgen_method.h"
 
-enum {
-    REFINEMENT_LIMIT = 20,
-    PROJECTION_LIMIT = 12,
-    VELOCITY_LIMIT = 3
-};
+enum { REFINEMENT_LIMIT = 20 };
 
-static int is_dense(const ncgen_run *r)
+int ncgen_constrained_is_dense(const ncgen_run *r)
 {
     return r->options->formalism >= NCGEN_NULL_SPACE;
 }
@@ -46,11 +40,11 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
     w->redundant = d->n_dependent > 0 && d->n_dependent < r->m;
-    if (is_dense(r) || w->redundant) {
+    if (ncgen_constrained_is_dense(r) || w->redundant) {
         w->jacobian = ncgen_take(space, r->n * r->m);
         w->scaled = ncgen_take(space, 4 * (r->n + r->m));
     }
-    if (is_dense(r)) {
+    if (ncgen_constrained_is_dense(r)) {
         w->basis = ncgen_take(space, r->n * r->n);
         w->square = ncgen_take(space, (r->n + r->m) * r->n);
     }
@@ -135,10 +129,16 @@ static int find_mass(ncgen_run *r, ncgen_scalar t)
     return model->mass && !model->mass_is_constant ? model->mass(t, r->q, r->p, r->constrained->kkt.values) : NCGEN_OK;
 }
 
-static int find_jacobian(ncgen_run *r, ncgen_scalar t)
+int ncgen_constrained_phi_q(ncgen_run *r, ncgen_scalar t)
 {
     ncgen_constrained *w = r->constrained;
     return r->model->phi_q(t, r->q, r->p, w->kkt.values + w->n_mass);
+}
+
+int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t)
+{
+    const int status = find_mass(r, t);
+    return status == NCGEN_OK ? ncgen_constrained_phi_q(r, t) : status;
 }
 
 int ncgen_constrained_factor(ncgen_run *r)
@@ -183,12 +183,12 @@ static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_scalar 
     return largest;
 }
 
-static ncgen_real scaled_size(const ncgen_run *r, const ncgen_real *x)
+ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x)
 {
     return largest_of(r->n, x, r->dynamics->column_sizes);
 }
 
-static ncgen_real largest_residual(const ncgen_run *r, const ncgen_real *rows)
+ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows)
 {
     return largest_of(r->m, rows, r->dynamics->row_sizes);
 }
@@ -204,8 +204,8 @@ int ncgen_constrained_solve(ncgen_run *r)
     for (int k = 0; k < REFINEMENT_LIMIT; ++k) {
         find_residual(r, w, r->options->formalism == NCGEN_PENALTY);
         ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
-        const ncgen_real change = scaled_size(r, w->residual);
-        const ncgen_real size = scaled_size(r, w->solution);
+        const ncgen_real change = ncgen_constrained_size(r, w->residual);
+        const ncgen_real size = ncgen_constrained_size(r, w->solution);
         if (k > 0 && !(change < R(0.5) * before)) /* at rounding, or beyond what the equations determine */
             return w->kkt.perturbed && change > NCGEN_SQRT(r->rounding) * size ? NCGEN_SINGULAR : NCGEN_OK;
         for (int i = 0; i < r->n + r->m; ++i)
@@ -235,7 +235,7 @@ static int find_equations(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
     const ncgen_model *model = r->model;
     int status = find_mass(r, t);
     if (status == NCGEN_OK && !w->jacobian_is_there)
-        status = find_jacobian(r, t);
+        status = ncgen_constrained_phi_q(r, t);
     w->jacobian_is_there = 0;
     if (status == NCGEN_OK && model->nu)
         status = model->nu(t, r->q, r->p, w->nu);
@@ -253,7 +253,7 @@ int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t)
     ncgen_constrained *w = r->constrained;
     r->statistics->evaluations += 1;
     int status = find_equations(r, w, t);
-    if (status == NCGEN_OK && is_dense(r))
+    if (status == NCGEN_OK && ncgen_constrained_is_dense(r))
         return ncgen_dense_accelerations(r, w);
     if (status == NCGEN_OK)
         status = ncgen_constrained_factor(r);
@@ -286,90 +286,6 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     return ncgen_constrained_power(r, t, yd + 2 * n);
 }
 
-/* Back onto the constraints ------------------------------------------------------------------------------------ */
-
-int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t)
-{
-    const int status = find_mass(r, t);
-    return status == NCGEN_OK ? find_jacobian(r, t) : status;
-}
-
-/* Phi_q and the factors at r->q. */
-static int refresh(ncgen_run *r, ncgen_scalar t)
-{
-    const int status = ncgen_constrained_matrices(r, t);
-    return status == NCGEN_OK ? ncgen_constrained_factor(r) : status;
-}
-
-/* Change x by the smallest amount that changes the rows by -w->residual[n..]; smallest in the sense of kinetic energy. */
-static void correct(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
-{
-    for (int i = 0; i < r->n; ++i)
-        w->residual[i] = 0;
-    for (int i = 0; i < r->m; ++i)
-        w->residual[r->n + i] = -w->residual[r->n + i];
-    ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
-    for (int i = 0; i < r->n; ++i)
-        x[i] += w->residual[i];
-}
-
-/* Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
-static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, int fresh)
-{
-    const ncgen_scalar wanted = 100 * r->rounding;
-    ncgen_real before = 0;
-    for (int k = 0; k < PROJECTION_LIMIT; ++k) {
-        int status = r->model->phi(t, r->q, r->p, w->residual + r->n);
-        const ncgen_real size = largest_residual(r, w->residual + r->n);
-        if (status != NCGEN_OK)
-            return status;
-        if (size <= wanted)
-            return NCGEN_OK;
-        if (!(size < R(1.0e30)))
-            return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
-        if (k > 0 && size > R(0.1) * before) {
-            if (size <= r->options->tolerance || (fresh && size <= 1000 * r->options->tolerance))
-                return NCGEN_OK; /* at rounding; more of it near a singular position */
-            if ((status = refresh(r, t)) != NCGEN_OK)
-                return status;
-            fresh = 1;
-        }
-        before = size;
-        r->statistics->newton_steps += 1;
-        correct(r, w, r->q);
-    }
-    return NCGEN_NOT_CONVERGED;
-}
-
-static int project_velocity(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
-{
-    int status = find_jacobian(r, t);
-    if (status == NCGEN_OK && r->model->nu)
-        status = r->model->nu(t, r->q, r->p, w->nu);
-    if (status != NCGEN_OK)
-        return status;
-    const ncgen_real enough = 100 * r->rounding * (1 + scaled_size(r, r->qd));
-    for (int k = 0; k < VELOCITY_LIMIT; ++k) {
-        ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
-        for (int i = 0; i < r->m; ++i)
-            w->residual[r->n + i] -= w->nu[i];
-        if (largest_residual(r, w->residual + r->n) <= enough)
-            break;
-        correct(r, w, r->qd);
-    }
-    return NCGEN_OK;
-}
-
-int ncgen_constrained_position(ncgen_run *r, ncgen_scalar t)
-{
-    return project_position(r, r->constrained, t, 0);
-}
-
-int ncgen_constrained_velocity(ncgen_run *r, ncgen_scalar t)
-{
-    return project_velocity(r, r->constrained, t);
-}
-
 void ncgen_constrained_rows(ncgen_run *r)
 {
     if (!r->constrained->redundant)
@@ -378,57 +294,12 @@ void ncgen_constrained_rows(ncgen_run *r)
     set_diagonal(r, r->constrained);
 }
 
-/* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none. */
-static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near)
-{
-    ncgen_constrained *w = r->constrained;
-    ncgen_copy(r->n, y, r->qd);
-    ncgen_copy(r->n, y + r->n, r->q);
-    int status = factors_are_near ? NCGEN_OK : refresh(r, t);
-    if (status == NCGEN_OK)
-        status = project_position(r, w, t, !factors_are_near);
-    if (status == NCGEN_OK)
-        status = project_velocity(r, w, t);
-    ncgen_copy(r->n, r->qd, y);
-    ncgen_copy(r->n, r->q, y + r->n);
-    return status;
-}
-
-/* precise: with the factors of this state */
-static int settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
-{
-    ncgen_copy(r->n, y + r->n, r->constrained->solution);
-    const int status = project(r, t, y, !is_dense(r) && !precise);
-    for (int i = 0; i < r->n; ++i)
-        r->constrained->solution[i] -= y[r->n + i];
-    const ncgen_real moved = scaled_size(r, r->constrained->solution);
-    if (status == NCGEN_OK && moved > r->statistics->largest_projection)
-        r->statistics->largest_projection = moved;
-    r->constrained->jacobian_is_there = status == NCGEN_OK;
-    if (status == NCGEN_OK)
-        ncgen_constrained_rows(r);
-    return status;
-}
-
-static int state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
-{
-    r->constrained->kept = 0;
-    if (r->options->project || ncgen_is_stepper(r->options))
-        return project(r, t, y, 0);
-    ncgen_copy(r->n, y, r->qd);
-    ncgen_copy(r->n, y + r->n, r->q);
-    return NCGEN_OK;
-}
-
 int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
     const ncgen_scalar t = r->times[0];
     r->derivative = derivative;
-    r->settle = r->options->project ? settle : NULL;
-    r->state = state;
-    r->jacobian = ncgen_constrained_jacobian;
     ncgen_copy(n, velocities, r->y);
     ncgen_copy(n, r->start_q, r->y + n);
     ncgen_copy(n, velocities, r->start_qd);
@@ -441,7 +312,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
         w->nu[i] = 0;
     int status = r->model->mass ? r->model->mass(t, r->q, r->p, w->kkt.values) : NCGEN_OK;
     if (status == NCGEN_OK)
-        status = find_jacobian(r, t);
+        status = ncgen_constrained_phi_q(r, t);
     if (status != NCGEN_OK)
         return status;
     find_sizes(r, w);

@@ -2,7 +2,10 @@
  *
  * What the methods for constrained equations share that solve these by Newton's method.
  */
-#include "ncgen_internal.h"
+#include "ncgen_constrained.h"
+#include "ncgen_correction.h"
+#include "ncgen_jacobian.h"
+#include "ncgen_lu.h"
 
 /* The largest |x| in natural sizes; not a number if one of them is not. */
 ncgen_real ncgen_correction_size(const ncgen_run *r, const ncgen_real *x)

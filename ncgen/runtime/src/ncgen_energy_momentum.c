@@ -4,7 +4,9 @@
  * With a constant mass matrix, quadratic constraints and a linear potential it keeps the energy, and is written with
  * accelerations and projections like RATTLE. Else what is missing is added along the step (Gonzalez 1996).
  */
-#include "ncgen_internal.h"
+#include "ncgen_jacobian.h"
+#include "ncgen_projection.h"
+#include "ncgen_steppers.h"
 
 enum { ITERATION_LIMIT = 30 };
 
@@ -33,7 +35,7 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
         for (int i = 0; i < n; ++i)
             r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
         if (status == NCGEN_OK)
-            status = ncgen_constrained_position(r, t + h);
+            status = ncgen_project_position(r, t + h);
         if (status != NCGEN_OK)
             return status;
         for (int i = 0; i < n; ++i) {
@@ -129,7 +131,7 @@ static int end_midpoint(ncgen_run *r, ncgen_stepping *w, const ncgen_correction 
     status = ncgen_constrained_matrices(r, t + h);
     if (status == NCGEN_OK)
         status = ncgen_constrained_factor(r);
-    return status == NCGEN_OK ? ncgen_constrained_velocity(r, t + h) : status;
+    return status == NCGEN_OK ? ncgen_project_velocity(r, t + h) : status;
 }
 
 /* The midpoint rule with the discrete gradient: T + V - W is kept to rounding for any masses, forces and constraints. */

@@ -1,5 +1,5 @@
 /* ncgen_explicit.c: explicit Runge-Kutta methods: with error control and dense output, or with a fixed step. */
-#include "ncgen_internal.h"
+#include "ncgen_explicit.h"
 #include "ncgen_tableaus.h"
 
 enum {

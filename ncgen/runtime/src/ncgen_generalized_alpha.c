@@ -1,5 +1,6 @@
 /* ncgen_generalized_alpha.c: the generalized-alpha method for constrained equations of index 3 (Arnold and Bruels 2007). */
-#include "ncgen_internal.h"
+#include "ncgen_jacobian.h"
+#include "ncgen_steppers.h"
 
 enum { ITERATION_LIMIT = 30 };
 

@@ -2,7 +2,7 @@
  *
  * An integrator tells here that it has come from t to t + h, and how to interpolate in between.
  */
-#include "ncgen_internal.h"
+#include "ncgen_grid.h"
 
 /* A row nearer to the end of a step than this share of it takes the state of the step itself. */
 static const ncgen_scalar on_the_grid = R(1.0e-9);

@@ -1,59 +1,12 @@
-/* ncgen_implicit.c: implicit methods with the exact Jacobian: Radau IIA of order 5 with error control and dense output, and
- * the trapezoidal rule with a fixed step.
+/* ncgen_implicit.c: linear systems of implicit methods.
  *
  * Newton's method solves (s - J) x = f for numbers s of the method, one of them complex. Since positions change with the
  * velocities, x' = v, half of the unknowns go: (s - J_v - J_x / s) v = f_v + J_x f_x / s. A complex system is solved as a
  * real one of twice the size. Nothing depends on the work, which follows its own sum. With rolling conditions positions are more
  * than velocities, and all unknowns are solved for.
- *
- * Method, choice of step and of fresh Jacobians: Hairer and Wanner, Solving Ordinary Differential Equations II, IV.8.
  */
-#include "ncgen_internal.h"
-
-enum {
-    STAGES = 3,
-    ITERATION_LIMIT = 6,
-    FIXED_LIMIT = 10,
-    REPEAT_LIMIT = 20,   /* of one step */
-    PATIENCE = 1000,     /* repeats in all, after which the run must get on better than every other step */
-    ORDER = 3 /* of the error estimate */
-};
-
-#define ROOT6 R(2.449489742783178098197284074705891392)
-
-static const ncgen_scalar radau_c[STAGES] = {(4 - ROOT6) / 10, (4 + ROOT6) / 10, R(1.0)};
-
-/* The inverse of the method's matrix is T diag(radau_real, radau_complex) T^-1: its real eigenvalue, and the complex one by
- * real and imaginary part, whose eigenvector stands in two columns of T. */
-static const ncgen_scalar radau_real = R(3.637834252744495732208418513577775798);
-static const ncgen_scalar radau_complex[2] = {R(2.681082873627752133895790743211112101), -R(3.050430199247410569426377624787567904)};
-
-static const ncgen_scalar radau_t[STAGES][STAGES] = {
-    {R(0.09443876248897524148749007950641658629), -R(0.1412552950209542084279903838077973094),
-     R(0.03002919410514742449186111708905386667)},
-    {R(0.2502131229653333113765090675125016844), R(0.2041293522937999319959908102983381741),
-     -R(0.3829421127572619377954382335998732104)},
-    {R(1.0), R(1.0), R(0.0)},
-};
-
-static const ncgen_scalar radau_inverse_t[STAGES][STAGES] = {
-    {R(4.17871859155190472734646265851205623), R(0.3276828207610623870825332724296162342),
-     R(0.5233764454994495480399309159089875021)},
-    {-R(4.17871859155190472734646265851205623), -R(0.3276828207610623870825332724296162342),
-     R(0.4766235545005504519600690840910124979)},
-    {R(0.5028726349457868759512473431395442929), -R(2.571926949855605429186785353601675055),
-     R(0.5960392048282249249688219110993024033)},
-};
-
-/* Weights of the error estimate. */
-static const ncgen_scalar radau_error[STAGES] = {(-13 - 7 * ROOT6) / 3, (-13 + 7 * ROOT6) / 3, -R(1.0) / 3};
-
-/* The polynomial through the stages: coefficients of s, s^2, s^3 for each stage. */
-static const ncgen_scalar radau_dense[STAGES][3] = {
-    {(13 + 7 * ROOT6) / 3, (-23 - 22 * ROOT6) / 3, (10 + 15 * ROOT6) / 3},
-    {(13 - 7 * ROOT6) / 3, (-23 + 22 * ROOT6) / 3, (10 - 15 * ROOT6) / 3},
-    {R(1.0) / 3, -R(8.0) / 3, R(10.0) / 3},
-};
+#include "ncgen_implicit.h"
+#include "ncgen_lu.h"
 
 void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
@@ -72,18 +25,16 @@ void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     m->complex.matrix = ncgen_take(&r->space, 4 * count * count);
     m->real.order = integers;
     m->complex.order = integers ? integers + count : NULL;
-    m->stages = ncgen_take(&r->space, STAGES * ny);
-    m->rates = ncgen_take(&r->space, STAGES * ny);
-    m->unknowns = ncgen_take(&r->space, STAGES * r->weighed);
-    m->right = ncgen_take(&r->space, STAGES * r->weighed);
-    m->change = ncgen_take(&r->space, STAGES * r->weighed);
+    m->stages = ncgen_take(&r->space, NCGEN_STAGES * ny);
+    m->rates = ncgen_take(&r->space, NCGEN_STAGES * ny);
+    m->unknowns = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
+    m->right = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
+    m->change = ncgen_take(&r->space, NCGEN_STAGES * r->weighed);
     m->reduced = ncgen_take(&r->space, 4 * count);
 }
 
-/* Linear systems ----------------------------------------------------------------------------------------------- */
-
 /* Factor s - J_v - J_x / s for s = a + ib, or s - J where positions do not follow; parts: 1 where s is real, 2 else. */
-static int factor_shifted(const ncgen_implicit *m, ncgen_shifted *shifted, int parts, ncgen_scalar a, ncgen_scalar b)
+int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int parts, ncgen_scalar a, ncgen_scalar b)
 {
     const int count = m->count, size = parts * count;
     shifted->parts = parts;
@@ -106,7 +57,7 @@ static int factor_shifted(const ncgen_implicit *m, ncgen_shifted *shifted, int p
 }
 
 /* x of (s - J) x = f; real parts of f and x come first, then their imaginary parts. */
-static void solve_shifted(const ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f,
+void ncgen_shifted_solve(const ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f,
                           ncgen_real *x)
 {
     const int count = m->count, ny = r->weighed, parts = shifted->parts;
@@ -127,394 +78,14 @@ static void solve_shifted(const ncgen_run *r, const ncgen_implicit *m, const ncg
         }
 }
 
-static int find_jacobian(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t, ncgen_real *y)
+int ncgen_implicit_jacobian(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t, ncgen_real *y)
 {
     r->statistics->jacobians += 1;
     m->factored = 0;
     return r->jacobian(r, t, y, m->jacobian);
 }
 
-/* Radau IIA ---------------------------------------------------------------------------------------------------- */
-
-static ncgen_real *part(const ncgen_run *r, ncgen_real *stages, int i)
-{
-    return stages + (size_t)i * (size_t)r->ny;
-}
-
-/* sum_j weights[j] x_j over stages of `count` numbers each. */
-static void combine(int count, const ncgen_scalar weights[STAGES], const ncgen_real *x, ncgen_real *sum)
-{
-    for (int i = 0; i < count; ++i)
-        sum[i] = weights[0] * x[i] + weights[1] * x[count + i] + weights[2] * x[2 * count + i];
-}
-
-/* w->at: the state at t + s h on the polynomial through the stages. */
-static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
-{
-    (void)t;
-    (void)h;
-    for (int i = 0; i < r->ny; ++i)
-        w->at[i] = r->y[i] + s * (w->interpolant[i] + s * (w->interpolant[r->ny + i] + s * w->interpolant[2 * r->ny + i]));
-    return NCGEN_OK;
-}
-
-/* Where Newton's method starts: the last step's polynomial, carried on; `ratio` of the steps is 0 if there is none. */
-static void predict(ncgen_run *r, const ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar ratio)
-{
-    const ncgen_real *f = w->interpolant;
-    for (int k = 0; k < STAGES; ++k) {
-        const ncgen_scalar s = 1 + radau_c[k] * ratio;
-        for (int i = 0; i < r->ny; ++i)
-            part(r, m->stages, k)[i] = ratio > 0 ? (s - 1) * f[i] + (s * s - 1) * f[r->ny + i] + (s * s * s - 1) * f[2 * r->ny + i] : 0;
-    }
-}
-
-/* The derivatives at the stages. Where a stage has unknowns that the derivative solves for by itself, they come back. */
-static int find_rates(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
-{
-    for (int k = 0; k < STAGES; ++k) {
-        ncgen_real *stage = part(r, m->stages, k);
-        for (int i = 0; i < r->ny; ++i)
-            w->at[i] = r->y[i] + stage[i];
-        int status = ncgen_listen(r, t + radau_c[k] * h);
-        if (status == NCGEN_OK)
-            status = r->derivative(r, t + radau_c[k] * h, w->at, part(r, m->rates, k));
-        if (status != NCGEN_OK)
-            return status;
-        for (int i = r->weighed; i < r->ny; ++i)
-            stage[i] = w->at[i] - r->y[i];
-    }
-    return NCGEN_OK;
-}
-
-/* The right side of Newton's method in transformed unknowns: T^-1 F - (eigenvalues / h) W. */
-static void find_right(const ncgen_run *r, const ncgen_implicit *m, ncgen_scalar h)
-{
-    const int ny = r->weighed;
-    const ncgen_scalar a = radau_complex[0] / h, b = radau_complex[1] / h;
-    for (int i = 0; i < ny; ++i) {
-        ncgen_real f[STAGES];
-        for (int k = 0; k < STAGES; ++k) {
-            f[k] = 0;
-            for (int j = 0; j < STAGES; ++j)
-                f[k] += radau_inverse_t[k][j] * m->rates[j * r->ny + i];
-        }
-        const ncgen_real *x = m->unknowns + i;
-        m->right[i] = f[0] - radau_real / h * x[0];
-        m->right[ny + i] = f[1] - a * x[ny] + b * x[2 * ny];
-        m->right[2 * ny + i] = f[2] - b * x[ny] - a * x[2 * ny];
-    }
-}
-
-static ncgen_real size_of_change(ncgen_run *r, const ncgen_implicit *m)
-{
-    ncgen_real sum = 0;
-    for (int k = 0; k < STAGES; ++k)
-        sum += ncgen_weighted_square(r, m->change + k * r->weighed, r->y, r->y);
-    return NCGEN_SQRT(sum / (ncgen_scalar)STAGES);
-}
-
-/* The stages by Newton's method. NCGEN_NOT_CONVERGED: with this Jacobian and step it does not converge. */
-static int solve_stages(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
-{
-    const int ny = r->weighed;
-    const ncgen_scalar least = 10 * r->rounding / r->options->rtol, root = NCGEN_SQRT(r->options->rtol);
-    const ncgen_scalar usual = root < R(0.03) ? root : R(0.03), wanted = least > usual ? least : usual;
-    ncgen_real before = 0;
-    for (int k = 0; k < STAGES; ++k)
-        for (int i = 0; i < ny; ++i) {
-            m->unknowns[k * ny + i] = 0;
-            for (int j = 0; j < STAGES; ++j)
-                m->unknowns[k * ny + i] += radau_inverse_t[k][j] * m->stages[j * r->ny + i];
-        }
-    m->rate = 0;
-    for (m->iterations = 1; m->iterations <= ITERATION_LIMIT; ++m->iterations) {
-        const int status = find_rates(r, w, m, t, h);
-        if (status != NCGEN_OK)
-            return status;
-        find_right(r, m, h);
-        solve_shifted(r, m, &m->real, m->right, m->change);
-        solve_shifted(r, m, &m->complex, m->right + ny, m->change + ny);
-        const ncgen_real size = size_of_change(r, m);
-        if (!(size < R(1.0e30)))
-            return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
-        if (m->iterations > 1) {
-            m->rate = size / before;
-            ncgen_real left = size / (1 - m->rate);
-            for (int k = m->iterations; k <= ITERATION_LIMIT; ++k)
-                left *= m->rate;
-            if (!(m->rate < 1) || left > wanted)
-                return NCGEN_NOT_CONVERGED;
-        }
-        for (int i = 0; i < STAGES * ny; ++i)
-            m->unknowns[i] += m->change[i];
-        for (int k = 0; k < STAGES; ++k)
-            combine(ny, radau_t[k], m->unknowns, part(r, m->stages, k));
-        if (!(size > 0) || (m->iterations > 1 && m->rate / (1 - m->rate) * size < wanted))
-            return NCGEN_OK;
-        before = size;
-    }
-    return NCGEN_NOT_CONVERGED;
-}
-
-/* The stages for a step h, with a fresh Jacobian if the one there is does not serve. */
-static int attempt(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
-{
-    for (;;) {
-        int status = NCGEN_OK;
-        if (!m->factored)
-            status = factor_shifted(m, &m->real, 1, radau_real / h, 0);
-        if (!m->factored && status == NCGEN_OK)
-            status = factor_shifted(m, &m->complex, 2, radau_complex[0] / h, radau_complex[1] / h);
-        m->factored = status == NCGEN_OK;
-        if (status == NCGEN_OK) {
-            predict(r, w, m, m->last_step > 0 ? h / m->last_step : 0);
-            status = solve_stages(r, w, m, t, h);
-        }
-        if (status == NCGEN_OK || status == NCGEN_INTERRUPTED || m->fresh)
-            return status;
-        const int found = find_jacobian(r, m, t, r->y);
-        m->fresh = 1;
-        if (found != NCGEN_OK)
-            return found;
-    }
-}
-
-/* The size of the error, where 1 is allowed. After a rejection it is filtered once more. */
-static int estimate(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h, int rejected,
-                    ncgen_real *error)
-{
-    int status = NCGEN_OK;
-    const ncgen_real *slope = w->slopes;
-    for (int again = 0; again < 2; ++again) {
-        for (int i = 0; i < r->weighed; ++i) {
-            ncgen_real sum = 0;
-            for (int k = 0; k < STAGES; ++k)
-                sum += radau_error[k] * part(r, m->stages, k)[i];
-            m->right[i] = slope[i] + sum / h;
-        }
-        solve_shifted(r, m, &m->real, m->right, m->change);
-        *error = NCGEN_SQRT(ncgen_weighted_square(r, m->change, r->y, w->new_y));
-        if (again || !rejected || !(*error > 1))
-            return status;
-        ncgen_copy(r->ny, r->y, w->at);
-        for (int i = 0; i < r->weighed; ++i)
-            w->at[i] += m->change[i];
-        status = r->derivative(r, t, w->at, m->rates);
-        if (status != NCGEN_OK)
-            return status;
-        slope = m->rates;
-    }
-    return status;
-}
-
-/* By which factor the step should change, from this error and the one before (Gustafsson). */
-static ncgen_real step_factor(const ncgen_implicit *m, ncgen_scalar h, ncgen_real error)
-{
-    const ncgen_scalar power = R(0.25);
-    if (!(error > 0))
-        return R(10.0);
-    const ncgen_real trend = m->last_step > 0 && m->last_error > 0 ? h / m->last_step * NCGEN_POW(m->last_error / error, power) : 1;
-    return (trend < 1 ? trend : 1) * NCGEN_POW(error, -power);
-}
-
-/* A converged step whose error is small enough becomes the state. */
-static int conclude(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
-{
-    int status = r->settle ? r->settle(r, t + h, w->new_y, 0) : NCGEN_OK;
-    if (status == NCGEN_OK)
-        status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
-    if (status != NCGEN_OK)
-        return status;
-    if (!ncgen_is_finite(r->ny, w->new_y) || !ncgen_is_finite(r->ny, w->slopes + r->ny))
-        return NCGEN_DOMAIN;
-    for (int k = 0; k < 3; ++k)
-        for (int i = 0; i < r->ny; ++i) {
-            ncgen_real sum = 0;
-            for (int j = 0; j < STAGES; ++j)
-                sum += radau_dense[j][k] * part(r, m->stages, j)[i];
-            w->interpolant[k * r->ny + i] = sum;
-        }
-    return NCGEN_OK;
-}
-
-static int run_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
-{
-    const ncgen_scalar end = r->times[r->n_times - 1];
-    ncgen_scalar t = r->times[0];
-    ncgen_scalar h = ncgen_first_step(r, w, ORDER, t, end - t);
-    int repeats = 0, rejected = 0, trouble = NCGEN_SHORT;
-    int status = find_jacobian(r, m, t, r->y);
-    m->fresh = 1;
-    m->last_step = 0;
-    m->last_error = 0;
-    w->interpolate = interpolate;
-    while (t < end && status == NCGEN_OK) {
-        const ncgen_scalar wanted = h;
-        if (r->options->max_step > 0 && h > r->options->max_step)
-            h = r->options->max_step;
-        const int last = t + h >= end;
-        if (last)
-            h = end - t;
-        if (h < wanted || h > wanted)
-            m->factored = 0;
-        if (!(t + h > t))
-            return trouble;
-        int tried = attempt(r, w, m, t, h);
-        if (tried == NCGEN_INTERRUPTED)
-            return tried;
-        const ncgen_scalar safety = R(0.9) * (2 * ITERATION_LIMIT + 1) / (ncgen_scalar)(2 * ITERATION_LIMIT + m->iterations);
-        ncgen_real error = 0;
-        for (int i = 0; i < r->ny && tried == NCGEN_OK; ++i)
-            w->new_y[i] = r->y[i] + part(r, m->stages, 2)[i];
-        if (tried == NCGEN_OK)
-            tried = estimate(r, w, m, t, h, rejected, &error);
-        if (tried == NCGEN_OK && error < 1)
-            tried = conclude(r, w, m, t, h);
-        if (tried != NCGEN_OK || !(error < R(1.0e30))) {
-            const long all = r->statistics->repeated += 1;
-            trouble = tried != NCGEN_OK ? tried : NCGEN_NOT_CONVERGED;
-            if (++repeats > REPEAT_LIMIT || (all > PATIENCE && all > r->statistics->steps / 2))
-                return trouble;
-            r->careful = repeats > 1; /* again: it may be rounding */
-            m->factored = 0;
-            h *= R(0.5);
-            continue;
-        }
-        ncgen_real factor = safety * step_factor(m, h, error);
-        if (!(error < 1)) {
-            r->statistics->rejected += 1;
-            r->careful = rejected; /* again: it may be rounding */
-            rejected = 1;
-            m->factored = 0;
-            h *= factor > R(0.2) ? factor : R(0.2);
-            continue;
-        }
-        const ncgen_scalar t_new = last ? end : t + h;
-        const int renew = m->iterations > 2 && m->rate > R(1.0e-3);
-        if (repeats == 0 && rejected == 0)
-            trouble = NCGEN_SHORT; /* what was wrong is behind */
-        repeats = rejected = 0;
-        m->fresh = 0;
-        m->last_step = h;
-        m->last_error = error;
-        status = ncgen_grid_step(r, w, t, t_new);
-        if (status != NCGEN_OK || r->statistics->stopped)
-            return status;
-        t = t_new;
-        if (t < end && ncgen_creeps(r, w, t))
-            return NCGEN_SHORT;
-        ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
-        if (renew && t < end) {
-            status = find_jacobian(r, m, t, r->y);
-            m->fresh = 1;
-        }
-        if (factor > R(10.0))
-            factor = R(10.0);
-        if (renew || !(factor < R(1.2))) { /* else the factors serve again */
-            m->factored = 0;
-            h *= factor;
-        }
-    }
-    return status;
-}
-
-/* The trapezoidal rule ----------------------------------------------------------------------------------------- */
-
-static int interpolate_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
-{
-    (void)t;
-    ncgen_interpolate_cubic(r, w, w->slopes, w->slopes + r->ny, h, s);
-    return NCGEN_OK;
-}
-
-/* new_y by Newton's method: (2/h - J) dy = 2/h (y - new_y) + f + f_new. */
-static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
-{
-    const ncgen_scalar enough = 500 * r->rounding;
-    ncgen_real before = R(1.0e30), least = 0;
-    for (int i = 0; i < r->ny; ++i)
-        w->new_y[i] = r->y[i] + h * w->slopes[i];
-    for (int pass = 0; pass < FIXED_LIMIT; ++pass) {
-        int status = ncgen_listen(r, t + h);
-        if (status == NCGEN_OK)
-            status = r->derivative(r, t + h, w->new_y, m->rates);
-        if (status != NCGEN_OK)
-            return status;
-        for (int i = 0; i < r->weighed; ++i)
-            m->right[i] = 2 / h * (r->y[i] - w->new_y[i]) + w->slopes[i] + m->rates[i];
-        solve_shifted(r, m, &m->real, m->right, m->change);
-        ncgen_real size = 0;
-        least = 1;
-        for (int i = 0; i < r->weighed; ++i) {
-            w->new_y[i] += m->change[i];
-            if (m->change[i] != m->change[i])
-                return NCGEN_DOMAIN;
-            if (NCGEN_ABS(m->change[i]) > size)
-                size = NCGEN_ABS(m->change[i]);
-            if (NCGEN_ABS(w->new_y[i]) > least)
-                least = NCGEN_ABS(w->new_y[i]);
-        }
-        if (size <= enough * least)
-            return NCGEN_OK;
-        if (!(size < before)) /* rounding ends the fall of the steps before they reach the bound */
-            return before < 100 * enough * least ? NCGEN_OK : NCGEN_NOT_CONVERGED;
-        before = size;
-    }
-    return before < 100 * enough * least ? NCGEN_OK : NCGEN_NOT_CONVERGED;
-}
-
-static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
-{
-    int status = NCGEN_NOT_CONVERGED;
-    if (m->factored && !(m->last_step < h || m->last_step > h))
-        status = correct_fixed(r, w, m, t, h);
-    if (status != NCGEN_OK && status != NCGEN_INTERRUPTED) {
-        for (int i = 0; i < r->ny; ++i)
-            w->new_y[i] = r->y[i] + h * w->slopes[i];
-        status = find_jacobian(r, m, t + h, w->new_y);
-        if (status == NCGEN_OK)
-            status = factor_shifted(m, &m->real, 1, 2 / h, 0);
-        m->factored = status == NCGEN_OK;
-        m->last_step = h;
-        if (status == NCGEN_OK)
-            status = correct_fixed(r, w, m, t, h);
-    }
-    if (status == NCGEN_OK && r->settle)
-        status = r->settle(r, t + h, w->new_y, 0);
-    if (status == NCGEN_OK)
-        status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
-    if (status == NCGEN_OK && !(ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->slopes + r->ny)))
-        status = NCGEN_DOMAIN;
-    return status;
-}
-
-static int run_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
-{
-    const ncgen_scalar end = r->times[r->n_times - 1];
-    ncgen_scalar t = r->times[0];
-    w->interpolate = interpolate_fixed;
-    m->last_step = 0;
-    if (!(ncgen_step_count(r, end - t) > 0))
-        return NCGEN_ARGUMENT;
-    while (t < end) {
-        const int last = t + r->options->max_step >= end;
-        const ncgen_scalar t_new = last ? end : t + r->options->max_step;
-        if (!(t_new > t))
-            return NCGEN_ARGUMENT;
-        int status = trapezoidal_step(r, w, m, t, last ? end - t : r->options->max_step);
-        if (status != NCGEN_OK)
-            return status;
-        status = ncgen_grid_step(r, w, t, t_new);
-        if (status != NCGEN_OK || r->statistics->stopped)
-            return status;
-        ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
-        t = t_new;
-    }
-    return NCGEN_OK;
-}
-
-int ncgen_implicit_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
+int ncgen_implicit_begin(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
 {
     int status = r->derivative(r, r->times[0], r->y, w->slopes);
     if (status == NCGEN_OK && !ncgen_is_finite(r->ny, w->slopes))
@@ -523,9 +94,5 @@ int ncgen_implicit_run(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
     m->iterations = 0;
     if (status == NCGEN_OK)
         (void)ncgen_accept(r, r->times[0], r->y);
-    if (status == NCGEN_OK)
-        status = ncgen_grid_begin(r, w);
-    if (status != NCGEN_OK)
-        return status;
-    return r->options->method == NCGEN_RADAU ? run_radau(r, w, m) : run_trapezoidal(r, w, m);
+    return status == NCGEN_OK ? ncgen_grid_begin(r, w) : status;
 }

@@ -5,7 +5,9 @@
  * Of independent coordinates z: dq = R dz and Phi_q dqd = -Phid_q dq, where Phid_q is half of Phidd_qd, but of rolling conditions
  * what qdd = qd adds to Phidd_q.
  */
-#include "ncgen_internal.h"
+#include "ncgen_constrained.h"
+#include "ncgen_jacobian.h"
+#include "ncgen_partitioning.h"
 
 static int values_of(const ncgen_pattern *pattern)
 {

@@ -1,5 +1,5 @@
 /* ncgen_lu.c: elimination of a dense matrix, by rows, with row exchanges. */
-#include "ncgen_internal.h"
+#include "ncgen_lu.h"
 
 static void exchange_rows(int size, ncgen_real *a, int *order, int k, int other)
 {

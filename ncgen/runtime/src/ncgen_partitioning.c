@@ -5,7 +5,8 @@
  * start, at every stage as near as the stage is accurate; what it finds takes their place.
  * With rolling conditions there are fewer independent velocities than positions, and two choices of them.
  */
-#include "ncgen_internal.h"
+#include "ncgen_lu.h"
+#include "ncgen_partitioning.h"
 
 /* An amplification that leaves no digit of the solution. */
 static const ncgen_scalar broken_down = R(1.0e30);
@@ -384,7 +385,6 @@ void ncgen_partitioning_begin(ncgen_run *r, const ncgen_real *velocities)
     r->derivative = derivative;
     r->accept = accept;
     r->state = state;
-    r->jacobian = ncgen_partitioning_jacobian;
     for (int k = 0; k < 2; ++k) {
         w->choices[k].amplification = 0;
         w->choices[k].orientation = w->choices[k].first_orientation = 0;

@@ -5,7 +5,9 @@
  * What an acceleration has along that direction does not matter: the projection that follows puts it right.
  * Else the drift is found by Newton's method.
  */
-#include "ncgen_internal.h"
+#include "ncgen_jacobian.h"
+#include "ncgen_projection.h"
+#include "ncgen_steppers.h"
 
 enum { ITERATION_LIMIT = 30 };
 
@@ -27,7 +29,7 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
     for (int i = 0; i < n; ++i)
         r->q[i] = position[i] + h * (velocity[i] + h / 2 * acceleration[i]);
     if (status == NCGEN_OK)
-        status = ncgen_constrained_position(r, t + h);
+        status = ncgen_project_position(r, t + h);
     for (int i = 0; i < n; ++i)
         r->qd[i] = (r->q[i] - position[i]) / h;
     ncgen_constrained_rows(r);
@@ -36,7 +38,7 @@ int ncgen_rattle(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_sca
     for (int i = 0; i < n; ++i)
         r->qd[i] += h / 2 * acceleration[i];
     r->constrained->kept = 1;
-    return status == NCGEN_OK ? ncgen_constrained_velocity(r, t + h) : status;
+    return status == NCGEN_OK ? ncgen_project_velocity(r, t + h) : status;
 }
 
 /* The velocity of the drift, in r->qd, for which Phi = 0 at the end: h/2 (Q - Phi_q' lam) = M (velocity of drift - velocity)

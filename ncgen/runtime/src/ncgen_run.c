@@ -1,139 +1,11 @@
 /* ncgen_run.c: the entry of the runtime: workspace, the first state, and the choice of formalism and integrator. */
-#include "ncgen_facts.h"
-#include "ncgen_internal.h"
-
-ncgen_real *ncgen_take(ncgen_space *space, int count)
-{
-    ncgen_real *part = space->base ? space->base + space->used : NULL;
-    space->used += (size_t)count;
-    return part;
-}
-
-void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to)
-{
-    for (int i = 0; i < count; ++i)
-        to[i] = from[i];
-}
-
-ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b)
-{
-    ncgen_real sum = 0;
-    for (int i = 0; i < count; ++i)
-        sum += a[i] * b[i];
-    return sum;
-}
-
-int ncgen_solve_positive(int size, ncgen_real *a, ncgen_real *right)
-{
-    for (int k = 0; k < size; ++k) {
-        if (!(a[k * size + k] > 0))
-            return NCGEN_SINGULAR;
-        for (int i = k + 1; i < size; ++i) {
-            const ncgen_real share = a[i * size + k] / a[k * size + k];
-            for (int j = k + 1; j <= i; ++j)
-                a[i * size + j] -= share * a[j * size + k];
-        }
-    }
-    ncgen_solve_positive_again(size, a, right);
-    return NCGEN_OK;
-}
-
-void ncgen_solve_positive_again(int size, const ncgen_real *a, ncgen_real *right)
-{
-    for (int k = 0; k < size; ++k)
-        for (int i = k + 1; i < size; ++i)
-            right[i] -= a[i * size + k] / a[k * size + k] * right[k];
-    for (int k = size - 1; k >= 0; --k) {
-        for (int i = k + 1; i < size; ++i)
-            right[k] -= a[i * size + k] * right[i];
-        right[k] /= a[k * size + k];
-    }
-}
-
-void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product)
-{
-    const ncgen_pattern *pattern = &r->model->mass_pattern;
-    for (int i = 0; i < r->n; ++i) {
-        ncgen_real sum = 0;
-        if (pattern->indptr)
-            for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
-                sum += mass[k] * x[pattern->indices[k]];
-        product[i] = sum;
-    }
-}
-
-/* Phi_q qd. */
-void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates)
-{
-    const ncgen_pattern *pattern = &r->model->phi_q_pattern;
-    for (int i = 0; i < r->m; ++i) {
-        ncgen_real sum = 0;
-        for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
-            sum += phi_q[k] * qd[pattern->indices[k]];
-        rates[i] = sum;
-    }
-}
-
-void ncgen_write_row(ncgen_run *r, ncgen_real work)
-{
-    ncgen_copy(r->n, r->q, r->out_q + (size_t)r->rows * (size_t)r->n);
-    ncgen_copy(r->n, r->qd, r->out_qd + (size_t)r->rows * (size_t)r->n);
-    r->out_work[r->rows] = work;
-    r->rows += 1;
-}
-
-/* What was evaluated last becomes the last accepted state. */
-void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
-{
-    ncgen_copy(r->n, r->q, r->start_q);
-    ncgen_copy(r->n, r->qd, r->start_qd);
-    r->start_work = work;
-    r->start_t = t;
-    r->statistics->t = t;
-}
-
-int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
-{
-    r->careful = 0;
-    ncgen_keep_state(r, t, y[r->weighed - 1]);
-    return r->accept ? r->accept(r, t) : NCGEN_OK;
-}
-
-/* How many fixed steps of at most max_step make up a span; 0 if a number cannot count them. */
-ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
-{
-    const ncgen_scalar least = r->options->max_step > 0 ? span / r->options->max_step - R(1.0e-6) : 0;
-    if (!(least < 1 / r->rounding && least < R(1.0e15)))
-        return 0;
-    ncgen_scalar count = (ncgen_scalar)(long long)least;
-    if (count < least)
-        count += 1;
-    return count < 1 ? 1 : count;
-}
-
-int ncgen_listen(ncgen_run *r, ncgen_scalar t)
-{
-    r->statistics->tried = t;
-    if (!r->options->watch)
-        return NCGEN_OK;
-    if (r->patience == 0)
-        r->patience = r->options->watch(r->options->context, r->start_t);
-    if (r->patience <= 0) {
-        r->patience = -1; /* whoever asks again gets the same answer */
-        return NCGEN_INTERRUPTED;
-    }
-    r->patience -= 1;
-    return NCGEN_OK;
-}
-
-/* With an infinite number or none the sum is, too, and to look at the sum alone costs least. */
-int ncgen_is_finite(int count, const ncgen_real *x)
-{
-    ncgen_real sum = 0;
-    for (int i = 0; i < count; ++i)
-        sum += x[i];
-    return sum - sum >= 0;
-}
+#include "ncgen_explicit.h"
+#include "ncgen_implicit.h"
+#include "ncgen_jacobian.h"
+#include "ncgen_method.h"
+#include "ncgen_partitioning.h"
+#include "ncgen_projection.h"
+#include "ncgen_steppers.h"
 
 typedef struct parts {
     ncgen_partitioning partitioning;
@@ -143,26 +15,6 @@ typedef struct parts {
     ncgen_implicit implicit;
     ncgen_correction correction;
 } parts;
-
-int ncgen_is_stepper(const ncgen_options *options)
-{
-    return facts[options->method].steps_constraints >> options->formalism & 1;
-}
-
-/* RATTLE does without where the acceleration at a position is the same before and after it is given its velocity and all rows are
- * equations of position, and energy-momentum where it is not told that it needs them. */
-int ncgen_uses_tangents(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
-{
-    const int simple = dynamics->conservative && !dynamics->rolling && (!model->mass || model->mass_is_constant);
-    if (facts[options->method].tangents == SOMETIMES)
-        return options->method == NCGEN_RATTLE ? !simple : dynamics->tangents != NULL;
-    return facts[options->method].tangents == ALWAYS;
-}
-
-static int is_implicit(const ncgen_options *options)
-{
-    return !ncgen_is_stepper(options) && facts[options->method].tangents != NEVER;
-}
 
 /* The parts of a run and its workspace; with an empty space this only counts. */
 static int lay_out(ncgen_run *r, parts *w)
@@ -179,7 +31,7 @@ static int lay_out(ncgen_run *r, parts *w)
     r->y = ncgen_take(&r->space, r->ny);
     if (r->dynamics->tangents)
         ncgen_slopes_layout(r, &w->slopes);
-    if (is_implicit(r->options))
+    if (ncgen_is_implicit(r->options))
         ncgen_implicit_layout(r, &w->stepping, &w->implicit);
     else if (ncgen_is_stepper(r->options))
         ncgen_steppers_layout(r, &w->stepping, &w->correction);
@@ -225,23 +77,6 @@ size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics,
     return r.space.used;
 }
 
-/* Is there everything that the formalism and the method need? */
-static int possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options, int n_times)
-{
-    const int partitioned = options->formalism == NCGEN_COORDINATE_PARTITIONING;
-    if (n_times < 2 || !model->phi || options->method < 0 || options->method >= N_METHODS)
-        return 0;
-    if (options->formalism < 0 || options->formalism >= N_FORMALISMS)
-        return 0;
-    if (partitioned ? dynamics->n_dependent > 0 && !dynamics->newton && !dynamics->rows : !dynamics->elimination)
-        return 0;
-    if (ncgen_uses_tangents(model, dynamics, options) && (!dynamics->tangents || (partitioned && dynamics->newton && !dynamics->rows)))
-        return 0;
-    if (facts[options->method].has_fixed_step && !(options->max_step > 0))
-        return 0;
-    return ncgen_is_stepper(options) || (facts[options->method].takes_derivative && options->formalism != NCGEN_ALI3P);
-}
-
 /* Is every instant after the one before? They are not where the clock's own number is too large to tell them apart. */
 static int is_ascending(int n_times, const ncgen_scalar *times)
 {
@@ -263,10 +98,15 @@ static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *
         r->start_q[i] = q[i];
         r->start_qd[i] = 0;
     }
-    if (!r->partitioning)
-        return ncgen_constrained_begin(r, velocities);
-    ncgen_partitioning_begin(r, velocities);
-    return NCGEN_OK;
+    if (r->partitioning) {
+        ncgen_partitioning_begin(r, velocities);
+        r->jacobian = ncgen_partitioning_jacobian;
+        return NCGEN_OK;
+    }
+    r->settle = r->options->project ? ncgen_settle : NULL;
+    r->state = ncgen_projected_state;
+    r->jacobian = ncgen_constrained_jacobian;
+    return ncgen_constrained_begin(r, velocities);
 }
 
 int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
@@ -296,7 +136,7 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
                    ncgen_statistics *statistics, ncgen_real *workspace, int *integers)
 {
     *rows = 0;
-    if (!possible(model, dynamics, options, n_times) || !is_ascending(n_times, times))
+    if (n_times < 2 || !ncgen_is_possible(model, dynamics, options) || !is_ascending(n_times, times))
         return NCGEN_ARGUMENT;
     parts w;
     ncgen_run r;
@@ -314,8 +154,10 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     int status = begin(&r, &w, q, velocities);
     if (status == NCGEN_OK && ncgen_is_stepper(options))
         status = ncgen_steppers(&r, &w.stepping, &w.correction);
-    else if (status == NCGEN_OK && is_implicit(options))
-        status = ncgen_implicit_run(&r, &w.stepping, &w.implicit);
+    else if (status == NCGEN_OK && options->method == NCGEN_RADAU)
+        status = ncgen_radau(&r, &w.stepping, &w.implicit);
+    else if (status == NCGEN_OK && ncgen_is_implicit(options))
+        status = ncgen_trapezoidal(&r, &w.stepping, &w.implicit);
     else if (status == NCGEN_OK)
         status = ncgen_explicit(&r, &w.stepping);
     *rows = r.rows;

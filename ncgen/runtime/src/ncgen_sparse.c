@@ -5,7 +5,7 @@
  * the wrong sign is replaced: without mass a coordinate gets some, which is counted and taken out again by refinement; a row
  * that others imply gets a multiplier of zero.
  */
-#include "ncgen_internal.h"
+#include "ncgen_sparse.h"
 
 void ncgen_kkt_layout(ncgen_kkt *k, const ncgen_elimination *plan, int nonzeros, ncgen_space *space)
 {

@@ -1,5 +1,8 @@
 /* ncgen_steppers.c: a run with equal steps of a method that discretises the constrained equations themselves. */
-#include "ncgen_internal.h"
+#include "ncgen_constrained.h"
+#include "ncgen_jacobian.h"
+#include "ncgen_method.h"
+#include "ncgen_steppers.h"
 
 void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
 {

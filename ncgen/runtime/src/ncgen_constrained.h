@@ -1,0 +1,49 @@
+/* ncgen_constrained.h: formalisms on all coordinates as state derivatives. */
+#ifndef NCGEN_CONSTRAINED_H
+#define NCGEN_CONSTRAINED_H
+
+#include "ncgen_sparse.h"
+#include "ncgen_state.h"
+
+typedef struct ncgen_constrained {
+    ncgen_kkt kkt;
+    int n_mass, n_phi_q;                       /* nonzeros */
+    int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
+    int kept;                                  /* solution and factors are those of the last step's end */
+    ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */
+    ncgen_real *nu, *phi;                      /* m */
+    ncgen_real *corner;                        /* m: the diagonal E */
+    ncgen_real *natural, *reduced;             /* n, m: sizes of the masses, and of rows once these are eliminated */
+    /* Where QR is used: */
+    ncgen_real mass_size;                      /* the largest mass in natural sizes */
+    ncgen_real *jacobian;                      /* n x m */
+    ncgen_real *basis;                         /* columns of n */
+    ncgen_real *square;                        /* (n + m) x n */
+    ncgen_real *scaled;                        /* 4 (n + m) */
+    int *columns;                              /* exchanges, of n or m columns */
+    int *let_go;                               /* m: is a row left out, since others imply it? */
+    int redundant;                             /* are there such rows? */
+    int iterated;                              /* is the effect of E removed by iteration? */
+} ncgen_constrained;
+
+/* layout deals out workspace, begin makes the first y. */
+void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w);
+int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities);
+int ncgen_constrained_accelerations(ncgen_run *r, ncgen_scalar t); /* of r->q, r->qd, into solution; its factors stay */
+int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power); /* of drivers and forces without a potential */
+int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t);      /* M and Phi_q at r->q, into kkt.values */
+int ncgen_constrained_phi_q(ncgen_run *r, ncgen_scalar t);           /* Phi_q alone */
+int ncgen_constrained_factor(ncgen_run *r);
+int ncgen_constrained_solve(ncgen_run *r);                         /* solution for what is in right */
+void ncgen_constrained_rows(ncgen_run *r);                         /* which of redundant rows count from here on */
+
+/* Largest violation of rows in their sizes, largest of n numbers in the coordinates' sizes; are accelerations found by QR? */
+ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows);
+ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x);
+int ncgen_constrained_is_dense(const ncgen_run *r);
+
+/* ncgen_dense.c: accelerations by QR; and which of redundant rows are farthest from dependent, in w->let_go. */
+void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w);
+int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w);
+
+#endif

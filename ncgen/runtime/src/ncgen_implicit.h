@@ -1,0 +1,46 @@
+/* ncgen_implicit.h: implicit methods: linear systems, and a run over the grid with each. */
+#ifndef NCGEN_IMPLICIT_H
+#define NCGEN_IMPLICIT_H
+
+#include "ncgen_grid.h"
+
+enum { NCGEN_STAGES = 3 }; /* of the method that has most */
+
+/* A factored matrix s - J. */
+typedef struct ncgen_shifted {
+    int parts;                   /* 2 where s is complex */
+    ncgen_scalar inverse[2];     /* of s */
+    ncgen_real *matrix;
+    int *order;
+} ncgen_shifted;
+
+/* What an implicit integrator works in besides. */
+typedef struct ncgen_implicit {
+    int follows;                 /* are positions the integrals of as many velocities? */
+    int count;                   /* unknowns of the linear systems: velocities, and positions where these do not follow */
+    int width;                   /* velocities and positions */
+    ncgen_real *jacobian;        /* count rows of width */
+    ncgen_shifted real, complex;
+    int factored, fresh;         /* for this Jacobian and step? Is the Jacobian that of the present state? */
+    ncgen_real *stages, *rates;  /* three of ny: changes since the start of the step, and derivatives */
+    ncgen_real *unknowns, *right, *change; /* three of weighed */
+    ncgen_real *reduced;         /* 4 half */
+    int iterations;              /* of the last step, and how fast they converged */
+    ncgen_real rate;
+    ncgen_scalar last_step;      /* accepted, and its error; 0 if there is none */
+    ncgen_real last_error;
+} ncgen_implicit;
+
+void ncgen_implicit_layout(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);
+int ncgen_implicit_begin(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m); /* the first derivative, and the grid's first row */
+int ncgen_implicit_jacobian(ncgen_run *r, ncgen_implicit *m, ncgen_scalar t, ncgen_real *y);
+
+/* Factor s - J for s = a + ib; parts: 1 where s is real, 2 else. Then x of (s - J) x = f; real parts of f and x come first. */
+int ncgen_shifted_factor(const ncgen_implicit *m, ncgen_shifted *shifted, int parts, ncgen_scalar a, ncgen_scalar b);
+void ncgen_shifted_solve(const ncgen_run *r, const ncgen_implicit *m, const ncgen_shifted *shifted, const ncgen_real *f, ncgen_real *x);
+
+/* The methods, one a file: a run over the grid. */
+int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);
+int ncgen_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m);
+
+#endif

@@ -1,0 +1,124 @@
+/* ncgen_projection.c: back onto the constraints with the matrix that gives accelerations: the smallest change in the sense of
+ * kinetic energy. */
+#include "ncgen_projection.h"
+#include "ncgen_method.h"
+
+enum { POSITION_LIMIT = 12, VELOCITY_LIMIT = 3 };
+
+/* Phi_q and the factors at r->q. */
+static int refresh(ncgen_run *r, ncgen_scalar t)
+{
+    const int status = ncgen_constrained_matrices(r, t);
+    return status == NCGEN_OK ? ncgen_constrained_factor(r) : status;
+}
+
+/* Change x by the smallest amount that changes the rows by -w->residual[n..]; smallest in the sense of kinetic energy. */
+static void correct(ncgen_run *r, ncgen_constrained *w, ncgen_real *x)
+{
+    for (int i = 0; i < r->n; ++i)
+        w->residual[i] = 0;
+    for (int i = 0; i < r->m; ++i)
+        w->residual[r->n + i] = -w->residual[r->n + i];
+    ncgen_kkt_solve(&w->kkt, w->residual, w->residual);
+    for (int i = 0; i < r->n; ++i)
+        x[i] += w->residual[i];
+}
+
+/* Near singular positions the rest of a violation is multiplied by much, so it is brought down to rounding if it can be. */
+static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, int fresh)
+{
+    const ncgen_scalar wanted = 100 * r->rounding;
+    ncgen_real before = 0;
+    for (int k = 0; k < POSITION_LIMIT; ++k) {
+        int status = r->model->phi(t, r->q, r->p, w->residual + r->n);
+        const ncgen_real size = ncgen_constrained_violation(r, w->residual + r->n);
+        if (status != NCGEN_OK)
+            return status;
+        if (size <= wanted)
+            return NCGEN_OK;
+        if (!(size < R(1.0e30)))
+            return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
+        if (k > 0 && size > R(0.1) * before) {
+            if (size <= r->options->tolerance || (fresh && size <= 1000 * r->options->tolerance))
+                return NCGEN_OK; /* at rounding; more of it near a singular position */
+            if ((status = refresh(r, t)) != NCGEN_OK)
+                return status;
+            fresh = 1;
+        }
+        before = size;
+        r->statistics->newton_steps += 1;
+        correct(r, w, r->q);
+    }
+    return NCGEN_NOT_CONVERGED;
+}
+
+static int project_velocity(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
+{
+    int status = ncgen_constrained_phi_q(r, t);
+    if (status == NCGEN_OK && r->model->nu)
+        status = r->model->nu(t, r->q, r->p, w->nu);
+    if (status != NCGEN_OK)
+        return status;
+    const ncgen_real enough = 100 * r->rounding * (1 + ncgen_constrained_size(r, r->qd));
+    for (int k = 0; k < VELOCITY_LIMIT; ++k) {
+        ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual + r->n);
+        for (int i = 0; i < r->m; ++i)
+            w->residual[r->n + i] -= w->nu[i];
+        if (ncgen_constrained_violation(r, w->residual + r->n) <= enough)
+            break;
+        correct(r, w, r->qd);
+    }
+    return NCGEN_OK;
+}
+
+int ncgen_project_position(ncgen_run *r, ncgen_scalar t)
+{
+    return project_position(r, r->constrained, t, 0);
+}
+
+int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
+{
+    return project_velocity(r, r->constrained, t);
+}
+
+/* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none. */
+static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near)
+{
+    ncgen_constrained *w = r->constrained;
+    ncgen_copy(r->n, y, r->qd);
+    ncgen_copy(r->n, y + r->n, r->q);
+    int status = factors_are_near ? NCGEN_OK : refresh(r, t);
+    if (status == NCGEN_OK)
+        status = project_position(r, w, t, !factors_are_near);
+    if (status == NCGEN_OK)
+        status = project_velocity(r, w, t);
+    ncgen_copy(r->n, r->qd, y);
+    ncgen_copy(r->n, r->q, y + r->n);
+    return status;
+}
+
+/* precise: with the factors of this state */
+int ncgen_settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
+{
+    ncgen_copy(r->n, y + r->n, r->constrained->solution);
+    const int status = project(r, t, y, !ncgen_constrained_is_dense(r) && !precise);
+    for (int i = 0; i < r->n; ++i)
+        r->constrained->solution[i] -= y[r->n + i];
+    const ncgen_real moved = ncgen_constrained_size(r, r->constrained->solution);
+    if (status == NCGEN_OK && moved > r->statistics->largest_projection)
+        r->statistics->largest_projection = moved;
+    r->constrained->jacobian_is_there = status == NCGEN_OK;
+    if (status == NCGEN_OK)
+        ncgen_constrained_rows(r);
+    return status;
+}
+
+int ncgen_projected_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
+{
+    r->constrained->kept = 0;
+    if (r->options->project || ncgen_is_stepper(r->options))
+        return project(r, t, y, 0);
+    ncgen_copy(r->n, y, r->qd);
+    ncgen_copy(r->n, y + r->n, r->q);
+    return NCGEN_OK;
+}

@@ -1,0 +1,78 @@
+/* ncgen_state.c: what every integrator does with a run. */
+#include "ncgen_state.h"
+
+void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product)
+{
+    const ncgen_pattern *pattern = &r->model->mass_pattern;
+    for (int i = 0; i < r->n; ++i) {
+        ncgen_real sum = 0;
+        if (pattern->indptr)
+            for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+                sum += mass[k] * x[pattern->indices[k]];
+        product[i] = sum;
+    }
+}
+
+/* Phi_q qd. */
+void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates)
+{
+    const ncgen_pattern *pattern = &r->model->phi_q_pattern;
+    for (int i = 0; i < r->m; ++i) {
+        ncgen_real sum = 0;
+        for (int k = pattern->indptr[i]; k < pattern->indptr[i + 1]; ++k)
+            sum += phi_q[k] * qd[pattern->indices[k]];
+        rates[i] = sum;
+    }
+}
+
+void ncgen_write_row(ncgen_run *r, ncgen_real work)
+{
+    ncgen_copy(r->n, r->q, r->out_q + (size_t)r->rows * (size_t)r->n);
+    ncgen_copy(r->n, r->qd, r->out_qd + (size_t)r->rows * (size_t)r->n);
+    r->out_work[r->rows] = work;
+    r->rows += 1;
+}
+
+/* What was evaluated last becomes the last accepted state. */
+void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
+{
+    ncgen_copy(r->n, r->q, r->start_q);
+    ncgen_copy(r->n, r->qd, r->start_qd);
+    r->start_work = work;
+    r->start_t = t;
+    r->statistics->t = t;
+}
+
+int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)
+{
+    r->careful = 0;
+    ncgen_keep_state(r, t, y[r->weighed - 1]);
+    return r->accept ? r->accept(r, t) : NCGEN_OK;
+}
+
+/* How many fixed steps of at most max_step make up a span; 0 if a number cannot count them. */
+ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
+{
+    const ncgen_scalar least = r->options->max_step > 0 ? span / r->options->max_step - R(1.0e-6) : 0;
+    if (!(least < 1 / r->rounding && least < R(1.0e15)))
+        return 0;
+    ncgen_scalar count = (ncgen_scalar)(long long)least;
+    if (count < least)
+        count += 1;
+    return count < 1 ? 1 : count;
+}
+
+int ncgen_listen(ncgen_run *r, ncgen_scalar t)
+{
+    r->statistics->tried = t;
+    if (!r->options->watch)
+        return NCGEN_OK;
+    if (r->patience == 0)
+        r->patience = r->options->watch(r->options->context, r->start_t);
+    if (r->patience <= 0) {
+        r->patience = -1; /* whoever asks again gets the same answer */
+        return NCGEN_INTERRUPTED;
+    }
+    r->patience -= 1;
+    return NCGEN_OK;
+}

@@ -1,0 +1,62 @@
+/* ncgen_state.h: a run: its mechanism, its state, and what every integrator does with them.
+ *
+ * A run is a state y with a derivative, which integrators step without knowing which formalism it is.
+ */
+#ifndef NCGEN_STATE_H
+#define NCGEN_STATE_H
+
+#include "ncgen_runtime.h"
+#include "ncgen_vectors.h"
+
+typedef struct ncgen_run ncgen_run;
+
+struct ncgen_run {
+    const ncgen_model *model;
+    const ncgen_dynamics *dynamics;
+    const ncgen_options *options;
+    const ncgen_real *p;
+    ncgen_statistics *statistics;
+    int n, m, nz, ny;
+    int weighed;                    /* components of y that the error estimate looks at, work being the last of them */
+    ncgen_scalar rounding;          /* distance from 1 to the next number */
+    ncgen_space space;
+    int *integers;
+
+    ncgen_real *q, *qd;             /* of the last evaluation */
+    ncgen_real *start_q, *start_qd; /* the last accepted state */
+    ncgen_real start_work;
+    ncgen_scalar start_t;
+    ncgen_real *y;
+
+    /* The formalism. settle brings a new state onto the constraints before its derivative is taken; accept looks at a
+     * new state whose derivative is the last evaluation; state computes q and qd of an interpolated state. */
+    int (*derivative)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd);
+    int (*settle)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise);
+    int (*accept)(ncgen_run *r, ncgen_scalar t);
+    int (*state)(ncgen_run *r, ncgen_scalar t, ncgen_real *y);
+    /* For implicit methods: how the velocities' derivatives change with velocities and positions, row by row. */
+    int (*jacobian)(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *jacobian);
+    struct ncgen_partitioning *partitioning;
+    struct ncgen_constrained *constrained;
+    long patience;                  /* steps until the watch is called; -1: it has ended the run */
+    int careful;                    /* the step is repeated: emitted eliminations give way to those with row exchanges */
+    struct ncgen_slopes *slopes;
+
+    /* Output. */
+    int n_times;
+    const ncgen_scalar *times;
+    ncgen_real *out_q, *out_qd, *out_work;
+    int rows;
+};
+
+int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
+void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
+ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span); /* 0: more than can be counted */
+int ncgen_listen(ncgen_run *r, ncgen_scalar t);       /* before whatever takes long, at time t; NCGEN_INTERRUPTED ends the run */
+void ncgen_write_row(ncgen_run *r, ncgen_real work);
+
+/* Sparse products. */
+void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product);
+void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates);
+
+#endif

@@ -1,0 +1,15 @@
+/* ncgen_steppers.h: methods for constrained equations, one a file, and a run over the grid with them. */
+#ifndef NCGEN_STEPPERS_H
+#define NCGEN_STEPPERS_H
+
+#include "ncgen_correction.h"
+
+/* A step from t to t + h, whose end is left in r->q, r->qd and the work in w->new_y. */
+typedef int ncgen_stepper(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h);
+ncgen_stepper ncgen_rattle, ncgen_rattle_with_damping, ncgen_energy_momentum, ncgen_energy_momentum_corrected;
+ncgen_stepper ncgen_generalized_alpha, ncgen_ali3p;
+
+void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c);
+int ncgen_steppers(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c);
+
+#endif

@@ -1,0 +1,100 @@
+/* ncgen_trapezoidal.c: the trapezoidal rule with a fixed step and the exact Jacobian. */
+#include "ncgen_implicit.h"
+
+enum { LIMIT = 10 };
+
+static int interpolate_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scalar h, ncgen_scalar s)
+{
+    (void)t;
+    ncgen_interpolate_cubic(r, w, w->slopes, w->slopes + r->ny, h, s);
+    return NCGEN_OK;
+}
+
+/* new_y by Newton's method: (2/h - J) dy = 2/h (y - new_y) + f + f_new. */
+static int correct_fixed(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
+{
+    const ncgen_scalar enough = 500 * r->rounding;
+    ncgen_real before = R(1.0e30), least = 0;
+    for (int i = 0; i < r->ny; ++i)
+        w->new_y[i] = r->y[i] + h * w->slopes[i];
+    for (int pass = 0; pass < LIMIT; ++pass) {
+        int status = ncgen_listen(r, t + h);
+        if (status == NCGEN_OK)
+            status = r->derivative(r, t + h, w->new_y, m->rates);
+        if (status != NCGEN_OK)
+            return status;
+        for (int i = 0; i < r->weighed; ++i)
+            m->right[i] = 2 / h * (r->y[i] - w->new_y[i]) + w->slopes[i] + m->rates[i];
+        ncgen_shifted_solve(r, m, &m->real, m->right, m->change);
+        ncgen_real size = 0;
+        least = 1;
+        for (int i = 0; i < r->weighed; ++i) {
+            w->new_y[i] += m->change[i];
+            if (m->change[i] != m->change[i])
+                return NCGEN_DOMAIN;
+            if (NCGEN_ABS(m->change[i]) > size)
+                size = NCGEN_ABS(m->change[i]);
+            if (NCGEN_ABS(w->new_y[i]) > least)
+                least = NCGEN_ABS(w->new_y[i]);
+        }
+        if (size <= enough * least)
+            return NCGEN_OK;
+        if (!(size < before)) /* rounding ends the fall of the steps before they reach the bound */
+            return before < 100 * enough * least ? NCGEN_OK : NCGEN_NOT_CONVERGED;
+        before = size;
+    }
+    return before < 100 * enough * least ? NCGEN_OK : NCGEN_NOT_CONVERGED;
+}
+
+static int trapezoidal_step(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m, ncgen_scalar t, ncgen_scalar h)
+{
+    int status = NCGEN_NOT_CONVERGED;
+    if (m->factored && !(m->last_step < h || m->last_step > h))
+        status = correct_fixed(r, w, m, t, h);
+    if (status != NCGEN_OK && status != NCGEN_INTERRUPTED) {
+        for (int i = 0; i < r->ny; ++i)
+            w->new_y[i] = r->y[i] + h * w->slopes[i];
+        status = ncgen_implicit_jacobian(r, m, t + h, w->new_y);
+        if (status == NCGEN_OK)
+            status = ncgen_shifted_factor(m, &m->real, 1, 2 / h, 0);
+        m->factored = status == NCGEN_OK;
+        m->last_step = h;
+        if (status == NCGEN_OK)
+            status = correct_fixed(r, w, m, t, h);
+    }
+    if (status == NCGEN_OK && r->settle)
+        status = r->settle(r, t + h, w->new_y, 0);
+    if (status == NCGEN_OK)
+        status = r->derivative(r, t + h, w->new_y, w->slopes + r->ny);
+    if (status == NCGEN_OK && !(ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, w->slopes + r->ny)))
+        status = NCGEN_DOMAIN;
+    return status;
+}
+
+int ncgen_trapezoidal(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
+{
+    const ncgen_scalar end = r->times[r->n_times - 1];
+    ncgen_scalar t = r->times[0];
+    const int begun = ncgen_implicit_begin(r, w, m);
+    if (begun != NCGEN_OK)
+        return begun;
+    w->interpolate = interpolate_fixed;
+    m->last_step = 0;
+    if (!(ncgen_step_count(r, end - t) > 0))
+        return NCGEN_ARGUMENT;
+    while (t < end) {
+        const int last = t + r->options->max_step >= end;
+        const ncgen_scalar t_new = last ? end : t + r->options->max_step;
+        if (!(t_new > t))
+            return NCGEN_ARGUMENT;
+        int status = trapezoidal_step(r, w, m, t, last ? end - t : r->options->max_step);
+        if (status != NCGEN_OK)
+            return status;
+        status = ncgen_grid_step(r, w, t, t_new);
+        if (status != NCGEN_OK || r->statistics->stopped)
+            return status;
+        ncgen_copy(r->ny, w->slopes + r->ny, w->slopes);
+        t = t_new;
+    }
+    return NCGEN_OK;
+}

@@ -1,0 +1,59 @@
+/* ncgen_vectors.c: see ncgen_vectors.h. */
+#include "ncgen_vectors.h"
+
+ncgen_real *ncgen_take(ncgen_space *space, int count)
+{
+    ncgen_real *part = space->base ? space->base + space->used : NULL;
+    space->used += (size_t)count;
+    return part;
+}
+
+void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to)
+{
+    for (int i = 0; i < count; ++i)
+        to[i] = from[i];
+}
+
+ncgen_real ncgen_dot(int count, const ncgen_real *a, const ncgen_real *b)
+{
+    ncgen_real sum = 0;
+    for (int i = 0; i < count; ++i)
+        sum += a[i] * b[i];
+    return sum;
+}
+
+int ncgen_solve_positive(int size, ncgen_real *a, ncgen_real *right)
+{
+    for (int k = 0; k < size; ++k) {
+        if (!(a[k * size + k] > 0))
+            return NCGEN_SINGULAR;
+        for (int i = k + 1; i < size; ++i) {
+            const ncgen_real share = a[i * size + k] / a[k * size + k];
+            for (int j = k + 1; j <= i; ++j)
+                a[i * size + j] -= share * a[j * size + k];
+        }
+    }
+    ncgen_solve_positive_again(size, a, right);
+    return NCGEN_OK;
+}
+
+void ncgen_solve_positive_again(int size, const ncgen_real *a, ncgen_real *right)
+{
+    for (int k = 0; k < size; ++k)
+        for (int i = k + 1; i < size; ++i)
+            right[i] -= a[i * size + k] / a[k * size + k] * right[k];
+    for (int k = size - 1; k >= 0; --k) {
+        for (int i = k + 1; i < size; ++i)
+            right[k] -= a[i * size + k] * right[i];
+        right[k] /= a[k * size + k];
+    }
+}
+
+/* With an infinite number or none the sum is, too, and to look at the sum alone costs least. */
+int ncgen_is_finite(int count, const ncgen_real *x)
+{
+    ncgen_real sum = 0;
+    for (int i = 0; i < count; ++i)
+        sum += x[i];
+    return sum - sum >= 0;
+}
