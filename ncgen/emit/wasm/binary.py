@@ -1,0 +1,105 @@
+"""The binary format of WebAssembly 1.0: numbers, vectors and sections (https://www.w3.org/TR/wasm-core-1/, chapter 5)."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Iterable
+from typing import NamedTuple
+
+MAGIC = b"\0asm\1\0\0\0"
+PAGE = 65536
+I32, F64 = 0x7F, 0x7C
+FUNCTION, MEMORY, GLOBAL = 0, 2, 3
+"""Kinds of imports and exports."""
+
+
+class Signature(NamedTuple):
+    """Types of a function's arguments and of its result, if it has one."""
+
+    arguments: tuple[int, ...]
+    results: tuple[int, ...]
+
+
+class Function(NamedTuple):
+    """A function with a body: instructions without the final end, and how many local numbers of each type it needs."""
+
+    name: str
+    signature: Signature
+    body: bytes
+    integers: int
+    numbers: int
+
+
+class Import(NamedTuple):
+    """A function from outside."""
+
+    module: str
+    name: str
+    signature: Signature
+
+
+def unsigned(value: int) -> bytes:
+    """LEB128 of a whole number ≥ 0."""
+    parts = bytearray()
+    while value >= 0x80:
+        parts.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*parts, value])
+
+
+def signed(value: int) -> bytes:
+    """LEB128 of a whole number of either sign."""
+    parts = bytearray()
+    while not -0x40 <= value < 0x40:
+        parts.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*parts, value & 0x7F])
+
+
+def double(value: float) -> bytes:
+    """The eight bytes of a double."""
+    return struct.pack("<d", value)
+
+
+def vector(items: Iterable[bytes]) -> bytes:
+    """Items behind their number."""
+    items = list(items)
+    return unsigned(len(items)) + b"".join(items)
+
+
+def name(text: str) -> bytes:
+    """A name in UTF-8."""
+    data = text.encode("utf-8")
+    return unsigned(len(data)) + data
+
+
+def module(imports: list[Import], functions: list[Function], start: int, data: bytes, heap: int) -> bytes:
+    """A module with `data` at the address `start` of its memory; `heap` is the first address behind all that it uses itself.
+
+    It exports its functions, "memory" and the constant "ncgen_heap".
+    """
+    signatures = list(dict.fromkeys([*(each.signature for each in imports), *(each.signature for each in functions)]))
+    number = {signature: k for k, signature in enumerate(signatures)}
+    exports = [name(each.name) + bytes([FUNCTION]) + unsigned(len(imports) + k) for k, each in enumerate(functions)]
+    exports += [name("memory") + bytes([MEMORY, 0]), name("ncgen_heap") + bytes([GLOBAL, 0])]
+    pages = -(-heap // PAGE) + 1
+    sections = {
+        1: vector(b"\x60" + vector(bytes([t]) for t in s.arguments) + vector(bytes([t]) for t in s.results) for s in signatures),
+        2: vector(name(each.module) + name(each.name) + bytes([FUNCTION]) + unsigned(number[each.signature]) for each in imports),
+        3: vector(unsigned(number[each.signature]) for each in functions),
+        5: vector([b"\0" + unsigned(pages)]),
+        6: vector([bytes([I32, 0, 0x41]) + signed(heap) + b"\x0b"]),
+        7: vector(exports),
+        10: vector(_sized(_locals(each) + each.body + b"\x0b") for each in functions),
+        11: vector([b"\0\x41" + signed(start) + b"\x0b" + unsigned(len(data)) + data] if data else []),
+    }
+    return MAGIC + b"".join(bytes([kind]) + _sized(content) for kind, content in sections.items())
+
+
+def _sized(content: bytes) -> bytes:
+    return unsigned(len(content)) + content
+
+
+def _locals(function: Function) -> bytes:
+    groups = [(function.integers, I32), (function.numbers, F64)]
+    return vector(unsigned(count) + bytes([kind]) for count, kind in groups if count)

@@ -1,0 +1,41 @@
+"""A mechanism's kernels as one module."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from ncgen.emit.wasm import binary
+from ncgen.emit.wasm.binary import F64, Import, Signature
+from ncgen.emit.wasm.code import SINCOS, called, function
+from ncgen.emit.wasm.memory import Memory
+from ncgen.emit.wasm.sincos import sincos
+from ncgen.program.angles import SHARED
+from ncgen.program.blocks import Program
+from ncgen.program.functions import FUNCTIONS
+
+
+def module(programs: Iterable[Program], prefix: str) -> bytes:
+    """The bytes of a module with a function `prefix_name(t, q, qd, p, out)` for every program, of the arguments that it has.
+
+    Arguments but t are addresses of doubles in the module's memory; from `ncgen_heap` on it is the caller's.
+    """
+    programs = list(programs)
+    names = set().union(*map(called, programs))
+    has_angles = SINCOS in names
+    imported = sorted(names - {SINCOS} | (set(SHARED) if has_angles else set()))
+    imports = [Import("Math", name, Signature((F64,) * FUNCTIONS[name].arity, (F64,))) for name in imported]
+    numbers = {name: k for k, name in enumerate(imported)} | {SINCOS: len(imported)}
+    memory = Memory(_rooms(programs))
+    functions = [sincos(numbers["sin"], numbers["cos"])] if has_angles else []
+    functions += [function(program, prefix, memory, numbers) for program in programs]
+    return binary.module(imports, functions, memory.start, memory.data, memory.heap)
+
+
+def _rooms(programs: list[Program]) -> dict[str, int]:
+    """{array: its largest size} of what kernels write besides their results; they run one after the other."""
+    rooms: dict[str, int] = {}
+    for program in programs:
+        angles = dict.fromkeys(SHARED.values(), len(program.angles)) if program.angles else {}
+        for name, size in {**program.temporaries, **angles}.items():
+            rooms[name] = max(size, rooms.get(name, 0))
+    return rooms
