@@ -74,6 +74,7 @@ def test_octave_that_fails_takes_nothing_else_with_it(robot, monkeypatch):
     assert "stopped" in "".join(aligned(_simulation_rows([record])))
 
 
+@pytest.mark.slow
 def test_the_state_derivative(robot):
     records = {r["tool"]: r for r in rates.derivative_records(robot, 1e9)}
     assert records["accelerations"]["error"] < 1e-12

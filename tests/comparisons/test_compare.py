@@ -48,6 +48,7 @@ def of(records, tool):
     return next(r for r in records if r["tool"] == tool)
 
 
+@pytest.mark.slow
 def test_errors_of_the_robot(robot_model):
     """Generated code at rounding, differences at the square and cube root of it, complex steps at rounding again."""
     sections = dict(compare(robot_model))

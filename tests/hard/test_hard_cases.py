@@ -78,7 +78,10 @@ def test_lengths_do_not_matter():
 
 @pytest.mark.parametrize(
     ("name", "formalism", "said"),
-    [("nfourbar-2", "coordinate-partitioning", "cannot go on beyond t = 0.71"), ("robot-sine", "coordinate-partitioning", "singular")],
+    [
+        ("nfourbar-2", "coordinate-partitioning", "cannot go on beyond t = 0.71"),
+        pytest.param("robot-sine", "coordinate-partitioning", "singular", marks=pytest.mark.slow),
+    ],
 )
 def test_fails_in_words(name, formalism, said):
     """Where a method cannot go on it says when, or why it does not begin."""

@@ -109,7 +109,7 @@ def test_robot_to_the_last_digits(robot, robot_numpy):
         assert_within_bound(exact, kernels, q, qd)
 
 
-@pytest.mark.parametrize(("form", "scale"), VARIANTS[1:])
+@pytest.mark.parametrize(("form", "scale"), [*VARIANTS[1:4], *(pytest.param(*v, marks=pytest.mark.slow) for v in VARIANTS[4:])])
 def test_forms_and_scales(robot_tables, form, scale):
     """Every form of the angle rows, raw and scaled, in both backends and all emissions."""
     model = robot_tables.build(form=form, scale=scale)

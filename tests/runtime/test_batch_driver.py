@@ -118,7 +118,7 @@ int main(void)
 """
 
 
-@pytest.mark.parametrize(("model", "lanes"), [("fourbar", 8), ("andrews", 4)])
+@pytest.mark.parametrize(("model", "lanes"), [pytest.param("fourbar", 8, marks=pytest.mark.slow), ("andrews", 4)])
 def test_many_states_within_their_arrays(model, lanes, tmp_path):
     """Rows shorter and longer than the lanes are many, full blocks and such that are not, in place and elsewhere."""
     kernels = ncgen.compile(ncgen.load(model), backend="c")
