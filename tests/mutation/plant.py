@@ -1,0 +1,193 @@
+"""Faults planted one at a time, and whether the tests notice.
+
+    python tests/mutation/plant.py COUNT [SEED] [--room program emit solver runtime]
+
+A fault is one small change of a source: a comparison, an operation, a number, a condition, a statement that is left out. It is made in a
+copy of the repository, where the tests of its room run until one fails. Printed is a line a fault as it is decided, and at the end how
+many of each room were caught. A seed gives the same faults as long as the sources are the same. Some faults change nothing that anybody
+could see (a smaller limit, a name in a message); they count as survivors.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import os
+import random
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import islice
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[2]
+PATIENCE = 600
+"""Seconds that the tests of a fault may take; a fault that makes them hang is noticed."""
+
+TESTS = {
+    "program": ("tests/program", "tests/emit", "tests/kernels", "tests/export/test_wasm.py"),
+    "emit": ("tests/emit", "tests/kernels", "tests/export", "tests/runtime/test_batch_driver.py"),
+    "solver": ("tests/solver", "tests/methods", "tests/hard", "tests/gallery"),
+    "runtime": ("tests/runtime", "tests/solver", "tests/hard"),
+}
+"""Where the tests of a room are, those that are likeliest to notice first."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A change of `length` characters from `start` on, in a file given relative to the repository."""
+
+    room: str
+    file: str
+    line: int
+    start: int
+    length: int
+    new: str
+    kind: str
+
+    def planted(self, text: str) -> str:
+        """The source with the fault."""
+        return text[: self.start] + self.new + text[self.start + self.length :]
+
+
+COMPARED = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "=="}
+COMBINED = {"+": "-", "-": "+", "*": "/", "/": "*", "and": "or", "or": "and", "&&": "||", "||": "&&"}
+
+
+def python_faults(text: str) -> Iterator[tuple[int, int, str, str]]:
+    """(start, length, new text, kind) of everything that can be changed in a Python source; annotations and texts are left alone."""
+    lines = text.splitlines(keepends=True)
+    begins = [0]
+    for line in lines:
+        begins.append(begins[-1] + len(line))
+
+    def place(line: int, byte: int) -> int:
+        return begins[line - 1] + len(lines[line - 1].encode()[:byte].decode())
+
+    def span(node: ast.expr | ast.stmt) -> tuple[int, int]:
+        start = place(node.lineno, node.col_offset)
+        return start, place(node.end_lineno or node.lineno, node.end_col_offset or 0) - start
+
+    def between(left: ast.expr, right: ast.expr, table: dict[str, str], kind: str) -> Iterator[tuple[int, int, str, str]]:
+        first = sum(span(left))
+        found = re.search(r"\b(?:and|or)\b|[<>=!]=|[<>]|\*\*|//|[-+*/]", text[first : span(right)[0]])
+        if found and found[0] in table:
+            yield first + found.start(), len(found[0]), table[found[0]], kind
+
+    for node in _evaluated(ast.parse(text)):
+        if isinstance(node, ast.Compare):
+            yield from between(node.left, node.comparators[0], COMPARED, "comparison")
+        elif isinstance(node, ast.BinOp):
+            yield from between(node.left, node.right, COMBINED, "operation")
+        elif isinstance(node, ast.BoolOp):
+            yield from between(node.values[0], node.values[1], COMBINED, "condition")
+        elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
+            yield (*span(node), repr(node.value + 1 if isinstance(node.value, int) else node.value * 2 or 1.0), "number")
+        elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.Not, ast.USub)):
+            start, _ = span(node)
+            yield start, span(node.operand)[0] - start, "", "sign"
+        elif isinstance(node, (ast.AugAssign, ast.Expr)) and not (isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)):
+            yield (*span(node), "pass", "statement")
+
+
+def _evaluated(tree: ast.AST) -> Iterator[ast.AST]:
+    """Nodes that are computed when the code runs: not annotations, not what only a type checker sees."""
+    waiting: list[ast.AST] = [tree]
+    while waiting:
+        node = waiting.pop()
+        yield node
+        for name, value in ast.iter_fields(node):
+            if name in ("annotation", "returns") or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)):
+                continue
+            waiting += [child for child in (value if isinstance(value, list) else [value]) if isinstance(child, ast.AST)]
+
+
+C_TOKEN = re.compile(r"&&|\|\||[<>=!]=|(?<=[\w\])] )[-+*/<>](?= )|\b\d+(?:\.\d+)?(?:e-?\d+)?\b")
+
+
+def c_faults(text: str) -> Iterator[tuple[int, int, str, str]]:
+    """The same of a C source, comments, texts and lines of the preprocessor apart."""
+    hidden = re.sub(r'/\*.*?\*/|"[^"\n]*"|^#(?:[^\n]*\\\n)*[^\n]*$', lambda found: re.sub(r"\S", " ", found[0]), text, flags=re.S | re.M)
+    for found in C_TOKEN.finditer(hidden):
+        token = found[0]
+        if token in COMPARED:
+            yield found.start(), len(token), COMPARED[token], "comparison"
+        elif token in COMBINED:
+            yield found.start(), len(token), COMBINED[token], "operation"
+        elif token[0].isdigit():
+            yield found.start(), len(token), str(int(token) + 1) if token.isdigit() else repr(float(token) * 2 or 1.0), "number"
+
+
+def faults(room: str) -> list[Fault]:
+    """All faults of a room, in the order of its files."""
+    found = []
+    for path in sorted((ROOT / "ncgen" / room).rglob("*.[pch]*")):
+        if path.suffix not in (".py", ".c"):
+            continue
+        text = path.read_text(encoding="utf-8")
+        for start, length, new, kind in python_faults(text) if path.suffix == ".py" else c_faults(text):
+            found.append(Fault(room, str(path.relative_to(ROOT)), text[:start].count("\n") + 1, start, length, new, kind))
+    return found
+
+
+def is_source(fault: Fault) -> bool:
+    """Whether a source with the fault can still be read by Python; one that cannot would be noticed by anything."""
+    if not fault.file.endswith(".py"):
+        return True
+    try:
+        ast.parse(fault.planted((ROOT / fault.file).read_text(encoding="utf-8")))
+    except SyntaxError:
+        return False
+    return True
+
+
+def is_noticed(fault: Fault, copy: Path) -> bool:
+    """Whether a test of its room fails on a copy of the repository with the fault."""
+    path = copy / fault.file
+    sound = path.read_text(encoding="utf-8")
+    path.write_text(fault.planted(sound), encoding="utf-8")
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *TESTS[fault.room]]
+    surroundings = os.environ | {"PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    try:
+        done = subprocess.run(command, cwd=copy, env=surroundings, capture_output=True, timeout=PATIENCE)
+        return done.returncode != 0
+    except subprocess.TimeoutExpired:
+        return True
+    finally:
+        path.write_text(sound, encoding="utf-8")
+
+
+def main() -> None:
+    asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    asked.add_argument("count", type=int)
+    asked.add_argument("seed", type=int, nargs="?", default=0)
+    asked.add_argument("--room", nargs="+", choices=TESTS, default=list(TESTS))
+    given = asked.parse_args()
+    chance = random.Random(given.seed)
+    everything = {room: faults(room) for room in given.room}
+    offered = (chance.choice(everything[room]) for room in iter(lambda: chance.choice(given.room), None))
+    chosen = list(islice(filter(is_source, offered), given.count))
+    tally: Counter[tuple[str, bool]] = Counter()
+    with tempfile.TemporaryDirectory() as folder:
+        copy = Path(folder) / "copy"
+        shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", "*-output"))
+        for fault in chosen:
+            noticed = is_noticed(fault, copy)
+            tally[fault.room, noticed] += 1
+            old = (ROOT / fault.file).read_text(encoding="utf-8")[fault.start : fault.start + fault.length]
+            verdict = "caught  " if noticed else "SURVIVED"
+            print(f"{verdict} {fault.file}:{fault.line} {fault.kind} {old!r} -> {fault.new!r}", flush=True)
+    for room in given.room:
+        caught, all_of_it = tally[room, True], tally[room, True] + tally[room, False]
+        print(f"{room}: {caught} of {all_of_it} caught")
+    caught = sum(count for (_, noticed), count in tally.items() if noticed)
+    print(f"in all: {caught} of {given.count}, {100 * caught / max(given.count, 1):.0f} %")
+
+
+if __name__ == "__main__":
+    main()
