@@ -201,10 +201,12 @@ class Trajectory:
         return replace(self, t=self.t[kept], q=self.q[kept], qd=self.qd[kept], work=self.work[kept])
 
     def violation(self) -> np.ndarray:
-        """The largest |Φ| relative to the rows' natural sizes at every instant, shape (K,)."""
+        """The largest |Φ| relative to the rows' natural sizes at every instant, shape (K,); of angles in the paper's form the equation
+        in force there."""
+        from ncgen.solver.branches import refresh_branches
         from ncgen.solver.position import residual
 
-        return np.array([residual(self.kernels, q, t, self.p) for t, q in zip(self.t, self.q, strict=True)])
+        return np.array([residual(self.kernels, q, t, refresh_branches(self.kernels, q, self.p)) for t, q in zip(self.t, self.q, strict=True)])
 
     def reactions(self):
         """Loads between bodies, see `ncgen.solver.reactions.reactions`."""

@@ -59,7 +59,6 @@ def test_robot_falls_as_alone(robot, threads):
 @pytest.mark.parametrize("options", [
     {"rtol": 1e-7, "atol": 1e-9},
     {"integrator": "dop853", "rtol": 1e-9, "atol": 1e-11},
-    {"integrator": "dop853", "rtol": 1e-4, "atol": 1e-6},  # long steps: one of another length would be seen
     {"integrator": "rk4", "max_step": 0.004},
     {"max_step": 0.01},
 ])  # fmt: skip
