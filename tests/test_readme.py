@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib.util
 import re
 from pathlib import Path
 
@@ -41,3 +42,18 @@ def test_names_of_the_table_exist():
 
     for name in set(re.findall(r"ncgen\.(\w+)\(", README)):
         assert hasattr(ncgen, name)
+
+
+def test_measured_tables_have_a_command_each():
+    """A plain block in docs stands behind the command that prints it, and docs/renew.py puts its output there."""
+    spec = importlib.util.spec_from_file_location("renew", ROOT / "docs" / "renew.py")
+    assert spec and spec.loader
+    renew = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(renew)
+    for page in (ROOT / "docs").glob("*.md"):
+        text = page.read_text(encoding="utf-8")
+        fences = re.findall(r"^```(.*)$", text, re.M)[::2]
+        assert len(renew.commands(page)) == fences.count(""), page
+    page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
+    assert renew.renewed(page, lambda command: "new").count("-->\n```\nnew\n```\n") == 4
+    assert renew.renewed(page, lambda command: "") != page

@@ -206,7 +206,9 @@ class Trajectory:
         from ncgen.solver.branches import refresh_branches
         from ncgen.solver.position import residual
 
-        return np.array([residual(self.kernels, q, t, refresh_branches(self.kernels, q, self.p)) for t, q in zip(self.t, self.q, strict=True)])
+        return np.array(
+            [residual(self.kernels, q, t, refresh_branches(self.kernels, q, self.p)) for t, q in zip(self.t, self.q, strict=True)]
+        )
 
     def reactions(self):
         """Loads between bodies, see `ncgen.solver.reactions.reactions`."""

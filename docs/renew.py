@@ -1,0 +1,47 @@
+"""The measured tables of these pages, measured again.
+
+    python docs/renew.py            what would be run, page by page
+    python docs/renew.py performance.md compare.md …
+
+A table is a block between fences that follows a comment with the command that prints it, such as <!-- ncgen bench robot -->. The
+command runs and what it prints takes the block's place. Numbers in sentences beside a table are the writer's to correct; the pages name
+the machine that they were measured on.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+PAGES = Path(__file__).resolve().parent
+TABLE = re.compile(r"<!-- (?P<command>(?:ncgen|python) [^\n]*?) -->\n```\n(?P<output>.*?)```\n", re.DOTALL)
+
+
+def commands(page: Path) -> list[str]:
+    """The commands of a page's tables, in order."""
+    return [found["command"] for found in TABLE.finditer(page.read_text(encoding="utf-8"))]
+
+
+def renewed(text: str, run) -> str:
+    """A page with the tables that `run` prints: command to output."""
+    return TABLE.sub(lambda found: f"<!-- {found['command']} -->\n```\n{run(found['command']).strip()}\n```\n", text)
+
+
+def shell(command: str) -> str:
+    """What a command prints. Raises CalledProcessError where it fails."""
+    print(command, file=sys.stderr)
+    return subprocess.run(command, shell=True, check=True, stdout=subprocess.PIPE, text=True, cwd=PAGES.parent).stdout
+
+
+def main(names: list[str]) -> None:
+    for page in sorted(PAGES.glob("*.md")) if not names else [PAGES / name for name in names]:
+        if names:
+            page.write_text(renewed(page.read_text(encoding="utf-8"), shell), encoding="utf-8")
+        elif found := commands(page):
+            print(page.name, *(f"    {command}" for command in found), sep="\n")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
