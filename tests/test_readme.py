@@ -45,16 +45,14 @@ def test_names_of_the_table_exist():
 
 
 def test_measured_tables_have_a_command_each():
-    """A plain block in docs stands behind the command that prints it, or behind the program; docs/renew.py puts a command's output there."""
+    """A plain block of a page with measurements stands behind the command that prints it, whose output docs/renew.py puts there."""
     spec = importlib.util.spec_from_file_location("renew", ROOT / "docs" / "renew.py")
     assert spec and spec.loader
     renew = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(renew)
-    for page in (ROOT / "docs").glob("*.md"):
-        text = page.read_text(encoding="utf-8")
-        fences = re.findall(r"^```(.*)$", text, re.M)[::2]
-        alone = [kind for before, kind in zip(["", *fences], fences, strict=False) if (before, kind) == ("", "")]
-        assert len(renew.commands(page)) == len(alone), page
+    for page in filter(renew.commands, (ROOT / "docs").glob("*.md")):
+        fences = re.findall(r"^```(.*)$", page.read_text(encoding="utf-8"), re.M)[::2]
+        assert len(renew.commands(page)) == fences.count(""), page
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
     assert renew.renewed(page, lambda command: "new").count("-->\n```\nnew\n```\n") == 4
     assert renew.renewed(page, lambda command: "") != page
