@@ -33,7 +33,7 @@ def files(package: Package) -> dict[str, str | bytes]:
         "largest": max([2, *(program.size for program in programs.values())]),
     }
 
-    def filled(template: str, **more) -> str:
+    def filled(template: str, **more: int) -> str:
         return renamed(render(f"package/wasm/{template}.jinja", **records, **more), prefix)
 
     seen = [*(f"{prefix}_{name}" for name in (*programs, *MOTION)), *(f"{prefix}_wasm_{name}" for name in ROOM)]
