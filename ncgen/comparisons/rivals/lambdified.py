@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import sympy
@@ -16,7 +18,7 @@ LARGEST = 60
 """Rows up to which sympy is asked to differentiate the whole mechanism: it takes long beyond."""
 
 
-def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     names = [k for k in names if k in ("phi", "phi_q", "gamma")]
     if kernels.m > LARGEST or not differentiable(kernels):
         return []
@@ -30,7 +32,7 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     return [called("sympy.lambdify(cse=True)", calls, every=every, generation=seconds)]
 
 
-def symbolic(kernels: Kernels):
+def symbolic(kernels: Kernels) -> tuple[dict[str, list[Any]], tuple[Any, Any]]:
     """{kernel: [expression]} and the arguments (q, q̇), Φ_q in the kernels' pattern."""
     q, qd = (sympy.symbols(f"{letter}:{kernels.n}") for letter in ("x", "v"))
     functions = {name: getattr(sympy, f.sympy) for name, f in FUNCTIONS.items()}
