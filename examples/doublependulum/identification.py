@@ -80,7 +80,7 @@ def identify(derivatives: str) -> tuple[OptimizeResult, Experiment, float]:
     experiment.slopes(start)  # the tangent kernels are compiled when first used
     experiment.runs = 0
     begun = time.perf_counter()
-    jac: Any = experiment.slopes if derivatives == "exact" else derivatives
+    jac: Any = experiment.slopes if derivatives == "exact" else derivatives  # scipy takes either, and has no annotations
     found = least_squares(experiment.misses, start, jac, x_scale=start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
     return found, experiment, time.perf_counter() - begun
 

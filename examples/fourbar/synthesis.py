@@ -101,7 +101,7 @@ class Linkage:
 def synthesise(derivatives: str) -> tuple[OptimizeResult, Linkage, float]:
     """The design found, the linkage with its count of evaluations, and the seconds it took; derivatives: exact, 2-point or 3-point."""
     linkage = Linkage()
-    jac: Any = linkage.slopes if derivatives == "exact" else derivatives
+    jac: Any = linkage.slopes if derivatives == "exact" else derivatives  # scipy takes either, and has no annotations
     linkage.slopes(linkage.kernels.p0)  # the tangent kernels are compiled when first used
     linkage.evaluations = 0
     begun = time.perf_counter()

@@ -57,8 +57,8 @@ def inspect(
     if json_output:
         print(json.dumps(facts, indent=1))
         return
-    for term, row in zip(kernels.programs.equations.rows, kernels.rows, strict=True):
-        out.print(f"  {term.row + 1:>4} {row.code or '':<5} {row.label} ({row.owner}): {term.equation}", markup=False)
+    for number, (term, row) in enumerate(zip(kernels.programs.equations.rows, kernels.rows, strict=True), 1):
+        out.print(f"  {number:>4} {row.code or '':<5} {row.label} ({row.owner}): {term.equation}", markup=False)
     show_inspection(out, facts, seconds)
 
 

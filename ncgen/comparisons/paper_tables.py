@@ -118,7 +118,7 @@ def _variants(model: Model, kernels: Kernels) -> Iterator[tuple[str, Kernels]]:
 def _with_jacobian(kernels: Kernels, slope: Slope) -> Kernels:
     """The same kernels with Φ_q from Φ."""
     other = copy.copy(kernels)
-    other.jacobian = lambda q, t=0.0, p=None: jacobian(slope, lambda x: kernels.phi(x, t, p), q)
+    other.jacobian = lambda q, t=0.0, p=None: jacobian(slope, lambda x: kernels.phi(x, t, p), np.asarray(q))
     other.phi_q = lambda q, t=0.0, p=None: csr_array(other.jacobian(q, t, p))
     return other
 
