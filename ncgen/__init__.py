@@ -10,6 +10,7 @@ Importing ncgen is quick: what a name needs is loaded when the name is used.
 from __future__ import annotations
 
 from importlib import import_module
+from typing import TYPE_CHECKING
 
 __version__ = "0.1.0"
 
@@ -41,14 +42,57 @@ _HOMES = {
     "Interrupted": "ncgen.errors",
 }
 
-__all__ = sorted(_HOMES)
+# The same names for editors and type checkers, which do not run this file; a test compares all three lists.
+__all__ = [
+    "CompileError",
+    "ConvergenceError",
+    "DomainError",
+    "Interrupted",
+    "Model",
+    "ModelError",
+    "NcgenError",
+    "SingularError",
+    "accelerations_batch",
+    "assemble",
+    "compile",
+    "equilibrium",
+    "freedom",
+    "generate",
+    "gradient",
+    "inspect",
+    "inverse_dynamics",
+    "linearise",
+    "load",
+    "move",
+    "sensitivities",
+    "simulate",
+    "simulate_batch",
+    "solve_position",
+    "sweep",
+]
+
+if TYPE_CHECKING:
+    from ncgen.compiler import compile, generate
+    from ncgen.errors import CompileError, ConvergenceError, DomainError, Interrupted, ModelError, NcgenError, SingularError
+    from ncgen.exchange.examples import load
+    from ncgen.model import Model
+    from ncgen.report.inspection import inspect
+    from ncgen.solver.assembly import assemble
+    from ncgen.solver.batch import accelerations_batch, simulate_batch
+    from ncgen.solver.inverse_dynamics import inverse_dynamics
+    from ncgen.solver.linearise import linearise
+    from ncgen.solver.position import move, solve_position, sweep
+    from ncgen.solver.rank import freedom
+    from ncgen.solver.sensitivity import gradient, sensitivities
+    from ncgen.solver.simulate import simulate
+    from ncgen.solver.statics import equilibrium
+else:  # type checkers would take this for a promise of any name at all
+
+    def __getattr__(name: str) -> object:
+        if name not in _HOMES:
+            raise AttributeError(f"module 'ncgen' has no attribute {name!r}")
+        return getattr(import_module(_HOMES[name]), name)
 
 
-def __getattr__(name: str):
-    if name not in _HOMES:
-        raise AttributeError(f"module 'ncgen' has no attribute {name!r}")
-    return getattr(import_module(_HOMES[name]), name)
-
-
-def __dir__():
+def __dir__() -> list[str]:
     return __all__

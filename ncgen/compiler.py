@@ -15,8 +15,9 @@ from __future__ import annotations
 
 import time
 import warnings
+from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar, overload
 
 from ncgen.errors import CompileError, ModelError
 from ncgen.model import Model
@@ -25,8 +26,13 @@ from ncgen.program.programs import EMISSIONS
 if TYPE_CHECKING:
     from ncgen.emit.sources import Sources
     from ncgen.mechanism.kernels import Kernels
+    from ncgen.mechanism.library import CompiledKernels
+    from ncgen.mechanism.numpy_module import NumPyKernels
 
 BACKENDS = ("auto", "c", "numpy")
+
+Given = ParamSpec("Given")
+Result = TypeVar("Result")
 
 
 @dataclass
@@ -35,9 +41,9 @@ class Timings:
 
     seconds: dict[str, float] = field(default_factory=dict)
 
-    def stage(self, name: str, function, *arguments):
+    def stage(self, name: str, function: Callable[Given, Result], *arguments: Given.args, **named: Given.kwargs) -> Result:
         start = time.perf_counter()
-        result = function(*arguments)
+        result = function(*arguments, **named)
         self.seconds[name] = time.perf_counter() - start
         return result
 
@@ -68,6 +74,18 @@ def generate(model: Model, emission: str = "auto", timings: Timings | None = Non
     equations = timings.stage("symbolic", build_equations, model)
     programs = timings.stage("program", assemble, equations, emission)
     return Sources(programs)
+
+
+@overload
+def compile(model: Model | Sources, backend: Literal["c"], emission: str = "auto", timings: Timings | None = None) -> CompiledKernels: ...
+
+
+@overload
+def compile(model: Model | Sources, backend: Literal["numpy"], emission: str = "auto", timings: Timings | None = None) -> NumPyKernels: ...
+
+
+@overload
+def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None) -> Kernels: ...
 
 
 def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto", timings: Timings | None = None) -> Kernels:

@@ -4,7 +4,10 @@ Every message names the thing by the user's own name for it, gives the numbers, 
 The command line prints the message alone and leaves with `exit_code`.
 """
 
+from __future__ import annotations
+
 import math
+from typing import Any
 
 LONGEST_LINE = 300
 """Characters of a message: one line that can be read."""
@@ -22,7 +25,7 @@ def shortened(text: str, limit: int = LONGEST_LINE) -> str:
     return f"{line[: limit - limit // 2 - 1]}…{line[limit - limit // 2 :]}"
 
 
-def shown(value) -> str:
+def shown(value: object) -> str:
     """Anything in a message: one line, and not more of it than helps."""
     if isinstance(value, int) and abs(value) >= 10**SHOWN:
         return f"a number of {int(math.log10(abs(value))) + 1} digits"
@@ -38,7 +41,7 @@ class NcgenError(Exception):
 
     exit_code = 2
 
-    def __init__(self, message: str):
+    def __init__(self, message: str) -> None:
         super().__init__(shortened(str(message)))
 
 
@@ -49,7 +52,7 @@ class ModelError(NcgenError):
 class UnknownName(ModelError):
     """Something is mentioned that there is not; `name` is what was looked for."""
 
-    def __init__(self, message: str, name: str = ""):
+    def __init__(self, message: str, name: str = "") -> None:
         super().__init__(message)
         self.name = name
 
@@ -63,7 +66,7 @@ class CompileError(NcgenError):
 
     exit_code = 3
 
-    def __init__(self, message: str, log: str = ""):
+    def __init__(self, message: str, log: str = "") -> None:
         super().__init__(message)
         self.log = log
 
@@ -73,7 +76,7 @@ class ConvergenceError(NcgenError):
 
     exit_code = 4
 
-    def __init__(self, message: str, history: tuple[float, ...] = ()):
+    def __init__(self, message: str, history: tuple[float, ...] = ()) -> None:
         super().__init__(message)
         self.history = history
 
@@ -87,6 +90,6 @@ class SingularError(NcgenError):
 class Interrupted(KeyboardInterrupt):
     """A run was stopped by Ctrl-C; `run` is the trajectory up to there."""
 
-    def __init__(self, run):
+    def __init__(self, run: Any) -> None:  # a Trajectory, which this module cannot know: it is above all others
         super().__init__(f"{run.name}: stopped at t = {run.t[-1]:.6g} s")
         self.run = run

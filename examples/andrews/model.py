@@ -4,12 +4,15 @@ Dimensions, masses, spring and torque: the multibody benchmark's problem A03, th
 IVP test set, which starts at beta0 = -0.0617138900142764.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ncgen import Model
+from ncgen.model.elements import Point
 
 
-def build(beta0=-0.0620):
+def build(beta0: float = -0.0620) -> Model:
     m = Model("andrews")
     origin = m.point("O", (0, 0), fixed=True)
     A = m.point("A", (-0.06934, -0.00227), fixed=True)
@@ -21,8 +24,8 @@ def build(beta0=-0.0620):
     H = m.point("H", meet(E, 0.020, A, 0.040))
     D = m.point("D", local(B, E, (0.018, 0.020)))
 
-    def body(name, points, mass, com, inertia):
-        m.body(name, points, mass=mass, com=local(*points[:2], com), inertia=inertia)
+    def body(name: str, points: list[Point], mass: float, com: tuple[float, float], inertia: float) -> None:
+        m.body(name, points, mass=mass, com=local(points[0], points[1], com), inertia=inertia)
 
     body("K1", [origin, F], mass=0.04325, com=(0.00092, 0), inertia=2.194e-6)
     body("K2", [F, E], mass=0.00365, com=(0.0115, 0), inertia=4.410e-7)
@@ -44,14 +47,14 @@ def build(beta0=-0.0620):
     return m
 
 
-def local(start, end, place):
+def local(start: Point, end: Point, place: Sequence[float]) -> np.ndarray:
     """A place in the frame at a point `start` whose first axis goes to the point `end`."""
     side = (end.initial - start.initial)[:2] / np.linalg.norm(end.initial - start.initial)
     return start.initial[:2] + place[0] * side + place[1] * np.array([-side[1], side[0]])
 
 
-def meet(start, to_start, end, to_end):
+def meet(start: Point, to_start: float, end: Point, to_end: float) -> np.ndarray:
     """Where two circles about points meet, on the left of the line from `start` to `end`."""
-    d = np.linalg.norm(end.initial - start.initial)
+    d = float(np.linalg.norm(end.initial - start.initial))
     along = (to_start**2 - to_end**2 + d**2) / (2 * d)
     return local(start, end, (along, np.sqrt(to_start**2 - along**2)))

@@ -11,7 +11,7 @@ X, Y, Z = (1, 0, 0), (0, 1, 0), (0, 0, 1)
 AXES = [Y, Z, X, Y, Z, X]
 
 
-def build():
+def build() -> Model:
     m = Model("bricard")
     on_ground = (0, 5)
     points = [m.point(f"P{i + 1}", corner, fixed=i in on_ground) for i, corner in enumerate(CORNERS)]

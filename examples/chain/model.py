@@ -14,7 +14,7 @@ PITCH, TURN = np.radians(35.0), np.radians(40.0)
 """Angle of every link to the plane across the helix' axis, and from one link to the next (rad)."""
 
 
-def build(n=10, length=1.0, mass=1.0):
+def build(n: int = 10, length: float = 1.0, mass: float = 1.0) -> Model:
     """A chain of n equal links, `length` (m) long and `mass` (kg) heavy in all."""
     m = Model("chain")
     size = length / n
@@ -28,12 +28,12 @@ def build(n=10, length=1.0, mass=1.0):
     return m
 
 
-def directions(n):
+def directions(n: int) -> np.ndarray:
     """Unit vectors along the links of the helix, shape (n, 3)."""
     turns = TURN * np.arange(n)
     return np.column_stack([np.full(n, np.sin(PITCH)), np.cos(PITCH) * np.cos(turns), np.cos(PITCH) * np.sin(turns)])
 
 
-def rod(mass, span):
+def rod(mass: float, span: np.ndarray) -> np.ndarray:
     """The inertia tensor (kg m²) of a uniform slender rod about its middle, from end to end `span` (m)."""
     return mass / 12 * (span @ span * np.eye(3) - np.outer(span, span))

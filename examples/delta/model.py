@@ -8,6 +8,8 @@ import numpy as np
 import sympy as sp
 
 from ncgen import Model
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Angle, Point
 
 BASE, ARM, ROD, PLATFORM, WIDTH, TOOL = 0.330, 0.420, 1.055, 0.125, 0.160, 0.080
 """Radius of the motors, upper arm, forearm rod, radius of the platform, width of a parallelogram, tool below the platform (m)."""
@@ -30,13 +32,13 @@ STIFFNESS, DAMPING = 400.0, 20.0
 DOWN = np.array([0.0, 0.0, -1.0])
 
 
-def build(hinged=True):
+def build(hinged: bool = True) -> Model:
     """The robot; hinged=False puts ball joints on both ends of the rods instead of parallelograms with four hinges."""
     m = Model("delta")
     reach = BASE + ARM * np.cos(START) - PLATFORM
     centre = DOWN * (ARM * np.sin(START) + np.sqrt(ROD**2 - reach**2))
-    motors = [arm(m, i, turn) for i, turn in enumerate(TURNS, 1)]
-    rods = [forearm(m, i, turn, centre) for i, turn in enumerate(TURNS, 1)]
+    motors, elbows = zip(*(arm(m, i, turn) for i, turn in enumerate(TURNS, 1)), strict=True)
+    rods = [forearm(m, i, turn, elbow, centre) for i, (turn, elbow) in enumerate(zip(TURNS, elbows, strict=True), 1)]
     platform(m, [rod.points[1] for pair in rods for rod in pair], centre)
     if hinged:
         for i, pair in enumerate(rods, 1):
@@ -50,34 +52,34 @@ def build(hinged=True):
     return m
 
 
-def arm(m, i, turn):
-    """An upper arm that turns about a fixed axis by its motor's angle; it carries both elbows of a forearm."""
+def arm(m: Model, i: int, turn: float) -> tuple[Angle, list[Point]]:
+    """An upper arm that turns about a fixed axis by its motor's angle, and its end with both elbows of a forearm, which it carries."""
     out, along = np.array([np.cos(turn), np.sin(turn), 0]), np.array([-np.sin(turn), np.cos(turn), 0])
     level, axis = m.vector(f"e{i}", out, fixed=True), m.vector(f"t{i}", along, fixed=True)
     A = m.point(f"A{i}", BASE * out, fixed=True)
     E = m.point(f"E{i}", BASE * out + ARM * (np.cos(START) * out + np.sin(START) * DOWN))
     body = m.body(f"arm{i}", [A, E], [axis], ARM_MASS, inertia=slender(ARM_MASS, E.initial - A.initial), basis=[A, E])
-    for side, shift in (("a", -WIDTH / 2), ("b", WIDTH / 2)):
-        m.attach_point(body, f"E{i}{side}", E.initial + shift * along)
+    elbows = [m.attach_point(body, f"E{i}{side}", E.initial + shift * along) for side, shift in (("a", -WIDTH / 2), ("b", WIDTH / 2))]
     m.line(A, E)
-    m.line(*body.points[2:])
-    return m.angle(f"psi{i}", start=level, end=E - A, axis=axis)
+    m.line(*elbows)
+    return m.angle(f"psi{i}", start=level, end=E - A, axis=axis), [E, *elbows]
 
 
-def forearm(m, i, turn, centre):
-    """Two equal rods from the elbows to the platform."""
+def forearm(m: Model, i: int, turn: float, elbow: list[Point], centre: np.ndarray) -> list[Body]:
+    """Two equal rods from the elbows to the platform; elbow: the arm's end and both elbows."""
     out = np.array([np.cos(turn), np.sin(turn), 0])
-    shift = centre + PLATFORM * out - m.elements[f"E{i}"].initial
-    return [rod(m, f"rod{i}{side}", m.elements[f"E{i}{side}"], f"P{i}{side}", shift) for side in "ab"]
+    middle, *sides = elbow
+    shift = centre + PLATFORM * out - middle.initial
+    return [rod(m, f"rod{i}{side}", point, f"P{i}{side}", shift) for side, point in zip("ab", sides, strict=True)]
 
 
-def rod(m, name, elbow, corner, span):
+def rod(m: Model, name: str, elbow: Point, corner: str, span: np.ndarray) -> Body:
     end = m.point(corner, elbow.initial + span)
     m.line(elbow, end)
     return m.body(name, [elbow, end], mass=ROD_MASS, inertia=slender(ROD_MASS, span), basis=[elbow, end])
 
 
-def platform(m, corners, centre):
+def platform(m: Model, corners: list[Point], centre: np.ndarray) -> None:
     inertia = PLATFORM_MASS * PLATFORM**2 * np.array([0.25, 0.25, 0.5])
     tip = m.point("C", centre + TOOL * DOWN)
     m.body("platform", [*corners, tip], mass=PLATFORM_MASS, com=centre, inertia=inertia)
@@ -86,7 +88,7 @@ def platform(m, corners, centre):
         m.line(corner, tip)
 
 
-def parallelogram(m, name, a, b):
+def parallelogram(m: Model, name: str, a: Body, b: Body) -> None:
     """Two rods hinged to the elbow and to the platform: one vector stays normal to all four sides."""
     (elbow_a, corner_a), (elbow_b, corner_b) = a.points, b.points
     normal = np.cross(elbow_a.initial - elbow_b.initial, corner_a.initial - elbow_a.initial)
@@ -98,6 +100,6 @@ def parallelogram(m, name, a, b):
     m.arrow(elbow_b, n)
 
 
-def slender(mass, span):
+def slender(mass: float, span: np.ndarray) -> np.ndarray:
     """The inertia tensor (kg m²) of a uniform slender rod about its middle, from end to end `span` (m)."""
     return mass / 12 * (span @ span * np.eye(3) - np.outer(span, span))

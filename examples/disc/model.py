@@ -10,7 +10,7 @@ from ncgen import Model
 MASS, RADIUS = 2.0, 0.3
 
 
-def build(lean=20.0, speed=1.5, steer=0.5, spokes=6):
+def build(lean: float = 20.0, speed: float = 1.5, steer: float = 0.5, spokes: int = 6) -> Model:
     """The disc on the plane z = 0, above the origin, rolling along x.
 
     lean: to its left (degrees); speed: of its centre (m/s); steer: how fast it turns left about the vertical (rad/s);

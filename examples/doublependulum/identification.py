@@ -13,6 +13,8 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import sympy
@@ -47,7 +49,7 @@ def build() -> Model:
 class Experiment:
     """What was measured, and what a choice of parameters says instead: residuals in units of the noise."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.kernels = ncgen.compile(build())
         self.seen = [self.kernels.index[name] for name in ("B.x", "B.y", "C.x", "C.y")]
         self.runs = 0
@@ -55,17 +57,17 @@ class Experiment:
         noise = NOISE * np.random.default_rng(2007).standard_normal((STEPS + 1, len(self.seen)))
         self.measured = self.motion(self.kernels.p0) + noise
 
-    def motion(self, p) -> np.ndarray:
+    def motion(self, p: Sequence[float] | np.ndarray) -> np.ndarray:
         """Positions (instants, 4) by fixed Runge-Kutta steps in C."""
         self.runs += 1
         return ncgen.simulate(
             self.kernels, DURATION, p=p, z=("psi", "theta"), integrator="rk4", max_step=DURATION / STEPS, points=STEPS + 1
         ).q[:, self.seen]
 
-    def misses(self, p) -> np.ndarray:
+    def misses(self, p: np.ndarray) -> np.ndarray:
         return ((self.motion(p) - self.measured) / NOISE).ravel()
 
-    def slopes(self, p) -> np.ndarray:
+    def slopes(self, p: np.ndarray) -> np.ndarray:
         """∂misses/∂p: the same steps, differentiated."""
         by_p = ncgen.sensitivities(self.kernels, DURATION, STEPS, p=p, z=("psi", "theta")).q_by
         return by_p[:, self.seen, : len(p)].reshape(-1, len(p)) / NOISE
@@ -78,7 +80,7 @@ def identify(derivatives: str) -> tuple[OptimizeResult, Experiment, float]:
     experiment.slopes(start)  # the tangent kernels are compiled when first used
     experiment.runs = 0
     begun = time.perf_counter()
-    jac = experiment.slopes if derivatives == "exact" else derivatives
+    jac: Any = experiment.slopes if derivatives == "exact" else derivatives  # scipy takes either, and has no annotations
     found = least_squares(experiment.misses, start, jac, x_scale=start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
     return found, experiment, time.perf_counter() - begun
 
@@ -99,11 +101,12 @@ def main() -> None:
         plot(experiment, found.x, sys.argv[sys.argv.index("--plot") + 1])
 
 
-def plot(experiment: Experiment, p, file: str) -> None:
+def plot(experiment: Experiment, p: np.ndarray, file: str) -> None:
     """Measured positions of C, those of the start and those of what was found."""
     from matplotlib.figure import Figure
 
-    axes = Figure(figsize=(7, 3.5), layout="constrained").add_subplot()
+    chart = Figure(figsize=(7, 3.5), layout="constrained")
+    axes = chart.add_subplot()
     t = np.linspace(0, DURATION, STEPS + 1)
     axes.plot(t, experiment.measured[:, 2], ".", color="0.6", markersize=3, label="measured")
     axes.plot(t, experiment.motion(list(START.values()))[:, 2], "--", label="start")
@@ -111,7 +114,7 @@ def plot(experiment: Experiment, p, file: str) -> None:
     axes.set_xlabel("t (s)")
     axes.set_ylabel("x of C (m)")
     axes.legend()
-    axes.figure.savefig(file, dpi=90, metadata={"Software": None})
+    chart.savefig(file, dpi=90, metadata={"Software": None})
 
 
 if __name__ == "__main__":

@@ -5,10 +5,13 @@ the cylinders and the bucket's linkage are hinged, the centres of mass and the c
 uniform rod's, cylinders and linkage have no mass.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 import sympy as sp
 
 from ncgen import Model
+from ncgen.model.elements import Point
 
 BOOM, STICK, BUCKET = 1.903392, 1.351485, 0.590267
 MASSES = {"boom": 200.0, "stick": 150.0, "bucket": 70.0}
@@ -40,45 +43,43 @@ PERIOD = 4.0
 """The control of the cylinders (N/m, N s/m), and how far (m) and how fast (s) they move out and back."""
 
 
-def build():
+def build() -> Model:
     m = Model("excavator")
-    hinge = m.point("O", (0, 0), fixed=True)
-    m.point("G", FOOT, fixed=True)
-    for name, end in (("boom", "B"), ("stick", "C"), ("bucket", "T")):
-        hinge = part(m, name, hinge, end)
-    H, F = m.elements["H"], m.elements["F"]
-    E = m.point("E", knee(H.initial, F.initial))
+    points = {"O": m.point("O", (0, 0), fixed=True), "G": m.point("G", FOOT, fixed=True)}
+    for name, hinge, end in (("boom", "O", "B"), ("stick", "B", "C"), ("bucket", "C", "T")):
+        points |= part(m, name, points[hinge], end)
+    H, F = points["H"], points["F"]
+    E = points["E"] = m.point("E", knee(H.initial, F.initial))
     m.distance(H, E)
     m.distance(E, F)
-    cylinders = [m.length(name, *map(m.elements.get, ends)) for name, ends in (("lift", "GL"), ("crowd", "DR"), ("curl", "KE"))]
+    ends = {"lift": "GL", "crowd": "DR", "curl": "KE"}
+    cylinders = [m.length(name, points[start], points[end]) for name, (start, end) in ends.items()]
     m.independent(*cylinders)
     for s in cylinders:
         target = s.initial[0] + STROKES[s.name] * (1 - sp.cos(2 * sp.pi * m.time / PERIOD)) / 2
         m.torque(s, -STIFFNESS * (s - target) - DAMPING[s.name] * s.rate, f"cylinder {s.name}")
     m.gravity((0, -9.81, 0))
     for path in ("OLBDO", "RBHCKR", "CTFC", "HEF", "GL", "DR", "KE"):
-        m.line(*map(m.elements.get, path))
+        m.line(*(points[name] for name in path))
     m.simulation(duration=PERIOD)
     return m
 
 
-def part(m, name, hinge, end):
-    """Boom, stick or bucket: a flat body from its hinge to its end, with its lugs; returns the end."""
+def part(m: Model, name: str, hinge: Point, end: str) -> dict[str, Point]:
+    """Boom, stick or bucket: a flat body from its hinge to its end, with its lugs; returns the end and the lugs by their names."""
     start, turn, mass, span = hinge.initial[:2], START[name], MASSES[name], SPANS[name]
     tip = m.point(end, place(start, turn, (span, 0)))
     body = m.body(name, [hinge, tip], mass=mass, com=place(start, turn, CENTRES[name]), inertia=mass * span**2 / 12)
-    for lug, offset in LUGS[name].items():
-        m.attach_point(body, lug, place(start, turn, offset))
-    return tip
+    return {end: tip} | {lug: m.attach_point(body, lug, place(start, turn, offset)) for lug, offset in LUGS[name].items()}
 
 
-def place(start, turn, offset):
+def place(start: np.ndarray, turn: float, offset: Sequence[float]) -> np.ndarray:
     """A point of a part (m): `offset` along and across it, from its hinge at `start`."""
     along = np.array([np.cos(turn), np.sin(turn)])
     return start + offset[0] * along + offset[1] * np.array([-along[1], along[0]])
 
 
-def knee(H, F):
+def knee(H: np.ndarray, F: np.ndarray) -> np.ndarray:
     """The upper of the two points at a rocker's length from H and a link's length from F."""
     span = (F - H)[:2]
     square = span @ span

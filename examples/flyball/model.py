@@ -4,15 +4,19 @@ Data: benchmark A05 of the IFToMM library of multibody problems (lim.ii.udc.es/m
 are boxes of 3000 kg/m3; each rod carries a point mass of 5 kg at its end.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ncgen import Model
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Point, Vector
 
 LOW = np.radians(30)  # how far the rods hang below the horizontal at the start
 THIN = 0.01
 
 
-def build(stiffness=8e5, damping=4e4):
+def build(stiffness: float = 8e5, damping: float = 4e4) -> Model:
     m = Model("flyball")
     O = m.point("O", (0, 0, 0), fixed=True)
     T = m.point("T", (0, 0, 1), fixed=True)
@@ -22,8 +26,8 @@ def build(stiffness=8e5, damping=4e4):
     e = m.vector("e", (1, 0, 0), fixed="z")  # turns with the shaft, towards rod 1
     f = m.vector("f", (0, 1, 0), fixed="z")  # turns with the shaft, along the hinges
 
-    shaft = m.body("shaft", [O, T], [e, f], **box(THIN, THIN, 1))
-    slider = m.body("slider", [S], [e, f, z], **box(0.1, 0.1, 0.1))
+    shaft = box(m, "shaft", [O, T], [e, f], (THIN, THIN, 1))
+    slider = box(m, "slider", [S], [e, f, z], (0.1, 0.1, 0.1))
     turn = m.angle("turn", start=x, end=e, axis=z)
     tilts = []
     for number, out in (1, 1.0), (2, -1.0):
@@ -32,7 +36,7 @@ def build(stiffness=8e5, damping=4e4):
         H = m.attach_point(shaft, f"H{number}", T.initial + aside)
         K = m.attach_point(slider, f"K{number}", S.initial + aside)
         B = m.point(f"B{number}", H.initial + along)
-        rod = m.body(f"rod{number}", [H, B], [f], **box(1, THIN, THIN, along))
+        rod = box(m, f"rod{number}", [H, B], [f], (1, THIN, THIN), along)
         M = m.attach_point(rod, f"M{number}", H.initial + along / 2)
         m.body(f"ball{number}", [B], mass=5.0)
         m.spring(K, M, stiffness, damping, free_length=0.5)
@@ -48,9 +52,17 @@ def build(stiffness=8e5, damping=4e4):
     return m
 
 
-def box(a, b, c, along=(1, 0, 0)):
-    """Mass and inertia tensor of a box with side a in the direction `along` of the plane y = 0 and side b along y."""
+def box(
+    m: Model,
+    name: str,
+    points: list[Point],
+    vectors: list[Vector],
+    sides: tuple[float, float, float],
+    along: Sequence[float] | np.ndarray = (1, 0, 0),
+) -> Body:
+    """A body that is a box, with its first side in the direction `along` of the plane y = 0 and its second along y."""
+    a, b, c = sides
     mass = 3000.0 * a * b * c
     first, second = np.array(along), np.cross(along, (0, 1, 0))
     squares = a**2 * np.outer(first, first) + b**2 * np.diag([0, 1, 0]) + c**2 * np.outer(second, second)
-    return {"mass": mass, "inertia": mass / 12 * ((a**2 + b**2 + c**2) * np.eye(3) - squares)}
+    return m.body(name, points, vectors, mass=mass, inertia=mass / 12 * ((a**2 + b**2 + c**2) * np.eye(3) - squares))

@@ -1,9 +1,10 @@
 """A planar four-bar linkage turned by its crank: one degree of freedom, a relative angle, nothing out of the plane."""
 
 from ncgen import Model
+from ncgen.model.elements import Point
 
 
-def build():
+def build() -> Model:
     m = Model("fourbar")
     A = m.point("A", (0.0, 0.0), fixed=True)
     B = m.point("B", (0.1, 0.0))
@@ -12,7 +13,7 @@ def build():
     x = m.vector("x", (1, 0, 0), fixed=True)
     z = m.vector("z", (0, 0, 1), fixed=True)
 
-    def bar(name, start, end, mass):
+    def bar(name: str, start: Point, end: Point, mass: float) -> None:
         length = ((start.initial - end.initial) ** 2).sum() ** 0.5
         m.body(name, points=[start, end], mass=mass, inertia=mass * length**2 / 12)
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import sys
 import time
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.optimize import OptimizeResult, least_squares
@@ -18,6 +19,9 @@ from scipy.optimize import OptimizeResult, least_squares
 import ncgen
 from ncgen import Model
 from ncgen.errors import ConvergenceError
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.kernels import Kernels
 
 TARGETS = np.array([(3.0, 3.0), (2.759, 3.363), (2.372, 3.663), (1.890, 3.862), (1.355, 3.943)])
 ANGLES = np.pi / 12 * np.array([2, 3, 4, 5, 6])
@@ -43,7 +47,7 @@ def build() -> Model:
     return m
 
 
-def meeting(first, second, near: float, far: float) -> np.ndarray:
+def meeting(first: np.ndarray, second: np.ndarray, near: float, far: float) -> np.ndarray:
     """The point at these distances from two others, on the left of the way between them, in the plane."""
     way = (second - first)[:2]
     long = np.linalg.norm(way)
@@ -52,7 +56,7 @@ def meeting(first, second, near: float, far: float) -> np.ndarray:
     return first[:2] + (along * way + across * np.array([-way[1], way[0]])) / long
 
 
-def closed(kernels, q, t: float, p) -> np.ndarray:
+def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """The position of the driven linkage near q, by Newton's method. Raises ConvergenceError where it does not close."""
     for _ in range(30):
         step = np.linalg.solve(kernels.jacobian(q, t, p), kernels.phi(q, t, p))
@@ -65,13 +69,13 @@ def closed(kernels, q, t: float, p) -> np.ndarray:
 class Linkage:
     """Distances of the coupler point from its targets, and their derivatives by the lengths."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.kernels = ncgen.compile(build())
         self.point = [self.kernels.index["P.x"], self.kernels.index["P.y"]]
         self.q = self.kernels.q0
         self.evaluations = 0
 
-    def positions(self, p) -> np.ndarray:
+    def positions(self, p: np.ndarray) -> np.ndarray:
         """q (5, n) at the five angles, each closed from the one before."""
         self.evaluations += 1
         q, found = self.q, []
@@ -81,11 +85,11 @@ class Linkage:
         self.q = found[0]
         return np.array(found)
 
-    def misses(self, p) -> np.ndarray:
+    def misses(self, p: np.ndarray) -> np.ndarray:
         """(10,)"""
         return (self.positions(p)[:, self.point] - TARGETS).ravel()
 
-    def slopes(self, p) -> np.ndarray:
+    def slopes(self, p: np.ndarray) -> np.ndarray:
         """(10, 6): Φ(q(p), t, p) = 0 stays so, hence Φ_q dq = −Φ_p dp."""
         rows = []
         for angle, q in zip(ANGLES - ANGLES[0], self.positions(p), strict=True):
@@ -97,7 +101,7 @@ class Linkage:
 def synthesise(derivatives: str) -> tuple[OptimizeResult, Linkage, float]:
     """The design found, the linkage with its count of evaluations, and the seconds it took; derivatives: exact, 2-point or 3-point."""
     linkage = Linkage()
-    jac = linkage.slopes if derivatives == "exact" else derivatives
+    jac: Any = linkage.slopes if derivatives == "exact" else derivatives  # scipy takes either, and has no annotations
     linkage.slopes(linkage.kernels.p0)  # the tangent kernels are compiled when first used
     linkage.evaluations = 0
     begun = time.perf_counter()
@@ -120,7 +124,7 @@ def main() -> None:
         plot(found.x, sys.argv[sys.argv.index("--plot") + 1])
 
 
-def plot(p, file: str) -> None:
+def plot(p: np.ndarray, file: str) -> None:
     """The linkage at the first angle, the path of its coupler point and the targets."""
     from matplotlib.figure import Figure
 
@@ -135,14 +139,15 @@ def plot(p, file: str) -> None:
     curve = np.array([path[turn][linkage.point] for turn in turns])
     places = {name: [q[kernels.index[f"{name}.{axis}"]] for axis in "xy"] for name in "BCP"}
     places |= {"A": [0.0, 0.0], "D": [q[kernels.index["D.x"]], 0.0]}
-    axes = Figure(figsize=(6, 4.5), layout="constrained").add_subplot()
+    chart = Figure(figsize=(6, 4.5), layout="constrained")
+    axes = chart.add_subplot()
     axes.plot(*np.array([places[name] for name in "ABCD"]).T, "o-", color="0.3", label="linkage")
     axes.plot(*np.array([places[name] for name in "BPC"]).T, "o-", color="0.7")
     axes.plot(*curve.T, label="path of P")
     axes.plot(*TARGETS.T, "x", color="tab:red", label="targets")
     axes.set_aspect("equal")
     axes.legend()
-    axes.figure.savefig(file, dpi=90, metadata={"Software": None})
+    chart.savefig(file, dpi=90, metadata={"Software": None})
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from ncgen import Model
 RADIUS, HEIGHT = 0.25, 1.0
 
 
-def build(spin=150.0, precession=-4.61538):
+def build(spin: float = 150.0, precession: float = -4.61538) -> Model:
     """The top with its axis along y, turning about y and z at the given rates (rad/s)."""
     m = Model("heavytop")
     O = m.point("O", (0, 0, 0), fixed=True)

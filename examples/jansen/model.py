@@ -13,7 +13,7 @@ RODS = dict(m="OM", j="MU", b="PU", e="UW", d="PW", k="ML", c="PL", f="WK", g="L
 """The two points of each rod: the fixed O and P, crank pin M, upper U, outer W, lower L, knee K, and the toe T."""
 
 
-def build(turns_per_second=1.0, density=0.5, driven=True):
+def build(turns_per_second: float = 1.0, density: float = 0.5, driven: bool = True) -> Model:
     m = Model("jansen")
     points = {name: m.point(name, place, fixed=name in "OP") for name, place in closed_position().items()}
     for letter, ends in RODS.items():
@@ -30,7 +30,7 @@ def build(turns_per_second=1.0, density=0.5, driven=True):
     return m
 
 
-def closed_position():
+def closed_position() -> dict[str, np.ndarray]:
     """The points (m) while the crank points right: each new one is the corner of a triangle whose sides are known."""
     s = {letter: length / 100 for letter, length in LENGTHS.items()}
     place = dict(O=np.array([0.0, 0.0]), P=np.array([-s["a"], -s["l"]]), M=np.array([s["m"], 0.0]))
@@ -39,7 +39,7 @@ def closed_position():
     return place
 
 
-def corner(start, to_start, end, to_end):
+def corner(start: np.ndarray, to_start: float, end: np.ndarray, to_end: float) -> np.ndarray:
     """The corner of a triangle on the left of its side from start to end; to_start, to_end: the other sides' lengths."""
     d = np.linalg.norm(end - start)
     side = (end - start) / d

@@ -6,7 +6,7 @@ Dimensions: the multibody benchmark's problem A02, 2N + 1 uniform rods of 1 m an
 from ncgen import Model
 
 
-def build(N=2):
+def build(N: int = 2) -> Model:
     m = Model("nfourbar")
     feet = [m.point(f"A{i}", (i, 0), fixed=True) for i in range(N + 1)]
     tops = [m.point(f"B{i}", (i, 1)) for i in range(N + 1)]

@@ -9,6 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from ncgen import Model
+from ncgen.model.elements import Angle, Point, Vector
 
 HALF, YOKE, PANEL = 0.8, 0.8, 1.6
 """From the hub's centre to its side, yoke, panel (m)."""
@@ -21,7 +22,7 @@ STIFFNESS, DAMPING = 1.5, 4.0
 """Of the spring in every hinge (N m/rad, N m s/rad); it is free when the hinge is straight."""
 
 
-def build(panels=3, free=True):
+def build(panels: int = 3, free: bool = True) -> Model:
     """Folded and at rest; free=False holds the hub."""
     m = Model("panels")
     z = m.vector("z", (0, 0, 1), fixed=True)
@@ -33,7 +34,7 @@ def build(panels=3, free=True):
     for i, (start, end) in enumerate(pairwise(chain[1:])):
         mass, length = (PANEL_MASS, PANEL) if i else (YOKE_MASS, YOKE)
         m.body(f"panel{i}" if i else "yoke", [start, end], mass=mass, inertia=mass * length**2 / 12)
-    hinges = [hinge(m, i, *chain[i : i + 3], z) for i in range(panels + 1)]
+    hinges = [hinge(m, i, *neighbours, z) for i, neighbours in enumerate(zip(chain, chain[1:], chain[2:]))]
     for i, (first, second) in enumerate(pairwise(hinges)):
         m.gear(first, second, 1 if i else 2, 1)
     m.independent(hinges[0], *((H.x, H.y, A.y) if free else ()))
@@ -43,7 +44,7 @@ def build(panels=3, free=True):
     return m
 
 
-def hinge(m, i, before, point, after, axis):
+def hinge(m: Model, i: int, before: Point, point: Point, after: Point, axis: Vector) -> Angle:
     """The angle between two neighbours, folded to alternate sides, with its spring."""
     folded = np.pi / 2 if i == 0 else np.pi * (-1) ** i
     angle = m.angle(f"psi{i}", start=point - before, end=after - point, axis=axis, initial=folded)

@@ -3,7 +3,7 @@
 from ncgen import Model
 
 
-def build(length=1.0, mass=1.0):
+def build(length: float = 1.0, mass: float = 1.0) -> Model:
     m = Model("pendulum")
     A = m.point("A", (0, 0), fixed=True)
     B = m.point("B", (-length, 0))

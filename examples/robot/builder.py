@@ -1,10 +1,16 @@
 """The same robot said call by call: points, vectors, bodies, rows and angles by name."""
 
+from collections.abc import Sequence
+
+import numpy as np
+
 from ncgen import Model
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Point, Spatial, Vector
 
 
-def build(**options):
-    m = Model("robot", **options)
+def build(scale: bool = True, form: str = "smooth") -> Model:
+    m = Model("robot", scale=scale, form=form)
 
     # Coordinates in the order of the paper's q (eq. 9).
     r1 = m.point("r1", (0, 0, 0), fixed=True)
@@ -21,12 +27,21 @@ def build(**options):
     r8 = m.point("r8", (0, 1.6427, 1.3757))
     u5 = m.vector("u5", (0, 0, 1))
 
-    def middle(a, b, share=0.5):
+    def middle(a: Point, b: Point, share: float = 0.5) -> np.ndarray:
         return a.initial + share * (b.initial - a.initial)
 
     # Bodies with their inertia: bodies 2 and 3 from Table 6, the others are ours.
-    def body(*facts, **more):
-        return m.body(*facts, rigid=False, **more)  # the rows that keep it rigid follow below, as in the paper
+    def body(
+        name: str,
+        points: list[Point],
+        vectors: list[Vector],
+        mass: float,
+        com: Sequence[float] | np.ndarray,
+        inertia: Sequence[float],
+        basis: list[Spatial] | None = None,
+    ) -> Body:
+        # The rows that keep it rigid follow below, as in the paper.
+        return m.body(name, points, vectors, mass, com, inertia, basis=basis, rigid=False)
 
     body2 = body("body2", [r1, r2, r3], [u1, u3], 200.0, (0, 0, 0.45), (10.396, 10.396, 17.793), basis=[r1, r2, u1, u3])
     body3 = body("body3", [r2, r4], [u3], 250.0, (0, 0.2088, 1.2165), (27.263, 27.263, 4.476))

@@ -14,9 +14,11 @@ position is an argument here, not a persistent variable (docs/paper.md says why)
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from types import SimpleNamespace
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.exchange.examples import example_module
 
@@ -36,31 +38,31 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 # -- (a) in the paper's manner: a loop over CONSTR with a branch per code ----------------------------------------------
 
 
-def full(q):
+def full(q: np.ndarray) -> np.ndarray:
     """All 45 coordinates from the 36 free ones."""
     x = FULL.copy()
     x[FREE] = q
     return x
 
 
-def full_rates(qd):
+def full_rates(qd: np.ndarray) -> np.ndarray:
     """All 45 velocities: fixed coordinates do not move."""
     v = np.zeros(45)
     v[FREE] = qd
     return v
 
 
-def point(x, i):
+def point(x: np.ndarray, i: int) -> np.ndarray:
     return x[R[i - 1] : R[i - 1] + 3]
 
 
-def vector(x, i):
+def vector(x: np.ndarray, i: int) -> np.ndarray:
     """Vector number i; a negative number means the reversed vector."""
     start = U[abs(i) - 1]
     return x[start : start + 3] if i > 0 else -x[start : start + 3]
 
 
-def angle_vectors(row, x):
+def angle_vectors(row: list, x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """a, b and n of an angle row."""
     code, i, j, k, l, w = row[:6]
     if code == 1010:  # segments ri -> rj and rk -> rl about a vector
@@ -73,7 +75,7 @@ def angle_vectors(row, x):
     return vector(x, i), point(x, j) - point(x, k), vector(x, l)
 
 
-def angle_sizes(row):
+def angle_sizes(row: list) -> tuple[float, float]:
     """1/(la lb) and |n| of an angle row."""
     code, la, lb = row[0], row[9], row[10]
     if code == 1010:
@@ -85,7 +87,7 @@ def angle_sizes(row):
     return 1.0 / lb, 1.0
 
 
-def loop_phi(q):
+def loop_phi(q: np.ndarray) -> np.ndarray:
     """Φ, row by row."""
     x = full(q)
     phi = np.zeros(len(CONSTR))
@@ -109,15 +111,15 @@ def loop_phi(q):
     return phi
 
 
-def loop_phi_q(q):
+def loop_phi_q(q: np.ndarray) -> np.ndarray:
     """Φ_q over the free coordinates, dense."""
     x = full(q)
     J = np.zeros((len(CONSTR), 45))
 
-    def add_point(r, i, value):
+    def add_point(r: int, i: int, value: np.ndarray) -> None:
         J[r, R[i - 1] : R[i - 1] + 3] += value
 
-    def add_vector(r, i, value):
+    def add_vector(r: int, i: int, value: np.ndarray) -> None:
         J[r, U[abs(i) - 1] : U[abs(i) - 1] + 3] += value if i > 0 else -value
 
     for r, row in enumerate(CONSTR):
@@ -166,7 +168,7 @@ def loop_phi_q(q):
     return J[:, FREE]
 
 
-def loop_gamma(q, qd):
+def loop_gamma(q: np.ndarray, qd: np.ndarray) -> np.ndarray:
     """γ, with Φ_q q̈ = γ."""
     x, v = full(q), full_rates(qd)
     gamma = np.zeros(len(CONSTR))
@@ -199,44 +201,47 @@ def loop_gamma(q, qd):
 
 ZERO = 45  # three zeros at the end of x: the start of what is not a difference
 
+Ends = tuple[int, int]
+"""Where a difference of two places in x ends and begins."""
 
-def _rows(*codes):
+
+def _rows(*codes: int) -> np.ndarray:
     return np.array([r for r, row in enumerate(CONSTR) if row[0] in codes])
 
 
-def _xyz(places):
+def _xyz(places: ArrayLike) -> np.ndarray:
     return np.asarray(places)[:, None] + np.arange(3)
 
 
-def _points(rows, column):
+def _points(rows: np.ndarray, column: int) -> np.ndarray:
     return _xyz([R[CONSTR[r][column] - 1] for r in rows])
 
 
-def _vectors(rows, column):
+def _vectors(rows: np.ndarray, column: int) -> np.ndarray:
     return _xyz([U[CONSTR[r][column] - 1] for r in rows])
 
 
-def _numbers(rows, column):
+def _numbers(rows: np.ndarray, column: int) -> np.ndarray:
     return np.array([float(CONSTR[r][column]) for r in rows])
 
 
-def _angle_places(row):
+def _angle_places(row: list) -> tuple[tuple[Ends, Ends, Ends], int]:
     """Where a, b and n of an angle row end and begin in x, and the sign of n."""
     code, i, j, k, l, w = row[:6]
     if code == 1010:
-        return (R[j - 1], R[i - 1]), (R[l - 1], R[k - 1]), (U[abs(w) - 1], ZERO), np.sign(w)
+        return ((R[j - 1], R[i - 1]), (R[l - 1], R[k - 1]), (U[abs(w) - 1], ZERO)), np.sign(w)
     if code == 1012:
-        return (U[i - 1], ZERO), (U[j - 1], ZERO), (U[abs(k) - 1], ZERO), np.sign(k)
+        return ((U[i - 1], ZERO), (U[j - 1], ZERO), (U[abs(k) - 1], ZERO)), np.sign(k)
     if code == 1013:
-        return (U[i - 1], ZERO), (U[j - 1], ZERO), (R[k - 1], R[l - 1]), 1
-    return (U[i - 1], ZERO), (R[j - 1], R[k - 1]), (U[abs(l) - 1], ZERO), np.sign(l)
+        return ((U[i - 1], ZERO), (U[j - 1], ZERO), (R[k - 1], R[l - 1])), 1
+    return ((U[i - 1], ZERO), (R[j - 1], R[k - 1]), (U[abs(l) - 1], ZERO)), np.sign(l)
 
 
-def _angles(rows):
-    places = [_angle_places(CONSTR[r]) for r in rows]
+def _angles(rows: np.ndarray) -> SimpleNamespace:
+    places, signs = zip(*(_angle_places(CONSTR[r]) for r in rows), strict=True)
     ends = {name: (_xyz([p[k][0] for p in places]), _xyz([p[k][1] for p in places])) for k, name in enumerate("abn")}
     scale, ln = (np.array(values) for values in zip(*(angle_sizes(CONSTR[r]) for r in rows), strict=True))
-    sign = np.array([float(p[3]) for p in places])
+    sign = np.array(signs, dtype=float)
     return SimpleNamespace(rows=rows, column=rows[:, None], psi=np.array([PSI + CONSTR[r][11] - 1 for r in rows]),
                            scale=scale, weight=sign / ln, **ends)  # fmt: skip
 
@@ -251,37 +256,37 @@ DROW, NROW, SROW, VROW = D[:, None], N[:, None], S[:, None], V[:, None]
 PADDED = np.concatenate([FULL, np.zeros(3)])
 
 
-def padded(q):
+def padded(q: np.ndarray) -> np.ndarray:
     x = PADDED.copy()
     x[FREE] = q
     return x
 
 
-def padded_rates(qd):
+def padded_rates(qd: np.ndarray) -> np.ndarray:
     v = np.zeros(48)
     v[FREE] = qd
     return v
 
 
-def dots(a, b):
+def dots(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Row by row."""
     return np.einsum("ij,ij->i", a, b)
 
 
-def crosses(a, b):
+def crosses(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """Row by row; np.cross takes ten times as long."""
     ax, ay, az = a.T
     bx, by, bz = b.T
     return np.stack([ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx], axis=1)
 
 
-def _abn(x):
+def _abn(x: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     a, b = (x[end] - x[start] for end, start in (ANGLE.a, ANGLE.b))
     end, start = ANGLE.n
     return a, b, (x[end] - x[start]) * ANGLE.weight[:, None]
 
 
-def vector_phi(q):
+def vector_phi(q: np.ndarray) -> np.ndarray:
     """Φ, type by type."""
     x = padded(q)
     phi = np.empty(len(CONSTR))
@@ -296,7 +301,7 @@ def vector_phi(q):
     return phi
 
 
-def vector_phi_q(q):
+def vector_phi_q(q: np.ndarray) -> np.ndarray:
     """Φ_q over the free coordinates, dense."""
     x = padded(q)
     J = np.zeros((len(CONSTR), 48))
@@ -322,7 +327,7 @@ def vector_phi_q(q):
     return J[:, FREE]
 
 
-def vector_gamma(q, qd):
+def vector_gamma(q: np.ndarray, qd: np.ndarray) -> np.ndarray:
     """γ, with Φ_q q̈ = γ."""
     x, v = padded(q), padded_rates(qd)
     gamma = np.empty(len(CONSTR))
@@ -344,7 +349,11 @@ def vector_gamma(q, qd):
 # -- inertia -----------------------------------------------------------------------------------------------------------
 
 
-def inertia_on_basis(body, origin, axes, points):
+Body = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Where a body's coordinates are in q, its mass matrix and its weight over them."""
+
+
+def inertia_on_basis(body: dict, origin: np.ndarray, axes: np.ndarray, points: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """The 4x4 inertia and the weights of the centre of mass over the elements (r, e1, e2, e3).
 
     axes: the three directions in the initial position, as columns; points: which of them are points minus r
@@ -359,7 +368,7 @@ def inertia_on_basis(body, origin, axes, points):
     return T.T @ standard @ T, m * np.concatenate([[1.0], a]) @ T
 
 
-def _constant_body(number, elements, points):
+def _constant_body(number: int, elements: list[int], points: Sequence[int]) -> Body:
     """A body on four elements, whose mass matrix is constant; elements: places in q."""
     origin, *others = (FULL[e : e + 3] for e in elements)
     axes = np.stack([e - p * origin for e, p in zip(others, points, strict=True)], axis=1)
@@ -367,7 +376,7 @@ def _constant_body(number, elements, points):
     return _xyz(elements).ravel(), np.kron(matrix, np.eye(3)), np.kron(weights, GRAVITY)
 
 
-def _crossed_body(number, ri, rj, u):
+def _crossed_body(number: int, ri: int, rj: int, u: int) -> Body:
     """A body on two points and a vector: the third direction is (rj - ri) x u."""
     origin, x1, x2 = FULL[ri : ri + 3], FULL[rj : rj + 3] - FULL[ri : ri + 3], FULL[u : u + 3]
     axes = np.stack([x1, x2, np.cross(x1, x2)], axis=1)
@@ -375,11 +384,11 @@ def _crossed_body(number, ri, rj, u):
     return _xyz([ri, rj, u]).ravel(), np.kron(matrix, np.eye(3)), np.kron(weights, GRAVITY)
 
 
-def _r(i):
+def _r(i: int) -> int:
     return R[i - 1]
 
 
-def _u(i):
+def _u(i: int) -> int:
     return U[i - 1]
 
 
@@ -404,14 +413,14 @@ M12 = np.array([matrix for _, matrix, _ in CROSSED])
 Q12 = np.array([weight for _, _, weight in CROSSED])
 
 
-def tilde(a):
+def tilde(a: np.ndarray) -> np.ndarray:
     """Matrices of the cross product, ã b = a x b, of all rows of a."""
     matrices = np.zeros((len(a), 3, 3))
     matrices[:, 2, 1], matrices[:, 0, 2], matrices[:, 1, 0] = a.T
     return matrices - matrices.transpose(0, 2, 1)
 
 
-def transition(x):
+def transition(x: np.ndarray) -> np.ndarray:
     """W of all crossed bodies: the velocities of (ri, rj, u, w) are W times those of (ri, rj, u)."""
     q9 = x[WHERE]
     W = np.zeros((len(CROSSED), 12, 9))
@@ -421,7 +430,7 @@ def transition(x):
     return W
 
 
-def mass_and_force(q, qd):
+def mass_and_force(q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """M over the free coordinates, dense, and Q: weights and the crossed bodies' velocity-dependent inertia."""
     x, v = full(q), full_rates(qd)
     W = transition(x)
@@ -443,7 +452,7 @@ KEPT = np.array([r for r in range(len(CONSTR)) if r != 11])  # u3.(r3 - r5) foll
 TOLERANCE = 1e-12
 
 
-def position(z, guess):
+def position(z: np.ndarray, guess: np.ndarray) -> np.ndarray:
     """The dependent coordinates that belong to the angles z, by Newton's method."""
     q = guess.copy()
     q[INDEPENDENT] = z
@@ -455,7 +464,7 @@ def position(z, guess):
     raise ArithmeticError("Newton's method does not converge")
 
 
-def derivative(t, y, guess):
+def derivative(t: float, y: np.ndarray, guess: np.ndarray) -> np.ndarray:
     """ẏ of y = (ż, z), z the six angles.
 
     guess: a position nearby, from which Newton's method starts; it is overwritten by the position found
@@ -475,7 +484,7 @@ def derivative(t, y, guess):
     return np.concatenate([zdd, zd])
 
 
-def data(q):
+def data(q: np.ndarray) -> dict[str, object]:
     """The tables and a start as plain numbers, places counted from 1, for handwritten.m."""
     bodies = [
         {"places": (where + 1).tolist(), "mass": mass.tolist(), "weight": weight.tolist()} for where, mass, weight in CONSTANT + CROSSED

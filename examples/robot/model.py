@@ -7,6 +7,8 @@ the comma of `1003, 1, 3`, and the senses of psi1, psi2 and psi6, which Table 5 
 round than section 3.3. `PRINTED_ANGLES` keeps Table 5 as printed.
 """
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ncgen import Model
@@ -27,7 +29,7 @@ P = np.array(
 U = np.array([[0, 0, 1, 7], [0, 1, 0, 10], [1, 0, 0, 13], [1, 0, 0, 31], [0, 0, 1, 37]])
 
 
-def length(i, j):
+def length(i: int, j: int) -> float:
     return float(np.linalg.norm(P[i - 1, :3] - P[j - 1, :3]))
 
 
@@ -93,7 +95,7 @@ ANGLES = [
 ]
 
 
-def middle(i, j, share=0.5):
+def middle(i: int, j: int, share: float = 0.5) -> np.ndarray:
     return P[i - 1, :3] + share * (P[j - 1, :3] - P[i - 1, :3])
 
 
@@ -116,19 +118,20 @@ UVECT = np.array([[1, 1, 2, 3, 4, 5, 6, 7, 8], [1, 2, 3, 3, 3, 3, 3, 4, 5]]).T
 FIXED = [1, 2, 3, 7, 8, 9, 10, 11, 12]  # section 5: r1, u1 and u2 do not move
 
 
-def build(angles=ANGLES, **options):
+def build(angles: Sequence[Sequence[float]] = ANGLES, scale: bool = True, form: str = "smooth") -> Model:
     """The robot; `angles=PRINTED_ANGLES` and `form="paper"` give the paper's own rows."""
     model = Model.from_tables(
         P,
         U,
-        RIGID + angles,
+        [*RIGID, *angles],
         inertia=INERTIA,
         lines=LINES,
         uvect=UVECT,
         fixed=FIXED,
         independent=range(1, 7),
         name="robot",
-        **options,
+        scale=scale,
+        form=form,
     )
     model.gravity((0, 0, -9.81))
     model.simulation(duration=0.5)  # the fall of Table 9

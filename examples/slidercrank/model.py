@@ -7,7 +7,7 @@ Dimensions, masses and speed: Flores, Leine and Glocker 2010, doi 10.1007/s11044
 from ncgen import Model
 
 
-def build(crank=0.153, rod=0.306, speed=150.0):
+def build(crank: float = 0.153, rod: float = 0.306, speed: float = 150.0) -> Model:
     m = Model("slidercrank")
     A = m.point("A", (0, 0), fixed=True)
     B = m.point("B", (crank, 0))

@@ -9,7 +9,7 @@ import numpy as np
 from ncgen import Model
 
 
-def build():
+def build() -> Model:
     m = Model("slidercrank3d")
     O = m.point("O", (0, 0, 0), fixed=True)
     X = m.vector("X", (1, 0, 0), fixed=True)

@@ -18,7 +18,7 @@ INERTIA = MASS * TOP_RADIUS**2 * np.array([0.25, 0.25, 0.5])
 """A thin disc of the platform's radius (kg, kg m²)."""
 
 
-def build(stiffness=2e5, damping=4e3):
+def build(stiffness: float = 2e5, damping: float = 4e3) -> Model:
     """The platform on six springs with dampers that carry its weight in the initial position."""
     m = Model("stewart")
     feet = [m.point(f"B{i}", place, fixed=True) for i, place in enumerate(circle(*BASE, 0.0), 1)]
@@ -39,7 +39,7 @@ def build(stiffness=2e5, damping=4e3):
     return m
 
 
-def circle(radius, degrees, height):
+def circle(radius: float, degrees: np.ndarray, height: float) -> np.ndarray:
     """Points (m) on a horizontal circle, shape (len(degrees), 3)."""
     turns = np.radians(degrees)
     return np.column_stack([radius * np.cos(turns), radius * np.sin(turns), np.full(len(turns), height)])

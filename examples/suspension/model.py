@@ -6,10 +6,14 @@ the last exceeds the sum of the others, so half of the last is taken for the fir
 control are ours. The chassis is fixed and the wheel does not spin.
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 import sympy as sp
 
 from ncgen import Model
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Point
 
 UPPER = {"UF": (0.160, 0.539, 0.243), "UB": (-0.339, 0.587, 0.249), "U": (-0.088, 0.808, 0.243)}
 LOWER = {"LF": (0.199, 0.479, -0.206), "LB": (-0.279, 0.539, -0.200), "L": (-0.040, 0.898, -0.265)}
@@ -38,7 +42,7 @@ BUMP, STROKE, PERIOD = 0.05, 0.04, 0.5
 """Height of the road's waves, way of the rack to each side (m), and time of a wave (s)."""
 
 
-def build():
+def build() -> Model:
     m = Model("suspension")
     upper = {name: m.point(name, place, fixed=name in ("UF", "UB")) for name, place in UPPER.items()}
     lower = {name: m.point(name, place, fixed=name in ("LF", "LB")) for name, place in LOWER.items()}
@@ -54,7 +58,7 @@ def build():
     heavy(m, "spindle", [L, U, T, W])  # it shares all points: welded
     m.body("rack", [R], mass=RACK_MASS)
     m.distance(R, T)
-    m.independent("W.z", "R.y")
+    m.independent(W.z, R.y)
 
     m.gravity((0, 0, -9.81))
     m.spring(C, S, SPRING, free_length=FREE_LENGTH)
@@ -72,6 +76,6 @@ def build():
     return m
 
 
-def heavy(m, name, points):
+def heavy(m: Model, name: str, points: Iterable[Point]) -> Body:
     mass, com, moments = BODIES[name]
-    return m.body(name, points, mass=mass, com=com, inertia=np.diag(moments))
+    return m.body(name, list(points), mass=mass, com=com, inertia=np.diag(moments))

@@ -2,21 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
 
 import numpy as np
 
 from ncgen.comparisons.rates import emitted_parts
 from ncgen.comparisons.rivals import KERNELS
 from ncgen.mechanism.batch import CompiledBatch, available
-from ncgen.mechanism.kernels import Kernels
-from ncgen.report.clock import measure, repeated
+from ncgen.mechanism.library import CompiledKernels
+from ncgen.mechanism.runtime import Outcome
+from ncgen.report.clock import Run, Spread, measure, repeated
+from ncgen.report.methods import Tolerances
 from ncgen.report.repeat import Call, each, runner
 from ncgen.solver.assembly import assemble
-from ncgen.solver.batch import accelerations_batch, simulate_batch
+from ncgen.solver.batch import BatchTrajectory, accelerations_batch, simulate_batch
 from ncgen.solver.compiled import GROWTH, dynamics, is_emitted
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import TOLERANCE
+from ncgen.solver.run import simulation_of
 
 STATES = 10_000
 RUNS = 2_000
@@ -33,10 +36,10 @@ WAYS = {False: "batch, one after the other", True: "batch in lanes"}
 WRITTEN = "copying the results alone"
 """What memory allows: results of so many states pass through no cache."""
 
-TOLERANCES = {"rtol": 1e-6, "atol": 1e-8}
+TOLERANCES: Tolerances = {"rtol": 1e-6, "atol": 1e-8}
 
 
-def batch_records(kernels: Kernels) -> Iterator[dict]:
+def batch_records(kernels: CompiledKernels) -> Iterator[dict]:
     """Records of seconds a state; ratio: how many times less than one at a time in C; error: largest relative difference.
 
     Of kernels, one at a time goes through the same rows of states and results; everything else is one state again and again.
@@ -48,21 +51,22 @@ def batch_records(kernels: Kernels) -> Iterator[dict]:
         yield from _simulation_records(kernels)
 
 
-def _kernel_records(kernels: Kernels) -> Iterator[dict]:
+def _kernel_records(kernels: CompiledKernels) -> Iterator[dict]:
     ways = {WAYS[in_lanes]: CompiledBatch(kernels, least=0.0 if in_lanes else np.inf) for in_lanes in WAYS}
+    usual = kernels.batch
     rng = np.random.default_rng(0)
     q = kernels.q0 + rng.uniform(-0.1, 0.1, (STATES, kernels.n))
     qd = rng.uniform(-1, 1, q.shape)
     for name in (n for n in MEASURED if n in kernels.programs.programs):
         out = {way: batch.values(name, 0.0, q, qd, None) for way, batch in ways.items()}
-        chosen = WAYS[kernels.batch.in_lanes(name)]
+        chosen = WAYS[isinstance(usual, CompiledBatch) and usual.in_lanes(name)]
         there = out[chosen]
         own = kernels.values(name, 0.0, q[-1], qd[-1], None)
         call = Call(kernels.function(name), there.shape[1], kernels)
         moves = "qd" in kernels.programs.programs[name].inputs
-        runs = {
+        runs: dict[str, Run] = {
             ALONE_IN_C: each(0.0, q, qd, kernels.p0, call.function, moves, there),
-            "the same state in C": runner(0.0, q[0], qd[0], kernels.p0, *(([], call) if moves else ([call],))),
+            "the same state in C": runner(0.0, q[0], qd[0], kernels.p0, [] if moves else [call], call if moves else None),
             "one at a time from Python": repeated(lambda name=name: kernels.values(name, 0.0, q[0], qd[0], None)),
         }
         for way, batch in ways.items():
@@ -76,12 +80,12 @@ def _kernel_records(kernels: Kernels) -> Iterator[dict]:
             yield record | ({"chosen": record["tool"] == chosen} if record["tool"] in ways else {})
 
 
-def _runs_in_lanes(kernels: Kernels) -> bool:
+def _runs_in_lanes(kernels: CompiledKernels) -> bool:
     partitions = choose_partitions(kernels, assemble(kernels, kernels.q0), independent=kernels.model.chosen_independent)
     return is_emitted(kernels, partitions)
 
 
-def _derivative_records(kernels: Kernels) -> Iterator[dict]:
+def _derivative_records(kernels: CompiledKernels) -> Iterator[dict]:
     """State derivatives at closed positions, where one Newton step is enough; the batch is the whole call from Python, in place."""
     q, parts, programs = emitted_parts(kernels)
     zd = np.random.default_rng(0).uniform(-1, 1, (STATES, programs["acceleration"].size - kernels.n - 2))
@@ -97,20 +101,20 @@ def _derivative_records(kernels: Kernels) -> Iterator[dict]:
     yield from _records("derivative", spent, _difference(batch.zdd[-1], own), {BATCH.format(1): STATES})
 
 
-def _simulation_records(kernels: Kernels) -> Iterator[dict]:
+def _simulation_records(kernels: CompiledKernels) -> Iterator[dict]:
     """One at a time: the emitted run alone, without what `simulate` does before it; the batch is the whole call."""
-    duration = float(kernels.model.simulation_options.get("duration", 1.0))
+    duration = float(simulation_of(kernels.model)["duration"])
     q, p, grid = assemble(kernels, kernels.q0), kernels.p0, [0.0, duration]
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
     zd0 = np.random.default_rng(0).uniform(-1, 1, (RUNS, len(partitions.velocity.independent)))
     single = dynamics(kernels, partitions, "emitted", q, p)
 
-    def alone():
+    def alone() -> list[Outcome]:
         return [
             single.simulate("dopri5", grid, q, zd, p, tolerance=TOLERANCE, growth=GROWTH, **TOLERANCES).completed() for zd in zd0[:ALONE]
         ]
 
-    def together(count: int):
+    def together(count: int) -> Callable[[], BatchTrajectory]:
         return lambda: simulate_batch(kernels, duration, zd0=zd0, threads=count, **TOLERANCES)
 
     threads = sorted({1, available()})
@@ -122,11 +126,11 @@ def _simulation_records(kernels: Kernels) -> Iterator[dict]:
     yield from _records("simulation", spent, error, counts)
 
 
-def _difference(ours, own) -> float:
+def _difference(ours: np.ndarray, own: np.ndarray) -> float:
     return float(np.max(np.abs(ours - own)) / max(np.max(np.abs(own)), np.finfo(float).tiny))
 
 
-def _records(what: str, spent: dict, error: float | None, states: dict[str, int]) -> Iterator[dict]:
+def _records(what: str, spent: Mapping[str, Spread], error: float | None, states: Mapping[str, int]) -> Iterator[dict]:
     """states: how many of them a measured call computes, where it is not one."""
     times = {tool: {x: getattr(spread, x) / states.get(tool, 1) for x in ("median", "low", "high")} for tool, spread in spent.items()}
     alone = times[ALONE_IN_C]["median"]

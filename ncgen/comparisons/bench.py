@@ -16,7 +16,7 @@ from ncgen.compiler import compile
 from ncgen.exchange.examples import example_names
 from ncgen.model import Model
 from ncgen.program.cost import cost
-from ncgen.report.clock import measure
+from ncgen.report.clock import Spread, measure
 
 LETTERS = {"phi": "Φ", "phi_q": "Φ_q", "gamma": "γ", "all": "together"}
 
@@ -59,7 +59,7 @@ def kernel_records(model: Model, rate: float) -> list[dict]:
     return records
 
 
-def _record(case, tool, error, spread, fastest) -> dict:
+def _record(case: str, tool: str, error: float, spread: Spread, fastest: Spread) -> dict:
     times = {"seconds": spread.median, "low": spread.low, "high": spread.high, "ratio": spread.median / fastest.median}
     return {"case": case, "tool": tool, "error": error, **times}
 
@@ -90,7 +90,7 @@ def aligned(rows: list[tuple[str, ...]]) -> list[str]:
 
 def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:
     cases = list(dict.fromkeys(r["case"] for r in records))
-    rows = [("", *(LETTERS[case] for case in cases), "quartiles", "ratio", "error")]
+    rows: list[tuple[str, ...]] = [("", *(LETTERS[case] for case in cases), "quartiles", "ratio", "error")]
     for tool in dict.fromkeys(r["tool"] for r in records):
         mine = [r for r in records if r["tool"] == tool]
         errors = [r["error"] for r in mine if r["error"] is not None]
@@ -103,7 +103,7 @@ def _kernel_rows(records: list[dict]) -> list[tuple[str, ...]]:
 
 
 def _derivative_rows(records: list[dict]) -> list[tuple[str, ...]]:
-    rows = [("", "ns", "quartiles", "operations", "floor", "error", "worst")]
+    rows: list[tuple[str, ...]] = [("", "ns", "quartiles", "operations", "floor", "error", "worst")]
     for r in records:
         floor = f"{1e9 * r['floor']:.0f}" if "floor" in r else ""
         operations = str(r.get("operations", ""))
@@ -112,7 +112,7 @@ def _derivative_rows(records: list[dict]) -> list[tuple[str, ...]]:
 
 
 def _simulation_rows(records: list[dict]) -> list[tuple[str, ...]]:
-    rows = [("", "", "ms", "whole call", "error", "evaluations", "Newton", "us each")]
+    rows: list[tuple[str, ...]] = [("", "", "ms", "whole call", "error", "evaluations", "Newton", "us each")]
     for r in records:
         stopped = r["seconds"] is None
         milliseconds = "stopped" if stopped else f"{1e3 * r['seconds']:.2f}"
@@ -124,9 +124,9 @@ def _simulation_rows(records: list[dict]) -> list[tuple[str, ...]]:
 
 
 def _batch_rows(records: list[dict]) -> list[tuple[str, ...]]:
-    rows = [("", "", "ns", "quartiles", "gain", "difference")]
+    rows: list[tuple[str, ...]] = [("", "", "ns", "quartiles", "gain", "difference")]
     for r in records:
-        what = LETTERS.get(r["what"], r["what"])
+        what = LETTERS[r["what"]] if r["what"] in LETTERS else r["what"]
         tool = r["tool"] + " (chosen)" * r.get("chosen", False)
         rows.append((what, tool, f"{1e9 * r['seconds']:.0f}", _quartiles(r), f"{r['ratio']:.2f}", _error(r["error"])))
     return rows
@@ -135,7 +135,7 @@ def _batch_rows(records: list[dict]) -> list[tuple[str, ...]]:
 def generation_rows(records: list[dict]) -> list[tuple[str, ...]]:
     """Titles and lines; what takes longest has columns of its own."""
     stages = ("symbolic", "program", "emit", "build")
-    rows = [("", "in all", *stages, "code, bytes")]
+    rows: list[tuple[str, ...]] = [("", "in all", *stages, "code, bytes")]
     for r in records:
         parts = (f"{r['stages'][stage]:.3f}" if stage in r["stages"] else "" for stage in stages)
         rows.append((r["tool"], f"{r['seconds']:.3f}", *parts, f"{r['code']:,}"))

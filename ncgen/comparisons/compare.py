@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,8 +13,13 @@ from ncgen.comparisons.rivals import Inputs, Rival, all_rivals, by_differences, 
 from ncgen.comparisons.rivals.base import KERNELS, differentiable
 from ncgen.comparisons.state_jacobian import StateJacobian
 from ncgen.compiler import compile
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
 from ncgen.report.clock import Spread, measure
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 COMPARED = ("phi_q", "gamma", "mass")
 TITLES = {
@@ -27,7 +33,7 @@ NOISY = 0.3
 """Distance of the quartiles, relative to the median, from which a time is marked."""
 
 
-def compare(model: Model, users: list[str] = ()) -> Iterator[tuple[str, list[dict]]]:
+def compare(model: Model, users: Sequence[str] = ()) -> Iterator[tuple[str, list[dict]]]:
     """(kernel, records) for Φ_q, γ, M, for Φ, Φ_q and γ together, and for ∂ẏ/∂y, as far as the mechanism has them.
 
     users: functions of the user's own, see ncgen.comparisons.rivals.user
@@ -43,7 +49,9 @@ def compare(model: Model, users: list[str] = ()) -> Iterator[tuple[str, list[dic
     yield from _state_section(kernels)
 
 
-def _kernel_sections(model, kernels, inputs, names, users):
+def _kernel_sections(
+    model: Model, kernels: Kernels, inputs: Inputs, names: tuple[str, ...], users: list[str]
+) -> Iterator[tuple[str, list[dict]]]:
     found = all_rivals(model, inputs, names, users)
     spent = measure({(r.name, k): run for r in found for k, run in r.runs.items() if k in (*COMPARED, "all")})
     judges = {k: _Judge(kernels, k, inputs) for k in names}
@@ -58,7 +66,7 @@ def _kernel_sections(model, kernels, inputs, names, users):
 class _Judge:
     """What a kernel should give, found with 50 digits and, for derivatives, from Φ alone."""
 
-    def __init__(self, kernels, kernel: str, inputs: Inputs):
+    def __init__(self, kernels: Kernels, kernel: str, inputs: Inputs) -> None:
         self.kernel = kernel
         alone = kernel in ("phi_q", "gamma") and differentiable(kernels)
         self.reference = (by_differences if alone else exact)(kernels, kernel, inputs)
@@ -71,7 +79,7 @@ class _Judge:
         return relative_error(value, self.reference), float(np.max(ulps)), float(np.sqrt(np.mean(ulps**2)))
 
 
-def _record(rival: Rival, kernel: str, spread: Spread, errors) -> dict:
+def _record(rival: Rival, kernel: str, spread: Spread, errors: Sequence[tuple[float, float, float]]) -> dict:
     error, largest, rms = (max(column) for column in zip(*errors, strict=True))
     each = rival.calls
     return {
@@ -92,7 +100,7 @@ def _record(rival: Rival, kernel: str, spread: Spread, errors) -> dict:
     }
 
 
-def _state_section(kernels):
+def _state_section(kernels: CompiledKernels) -> Iterator[tuple[str, list[dict]]]:
     state = StateJacobian(kernels)
     if not state.possible:
         return
@@ -142,7 +150,7 @@ HEAD = (
 def table(records: list[dict]) -> list[tuple[str, ...]]:
     """Rows of cells, titles first; the ratio is to the quickest generated code in double."""
     own = [r["seconds"] for r in records if r["tool"].startswith("generated") and not r["tool"].endswith("float")]
-    rows = [HEAD]
+    rows: list[tuple[str, ...]] = [HEAD]
     for number, r in enumerate(records, 1):
         unit = 1e9 if r["place"] == "C" else 1e6
         time = f"{unit * r['seconds']:.{0 if unit == 1e9 else 2}f}"
@@ -154,7 +162,7 @@ def table(records: list[dict]) -> list[tuple[str, ...]]:
     return rows
 
 
-def figure(sections: dict[str, list[dict]]):
+def figure(sections: dict[str, list[dict]]) -> Figure:
     """Error against time of every tool, both logarithmic, a panel a kernel: the lower left corner is where one wants to be."""
     from ncgen.view.chart import GRID, empty
 

@@ -4,14 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from ncgen.comparisons import compare, paper_tables
 from ncgen.comparisons.bench import aligned
 from ncgen.comparisons.rivals.user import UserFunction
 from ncgen.compiler import compile
+from ncgen.errors import NcgenError
 from ncgen.model import Model
 from ncgen.report.document import Section, page
 from ncgen.report.machine import machine
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 EXPLAINED = (
     "Errors are against 50 digits; derivatives of rows against differences of the rows themselves with 50 digits. "
@@ -39,7 +45,7 @@ class Comparison:
     Raises ModelError at once for a function of the user's that cannot be compared.
     """
 
-    def __init__(self, model: Model, users: list[str], tables: bool = False):
+    def __init__(self, model: Model, users: list[str], tables: bool = False) -> None:
         for text in users:
             UserFunction.of(text)
         self.model, self.users, self.tables = model, users, tables
@@ -92,12 +98,15 @@ class Comparison:
     def csv(self) -> str:
         return compare.as_csv(self.records)
 
-    def save_plot(self, path) -> None:
-        """Write the plots of all kernels into one SVG or PNG file."""
+    def save_plot(self, path: str | Path) -> None:
+        """Write the plots of all kernels into one SVG or PNG file. Raises NcgenError where nothing can be compared."""
         from ncgen.view.figure import save
 
-        save(self._plot(self.measured), path)
+        chart = self._plot(self.measured)
+        if chart is None:
+            raise NcgenError(f"{path}: there is nothing in {self.model.name} to compare, and nothing to draw; choose another model")
+        save(chart, path)
 
-    def _plot(self, sections: list[Measured]):
+    def _plot(self, sections: list[Measured]) -> Figure | None:
         drawn = {s.name: s.records for s in sections if s.name in compare.TITLES}
         return compare.figure(drawn) if drawn else None

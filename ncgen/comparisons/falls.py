@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import statistics
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
@@ -12,10 +13,13 @@ from scipy.integrate import solve_ivp
 from ncgen.comparisons.rivals import handwritten, octave
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.report.methods import Tolerances
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import is_emitted
 from ncgen.solver.partition import choose_partitions
+from ncgen.solver.run import simulation_of
 from ncgen.solver.simulate import simulate
+from ncgen.solver.trajectory import Trajectory
 
 TOLERANCES = (1e-5, 1e-6, 1e-8, 1e-10)
 ABSOLUTE = 1e-2
@@ -50,10 +54,10 @@ def fall_records(kernels: Kernels) -> Iterator[dict]:
     yield from _student(kernels, duration, reference)
 
 
-def own_run(kernels: Kernels) -> tuple[float, dict]:
+def own_run(kernels: Kernels) -> tuple[float, dict[str, Any]]:
     """Duration (s) and initial velocities of the model's own simulation, as arguments of `simulate`."""
-    options = kernels.model.simulation_options
-    return float(options.get("duration", 1.0)), {k: options[k] for k in ("zd0",) if k in options}
+    options = simulation_of(kernels.model)
+    return float(options["duration"]), {k: options[k] for k in ("zd0",) if k in options}
 
 
 def _runs_in_c(kernels: Kernels) -> bool:
@@ -62,7 +66,7 @@ def _runs_in_c(kernels: Kernels) -> bool:
     return is_emitted(kernels, partitions)
 
 
-def _settings(duration: float):
+def _settings(duration: float) -> Iterator[tuple[str, str, Mapping[str, Any]]]:
     for rtol in TOLERANCES:
         for integrator in ("dopri5", "dop853"):
             yield integrator, f"rtol {rtol:g}", _tolerances(rtol)
@@ -70,7 +74,7 @@ def _settings(duration: float):
         yield "rk4", f"{steps} steps", {"max_step": duration / steps}
 
 
-def _tolerances(rtol: float) -> dict:
+def _tolerances(rtol: float) -> Tolerances:
     return {"rtol": rtol, "atol": ABSOLUTE * rtol}
 
 
@@ -89,7 +93,16 @@ def end_state(kernels: Kernels, duration: float) -> dict[str, float] | None:
     return dict(zip(kernels.coordinates, run.q[-1].tolist(), strict=True))
 
 
-def _timed(kernels, duration, reference, integrator, setting, options, engine, repeats) -> dict:
+def _timed(
+    kernels: Kernels,
+    duration: float,
+    reference: Mapping[str, float],
+    integrator: str,
+    setting: str,
+    options: Mapping[str, Any],
+    engine: str,
+    repeats: int,
+) -> dict:
     record = {"case": "simulation", "tool": f"{integrator}, {ENGINES[engine]}", "setting": setting}
     try:
         run, seconds, totals = _repeated(kernels, duration, integrator, options, engine, repeats)
@@ -108,26 +121,34 @@ def _timed(kernels, duration, reference, integrator, setting, options, engine, r
     }
 
 
-def _repeated(kernels, duration, integrator, options, engine, repeats):
+def _repeated(
+    kernels: Kernels, duration: float, integrator: str, options: Mapping[str, Any], engine: str, repeats: int
+) -> tuple[Trajectory, list[float], list[float]]:
+    """The last of at least one run, and the seconds of each: of the run, and of the whole call."""
     seconds, totals = [], []
-    options = options | own_run(kernels)[1]
+    options = {**options, **own_run(kernels)[1]}
     if engine != "python":
         simulate(kernels, duration, formalism=PARTITIONED, integrator=integrator, engine=engine, points=2, **options)  # compiles
-    while len(seconds) < repeats and sum(totals) < LONGEST:
+    while True:
         start = time.perf_counter()
         run = simulate(kernels, duration, formalism=PARTITIONED, integrator=integrator, engine=engine, points=2, **options)
         totals.append(time.perf_counter() - start)
         seconds.append(run.statistics.seconds)
-    return run, seconds, totals
+        if len(seconds) >= repeats or sum(totals) >= LONGEST:
+            return run, seconds, totals
 
 
-def _scipy(derivative, duration: float, y0) -> tuple[np.ndarray, int]:
+Derivative = Callable[[float, np.ndarray], np.ndarray]
+"""ẏ at a time and y."""
+
+
+def _scipy(derivative: Derivative, duration: float, y0: np.ndarray) -> tuple[np.ndarray, int]:
     """End state and evaluations."""
     found = solve_ivp(derivative, (0.0, duration), y0, method="RK45", **_tolerances(1e-6))
     return found.y[:, -1], int(found.nfev)
 
 
-def _rk4(derivative, duration: float, y) -> tuple[np.ndarray, int]:
+def _rk4(derivative: Derivative, duration: float, y: np.ndarray) -> tuple[np.ndarray, int]:
     """End state and evaluations."""
     h = duration / STUDENT_STEPS
     for t in h * np.arange(STUDENT_STEPS):
@@ -138,7 +159,7 @@ def _rk4(derivative, duration: float, y) -> tuple[np.ndarray, int]:
     return y, 4 * STUDENT_STEPS
 
 
-def _student(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
+def _student(kernels: Kernels, duration: float, reference: Mapping[str, float]) -> Iterator[dict]:
     """The hand-written derivative with SciPy's RK45 and with Runge and Kutta's own steps, and the paper's own times."""
     module = handwritten(kernels)
     if module is None:
@@ -158,11 +179,12 @@ def _student(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
         yield {"case": "simulation", "tool": f"the paper's Table 9, {tool}", "setting": "2007", "error": None, "seconds": seconds}
 
 
-def _octave(kernels: Kernels, duration: float, reference) -> Iterator[dict]:
+def _octave(kernels: Kernels, duration: float, reference: Mapping[str, float]) -> Iterator[dict]:
     """The paper's own program, where Octave is installed."""
-    if not octave.available(kernels):
+    module = handwritten(kernels)
+    if module is None or not octave.available(kernels):
         return
-    names = [kernels.coordinates[i] for i in handwritten(kernels).INDEPENDENT]
+    names = [kernels.coordinates[i] for i in module.INDEPENDENT]
     try:
         found = octave.falls(kernels, duration=duration, steps=STUDENT_STEPS, **_tolerances(1e-6))
     except NcgenError as error:

@@ -10,7 +10,7 @@ import os
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from ncgen.errors import NcgenError
 
@@ -46,7 +46,7 @@ def generation_records(name: str) -> list[dict]:
         ]
 
 
-def growth_records(name: str = "chain", lengths=LENGTHS) -> Iterator[dict]:
+def growth_records(name: str = "chain", lengths: Iterable[int] = LENGTHS) -> Iterator[dict]:
     """A chain of more and more links, in loops over tables."""
     for count in lengths:
         with tempfile.TemporaryDirectory() as folder:

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 
 import numpy as np
 
 from ncgen.comparisons.hard_cases import CASES, Case
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
-from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.runtime import prepare
 from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
 from ncgen.solver.simulate import simulate
@@ -23,7 +23,7 @@ LIMIT = 20.0
 """Seconds after which a run is stopped."""
 
 
-def hard_records(names=(), limit: float = LIMIT) -> Iterator[dict]:
+def hard_records(names: Collection[str] = (), limit: float = LIMIT) -> Iterator[dict]:
     """Records of the named cases (default: all), a run at a time.
 
     case, formalism, integrator, engine; error and against: largest error, and what is known; drift: of the energy, relative;
@@ -36,7 +36,7 @@ def hard_records(names=(), limit: float = LIMIT) -> Iterator[dict]:
             yield run_case(kernels, case, formalism, integrator, limit)
 
 
-def run_case(kernels: Kernels, case: Case, formalism: str, integrator: str, limit: float = LIMIT) -> dict:
+def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: str, limit: float = LIMIT) -> dict:
     """One run as a record."""
     record = {"case": case.name, "formalism": formalism, "integrator": integrator, "engine": None, "error": None, "drift": None}
     record |= {"against": case.against, "seconds": None, "reason": None, "said": None}

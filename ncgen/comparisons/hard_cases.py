@@ -5,17 +5,21 @@ Errors are the largest difference (m, rad) of named coordinates over the instant
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
+from typing import cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.integrate import quad, solve_ivp
 from scipy.optimize import brentq
 from scipy.special import ellipj, ellipk
 
+from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module, load
 from ncgen.model import Model
+from ncgen.solver.trajectory import Trajectory
 
 
 @dataclass(frozen=True)
@@ -32,7 +36,7 @@ class Case:
     breaks: str
     build: Callable[[], Model]
     duration: float
-    error: Callable[[object], float]
+    error: Callable[[Trajectory], float]
     against: str
     step: float = 1e-3
     rtol: float = 1e-10
@@ -44,6 +48,11 @@ class Case:
 GRAVITY = 9.81
 
 
+def _root(function: Callable[[float], float], low: float, high: float, xtol: float = 2e-12) -> float:
+    """Where a function is zero."""
+    return cast(float, brentq(function, low, high, xtol=xtol))  # it gives more than a number only where it is asked to
+
+
 # -- the robot ---------------------------------------------------------------------------------------------------------
 
 
@@ -53,32 +62,35 @@ def _sine_robot() -> Model:
     return robot.build(form="sine")
 
 
-def _robot_error(run) -> float:
+def _robot_error(run: Trajectory) -> float:
     from ncgen.comparisons.rivals import handwritten
 
-    return max(abs(run[name][-1] - value) for name, value in handwritten(run.kernels).END.items())
+    module = handwritten(run.kernels)
+    if module is None:
+        raise NcgenError(f"{run.name}: nobody has written its functions by hand; choose robot")
+    return max(abs(run[name][-1] - value) for name, value in module.END.items())
 
 
 # -- linkages through singular positions -------------------------------------------------------------------------------
 
 
-def _four_bars(count: int):
+def _four_bars(count: int) -> tuple[Callable[[], Model], Callable[[Trajectory], float]]:
     """N four-bars, against `four_bars_position`."""
 
-    def error(run) -> float:
+    def error(run: Trajectory) -> float:
         x, y = four_bars_position(count, run.t).T
         return float(np.max(np.hypot(run["B0.x"] - x, run["B0.y"] - y)))
 
     return lambda: example_module("nfourbar").build(count), error
 
 
-def four_bars_position(count: int, t) -> np.ndarray:
+def four_bars_position(count: int, t: ArrayLike) -> np.ndarray:
     """B0 of N four-bars, (len(t), 2): x = 2 sn cn, y = 1 − 2 sn² of (t/2 | −4c), c = g ((N+1)/2 + N)/((N+1)/3 + N)."""
     c = GRAVITY * ((count + 1) / 2 + count) / ((count + 1) / 3 + count)
     return np.column_stack(_jacobi_circle(np.asarray(t) / 2, -4 * c))
 
 
-def _jacobi_circle(u, parameter: float) -> tuple[np.ndarray, np.ndarray]:
+def _jacobi_circle(u: np.ndarray, parameter: float) -> tuple[np.ndarray, np.ndarray]:
     """2 sn cn and 1 − 2 sn² of (u | m) for a negative m, by sn(u|m) = sd(u √(1−m) | −m/(1−m))/√(1−m) (DLMF 22.17)."""
     scale = np.sqrt(1 - parameter)
     sn, cn, dn, _ = ellipj(scale * u, -parameter / (1 - parameter))
@@ -97,21 +109,21 @@ def _equal_crank() -> Model:
     return m
 
 
-def _equal_crank_error(run) -> float:
+def _equal_crank_error(run: Trajectory) -> float:
     """Without gravity I(θ) θ̇² stays, so t is an integral over θ; A is at (cos θ, sin θ), the slider at 2 cos θ."""
 
-    def inertia(theta):
+    def inertia(theta: float) -> float:
         return 1 / 3 + 1 / 12 + (2.25 * np.sin(theta) ** 2 + 0.25 * np.cos(theta) ** 2) + 4 * np.sin(theta) ** 2
 
     start = np.arctan2(run["A.y"][0], run["A.x"][0])
     speed = -run["rate(A.x)"][0] / np.sin(start)
     momentum = speed * np.sqrt(inertia(start))
 
-    def angle(t):
-        def passed(theta):
+    def angle(t: float) -> float:
+        def passed(theta: float) -> float:
             return quad(lambda x: np.sqrt(inertia(x)), start, theta, epsabs=1e-13, epsrel=1e-13, limit=200)[0] / momentum - t
 
-        return brentq(passed, start, start + 100.0, xtol=1e-14)
+        return _root(passed, start, start + 100.0, xtol=1e-14)
 
     angles = np.array([start if t == 0 else angle(t) for t in run.t])
     found = np.column_stack([run["A.x"], run["A.y"], run["B.x"]])
@@ -125,15 +137,15 @@ def _squeezer() -> Model:
     return example_module("andrews").build(beta0=-0.0617138900142764496)
 
 
-def _squeezer_error(run) -> float:
+def _squeezer_error(run: Trajectory) -> float:
     return abs(run["beta"][-1] - 15.81077119515370709711939) / 15.8
 
 
-def _bricard_error(run) -> float:
+def _bricard_error(run: Trajectory) -> float:
     return float(np.max(np.abs(run.point("P3")[-1] - (0.9992646100894149, -0.9999997297996155, -0.0007351195114248411))))
 
 
-def _governor_error(run) -> float:
+def _governor_error(run: Trajectory) -> float:
     found = (run["S.z"][-1], run["alpha1"][-1])
     return float(np.max(np.abs(np.array(found) - (0.7432494247863, 0.2594913815434))))
 
@@ -141,11 +153,11 @@ def _governor_error(run) -> float:
 # -- tops --------------------------------------------------------------------------------------------------------------
 
 
-def _top_error(run) -> float:
+def _top_error(run: Trajectory) -> float:
     """Euler's equations with Euler parameters about the fixed point."""
     inertia = np.array([15.234375, 0.46875, 15.234375])
 
-    def slope(t, y):
+    def slope(t: float, y: np.ndarray) -> np.ndarray:
         w, (s, v) = y[:3], (y[3], y[4:])
         down = _turned_back(y[3:], np.array([0, 0, -15.0 * GRAVITY]))
         moment = np.cross([0, 1.0, 0], down)
@@ -157,11 +169,11 @@ def _top_error(run) -> float:
     return float(np.max(np.abs(sum(run.point(name) for name in "PQR") / 3 - centre)))
 
 
-def _turned(e, x):
+def _turned(e: np.ndarray, x: np.ndarray) -> np.ndarray:
     return x + 2 * np.cross(e[1:], np.cross(e[1:], x) + e[0] * x)
 
 
-def _turned_back(e, x):
+def _turned_back(e: np.ndarray, x: np.ndarray) -> np.ndarray:
     return _turned(np.concatenate([e[:1], -e[1:]]), x)
 
 
@@ -183,7 +195,7 @@ def _spin_rates(model: Model) -> dict[str, float]:
     return {f"{v.name}.{axis}": float(r) for v in vectors for axis, r in zip("xyz", np.cross(SPIN, v.initial), strict=True)}
 
 
-def _free_body_error(run) -> float:
+def _free_body_error(run: Trajectory) -> float:
     """Angular velocity in the body's axes by Jacobi's elliptic functions (Landau & Lifshitz, Mechanics, §37)."""
     rates = run.angular_velocity("body")
     turned = run.rotation("body")
@@ -191,7 +203,7 @@ def _free_body_error(run) -> float:
     return float(np.max(np.abs(found - free_rotation(run.t)))) / float(np.linalg.norm(SPIN))
 
 
-def free_rotation(t) -> np.ndarray:
+def free_rotation(t: ArrayLike) -> np.ndarray:
     """ω (K, 3) of the free body in its own axes, by fitting the phase of Jacobi's functions to the start."""
     a, b, c = PRINCIPAL
     energy = PRINCIPAL @ SPIN**2
@@ -207,7 +219,7 @@ def free_rotation(t) -> np.ndarray:
     first, second, third = SPIN if not flipped else SPIN[::-1]
     signs = np.sign([first, second, third])
     turning = signs[0] * signs[2]
-    phase = brentq(lambda u: signs[0] * w1 * ellipj(u, m)[1] - first, 0, 2 * ellipk(m))
+    phase = _root(lambda u: signs[0] * w1 * ellipj(u, m)[1] - first, 0, 2 * ellipk(m))
     u0 = min((phase, -phase), key=lambda u: abs(turning * w2 * ellipj(u, m)[0] - second))
     sn, cn, dn, _ = ellipj(rate * np.asarray(t) + u0, m)
     result = np.column_stack([signs[0] * w1 * cn, turning * w2 * sn, signs[2] * w3 * dn])
@@ -217,7 +229,7 @@ def free_rotation(t) -> np.ndarray:
 # -- scales and weights ------------------------------------------------------------------------------------------------
 
 
-def _scaled_pendulum(size: float):
+def _scaled_pendulum(size: float) -> tuple[Callable[[], Model], Callable[[Trajectory], float]]:
     """A pendulum of `size` metres in gravity that makes it as quick as one of a metre."""
 
     def build() -> Model:
@@ -231,7 +243,7 @@ def _scaled_pendulum(size: float):
     return build, lambda run: _pendulum_error(run, size)
 
 
-def _pendulum_error(run, size: float = 1.0) -> float:
+def _pendulum_error(run: Trajectory, size: float = 1.0) -> float:
     """From rest at 90°: sin(θ/2) = √½ sn(K − √g t | ½), relative to the length."""
     sn, _, dn, _ = ellipj(ellipk(0.5) - np.sqrt(GRAVITY) * run.t, 0.5)
     s = np.sqrt(0.5) * sn
@@ -255,17 +267,17 @@ def _double(upper: float, lower: float) -> Callable[[], Model]:
     return build
 
 
-def _light_upper_error(run) -> float:
+def _light_upper_error(run: Trajectory) -> float:
     """The light mass in the middle stays on the line to the heavy one, up to 1e-8: a pendulum of twice the length."""
     sn, _, dn, _ = ellipj(ellipk(0.5) - np.sqrt(GRAVITY / 2) * run.t, 0.5)
     s = np.sqrt(0.5) * sn
     return float(np.max(np.hypot(run["C.x"] - 4 * s * dn, run["C.y"] - 2 * (2 * s * s - 1))))
 
 
-def _light_lower_error(run) -> float:
+def _light_lower_error(run: Trajectory) -> float:
     """The heavy mass does not feel the light one: a pendulum, and a second one that hangs on it, by DOP853 at tight tolerance."""
 
-    def slope(t, y):
+    def slope(t: float, y: np.ndarray) -> list[float]:
         a, b, da, db = y
         dda = -GRAVITY * np.sin(a)
         return [da, db, dda, -GRAVITY * np.sin(b) + da**2 * np.sin(a - b) - dda * np.cos(a - b)]
@@ -292,11 +304,11 @@ def _chain() -> Model:
     return example_module("chain").build(100)
 
 
-def _energy(run) -> float:
+def _energy(run: Trajectory) -> float:
     return run.energy_drift
 
 
-def _cases():
+def _cases() -> Iterator[Case]:
     for count in (1, 2, 10, 40):
         build, error = _four_bars(count)
         name = "parallelogram" if count == 1 else f"nfourbar-{count}"

@@ -21,6 +21,7 @@ from ncgen.emit.c import dynamics_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
+from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
 from ncgen.program.assemble import EMISSIONS
 from ncgen.solver.assembly import assemble
@@ -60,7 +61,7 @@ def instruction_records(model: Model) -> Iterator[dict]:
         yield from _derivative_records(kernels, count)
 
 
-def _derivative_records(kernels, count: _Counter) -> Iterator[dict]:
+def _derivative_records(kernels: CompiledKernels, count: _Counter) -> Iterator[dict]:
     """The two functions of the emitted state derivative, at a closed position."""
     q = assemble(kernels, kernels.q0)
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
@@ -78,17 +79,21 @@ def _derivative_records(kernels, count: _Counter) -> Iterator[dict]:
 class _Counter:
     """The program that calls a function of a library, and valgrind around it."""
 
-    def __init__(self, folder: Path, flags: tuple[str, ...]):
+    def __init__(self, folder: Path, flags: tuple[str, ...]) -> None:
         self.flags, self.program = flags, folder / "count"
         for name, text in runtime_files(*RUNTIME_HEADERS, *HEADERS).items():
             (folder / name).write_text(text, encoding="utf-8")
         shutil.copy(Path(__file__).with_name("count.c"), folder)
-        command = [*find_compiler().command, "-std=gnu99", "-O1", "count.c", "-o", "count", "-ldl", "-lm"]
+        if (compiler := find_compiler()) is None:
+            raise NcgenError("the program that calls kernels cannot be compiled: there is no C compiler; install one")
+        command = [*compiler.command, "-std=gnu99", "-O1", "count.c", "-o", "count", "-ldl", "-lm"]
         made = subprocess.run(command, cwd=folder, capture_output=True, text=True)
         if made.returncode:
             raise NcgenError(f"the program that calls kernels does not compile: {made.stderr.strip().splitlines()[0]}")
 
-    def __call__(self, files: dict[str, str], function: str, kind: str, numbers, counted: str = "") -> float:
+    def __call__(
+        self, files: dict[str, str], function: str, kind: str, numbers: tuple[np.ndarray, np.ndarray, np.ndarray, int], counted: str = ""
+    ) -> float:
         """Instructions of one call; counted: the function's own name where `function` returns a table of them."""
         library = compiled(files, self.flags).library
         q, v, p, size = numbers

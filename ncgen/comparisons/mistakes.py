@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import importlib.util
 import re
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import sympy
@@ -26,6 +28,9 @@ TOLERANCE = 1e-8
 
 NAMES = re.compile(r"(?:\w+_)?(phi_q|phi|gamma)$")
 """What functions of a file are called: phi, phi_q, gamma, with a word in front where there are several."""
+
+State = tuple[np.ndarray, np.ndarray]
+"""A position and velocities, (n,) each."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +50,7 @@ class Mistake:
         return f"{self.function}, row {self.row} ({self.label}){where}: {self.words}; the row is {self.equation}"
 
 
-def find_mistakes(kernels: Kernels, path) -> dict[str, list[Mistake]]:
+def find_mistakes(kernels: Kernels, path: str | Path) -> dict[str, list[Mistake]]:
     """{function: mistakes} of a Python file whose functions are called phi(q), phi_q(q), gamma(q, qd), or something_phi(q) and so on.
 
     They take free coordinates in the kernels' order and give arrays (m,) or (m, n). The file is run to get at them.
@@ -56,10 +61,12 @@ def find_mistakes(kernels: Kernels, path) -> dict[str, list[Mistake]]:
     return {name: _of_function(kernels, name, function, positions) for name, function in functions.items()}
 
 
-def _functions(path: Path) -> dict:
+def _functions(path: Path) -> dict[str, Callable[..., Any]]:
     if not path.is_file():
         raise ModelError(f"{path}: there is no such file; give a Python file with functions phi, phi_q or gamma")
     spec = importlib.util.spec_from_file_location("handwritten_by_the_user", path)
+    if spec is None or spec.loader is None:
+        raise ModelError(f"{path}: Python cannot load it as a module; give a file that ends in .py")
     module = importlib.util.module_from_spec(spec)
     try:
         spec.loader.exec_module(module)
@@ -71,15 +78,16 @@ def _functions(path: Path) -> dict:
     return own
 
 
-def _positions(kernels: Kernels):
+def _positions(kernels: Kernels) -> Iterator[State]:
     random = np.random.default_rng(5)
     for _ in range(POSITIONS):
         q = kernels.q0 + 0.3 * kernels.column_sizes * random.standard_normal(kernels.n)
         yield q, kernels.column_sizes * random.standard_normal(kernels.n)
 
 
-def _of_function(kernels: Kernels, name: str, function, positions) -> list[Mistake]:
-    kernel = NAMES.fullmatch(name)[1]
+def _of_function(kernels: Kernels, name: str, function: Callable[..., Any], positions: list[State]) -> list[Mistake]:
+    words = NAMES.fullmatch(name)
+    kernel = words[1] if words else name
     right = {"phi": kernels.phi, "phi_q": kernels.jacobian, "gamma": kernels.gamma}[kernel]
     arguments = [(q, qd) if kernel == "gamma" else (q,) for q, qd in positions]
     good = np.array([right(*a) for a in arguments])
@@ -88,7 +96,7 @@ def _of_function(kernels: Kernels, name: str, function, positions) -> list[Mista
     return [mistake for row in range(kernels.m) for mistake in case.of_row(row)]
 
 
-def _called(name: str, function, arguments, shape) -> np.ndarray:
+def _called(name: str, function: Callable[..., Any], arguments: Sequence[np.ndarray], shape: tuple[int, ...]) -> np.ndarray:
     try:
         value = np.asarray(function(*(a.copy() for a in arguments)), dtype=float)
     except Exception as error:  # the user's own code
@@ -101,18 +109,18 @@ def _called(name: str, function, arguments, shape) -> np.ndarray:
 class _Case:
     """One function: what it found and what is good, (positions, rows, columns)."""
 
-    def __init__(self, kernels, name, kernel, positions, found, good):
+    def __init__(self, kernels: Kernels, name: str, kernel: str, positions: list[State], found: np.ndarray, good: np.ndarray) -> None:
         self.kernels, self.name, self.kernel, self.positions = kernels, name, kernel, positions
         self.found, self.good = found, good
         self.sizes = TOLERANCE * (np.max(np.abs(good), axis=(0, 2)) + 1e-300)
         self.wrong = ~np.all(np.abs(found - good) <= self.sizes[None, :, None], axis=0)
 
-    def same(self, row: int, one, other) -> bool:
+    def same(self, row: int, one: np.ndarray, other: np.ndarray | float) -> bool:
         return bool(np.all(np.abs(one - other) <= self.sizes[row]))
 
     def of_row(self, row: int) -> list[Mistake]:
-        columns = np.flatnonzero(self.wrong[row])
-        if not len(columns):
+        columns: list[int] = np.flatnonzero(self.wrong[row]).tolist()
+        if not columns:
             return []
         if whole := self._whole_row(row, columns):
             return [self._mistake(row, columns, *whole)]
@@ -121,7 +129,7 @@ class _Case:
             reasons.setdefault(self._entry(row, column, columns), []).append(column)
         return [self._mistake(row, places, *reason) for reason, places in reasons.items()]
 
-    def _whole_row(self, row: int, columns) -> tuple[str, str] | None:
+    def _whole_row(self, row: int, columns: list[int]) -> tuple[str, str] | None:
         """An explanation of all that is wrong in a row of several numbers."""
         found, good = self.found[:, row], self.good[:, row]
         if self.kernel != "phi_q" or len(columns) < 2:
@@ -133,7 +141,7 @@ class _Case:
                 return "wrong row", f"it holds row {other + 1} ({self.kernels.rows[other].label})"
         return None
 
-    def _entry(self, row: int, column: int, wrong) -> tuple[str, str]:
+    def _entry(self, row: int, column: int, wrong: list[int]) -> tuple[str, str]:
         found, good = self.found[:, row, column], self.good[:, row, column]
         if self.kernel == "phi_q" and (moved := self._moved(row, column, wrong)):
             return moved
@@ -150,7 +158,7 @@ class _Case:
             or ("different", "it differs; no simple reason fits")
         )
 
-    def _moved(self, row: int, column: int, wrong) -> tuple[str, str] | None:
+    def _moved(self, row: int, column: int, wrong: list[int]) -> tuple[str, str] | None:
         """A number that belongs to another wrong column of the row, or to the same column of another row."""
         names, found = self.kernels.coordinates, self.found[:, row, column]
         if self.same(row, found, 0.0):
@@ -164,7 +172,7 @@ class _Case:
                 return "wrong column", f"it holds what belongs to column {names[other]}"
         return None
 
-    def _factor(self, row: int, found, good) -> float | None:
+    def _factor(self, row: int, found: np.ndarray, good: np.ndarray) -> float | None:
         """The number by which everything is multiplied, if it is one number."""
         place = np.abs(good) > self.sizes[row]
         if not np.any(place):
@@ -172,7 +180,7 @@ class _Case:
         factor = float(np.median(found[place] / good[place]))
         return factor if abs(factor) > 1e-6 and self.same(row, found, factor * good) else None
 
-    def _term(self, row: int, column: int, difference) -> tuple[str, str] | None:
+    def _term(self, row: int, column: int, difference: np.ndarray) -> tuple[str, str] | None:
         """A term of the sum, or all terms with a sine or cosine, that are missing, turned round, or multiplied."""
         terms = sympy.Add.make_args(sympy.expand(self._expression(row, column)))
         if len(terms) < 2:
@@ -188,7 +196,7 @@ class _Case:
                 return "factor of a term", f"{what} multiplied by {times}"
         return None
 
-    def _exchanged(self, row: int, column: int, found) -> tuple[str, str] | None:
+    def _exchanged(self, row: int, column: int, found: np.ndarray) -> tuple[str, str] | None:
         """Sine and cosine in each other's place."""
         expression = self._expression(row, column)
         other = expression.replace(
@@ -198,7 +206,7 @@ class _Case:
             return "sine and cosine", "sine and cosine are exchanged"
         return None
 
-    def _expression(self, row: int, column: int):
+    def _expression(self, row: int, column: int) -> sympy.Expr:
         """What should stand there, in the names of the coordinates."""
         kernels, program = self.kernels, self.kernels.programs.programs[self.kernel]
         if not hasattr(self, "_values"):
@@ -212,17 +220,17 @@ class _Case:
         place = kernels.phi_q_pattern.positions().get((row, column))
         return sympy.sympify(self._values[place] if place is not None else 0)
 
-    def _numbers(self, expression) -> np.ndarray:
+    def _numbers(self, expression: sympy.Basic) -> np.ndarray:
         function = sympy.lambdify([*self.symbols["q"], *self.symbols["qd"]], expression)
         return np.array([function(*q, *qd) for q, qd in self.positions])
 
-    def _mistake(self, row: int, columns, kind: str, words: str) -> Mistake:
+    def _mistake(self, row: int, columns: list[int], kind: str, words: str) -> Mistake:
         names = tuple(self.kernels.coordinates[c] for c in columns) if self.kernel == "phi_q" else ()
         equation = self.kernels.programs.equations.rows[row].equation
         return Mistake(self.name, row + 1, self.kernels.rows[row].label, equation, names, kind, words)
 
 
-def _parts(terms):
+def _parts(terms: Sequence[sympy.Expr]) -> Iterator[tuple[sympy.Expr, str]]:
     """(part of a sum, what it is): every term, neighbours, and what has a sine or cosine in common."""
     for term in terms:
         yield term, f"the term {_shown(term)} is"
@@ -244,7 +252,7 @@ def _simple(factor: float) -> str | None:
     return str(fraction) if fraction and abs(float(fraction) - factor) < 1e-6 and abs(fraction) <= 12 else None
 
 
-def _shown(expression) -> str:
+def _shown(expression: sympy.Expr) -> str:
     """An expression with few digits, cut where it is long."""
     text = str(sympy.N(expression, 4))
     return text if len(text) <= 80 else text[:77] + "..."

@@ -7,24 +7,26 @@ from __future__ import annotations
 
 import copy
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
+from typing import Any
 
 import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.sparse import csr_array
 
-from ncgen.comparisons.falls import end_state, own_run
+from ncgen.comparisons.falls import Derivative, end_state, own_run
 from ncgen.comparisons.rivals.base import differentiable, handwritten
 from ncgen.comparisons.rivals.casadi_tangents import with_tangents
-from ncgen.comparisons.rivals.differences import central, complex_step, jacobian
+from ncgen.comparisons.rivals.differences import Slope, central, complex_step, jacobian
 from ncgen.comparisons.rivals.exact import relative_error
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
+from ncgen.report.methods import Tolerances
 from ncgen.solver.assembly import assemble
-from ncgen.solver.coordinate_partitioning import Start, motion
+from ncgen.solver.coordinate_partitioning import Motion, Start, motion
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.integrators import ODE_SOLVERS
 from ncgen.solver.partition import choose_partitions
@@ -34,7 +36,7 @@ EXPLICIT = ("adams", "dopri5", "bdf")
 """The paper's ode113, ode45 and ode15s."""
 
 IMPLICIT = ("bdf", "radau", "lsoda")
-TOLERANCES = {"rtol": 1e-6, "atol": 1e-8}
+TOLERANCES: Tolerances = {"rtol": 1e-6, "atol": 1e-8}
 MOST = 20_000
 """Evaluations after which a run is given up."""
 
@@ -51,7 +53,7 @@ def table_9(model: Model) -> Iterator[dict]:
         return
     for integrator in EXPLICIT:
         if (student := _student(kernels)) is not None:
-            yield _solved(kernels, integrator, "hand-written NumPy", *student, duration, end)
+            yield _solved(integrator, "hand-written NumPy", *student, duration, end)
         for source, variant in _variants(model, kernels):
             yield _simulated(variant, integrator, source, duration, end, "python")
         if INTEGRATORS[integrator].in_c:
@@ -67,13 +69,13 @@ def table_10(model: Model) -> Iterator[dict]:
     sources = {"generated C, numerical": None, "generated C, CasADi": with_tangents(kernels), "generated C, generated": kernels}
     for integrator in IMPLICIT:
         if (student := _student(kernels)) is not None:
-            yield _solved(kernels, integrator, "hand-written NumPy, numerical", *student, duration, end)
+            yield _solved(integrator, "hand-written NumPy, numerical", *student, duration, end)
         for source, tangents in sources.items():
             if tangents is None and "numerical" not in source:
                 continue
             run = _Partitioned(kernels, tangents)
             jac = run.jacobian if tangents else None
-            yield _solved(kernels, integrator, source, run.derivative, run.y0, run.names, duration, end, jac)
+            yield _solved(integrator, source, run.derivative, run.y0, run.names, duration, end, jac)
 
 
 def first_slopes(model: Model) -> Iterator[dict]:
@@ -97,7 +99,7 @@ def first_slopes(model: Model) -> Iterator[dict]:
             yield {"derivative": name, "atol": atol, "error": relative_error(np.column_stack(slopes), exact)}
 
 
-def _task(kernels: Kernels):
+def _task(kernels: Kernels) -> tuple[float, dict[str, float] | None]:
     """The model's own duration, and where it ends; None where ncgen cannot find out."""
     duration = own_run(kernels)[0]
     return duration, end_state(kernels, duration) if kernels.m else None
@@ -113,15 +115,15 @@ def _variants(model: Model, kernels: Kernels) -> Iterator[tuple[str, Kernels]]:
     yield "generated C", kernels
 
 
-def _with_jacobian(kernels: Kernels, slope) -> Kernels:
+def _with_jacobian(kernels: Kernels, slope: Slope) -> Kernels:
     """The same kernels with Φ_q from Φ."""
     other = copy.copy(kernels)
-    other.jacobian = lambda q, t=0.0, p=None: jacobian(slope, lambda x: kernels.phi(x, t, p), q)
+    other.jacobian = lambda q, t=0.0, p=None: jacobian(slope, lambda x: kernels.phi(x, t, p), np.asarray(q))
     other.phi_q = lambda q, t=0.0, p=None: csr_array(other.jacobian(q, t, p))
     return other
 
 
-def _student(kernels: Kernels):
+def _student(kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]] | None:
     """(derivative, y0, names of the positions in y) of the hand-written code."""
     module = handwritten(kernels)
     if module is None:
@@ -137,7 +139,7 @@ class _Partitioned:
     tangents: the kernels whose tangents the Jacobian is made of; None for none
     """
 
-    def __init__(self, kernels: Kernels, tangents: Kernels | None = None):
+    def __init__(self, kernels: Kernels, tangents: Kernels | None = None) -> None:
         q = assemble(kernels, kernels.q0)
         self.kernels, self.p = kernels, kernels.p0
         chosen = tuple(own_run(kernels)[1].get("zd0", {})) or kernels.model.chosen_independent
@@ -151,25 +153,28 @@ class _Partitioned:
         if tangents is not None:
             self.jacobian(0.0, self.y0)  # compiles
 
-    def _motion(self, t, y):
+    def _motion(self, t: float, y: np.ndarray) -> Motion:
         count = len(y) // 2
         now = motion(self.kernels, self.partitions, self.start, t, y[count:], y[:count])
         self.start = Start(t, now.q, now.qd, self.p)
         return now
 
-    def derivative(self, t, y) -> np.ndarray:
+    def derivative(self, t: float, y: np.ndarray) -> np.ndarray:
         now = self._motion(t, y)
         z = self.partitions.position.independent
         return np.concatenate([now.qdd[z], now.qd[z]])
 
-    def jacobian(self, t, y) -> np.ndarray:
+    def jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
+        """∂ẏ/∂y. Raises NcgenError where there are no tangents to make it of."""
+        if self.tangents is None:
+            raise NcgenError(f"{self.kernels.name}: there are no tangents here to make a Jacobian of")
         return partitioned_jacobian(self.tangents, self.partitions, self._motion(t, y), self.p)[:-1, :-1]
 
 
-def _simulated(kernels, integrator, source, duration, end, engine) -> dict:
+def _simulated(kernels: Kernels, integrator: str, source: str, duration: float, end: Mapping[str, float], engine: str) -> dict:
     """A run by ncgen's own engines."""
     try:
-        options = {
+        options: dict[str, Any] = {
             "formalism": "coordinate-partitioning",
             "integrator": integrator,
             "engine": engine,
@@ -188,11 +193,20 @@ def _simulated(kernels, integrator, source, duration, end, engine) -> dict:
     return _record(integrator, source, seconds, float(error), run.statistics.evaluations, note)
 
 
-def _solved(kernels, integrator, source, derivative, y0, names, duration, end, jac: Callable | None = None) -> dict:
+def _solved(
+    integrator: str,
+    source: str,
+    derivative: Derivative,
+    y0: np.ndarray,
+    names: list[str],
+    duration: float,
+    end: Mapping[str, float],
+    jac: Derivative | None = None,
+) -> dict:
     """A run by the integrator alone, over a derivative that is given."""
     count = 0
 
-    def counted(t, y):
+    def counted(t: float, y: np.ndarray) -> np.ndarray:
         nonlocal count
         count += 1
         if count > MOST:
@@ -200,9 +214,9 @@ def _solved(kernels, integrator, source, derivative, y0, names, duration, end, j
         return derivative(t, y)
 
     start = time.perf_counter()
-    exact = {} if jac is None else {"jac": jac}
+    options: dict[str, Any] = {"method": ODE_SOLVERS[integrator], **TOLERANCES} | ({} if jac is None else {"jac": jac})
     try:
-        found = solve_ivp(counted, (0.0, duration), y0, method=ODE_SOLVERS[integrator], **exact, **TOLERANCES)
+        found = solve_ivp(counted, (0.0, duration), y0, **options)
     except _TooMany:
         seconds = time.perf_counter() - start
         return _record(integrator, source, seconds, None, count - 1, f"given up after {MOST:,} evaluations")
@@ -214,7 +228,7 @@ def _solved(kernels, integrator, source, derivative, y0, names, duration, end, j
     return _record(integrator, source, seconds, None if error is None else float(error), count, "" if found.success else found.message)
 
 
-def _record(integrator, source, seconds, error, evaluations, note) -> dict:
+def _record(integrator: str, source: str, seconds: float | None, error: float | None, evaluations: int | None, note: str) -> dict:
     return {
         "integrator": integrator,
         "source": source,
@@ -230,7 +244,7 @@ HEAD = ("integrator", "derivatives", "seconds", "error", "evaluations", "")
 
 def table(records: list[dict]) -> list[tuple[str, ...]]:
     """Rows of cells, titles first."""
-    rows = [HEAD]
+    rows: list[tuple[str, ...]] = [HEAD]
     for r in records:
         seconds = "" if r["seconds"] is None else f"{r['seconds']:.4f}"
         error = "" if r["error"] is None else f"{r['error']:.1e}"

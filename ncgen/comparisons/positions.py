@@ -19,7 +19,7 @@ STAGES = 20
 """Newton's method follows from one to the next, so that it stays on its branch."""
 
 
-def largest_errors(kernels: Kernels, q, calls: dict[str, Call], exact: Program) -> dict[str, float]:
+def largest_errors(kernels: Kernels, q: np.ndarray, calls: dict[str, Call], exact: Program) -> dict[str, float]:
     """The largest relative error of z̈ in many closed positions, of some ways to compute [q̇, z̈, …].
 
     q: where to start; exact: a program of the same numbers, which is evaluated in long double
@@ -38,7 +38,7 @@ def largest_errors(kernels: Kernels, q, calls: dict[str, Call], exact: Program) 
     return {name: float(np.max(np.max(np.abs(values - expected), axis=1) / scale)) for name, values in found.items()}
 
 
-def _positions(kernels: Kernels, q, count: int) -> tuple[np.ndarray, np.ndarray]:
+def _positions(kernels: Kernels, q: np.ndarray, count: int) -> tuple[np.ndarray, np.ndarray]:
     """Closed positions, reached from q in stages, and random rates of the `count` independent coordinates."""
     rng = np.random.default_rng(0)
     rates = rng.uniform(-1, 1, (POSITIONS, count))
@@ -54,7 +54,7 @@ def _positions(kernels: Kernels, q, count: int) -> tuple[np.ndarray, np.ndarray]
     return batch.q[arrived], rates[arrived]
 
 
-def _exact(kernels: Kernels, positions, rates, program: Program) -> np.ndarray:
+def _exact(kernels: Kernels, positions: np.ndarray, rates: np.ndarray, program: Program) -> np.ndarray:
     long = np.longdouble
     inputs = {"t": long(0), "q": long(1) * positions.T, "zd": long(1) * rates.T, "p": long(1) * kernels.p0}
     functions = {name: getattr(np, f.numpy) for name, f in FUNCTIONS.items()}
@@ -62,6 +62,6 @@ def _exact(kernels: Kernels, positions, rates, program: Program) -> np.ndarray:
     return np.array([np.broadcast_to(x, len(positions)) for x in values]).T
 
 
-def _evaluated(kernels: Kernels, call: Call, q, rates) -> np.ndarray:
+def _evaluated(kernels: Kernels, call: Call, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
     runner(0.0, q, rates, kernels.p0, [], call)(1)
     return call.out[kernels.n : -2].copy()

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass
 from itertools import product
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import scipy
@@ -23,12 +24,17 @@ from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism import runtime
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
 from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
 from ncgen.solver.simulate import simulate
+from ncgen.solver.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
 from ncgen.toolchain.folder import keep, kept
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TIGHT = 1e-13
 TOLERANCES = tuple(10.0**-k for k in range(3, 13))
@@ -61,7 +67,7 @@ class Reference:
     doubt: float
 
 
-def reference(kernels: Kernels, duration: float, start: dict) -> Reference:
+def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) -> Reference:
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
     facts = (kernels.fingerprint, duration, sorted(start.get("zd0", {}).items()), TIGHT, __version__, np.__version__, scipy.__version__)
     key = hashlib.sha256(repr(facts).encode()).hexdigest()[:40]
@@ -70,7 +76,7 @@ def reference(kernels: Kernels, duration: float, start: dict) -> Reference:
     ends = []
     for method in (("lagrange", "dop853"), ("coordinate-partitioning", "dop853"), ("lagrange", "dopri5")):
         try:
-            tight = {"rtol": TIGHT, "atol": 1e-2 * TIGHT * kernels.length, "points": 2}
+            tight: dict[str, Any] = {"rtol": TIGHT, "atol": 1e-2 * TIGHT * kernels.length, "points": 2}
             ends.append(simulate(kernels, duration, formalism=method[0], integrator=method[1], **tight, **start).q[-1])
         except NcgenError:
             if len(ends) < 1 and method[1] == "dopri5":
@@ -82,7 +88,7 @@ def reference(kernels: Kernels, duration: float, start: dict) -> Reference:
     return Reference(ends[0], doubt)
 
 
-def _distance(kernels: Kernels, one, other) -> float:
+def _distance(kernels: Kernels, one: np.ndarray, other: np.ndarray) -> float:
     """The largest difference of positions, points relative to the mechanism's length."""
     return float(np.max(np.abs(one - other) / kernels.column_sizes, initial=0.0))
 
@@ -123,14 +129,24 @@ def _repeat(runs: list[tuple[dict, Callable[[], float]]]) -> None:
 
 def _ways(formalism: str, integrator: str, kernels: Kernels, numpy: Kernels) -> list[tuple[str, Kernels, str]]:
     """(engine, kernels, number type) that a method is run with."""
-    ways = [("auto", kernels, "double")]
+    ways: list[tuple[str, Kernels, str]] = [("auto", kernels, "double")]
     if formalism == "coordinate-partitioning" and integrator in WRITTEN_OUT:
         ways += [("emitted", kernels, number) for number in NUMBERS]
         ways += [("python", kernels, "double"), ("python", numpy, "double")]
     return ways
 
 
-def _ladder(kernels, known, duration, start, formalism, integrator, engine, number, limit) -> Iterator[tuple[dict, Callable[[], float]]]:
+def _ladder(
+    kernels: Kernels,
+    known: Reference,
+    duration: float,
+    start: dict[str, Any],
+    formalism: str,
+    integrator: str,
+    engine: str,
+    number: str,
+    limit: float,
+) -> Iterator[tuple[dict, Callable[[], float]]]:
     """Runs of one method, each with a function that times it again, until one takes too long or fails; the first failure says why."""
     fixed = integrator in FIXED
     if engine == "emitted":
@@ -182,7 +198,7 @@ def _title(engine: str, backend: str, number: str) -> str:
     return ENGINES[engine] + ", NumPy kernels" * (backend == "numpy") + f", {number}" * (number != "double")
 
 
-def _run(kernels, duration, options, limit):
+def _run(kernels: Kernels, duration: float, options: dict[str, Any], limit: float) -> Trajectory:
     with warnings.catch_warnings(), limited(limit):
         warnings.simplefilter("ignore")  # a method without projection drifts; its error says so
         return simulate(kernels, duration, **options)
@@ -200,7 +216,7 @@ def by_method(records: list[dict]) -> dict[str, list[dict]]:
 
 def table(records: list[dict]) -> list[tuple[str, ...]]:
     """Milliseconds until a method reaches an error, titles first."""
-    rows = [HEAD]
+    rows: list[tuple[str, ...]] = [HEAD]
     for method, runs in by_method(records).items():
         done = [r for r in runs if r["error"] is not None]
         cells = []
@@ -225,7 +241,7 @@ def front(records: list[dict]) -> list[str]:
     return lines
 
 
-def figure(records: list[dict], title: str):
+def figure(records: list[dict], title: str) -> Figure:
     """Time against error, a panel an engine, a line a method; the band is Pareto's front: nothing is both quicker and more exact."""
     from ncgen.view.chart import GRID, empty
 

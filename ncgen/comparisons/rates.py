@@ -7,16 +7,27 @@ import numpy as np
 from ncgen.comparisons.positions import largest_errors
 from ncgen.comparisons.rivals import Inputs, exact, handwritten, relative_error
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import CompiledKernels
+from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
-from ncgen.report.clock import measure, repeated
+from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import dynamics as dynamics_in_c
 from ncgen.solver.compiled import is_emitted
 from ncgen.solver.coordinate_partitioning import motion_at
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.partition import Partitions, choose_partitions
 
 REFINED = "accelerations, refined"
+COMBINATIONS: dict[str, tuple[tuple[str, ...], str | None]] = {
+    "residual": (("phi",), None),
+    "Newton step": (("newton",), None),
+    "accelerations": ((), "acceleration"),
+    REFINED: ((), REFINED),
+    "all, with one Newton step": (("phi", "newton"), "acceleration"),
+}
+"""What is measured: functions of the position, and one of the velocity."""
+
 SPEED = 1.0
 """Independent velocities at which the derivative is measured."""
 
@@ -26,7 +37,7 @@ def arithmetic_rate() -> float:
     return OPERATIONS / measure({"rate": arithmetic()})["rate"].median
 
 
-def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
+def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
     """Parts of the state derivative in C and in Python; empty where the mechanism has no such code.
 
     error: relative, of the independent accelerations against the reference in Python; worst: the largest of many positions
@@ -41,7 +52,10 @@ def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
     refined = dynamics_in_c(kernels, partitions, "refined", q, kernels.p0)
     programs[REFINED] = refined.programs.acceleration
     parts[REFINED] = Call(refined._dynamics.acceleration, programs[REFINED].size, (kernels, refined))
-    runs = {name: runner(0.0, q, zd, kernels.p0, *chosen) for name, chosen in _combinations(parts).items()}
+    runs: dict[str, Run] = {
+        name: runner(0.0, q, zd, kernels.p0, [parts[at] for at in positions], parts[velocity] if velocity else None)
+        for name, (positions, velocity) in COMBINATIONS.items()
+    }
     runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
     runs |= _student(kernels, q, zd)
     spent = measure(runs)
@@ -52,7 +66,7 @@ def derivative_records(kernels: Kernels, rate: float) -> list[dict]:
     return [_record(name, spread, counts.get(name), rate, error.get(name), worst.get(name)) for name, spread in spent.items()]
 
 
-def emitted_parts(kernels: Kernels):
+def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call], dict[str, Program]]:
     """A closed position, the functions phi, newton and acceleration as calls, and their programs."""
     q = assemble(kernels, kernels.q0)
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
@@ -64,23 +78,14 @@ def emitted_parts(kernels: Kernels):
     return q, {name: Call(functions[name], program.size, (kernels, emitted)) for name, program in programs.items()}, programs
 
 
-def _combinations(parts):
-    phi, newton, acceleration = (parts[name] for name in ("phi", "newton", "acceleration"))
+def _counts(programs: dict[str, Program]) -> dict[str, int]:
     return {
-        "residual": ([phi],),
-        "Newton step": ([newton],),
-        "accelerations": ([], acceleration),
-        REFINED: ([], parts[REFINED]),
-        "all, with one Newton step": ([phi, newton], acceleration),
+        name: sum(cost(programs[part]).total for part in (*positions, *([velocity] if velocity else [])))
+        for name, (positions, velocity) in COMBINATIONS.items()
     }
 
 
-def _counts(programs) -> dict[str, int]:
-    phi, newton, acceleration, refined = (cost(programs[name]).total for name in ("phi", "newton", "acceleration", REFINED))
-    return dict(zip(_combinations(programs), (phi, newton, acceleration, refined, phi + newton + acceleration), strict=True))
-
-
-def _student(kernels, q, zd) -> dict:
+def _student(kernels: Kernels, q: np.ndarray, zd: np.ndarray) -> dict[str, Run]:
     """The hand-written derivative, started from the position itself."""
     module = handwritten(kernels)
     if module is None:
@@ -89,7 +94,7 @@ def _student(kernels, q, zd) -> dict:
     return {"hand-written NumPy": repeated(lambda: module.derivative(0.0, y, guess))}
 
 
-def _error(kernels, partitions, q, zd, parts) -> dict[str, float]:
+def _error(kernels: Kernels, partitions: Partitions, q: np.ndarray, zd: np.ndarray, parts: dict[str, Call]) -> dict[str, float]:
     """Errors of what the functions have just written."""
     here = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
     part = partitions.velocity.independent
@@ -99,7 +104,7 @@ def _error(kernels, partitions, q, zd, parts) -> dict[str, float]:
     return found | _student_error(kernels, q, zd, here.qdd[part])
 
 
-def _student_error(kernels, q, zd, expected) -> dict[str, float]:
+def _student_error(kernels: Kernels, q: np.ndarray, zd: np.ndarray, expected: np.ndarray) -> dict[str, float]:
     module = handwritten(kernels)
     if module is None:
         return {}
@@ -107,7 +112,7 @@ def _student_error(kernels, q, zd, expected) -> dict[str, float]:
     return {"hand-written NumPy": relative_error(rate[: len(zd)], expected)}
 
 
-def _record(name, spread, operations, rate, error, worst) -> dict:
+def _record(name: str, spread: Spread, operations: int | None, rate: float, error: float | None, worst: float | None) -> dict:
     record = {"case": "state derivative", "tool": name, "error": error, "worst": worst}
     record |= {"seconds": spread.median, "low": spread.low, "high": spread.high}
     return record if operations is None else record | {"operations": operations, "floor": operations / rate}

@@ -5,6 +5,8 @@ The reference knows neither: the emitted programs of the state derivative, evalu
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import mpmath
 import numpy as np
 
@@ -13,6 +15,7 @@ from ncgen.comparisons.rivals.casadi_tangents import with_tangents
 from ncgen.comparisons.rivals.differences import central, forward, jacobian
 from ncgen.comparisons.rivals.exact import DIGITS, MPMATH
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.evaluate import evaluate
 from ncgen.report.clock import repeated
 from ncgen.solver.assembly import assemble
@@ -22,6 +25,9 @@ from ncgen.solver.coordinate_partitioning import Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.partition import choose_partitions
 
+if TYPE_CHECKING:
+    from ncgen.program.dynamics import DynamicsPrograms
+
 SPEED = 1.0
 """Independent velocities at which it is evaluated."""
 
@@ -29,7 +35,7 @@ SPEED = 1.0
 class StateJacobian:
     """One state of a mechanism, in general position, and all ways to ∂ẏ/∂y there; y = [ż; z]."""
 
-    def __init__(self, kernels: Kernels):
+    def __init__(self, kernels: CompiledKernels) -> None:
         self.kernels = kernels
         self.q = assemble(kernels, kernels.q0)
         self.partitions = choose_partitions(kernels, self.q, independent=kernels.model.chosen_independent)
@@ -42,13 +48,13 @@ class StateJacobian:
         """Whether the state derivative is emitted at all, and has a state."""
         return len(self.z) > 0 and is_emitted(self.kernels, self.partitions)
 
-    def derivative(self, y) -> np.ndarray:
+    def derivative(self, y: np.ndarray) -> np.ndarray:
         """ẏ by the generated C kernels and the linear algebra of Python."""
         count = len(self.z)
         now = motion(self.kernels, self.partitions, self.start, 0.0, y[count:], y[:count])
         return np.concatenate([now.qdd[self.z], now.qd[self.z]])
 
-    def by_tangents(self, kernels) -> np.ndarray:
+    def by_tangents(self, kernels: Kernels) -> np.ndarray:
         """By the implicit function theorem, on the tangents of the kernels given."""
         here = motion_at(self.kernels, self.partitions.velocity, 0.0, self.q, self.y[: len(self.z)], self.kernels.p0)
         return partitioned_jacobian(kernels, self.partitions, here)[:-1, :-1]
@@ -80,11 +86,11 @@ class StateJacobian:
         return np.array(columns).T
 
 
-def _rates(programs, start, p, y) -> list:
-    """ẏ in the numbers of y, the position problem solved to their digits."""
+def _rates(programs: DynamicsPrograms, start: np.ndarray, p: np.ndarray, y: list[Any]) -> list[Any]:
+    """ẏ in the numbers of y, which are mpmath's, the position problem solved to their digits."""
     split, count = programs.split, len(y) // 2
     q = [mpmath.mpf(float(x)) for x in start]
-    given = {"t": mpmath.mpf(0), "q": q, "p": [mpmath.mpf(float(x)) for x in p]}
+    given: dict[str, Any] = {"t": mpmath.mpf(0), "q": q, "p": [mpmath.mpf(float(x)) for x in p]}
     for place, value in zip(split.independent, y[count:], strict=True):
         q[place] = value
     for _ in range(50):
@@ -93,5 +99,5 @@ def _rates(programs, start, p, y) -> list:
             q[place] += step
         if max(map(abs, found[: len(split.dependent)]), default=0) < mpmath.mpf(10) ** (5 - DIGITS):
             break
-    found = evaluate(programs.acceleration, given | {"zd": y[:count]}, MPMATH, mpmath.mpf)
+    found = evaluate(programs.acceleration, {**given, "zd": y[:count]}, MPMATH, mpmath.mpf)
     return found[len(q) : len(q) + count] + [found[place] for place in split.independent]

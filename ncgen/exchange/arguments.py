@@ -7,7 +7,9 @@ is refused in the words of a file. Everything else is the builder's own to say (
 from __future__ import annotations
 
 import inspect
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager
+from typing import TYPE_CHECKING
 
 from ncgen import errors
 from ncgen.errors import SHOWN, ModelError, shortened
@@ -19,8 +21,13 @@ from ncgen.model.coordinates import LAW
 from ncgen.model.elements import Spatial
 from ncgen.model.names import TIME
 
+if TYPE_CHECKING:
+    from sympy import Expr
 
-def convert(model: Model | None, parameter: inspect.Parameter, raw, where: str):
+    from ncgen.model.elements import Combination
+
+
+def convert(model: Model | None, parameter: inspect.Parameter, raw: object, where: str) -> object:
     """The argument that a value of a file stands for; a tuple for a variable one.
 
     model: None where the argument needs none
@@ -33,14 +40,21 @@ def convert(model: Model | None, parameter: inspect.Parameter, raw, where: str):
     return tuple(_converted(model, kind_of(parameter), item, where) for item in items)
 
 
-def _converted(model, kind: str, raw, where: str):
+def _converted(model: Model | None, kind: str, raw: object, where: str) -> object:
     with _told_at(where):
         said = CONVERSIONS[kind](model, raw)
-    return READERS[kind](model, said, where) if kind in READERS else said
+    return READERS[kind](model, said, where) if model is not None and kind in READERS else said
+
+
+def _there(model: Model | None) -> Model:
+    """The model whose names an expression mentions."""
+    if model is None:
+        raise ModelError("an expression cannot stand before the name of the model")
+    return model
 
 
 @contextmanager
-def _told_at(where: str):
+def _told_at(where: str) -> Iterator[None]:
     """Whatever is refused is told with its place."""
     try:
         yield
@@ -49,68 +63,69 @@ def _told_at(where: str):
         raise
 
 
-def _text(model, raw) -> str:
+def _text(model: Model | None, raw: object) -> str:
     if not isinstance(raw, str):
         raise ModelError(f'{shown(raw)} is not a text; write it as "…"')
     return raw
 
 
-def _name(model, raw) -> str:
+def _name(model: Model | None, raw: object) -> str:
     return _text(model, raw).strip()
 
 
-def _names(model, raw) -> list[str]:
+def _names(model: Model | None, raw: object) -> list[str]:
     return [_name(model, item) for item in _list(raw)]
 
 
-def _flag(model, raw) -> bool:
+def _flag(model: Model | None, raw: object) -> bool:
     if not isinstance(raw, bool):
         raise ModelError(f"{shown(raw)} is neither true nor false")
     return raw
 
 
-def _held(model, raw):
+def _held(model: Model | None, raw: object) -> bool | str:
     if not isinstance(raw, (bool, str)):
         raise ModelError(f'{shown(raw)} is neither true nor false, nor a text of axes such as "xz"')
     return raw
 
 
-def _number(model, raw):
+def _number(model: Model | None, raw: object) -> int | float:
     if isinstance(raw, bool) or not isinstance(raw, (int, float)):
         raise ModelError(f"{shown(raw)} is not a number")
     return raw
 
 
-def _value(model: Model, raw):
+def _value(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of parameters."""
-    return _expression_of(raw, model.parameters)
+    return _expression_of(raw, _there(model).parameters)
 
 
-def _values(model: Model, raw) -> list:
+def _values(model: Model | None, raw: object) -> list[int | float | Expr]:
     return [_value(model, item) for item in _list(raw)]
 
 
-def _tensor(model: Model, raw):
+def _tensor(model: Model | None, raw: object) -> object:
     """A number, three of them, or three rows of three."""
     if not isinstance(raw, list):
         return _value(model, raw)
     return [_values(model, item) if isinstance(item, list) else _value(model, item) for item in raw]
 
 
-def _expression(model: Model, raw):
+def _expression(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of everything that moves."""
+    model = _there(model)
     return _expression_of(raw, {TIME, *model.parameters, *(c.name for c in model.components)} if isinstance(raw, str) else ())
 
 
-def _expressions(model: Model, raw) -> list:
+def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
     return [_expression(model, item) for item in _list(raw)]
 
 
-def _law(model: Model, raw):
-    return _expression_of(raw, {*LAW, TIME, *model.parameters})
+def _law(model: Model | None, raw: object) -> int | float | Expr:
+    return _expression_of(raw, {*LAW, TIME, *_there(model).parameters})
 
 
-def _expression_of(raw, known):
+def _expression_of(raw: object, known: Collection[str]) -> int | float | Expr:
     if isinstance(raw, str):
         return parse_expression(raw, known)
     if isinstance(raw, bool) or not isinstance(raw, (int, float)):
@@ -118,11 +133,11 @@ def _expression_of(raw, known):
     return raw
 
 
-def _direction(model: Model, raw):
-    return parse_direction(_text(model, raw), {name: e for name, e in model.elements.items() if isinstance(e, Spatial)})
+def _direction(model: Model | None, raw: object) -> Spatial | Combination:
+    return parse_direction(_text(model, raw), {name: e for name, e in _there(model).elements.items() if isinstance(e, Spatial)})
 
 
-def _option(model, raw):
+def _option(model: Model | None, raw: object) -> object:
     """What a run can be told: everything but a date."""
     if isinstance(raw, dict):
         return {key: _option(model, item) for key, item in raw.items()}
@@ -133,13 +148,13 @@ def _option(model, raw):
     return raw
 
 
-def _list(raw) -> list:
+def _list(raw: object) -> list:
     if not isinstance(raw, list):
         raise ModelError(f"{shown(raw)} is not a list; write it as […]")
     return raw
 
 
-def shown(raw) -> str:
+def shown(raw: object) -> str:
     """A value of a file within a message, as a file writes it."""
     if isinstance(raw, bool):
         return "true" if raw else "false"
@@ -150,7 +165,7 @@ def shown(raw) -> str:
     return errors.shown(raw) if isinstance(raw, (int, float)) else str(raw)
 
 
-CONVERSIONS = {
+CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "str": _text,
     "bool": _flag,
     "bool | str": _held,

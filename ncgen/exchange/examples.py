@@ -6,9 +6,11 @@ import ast
 import importlib.util
 import inspect
 import traceback
+from collections.abc import Callable
 from importlib.machinery import SourceFileLoader
 from pathlib import Path
-from types import ModuleType
+from types import CodeType, ModuleType
+from typing import TypeVar
 
 from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
 from ncgen.exchange.text import is_file
@@ -16,6 +18,8 @@ from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
 from ncgen.model import Model
 from ncgen.resources import folder
+
+Result = TypeVar("Result")
 
 
 def load(name: str | Path) -> Model:
@@ -54,7 +58,7 @@ def example_text(name: str) -> str:
     return (folder("examples") / name / "model.py").read_text(encoding="utf-8")
 
 
-def _is_example(name) -> bool:
+def _is_example(name: str | Path) -> bool:
     text = str(name)
     return "/" not in text and "\\" not in text and not text.endswith((".py", ".toml"))
 
@@ -62,11 +66,11 @@ def _is_example(name) -> bool:
 class _Reader(SourceFileLoader):
     """Reads a module from its source and leaves no bytecode beside it."""
 
-    def get_code(self, fullname):
+    def get_code(self, fullname: str) -> CodeType:
         return self.source_to_code(self.get_data(self.path), self.path)
 
 
-def _no_such(name) -> ModelError:
+def _no_such(name: str | Path) -> ModelError:
     return ModelError(
         f"{shortened(str(name), SHOWN) or repr('')}: there is no such file or example; the examples are {', '.join(example_names())}"
     )
@@ -77,14 +81,17 @@ def _import(path: Path) -> ModuleType:
         raise ModelError(f"{path}: not a model; give a .toml file, a .py file with a function build(), or the name of an example")
     path = path.resolve()
     name = f"ncgen_model_{path.parent.name}_{path.stem}"
-    spec = importlib.util.spec_from_file_location(name, path, loader=_Reader(name, str(path)))
+    loader = _Reader(name, str(path))
+    spec = importlib.util.spec_from_file_location(name, path, loader=loader)
+    if spec is None:
+        raise ModelError(f"{path}: Python cannot load it as a module; give another file")
     module = importlib.util.module_from_spec(spec)
-    _guarded(path, lambda: spec.loader.exec_module(module))
+    _guarded(path, lambda: loader.exec_module(module))
     return module
 
 
 def _checked(module: ModuleType) -> Model:
-    path = Path(module.__file__)
+    path = Path(module.__file__ or module.__name__)
     if not callable(getattr(module, "build", None)):
         raise ModelError(f"{path}: it has no function build(); define one that returns an ncgen.Model")
     if needed := [p.name for p in _guarded(path, lambda: inspect.signature(module.build)).parameters.values() if is_required(p)]:
@@ -98,7 +105,7 @@ def _checked(module: ModuleType) -> Model:
     return model
 
 
-def _guarded(path: Path, run):
+def _guarded(path: Path, run: Callable[[], Result]) -> Result:
     """Run the user's code; its own mistakes become one line with the file and the line number."""
     try:
         return run()

@@ -14,12 +14,20 @@ from __future__ import annotations
 import ast
 import math
 import re
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS, check_expression
 from ncgen.program.functions import FUNCTIONS
+
+if TYPE_CHECKING:
+    from sympy import Expr
+
+    from ncgen.model.elements import Combination, Spatial
 
 LONGEST = 20_000
 """Characters of an expression."""
@@ -40,7 +48,7 @@ CONSTANTS = {"pi": math.pi, "e": math.e}
 _SUMS, _PRODUCTS = (ast.Add, ast.Sub), (ast.Mult, ast.Div)
 
 
-def parse_expression(text: str, known: set[str]):
+def parse_expression(text: str, known: Collection[str]) -> Expr:
     """A sympy expression of the known names (coordinates, parameters, t).
 
     Raises ModelError saying which part is not understood, which name is unknown, or which number is out of bounds.
@@ -52,7 +60,7 @@ def parse_expression(text: str, known: set[str]):
     return found
 
 
-def parse_direction(text: str, elements: dict):
+def parse_direction(text: str, elements: Mapping[str, Spatial]) -> Spatial | Combination:
     """An element by its name, or a difference such as `r4 - r2`, `-u3`, as the builder takes it."""
     tree = _tree(text)
     if dotted(tree) is None:
@@ -81,9 +89,9 @@ def _tree(text: str) -> ast.expr:
         raise ModelError(f"{quoted(text)} is not an expression; write for example 2*L + sin(t)") from None
 
 
-def chain(node, operators) -> list[tuple[ast.operator | None, ast.expr]]:
+def chain(node: ast.expr, operators: tuple[type[ast.operator], ...]) -> list[tuple[ast.operator | None, ast.expr]]:
     """a + b - c as [(None, a), (Add, b), (Sub, c)]: however long it is, it is one level."""
-    links = []
+    links: list[tuple[ast.operator | None, ast.expr]] = []
     while isinstance(node, ast.BinOp) and isinstance(node.op, operators):
         links.append((node.op, node.right))
         node = node.left
@@ -118,10 +126,10 @@ def _largest(growth: int) -> int:
 class _Measure:
     """Bounds the size of an expression from the leaves upwards."""
 
-    def __init__(self, text: str):
+    def __init__(self, text: str) -> None:
         self.text = text
 
-    def size(self, node, level: int = 1) -> Size:
+    def size(self, node: ast.expr, level: int = 1) -> Size:
         if level > MOST_LEVELS:
             raise ModelError(f"{quoted(self.text)} has more than {MOST_LEVELS} levels; write it with fewer parentheses, or in parts")
         found = self._size(node, level)
@@ -131,10 +139,10 @@ class _Measure:
             raise self._not_finite(node)
         return found
 
-    def _size(self, node, level: int) -> Size:
-        if _is_number(node):
-            digits = node.value.bit_length() if isinstance(node.value, int) else 1
-            return Size(self._number(node, lambda: float(node.value)), digits, digits)
+    def _size(self, node: ast.expr, level: int) -> Size:
+        if (number := _number_of(node)) is not None:
+            digits = number.bit_length() if isinstance(number, int) else 1
+            return Size(self._number(node, partial(float, number)), digits, digits)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
             found = self.size(node.operand, level + 1)
             return replace(found, value=-found.value) if isinstance(node.op, ast.USub) and found.value is not None else found
@@ -142,11 +150,11 @@ class _Measure:
             return self._power(node, self.size(node.left, level + 1), self.size(node.right, level + 1))
         if isinstance(node, ast.BinOp) and isinstance(node.op, _SUMS + _PRODUCTS):
             return self._chain(node, level)
-        if isinstance(node, ast.Call) and dotted(node.func) in FUNCTIONS:
-            return self._call(node, [self.size(a, level + 1) for a in node.args])
-        return Size(CONSTANTS.get(dotted(node)), 1)  # a name, or what is refused when it is read
+        if isinstance(node, ast.Call) and (name := dotted(node.func)) in FUNCTIONS:
+            return self._call(node, name, [self.size(a, level + 1) for a in node.args])
+        return Size(CONSTANTS.get(dotted(node) or ""), 1)  # a name, or what is refused when it is read
 
-    def _chain(self, node, level: int) -> Size:
+    def _chain(self, node: ast.BinOp, level: int) -> Size:
         operators = _SUMS if isinstance(node.op, _SUMS) else _PRODUCTS
         links = chain(node, operators)
         sizes = [self.size(part, level + 1) for _, part in links]
@@ -154,11 +162,11 @@ class _Measure:
             raise ModelError(f"{quoted(self.text)}: a product of {len(sizes)} factors; {MOST_FACTORS} are allowed")
         value = sizes[0].value
         for (operator, _), size in zip(links[1:], sizes[1:], strict=True):
-            value = None if value is None or size.value is None else self._number(node, lambda: _combined(operator, value, size.value))
+            value = None if value is None or size.value is None else self._number(node, partial(_combined, operator, value, size.value))
         digits, growth = sum(s.digits for s in sizes), sum(s.growth for s in sizes)
         return Size(value, digits, growth + len(sizes).bit_length() - 1 if operators is _SUMS else growth, _functions(sizes))
 
-    def _power(self, node, base: Size, exponent: Size) -> Size:
+    def _power(self, node: ast.expr, base: Size, exponent: Size) -> Size:
         """base**exponent. An exponent with names in it may come down to the number that its own numbers make."""
         if base.value == math.e and base.digits == 1:
             return self._function(node, "exp", [exponent])
@@ -172,16 +180,15 @@ class _Measure:
                 factor = HEAVIEST  # a root of an exact number looks for its factors
         value = None
         if base.value is not None and exponent.value is not None:
-            value = self._number(node, lambda: math.pow(base.value, exponent.value))
+            value = self._number(node, partial(math.pow, base.value, exponent.value))
         return Size(value, base.digits * factor + exponent.digits, base.growth * factor, _functions([base, exponent]))
 
-    def _call(self, node, arguments: list[Size]) -> Size:
-        name = dotted(node.func)
+    def _call(self, node: ast.Call, name: str, arguments: list[Size]) -> Size:
         if len(arguments) != FUNCTIONS[name].arity:
             return Size(None, 1)  # refused when it is read
         return self._power(node, *arguments) if name == "pow" else self._function(node, name, arguments)
 
-    def _function(self, node, name: str, arguments: list[Size]) -> Size:
+    def _function(self, node: ast.expr, name: str, arguments: list[Size]) -> Size:
         digits, growth, inside = sum(a.digits for a in arguments), sum(a.growth for a in arguments), _functions(arguments)
         if name == "exp" and "log" in inside:
             digits *= _largest(growth)  # exp(9*log(x)) is x**9
@@ -197,7 +204,7 @@ class _Measure:
             value = self._number(node, lambda: float(FUNCTIONS[name].python(*(a.value for a in arguments))))
         return Size(value, digits, growth, inside | {name})
 
-    def _number(self, node, compute) -> float:
+    def _number(self, node: ast.expr, compute: Callable[[], float]) -> float:
         try:
             return compute()
         except ZeroDivisionError:
@@ -205,7 +212,7 @@ class _Measure:
         except (OverflowError, ValueError):  # beyond the doubles, and outside a function's domain
             raise self._not_finite(node) from None
 
-    def _not_finite(self, node) -> ModelError:
+    def _not_finite(self, node: ast.expr) -> ModelError:
         part = ast.get_source_segment(self.text.strip(), node) or self.text
         place = f"{quoted(self.text)}: " if part != self.text.strip() else ""
         return ModelError(f"{place}{quoted(part)} is not a finite number; correct it")
@@ -214,15 +221,15 @@ class _Measure:
 class _Reader:
     """Turns the syntax tree into sympy, node by node; what is not listed here is refused."""
 
-    def __init__(self, text: str, known: set[str]):
+    def __init__(self, text: str, known: Collection[str]) -> None:
         self.text = text
         self.known = known
 
-    def read(self, node):
+    def read(self, node: ast.expr) -> Expr:
         import sympy
 
-        if _is_number(node):
-            return sympy.Integer(node.value) if isinstance(node.value, int) else sympy.Float(node.value)
+        if (number := _number_of(node)) is not None:
+            return sympy.Integer(number) if isinstance(number, int) else sympy.Float(number)
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.USub, ast.UAdd)):
             return -self.read(node.operand) if isinstance(node.op, ast.USub) else self.read(node.operand)
         if isinstance(node, ast.BinOp) and isinstance(node.op, ast.Pow):
@@ -238,7 +245,7 @@ class _Reader:
             raise ModelError(f"{quoted(self.text)}: {quoted(_source(node, self.text))} is not allowed in an expression")
         return self._name(name)
 
-    def _product(self, node):
+    def _product(self, node: ast.BinOp) -> Expr:
         (_, first), *rest = chain(node, _PRODUCTS)
         product = self.read(first)
         for operator, part in rest:
@@ -248,13 +255,13 @@ class _Reader:
             product = product / factor if isinstance(operator, ast.Div) else product * factor
         return product
 
-    def _call(self, node):
+    def _call(self, node: ast.Call) -> Expr:
         import sympy
 
         function = dotted(node.func)
         if function == "rate" and len(node.args) == 1:
             inner = dotted(node.args[0])
-            if inner not in self.known:
+            if inner is None or inner not in self.known:
                 part = shortened(_source(node, self.text), SHOWN)
                 raise UnknownName(f"{quoted(self.text)}: {part}: there is no coordinate of that name", inner or "")
             return sympy.Symbol(rate_name(inner), real=True)
@@ -263,7 +270,7 @@ class _Reader:
             raise ModelError(f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {', '.join(FUNCTIONS)}, rate")
         return getattr(sympy, FUNCTIONS[function].sympy)(*map(self.read, node.args))
 
-    def _name(self, name: str):
+    def _name(self, name: str) -> Expr:
         import sympy
 
         if name in self.known:
@@ -273,7 +280,7 @@ class _Reader:
         raise UnknownName(f"{quoted(self.text)}: {shortened(name, SHOWN)} is no coordinate, parameter or t; define it first", name)
 
 
-def dotted(node) -> str | None:
+def dotted(node: ast.expr) -> str | None:
     """`a`, `a.b`, `a.b.c` as text, None for anything else."""
     parts = []
     while isinstance(node, ast.Attribute):
@@ -282,22 +289,25 @@ def dotted(node) -> str | None:
     return ".".join([node.id, *reversed(parts)]) if isinstance(node, ast.Name) else None
 
 
-def _is_number(node) -> bool:
-    return isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool)
+def _number_of(node: ast.expr) -> int | float | None:
+    """The number that a node is; None for anything else."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, (int, float)) and not isinstance(node.value, bool):
+        return node.value
+    return None
 
 
-def _combined(operator, a: float, b: float) -> float:
+def _combined(operator: ast.operator | None, a: float, b: float) -> float:
     if isinstance(operator, _SUMS):
         return a + b if isinstance(operator, ast.Add) else a - b
     return a * b if isinstance(operator, ast.Mult) else a / b
 
 
-def _source(node, text: str) -> str:
+def _source(node: ast.expr, text: str) -> str:
     """The part of a text that a node was read from."""
     return ast.get_source_segment(text.strip(), node) or text
 
 
-def _direction(node, elements: dict, text: str):
+def _direction(node: ast.expr, elements: Mapping[str, Spatial], text: str) -> Spatial | Combination:
     if isinstance(node, ast.BinOp) and isinstance(node.op, _SUMS):
         (_, first), *rest = chain(node, _SUMS)
         total = _direction(first, elements, text)
@@ -310,15 +320,17 @@ def _direction(node, elements: dict, text: str):
     if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
         return -_direction(node.operand, elements, text)
     name = dotted(node)
-    if name not in elements:
+    if name is None or name not in elements:
         shown = shortened(name or _source(node, text), SHOWN)
         place = "" if shown == text.strip() else f"{quoted(text)}: "
         raise UnknownName(f"{place}there is no point or vector {shown}; define it first", name or "")
     return elements[name]
 
 
-def _weight(node) -> float | None:
+def _weight(node: ast.expr) -> float | None:
     """A number with or without a sign; None for anything else."""
-    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub) and _is_number(node.operand):
-        return -float(node.operand.value)
-    return float(node.value) if _is_number(node) else None
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub):
+        number = _number_of(node.operand)
+        return None if number is None else -float(number)
+    number = _number_of(node)
+    return None if number is None else float(number)

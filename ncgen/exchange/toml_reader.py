@@ -16,6 +16,7 @@ import inspect
 import re
 import tomllib
 from collections import Counter
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -47,7 +48,7 @@ class Problem:
 def load_toml(path: Path) -> Model:
     """The model of a TOML file. Raises ModelError with file and line of the first mistake."""
     model, problems = read_toml(path)
-    if problems:
+    if model is None or problems:
         more = f" (and {len(problems) - 1} more; `ncgen check {path.name}` lists all)" if len(problems) > 1 else ""
         raise ModelError(f"{problems[0].of(path)}{more}")
     return model
@@ -93,7 +94,7 @@ def _line_of_number(text: str) -> int:
 class _Reading:
     """One pass over a file: builds the model and collects problems."""
 
-    def __init__(self, tables: list[Table], data: dict):
+    def __init__(self, tables: list[Table], data: dict) -> None:
         self.problems: list[Problem] = []
         self.missing: set[str] = set()  # names whose definition failed: complaints about them are not repeated
         self.suggestions = 0
@@ -149,7 +150,9 @@ class _Reading:
         if isinstance(said.get("name"), str):
             self.missing.add(normal(said["name"]))
 
-    def _arguments(self, model, word: str, table: Table, signature: inspect.Signature, said: dict) -> inspect.BoundArguments | None:
+    def _arguments(
+        self, model: Model | None, word: str, table: Table, signature: inspect.Signature, said: dict
+    ) -> inspect.BoundArguments | None:
         """The arguments of a call, or None where they cannot be given: then that has been reported."""
         place = f"{word}." if word else ""
         refused = False
@@ -179,7 +182,7 @@ class _Reading:
         if not {name, name.rpartition(".")[0]} & self.missing - {""}:
             self.problems.append(Problem(line, str(error)))
 
-    def _suggest(self, word: str, known) -> str:
+    def _suggest(self, word: str, known: Collection[str]) -> str:
         self.suggestions += 1
         return suggestion(word, known) if self.suggestions <= SUGGESTIONS else "correct the mistakes above first"
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import inspect
 import re
 from collections import Counter
+from typing import SupportsFloat
 
 import numpy as np
-from sympy import Mul
+from sympy import Expr, Mul, Rational
 from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
@@ -47,7 +48,7 @@ def to_toml(model: Model) -> str:
 class _Writer:
     """Turns facts into tables; what it writes, the reader accepts."""
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model) -> None:
         self.known = {TIME, *LAW, *model.parameters} | {c.name for c in model.components}
 
     def table(self, word: str, arguments: dict, once: bool) -> str:
@@ -66,7 +67,7 @@ class _Writer:
                 lines.append(f"{key} = {self.argument(value, parameters.get(key), f'{word}.{key}')}")
         return "\n".join(lines) + "\n"
 
-    def argument(self, value, parameter: inspect.Parameter | None, where: str) -> str:
+    def argument(self, value: object, parameter: inspect.Parameter | None, where: str) -> str:
         if parameter is None:
             raise _refused(value, where)
         if kind_of(parameter) == "str":
@@ -77,7 +78,7 @@ class _Writer:
             value = sympy.sympify(value(*sympy.symbols(" ".join(LAW), real=True)))
         return self.text(value, where)
 
-    def text(self, value, where: str) -> str:
+    def text(self, value: object, where: str) -> str:
         """A number, name, expression, or list or table of these."""
         if isinstance(value, (bool, np.bool_)):
             return "true" if value else "false"
@@ -93,11 +94,11 @@ class _Writer:
             return "[" + ", ".join(self.text(v, where) for v in value) + "]"
         if hasattr(value, "free_symbols"):
             return _quoted(self.expression(value, where), where)
-        if is_number(value):
+        if isinstance(value, SupportsFloat) and is_number(value):
             return repr(int(value)) if isinstance(value, (int, np.integer)) else repr(float(value))
         raise _refused(value, where)
 
-    def expression(self, value, where: str) -> str:
+    def expression(self, value: object, where: str) -> str:
         """The text of an expression that is written like this again after it was read."""
         text = _Exact().doprint(value)
         for _ in range(ROUNDS):
@@ -111,11 +112,11 @@ class _Writer:
         raise _refused(value, where)
 
 
-def _refused(value, where: str) -> ModelError:
+def _refused(value: object, where: str) -> ModelError:
     return ModelError(f"{where}: {shown(value)} cannot be written into a model file")
 
 
-def _quoted(text: str, where: str) -> str:
+def _quoted(text: object, where: str) -> str:
     """A text between quotes as TOML writes it: what is no character of a line is escaped."""
     if not isinstance(text, str) or re.search("[\ud800-\udfff]", text):
         raise _refused(text, where)
@@ -126,23 +127,24 @@ def _quoted(text: str, where: str) -> str:
 def _combination(value: Combination) -> str:
     parts = []
     for weight, element in value.terms:
-        if not is_number(weight):
+        if not (isinstance(weight, SupportsFloat) and is_number(weight)):
             raise ModelError(f"{value}: a combination with parameters cannot be written into a model file")
-        size = "" if abs(weight) == 1.0 else f"{float(abs(weight))!r}*"
-        parts.append(f"{'-' if weight < 0 else '+'} {size}{element.name}")
+        number = float(weight)
+        size = "" if abs(number) == 1.0 else f"{abs(number)!r}*"
+        parts.append(f"{'-' if number < 0 else '+'} {size}{element.name}")
     return " ".join(parts).removeprefix("+ ").replace("- ", "-", 1 if parts[0].startswith("-") else 0)
 
 
 class _Exact(StrPrinter):
     """sympy's own notation, with numbers that read back to the same bits, and our names of functions."""
 
-    def _print_Mul(self, expr):
+    def _print_Mul(self, expr: Mul) -> str:
         """A product whose factors meet one by one when it is read, but never a number and a sum alone.
 
         sympy multiplies such two out: x/7/(x²/49 + 1), which it would print as x/(7 (x²/49 + 1)), would be read as x/(x²/7 + 7).
         """
         number = Mul(*(f for f in expr.args if f.is_Number))
-        over, under = (number.p, number.q) if number.is_Rational else (number, 1)
+        over, under = (number.p, number.q) if isinstance(number, Rational) else (number, 1)
         sign, over = ("-", self._print(-over)) if over < 0 else ("", self._print(over))
         factors = [f for f in expr.as_ordered_factors() if not f.is_Number]
         below = [f for f in factors if f.is_Pow and f.exp.is_Rational and f.exp < 0]
@@ -155,14 +157,15 @@ class _Exact(StrPrinter):
         first = [over] * (over != "1" or not plain)
         return sign + "*".join(["/".join(["*".join(first + plain), *divided]), *sums])
 
-    def _factor(self, expr) -> str:
+    def _factor(self, expr: Expr) -> str:
         return self.parenthesize(expr, PRECEDENCE["Mul"], strict=False)
 
-    def _print_Float(self, expr):
+    def _print_Float(self, expr: Expr) -> str:
         return repr(float(expr))
 
-    def _print_Abs(self, expr):
+    def _print_Abs(self, expr: Expr) -> str:
         return f"abs({self._print(expr.args[0])})"
 
-    def _print_Exp1(self, expr):
+    # sympy has no annotations: what its own method gives is taken for the only text that may be given.
+    def _print_Exp1(self, expr: Expr) -> str:  # pyright: ignore[reportIncompatibleMethodOverride]
         return "exp(1)"  # a parameter may be called e

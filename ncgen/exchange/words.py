@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import difflib
 import inspect
+from collections.abc import Collection
 from functools import cache
 
 from ncgen.model import Model
@@ -48,7 +49,7 @@ def _run_options() -> inspect.Signature:
     )
 
 
-def suggestion(word: str, known) -> str:
+def suggestion(word: str, known: Collection[str]) -> str:
     """The known word that looks like a mistyped one, or all of them."""
     near = difflib.get_close_matches(word, known, n=1) if len(word) <= LONGEST_NAME else []
     return f"did you mean {near[0]}?" if near else f"known are {', '.join(known)}"

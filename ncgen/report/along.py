@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from rich.console import Console
 
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
@@ -97,7 +98,7 @@ def health_record(health: Health) -> dict:
     }
 
 
-def show_health(console, health: Health) -> None:
+def show_health(console: Console, health: Health) -> None:
     """The extremes and the findings."""
     console.print(
         f"  σ of Φ_q from {health.sigma.min():.2g} to {health.sigma.max():.2g} · quality of the partition "

@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Hashable
+from collections.abc import Callable, Hashable, Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
+
+Run = Callable[[int], None]
+"""run(times): a function that does something so many times."""
+
+Name = TypeVar("Name", bound=Hashable)
 
 SHORTEST = 1e-3
 """Seconds that one sample should last at least: far above the clock's resolution, and above the tens of microseconds that a
@@ -24,17 +30,17 @@ class Spread:
     high: float
 
 
-def measure(runs: dict[Hashable, Callable[[int], None]], rounds: int = ROUNDS) -> dict[Hashable, Spread]:
+def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS) -> dict[Name, Spread]:
     """{name: seconds per call} of functions run(times), one sample of each in every round."""
     times = {name: _enough(run) for name, run in runs.items()}
-    samples: dict[Hashable, list[float]] = {name: [] for name in runs}
+    samples: dict[Name, list[float]] = {name: [] for name in runs}
     for _ in range(rounds):
         for name, run in runs.items():
             samples[name].append(elapsed(run, times[name]) / times[name])
     return {name: Spread(*(float(np.quantile(values, share)) for share in (0.5, 0.25, 0.75))) for name, values in samples.items()}
 
 
-def repeated(call: Callable[[], object]) -> Callable[[int], None]:
+def repeated(call: Callable[[], object]) -> Run:
     """A function run(times) of a Python function without arguments."""
 
     def run(times: int) -> None:
@@ -44,13 +50,13 @@ def repeated(call: Callable[[], object]) -> Callable[[int], None]:
     return run
 
 
-def elapsed(run, times: int) -> float:
+def elapsed(run: Run, times: int) -> float:
     start = time.perf_counter()
     run(times)
     return time.perf_counter() - start
 
 
-def _enough(run) -> int:
+def _enough(run: Run) -> int:
     """How many calls fill a sample; the first call only warms up."""
     run(1)
     times = 1

@@ -6,7 +6,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle
 from ncgen.program.assemble import Programs
 from ncgen.program.cost import cost
-from ncgen.solver.rank import Freedom, freedom
+from ncgen.solver.rank import Freedom, Redundancy, freedom
 
 
 def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
@@ -38,7 +38,7 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
     }
 
 
-def _redundant(kernels: Kernels, redundancy) -> dict:
+def _redundant(kernels: Kernels, redundancy: Redundancy) -> dict:
     row = kernels.rows[redundancy.row]
     return {
         "row": redundancy.row + 1,

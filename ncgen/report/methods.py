@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import signal
+from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import TypedDict
 
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
 
@@ -12,6 +14,13 @@ FIXED = tuple(name for name, entry in INTEGRATORS.items() if entry.has_fixed_ste
 
 ONE = "dop853"
 """Every formalism is tried with this one, since there the integrator is not what differs."""
+
+
+class Tolerances(TypedDict):
+    """How an integrator that chooses its steps is told its accuracy: arguments of `simulate`."""
+
+    rtol: float
+    atol: float
 
 
 AGAIN = 1.0
@@ -31,10 +40,10 @@ def methods() -> list[tuple[str, str]]:
 
 
 @contextmanager
-def limited(seconds: float):
+def limited(seconds: float) -> Iterator[None]:
     """Raise TimeIsUp in the middle of whatever Python does; a run in C ends at the last step that it has made."""
 
-    def stop(*_):
+    def stop(*_: object) -> None:
         raise TimeIsUp(f"stopped after {seconds:g} s")
 
     if not (hasattr(signal, "setitimer") and seconds < float("inf")):

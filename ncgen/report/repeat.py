@@ -2,17 +2,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import runtime_files
+from ncgen.report.clock import Run
 from ncgen.toolchain.abi import NUMBERS, abi, marked
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ncgen.emit.sources import Sources
 
 SCALAR = (*FLAGS, "-fno-tree-vectorize", "-fno-tree-slp-vectorize")
 """The arithmetic rate is that of single numbers, as in straight-line code."""
@@ -24,7 +32,7 @@ OPERATIONS = 24
 
 
 @cache
-def _repeater():
+def _repeater() -> tuple[Any, Any]:  # cffi's stubs know neither arrays of NumPy nor what a library declares
     return load({"timing.c": TIMING} | runtime_files("ncgen.h"), marked(TIMING, "functions"), abi(), SCALAR)
 
 
@@ -37,11 +45,11 @@ class Call:
     owner: object
     out: np.ndarray = field(init=False)
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.out = np.empty(self.size)
 
 
-def runner(t: float, q, v, p, positions: list[Call], velocity: Call | None = None):
+def runner(t: float, q: ArrayLike, v: ArrayLike, p: ArrayLike, positions: Sequence[Call], velocity: Call | None = None) -> Run:
     """A function run(times) that calls up to two kernels of the position and one of the velocity; it fills their `out`."""
     ffi, library = _repeater()
     inputs = [np.ascontiguousarray(a, dtype=float) for a in (q, v, p)]
@@ -51,14 +59,13 @@ def runner(t: float, q, v, p, positions: list[Call], velocity: Call | None = Non
         arguments += [ffi.NULL, ffi.NULL] if call is None else [call.function, ffi.cast("double *", call.out.ctypes.data)]
     pointers = [ffi.cast("double *", a.ctypes.data) for a in inputs]
 
-    def run(times: int) -> None:
+    def run(times: int, keep: object = (inputs, positions, velocity)) -> None:  # the pointers live as long as the buffers do
         library.ncgen_repeat(times, t, *pointers, *arguments)
 
-    run.buffers = inputs, positions, velocity  # the pointers live as long as the buffers do
     return run
 
 
-def each(t: float, q, v, p, function, moves: bool, out):
+def each(t: float, q: np.ndarray, v: np.ndarray, p: np.ndarray, function: object, moves: bool, out: np.ndarray) -> Run:
     """A function run(times) that calls a kernel, one of the velocity if it `moves`, for every row of q and v, and fills rows of out."""
     ffi, library = _repeater()
     arrays = [np.ascontiguousarray(a, dtype=float) for a in (q, v, p, out)]
@@ -72,38 +79,40 @@ def each(t: float, q, v, p, function, moves: bool, out):
     return run
 
 
-def typed_runner(sources, real: str, inputs, names):
+def typed_runner(
+    sources: Sources, real: str, t: float, q: ArrayLike, v: ArrayLike, p: ArrayLike, names: Sequence[str]
+) -> tuple[dict[str, Run], dict[str, np.ndarray]]:
     """({kernel: run(times)}, {kernel: its output}) of a model's source compiled for another number type, and for all at once.
 
-    sources: as `ncgen.generate` gives them; inputs: q, qd, p, t in double
+    sources: as `ncgen.generate` gives them; t, q, v, p: in double
     """
     number = NUMBERS[real]
     getter = f"{identifier(sources.programs.equations.model.name)}_model"
     declarations = marked(TIMING, "functions") + f"const ncgen_model *{getter}(void);"
     ffi, library = load(sources.c | {"timing.c": TIMING}, declarations, abi(real), (*FLAGS, *number.flags))
     model = getattr(library, getter)()
-    q, qd, p = (np.array(x, dtype=number.dtype) for x in (inputs.q, inputs.qd, inputs.p))
+    arrays = [np.array(x, dtype=number.dtype) for x in (q, v, p)]
     programs = sources.programs.programs
     out = {name: np.empty(programs[name].size, dtype=number.dtype) for name in names}
 
-    def pointer(array):
+    def pointer(array: np.ndarray) -> object:
         return ffi.cast("ncgen_real *", array.ctypes.data)
 
-    def run(name):
+    def run(name: str) -> Run:
         empty = [ffi.NULL] * 4
         call = [getattr(model, name), pointer(out[name])]
         calls = [*empty, *call] if "qd" in programs[name].inputs else [*call, *empty]
-        state = [pointer(x) for x in (q, qd, p)]
+        state = [pointer(x) for x in arrays]
 
-        def turns(times: int, keep=(q, qd, p, library)) -> None:
-            library.ncgen_repeat(times, inputs.t, *state, *calls)
+        def turns(times: int, keep: object = (arrays, library)) -> None:
+            library.ncgen_repeat(times, t, *state, *calls)
 
         return turns
 
     return {name: run(name) for name in names}, out
 
 
-def arithmetic():
+def arithmetic() -> Run:
     """A function run(times): plain multiplications and additions, OPERATIONS of them each time."""
     _, library = _repeater()
     return lambda times: library.ncgen_arithmetic(times, 0.5, 0.25)

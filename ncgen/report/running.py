@@ -40,12 +40,12 @@ def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: li
 
 def write_outputs(sources: Sources, run: Trajectory, folder: Path) -> list[Path]:
     """Sources, trajectory, drawing and animation of a run; returns the paths in the order written."""
-    from ncgen.view.figure import figure, save
+    from ncgen.view.figure import figure, plot, save
 
     paths = sources.write(folder / "sources")
     paths.append(run.to_npz(folder / "trajectory.npz"))
     paths.append(run.to_csv(folder / "trajectory.csv"))
     paths.append(save(figure(run.model), folder / "drawing.png"))
-    paths.append(run.plot(folder / "motion.png"))
+    paths.append(save(plot(run), folder / "motion.png"))
     paths.append(run.animate(folder / "animation.html"))
     return paths

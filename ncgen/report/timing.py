@@ -6,7 +6,7 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.report.clock import measure, repeated
+from ncgen.report.clock import Run, measure, repeated
 from ncgen.report.repeat import Call, runner
 
 ROUNDS = 7
@@ -22,7 +22,7 @@ def kernel_times(kernels: Kernels) -> dict[str, float]:
     return {name: 1e9 * spread.median for name, spread in measure(runs, ROUNDS).items()}
 
 
-def _run(kernels: Kernels, name: str):
+def _run(kernels: Kernels, name: str) -> Run:
     program = kernels.programs.programs[name]
     velocity = "qd" in program.inputs
     q, v, p = kernels.q0, np.ones(kernels.n), kernels.p0

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-GRID = dict(color="#d0d0d0", linewidth=0.6)
+GRID: dict[str, Any] = dict(color="#d0d0d0", linewidth=0.6)
 
 
 def empty(width: float, height: float) -> Figure:

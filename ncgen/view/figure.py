@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from io import BytesIO
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import rc_context
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
@@ -18,22 +20,25 @@ from ncgen.view.histories import plot
 from ncgen.view.labels import LabelPlaces
 from ncgen.view.scene import Scene, scene_of
 
+if TYPE_CHECKING:
+    from ncgen.solver.trajectory import Trajectory
+
 __all__ = ["figure", "plot", "save"]
 
 AZIMUTH, ELEVATION = 40.0, 20.0
 """Where a spatial scene is seen from (degrees): the turn of the eye about Z, from X, and its height."""
 
 LINE, VECTOR = "black", "#c8102e"
-POINT_LABEL = dict(color="black", fontsize=10, ha="center", va="center", zorder=10, gid="point name")
-VECTOR_LABEL = dict(color=VECTOR, fontsize=9, ha="center", va="center", zorder=10, gid="vector name")
-FLAT_ARROW = dict(angles="xy", scale_units="xy", scale=1, width=0.005, headwidth=4, zorder=2)
-SPATIAL_ARROW = dict(arrow_length_ratio=0.25, linewidth=1.4)
+POINT_LABEL: dict[str, Any] = dict(color="black", fontsize=10, ha="center", va="center", zorder=10, gid="point name")
+VECTOR_LABEL: dict[str, Any] = dict(color=VECTOR, fontsize=9, ha="center", va="center", zorder=10, gid="vector name")
+FLAT_ARROW: dict[str, Any] = dict(angles="xy", scale_units="xy", scale=1, width=0.005, headwidth=4, zorder=2)
+SPATIAL_ARROW: dict[str, Any] = dict(arrow_length_ratio=0.25, linewidth=1.4)
 
 METADATA = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
 """What a saved file does not say, by suffix: nothing that changes with the day or the version."""
 
 
-def figure(model_or_run, frame: int = 0) -> Figure:
+def figure(model_or_run: Model | Trajectory, frame: int = 0) -> Figure:
     """A drawing of the mechanism: the model's initial position, or one time of a trajectory.
 
     frame: index of the time; negative ones count from the end
@@ -50,7 +55,7 @@ def figure(model_or_run, frame: int = 0) -> Figure:
     return settle(chart) if scene.planar else chart
 
 
-def save(chart: Figure, path) -> Path:
+def save(chart: Figure, path: str | Path) -> Path:
     """Write a figure as PNG or SVG, by the suffix, and return its path; the same figure gives the same bytes.
 
     Raises NcgenError for another suffix, or if the file cannot be written.
@@ -65,7 +70,7 @@ def save(chart: Figure, path) -> Path:
     return write_bytes(path, data.getvalue())
 
 
-def _flat_axes(chart: Figure, scene: Scene):
+def _flat_axes(chart: Figure, scene: Scene) -> Axes:
     axes = chart.add_subplot(aspect="equal", adjustable="datalim", xlabel="X (m)", ylabel="Y (m)")
     axes.margins(0)
     axes.update_datalim(_limits(scene)[:, :2])
@@ -74,11 +79,12 @@ def _flat_axes(chart: Figure, scene: Scene):
     return axes
 
 
-def _spatial_axes(chart: Figure, scene: Scene):
+def _spatial_axes(chart: Figure, scene: Scene) -> Axes:
     low, high = _limits(scene)
     sides = high - low
-    with rc_context({f"grid.{key}": value for key, value in GRID.items()}):
-        axes = chart.add_axes((0.0, 0.05, 0.96, 0.9), projection="3d", proj_type="ortho", azim=AZIMUTH, elev=ELEVATION)
+    with rc_context({"grid.color": GRID["color"], "grid.linewidth": GRID["linewidth"]}):
+        # Any: matplotlib's own annotations know no axes of three dimensions.
+        axes: Any = chart.add_axes((0.0, 0.05, 0.96, 0.9), projection="3d", proj_type="ortho", azim=AZIMUTH, elev=ELEVATION)
     axes.set(xlabel="X (m)", ylabel="Y (m)", zlabel="Z (m)")
     for axis, *limits in zip("xyz", low, high, strict=True):
         axes.set(**{f"{axis}lim": limits})
@@ -89,7 +95,7 @@ def _spatial_axes(chart: Figure, scene: Scene):
     return axes
 
 
-def _draw(axes, scene: Scene, frame: int) -> None:
+def _draw(axes: Axes, scene: Scene, frame: int) -> None:
     """Segments, arrows, points and names of one frame, in axes of two or three dimensions."""
     screen, style = (np.eye(2), FLAT_ARROW) if scene.planar else (_screen(), SPATIAL_ARROW)
     points = scene.positions[frame, :, : len(screen)]
@@ -106,9 +112,9 @@ def _draw(axes, scene: Scene, frame: int) -> None:
     for point, fixed in zip(points, scene.fixed, strict=True):
         axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5, zorder=3, gid="point")
     for name, point in zip(scene.points, points, strict=True):
-        axes.text(*places.beside(point), name, **POINT_LABEL)
+        axes.text(*places.beside(point), s=name, **POINT_LABEL)
     for arrow, shaft in arrows:
-        axes.text(*places.beside(points[arrow.point] + shaft), arrow.name, **VECTOR_LABEL)
+        axes.text(*places.beside(points[arrow.point] + shaft), s=arrow.name, **VECTOR_LABEL)
 
 
 def _limits(scene: Scene) -> np.ndarray:

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
 import numpy as np
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from ncgen.model import Model
 from ncgen.model.elements import Relative
 from ncgen.solver.given import names_of
 from ncgen.view.chart import GRID, empty, settle
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectory import Trajectory
 
 MOST = 6
 """How many coordinates are shown where the caller names none and there are no angles or lengths."""
 
 
-def plot(run, names=None) -> Figure:
+def plot(run: Trajectory, names: str | Iterable[str] | None = None) -> Figure:
     """Time histories of a trajectory: a panel a kind of coordinate, one for energy, one for the violation.
 
     names: one free coordinate or several; default: angles and lengths; where there are none the independent coordinates, else the
@@ -33,7 +41,7 @@ def plot(run, names=None) -> Figure:
     return settle(chart)
 
 
-def _chosen(run, names) -> tuple[str, ...]:
+def _chosen(run: Trajectory, names: str | Iterable[str] | None) -> tuple[str, ...]:
     free = tuple(run.coordinates)
     if names is not None:
         return names_of(names, "names", free)
@@ -41,7 +49,7 @@ def _chosen(run, names) -> tuple[str, ...]:
     return relative or (run.model.chosen_independent or free)[:MOST]
 
 
-def _grouped(model, names) -> dict[str, list[str]]:
+def _grouped(model: Model, names: Iterable[str]) -> dict[str, list[str]]:
     """The names by the label of their panel, which is that of their element's kind: angles and lengths first, else in the order given."""
     owners = {component.name: element for element in model.elements.values() for component in element.components}
     groups: dict[str, list[str]] = {}
@@ -50,14 +58,14 @@ def _grouped(model, names) -> dict[str, list[str]]:
     return groups
 
 
-def _energy(axes, run) -> None:
+def _energy(axes: Axes, run: Trajectory) -> None:
     """Energies over time; the potential counts from its lowest value, so that it compares with the kinetic energy."""
     kinetic, potential, _ = np.asarray(run.energy(), dtype=float).T
     above = potential - potential.min()
     _lines(axes, run.t, "energy (J)", {"kinetic": kinetic, "potential\nabove its lowest": above, "total": kinetic + above})
 
 
-def _violation(axes, run) -> None:
+def _violation(axes: Axes, run: Trajectory) -> None:
     """The largest constraint error over time, on a logarithmic scale; exact zeros are left out."""
     violation = np.asarray(run.violation(), dtype=float)
     positive = violation > 0
@@ -67,7 +75,7 @@ def _violation(axes, run) -> None:
         axes.set_ylim(1e-17, 1e-15)
 
 
-def _lines(axes, t, label: str, curves: dict[str, np.ndarray]) -> None:
+def _lines(axes: Axes, t: np.ndarray, label: str, curves: dict[str, np.ndarray]) -> None:
     for name, values in curves.items():
         axes.plot(t, values, label=name, linewidth=1.5)
     axes.set_ylabel(label)

@@ -18,7 +18,7 @@ class LabelPlaces:
     offset: from a point to the middle of its name (m)
     """
 
-    def __init__(self, screen: np.ndarray, offset: float):
+    def __init__(self, screen: np.ndarray, offset: float) -> None:
         self.screen = screen
         self.offset = offset
         self.taken = np.empty((0, 2))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -12,6 +13,11 @@ from ncgen.emit.sources import write_text
 from ncgen.errors import NcgenError
 from ncgen.view.scene import Scene, scene_of
 
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    from ncgen.solver.trajectory import Trajectory
+
 FRAMES = 300
 """How many times are embedded at most; of longer runs, as many spread evenly by index."""
 
@@ -19,7 +25,7 @@ DIGITS = 7
 """Significant digits of the embedded numbers."""
 
 
-def player(run) -> str:
+def player(run: Trajectory) -> str:
     """The text of the HTML file for a trajectory.
 
     Raises NcgenError where the trajectory holds a number that is not finite.
@@ -29,7 +35,7 @@ def player(run) -> str:
     return render("html/player.html.jinja", name=run.name, data=script_json(data))
 
 
-def write_player(run, path) -> Path:
+def write_player(run: Trajectory, path: str | Path) -> Path:
     """Write the HTML file and return its path. Raises NcgenError if it cannot be written."""
     return write_text(Path(path), player(run))
 
@@ -39,7 +45,7 @@ def chosen_frames(count: int) -> np.ndarray:
     return np.linspace(0, count - 1, min(count, FRAMES)).round().astype(int)
 
 
-def script_json(data) -> str:
+def script_json(data: object) -> str:
     """JSON for a script block of HTML: no text in it can end the block."""
     return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
 
@@ -64,7 +70,7 @@ def _motion(scene: Scene) -> dict:
     }
 
 
-def _energy(run, frames) -> dict | None:
+def _energy(run: Trajectory, frames: np.ndarray) -> dict | None:
     """Kinetic and potential energy (J) at the frames, or None where there is none of either."""
     kinetic, potential, _ = np.asarray(run.energy(), dtype=float)[frames].T
     if not (np.isfinite(kinetic) & np.isfinite(potential)).all():
@@ -72,7 +78,7 @@ def _energy(run, frames) -> dict | None:
     return {"kinetic": _rounded(kinetic), "potential": _rounded(potential)} if kinetic.any() or potential.any() else None
 
 
-def _rounded(values):
+def _rounded(values: ArrayLike) -> list | float:
     """Numbers of any shape as nested lists, rounded to DIGITS significant digits."""
     values = np.asarray(values, dtype=float)
     rounded = [float(f"{value:.{DIGITS}g}") + 0.0 for value in values.ravel()]

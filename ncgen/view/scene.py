@@ -7,12 +7,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from itertools import combinations
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncgen.errors import NcgenError
 from ncgen.model import Model
-from ncgen.model.elements import Point, Vector
+from ncgen.model.elements import Combination, Point, Vector
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectory import Trajectory
 
 ARROW = 0.15
 """The drawn length of a unit vector, as a part of the scene's size."""
@@ -77,26 +81,25 @@ class Scene:
         low, high = self.bounds
         return bool(high[2] - low[2] <= FLAT * self.size)
 
-    def at(self, frames) -> Scene:
+    def at(self, frames: np.ndarray) -> Scene:
         """The scene at some of its times only; `frames` are indices, shape (F,)."""
         arrows = tuple(Arrow(arrow.point, arrow.direction[frames], arrow.name) for arrow in self.arrows)
         return Scene(self.name, self.t[frames], self.points, self.positions[frames], self.fixed, self.segments, arrows)
 
 
-def scene_of(model_or_run) -> Scene:
+def scene_of(model_or_run: Model | Trajectory) -> Scene:
     """The scene of a model (its initial position, K = 1) or of a trajectory.
 
     Raises NcgenError where there is no point to draw or a position is not a finite number.
     """
-    still = isinstance(model_or_run, Model)
-    model = model_or_run if still else model_or_run.model
-    t = np.zeros(1) if still else np.asarray(model_or_run.t, dtype=float)
+    model, run = (model_or_run, None) if isinstance(model_or_run, Model) else (model_or_run.model, model_or_run)
+    t = np.zeros(1) if run is None else np.asarray(run.t, dtype=float)
     points = [element for element in model.elements.values() if isinstance(element, Point)]
     if not points:
         raise NcgenError(f"{model_or_run.name}: there is no point to draw; give the model one")
 
-    def history(element) -> np.ndarray:
-        values = element.initial[None] if still else _of_run(model_or_run, element)
+    def history(element: Point | Vector) -> np.ndarray:
+        values = element.initial[None] if run is None else _of_run(run, element)
         return _finite(values, model_or_run.name, element, t)
 
     index = {point: i for i, point in enumerate(points)}
@@ -116,7 +119,10 @@ def lines(model: Model) -> list[tuple[Point, Point]]:
     if model.drawing.lines:
         return model.drawing.lines
     pairs = [pair for body in model.bodies.values() for pair in combinations(body.points, 2)]
-    pairs += [row.arguments["a"].elements for row in model.rows if row.code == 1000]
+    for row in model.rows:
+        if row.code == 1000 and isinstance(along := row.arguments["a"], Combination):
+            start, end = (element for element in along.elements if isinstance(element, Point))
+            pairs.append((start, end))
     return list({frozenset(pair): pair for pair in pairs}.values())
 
 
@@ -128,12 +134,12 @@ def arrows(model: Model) -> list[tuple[Point, Vector]]:
     return list(dict.fromkeys(places))
 
 
-def _of_run(run, element) -> np.ndarray:
+def _of_run(run: Trajectory, element: Point | Vector) -> np.ndarray:
     values = run.point(element.name) if isinstance(element, Point) else run.vector(element.name)
     return np.asarray(values, dtype=float)
 
 
-def _finite(values: np.ndarray, name: str, element, t: np.ndarray) -> np.ndarray:
+def _finite(values: np.ndarray, name: str, element: Point | Vector, t: np.ndarray) -> np.ndarray:
     bad = ~np.isfinite(values).all(axis=1)
     if bad.any():
         when = t[bad.argmax()]

@@ -8,7 +8,8 @@ from __future__ import annotations
 
 import importlib
 import warnings
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -22,6 +23,9 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.report.methods import FIXED, TimeIsUp, limited
 from ncgen.solver.simulate import simulate
+
+Run = Callable[[], tuple[float, np.ndarray]]
+"""A run: seconds, and positions of B0."""
 
 PEERS = ("pinocchio", "mujoco", "exudyn")
 """Modules of this package."""
@@ -43,7 +47,7 @@ LONGEST = 1.0
 """Runs that last longer (s) are not repeated."""
 
 
-def peer_records(counts=COUNTS, names=PEERS, limit: float = LIMIT) -> Iterator[dict]:
+def peer_records(counts: Iterable[int] = COUNTS, names: Iterable[str] = PEERS, limit: float = LIMIT) -> Iterator[dict]:
     """count, tool, setting, error (m), seconds (of the quickest of several), or None for both and a reason."""
     for count in counts:
         t = np.linspace(0.0, DURATION, INTERVALS + 1)
@@ -69,7 +73,7 @@ def peer_records(counts=COUNTS, names=PEERS, limit: float = LIMIT) -> Iterator[d
         yield from _repeated(measured)
 
 
-def _repeated(measured: list[tuple[dict, Callable]]) -> Iterator[dict]:
+def _repeated(measured: list[tuple[dict, Run]]) -> Iterator[dict]:
     """Every run that is not long again, in turns, so that all see the same disturbances."""
     samples = [[record["seconds"]] for record, _ in measured]
     for _ in range(REPEATS - 1):
@@ -80,7 +84,7 @@ def _repeated(measured: list[tuple[dict, Callable]]) -> Iterator[dict]:
         yield record | {"seconds": min(own)}
 
 
-def _peer(name: str, count: int):
+def _peer(name: str, count: int) -> Iterator[tuple[str, str, Run]]:
     try:
         module = importlib.import_module(f"ncgen.comparisons.peers.{name}")
         module.run(count, DURATION / INTERVALS, 1, 1)  # may compile: that is not timed, nor limited
@@ -92,11 +96,11 @@ def _peer(name: str, count: int):
         yield module.NAME, f"{INTERVALS * steps} steps", lambda steps=steps: module.run(count, DURATION, INTERVALS, steps)
 
 
-def _raise(problem: Exception):
+def _raise(problem: Exception) -> NoReturn:
     raise problem
 
 
-def _own(count: int):
+def _own(count: int) -> Iterator[tuple[str, str, Run]]:
     """What ncgen has in C on all coordinates; independent coordinates cannot pass the singular position."""
     kernels = compile(example_module("nfourbar").build(count), "c")
     for formalism in (f for f in FORMALISMS.values() if f.in_c and f.options.get("stabilisation") == "projection"):
@@ -108,9 +112,9 @@ def _own(count: int):
                 yield tool, setting, _simulated(kernels, formalism.name, integrator, options)
 
 
-def _simulated(kernels: Kernels, formalism: str, integrator: str, options: dict):
-    def run():
-        start = {"zd0": {"B0.x": 1.0}, "points": INTERVALS + 1, "engine": "c"}
+def _simulated(kernels: Kernels, formalism: str, integrator: str, options: dict[str, Any]) -> Run:
+    def run() -> tuple[float, np.ndarray]:
+        start: dict[str, Any] = {"zd0": {"B0.x": 1.0}, "points": INTERVALS + 1, "engine": "c"}
         found = simulate(kernels, DURATION, formalism=formalism, integrator=integrator, **start, **options)
         return found.statistics.seconds, np.column_stack([found["B0.x"], found["B0.y"]])
 
@@ -130,7 +134,7 @@ def table(records: list[dict], count: int) -> list[tuple[str, ...]]:
             best[r["tool"]] = rank, r
     order = [r for _, r in sorted(best.values(), key=lambda entry: entry[0])]
     first = order[0]["seconds"]
-    rows = [("", f"ms to {ERROR:.0e} m", "ratio", "error, m", "setting")]
+    rows: list[tuple[str, ...]] = [("", f"ms to {ERROR:.0e} m", "ratio", "error, m", "setting")]
     for r in order:
         reached = r["error"] <= ERROR
         time = f"{1e3 * r['seconds']:.3g}" if reached else f"never ({1e3 * r['seconds']:.3g})"

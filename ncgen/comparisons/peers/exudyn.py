@@ -3,38 +3,36 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
 
-import exudyn
 import numpy as np
-from exudyn.itemInterface import (
-    LoadMassProportional,
-    MarkerBodyMass,
-    MarkerBodyPosition,
-    NodeRigidBody2D,
-    ObjectGround,
-    ObjectJointRevolute2D,
-    ObjectRigidBody2D,
-    SensorBody,
-)
+
+exudyn = import_module("exudyn")
+items = import_module("exudyn.itemInterface")
 
 NAME = "Exudyn, generalized-α 0.9"
 
 
-def _system(count: int):
+def _system(count: int) -> tuple[Any, Any, Any]:
+    """Container, system and the first rod."""
     container = exudyn.SystemContainer()
     system = container.AddSystem()
-    ground = system.AddObject(ObjectGround())
+    ground = system.AddObject(items.ObjectGround())
 
-    def rod(middle, angle, velocity):
-        node = system.AddNode(NodeRigidBody2D(referenceCoordinates=[*middle, angle], initialVelocities=velocity))
-        body = system.AddObject(ObjectRigidBody2D(physicsMass=1.0, physicsInertia=1 / 12, nodeNumber=node))
-        mass = system.AddMarker(MarkerBodyMass(bodyNumber=body))
-        system.AddLoad(LoadMassProportional(markerNumber=mass, loadVector=[0, -9.81, 0]))
+    def rod(middle: Sequence[float], angle: float, velocity: Sequence[float]) -> Any:
+        node = system.AddNode(items.NodeRigidBody2D(referenceCoordinates=[*middle, angle], initialVelocities=velocity))
+        body = system.AddObject(items.ObjectRigidBody2D(physicsMass=1.0, physicsInertia=1 / 12, nodeNumber=node))
+        mass = system.AddMarker(items.MarkerBodyMass(bodyNumber=body))
+        system.AddLoad(items.LoadMassProportional(markerNumber=mass, loadVector=[0, -9.81, 0]))
         return body
 
-    def join(body, place, other, there):
-        markers = [system.AddMarker(MarkerBodyPosition(bodyNumber=b, localPosition=[*x, 0])) for b, x in ((body, place), (other, there))]
-        system.AddObject(ObjectJointRevolute2D(markerNumbers=markers))
+    def join(body: Any, place: Sequence[float], other: Any, there: Sequence[float]) -> None:
+        markers = [
+            system.AddMarker(items.MarkerBodyPosition(bodyNumber=b, localPosition=[*x, 0])) for b, x in ((body, place), (other, there))
+        ]
+        system.AddObject(items.ObjectJointRevolute2D(markerNumbers=markers))
 
     standing = [rod((i, 0.5), np.pi / 2, [0.5, 0, -1.0]) for i in range(count + 1)]
     lying = [rod((i + 0.5, 1), 0.0, [1.0, 0, 0]) for i in range(count)]
@@ -50,7 +48,7 @@ def run(count: int, duration: float, intervals: int, steps: int) -> tuple[float,
     """(seconds, B0 (intervals + 1, 2)) of a run with `steps` steps in each of the intervals."""
     _container, system, first = _system(count)  # the system lives as long as its container
     kind = exudyn.OutputVariableType.Position
-    top = SensorBody(bodyNumber=first, localPosition=[0.5, 0, 0], storeInternal=True, writeToFile=False, outputVariableType=kind)
+    top = items.SensorBody(bodyNumber=first, localPosition=[0.5, 0, 0], storeInternal=True, writeToFile=False, outputVariableType=kind)
     sensor = system.AddSensor(top)
     system.Assemble()
     settings = exudyn.SimulationSettings()

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import time
+from importlib import import_module
 
-import mujoco
 import numpy as np
+
+mujoco = import_module("mujoco")
 
 NAME = "MuJoCo, RK4, hardened constraints"
 

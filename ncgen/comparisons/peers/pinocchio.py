@@ -6,13 +6,16 @@ Needs `pin` and, for the headers that it is compiled with, `cmeel-eigen`.
 from __future__ import annotations
 
 from functools import cache
+from importlib import import_module
 from pathlib import Path
+from typing import Any
 
 import numpy as np
-import pinocchio
 from cffi import FFI
 
 from ncgen.toolchain.cache import compiled
+
+pinocchio = import_module("pinocchio")
 
 NAME = "Pinocchio C++, RK4, Baumgarte 20"
 FREQUENCY = 20.0
@@ -28,8 +31,8 @@ FLAGS = (
 
 
 @cache
-def _library():
-    prefix = next(p for p in Path(pinocchio.__file__).parents if p.name == "cmeel.prefix")
+def _library() -> tuple[FFI, Any]:
+    prefix = next(p for p in Path(pinocchio.__file__ or "").parents if p.name == "cmeel.prefix")
     ffi = FFI()
     ffi.cdef("double four_bars(int, double, int, int, double, double *);")
     flags = (*FLAGS, f"-I{prefix}/include", f"-I{prefix}/include/eigen3")

@@ -7,7 +7,6 @@ from ncgen.comparisons.rivals import handwritten as by_hand
 from ncgen.comparisons.rivals.base import KERNELS, Inputs, Rival, handwritten
 from ncgen.comparisons.rivals.exact import by_differences, exact, relative_error, scale
 from ncgen.compiler import compile
-from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 
 __all__ = ["KERNELS", "Inputs", "Rival", "all_rivals", "by_differences", "exact", "handwritten", "relative_error", "rivals", "scale"]
@@ -26,7 +25,7 @@ def rivals(model: Model, inputs: Inputs, names: tuple[str, ...]) -> list[Rival]:
 
 def all_rivals(model: Model, inputs: Inputs, names: tuple[str, ...], users: list[str]) -> list[Rival]:
     """`rivals`, and also: other number types, batches, differences, complex steps, automatic differentiation, the user's own."""
-    kernels: Kernels = compile(model, "c")
+    kernels = compile(model, "c")
     found = rivals(model, inputs, names)
     found += generated.other_types(model, inputs, names)
     found.append(generated.batch(kernels, inputs, names))

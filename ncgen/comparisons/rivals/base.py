@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 from cffi import FFI
 
 from ncgen.exchange.examples import example_module, example_names
 from ncgen.mechanism.kernels import Kernels
-from ncgen.report.clock import repeated
+from ncgen.report.clock import Run, repeated
 from ncgen.report.repeat import Call
 from ncgen.resources import folder
 from ncgen.toolchain.abi import abi
@@ -46,7 +48,7 @@ class Rival:
     """
 
     name: str
-    runs: dict[str, Callable[[int], None]]
+    runs: dict[str, Run]
     values: Callable[[str], np.ndarray]
     place: str = "C"
     calls: int = 1
@@ -54,7 +56,7 @@ class Rival:
     compilation: float | None = None
     operations: dict[str, int] = field(default_factory=dict)
     code: dict[str, int] = field(default_factory=dict)
-    epsilon: float = np.finfo(float).eps
+    epsilon: float = float(np.finfo(float).eps)
 
 
 def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[dict[str, Call], Built]:
@@ -67,21 +69,28 @@ def foreign(files: dict[str, str], sizes: dict[str, int], symbol: str) -> tuple[
     ffi.include(abi())
     for name in sizes:
         ffi.cdef(f"ncgen_{'velocity' if name == 'gamma' else 'position'}_kernel {symbol.format(name)};")
-    library = ffi.dlopen(str(built.library))
+    library: Any = ffi.dlopen(str(built.library))  # cffi's stubs know no functions of a library
     return {name: Call(ffi.addressof(library, symbol.format(name)), size, library) for name, size in sizes.items()}, built
 
 
-def called(name: str, functions: dict[str, Callable[[], np.ndarray]], values=None, every=None, **facts) -> Rival:
-    """A rival whose kernels are Python functions without arguments; values: as in Rival, if they give something else."""
+def called(
+    name: str,
+    functions: Mapping[str, Callable[[], Any]],
+    values: Callable[[str], np.ndarray] | None = None,
+    every: Callable[[], object] | None = None,
+    generation: float | None = None,
+    compilation: float | None = None,
+) -> Rival:
+    """A rival whose kernels are Python functions without arguments; values: as in Rival, if they give something else than arrays."""
 
-    def all_of_them():
+    def all_of_them() -> None:
         for kernel in KERNELS:
             functions[kernel]()
 
     runs = {k: repeated(function) for k, function in functions.items()}
     if set(KERNELS) <= set(functions):
         runs["all"] = repeated(every or all_of_them)
-    return Rival(name, runs, values or (lambda k: functions[k]()), "Python", **facts)
+    return Rival(name, runs, values or (lambda k: functions[k]()), "Python", generation=generation, compilation=compilation)
 
 
 def nonzeros(kernels: Kernels, name: str, value: np.ndarray) -> np.ndarray:
@@ -90,7 +99,7 @@ def nonzeros(kernels: Kernels, name: str, value: np.ndarray) -> np.ndarray:
     return np.asarray(value).ravel()[patterns[name].flat] if name in patterns else np.asarray(value)
 
 
-def handwritten(kernels: Kernels):
+def handwritten(kernels: Kernels) -> ModuleType | None:
     """The example's module of hand-written functions, or None."""
     if kernels.name not in example_names() or not (folder("examples") / kernels.name / "handwritten.py").is_file():
         return None

@@ -1,10 +1,18 @@
-"""CasADi: Φ handed over as an expression graph, differentiated there, its C code compiled like the generated one."""
+"""CasADi: Φ handed over as an expression graph, differentiated there, its C code compiled like the generated one.
+
+Any: an expression or a function of CasADi.
+"""
 
 from __future__ import annotations
 
 import tempfile
 import time
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
+from types import ModuleType
+from typing import Any
 
 import numpy as np
 
@@ -31,10 +39,10 @@ int casadi_{name}_call(double t, const double *q, {qd}const double *p, double *o
 """
 
 
-def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """Nothing where CasADi is not installed."""
     try:
-        import casadi
+        casadi = import_module("casadi")
     except ImportError:
         return []
     if not differentiable(kernels) or kernels.m > LARGEST:
@@ -48,22 +56,17 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     calls, built = foreign(files, {k: f.nnz_out(0) for k, f in functions.items()}, "casadi_{}_call")
     raw = compiled("CasADi, C", calls, inputs, names)
     operations = {k: f.n_instructions() - f.nnz_in() - f.nnz_out() for k, f in functions.items()}
-    facts = {
-        "generation": generation,
-        "compilation": built.spent,
-        "operations": operations,
-        "code": code_bytes(built.library, "casadi", names),
-    }
 
-    def values(name):
+    def values(name: str) -> np.ndarray:
         found = np.zeros(kernels.programs.programs[name].size)
         found[places[name]] = raw.values(name)
         return found
 
-    return [Rival(raw.name, raw.runs, values, **facts)]
+    code = code_bytes(built.library, "casadi", names)
+    return [replace(raw, values=values, generation=generation, compilation=built.spent, operations=operations, code=code)]
 
 
-def graph(casadi, kernels: Kernels, name: str, given: dict):
+def graph(casadi: ModuleType, kernels: Kernels, name: str, given: Mapping[str, Any]) -> Any:
     """A kernel's numbers as a column of CasADi's expressions in the symbols given; zeros where the mechanism has no such kernel."""
     program = kernels.programs.programs.get(name)
     if program is None:
@@ -74,7 +77,7 @@ def graph(casadi, kernels: Kernels, name: str, given: dict):
     return casadi.vertcat(*evaluate(program, numbers, {code: f for code, f in known.items() if f}, casadi.SX))
 
 
-def _functions(casadi, kernels: Kernels, names):
+def _functions(casadi: ModuleType, kernels: Kernels, names: Sequence[str]) -> tuple[dict[str, Any], dict[str, np.ndarray | list[int]]]:
     """{kernel: casadi.Function}, and where each of its numbers stands in the kernel's output."""
     q, qd = casadi.SX.sym("q", kernels.n), casadi.SX.sym("qd", kernels.n)
     phi = graph(casadi, kernels, "phi", {"q": q})
@@ -88,7 +91,7 @@ def _functions(casadi, kernels: Kernels, names):
     return functions, places
 
 
-def _code(casadi, functions) -> str:
+def _code(casadi: ModuleType, functions: Mapping[str, Any]) -> str:
     generator = casadi.CodeGenerator("casadi_code.c", {"with_header": False})
     for function in functions.values():
         generator.add(function)

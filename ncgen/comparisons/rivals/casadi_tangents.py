@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import copy
+from importlib import import_module
+from types import ModuleType
+from typing import Any
 
 from ncgen.comparisons.rivals.base import differentiable
 from ncgen.comparisons.rivals.casadi import LARGEST, graph
@@ -15,7 +18,7 @@ def with_tangents(kernels: Kernels) -> Kernels | None:
     None where CasADi is not installed, the mechanism depends on more than q and q̇, or is large.
     """
     try:
-        import casadi
+        casadi = import_module("casadi")
     except ImportError:
         return None
     if not differentiable(kernels) or kernels.model.callbacks or kernels.m > LARGEST:
@@ -38,8 +41,8 @@ def with_tangents(kernels: Kernels) -> Kernels | None:
     return other
 
 
-def _inertia(casadi, kernels: Kernels, q, qdd):
-    """M q̈."""
+def _inertia(casadi: ModuleType, kernels: Kernels, q: Any, qdd: Any) -> Any:
+    """M q̈, of expressions of CasADi."""
     M = casadi.SX(kernels.n, kernels.n)
     if "mass" in kernels.programs.programs:
         values = graph(casadi, kernels, "mass", {"q": q})

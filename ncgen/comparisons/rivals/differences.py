@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 
 from ncgen.comparisons.rivals.base import Inputs, Rival, called, differentiable, nonzeros
@@ -10,13 +12,18 @@ from ncgen.mechanism.kernels import Kernels
 EPSILON = np.finfo(float).eps
 IMAGINARY = 1e-200
 
+Function = Callable[[np.ndarray], np.ndarray]
 
-def rivals(kernels: Kernels, complex_kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+Slope = Callable[[Function, np.ndarray, np.ndarray], np.ndarray]
+"""slope(function, x, direction): the derivative of a function at x along a direction."""
+
+
+def rivals(kernels: Kernels, complex_kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """Φ_q from Φ, γ from Φ_q q̇ along q̇; complex_kernels: those of NumPy, which take complex numbers."""
     if not differentiable(kernels):
         return []
 
-    ways = {
+    ways: dict[str, tuple[Slope, Kernels]] = {
         "finite differences, 2 points": (forward, kernels),
         "finite differences, 3 points": (central, kernels),
         "complex step, NumPy": (complex_step, complex_kernels),
@@ -32,31 +39,31 @@ def rivals(kernels: Kernels, complex_kernels: Kernels, inputs: Inputs, names) ->
     return found
 
 
-def _rate(kernels: Kernels, inputs: Inputs):
+def _rate(kernels: Kernels, inputs: Inputs) -> Function:
     return lambda x: kernels.jacobian(x, inputs.t, inputs.p) @ inputs.qd
 
 
-def jacobian(slope, function, x) -> np.ndarray:
+def jacobian(slope: Slope, function: Function, x: np.ndarray) -> np.ndarray:
     """∂function/∂x, column by column."""
     return np.column_stack([slope(function, x, unit) for unit in np.eye(len(x))])
 
 
-def forward(function, x, direction) -> np.ndarray:
+def forward(function: Function, x: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Error h |f''|/2 + ε |f|/h, least at h = √ε."""
     h = np.sqrt(EPSILON) * _size(x, direction)
     return (function(x + h * direction) - function(x)) / h
 
 
-def central(function, x, direction) -> np.ndarray:
+def central(function: Function, x: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Error h² |f'''|/6 + ε |f|/h, least at h = ∛ε."""
     h = np.cbrt(EPSILON) * _size(x, direction)
     return (function(x + h * direction) - function(x - h * direction)) / (2 * h)
 
 
-def complex_step(function, x, direction) -> np.ndarray:
+def complex_step(function: Function, x: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Nothing cancels, so the step may be as small as one likes (Squire and Trapp 1998)."""
-    return function(x + 1j * IMAGINARY * direction).imag / IMAGINARY
+    return np.imag(function(x + 1j * IMAGINARY * direction)) / IMAGINARY
 
 
-def _size(x, direction) -> float:
+def _size(x: np.ndarray, direction: np.ndarray) -> float:
     return max(1.0, float(np.max(np.abs(x[direction != 0]), initial=0.0))) / float(np.max(np.abs(direction)))

@@ -1,6 +1,12 @@
-"""Kernels with 50 digits, and how large their numbers are."""
+"""Kernels with 50 digits, and how large their numbers are.
+
+Any: a number of mpmath, whose module makes its types at run time.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 import mpmath
 import numpy as np
@@ -39,7 +45,7 @@ def by_differences(kernels: Kernels, name: str, inputs: Inputs) -> np.ndarray:
         h = mpmath.mpf(10) ** -15
         numbers = _numbers(inputs)
 
-        def phi(direction, step):
+        def phi(direction: Sequence[Any], step: Any) -> list[Any]:
             moved = [x + step * v for x, v in zip(numbers["q"], direction, strict=True)]
             return _exact(kernels, "phi", {**numbers, "q": moved, "t": numbers["t"] + step * (name == "gamma")})
 
@@ -60,20 +66,20 @@ def scale(kernels: Kernels, name: str, inputs: Inputs) -> np.ndarray:
     return np.maximum(largest, np.finfo(float).tiny)
 
 
-def relative_error(value, reference) -> float:
+def relative_error(value: np.ndarray, reference: np.ndarray) -> float:
     """The largest difference, relative to the largest entry."""
     return float(np.max(np.abs(value - reference), initial=0.0) / max(np.max(np.abs(reference), initial=0.0), 1e-300))
 
 
-def _rounded(values) -> np.ndarray:
+def _rounded(values: Iterable[Any]) -> np.ndarray:
     """The values as long doubles (doubles on platforms without)."""
     return np.array([np.longdouble(mpmath.nstr(v, 25)) for v in values])
 
 
-def _exact(kernels: Kernels, name: str, numbers: dict) -> list:
+def _exact(kernels: Kernels, name: str, numbers: dict[str, Any]) -> list[Any]:
     return evaluate(kernels.programs.programs[name], numbers, MPMATH, mpmath.mpf)
 
 
-def _numbers(inputs: Inputs) -> dict:
+def _numbers(inputs: Inputs) -> dict[str, Any]:
     arrays = {key: [mpmath.mpf(float(x)) for x in getattr(inputs, key)] for key in ("q", "qd", "p")}
     return {"t": mpmath.mpf(inputs.t), **arrays}

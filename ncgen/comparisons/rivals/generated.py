@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 import subprocess
 import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +19,7 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.model import Model
 from ncgen.program.assemble import EMISSIONS
 from ncgen.program.cost import cost
-from ncgen.report.clock import repeated
+from ncgen.report.clock import Run, repeated
 from ncgen.report.repeat import Call, runner, typed_runner
 from ncgen.toolchain import cache
 from ncgen.toolchain.abi import NUMBERS
@@ -32,11 +34,11 @@ def at_once(kernels: CompiledKernels, inputs: Inputs) -> Rival:
     function = Call(kernels.function("constraints"), program.size, kernels)
     run = runner(inputs.t, inputs.q, inputs.qd, inputs.p, [], function)
     ends = np.cumsum([kernels.programs.programs[k].size for k in KERNELS])
-    part = dict(zip(KERNELS, np.split(np.arange(function.size), ends[:-1]), strict=True))
+    part: dict[str, np.ndarray] = dict(zip(KERNELS, np.split(np.arange(function.size), ends[:-1]), strict=True))
     return Rival("generated C, all at once", {"all": run}, lambda k: (run(1), function.out[part[k]])[1])
 
 
-def emissions(model: Model, inputs: Inputs, names) -> list[Rival]:
+def emissions(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """Every emission, `auto` first, with the seconds it took to make."""
     found = []
     for emission in ("auto", *sorted(set(EMISSIONS) - {"auto"})):
@@ -48,17 +50,16 @@ def emissions(model: Model, inputs: Inputs, names) -> list[Rival]:
         functions = {name: Call(kernels.function(name), programs[name].size, kernels) for name in programs}
         rival = compiled(f"generated C, {emission}", functions, inputs, names)
         built = cache.compiled(sources.c)
-        facts = {"generation": generation, "compilation": built.spent}
-        facts |= {"operations": {name: cost(program).total for name, program in programs.items()}}
-        facts |= {"code": code_bytes(built.library, identifier(model.name), names)}
-        found.append(Rival(rival.name, rival.runs, rival.values, **facts))
+        operations = {name: cost(program).total for name, program in programs.items()}
+        code = code_bytes(built.library, identifier(model.name), names)
+        found.append(replace(rival, generation=generation, compilation=built.spent, operations=operations, code=code))
     return found
 
 
-def compiled(name: str, functions: dict[str, Call], inputs: Inputs, names) -> Rival:
+def compiled(name: str, functions: dict[str, Call], inputs: Inputs, names: Sequence[str]) -> Rival:
     """A rival of functions in C with the face of kernels."""
 
-    def run(*chosen):
+    def run(*chosen: str) -> Run:
         velocity = functions["gamma"] if "gamma" in chosen else None
         return runner(inputs.t, inputs.q, inputs.qd, inputs.p, [functions[k] for k in chosen if k != "gamma"], velocity)
 
@@ -69,24 +70,24 @@ def compiled(name: str, functions: dict[str, Call], inputs: Inputs, names) -> Ri
     return Rival(name, runs, lambda k: (runs[k](1), functions[k].out.copy())[1])
 
 
-def other_types(model: Model, inputs: Inputs, names) -> list[Rival]:
+def other_types(model: Model, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """The same source for float and long double."""
     sources = generate(model)
     found = []
     for name in (name for name in NUMBERS if name != "double"):
-        runs, out = typed_runner(sources, name, inputs, names)
+        runs, out = typed_runner(sources, name, inputs.t, inputs.q, inputs.qd, inputs.p, names)
         epsilon = float(np.finfo(NUMBERS[name].dtype).eps)
         found.append(Rival(f"generated C, {name}", runs, lambda k, runs=runs, out=out: (runs[k](1), out[k].copy())[1], epsilon=epsilon))
     return found
 
 
-def from_python(name: str, kernels: Kernels, inputs: Inputs, names) -> Rival:
+def from_python(name: str, kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> Rival:
     """Kernels as a user calls them."""
     functions = {k: lambda k=k: kernels.values(k, inputs.t, inputs.q, inputs.qd, inputs.p) for k in names}
     return called(name, functions)
 
 
-def direct(kernels: CompiledKernels, inputs: Inputs, names) -> Rival:
+def direct(kernels: CompiledKernels, inputs: Inputs, names: Sequence[str]) -> Rival:
     """Kernels on arrays of their own, for loops in Python."""
     functions = {k: kernels.direct(k) for k in names if k in kernels.programs.programs}
     for function in functions.values():
@@ -94,19 +95,19 @@ def direct(kernels: CompiledKernels, inputs: Inputs, names) -> Rival:
     return called("generated C, direct", functions, lambda k: (functions[k](), functions[k].out.copy())[1])
 
 
-def batch(kernels: CompiledKernels, inputs: Inputs, names) -> Rival:
+def batch(kernels: CompiledKernels, inputs: Inputs, names: Sequence[str]) -> Rival:
     """Many states in one call, each the same; times are those of a state."""
     q, qd = (np.tile(x, (STATES, 1)) for x in (inputs.q, inputs.qd))
     out = {k: np.empty((STATES, kernels.programs.programs[k].size)) for k in names}
 
-    def function(k):
+    def function(k: str) -> Callable[[], np.ndarray]:
         return lambda: kernels.batch.values(k, inputs.t, q, qd, inputs.p, out[k])
 
     runs = {k: repeated(function(k)) for k in names}
     return Rival(f"generated C, batch of {STATES}", runs, lambda k: function(k)()[0], "Python", STATES)
 
 
-def code_bytes(library: Path, prefix: str, names) -> dict[str, int]:
+def code_bytes(library: Path, prefix: str, names: Iterable[str]) -> dict[str, int]:
     """Size of every kernel's machine code, where the tool `nm` can tell."""
     if shutil.which("nm") is None:
         return {}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from ncgen.comparisons.rivals.base import KERNELS, Inputs, Rival, called, foreign, handwritten, nonzeros
@@ -26,7 +27,7 @@ def in_c(kernels: Kernels) -> list[dict[str, Call]]:
     return [foreign({path.name: path.read_text(encoding="utf-8")}, sizes, "handwritten_{}")[0]]
 
 
-def in_numpy(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+def in_numpy(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """The functions of handwritten.py: in the paper's manner, and vectorised."""
     module = handwritten(kernels)
     if module is None:

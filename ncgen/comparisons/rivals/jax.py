@@ -1,8 +1,14 @@
-"""JAX: Φ traced and differentiated forward, compiled by XLA."""
+"""JAX: Φ traced and differentiated forward, compiled by XLA.
+
+Any: an array of JAX, or what stands for one while a function is traced.
+"""
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -15,10 +21,10 @@ LARGEST = 200
 """Rows up to which the scalar operations of Φ are traced one by one."""
 
 
-def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """Nothing where JAX is not installed."""
     try:
-        import jax
+        jax = import_module("jax")
     except ImportError:
         return []
     if not differentiable(kernels) or kernels.m > LARGEST:
@@ -27,13 +33,13 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     functions = {name: getattr(jnp, f.numpy) for name, f in FUNCTIONS.items()}
     program = kernels.programs.programs["phi"]
 
-    def phi(q):
+    def phi(q: Any) -> Any:
         return jnp.stack([jnp.asarray(x) for x in evaluate(program, {"t": 0.0, "q": q, "p": kernels.p0}, functions)])
 
-    def rate(q, qd):
+    def rate(q: Any, qd: Any) -> Any:
         return jax.jvp(phi, (q,), (qd,))[1]
 
-    def gamma(q, qd):
+    def gamma(q: Any, qd: Any) -> Any:
         return -jax.jvp(lambda x: rate(x, qd), (q,), (qd,))[1]
 
     made = {"phi": (jax.jit(phi), 1), "phi_q": (jax.jit(jax.jacfwd(phi)), 1), "gamma": (jax.jit(gamma), 2)}

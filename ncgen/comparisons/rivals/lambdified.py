@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 
 import numpy as np
 import sympy
@@ -16,7 +17,7 @@ LARGEST = 60
 """Rows up to which sympy is asked to differentiate the whole mechanism: it takes long beyond."""
 
 
-def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     names = [k for k in names if k in ("phi", "phi_q", "gamma")]
     if kernels.m > LARGEST or not differentiable(kernels):
         return []
@@ -30,17 +31,17 @@ def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
     return [called("sympy.lambdify(cse=True)", calls, every=every, generation=seconds)]
 
 
-def symbolic(kernels: Kernels):
+def symbolic(kernels: Kernels) -> tuple[dict[str, list[sympy.Expr]], tuple[Sequence[sympy.Symbol], Sequence[sympy.Symbol]]]:
     """{kernel: [expression]} and the arguments (q, q̇), Φ_q in the kernels' pattern."""
     q, qd = (sympy.symbols(f"{letter}:{kernels.n}") for letter in ("x", "v"))
     functions = {name: getattr(sympy, f.sympy) for name, f in FUNCTIONS.items()}
     given = {"t": sympy.Float(0), "q": q, "p": [sympy.Float(float(x)) for x in kernels.p0]}
     phi = evaluate(kernels.programs.programs["phi"], given, functions, sympy.Float)
     jacobian = {place: sympy.diff(phi[place[0]], q[place[1]]) for place in kernels.phi_q_pattern.positions()}
-    rate = [sympy.Integer(0)] * kernels.m
+    rate: list[sympy.Expr] = [sympy.Integer(0)] * kernels.m
     for (row, column), entry in jacobian.items():
         rate[row] += entry * qd[column]
-    gamma = [sympy.Integer(0)] * kernels.m
+    gamma: list[sympy.Expr] = [sympy.Integer(0)] * kernels.m
     for row, column in jacobian:
         gamma[row] -= sympy.diff(rate[row], q[column]) * qd[column]
     return {"phi": phi, "phi_q": list(jacobian.values()), "gamma": gamma}, (q, qd)

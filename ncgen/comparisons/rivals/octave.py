@@ -21,16 +21,21 @@ LONGEST = 600.0
 def available(kernels: Kernels) -> bool:
     """Whether the example has a handwritten.m and Octave is there to run it."""
     module = handwritten(kernels)
-    return module is not None and Path(module.__file__).with_suffix(".m").is_file() and shutil.which(PROGRAM) is not None
+    if module is None or module.__file__ is None:
+        return False
+    return Path(module.__file__).with_suffix(".m").is_file() and shutil.which(PROGRAM) is not None
 
 
-def falls(kernels: Kernels, **settings) -> list[dict]:
+def falls(kernels: Kernels, *, duration: float, steps: int, rtol: float, atol: float) -> list[dict]:
     """What handwritten.m prints: tool, seconds, psi (the angles at the end) and evaluations of every integrator.
 
-    settings: duration (s), steps of RK4, rtol and atol of ode45
-    Raises NcgenError with Octave's last line if it fails.
+    duration: s; steps: of RK4; rtol, atol: of ode45
+    Raises NcgenError with Octave's last line if it fails, and for a model without hand-written functions.
     """
-    data = handwritten(kernels).data(kernels.q0) | settings
+    module = handwritten(kernels)
+    if module is None:
+        raise NcgenError(f"{kernels.name}: nobody has written its functions by hand; choose robot")
+    data = module.data(kernels.q0) | {"duration": duration, "steps": steps, "rtol": rtol, "atol": atol}
     with tempfile.TemporaryDirectory() as work:
         path = Path(work) / f"{kernels.name}.json"
         path.write_text(json.dumps(data), encoding="utf-8")

@@ -1,11 +1,17 @@
 """SymForce: symbolic derivatives of Φ, its common subexpressions, its C++ expressions.
 
 They are compiled like the generated code and without the matrices of Eigen around them, so that both are timed alike.
+Any: an expression of SymForce.
 """
 
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib import import_module
+from types import ModuleType
+from typing import Any
 
 from ncgen.comparisons.rivals.base import Inputs, Rival, differentiable, foreign
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
@@ -23,43 +29,36 @@ TEXT = """#include <math.h>
 """
 
 
-def rivals(kernels: Kernels, inputs: Inputs, names) -> list[Rival]:
+def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     """Nothing where SymForce is not installed."""
     try:
-        import symforce
-
-        symforce.set_epsilon_to_number()
-        import symforce.symbolic
+        import_module("symforce").set_epsilon_to_number()
+        symbolic = import_module("symforce.symbolic")
     except ImportError:
         return []
     if not differentiable(kernels) or kernels.m > LARGEST:
         return []
     names = [k for k in names if k in ("phi", "phi_q", "gamma")]
     start = time.perf_counter()
-    text, operations = _code(symforce.symbolic, kernels, names)
+    text, operations = _code(symbolic, kernels, names)
     generation = time.perf_counter() - start
     files = {"symforce.c": text} | runtime_files("ncgen.h")
     calls, built = foreign(files, {k: kernels.programs.programs[k].size for k in names}, "symforce_{}")
     raw = compiled("SymForce, C", calls, inputs, names)
-    facts = {
-        "generation": generation,
-        "compilation": built.spent,
-        "operations": operations,
-        "code": code_bytes(built.library, "symforce", names),
-    }
-    return [Rival(raw.name, raw.runs, raw.values, **facts)]
+    code = code_bytes(built.library, "symforce", names)
+    return [replace(raw, generation=generation, compilation=built.spent, operations=operations, code=code)]
 
 
-def _code(sf, kernels: Kernels, names) -> tuple[str, dict[str, int]]:
+def _code(sf: ModuleType, kernels: Kernels, names: Sequence[str]) -> tuple[str, dict[str, int]]:
     """The C text, and SymForce's own count of operations."""
-    from symforce.codegen import CppConfig
-    from symforce.codegen.codegen_util import print_code
-    from symforce.values import Values
+    codegen = import_module("symforce.codegen")
+    print_code = import_module("symforce.codegen.codegen_util").print_code
+    Values = import_module("symforce.values").Values
 
     expressions, q, qd = _symbolic(sf, kernels)
     text, operations = TEXT, {}
     for name in names:
-        found = print_code(Values(q=q, qd=qd), Values(out=expressions[name]), {}, CppConfig())
+        found = print_code(Values(q=q, qd=qd), Values(out=expressions[name]), {}, codegen.CppConfig())
         lines = [f"const double {symbol} = {code};" for symbol, code in found.intermediate_terms]
         lines += [f"{place} = {code};" for place, code in found.dense_terms[0].terms]
         arguments = "double t, const double *q, " + "const double *qd, " * (name == "gamma") + "const double *p, double *out"
@@ -69,7 +68,7 @@ def _code(sf, kernels: Kernels, names) -> tuple[str, dict[str, int]]:
     return text, operations
 
 
-def _symbolic(sf, kernels: Kernels):
+def _symbolic(sf: ModuleType, kernels: Kernels) -> tuple[dict[str, list[Any]], list[Any], list[Any]]:
     """{kernel: expressions}, Φ_q in the kernels' pattern, and the symbols q and q̇."""
     q, qd = ([sf.Symbol(f"{letter}{i}") for i in range(kernels.n)] for letter in ("x", "v"))
     functions = {name: getattr(sf, f.sympy) for name, f in FUNCTIONS.items()}

@@ -11,6 +11,9 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
+
+import numpy as np
 
 from ncgen.comparisons.rivals.base import Inputs, Rival, called, nonzeros
 from ncgen.errors import ModelError
@@ -41,7 +44,7 @@ class UserFunction:
         _check(text, function, ARGUMENTS[kernel])
         return cls(text, kernel, function)
 
-    def __call__(self, *arguments):
+    def __call__(self, *arguments: np.ndarray) -> Any:
         """What it gives. Raises ModelError with what it raises."""
         try:
             return self.function(*arguments)
@@ -63,7 +66,7 @@ def _rival(kernels: Kernels, inputs: Inputs, function: UserFunction) -> Rival:
     size = kernels.programs.programs[kernel].size
     shape = {"phi_q": (kernels.m, kernels.n), "mass": (kernels.n, kernels.n)}.get(kernel)
 
-    def values(_):
+    def values(_: str) -> np.ndarray:
         value = function(*arguments)
         found = getattr(value, "shape", None)
         if found not in ((size,), shape):
@@ -73,7 +76,7 @@ def _rival(kernels: Kernels, inputs: Inputs, function: UserFunction) -> Rival:
     return called(text, {kernel: lambda: function(*arguments)}, values)
 
 
-def _imported(text: str, module: str, name: str):
+def _imported(text: str, module: str, name: str) -> Any:
     folder = str(Path.cwd())
     if folder not in sys.path:
         sys.path.insert(0, folder)
@@ -84,7 +87,7 @@ def _imported(text: str, module: str, name: str):
         raise ModelError(f"--with {text}: {said[:150]}; write it as module:function, the module being importable from here") from None
 
 
-def _check(text: str, function, names: tuple[str, ...]) -> None:
+def _check(text: str, function: object, names: tuple[str, ...]) -> None:
     """Refuse what was not written for this: no function, one of Python's own, or one with other arguments."""
     call = f"f({', '.join(names)})"
     if not callable(function) or inspect.isclass(function) or inspect.isbuiltin(function):

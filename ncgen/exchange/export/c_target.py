@@ -36,7 +36,7 @@ def single_header(package: Package) -> str:
     def flat(name: str) -> str:
         """The text of a file with the package's own headers put in where they are first included."""
 
-        def inserted(match) -> str:
+        def inserted(match: re.Match[str]) -> str:
             header = match[1]
             if header not in code:
                 return match[0]

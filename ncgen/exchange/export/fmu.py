@@ -18,7 +18,8 @@ from pathlib import Path
 from ncgen.emit.environment import render
 from ncgen.errors import NcgenError
 from ncgen.exchange.export.package import Package, renamed
-from ncgen.model.elements import Vector
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Spatial, Vector
 from ncgen.program.full_loads import loaded_elements
 from ncgen.toolchain.cache import compiled
 
@@ -130,7 +131,7 @@ def _groups(package: Package) -> list[Group]:
     return groups
 
 
-def _load(body, element) -> list[Variable]:
+def _load(body: Body, element: Spatial) -> list[Variable]:
     """The load of joints on a body at one of its elements: a force at a point, a moment through a vector."""
     kind, unit, where = ("moment", "N.m", "through") if isinstance(element, Vector) else ("force", "N", "at")
     text = f"joint {kind} on {body.name} {where} {element.name}"
@@ -139,7 +140,7 @@ def _load(body, element) -> list[Variable]:
 
 def _headers(version: int) -> dict[str, str]:
     found = importlib.util.find_spec("fmpy")
-    if found is None:
+    if found is None or not found.submodule_search_locations:
         raise NcgenError("the headers of FMI are missing: they come with the package fmpy; run pip install 'ncgen[export]'")
     folder = Path(found.submodule_search_locations[0]) / "c-code"
     kinds = ("Functions", "FunctionTypes", "TypesPlatform" if version == 2 else "PlatformTypes")

@@ -29,6 +29,7 @@ from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, a
 from ncgen.solver.assembly import assemble
 from ncgen.solver.partition import choose_partitions, kinematics
 from ncgen.solver.rank import freedom, trial_positions
+from ncgen.solver.run import simulation_of
 
 PUBLIC = ("ncgen.h",)
 """Headers of ncgen that an embedder reads; the others stay beside the sources."""
@@ -135,12 +136,12 @@ def package(model: Model) -> Package:
     if not np.any(sizes.W):
         raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
     programs = assemble_full_motion(sources.programs.equations, sizes, kernels.holonomic)
-    options = model.simulation_options
+    options = simulation_of(model)
     qd = _velocities(kernels, q, options.get("zd0", {}), tuple(options.get("z", model.chosen_independent)))
-    return Package(sources, kernels, programs, sizes, q, qd, float(options.get("duration", 1.0)), freedom(kernels).dof)
+    return Package(sources, kernels, programs, sizes, q, qd, float(options["duration"]), freedom(kernels).dof)
 
 
-def _velocities(kernels: Kernels, q, speeds: dict[str, float], chosen: tuple[str, ...]) -> np.ndarray:
+def _velocities(kernels: Kernels, q: np.ndarray, speeds: dict[str, float], chosen: tuple[str, ...]) -> np.ndarray:
     """Consistent velocities (n,) with the model's initial speeds of its independent coordinates."""
     part = choose_partitions(kernels, q, 0.0, kernels.p0, chosen).velocity
     frame = kinematics(kernels, part, q, 0.0, kernels.p0)

@@ -1,0 +1,72 @@
+"""The commands about files: check, convert, export, cache."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ncgen.cli.terminal import ModelName, err, out, progress
+from ncgen.errors import ModelError
+
+
+def check(file: Annotated[Path, typer.Argument(help="a TOML model file")]) -> None:
+    """Report everything that is wrong with a model file, with line numbers."""
+    from ncgen.compiler import generate as sources_of
+    from ncgen.exchange.toml_reader import problems_of_run, read_toml
+
+    model, problems = read_toml(file)
+    if model is not None:
+        problems = problems or problems_of_run(file, model)
+    for problem in problems:
+        err.print(problem.of(file), markup=False)
+    if model is None or problems:
+        raise ModelError(f"{file.name}: {len(problems)} problem{'s' if len(problems) > 1 else ''}")
+    sources_of(model)
+    out.print(f"{file.name}: {len(model.components)} coordinates, {len(model.rows)} rows, {len(model.bodies)} bodies", markup=False)
+
+
+def convert(
+    model: ModelName,
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="file to write [default: print]")] = None,
+) -> None:
+    """Write a model as a TOML file."""
+    from ncgen.emit.sources import write_text
+    from ncgen.exchange.examples import load
+    from ncgen.exchange.toml_writer import to_toml
+
+    text = to_toml(load(model))
+    if output is None:
+        print(text, end="")
+    else:
+        out.print(str(write_text(output, text)), markup=False)
+
+
+def export(
+    model: ModelName,
+    to: Annotated[str, typer.Option(help="c, fmu2, fmu3, wasm, python or numpy")],
+    output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
+) -> None:
+    """Write a mechanism for use without Python: a folder that builds and runs by its own README."""
+    from ncgen.exchange.examples import load
+    from ncgen.exchange.export import export as written
+
+    loaded = load(model)
+    with progress(f"exporting {loaded.name}", None):
+        paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"))
+    for path in paths:
+        out.print(str(path), markup=False)
+
+
+def cache(clear: Annotated[bool, typer.Option("--clear", help="remove all compiled libraries")] = False) -> None:
+    """Show or clear the cache of compiled libraries."""
+    from ncgen.toolchain import cache as store
+
+    if clear:
+        out.print(f"{store.clear()} libraries removed from {store.cache_folder()}", markup=False)
+        return
+    found = store.entries()
+    out.print(f"{store.cache_folder()}: {len(found)} libraries, {sum(e.size for e in found) / 1e6:.1f} MB", markup=False)
+    for entry in found:
+        out.print(f"  {entry.key[:12]}  {', '.join(entry.sources):<24} {entry.size / 1e3:8.0f} kB  {entry.age / 3600:6.1f} h", markup=False)

@@ -1,0 +1,218 @@
+"""The commands that measure and compare: bench, compare, hard."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from ncgen.cli.terminal import PICTURES, Json, ModelName, out, progress, writable
+from ncgen.errors import ModelError
+
+if TYPE_CHECKING:
+    from ncgen.model import Model
+
+
+def bench(
+    model: ModelName,
+    precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
+    instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
+    growth: Annotated[bool, typer.Option("--growth", help="of the chain: generation and compilation of 100 to 5000 links")] = False,
+    peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
+    limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
+    html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
+    plot: Annotated[Path | None, typer.Option(help="with --precision: write the plot into this .svg or .png file")] = None,
+    json_output: Json = False,
+) -> None:
+    """Measure generated code beside hand-written code: times with their errors."""
+    from ncgen.comparisons.bench import bench as measurements
+    from ncgen.comparisons.bench import show
+    from ncgen.exchange.examples import load
+
+    writable("--html", html)
+    writable("--plot", plot, PICTURES)
+    if peers:
+        _peers(load(model), limit, json_output)
+        return
+    if growth:
+        _growth(load(model), json_output)
+        return
+    if instructions:
+        _instructions(load(model), json_output)
+        return
+    if precision or html or plot:
+        _precision(load(model), html, plot, json_output)
+        return
+    records = []
+    with progress(f"measuring {model}", 3.0) as advance:
+        for done, (title, found) in enumerate(measurements(load(model)), 1):
+            records += found
+            advance(done)
+            if not json_output:
+                show(out, title, found)
+    if json_output:
+        print(json.dumps(records, indent=1))
+
+
+def _growth(model: Model, json_output: bool) -> None:
+    """Seconds and bytes of longer and longer chains."""
+    from ncgen.comparisons.bench import aligned, generation_rows
+    from ncgen.comparisons.generation import LENGTHS, growth_records
+
+    if model.name != "chain":
+        raise ModelError(f"--growth: {model.name} has one size; choose chain")
+    records = []
+    with progress("generating chains", len(LENGTHS)) as advance:
+        for done, record in enumerate(growth_records(), 1):
+            records.append(record)
+            advance(done)
+    if json_output:
+        print(json.dumps(records, indent=1))
+    else:
+        for line in aligned(generation_rows(records)):
+            out.print(line, markup=False)
+
+
+def _instructions(model: Model, json_output: bool) -> None:
+    """Counts that repeat to the digit."""
+    from ncgen.comparisons.bench import aligned
+    from ncgen.comparisons.instructions import instruction_records, table
+
+    with progress(f"counting instructions of {model.name}", None):
+        records = list(instruction_records(model))
+    if json_output:
+        print(json.dumps(records, indent=1))
+    else:
+        for line in aligned(table(records)):
+            out.print(line, markup=False)
+
+
+def _peers(model: Model, limit: float, json_output: bool) -> None:
+    """Other simulators beside ncgen."""
+    from ncgen.comparisons import peers
+
+    if model.name != "nfourbar":
+        raise ModelError(f"--peers: {model.name} is not a mechanism that the other simulators were given; choose nfourbar")
+    records = []
+    for count in peers.COUNTS:
+        with progress(f"measuring {count} four-bars", None):
+            found = list(peers.peer_records([count], limit=limit))
+        records += found
+        for line in () if json_output else peers.lines(found):
+            out.print(line, markup=False)
+    if json_output:
+        print(json.dumps(records, indent=1))
+
+
+def _precision(model: Model, html: Path | None, plot: Path | None, json_output: bool) -> None:
+    """Every method from loose to tight; the front in words."""
+    from ncgen.comparisons import precision
+    from ncgen.comparisons.bench import aligned
+    from ncgen.emit.sources import write_text
+    from ncgen.report.document import Section, page
+    from ncgen.report.machine import machine
+
+    with progress(f"simulating {model.name}", None):
+        records = precision.precision_records(model)
+    doubt = f"the reference is known to {records[0]['doubt']:.1e}: by so much two methods at tight tolerance differ"
+    rows, front = precision.table(records), precision.front(records)
+    if json_output:
+        print(json.dumps({"machine": machine(), "records": records}, indent=1))
+    else:
+        for line in [f"{model.name}: time until an error is reached", *aligned(rows), doubt, *front]:
+            out.print(line, markup=False)
+    if html is not None:
+        section = Section("Time until an error is reached", "; ".join([doubt, *front]), tuple(rows), precision.figure(records, model.name))
+        write_text(html, page(f"{model.name}: error against time", [section], machine()))
+    if plot is not None:
+        from ncgen.view.figure import save
+
+        save(precision.figure(records, model.name), plot)
+
+
+def compare(
+    model: ModelName,
+    users: Annotated[
+        list[str] | None, typer.Option("--with", help="a function of yours, module:function for Φ_q, or gamma=module:function")
+    ] = None,
+    handwritten: Annotated[
+        Path | None, typer.Option(help="find mistakes in this Python file's phi, phi_q, gamma (the file is run)")
+    ] = None,
+    tables: Annotated[
+        bool, typer.Option("--tables", help="also the paper's Tables 9 and 10: integrators by source of derivatives")
+    ] = False,
+    html: Annotated[Path | None, typer.Option(help="write a report into this file")] = None,
+    plot: Annotated[Path | None, typer.Option(help="write the plots into this .svg or .png file")] = None,
+    csv: Annotated[Path | None, typer.Option(help="write the records into this file")] = None,
+    json_output: Json = False,
+) -> None:
+    """Compare generated derivatives with hand-written ones, differences and automatic differentiation: error beside time."""
+    from ncgen.comparisons.comparison import Comparison
+    from ncgen.emit.sources import write_text
+    from ncgen.exchange.examples import load
+
+    for option, path, suffixes in (("--html", html, ()), ("--plot", plot, PICTURES), ("--csv", csv, ())):
+        writable(option, path, suffixes)
+    loaded = load(model)
+    if handwritten is not None:
+        _mistakes(loaded, handwritten, json_output)
+        return
+    comparison = Comparison(loaded, users or [], tables)
+    with progress(f"comparing {loaded.name}", None):
+        for section in comparison.sections():
+            if not json_output:
+                for line in comparison.lines(section):
+                    out.print(line, markup=False)
+    for path, write in ((html, comparison.html), (csv, comparison.csv)):
+        if path is not None:
+            write_text(path, write())
+    if plot is not None:
+        comparison.save_plot(plot)
+    if json_output:
+        print(json.dumps({"machine": comparison.machine, "records": comparison.records}, indent=1))
+
+
+def _mistakes(model: Model, path: Path, json_output: bool) -> None:
+    """The mistakes in a file; exit code 1 if there are any."""
+    from dataclasses import asdict
+
+    from ncgen.comparisons.mistakes import find_mistakes
+    from ncgen.compiler import compile
+
+    found = find_mistakes(compile(model, "c"), path)
+    if json_output:
+        print(json.dumps({name: [asdict(m) for m in mistakes] for name, mistakes in found.items()}, indent=1))
+    else:
+        for name, mistakes in found.items():
+            for mistake in mistakes:
+                out.print(str(mistake), markup=False)
+            if not mistakes:
+                out.print(f"{name}: no mistakes", markup=False)
+    if any(found.values()):
+        raise typer.Exit(1)
+
+
+def hard(
+    case: Annotated[list[str] | None, typer.Option(help="one case [default: all]; may be repeated")] = None,
+    limit: Annotated[float, typer.Option(help="seconds after which a run is stopped")] = 20.0,
+    json_output: Json = False,
+) -> None:
+    """Run mechanisms that break methods: case by formalism and integrator, with error, drift, time, or why it fails."""
+    from ncgen.comparisons.hard import hard_records, lines, methods
+    from ncgen.comparisons.hard_cases import CASES
+
+    names = case or list(CASES)
+    if unknown := [name for name in names if name not in CASES]:
+        raise ModelError(f"case {unknown[0]!r} is unknown; choose one of {', '.join(CASES)}")
+    records = []
+    with progress("hard cases", len(names) * len(methods())) as advance:
+        for done, record in enumerate(hard_records(names, limit), 1):
+            records.append(record)
+            advance(done)
+            if not json_output and done % len(methods()) == 0:
+                for line in lines(records[-len(methods()) :]):
+                    out.print(line, markup=False)
+    if json_output:
+        print(json.dumps(records, indent=1))

@@ -1,0 +1,48 @@
+"""What all commands share: where they write, what they are given, and a bar that shows how far they are."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+from ncgen.errors import ModelError
+
+out = Console(highlight=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, soft_wrap=True)
+
+ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml or .py file")]
+Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
+Backend = Annotated[str, typer.Option(help="auto, c or numpy")]
+Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled")]
+
+PICTURES = (".svg", ".png")
+
+
+def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> None:
+    """Refuse a file that cannot be written before the work that it is for is done."""
+    if path is None:
+        return
+    if suffixes and path.suffix.lower() not in suffixes:
+        raise ModelError(f"{option} {path}: choose a name that ends in {' or '.join(suffixes)}")
+    if path.is_dir():
+        raise ModelError(f"{option} {path}: that is a folder; name a file in it")
+    if not path.parent.is_dir():
+        raise ModelError(f"{option} {path}: there is no folder {path.parent}; make it, or choose another")
+    if not os.access(path.parent, os.W_OK):
+        raise ModelError(f"{option} {path}: the folder {path.parent} cannot be written to; choose another")
+
+
+@contextmanager
+def progress(what: str, total: float | None) -> Iterator[Callable[[float], None]]:
+    """A progress bar on standard error, only where somebody is watching."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(what, total=total)
+        yield lambda done: bar.update(task, completed=done)

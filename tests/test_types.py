@@ -1,0 +1,39 @@
+"""What editors and type checkers see: the names of ncgen, and annotations that hold wherever a user can look."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ncgen
+
+ROOT = Path(__file__).resolve().parent.parent
+
+
+def test_names_for_editors_are_those_that_are_loaded():
+    """ncgen loads its names late; editors read a list of names and imports that never run. All three say the same."""
+    tree = ast.parse((ROOT / "ncgen" / "__init__.py").read_text(encoding="utf-8"))
+    (block,) = [node for node in tree.body if isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"]
+    shown = {alias.asname or alias.name: node.module for node in block.body for alias in node.names}
+    assert shown == ncgen._HOMES
+    assert sorted(shown) == ncgen.__all__ == dir(ncgen)
+    assert all(getattr(ncgen, name).__name__ == name for name in shown)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("pyright") is None, reason="pyright is not there; run pip install '.[style]'")
+def test_annotations_hold(tmp_path):
+    """pyright finds nothing in ncgen, in the examples and in what the README shows."""
+    snippets = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), re.S)
+    assert snippets
+    for number, snippet in enumerate(snippets, 1):
+        (tmp_path / f"readme_{number}.py").write_text(snippet, encoding="utf-8")
+    command = ["pyright", "--pythonpath", sys.executable, "ncgen", "examples", *tmp_path.glob("readme_*.py")]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 0, done.stdout + done.stderr
