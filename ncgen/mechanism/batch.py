@@ -77,7 +77,9 @@ class Batch(ABC):
         """ν = −Φ_t, (B, m)."""
         return self.values("nu", t, q, None, p, out)
 
-    def gamma(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None) -> np.ndarray:
+    def gamma(
+        self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """γ, (B, m)."""
         return self.values("gamma", t, q, qd, p, out)
 
@@ -85,11 +87,15 @@ class Batch(ABC):
         """Nonzeros of the mass matrix M, (B, nonzeros)."""
         return self.values("mass", t, q, None, p, out)
 
-    def force(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None) -> np.ndarray:
+    def force(
+        self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """Generalised forces Q, (B, n)."""
         return self.values("force", t, q, qd, p, out)
 
-    def energy(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None) -> np.ndarray:
+    def energy(
+        self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """Kinetic and potential energy (J) and the power (W) of forces without a potential, (B, 3)."""
         return self.values("energy", t, q, qd, p, out)
 

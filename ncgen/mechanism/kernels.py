@@ -204,7 +204,9 @@ class Kernels(ABC):
         """γ, shape (m,): Φ_q q̈ = γ."""
         return self.values("gamma", t, q, qd, p)
 
-    def constraints(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> tuple[np.ndarray, csr_array, np.ndarray]:
+    def constraints(
+        self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
+    ) -> tuple[np.ndarray, csr_array, np.ndarray]:
         """Φ, Φ_q and γ at once, which is quicker than one by one: they have much in common."""
         if "constraints" not in self.programs.programs:  # no row has a coordinate in it: they have nothing in common
             return self.phi(q, t, p), self.phi_q(q, t, p), self.gamma(q, qd, t, p)
@@ -259,7 +261,9 @@ class Kernels(ABC):
         """Derivatives by the parameters, generated and compiled when first asked for."""
         return self._tangents.by_parameters(self.programs)
 
-    def stiffness(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
+    def stiffness(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
+    ) -> csr_array:
         """∂(M q̈ + Φ_qᵀ λ − Q)/∂q, sparse (n, n). Forces of Python functions are not in it."""
         return self._tangent("stiffness", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
 
@@ -287,7 +291,9 @@ class Kernels(ABC):
         """∂(Φ_q q̈ − γ)/∂p, sparse (m, parameters)."""
         return self._tangent("phidd_p", t=t, q=q, qd=qd, qdd=qdd, p=p)
 
-    def balance_p(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
+    def balance_p(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
+    ) -> csr_array:
         """∂(M q̈ + Φ_qᵀ λ − Q)/∂p, sparse (n, parameters)."""
         return self._tangent("balance_p", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
 

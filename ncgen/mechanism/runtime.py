@@ -313,9 +313,7 @@ class ConstrainedDynamics(Dynamics):
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
-    def __init__(
-        self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double", refine: bool = False
-    ) -> None:
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double", refine: bool = False) -> None:
         from ncgen.program.dynamics import assemble_dynamics
 
         super().__init__(kernels, number)

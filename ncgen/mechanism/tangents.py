@@ -7,7 +7,6 @@ those by position and velocity, or those by the parameters (ncgen.program.tangen
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Self
 
