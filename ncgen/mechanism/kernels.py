@@ -36,8 +36,8 @@ Found = TypeVar("Found")
 class Kernels(ABC):
     """The kernels of one mechanism.
 
-    q, qd: free coordinates (m, rad) and velocities, shape (n,), in the order of `coordinates`
-    p: parameters in the order of `parameters`; None means their defaults
+    q, qd: free coordinates (m, rad) and velocities, shape (n,), in the order of `coordinates`; t: time (s)
+    p: parameters (n_p,) in the order of `parameters`; None means their defaults
     Kernels that the mechanism does not need return zeros.
     q0, p0, row_sizes, column_sizes and holonomic are the mechanism's own; copy them to change them.
     """
@@ -53,6 +53,8 @@ class Kernels(ABC):
         self.model: Model = programs.equations.model
         self.name = self.model.name
         self.coordinates: tuple[str, ...] = tuple(c.name for c in programs.equations.free)
+        self.index = {name: i for i, name in enumerate(self.coordinates)}
+        """{coordinate name: position in q}."""
         self.rows: tuple[Row, ...] = tuple(self.model.rows)
         self.parameters: tuple[str, ...] = tuple(self.model.parameters)
         self.q0 = constant(np.array([c.initial for c in programs.equations.free]))
@@ -109,11 +111,6 @@ class Kernels(ABC):
     def m(self) -> int:
         """Number of constraint rows."""
         return len(self.rows)
-
-    @cached_property
-    def index(self) -> dict[str, int]:
-        """{coordinate name: position in q}."""
-        return {name: i for i, name in enumerate(self.coordinates)}
 
     @cached_property
     def row_sizes(self) -> np.ndarray:
