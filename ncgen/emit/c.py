@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import hashlib
-from typing import TYPE_CHECKING
+from collections.abc import Iterable
+from typing import TYPE_CHECKING, Any
 
 from ncgen.emit.environment import comment_text, loop_comments, render
-from ncgen.emit.expressions import write
+from ncgen.emit.expressions import slot_of, write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.emit.tables import Place, Tables
 from ncgen.model.values import evaluate
 from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Loop, Program
+from ncgen.program.blocks import Block, Loop, Program, Store
 from ncgen.program.cost import cost
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import Op
 
 if TYPE_CHECKING:
     from ncgen.program.dynamics import DynamicsPrograms
@@ -40,7 +42,7 @@ def c_files(programs: Programs) -> dict[str, str]:
     return files | runtime_files(*HEADERS)
 
 
-def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes) -> dict[str, str]:
+def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes: Iterable[float]) -> dict[str, str]:
     """{file name: text}: the state derivative, for the runtime to integrate."""
     prefix = identifier(equations.model.name)
     tables = Tables(f"{prefix}_dynamics_")
@@ -76,7 +78,7 @@ def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, 
     return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
 
 
-def program_records(programs, prefix: str, kind: str) -> dict:
+def program_records(programs: Iterable[Program], prefix: str, kind: str) -> dict[str, Any]:
     """Programs as a template prints them: {kernels, index_tables, number_tables}; kind: a word for the names of their tables."""
     tables = Tables(f"{prefix}_{kind}_")
     kernels = [_kernel(program, prefix, tables) for program in programs]
@@ -91,22 +93,22 @@ def number(value: float) -> str:
 class _C:
     """How C spells leaves and calls."""
 
-    def __init__(self, tables: Tables):
+    def __init__(self, tables: Tables) -> None:
         self.tables = tables
 
-    def number(self, value):
+    def number(self, value: float) -> str:
         return number(value)
 
-    def leaf(self, op, block):
-        if op.code == "load":
+    def leaf(self, op: Op, block: Block) -> str:
+        if isinstance(op.leaf, tuple):  # a load
             array, index = op.leaf
             return "t" if array == "t" else f"{array}[{index}]"
-        slot = block.slots[op.leaf]
+        slot = slot_of(op, block)
         if slot.array == "const":
             return f"{self.tables.number(slot.table)}[i]"
         return f"{slot.array}[{_subscript(self.tables.place(slot.table))}]"
 
-    def call(self, name, arguments):
+    def call(self, name: str, arguments: list[str]) -> str:
         return f"{FUNCTIONS[name].c}({', '.join(arguments)})"
 
 
@@ -117,7 +119,7 @@ def _subscript(place: Place) -> str:
     return head if not place.offset else f"{head} + {place.offset}" if place.offset > 0 else f"{head} - {-place.offset}"
 
 
-def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
+def _kernel(program: Program, prefix: str, tables: Tables) -> dict[str, Any]:
     reserved = [*program.inputs, program.output, *SHARED.values(), "angle"]
     blocks = [_block(block, tables, Names(reserved, prefix)) for block in program.blocks]
     operations = cost(program)
@@ -138,12 +140,12 @@ def _kernel(program: Program, prefix: str, tables: Tables) -> dict:
 
 def _read(program: Program) -> set[str]:
     """The arrays a program reads."""
-    loads = {op.leaf[0] for block in program.blocks for op in block.ops if op.code == "load"}
-    slots = {slot.array for block in program.blocks for slot in getattr(block, "slots", ())}
+    loads = {op.leaf[0] for block in program.blocks for op in block.ops if isinstance(op.leaf, tuple)}
+    slots = {slot.array for block in program.blocks if isinstance(block, Loop) for slot in block.slots}
     return loads | slots | ({"q"} if program.angles else set())
 
 
-def _angles(angles: tuple[int, ...], tables: Tables) -> dict:
+def _angles(angles: tuple[int, ...], tables: Tables) -> dict[str, Any]:
     """Where the angles of a program lie: one after the other in q, or anywhere."""
     if not angles:
         return {"count": 0}
@@ -152,28 +154,33 @@ def _angles(angles: tuple[int, ...], tables: Tables) -> dict:
     return {"count": len(angles), "first": place.offset if together else None, "place": _subscript(place)}
 
 
-def _block(block, tables: Tables, names: Names) -> dict:
-    loop = isinstance(block, Loop)
+def _block(block: Block, tables: Tables, names: Names) -> dict[str, Any]:
     dialect = _C(tables)
     written = write(block, dialect, names)
     lines: list[str] = []
     said = ""
     for store, before, value in zip(block.stores, written.before, written.values, strict=True):
-        if not loop and store.comment not in ("", said):
+        if isinstance(store, Store) and store.comment not in ("", said):
             said = store.comment
             lines.append(f"/* {comment_text(said)} */")
         lines += [f"const ncgen_real {a.name} = {_splat(a.value) if _is_number(a.node, block) else a.value};" for a in before]
-        place = _subscript(tables.place(store.table)) if loop else store.index
+        place = store.index if isinstance(store, Store) else _subscript(tables.place(store.table))
         sign = "+=" if store.accumulate else "="
         value = _splat(value) if block.ops[store.node].code == "const" else value
         lines.append(f"{store.array}[{place}] {sign} {value};")
-    return {"loop": loop, "count": block.count, "title": comment_text(block.title), "lines": lines, "comments": loop_comments(block)}
+    return {
+        "loop": isinstance(block, Loop),
+        "count": block.count,
+        "title": comment_text(block.title),
+        "lines": lines,
+        "comments": loop_comments(block),
+    }
 
 
-def _is_number(node: int, block) -> bool:
+def _is_number(node: int, block: Block) -> bool:
     """True for what a loop reads from a table of numbers."""
     op = block.ops[node]
-    return op.code == "slot" and block.slots[op.leaf].array == "const"
+    return op.code == "slot" and slot_of(op, block).array == "const"
 
 
 def _splat(value: str) -> str:
@@ -181,7 +188,7 @@ def _splat(value: str) -> str:
     return f"NCGEN_SPLAT({value})"
 
 
-def _records(programs: Programs, prefix: str, kernels, tables: Tables) -> dict:
+def _records(programs: Programs, prefix: str, kernels: list[dict[str, Any]], tables: Tables) -> dict[str, Any]:
     equations = programs.equations
     model = equations.model
     parameters = equations.parameters
@@ -204,7 +211,7 @@ def _records(programs: Programs, prefix: str, kernels, tables: Tables) -> dict:
     }
 
 
-def _tables(tables: Tables) -> dict:
+def _tables(tables: Tables) -> dict[str, Any]:
     return {
         "index_tables": [(name, values) for values, name in tables.indices.items()],
         "number_tables": [(name, [number(v) for v in values]) for values, name in tables.numbers.items()],

@@ -5,11 +5,13 @@ Undefined names are errors, and the output has no trailing blanks, so the same i
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from fractions import Fraction
 from functools import cache
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
+from ncgen.program.blocks import Block, Loop
 from ncgen.resources import folder
 
 EXACT = 2**53
@@ -35,11 +37,11 @@ def environment() -> Environment:
     return env
 
 
-def render(template: str, **records) -> str:
+def render(template: str, **records: object) -> str:
     return environment().get_template(template).render(**records)
 
 
-def c_literal(number) -> str:
+def c_literal(number: Fraction | int) -> str:
     """An exact number (a Fraction) as C sees it: a quotient of whole numbers, or a decimal with all its digits."""
     number = Fraction(number)
     above, below, sign = abs(number.numerator), number.denominator, "-" if number < 0 else ""
@@ -69,15 +71,15 @@ def docstring_text(text: str) -> str:
     return comment_text(text).replace("\\", "/").replace('"', "'")
 
 
-def loop_comments(block) -> list[str]:
+def loop_comments(block: Block) -> list[str]:
     """What the runs of a loop compute: a line a constraint row, short labels side by side."""
-    comments = getattr(block, "comments", ())
+    comments = block.comments if isinstance(block, Loop) else ()
     if any(": " in comment for comment in comments):
         return [comment_text(comment) for comment in comments]
     return rows_of(map(comment_text, comments), 90)
 
 
-def rows_of(items, width: int) -> list[str]:
+def rows_of(items: Iterable[object], width: int) -> list[str]:
     """Comma-separated items broken into lines of at most `width` characters."""
     lines, line = [], ""
     for item in items:

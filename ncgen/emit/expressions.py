@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from ncgen.emit.naming import Names
-from ncgen.program.blocks import Block
+from ncgen.program.blocks import Block, Loop, Slot
 from ncgen.program.graph import ARITHMETIC, Op
 from ncgen.program.passes import uses
 
@@ -79,8 +79,15 @@ def _needed_by(block: Block) -> list[list[int]]:
     return result
 
 
-def _value(op: Op, block: Block, dialect: Dialect, text) -> tuple[str, int]:
-    if op.code == "const":
+def slot_of(op: Op, block: Block) -> Slot:
+    """Where an operation "slot" of a loop reads."""
+    if not (isinstance(block, Loop) and isinstance(op.leaf, int)):
+        raise TypeError(f"{op} is no slot of a loop")
+    return block.slots[op.leaf]
+
+
+def _value(op: Op, block: Block, dialect: Dialect, text: dict[int, tuple[str, int]]) -> tuple[str, int]:
+    if isinstance(op.leaf, float):  # a constant
         return dialect.number(op.leaf), ATOM if op.leaf >= 0 else UNARY
     if op.code in ("load", "slot"):
         return dialect.leaf(op, block), ATOM

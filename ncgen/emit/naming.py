@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import keyword
 import re
+from collections.abc import Iterable
 
 from ncgen.program.functions import FUNCTIONS
 
@@ -39,7 +40,7 @@ def identifier(name: str) -> str:
 class Names:
     """Hands out identifiers within one scope; none begins like the names that the source uses itself."""
 
-    def __init__(self, taken=(), prefix: str = "ncgen"):
+    def __init__(self, taken: Iterable[str] = (), prefix: str = "ncgen") -> None:
         self._taken = set(taken)
         self._own = tuple(word.lower() for word in ("ncgen", f"{prefix}_"))
 

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 from ncgen.emit.environment import render
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
@@ -47,7 +48,7 @@ def runtime_text(name: str) -> str:
 
 
 @cache
-def _methods() -> dict:
+def _methods() -> dict[str, Any]:
     """The entries that are in C, in the order of their numbers there."""
     integrators = [entry for entry in INTEGRATORS.values() if entry.in_c]
     explicit = [entry for entry in integrators if entry.tableau]

@@ -35,7 +35,7 @@ class Sources:
         """All files."""
         return self.c | self.numpy
 
-    def write(self, folder) -> list[Path]:
+    def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write all files into a folder (made if missing) and return their paths.
 
         Raises NcgenError naming the folder if it cannot be written.

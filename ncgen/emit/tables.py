@@ -20,7 +20,7 @@ class Tables:
     Two index lists that differ by a constant share a table, so the x, y and z of a point need one.
     """
 
-    def __init__(self, prefix: str):
+    def __init__(self, prefix: str) -> None:
         self.prefix = prefix
         self.indices: dict[tuple[int, ...], str] = {}
         self.numbers: dict[tuple[float, ...], str] = {}

@@ -5,9 +5,11 @@ C believes what it is told about arrays, so whatever it reads and writes has gon
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from numbers import Complex, Real
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import NcgenError
 
@@ -15,11 +17,11 @@ ECHOED = 60
 """Characters of what was given that a message repeats."""
 
 
-def numbers(given, what: str, complex_too: bool = False) -> np.ndarray:
+def numbers(given: ArrayLike | None, what: str, complex_too: bool = False) -> np.ndarray:
     """Real numbers as doubles, contiguous, of the shape they were given in; doubles that are so already as they are.
 
     what: the argument's name in messages; complex_too: complex and longer numbers stay what they are
-    Raises NcgenError for complex and masked numbers, rows of different lengths, texts and other things that are no numbers.
+    Raises NcgenError for complex and masked numbers, rows of different lengths, None, texts and other things that are no numbers.
     """
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         raise NcgenError(f"{what} has masked numbers; fill them")
@@ -36,10 +38,10 @@ def numbers(given, what: str, complex_too: bool = False) -> np.ndarray:
     if array.dtype.kind == "O":
         array = array.astype(complex if any(np.iscomplexobj(x) for x in array.flat) else float)
     dtype = np.result_type(float, array.dtype) if complex_too else np.dtype(float)
-    return np.require(array, dtype, "CA").reshape(array.shape)
+    return np.require(array, dtype, ["C", "A"]).reshape(array.shape)
 
 
-def place(array, shape: tuple[int, ...], what: str, beside=()) -> np.ndarray:
+def place(array: object, shape: tuple[int, ...], what: str, beside: Iterable[np.ndarray] = ()) -> np.ndarray:
     """The array itself, where C may write. Raises NcgenError for another one, or one that shares memory with those it is written beside."""
     if not (isinstance(array, np.ndarray) and array.dtype == float and array.flags.carray and array.shape == shape):
         raise NcgenError(f"{what} must be a contiguous array of {shape} doubles that may be written to")

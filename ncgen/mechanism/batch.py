@@ -11,12 +11,15 @@ from __future__ import annotations
 
 import os
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from numbers import Integral
+from typing import TYPE_CHECKING
 
 import numpy as np
 from cffi import FFI
+from numpy.typing import ArrayLike
 
 from ncgen.emit.c import c_files
 from ncgen.emit.naming import identifier
@@ -25,9 +28,13 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import numbers, place
 from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
-from ncgen.toolchain.abi import abi, declared
+from ncgen.toolchain.abi import InC, Interface, abi, declared
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load as loaded
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.kernels import Kernels
+    from ncgen.mechanism.library import CompiledKernels
 
 LANES = (*FLAGS, "-fno-math-errno", "-include", "ncgen_lanes.h")
 """Square roots set no errno, so that they become one instruction; their values are the same."""
@@ -51,42 +58,50 @@ class Batch(ABC):
     function computes.
     """
 
-    def __init__(self, kernels):
+    def __init__(self, kernels: Kernels) -> None:
         self.kernels = kernels
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Callable[..., Batch], tuple[Kernels, str]]:
         """Pickled as the kernels that it belongs to."""
         return getattr, (self.kernels, "batch")
 
-    def phi(self, q, t=0.0, p=None, out=None) -> np.ndarray:
+    def phi(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None) -> np.ndarray:
         """Constraint equations Φ, (B, m)."""
         return self.values("phi", t, q, None, p, out)
 
-    def phi_q(self, q, t=0.0, p=None, out=None) -> np.ndarray:
+    def phi_q(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None) -> np.ndarray:
         """Nonzeros of the Jacobian Φ_q, (B, nonzeros)."""
         return self.values("phi_q", t, q, None, p, out)
 
-    def nu(self, q, t=0.0, p=None, out=None) -> np.ndarray:
+    def nu(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None) -> np.ndarray:
         """ν = −Φ_t, (B, m)."""
         return self.values("nu", t, q, None, p, out)
 
-    def gamma(self, q, qd, t=0.0, p=None, out=None) -> np.ndarray:
+    def gamma(
+        self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """γ, (B, m)."""
         return self.values("gamma", t, q, qd, p, out)
 
-    def mass(self, q, t=0.0, p=None, out=None) -> np.ndarray:
+    def mass(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None) -> np.ndarray:
         """Nonzeros of the mass matrix M, (B, nonzeros)."""
         return self.values("mass", t, q, None, p, out)
 
-    def force(self, q, qd, t=0.0, p=None, out=None) -> np.ndarray:
+    def force(
+        self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """Generalised forces Q, (B, n)."""
         return self.values("force", t, q, qd, p, out)
 
-    def energy(self, q, qd, t=0.0, p=None, out=None) -> np.ndarray:
+    def energy(
+        self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """Kinetic and potential energy (J) and the power (W) of forces without a potential, (B, 3)."""
         return self.values("energy", t, q, qd, p, out)
 
-    def values(self, kernel: str, t, q, qd, p, out=None) -> np.ndarray:
+    def values(
+        self, kernel: str, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None, p: ArrayLike | None, out: np.ndarray | None = None
+    ) -> np.ndarray:
         """The plain output of a kernel, one row a state."""
         kernels = self.kernels
         if kernels.model.callbacks and kernel in ("force", "energy"):
@@ -109,7 +124,7 @@ class Batch(ABC):
         self._evaluate(kernel, t, q, qd, p, out)
         return out
 
-    def _checked(self, array, kernel: str, name: str, *shapes) -> np.ndarray:
+    def _checked(self, array: ArrayLike | None, kernel: str, name: str, *shapes: tuple[int, ...]) -> np.ndarray:
         array = numbers(array, f"{self.kernels.name}.batch.{kernel}: {name}")
         if array.shape not in shapes:
             wanted = " or ".join(map(str, shapes))
@@ -117,13 +132,14 @@ class Batch(ABC):
         return array
 
     @abstractmethod
-    def _evaluate(self, kernel: str, t, q, qd, p, out) -> None: ...
+    def _evaluate(self, kernel: str, t: np.ndarray, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, out: np.ndarray) -> None:
+        """Fill out."""
 
 
 class NumPyBatch(Batch):
     """Through the leading axes of the generated NumPy source."""
 
-    def _evaluate(self, kernel, t, q, qd, p, out):
+    def _evaluate(self, kernel: str, t: np.ndarray, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, out: np.ndarray) -> None:
         t = t[:, None] if t.ndim else t
         out[:] = self.kernels.values(kernel, t, q, qd, p)
 
@@ -136,8 +152,9 @@ class CompiledBatch(Batch):
     least: operations per number read or written from which a kernel is evaluated in lanes
     """
 
-    def __init__(self, kernels, flags=LANES, least: float = LANES_PAY):
+    def __init__(self, kernels: CompiledKernels, flags: tuple[str, ...] = LANES, least: float = LANES_PAY) -> None:
         super().__init__(kernels)
+        self._alone = kernels.descriptor
         self._threads, self._flags, self._least = 1, flags, least
         self._kernels_in_lanes = {name for name, program in kernels.programs.programs.items() if self._pays(program)}
 
@@ -167,9 +184,9 @@ class CompiledBatch(Batch):
 
     @cached_property
     def _in_turn(self) -> _Loop:
-        return _Loop(*load({}, "", FLAGS, abi()), self.kernels._descriptor)
+        return _Loop(*load({}, "", FLAGS, abi()), self._alone)
 
-    def _evaluate(self, kernel, t, q, qd, p, out):
+    def _evaluate(self, kernel: str, t: np.ndarray, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, out: np.ndarray) -> None:
         loop = self._in_lanes if self.in_lanes(kernel) else self._in_turn
         ffi, library, size = loop.ffi, loop.library, out.shape[1]
         arrays = {name: pointer(ffi, array) for name, array in {"t": t, "q": q, "qd": qd, "p": p}.items()}
@@ -189,13 +206,13 @@ class CompiledBatch(Batch):
 class _Loop:
     """One of the ways through many states: its library, whether that has threads, and the model with kernels for it."""
 
-    ffi: FFI
-    library: object
+    ffi: Interface
+    library: InC
     has_threads: bool
-    model: object
+    model: InC
 
 
-def load(files: dict[str, str], declarations: str, flags, base: FFI):
+def load(files: dict[str, str], declarations: str, flags: tuple[str, ...], base: FFI) -> tuple[Interface, InC, bool]:
     """(interface, library, whether it has threads) of ncgen_batch.c with other sources for many states.
 
     declarations: of what the other sources have; base: the interface that knows the types in them
@@ -205,7 +222,7 @@ def load(files: dict[str, str], declarations: str, flags, base: FFI):
     return ffi, library, bool(library.ncgen_batch_threads())
 
 
-def pointer(ffi: FFI, array: np.ndarray | None, kind: str = "double[]"):
+def pointer(ffi: Interface, array: np.ndarray | None, kind: str = "double[]") -> InC:
     """An array as an argument in C, NULL for none."""
     return ffi.NULL if array is None else ffi.from_buffer(kind, array)
 

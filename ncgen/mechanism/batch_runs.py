@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.emit.c import dynamics_files
 from ncgen.emit.naming import identifier
@@ -18,7 +20,7 @@ from ncgen.mechanism.listening import Listener, watch
 from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
-from ncgen.toolchain.abi import declared, runtime_abi
+from ncgen.toolchain.abi import InC, declared, runtime_abi
 
 SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", *RUNTIME_HEADERS)
 
@@ -58,7 +60,7 @@ class _BatchListener(Listener):
 class LaneDynamics:
     """The state derivative of one choice of independent coordinates, for many states at a time."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples):
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples) -> None:
         from ncgen.program.dynamics import assemble_dynamics
 
         equations = kernels.programs.equations
@@ -69,25 +71,36 @@ class LaneDynamics:
         self._ffi, self._library, self.has_threads = load(files, declarations, LANES, runtime_abi())
         self._dynamics = getattr(self._library, getter)()
         self.kernels, self.split, self._samples = kernels, split, samples
-        self._model = self._ffi.cast("const ncgen_model *", kernels._descriptor)  # its sizes are asked for, not its kernels
+        self._model = self._ffi.cast("const ncgen_model *", kernels.descriptor)  # its sizes are asked for, not its kernels
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type[LaneDynamics], tuple[CompiledKernels, Split, Samples]]:
         """Pickled as what it was made of; it is compiled again, or found in the cache, where it arrives."""
         return LaneDynamics, (self.kernels, self.split, self._samples)
 
-    def simulate(self, method: str, times, q, zd, p, threads: int | None = None, progress=None, **options) -> LaneOutcome:
-        """Run all states over the times of a grid.
+    def simulate(
+        self,
+        method: str,
+        times: ArrayLike,
+        q: np.ndarray,
+        zd: np.ndarray,
+        p: np.ndarray,
+        threads: int | None = None,
+        progress: Callable[[float], None] | None = None,
+        **options: InC,
+    ) -> LaneOutcome:
+        """Run all states over the times (s) of a grid.
 
-        q (B, n), zd (B, nz): where they start; p (n_p,) or (B, n_p)
+        q (B, n) in m and rad, zd (B, nz) in the same per second: where they start; p (n_p,) or (B, n_p)
         threads: None for one on every processor that this process may use
         progress: called now and then with the share of the states that have arrived. What it raises, or a handler of a signal
             such as that of Ctrl-C, ends the call: it is in the outcome, and the states that were on their way are "interrupted"
         options: the members of `ncgen_options`, by their names
         Raises NcgenError for a method, times or fixed steps that there cannot be.
         """
+        times = np.ascontiguousarray(times, dtype=float)
         rows = len(q), len(times)
         q_rows, qd_rows = np.full((*rows, self.kernels.n), np.nan), np.full((*rows, self.kernels.n), np.nan)
-        work, times = np.full(rows, np.nan), np.ascontiguousarray(times, dtype=float)
+        work = np.full(rows, np.nan)
         status, steps, reached = np.zeros(len(q), dtype=np.intc), np.zeros(len(q), dtype="l"), np.full(len(q), times[0])
         out = [(array, "double[]") for array in (q_rows, qd_rows, work)] + [(status, "int[]"), (steps, "long[]"), (reached, "double[]")]
         listener = _BatchListener(progress, self.kernels.n + self.kernels.m)
@@ -104,7 +117,16 @@ class LaneDynamics:
         words = [STATUS[s] for s in status.tolist()]
         return LaneOutcome(q_rows, qd_rows, work, words, steps, reached, listener.raised)
 
-    def accelerate(self, t: float, q, zd, p, out, threads: int | None = None, **options) -> np.ndarray:
+    def accelerate(
+        self,
+        t: float,
+        q: np.ndarray,
+        zd: np.ndarray,
+        p: np.ndarray,
+        out: tuple[np.ndarray, np.ndarray | None, np.ndarray],
+        threads: int | None = None,
+        **options: InC,
+    ) -> np.ndarray:
         """Fill out, arrays for q closed (B, n), q̇ (B, n) or None, and z̈ (B, nz), and return the ncgen_status of every state (B,).
 
         Other arguments as for `simulate`; rows of states that failed become NaN.
@@ -117,7 +139,15 @@ class LaneDynamics:
                 array[status != 0] = np.nan
         return status
 
-    def _call(self, function, options: dict, state, instants: tuple, out, threads: int | None):
+    def _call(
+        self,
+        function: InC,
+        options: dict[str, InC],
+        state: tuple[np.ndarray, np.ndarray, np.ndarray],
+        instants: tuple[InC, ...],
+        out: Sequence[tuple[np.ndarray | None, str]],
+        threads: int | None,
+    ) -> int:
         """One call of the library for states q, zd, p at some instants; out: (array, kind) to be filled."""
         q, zd, p = (np.ascontiguousarray(a, dtype=float) for a in state)
         threads = thread_count(threads, self.kernels.name) if self.has_threads else 1

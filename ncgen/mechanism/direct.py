@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache, partial
 from pathlib import Path
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -11,12 +13,12 @@ from ncgen.emit.runtime import runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.library import STATUS, CompiledKernels
-from ncgen.toolchain.abi import abi, marked
+from ncgen.toolchain.abi import InC, Interface, abi, marked
 from ncgen.toolchain.loader import load
 
 
 @cache
-def _caller():
+def _caller() -> tuple[Interface, InC]:
     text = Path(__file__).with_name("ncgen_call.c").read_text(encoding="utf-8")
     return load({"ncgen_call.c": text} | runtime_files("ncgen.h"), marked(text), abi())
 
@@ -34,7 +36,16 @@ class Direct:
 
     __slots__ = ("q", "qd", "p", "out", "_name", "_frame", "_run", "_owner")
 
-    def __init__(self, kernels: CompiledKernels, name: str):
+    q: np.ndarray
+    qd: np.ndarray
+    p: np.ndarray
+    out: np.ndarray
+    _name: str
+    _frame: InC
+    _run: Callable[[], int]
+    _owner: CompiledKernels
+
+    def __init__(self, kernels: CompiledKernels, name: str) -> None:
         program = kernels.programs.programs.get(name)
         said = f"{kernels.name}.{name}"
         if program is None:
@@ -57,7 +68,7 @@ class Direct:
 
     _set = object.__setattr__
 
-    def __setattr__(self, name: str, value) -> None:
+    def __setattr__(self, name: str, value: Any) -> None:
         """Arguments are copied into their places."""
         if name == "t":
             self._set(name, value)
@@ -74,7 +85,7 @@ class Direct:
     def __delattr__(self, name: str) -> None:
         raise NcgenError(f"{self._name}: {name} cannot be deleted; C uses it")
 
-    def __reduce__(self):
+    def __reduce__(self) -> NoReturn:
         raise NcgenError(f"{self._name}: a kernel on arrays of its own is not copied; call kernels.direct again")
 
     @property

@@ -7,11 +7,12 @@ through a compiled library or through NumPy.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Hashable
 from functools import cached_property
-from typing import Any
+from typing import Any, TypeGuard, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from ncgen.errors import DomainError, ModelError, NcgenError
@@ -22,19 +23,21 @@ from ncgen.model import Model
 from ncgen.model.elements import Length, Point
 from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate, is_number
-from ncgen.program.blocks import Pattern
+from ncgen.program.blocks import Pattern, Program
 from ncgen.program.evaluate import evaluate as evaluate_program
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.programs import Programs
 
 FLOAT = np.dtype(float)
 
+Found = TypeVar("Found")
+
 
 class Kernels(ABC):
     """The kernels of one mechanism.
 
-    q, qd: free coordinates (m, rad) and velocities, shape (n,), in the order of `coordinates`
-    p: parameters in the order of `parameters`; None means their defaults
+    q, qd: free coordinates (m, rad) and velocities, shape (n,), in the order of `coordinates`; t: time (s)
+    p: parameters (n_p,) in the order of `parameters`; None means their defaults
     Kernels that the mechanism does not need return zeros.
     q0, p0, row_sizes, column_sizes and holonomic are the mechanism's own; copy them to change them.
     """
@@ -45,30 +48,32 @@ class Kernels(ABC):
     batches = False
     """True if leading axes and complex numbers are allowed."""
 
-    def __init__(self, programs: Programs):
+    def __init__(self, programs: Programs) -> None:
         self.programs = programs
         self.model: Model = programs.equations.model
         self.name = self.model.name
         self.coordinates: tuple[str, ...] = tuple(c.name for c in programs.equations.free)
+        self.index = {name: i for i, name in enumerate(self.coordinates)}
+        """{coordinate name: position in q}."""
         self.rows: tuple[Row, ...] = tuple(self.model.rows)
         self.parameters: tuple[str, ...] = tuple(self.model.parameters)
         self.q0 = constant(np.array([c.initial for c in programs.equations.free]))
         self.p0 = constant(np.array([evaluate(v, self.model.parameters, v.name) for v in self.model.parameters.values()]))
         self.phi_q_pattern = programs.phi_q
         self.mass_pattern = programs.mass
-        self._known: dict[str, dict] = {}
+        self._known: dict[str, dict[Hashable, Any]] = {}
 
-    def __setattr__(self, name: str, value) -> None:
+    def __setattr__(self, name: str, value: object) -> None:
         """Members stay what they are: C reads as many numbers as there were."""
         if name in self.__dict__ and not name.startswith("_"):
             remedy = "change the model and compile it, or give q0 and p to each call"
             raise NcgenError(f"{self.name}: kernels.{name} cannot be replaced; {remedy}")
         super().__setattr__(name, value)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Callable[[Programs], Kernels], tuple[Programs]]:
         """Pickled as programs; the library is built where they arrive, or found in the cache."""
         return self._of, (self.programs,)
 
@@ -78,7 +83,7 @@ class Kernels(ABC):
         vars(other).update(vars(self))
         return other
 
-    def remember(self, what: str, key, find: Callable[[], Any], most: int | None = None):
+    def remember(self, what: str, key: Hashable, find: Callable[[], Found], most: int | None = None) -> Found:
         """What `find` finds, found once for a key and kept with the kernels under the name `what`.
 
         A series of runs asks for the same things again and again: what is compiled for a choice of coordinates, degrees of freedom.
@@ -106,11 +111,6 @@ class Kernels(ABC):
     def m(self) -> int:
         """Number of constraint rows."""
         return len(self.rows)
-
-    @cached_property
-    def index(self) -> dict[str, int]:
-        """{coordinate name: position in q}."""
-        return {name: i for i, name in enumerate(self.coordinates)}
 
     @cached_property
     def row_sizes(self) -> np.ndarray:
@@ -151,13 +151,13 @@ class Kernels(ABC):
 
     # -- the initial position ------------------------------------------------------------------
 
-    def start(self, p=None) -> np.ndarray:
+    def start(self, p: ArrayLike | None = None) -> np.ndarray:
         """The initial position at parameters p (…, parameters), shape (…, n): q0 where positions have no parameters."""
         if p is None or not self._has_moving_start:
             return np.array(np.broadcast_to(self.q0, (*np.shape(self.p0 if p is None else p)[:-1], self.n)))
         return self._run_start(0, p, (self.n,))
 
-    def start_p(self, p=None) -> np.ndarray:
+    def start_p(self, p: ArrayLike | None = None) -> np.ndarray:
         """∂start/∂p at parameters p (…, parameters), shape (…, n, parameters)."""
         p, shape = self.p0 if p is None else p, (self.n, len(self.p0))
         return self._run_start(1, p, shape) if self._has_moving_start else np.zeros((*np.shape(p)[:-1], *shape))
@@ -167,12 +167,12 @@ class Kernels(ABC):
         return not all(is_number(c.value) for c in self.programs.equations.free)
 
     @cached_property
-    def _start_programs(self):
+    def _start_programs(self) -> tuple[Program, Program]:
         from ncgen.program.initial import assemble_start
 
         return assemble_start(self.programs.equations)
 
-    def _run_start(self, which: int, p, shape: tuple[int, ...]) -> np.ndarray:
+    def _run_start(self, which: int, p: ArrayLike, shape: tuple[int, ...]) -> np.ndarray:
         """One of the two programs on whole columns of parameters."""
         program = self._start_programs[which]
         p = np.asarray(p, dtype=np.result_type(float, np.asarray(p).dtype))
@@ -185,23 +185,25 @@ class Kernels(ABC):
 
     # -- kernels -------------------------------------------------------------------------------
 
-    def phi(self, q, t=0.0, p=None) -> np.ndarray:
+    def phi(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Constraint equations Φ(q, t), shape (m,)."""
         return self.values("phi", t, q, None, p)
 
-    def phi_q(self, q, t=0.0, p=None) -> csr_array:
+    def phi_q(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Jacobian Φ_q, sparse (m, n)."""
         return self._sparse(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
 
-    def nu(self, q, t=0.0, p=None) -> np.ndarray:
+    def nu(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """ν = −Φ_t, shape (m,): Φ_q q̇ = ν."""
         return self.values("nu", t, q, None, p)
 
-    def gamma(self, q, qd, t=0.0, p=None) -> np.ndarray:
+    def gamma(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """γ, shape (m,): Φ_q q̈ = γ."""
         return self.values("gamma", t, q, qd, p)
 
-    def constraints(self, q, qd, t=0.0, p=None) -> tuple[np.ndarray, csr_array, np.ndarray]:
+    def constraints(
+        self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
+    ) -> tuple[np.ndarray, csr_array, np.ndarray]:
         """Φ, Φ_q and γ at once, which is quicker than one by one: they have much in common."""
         if "constraints" not in self.programs.programs:  # no row has a coordinate in it: they have nothing in common
             return self.phi(q, t, p), self.phi_q(q, t, p), self.gamma(q, qd, t, p)
@@ -209,23 +211,23 @@ class Kernels(ABC):
         phi_q = self._sparse(self.phi_q_pattern, values[self.m : len(values) - self.m])
         return values[: self.m], phi_q, values[len(values) - self.m :]
 
-    def mass(self, q, t=0.0, p=None) -> csr_array:
+    def mass(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """Mass matrix M, sparse (n, n), symmetric and positive semidefinite."""
         return self._sparse(self.mass_pattern, self.values("mass", t, q, None, p))
 
-    def force(self, q, qd, t=0.0, p=None) -> np.ndarray:
+    def force(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Generalised forces Q, shape (n,): applied ones and velocity-dependent inertia."""
         force = self.values("force", t, q, qd, p)
         return force + self._called_back(t, q, qd) if self.model.callbacks else force
 
-    def energy(self, q, qd, t=0.0, p=None) -> np.ndarray:
+    def energy(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Kinetic and potential energy (J), and the power (W) of forces without a potential."""
         energy = self.values("energy", t, q, qd, p)
         if self.model.callbacks:
             energy[..., 2] += self._called_back(t, q, qd) @ qd
         return energy
 
-    def _called_back(self, t, q, qd) -> np.ndarray:
+    def _called_back(self, t: ArrayLike, q: ArrayLike, qd: ArrayLike) -> np.ndarray:
         """Forces of the model's own functions; ModelError naming one that returns something else, DomainError no numbers."""
         total = np.zeros(self.n)
         for function in self.model.callbacks:
@@ -256,46 +258,50 @@ class Kernels(ABC):
         """Derivatives by the parameters, generated and compiled when first asked for."""
         return self._tangents.by_parameters(self.programs)
 
-    def stiffness(self, q, qd, qdd, lam, t=0.0, p=None) -> csr_array:
+    def stiffness(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
+    ) -> csr_array:
         """∂(M q̈ + Φ_qᵀ λ − Q)/∂q, sparse (n, n). Forces of Python functions are not in it."""
         return self._tangent("stiffness", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
 
-    def damping(self, q, qd, t=0.0, p=None) -> csr_array:
+    def damping(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """−∂Q/∂q̇, sparse (n, n). Forces of Python functions are not in it."""
         return self._tangent("damping", t=t, q=q, qd=qd, p=p)
 
-    def phidd_q(self, q, qd, qdd, t=0.0, p=None) -> csr_array:
+    def phidd_q(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """∂(Φ_q q̈ − γ)/∂q, sparse (m, n)."""
         return self._tangent("phidd_q", t=t, q=q, qd=qd, qdd=qdd, p=p)
 
-    def phidd_qd(self, q, qd, t=0.0, p=None) -> csr_array:
+    def phidd_qd(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """−∂γ/∂q̇, sparse (m, n)."""
         return self._tangent("phidd_qd", t=t, q=q, qd=qd, p=p)
 
-    def phi_p(self, q, t=0.0, p=None) -> csr_array:
+    def phi_p(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """∂Φ/∂p, sparse (m, parameters)."""
         return self._tangent("phi_p", t=t, q=q, p=p)
 
-    def phid_p(self, q, qd, t=0.0, p=None) -> csr_array:
+    def phid_p(self, q: ArrayLike, qd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """∂(Φ_q q̇ − ν)/∂p, sparse (m, parameters)."""
         return self._tangent("phid_p", t=t, q=q, qd=qd, p=p)
 
-    def phidd_p(self, q, qd, qdd, t=0.0, p=None) -> csr_array:
+    def phidd_p(self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> csr_array:
         """∂(Φ_q q̈ − γ)/∂p, sparse (m, parameters)."""
         return self._tangent("phidd_p", t=t, q=q, qd=qd, qdd=qdd, p=p)
 
-    def balance_p(self, q, qd, qdd, lam, t=0.0, p=None) -> csr_array:
+    def balance_p(
+        self, q: ArrayLike, qd: ArrayLike, qdd: ArrayLike, lam: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None
+    ) -> csr_array:
         """∂(M q̈ + Φ_qᵀ λ − Q)/∂p, sparse (n, parameters)."""
         return self._tangent("balance_p", t=t, q=q, qd=qd, qdd=qdd, lam=lam, p=p)
 
-    def dense_tangent(self, name: str, **given) -> np.ndarray:
+    def dense_tangent(self, name: str, **given: ArrayLike | None) -> np.ndarray:
         """One of these eight by its name, t, q, qd, qdd, lam and p given by theirs, as a dense array: quicker where it is small."""
         return self._dense(*self._tangent_values(name, given))
 
-    def _tangent(self, name: str, **given) -> csr_array:
+    def _tangent(self, name: str, **given: ArrayLike | None) -> csr_array:
         return self._sparse(*self._tangent_values(name, given))
 
-    def _tangent_values(self, name: str, given: dict) -> tuple[Pattern, np.ndarray]:
+    def _tangent_values(self, name: str, given: dict[str, Any]) -> tuple[Pattern, np.ndarray]:
         sizes = {"q": self.n, "qd": self.n, "qdd": self.n, "lam": self.m, "p": len(self.p0)}
         given["p"] = self.p0 if given["p"] is None else given["p"]
         for array, size in sizes.items():
@@ -304,15 +310,15 @@ class Kernels(ABC):
         tangents = self.parameter_tangents if name.endswith("_p") else self.tangents
         return tangents.programs.patterns[name], tangents.values(name, given)
 
-    def jacobian(self, q, t=0.0, p=None) -> np.ndarray:
+    def jacobian(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """Φ_q as a dense array, for linear algebra on small mechanisms."""
         return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
 
-    def mass_matrix(self, q, t=0.0, p=None) -> np.ndarray:
+    def mass_matrix(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """M as a dense array."""
         return self._dense(self.mass_pattern, self.values("mass", t, q, None, p))
 
-    def values(self, kernel: str, t, q, qd, p) -> np.ndarray:
+    def values(self, kernel: str, t: ArrayLike, q: ArrayLike, qd: ArrayLike | None, p: ArrayLike | None) -> np.ndarray:
         """The plain output of a kernel; matrices give their nonzeros."""
         program = self.programs.programs.get(kernel)
         if program is None:
@@ -332,9 +338,10 @@ class Kernels(ABC):
         return self._call(kernel, t, q, qd, p, program.size)
 
     @abstractmethod
-    def _call(self, kernel: str, t, q, qd, p, size: int) -> np.ndarray: ...
+    def _call(self, kernel: str, t: ArrayLike, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, size: int) -> np.ndarray:
+        """The output of a kernel, `size` numbers a state, for arguments that were looked at."""
 
-    def _checked(self, array, size: int, kernel: str, name: str, what: str) -> np.ndarray:
+    def _checked(self, array: ArrayLike | None, size: int, kernel: str, name: str, what: str) -> np.ndarray:
         array = numbers(array, f"{self.name}.{kernel}: {name}", complex_too=self.batches)
         if not self.batches and array.ndim > 1 and array.shape[-1] == size:
             raise NcgenError(
@@ -346,16 +353,16 @@ class Kernels(ABC):
         return array
 
     @staticmethod
-    def _sparse(pattern: Pattern, values) -> csr_array:
+    def _sparse(pattern: Pattern, values: np.ndarray) -> csr_array:
         return csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
 
     @staticmethod
-    def _dense(pattern: Pattern, values) -> np.ndarray:
+    def _dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:
         dense = np.zeros((*np.shape(values)[:-1], pattern.shape[0] * pattern.shape[1]), dtype=values.dtype)
         dense[..., pattern.flat] = values
         return dense.reshape(*np.shape(values)[:-1], *pattern.shape)
 
 
-def _is_plain(array, size: int) -> bool:
+def _is_plain(array: object, size: int) -> TypeGuard[np.ndarray]:
     """True for what needs no look: a real vector of the right length. Most calls are of this kind, and looking costs time."""
     return type(array) is np.ndarray and array.dtype is FLOAT and array.shape == (size,)

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import threading
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.emit.c import c_files
 from ncgen.emit.naming import identifier
@@ -15,7 +17,7 @@ from ncgen.mechanism.batch import CompiledBatch
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.tangents import CompiledTangents
 from ncgen.program.programs import Programs
-from ncgen.toolchain.abi import abi
+from ncgen.toolchain.abi import InC, abi
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.loader import opened
 
@@ -30,13 +32,13 @@ class CompiledKernels(Kernels):
 
     backend = "c"
 
-    def __init__(self, programs: Programs, library: Path):
+    def __init__(self, programs: Programs, library: Path) -> None:
         super().__init__(programs)
         getter = f"{identifier(self.name)}_model"
         self._ffi, self._library = opened(library, f"const ncgen_model *{getter}(void);", abi())
         self.library = library
-        self._descriptor = getattr(self._library, getter)()
-        if self._descriptor.struct_size != self._ffi.sizeof("ncgen_model"):
+        self.descriptor: InC = getattr(self._library, getter)()
+        if self.descriptor.struct_size != self._ffi.sizeof("ncgen_model"):
             raise NcgenError(f"{library}: its ncgen_model has another layout; run `ncgen cache --clear` and try again")
         self._buffers = threading.local()
 
@@ -44,17 +46,22 @@ class CompiledKernels(Kernels):
     def _of(cls, programs: Programs) -> CompiledKernels:
         return cls(programs, compiled(c_files(programs)).library)
 
-    def function(self, kernel: str):
+    def function(self, kernel: str) -> InC:
         """The function of a kernel in C."""
-        return getattr(self._descriptor, kernel)
+        return getattr(self.descriptor, kernel)
 
     @property
     def fingerprint(self) -> str:
         """A digest of the generated source."""
-        return self._ffi.string(self._descriptor.fingerprint).decode()
+        return self._ffi.string(self.descriptor.fingerprint).decode()
 
     _tangents = CompiledTangents
     _batch = CompiledBatch
+
+    @cached_property
+    def tangents(self) -> CompiledTangents:
+        """As of all kernels; here with a descriptor, which the C runtime takes."""
+        return CompiledTangents.by_state(self.programs)
 
     def direct(self, kernel: str) -> Direct:
         """A kernel ("phi", "phi_q", ...) on arrays of its own, for loops where the way into C matters: see `Direct`."""
@@ -62,7 +69,7 @@ class CompiledKernels(Kernels):
 
         return Direct(self, kernel)
 
-    def _call(self, kernel, t, q, qd, p, size):
+    def _call(self, kernel: str, t: ArrayLike, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, size: int) -> np.ndarray:
         try:
             call = self._buffers.calls[kernel]
         except AttributeError:
@@ -85,9 +92,9 @@ class _Call(NamedTuple):
     """One kernel and a thread's own place for its result. Inputs go as bytes: cffi passes these on without looking for an
     array's address, which takes longer than a kernel."""
 
-    function: object
+    function: InC
     result: np.ndarray
-    pointer: object
+    pointer: InC
 
     @classmethod
     def of(cls, kernels: CompiledKernels, name: str) -> _Call:

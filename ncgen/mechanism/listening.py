@@ -9,8 +9,9 @@ import time
 from collections.abc import Callable
 from functools import cache
 from math import inf
+from types import TracebackType
 
-from ncgen.toolchain.abi import runtime_abi
+from ncgen.toolchain.abi import InC, Interface, runtime_abi
 
 REACTION = 0.05
 """Seconds between two calls; what is raised takes effect that soon, or after a stage of a step where one takes longer."""
@@ -28,7 +29,7 @@ class Progress:
     A simulation may be many runs, where it changes its coordinates, or some of it be done again.
     """
 
-    def __init__(self, tell: Callable[[float], None] | None):
+    def __init__(self, tell: Callable[[float], None] | None) -> None:
         self._tell, self._last, self._clock = tell, -inf, -inf
 
     def __call__(self, t: float) -> None:
@@ -45,7 +46,7 @@ class Listener:
     patience: stages until the next call; raised: what ended the run, or None
     """
 
-    def __init__(self, progress: Callable[[float], None] | None, size: int):
+    def __init__(self, progress: Callable[[float], None] | None, size: int) -> None:
         self.progress = progress
         self.patience = max(1, min(FIRST, int(WORK / max(size, 1) ** 3)))
         self.raised: BaseException | None = None
@@ -62,14 +63,14 @@ class Listener:
 
 
 @cache
-def watch(number: str):
+def watch(number: str) -> InC:
     """The function that C calls, whose context is the handle of a `Listener`; one serves all runs of a number type."""
-    ffi = runtime_abi(number)
+    ffi: Interface = runtime_abi(number)
 
-    def hear(context, t):
+    def hear(context: InC, t: InC) -> int:
         return ffi.from_handle(context).hear(float(t))
 
-    def keep(kind, raised, traceback):
+    def keep(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
         # A handler may raise between any two instructions, before `hear` could catch it: cffi hands on whatever it was.
         ffi.from_handle(traceback.tb_frame.f_locals["context"]).raised = raised
 

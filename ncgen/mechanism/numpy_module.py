@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.emit.sources import Sources
 from ncgen.mechanism.batch import NumPyBatch
@@ -17,12 +21,12 @@ class NumPyKernels(Kernels):
     backend = "numpy"
     batches = True
 
-    def __init__(self, sources: Sources):
+    def __init__(self, sources: Sources) -> None:
         super().__init__(sources.programs)
         ((name, text),) = sources.numpy.items()
-        namespace: dict[str, object] = {"__name__": name.removesuffix(".py")}
+        namespace: dict[str, Any] = {"__name__": name.removesuffix(".py")}
         exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
-        self._functions = {kernel: namespace[kernel] for kernel in sources.programs.programs}
+        self._functions: dict[str, Callable[..., np.ndarray]] = {kernel: namespace[kernel] for kernel in sources.programs.programs}
 
     @classmethod
     def _of(cls, programs: Programs) -> NumPyKernels:
@@ -31,7 +35,7 @@ class NumPyKernels(Kernels):
     _tangents = NumPyTangents
     _batch = NumPyBatch
 
-    def _call(self, kernel, t, q, qd, p, size):
+    def _call(self, kernel: str, t: ArrayLike, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, size: int) -> np.ndarray:
         arrays = (q, p) if qd is None else (q, qd, p)
         with np.errstate(all="ignore"):  # as in C, what is no number says so by itself
             return self._functions[kernel](t, *arrays)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.linalg import splu
 
+from ncgen.emit.expressions import slot_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
+from ncgen.program.blocks import Block, Store, TableStore
 from ncgen.program.cost import cost
 from ncgen.program.programs import ENERGIES
 
@@ -53,12 +55,12 @@ def uses_tangents(kernels: Kernels, method: str) -> bool:
     return not (is_conservative(kernels) and constant and (quadratic or method == "rattle"))
 
 
-def _is_zero_at(index: int, block, store) -> bool:
+def _is_zero_at(index: int, block: Block, store: Store | TableStore) -> bool:
     """True if a store leaves one number of its array zero by structure."""
-    table = getattr(store, "table", None) or (store.index,)
+    table = store.table if isinstance(store, TableStore) else (store.index,)
     op = block.ops[store.node]
     if index not in table:
         return True
-    if op.code == "slot" and block.slots[op.leaf].array == "const":
-        return all(v == 0.0 for i, v in zip(table, block.slots[op.leaf].table, strict=True) if i == index)
+    if op.code == "slot" and (slot := slot_of(op, block)).array == "const":
+        return all(v == 0.0 for i, v in zip(table, slot.table, strict=True) if i == index)
     return op.code == "const" and op.leaf == 0.0

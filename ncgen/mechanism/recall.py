@@ -10,6 +10,7 @@ import platform
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.metadata import version
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
@@ -21,7 +22,10 @@ from ncgen.program.graph import Op
 from ncgen.program.programs import Programs
 from ncgen.resources import package_files
 from ncgen.symbolic.numbering import Deferred
-from ncgen.toolchain.folder import keep, kept
+from ncgen.toolchain.folder import Json, keep, kept
+
+if TYPE_CHECKING:
+    from ncgen.symbolic.equations import Equations
 
 KIND = "programs"
 LARGEST = 8_000_000
@@ -46,7 +50,8 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
     if found is None:
         return None
     programs, phi_q, mass, omitted, files = _restored(found)
-    sources = Sources(Programs(Deferred(model), programs, phi_q, mass, emission, omitted))
+    equations = cast("Equations", Deferred(model))  # it derives what it lacks of them when asked
+    sources = Sources(Programs(equations, programs, phi_q, mass, emission, omitted))
     sources.__dict__["c"] = files
     return sources
 
@@ -57,7 +62,7 @@ def remember(key: str, sources: Sources) -> None:
     keep(KIND, key, _plain((found.programs, found.phi_q, found.mass, found.omitted, sources.c)), LARGEST)
 
 
-def _plain(value):
+def _plain(value: Any) -> Json:
     """Programs as JSON can say them: tuples as lists, all else by its name with its parts."""
     if isinstance(value, Op):
         return {"Op": [_plain(part) for part in value]}
@@ -70,7 +75,7 @@ def _plain(value):
     return value.item() if isinstance(value, np.generic) else value
 
 
-def _restored(data):
+def _restored(data: Any) -> Any:
     """What `_plain` made plain."""
     if isinstance(data, list):
         return tuple([_restored(part) for part in data])

@@ -7,10 +7,13 @@ Emitted: the elimination written out for one mechanism and one choice, several t
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import Protocol
 
 import numpy as np
+from numpy.typing import ArrayLike, DTypeLike
 
 from ncgen.emit.c import c_files, dynamics_files
 from ncgen.emit.naming import identifier
@@ -23,31 +26,31 @@ from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
-from ncgen.toolchain.abi import NUMBERS, declared, runtime_abi
+from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load
 
 
-def _load(files: dict[str, str], number: str, declarations: str):
+def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interface, InC]:
     """A library of these files and the headers, and its interface."""
     files = files | runtime_files(*RUNTIME_HEADERS, *HEADERS)
     return load(files, declarations, runtime_abi(number), (*FLAGS, *NUMBERS[number].flags))
 
 
 @cache
-def _runtime(number: str):
+def _runtime(number: str) -> tuple[Interface, InC]:
     """The runtime, the same for all mechanisms."""
     return _load(runtime_files(*runtime_names()), number, declared("ncgen_runtime.h", "functions"))
 
 
-def _model(kernels: CompiledKernels, number: str):
+def _model(kernels: CompiledKernels, number: str) -> tuple[InC, CompiledKernels | InC]:
     """The descriptor of a mechanism's kernels in a number type, and the library that it lives in; made once for every type."""
     if number == "double":
-        return kernels._descriptor, kernels
+        return kernels.descriptor, kernels
     return kernels.remember("models", number, lambda: _compiled_model(kernels, number))
 
 
-def _compiled_model(kernels: CompiledKernels, number: str):
+def _compiled_model(kernels: CompiledKernels, number: str) -> tuple[InC, InC]:
     getter = f"{identifier(kernels.name)}_model"
     _, library = _load(c_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
     return getattr(library, getter)(), library
@@ -58,6 +61,25 @@ def prepare(kernels: CompiledKernels, number: str = "double") -> None:
     _runtime(number)
     _model(kernels, number)
     kernels.tangents  # noqa: B018
+
+
+class Event(Protocol):
+    """Where a run stops, in the words of `ncgen_event`."""
+
+    @property
+    def coordinate(self) -> int:
+        """Position in q, or n + position in q̇."""
+        ...
+
+    @property
+    def value(self) -> float:
+        """What the coordinate or its rate passes."""
+        ...
+
+    @property
+    def direction(self) -> int:
+        """1 where it rises, −1 where it falls, 0 for both."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,10 +122,10 @@ class Outcome:
 class Dynamics:
     """A state derivative with the runtime around it, in a number type of C."""
 
-    def __init__(self, kernels: CompiledKernels, number: str):
+    def __init__(self, kernels: CompiledKernels, number: str) -> None:
         self.kernels, self.number = kernels, NUMBERS[number]
         self._ffi, self._library = _runtime(number)
-        self._dynamics = self._ffi.new("ncgen_dynamics *")
+        self._dynamics: InC = self._ffi.new("ncgen_dynamics *")
         descriptor, self._model_library = _model(kernels, number)
         self._model = self._ffi.cast("const ncgen_model *", descriptor)
         self._arrays: list[np.ndarray] = []
@@ -114,7 +136,7 @@ class Dynamics:
             rolling[kernels.holonomic] = 0
             self._keep({"rolling": rolling}, self._dynamics, np.intc)
 
-    def _keep(self, arrays: dict[str, object], struct, dtype) -> None:
+    def _keep(self, arrays: Mapping[str, Sequence[int] | np.ndarray], struct: InC, dtype: DTypeLike) -> None:
         """Let members of a struct point to arrays, which live as long as this object."""
         for name, values in arrays.items():
             array = np.array(values if len(values) else (0,), dtype=dtype)
@@ -122,18 +144,31 @@ class Dynamics:
             self._arrays.append(array)
             setattr(struct, name, self._ffi.from_buffer(kind, array))
 
-    def _describe(self, split: Split, struct) -> None:
+    def _describe(self, split: Split, struct: InC) -> None:
         """Let a struct say a choice of independent coordinates."""
         struct.n_independent, struct.n_dependent = len(split.independent), len(split.dependent)
         self._keep({"independent": split.independent, "dependent": split.dependent, "rows": split.rows}, struct, np.intc)
 
     def simulate(
-        self, method: str, times, q, velocities, p, max_step=np.inf, event=None, newton=False, sizes=None, progress=None, **options
+        self,
+        method: str,
+        times: ArrayLike,
+        q: ArrayLike,
+        velocities: ArrayLike,
+        p: ArrayLike,
+        *,
+        max_step: float = np.inf,
+        event: Event | None = None,
+        newton: bool = False,
+        sizes: ArrayLike | None = None,
+        progress: Callable[[float], None] | None = None,
+        **options: InC,
     ) -> Outcome:
-        """Run over the times of a grid (first one is the start).
+        """Run over the times (s) of a grid (first one is the start).
 
-        velocities: independent ones with coordinate partitioning, all of them with other formalisms
-        event: at which to stop, with members coordinate, value and direction as in `ncgen_event`
+        q (n,): where it starts (m, rad); p (n_p,): the parameters
+        velocities: independent ones (nz,) with coordinate partitioning, all of them (n,) with other formalisms, in m/s and rad/s
+        event: at which to stop
         newton: with tangents, also where a method can do without them
         sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
         progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
@@ -169,13 +204,33 @@ class Dynamics:
             ffi.from_buffer("int[]", integers),
         )  # fmt: skip
         done, s = rows[0], statistics
-        last = tuple(a[-1].astype(float) for a in (out_q, out_qd, out_work))
-        filled = (np.asarray(a[:done], dtype=float) for a in (out_q, out_qd, out_work))
-        counts = (s.steps, s.rejected, s.repeated, s.evaluations, s.newton_steps)
-        more = (s.factorisations, s.perturbed, s.refinements, bool(s.stopped), float(s.largest_projection), s.jacobians, s.fallbacks)
-        return Outcome(*filled, STATUS[status], float(s.t), last, *counts, *more, float(s.tried), s.stiff, listener.raised)
+        return Outcome(
+            q=np.asarray(out_q[:done], dtype=float),
+            qd=np.asarray(out_qd[:done], dtype=float),
+            work=np.asarray(out_work[:done], dtype=float),
+            status=STATUS[status],
+            reached=float(s.t),
+            last=(out_q[-1].astype(float), out_qd[-1].astype(float), out_work[-1].astype(float)),
+            steps=s.steps,
+            rejected=s.rejected,
+            repeated=s.repeated,
+            evaluations=s.evaluations,
+            newton_steps=s.newton_steps,
+            factorisations=s.factorisations,
+            perturbed=s.perturbed,
+            refinements=s.refinements,
+            stopped=bool(s.stopped),
+            largest_projection=float(s.largest_projection),
+            jacobians=s.jacobians,
+            fallbacks=s.fallbacks,
+            tried=float(s.tried),
+            stiff=s.stiff,
+            raised=listener.raised,
+        )
 
-    def jacobian(self, t: float, q, velocities, p, formalism: str = "coordinate-partitioning", **options) -> np.ndarray:
+    def jacobian(
+        self, t: float, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, formalism: str = "coordinate-partitioning", **options: InC
+    ) -> np.ndarray:
         """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning, where
         rolling conditions leave more positions than velocities ∂[z̈; ż]/∂[ż; z], ∂q̈/∂[q̇; q] (n, 2 n) with other formalisms.
         Arguments as for `simulate`."""
@@ -194,7 +249,7 @@ class Dynamics:
             raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
         return out
 
-    def _space(self, settings) -> tuple[np.ndarray, np.ndarray]:
+    def _space(self, settings: InC) -> tuple[np.ndarray, np.ndarray]:
         """Workspace: numbers and integers."""
         numbers = self._library.ncgen_workspace(self._model, self._dynamics, settings)
         integers = (7 if self.has_rolling else 4) * self.kernels.n + 3 * self.kernels.m
@@ -215,7 +270,7 @@ class DenseDynamics(Dynamics):
     positions: the choice for positions, where it is not that for velocities
     """
 
-    def __init__(self, kernels: CompiledKernels, split: Split, number: str = "double", positions: Split | None = None):
+    def __init__(self, kernels: CompiledKernels, split: Split, number: str = "double", positions: Split | None = None) -> None:
         super().__init__(kernels, number)
         self.positions = positions
         self._describe(split, self._dynamics)
@@ -227,13 +282,14 @@ class DenseDynamics(Dynamics):
     def _jacobian_shape(self, velocities: int) -> tuple[int, int]:
         if self.positions is None:
             return super()._jacobian_shape(velocities)
-        return (velocities + len(self.positions.independent),) * 2
+        size = velocities + len(self.positions.independent)
+        return size, size
 
 
 class ConstrainedDynamics(Dynamics):
     """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism."""
 
-    def __init__(self, kernels: CompiledKernels, number: str = "double"):
+    def __init__(self, kernels: CompiledKernels, number: str = "double") -> None:
         super().__init__(kernels, number)
         self.singular_mass = singular = not is_definite(kernels)
         self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
@@ -242,20 +298,22 @@ class ConstrainedDynamics(Dynamics):
         self._dynamics.elimination = self._elimination
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
 
-    def simulate(self, method: str, *args, rank: int = 0, **options) -> Outcome:
+    def simulate(
+        self, method: str, times: ArrayLike, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, *, rank: int = 0, **options: InC
+    ) -> Outcome:
         """As `Dynamics.simulate`; rank: of Φ_q, where rows are redundant."""
         self._dynamics.n_dependent = rank
-        done = super().simulate(method, *args, **options)
+        done = super().simulate(method, times, q, velocities, p, **options)
         if done.status == "not converged" and INTEGRATORS[method].tangents == "sometimes" and self.number.name == "double":
             # Without tangents the equations of a step are iterated, which next to singular positions does not converge.
-            done = super().simulate(method, *args, newton=True, **options)
+            done = super().simulate(method, times, q, velocities, p, newton=True, **options)
         return done
 
 
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double", refine: bool = False):
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double", refine: bool = False) -> None:
         from ncgen.program.dynamics import assemble_dynamics
 
         super().__init__(kernels, number)

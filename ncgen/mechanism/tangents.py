@@ -6,8 +6,9 @@ those by position and velocity, or those by the parameters (ncgen.program.tangen
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -16,59 +17,64 @@ from ncgen.emit.naming import identifier
 from ncgen.emit.numpy import numpy_tangents
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
+from ncgen.program.blocks import Program
 from ncgen.program.programs import Programs
-from ncgen.toolchain.abi import abi
+from ncgen.toolchain.abi import InC, abi
 from ncgen.toolchain.loader import load
 
 if TYPE_CHECKING:
     from ncgen.program.tangents import TangentPrograms
-    from ncgen.symbolic.numbering import Numbering
+    from ncgen.symbolic.equations import Equations
 
 
-class Tangents:
+class Tangents(ABC):
     """Nonzeros of the derivatives of the equations of motion."""
 
-    def __init__(self, programs: TangentPrograms, equations: Numbering):
+    def __init__(self, programs: TangentPrograms, equations: Equations) -> None:
         self.programs = programs
         self.equations = equations
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type[Tangents], tuple[TangentPrograms, Equations]]:
         """Pickled as programs, which are compiled again where they arrive."""
         return type(self), (self.programs, self.equations)
 
     @classmethod
-    def by_state(cls, programs: Programs) -> Tangents:
+    def by_state(cls, programs: Programs) -> Self:
         """stiffness, damping, phidd_q and phidd_qd."""
         from ncgen.program.tangents import assemble_tangents
 
         return cls(assemble_tangents(programs.equations, programs.emission), programs.equations)
 
     @classmethod
-    def by_parameters(cls, programs: Programs) -> Tangents:
+    def by_parameters(cls, programs: Programs) -> Self:
         """phi_p, phid_p, phidd_p and balance_p."""
         from ncgen.program.tangents import assemble_parameter_tangents
 
         return cls(assemble_parameter_tangents(programs.equations), programs.equations)
 
-    def values(self, name: str, given: dict[str, object]) -> np.ndarray:
+    def values(self, name: str, given: dict[str, Any]) -> np.ndarray:
         """The nonzeros of one matrix; given: t, q, qd, qdd, lam, p by name."""
         program = self.programs.programs.get(name)
         if program is None:
             return np.zeros(0)
         return self._call(name, program, [given[a] for a in program.inputs])
 
+    @abstractmethod
+    def _call(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
+        """The output of a program; inputs: time and arrays, in the order of the program's."""
+
 
 class NumPyTangents(Tangents):
     """Through the generated NumPy source; takes batches and complex numbers."""
 
     @cached_property
-    def _functions(self) -> dict[str, object]:
+    def _functions(self) -> dict[str, Any]:
         ((name, text),) = numpy_tangents(self.programs, self.equations).items()
-        namespace: dict[str, object] = {"__name__": name.removesuffix(".py")}
+        namespace: dict[str, Any] = {"__name__": name.removesuffix(".py")}
         exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
         return namespace
 
-    def _call(self, name, program, inputs):
+    def _call(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
         with np.errstate(all="ignore"):  # as in C, what is no number says so by itself
             return self._functions[name](*inputs)
 
@@ -76,15 +82,15 @@ class NumPyTangents(Tangents):
 class CompiledTangents(Tangents):
     """Through a compiled library, whose `descriptor` the C runtime takes."""
 
-    def __init__(self, programs: TangentPrograms, equations: Numbering):
+    def __init__(self, programs: TangentPrograms, equations: Equations) -> None:
         super().__init__(programs, equations)
         files = tangent_files(self.programs, self.equations) | runtime_files(*HEADERS)
         kind = programs.kind
         getter = f"{identifier(equations.model.name)}_{kind}"
         self._ffi, self._library = load(files, f"const ncgen_{kind} *{getter}(void);", abi())
-        self.descriptor = getattr(self._library, getter)()
+        self.descriptor: InC = getattr(self._library, getter)()
 
-    def _call(self, name, program, inputs):
+    def _call(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
         out = np.empty(program.size)
         arrays = [np.ascontiguousarray(a, dtype=float) for a in inputs[1:]]
         pointers = [self._ffi.from_buffer("double[]", a, require_writable=a is out) for a in (*arrays, out)]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Any
 
 from ncgen.methods import table
 from ncgen.methods.table import Formalism, Integrator
@@ -14,10 +15,10 @@ class Method:
 
     formalism: Formalism
     integrator: Integrator
-    options: dict = field(default_factory=dict, hash=False)
+    options: dict[str, Any] = field(default_factory=dict, hash=False)
 
     @classmethod
-    def of(cls, formalism: str, integrator: str, options: dict | None = None) -> Method:
+    def of(cls, formalism: str, integrator: str, options: dict[str, Any] | None = None) -> Method:
         """The method of two names. Raises ModelError for unknown names and options, and for names that do not go together."""
         pair = table.find_formalism(formalism), table.find_integrator(integrator)
         table.check_pair(*pair)
@@ -37,5 +38,5 @@ class Method:
     def has_fixed_step(self) -> bool:
         return self.integrator.has_fixed_step
 
-    def __str__(self):
+    def __str__(self) -> str:
         return f"{self.formalism.name} with {self.integrator.name}"

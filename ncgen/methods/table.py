@@ -7,12 +7,17 @@ stands elsewhere, under its name: explicit methods in `ncgen.methods.explicit`, 
 from __future__ import annotations
 
 import sys
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from importlib import import_module
 from numbers import Real
+from typing import TYPE_CHECKING, Any, TypeGuard
 
 from ncgen.errors import ModelError
+
+if TYPE_CHECKING:
+    from ncgen.methods.tableau import Tableau
 
 AUTO = "auto"
 """The name under which the choice is left to ncgen."""
@@ -52,10 +57,10 @@ class Integrator:
     in_c: bool = False
     in_lanes: bool = False
     tableau: str = ""
-    options: dict = field(default_factory=dict, hash=False)
+    options: dict[str, Any] = field(default_factory=dict, hash=False)
 
     @cached_property
-    def coefficients(self):
+    def coefficients(self) -> Tableau:
         """The Tableau of an explicit Runge-Kutta method; reading it checks it."""
         return getattr(import_module("ncgen.methods.explicit"), self.tableau)
 
@@ -79,7 +84,7 @@ class Formalism:
     is_constrained: bool = True
     is_ordinary: bool = True
     in_c: bool = True
-    options: dict = field(default_factory=dict, hash=False)
+    options: dict[str, Any] = field(default_factory=dict, hash=False)
 
     @property
     def constant(self) -> str:
@@ -87,16 +92,23 @@ class Formalism:
         return _constant(self.name)
 
 
+def is_real(value: object) -> TypeGuard[float]:
+    """True for a real number of any kind, NumPy's and fractions included: it compares with others like a float."""
+    return isinstance(value, Real)
+
+
 def _constant(name: str) -> str:
     return f"NCGEN_{name.upper().replace('-', '_')}"
 
 
-def _explicit(name: str, help: str, tableau: str, **more) -> Integrator:
-    return Integrator(name, help, in_c=True, in_lanes=True, tableau=tableau, **more)
+def _explicit(name: str, help: str, tableau: str, also: tuple[str, ...] = (), has_fixed_step: bool = False) -> Integrator:
+    return Integrator(name, help, also, has_fixed_step=has_fixed_step, in_c=True, in_lanes=True, tableau=tableau)
 
 
-def _stepper(name: str, help: str, **more) -> Integrator:
-    return Integrator(name, help, has_fixed_step=True, is_ordinary=False, steps=("lagrange",), in_c=True, **more)
+def _stepper(name: str, help: str, tangents: str, options: dict[str, Any] | None = None) -> Integrator:
+    return Integrator(
+        name, help, has_fixed_step=True, is_ordinary=False, steps=("lagrange",), in_c=True, tangents=tangents, options=options or {}
+    )
 
 
 INTEGRATORS = {
@@ -124,8 +136,7 @@ INTEGRATORS = {
 """By name, in the order of their numbers in C."""
 
 
-def _of_accelerations(name: str, help: str, stabilisation: str = "projection", **own) -> Formalism:
-    is_ordinary = own.pop("is_ordinary", True)
+def _of_accelerations(name: str, help: str, stabilisation: str = "projection", is_ordinary: bool = True, **own: float) -> Formalism:
     return Formalism(name, help, is_ordinary=is_ordinary, options={"stabilisation": stabilisation, "omega": 10.0, "xi": 1.0, **own})
 
 
@@ -152,7 +163,7 @@ def number_in_c(entry: Integrator | Formalism) -> int:
     return [e.name for e in table.values() if e.in_c].index(entry.name)
 
 
-def in_c(table: dict) -> tuple[str, ...]:
+def in_c(table: Mapping[str, Integrator | Formalism]) -> tuple[str, ...]:
     """Names of the entries of a table that run in C."""
     return tuple(name for name, entry in table.items() if entry.in_c)
 
@@ -162,7 +173,7 @@ def other_names() -> dict[str, str]:
     return {other: entry.name for entry in INTEGRATORS.values() for other in entry.also}
 
 
-def find_integrator(name) -> Integrator:
+def find_integrator(name: object) -> Integrator:
     """The integrator of any of its names, upper or lower case. Raises ModelError listing the known ones."""
     key = str(name).lower()
     key = other_names().get(key, key)
@@ -171,7 +182,7 @@ def find_integrator(name) -> Integrator:
     return INTEGRATORS[key]
 
 
-def find_formalism(name) -> Formalism:
+def find_formalism(name: object) -> Formalism:
     """The formalism of a name. Raises ModelError listing the known ones."""
     if not isinstance(name, str) or name not in FORMALISMS:
         raise ModelError(f"formalism {str(name)[:40]!r} is unknown; choose one of {', '.join([AUTO, *FORMALISMS])}")
@@ -206,7 +217,7 @@ def steps_constraints(formalism: Formalism, integrator: Integrator) -> bool:
     return formalism.name in integrator.steps
 
 
-def options_of(formalism: Formalism, integrator: Integrator, given: dict | None) -> dict:
+def options_of(formalism: Formalism, integrator: Integrator, given: dict[str, Any] | None) -> dict[str, Any]:
     """The defaults of a method with the caller's options in their place. Raises ModelError for unknown or impossible ones."""
     defaults = integrator.options if steps_constraints(formalism, integrator) else formalism.options
     if not isinstance(given or {}, dict):
@@ -219,7 +230,7 @@ def options_of(formalism: Formalism, integrator: Integrator, given: dict | None)
     return {**defaults, **(given or {})}
 
 
-def _check_option(name: str, value, default) -> None:
+def _check_option(name: str, value: object, default: object) -> None:
     if name == "stabilisation":
         if value not in STABILISATIONS:
             raise ModelError(f"stabilisation {str(value)[:40]!r} is unknown; choose one of {', '.join(STABILISATIONS)}")
@@ -228,6 +239,6 @@ def _check_option(name: str, value, default) -> None:
             raise ModelError(f"option {name}: {str(value)[:40]!r} given; it must be True or False")
     elif value is None and default is None:
         return
-    elif isinstance(value, bool) or not isinstance(value, Real) or not 0 <= value <= LIMITS.get(name, sys.float_info.max):
+    elif isinstance(value, bool) or not is_real(value) or not 0 <= value <= LIMITS.get(name, sys.float_info.max):
         wanted = f"from 0 to {LIMITS[name]:.3g}" if name in LIMITS else "from 0 on"
         raise ModelError(f"option {name}: {str(value)[:40]} given; it must be a number {wanted}")

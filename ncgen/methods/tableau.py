@@ -50,7 +50,7 @@ class Tableau:
     higher: tuple[Row, ...] = ()
     dense_order: int = 3
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self._check()
 
     @property
@@ -102,7 +102,7 @@ class Tableau:
         _exact(weights, slopes, self.order, 1.0, "the end of a step")
         for order, estimate in self.errors:
             _exact(weights - [float(x) for x in self._padded(estimate)], slopes, order, 1.0, "what an error is estimated with")
-        nested = 0.0
+        nested = np.zeros(self.width)
         for row in reversed(self.dense):  # at s = ½ both factors are ½
             nested = 0.5 * (nested + np.array([float(x) for x in row]))
         _exact(nested, slopes, self.dense_order, 0.5, "the interpolant")

@@ -7,12 +7,15 @@ mechanism stays on the branch it was drawn on.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 import numpy as np
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import is_finite, watched
+from ncgen.solver.given import Given
 from ncgen.solver.position import CONSISTENT, TOLERANCE, check_finite, residual
 
 LIMIT = 100
@@ -26,10 +29,17 @@ NAMED = 4
 """How many rows a failure names."""
 
 
-def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] | None = None, tolerance: float = CONSISTENT) -> np.ndarray:
-    """A consistent position near q (default: the model's at the parameters p), shape (n,).
+def assemble(
+    kernels: Kernels,
+    q: Given | None = None,
+    t: float = 0.0,
+    p: Given | None = None,
+    weights: Mapping[str, float] | None = None,
+    tolerance: float = CONSISTENT,
+) -> np.ndarray:
+    """A consistent position near q (default: the model's at the parameters p), shape (n,) in m and rad, at time t (s).
 
-    q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
+    q: numbers (n,) in the order of the coordinates or {name: number}; p likewise for parameters, (n_p,)
     weights: {coordinate: how much dearer than others it is to move it}; 1 is the default
     tolerance: the relative residual up to which a position passes as closed. One that is open beyond CONSISTENT is closed as far as
         its rows allow: those of an overconstrained mechanism contradict each other by as much as its dimensions are rounded
@@ -38,14 +48,14 @@ def assemble(kernels: Kernels, q=None, t=0.0, p=None, weights: dict[str, float] 
     """
     p, tolerance = given.parameters(kernels, p), given.closing(tolerance)
     q, t = given.position(kernels, q, p), given.finite(t, "t")
-    weights = given.numbers_by_name(weights or {}, kernels.index, "weights")
-    for name, weight in weights.items():
+    dearer = given.numbers_by_name(weights or {}, kernels.index, "weights")
+    for name, weight in dearer.items():
         given.positive(weight, f"weights: {name}")
     if residual(kernels, q, t, p) <= min(tolerance, CONSISTENT):
         return q
-    sizes = kernels.column_sizes / np.array([weights.get(name, 1.0) for name in kernels.coordinates])
+    sizes = kernels.column_sizes / np.array([dearer.get(name, 1.0) for name in kernels.coordinates])
     rows = kernels.holonomic
-    history = []
+    history, value = [], np.zeros(len(rows))
     for _ in range(LIMIT):
         value = kernels.phi(q, t, p)[rows] / kernels.row_sizes[rows]
         history.append(float(np.max(np.abs(value), initial=0.0)))

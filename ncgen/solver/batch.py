@@ -3,24 +3,32 @@
 from __future__ import annotations
 
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import GROWTH, dynamics, refusal, refusal_of_size
+from ncgen.solver.compiled import GROWTH, checked_compiled, dynamics, refusal, refusal_of_size
 from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.given import checked_kernels, finite, known_name, names_of
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.partition import Partitions, choose_partitions
 from ncgen.solver.position import TOLERANCE, check_finite, check_mirror_roots
 from ncgen.solver.run import Run, count
 from ncgen.solver.simulate import simulate
 from ncgen.solver.tolerances import Tolerances
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.batch_runs import LaneDynamics, LaneOutcome
+
+BatchGiven: TypeAlias = "ArrayLike | Mapping[str, ArrayLike]"
+"""In signatures: rows of numbers, one row for all states, or by name a number or one a state."""
 
 INTERRUPTED = "interrupted"
 """The status of a state that was on its way, or had not begun, when the batch was ended from outside."""
@@ -98,21 +106,22 @@ class _Choice:
     """Names of the independent coordinates, the state derivative for them in lanes, and their places in q."""
 
     names: tuple[str, ...]
-    lanes: object
+    lanes: LaneDynamics
     places: np.ndarray
 
     @classmethod
-    def at(cls, kernels: Kernels, q, t: float, p, z, method: Method) -> _Choice:
+    def at(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method) -> _Choice:
         """A choice that is good at one position. Raises ModelError where lanes cannot do it, SingularError or DomainError for a
         position at which there is none."""
         check_finite(kernels, q, t, p)
         partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
         if refused := _refusal(kernels, method, partitions):
             raise ModelError(f"{kernels.name} cannot be simulated in a batch: {refused}; use simulate for every state")
-        return cls(partitions.velocity.names(kernels), dynamics(kernels, partitions, "lanes", q, p), partitions.velocity.independent)
+        lanes = dynamics(checked_compiled(kernels), partitions, "lanes", q, p)
+        return cls(partitions.velocity.names(kernels), lanes, partitions.velocity.independent)
 
     @classmethod
-    def at_first(cls, kernels: Kernels, q, t: float, p, z, method: Method) -> _Choice:
+    def at_first(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method) -> _Choice:
         """A choice that is good at the first position where there is one."""
         finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
         if not len(finite):
@@ -130,21 +139,21 @@ class _Choice:
 
 def accelerations_batch(
     kernels: Kernels,
-    q,
-    zd,
+    q: BatchGiven,
+    zd: BatchGiven,
     *,
-    p=None,
+    p: BatchGiven | None = None,
     t: float = 0.0,
-    z=None,
+    z: str | Iterable[str] | None = None,
     velocities: bool = False,
     threads: int | None = 1,
     out: BatchAccelerations | None = None,
 ) -> BatchAccelerations:
     """The state derivative of many states at a time, for an integrator, an optimiser or a sampler of one's own.
 
-    q: (B, n), nearly closed: the dependent coordinates are brought onto the constraints by Newton's method; zd: (B, nz), in
-    the order of z, or {name: number, or one a state}; p: (B, n_p), (n_p,) or by name, too; z: names of the independent
-    coordinates, chosen at the first regular state if not given
+    q: (B, n) in m and rad, nearly closed: the dependent coordinates are brought onto the constraints by Newton's method; zd: (B, nz) in
+    the same per second, in the order of z, or {name: number, or one a state}; p: (B, n_p), (n_p,) or by name, too; t: s; z: names of
+    the independent coordinates, chosen at the first regular state if not given
     velocities: whether all velocities are wanted, too; threads: None for one on every processor that this process may use
     out: results of before, whose arrays are filled again and whose independent coordinates stay. Positions may stay where
     they are (q = out.q): with less to move through memory all is found the faster
@@ -189,7 +198,18 @@ class _States:
     faults: dict[int, str]
 
     @classmethod
-    def of(cls, kernels: Kernels, q, zd, p, t: float, z, method: Method, choice=None, assembled=False) -> _States:
+    def of(
+        cls,
+        kernels: Kernels,
+        q: BatchGiven | None,
+        zd: BatchGiven | None,
+        p: BatchGiven | None,
+        t: float,
+        z: tuple[str, ...],
+        method: Method,
+        choice: _Choice | None = None,
+        assembled: bool = False,
+    ) -> _States:
         """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
         choice: of independent coordinates, a new one if not given
@@ -210,7 +230,7 @@ class _States:
         if len(faults) == size:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
         choice = choice or _Choice.at_first(kernels, q, t, p, z, method)
-        if rates is not None:
+        if rates is not None and zd is not None:
             zd = zd[..., [kernels.index[name] for name in _all_independent(rates, choice.names)]]
         nz = len(choice.names)
         return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, size, nz), p, faults)
@@ -220,11 +240,11 @@ def simulate_batch(
     kernels: Kernels,
     duration: float,
     *,
-    q0=None,
-    zd0=None,
-    p=None,
+    q0: BatchGiven | None = None,
+    zd0: BatchGiven | None = None,
+    p: BatchGiven | None = None,
     t0: float = 0.0,
-    z=None,
+    z: str | Iterable[str] | None = None,
     integrator: str = "dopri5",
     rtol: float = 1e-8,
     atol: float | None = None,
@@ -235,7 +255,8 @@ def simulate_batch(
 ) -> BatchTrajectory:
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
-    q0: (B, n) or (n,) for all, assembled where open; zd0: (B, nz) or (nz,), in the order of z; p: (B, n_p) or (n_p,). Or each
+    q0: (B, n) or (n,) for all, in m and rad, assembled where open; zd0: (B, nz) or (nz,), in the same per second, in the order of z;
+        p: (B, n_p) or (n_p,). Or each
         of them by name, {name: number, or an array with one for every state}; those not named have their defaults
     integrator: dopri5 or dop853 (each state with its own steps) or rk4 (fixed step max_step)
     threads: None for one on every processor that this process may use
@@ -252,7 +273,7 @@ def simulate_batch(
         max_step=max_step,
         progress=progress, t0=t0, z=z,
     )  # fmt: skip
-    threads, t0, method = _threads(threads), run.initial.t, Method(run.formalism, run.integrator)
+    threads, t0, method = _threads(threads), run.initial.t, _method(kernels, run)
     states = _States.of(kernels, q0, zd0, p, t0, run.initial.z, method, assembled=True)
     if not np.isfinite(states.zd).all(axis=1).any():
         raise ModelError(f"{kernels.name}: zd0 has numbers that are not finite in every state; correct them")
@@ -278,9 +299,20 @@ def simulate_batch(
             raise done.raised or KeyboardInterrupt()
         batch.go_on_alone(duration, dict(t0=t0, points=points, integrator=integrator, rtol=rtol, atol=atol, max_step=max_step))
     except BaseException as raised:
-        raised.trajectory = batch.trajectory()
+        vars(raised)["trajectory"] = batch.trajectory()
         raise
     return batch.trajectory()
+
+
+def _method(kernels: Kernels, run: Run) -> Method:
+    """The method of a batch. Raises ModelError where the choice is left open."""
+    if run.formalism is None or run.integrator is None:
+        raise ModelError(f"{kernels.name}: a batch has no choice of its own; name one of {_in_lanes()}")
+    return Method(run.formalism, run.integrator)
+
+
+def _in_lanes() -> str:
+    return ", ".join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)
 
 
 @dataclass
@@ -290,7 +322,7 @@ class _Batch:
     kernels: Kernels
     grid: np.ndarray
     states: _States
-    done: object
+    done: LaneOutcome
     alone: np.ndarray
     progress: Callable[[float], None] | None
 
@@ -299,9 +331,9 @@ class _Batch:
         names, status = self.states.choice.names, tuple(done.status)
         return BatchTrajectory(self.kernels, self.grid, done.q, done.qd, done.work, names, status, done.steps, self.alone)
 
-    def go_on_alone(self, duration: float, options: dict) -> None:
+    def go_on_alone(self, duration: float, options: dict[str, Any]) -> None:
         """Simulate those that could not go on with the others; what they warn of is said once."""
-        done, left = self.done, np.flatnonzero(self.alone)
+        done, left = self.done, np.flatnonzero(self.alone).tolist()
         for i in left:
             done.status[i] = INTERRUPTED  # until it is done
         warned = []
@@ -318,7 +350,7 @@ class _Batch:
             said = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
             warnings.warn(f"{self.kernels.name}: {said}", stacklevel=3)
 
-    def _simulate(self, i: int, duration: float, options: dict) -> str:
+    def _simulate(self, i: int, duration: float, options: dict[str, Any]) -> str:
         """Simulate one state; its status."""
         done, states = self.done, self.states
         start = dict(q0=states.q[i], zd0=states.zd[i], p=states.p[i], z=states.choice.names)
@@ -332,25 +364,25 @@ class _Batch:
         return "ok"
 
 
-def _refusal(kernels: Kernels, method: Method, partitions) -> str | None:
+def _refusal(kernels: Kernels, method: Method, partitions: Partitions) -> str | None:
     if not method.integrator.in_lanes:
-        return f"{method.integrator.name} is not among {', '.join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)}"
+        return f"{method.integrator.name} is not among {_in_lanes()}"
     return refusal(kernels, method, "emitted", "double") or refusal_of_size(partitions, "emitted")
 
 
-def _threads(threads) -> int | None:
+def _threads(threads: int | None) -> int | None:
     """How many threads, None for all. Raises ModelError for anything but a positive whole number."""
     return None if threads is None else count(threads, "threads", 1, "give a positive whole number, or None for all processors")
 
 
-def _given(kernels: Kernels, what: str, given, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
+def _given(kernels: Kernels, what: str, given: BatchGiven | None, names: tuple[str, ...], defaults: np.ndarray) -> np.ndarray:
     """Rows, one row for all, or {name: number, or one a state} in place of the defaults, as an array.
 
     Raises ModelError for other things.
     """
     from ncgen.mechanism.arguments import numbers
 
-    def array(value, of: str) -> np.ndarray:
+    def array(value: ArrayLike, of: str) -> np.ndarray:
         try:
             return numbers(value, f"{kernels.name}: {of}")
         except NcgenError as error:
@@ -403,7 +435,7 @@ def _closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[n
     return q, faults
 
 
-def _assembled(kernels: Kernels, q, t: float, p) -> np.ndarray | str:
+def _assembled(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray | str:
     """One position closed, or why it cannot be."""
     try:
         q = assemble(kernels, q, t, p)

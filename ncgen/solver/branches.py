@@ -6,32 +6,37 @@ and frozen inside them, so it is part of p: copyable, and nobody's hidden memory
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.coordinates import paper_choice
+from ncgen.model.elements import Angle
 from ncgen.solver.geometry import direction, element
 
 
-def refresh_branches(kernels: Kernels, q, p) -> np.ndarray:
+def refresh_branches(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Parameters p with every paper row's choice made anew at q; p itself where there are none."""
     return _choose(kernels, q, p, lambda name: float(element(kernels, name, q, p)[0]))
 
 
-def one_kind(kernels: Kernels, q, p, kind: str) -> np.ndarray:
+def one_kind(kernels: Kernels, q: np.ndarray, p: np.ndarray, kind: str) -> np.ndarray:
     """Parameters with every paper row set to its cosine ("cosine") or largest sine component ("sine"), for lessons."""
     as_if = {"cosine": np.pi / 2, "sine": 0.0}[kind]
     return _choose(kernels, q, p, lambda name: as_if)
 
 
-def _choose(kernels: Kernels, q, p, angle) -> np.ndarray:
+def _choose(kernels: Kernels, q: np.ndarray, p: np.ndarray, angle: Callable[[str], float]) -> np.ndarray:
     branches = kernels.model.branches
     if not branches:
         return p
     p = np.array(p, dtype=float)
     position = {name: i for i, name in enumerate(kernels.parameters)}
     for name, weights in branches.items():
-        chosen = paper_choice(angle(name), direction(kernels, kernels.model.elements[name].axis, q, p))
-        for k, weight in enumerate(weights):
-            p[position[weight.name]] = float(k == chosen)
+        thing = kernels.model.elements[name]
+        if isinstance(thing, Angle):  # nothing else has a choice
+            chosen = paper_choice(angle(name), direction(kernels, thing.axis, q, p))
+            for k, weight in enumerate(weights):
+                p[position[weight.name]] = float(k == chosen)
     return p

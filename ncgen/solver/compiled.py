@@ -2,22 +2,30 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any, Literal, TypeGuard, overload
+
 import numpy as np
 
-from ncgen.errors import ConvergenceError, SingularError
+from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.program.programs import Split
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms import ACCELERATIONS
-from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality, stuck_message
+from ncgen.solver.partition import BETTER, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE
 from ncgen.solver.rank import freedom, trial_positions
-from ncgen.solver.run import EMITTED
+from ncgen.solver.run import EMITTED, Form
 from ncgen.solver.steppers.generalized_alpha import weights
+from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.batch_runs import LaneDynamics
+    from ncgen.mechanism.library import CompiledKernels
+    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -75,47 +83,39 @@ def refusal_of_size(partitions: Partitions, engine: str) -> str | None:
     return None
 
 
-def is_emitted(kernels: Kernels, partitions: Partitions) -> bool:
+def is_emitted(kernels: Kernels, partitions: Partitions) -> TypeGuard[CompiledKernels]:
     """True where the state derivative of a choice of independent coordinates can be written out and run in C."""
     method = Method.of("coordinate-partitioning", "dopri5")
     return (refusal(kernels, method, "emitted", "double") or refusal_of_size(partitions, "emitted")) is None
 
 
-def run_constrained(
-    path: Path,
-    kernels: Kernels,
-    method: Method,
-    grid,
-    q,
-    qd,
-    p,
-    max_step,
-    tolerances: Tolerances,
-    number="double",
-    stop=None,
-    progress=None,
-    stop_when_stiff=False,
-) -> str | None:
+def checked_compiled(kernels: Kernels) -> CompiledKernels:
+    """The kernels themselves, where `refusal` has nothing against them. Raises ModelError for those that are not compiled."""
+    from ncgen.mechanism.library import CompiledKernels
+
+    if not isinstance(kernels, CompiledKernels):
+        raise ModelError(f"{kernels.name}: the kernels are {kernels.backend}, not compiled; compile the model with backend='c'")
+    return kernels
+
+
+def run_constrained(path: Path, kernels: CompiledKernels, task: Task) -> str | None:
     """Complete a path over a time grid with a formalism over all coordinates, from its last row on if it has any.
 
-    stop: where to end before (`ncgen.solver.stop.Stop`)
-    progress: called now and then with the time reached; what is raised meanwhile ends the run and is raised here, the path
-        holding what was reached
-    stop_when_stiff: dopri5 and dop853 end with the reason STIFF where an implicit integrator would serve better
-    Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number,
-    ConvergenceError where steps become too short.
-    """  # fmt: skip
+    Returns None, or why the run had to stop before the end of the grid: STIFF where it was to end so. Raises DomainError where a
+    term is not a number, ConvergenceError where steps become too short.
+    """
     from ncgen.mechanism.listening import Progress
     from ncgen.mechanism.runtime import ConstrainedDynamics
 
+    method, grid, number, p = task.method, task.grid, task.number, task.p
     dynamics = kernels.remember("constrained dynamics", number, lambda: ConstrainedDynamics(kernels, number))
+    q, qd, work, times = task.q, task.velocities, 0.0, grid
     if dynamics.singular_mass:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
         ACCELERATIONS["lagrange"].motion(kernels, q, qd, float(grid[0]), p, {})
     settings = method.options
     projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"
-    work, times = 0.0, grid
     if len(path.q):
         q, qd, work = path.take_last()
         times = grid[len(path.q) :]
@@ -123,9 +123,9 @@ def run_constrained(
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, times[0], p).rank, event=stop, max_step=max_step, progress=Progress(progress),
-        stop_when_stiff=int(stop_when_stiff), **_weights(settings),
-        **tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
+        rank=freedom(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step, progress=Progress(task.progress),
+        stop_when_stiff=int(task.stop_when_stiff), **_weights(settings),
+        **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.jacobians += done.jacobians
@@ -133,7 +133,7 @@ def run_constrained(
     path.projections += done.steps if projected else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)
     if done.stopped:
-        path.stop(done.reached, *done.last[:2], work + done.last[2])
+        path.stop(done.reached, done.last[0], done.last[1], work + done.last[2])
     reason = _ended(path, kernels, grid, done, work, p)
     if done.status in FINAL:
         raise ConvergenceError(
@@ -143,7 +143,7 @@ def run_constrained(
     return reason
 
 
-def _ended(path: Path, kernels: Kernels, grid, done, work: float, p) -> str | None:
+def _ended(path: Path, kernels: Kernels, grid: np.ndarray, done: Outcome, work: float, p: np.ndarray) -> str | None:
     """None for a run that came to its end, or why it did not; DomainError, or what it was ended by, with all that it reached.
 
     work: done before this run, which its own is added to
@@ -160,7 +160,7 @@ def _ended(path: Path, kernels: Kernels, grid, done, work: float, p) -> str | No
     return f"the run in C stopped at t = {done.reached:.6g} s ({done.status})"
 
 
-def _weights(settings: dict) -> dict[str, float]:
+def _weights(settings: dict[str, Any]) -> dict[str, float]:
     """Of generalised-α, by the names of `ncgen_options`."""
     if "rho" not in settings:
         return {}
@@ -179,10 +179,36 @@ def closeness(number: str) -> float:
     return TOLERANCE * rounding(number) / rounding("double")
 
 
-def dynamics(kernels: Kernels, partitions: Partitions, form: str, q, p, number: str = "double"):
+@overload
+def dynamics(
+    kernels: CompiledKernels, partitions: Partitions, form: Literal["lanes"], q: np.ndarray, p: np.ndarray, number: str = "double"
+) -> LaneDynamics: ...
+
+
+@overload
+def dynamics(
+    kernels: CompiledKernels, partitions: Partitions, form: Literal["dense"], q: np.ndarray, p: np.ndarray, number: str = "double"
+) -> DenseDynamics: ...
+
+
+@overload
+def dynamics(
+    kernels: CompiledKernels,
+    partitions: Partitions,
+    form: Literal["emitted", "refined"],
+    q: np.ndarray,
+    p: np.ndarray,
+    number: str = "double",
+) -> EmittedDynamics: ...
+
+
+def dynamics(
+    kernels: CompiledKernels, partitions: Partitions, form: str, q: np.ndarray, p: np.ndarray, number: str = "double"
+) -> LaneDynamics | DenseDynamics | EmittedDynamics:
     """The state derivative for a partition, made once for every kernels object, partition, form and number type.
 
     form: "dense", "emitted", "refined" (emitted, with iterative refinement), or "lanes" for many states at a time (double only)
+    q (n,), p (n_p,): a typical position (m, rad) and parameters, with which the order of an emitted elimination is chosen
     """
     split, positions = (
         Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
@@ -193,7 +219,9 @@ def dynamics(kernels: Kernels, partitions: Partitions, form: str, q, p, number: 
     return kernels.remember("dynamics", key, lambda: _made(kernels, split, apart, form, number, q, p))
 
 
-def _made(kernels: Kernels, split: Split, positions: Split | None, form: str, number: str, q, p):
+def _made(
+    kernels: CompiledKernels, split: Split, positions: Split | None, form: str, number: str, q: np.ndarray, p: np.ndarray
+) -> LaneDynamics | DenseDynamics | EmittedDynamics:
     """A state derivative; positions: the choice for them where it is another than for velocities."""
     from ncgen.mechanism.batch_runs import LaneDynamics
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
@@ -205,52 +233,39 @@ def _made(kernels: Kernels, split: Split, positions: Split | None, form: str, nu
     return EmittedDynamics(kernels, split, _samples(kernels, q, p), number, refine=form == "refined")
 
 
-def _samples(kernels: Kernels, q, p) -> list[dict[tuple[int, int], float]]:
+def _samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[dict[tuple[int, int], float]]:
     """Φ_q as numbers in typical positions, from which the order of elimination is chosen."""
     places = kernels.phi_q_pattern.positions()
     positions = trial_positions(kernels, q, 0.0, p)
     return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
 
 
-def run(
-    path: Path,
-    kernels: Kernels,
-    method: Method,
-    form: str,
-    grid,
-    q,
-    zd,
-    p,
-    max_step,
-    tolerances: Tolerances,
-    number="double",
-    stop=None,
-    progress=None,
-    stop_when_stiff=False,
-) -> str | None:
+def run(path: Path, kernels: CompiledKernels, task: Task, form: Form) -> str | None:
     """Complete a path over a time grid, from its last row on if it has any, to its end or to a `Stop`; where the independent
     coordinates become bad, go on with others.
 
-    form: of the state derivative, as for `dynamics`; progress, stop_when_stiff: as for `run_constrained`
-    Returns None, or why the run had to stop before the end of the grid. Raises DomainError where a term is not a number,
-    ConvergenceError where steps become too short.
-    """  # fmt: skip
+    form: of the state derivative
+    Returns None, or why the run had to stop before the end of the grid: STIFF where it was to end so. Raises DomainError where a
+    term is not a number, ConvergenceError where steps become too short.
+    """
     from ncgen.mechanism.listening import Progress
 
-    seen = [path.partitions]
-    qd, work, grid, growth = None, 0.0, np.asarray(grid, dtype=float), GROWTH
-    if len(path.q):
+    method, number, p, partitions = task.method, task.number, task.p, determined(path.partitions)
+    seen = [partitions]
+    grid, growth, begun = np.asarray(task.grid, dtype=float), GROWTH, len(path.q) > 0
+    q, qd, zd, work = task.q, np.zeros(kernels.n), task.velocities, 0.0
+    if begun:
         q, qd, work = path.take_last()
-        zd = qd[path.partitions.velocity.independent]
+        zd = qd[partitions.velocity.independent]
     times = grid[len(path.q) :]
-    t, progress = float(times[0]), Progress(progress)
+    t, progress = float(times[0]), Progress(task.progress)
     try:
         while True:
             progress(t)
-            here = dynamics(kernels, path.partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
+            here = dynamics(kernels, partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
             done = here.simulate(
-                method.integrator.name, times, q, zd, p, max_step, stop, tolerance=closeness(number), growth=growth, progress=progress,
-                stop_when_stiff=int(stop_when_stiff), **_in_c(tolerances, kernels, path.partitions),
+                method.integrator.name, times, q, zd, p, max_step=task.max_step, event=task.stop, tolerance=closeness(number),
+                growth=growth, progress=progress, stop_when_stiff=int(task.stop_when_stiff), **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
@@ -267,30 +282,30 @@ def run(
             if reason == STIFF or lost:
                 return reason
             advanced = done.reached > t
-            t, q, qd, work = done.reached, done.last[0], done.last[1], work + done.last[2]
-            before, path.partitions = path.partitions, _better(kernels, path.partitions, seen, q, t, p)
-            changed = path.partitions is not before
+            t, q, qd, work, begun = done.reached, done.last[0], done.last[1], work + done.last[2], True
+            before, partitions = partitions, _better(kernels, partitions, seen, q, t, p)
+            path.partitions, changed = partitions, partitions is not before
             if not (advanced or changed) and done.status in FINAL:
                 raise ConvergenceError(stuck_message(kernels, t))
             if not (advanced or changed):
                 return reason
             path.counts[3] += changed
             growth = GROWTH if changed else GROWTH * growth  # nothing better here: look again when it is worse
-            zd = qd[path.partitions.velocity.independent]
+            zd = qd[partitions.velocity.independent]
             left = np.asarray(grid[len(path.q) :])
             times = np.concatenate([[t], left[left > t]])
     except BaseException:
-        if path.stopped is None and (len(path.q) or qd is not None):  # else it had not begun
+        if path.stopped is None and (len(path.q) or begun):  # else it had not begun
             path.break_off(grid, t, q, qd, work)
         raise
 
 
-def _in_c(tolerances: Tolerances, kernels: Kernels, partitions: Partitions) -> dict:
+def _in_c(tolerances: Tolerances, kernels: Kernels, partitions: Partitions) -> dict[str, Any]:
     """Arguments of a run on independent coordinates."""
     return tolerances.in_c(*(kernels.column_sizes[part.independent] for part in (partitions.velocity, partitions.position)))
 
 
-def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q, t, p) -> Partitions:
+def _better(kernels: Kernels, partitions: Partitions, seen: list[Partitions], q: np.ndarray, t: float, p: np.ndarray) -> Partitions:
     """The best partition at q if it is clearly better than the present one; one used before in this run if it will do."""
     try:
         best = other_partitions(kernels, partitions, q, t, p)

@@ -11,10 +11,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.linalg import lapack
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.lapack import dposv
 from ncgen.solver.massless import massless
 from ncgen.solver.partition import Kinematics, Partition, Partitions, factor, kinematics, solve
 from ncgen.solver.position import LIMIT, TOLERANCE
@@ -47,7 +47,7 @@ class Motion:
     orientation: int = 0
 
 
-def dependent_position(kernels: Kernels, partition: Partition, start: Start, t: float, z) -> tuple[np.ndarray, int]:
+def dependent_position(kernels: Kernels, partition: Partition, start: Start, t: float, z: np.ndarray) -> tuple[np.ndarray, int]:
     """q with the given independent coordinates, by Newton from the start extrapolated with its velocities.
 
     Raises ConvergenceError with the time and the residual.
@@ -72,13 +72,15 @@ def dependent_position(kernels: Kernels, partition: Partition, start: Start, t: 
     )
 
 
-def motion(kernels: Kernels, partitions: Partitions, start: Start, t: float, z, zd) -> Motion:
+def motion(kernels: Kernels, partitions: Partitions, start: Start, t: float, z: np.ndarray, zd: np.ndarray) -> Motion:
     """Positions, velocities and accelerations of one instant from the independent coordinates."""
     q, iterations = dependent_position(kernels, partitions.position, start, t, z)
     return motion_at(kernels, partitions.velocity, t, q, zd, start.p, iterations)
 
 
-def motion_at(kernels: Kernels, partition: Partition, t: float, q, zd, p, iterations: int = 0) -> Motion:
+def motion_at(
+    kernels: Kernels, partition: Partition, t: float, q: np.ndarray, zd: np.ndarray, p: np.ndarray | None, iterations: int = 0
+) -> Motion:
     """Velocities and accelerations at a consistent position q."""
     frame = kinematics(kernels, partition, q, t, p)
     nu = kernels.nu(q, t, p)
@@ -93,12 +95,12 @@ def motion_at(kernels: Kernels, partition: Partition, t: float, q, zd, p, iterat
     return Motion(t, q, qd, qdd, lam, power, iterations, frame.orientation)
 
 
-def _independent_acceleration(kernels: Kernels, frame: Kinematics, mass, force, bias) -> np.ndarray:
+def _independent_acceleration(kernels: Kernels, frame: Kinematics, mass: np.ndarray, force: np.ndarray, bias: np.ndarray) -> np.ndarray:
     """z̈ of (RᵀMR) z̈ = Rᵀ(Q − M Sγ), the paper's eq. 54."""
     reduced = frame.R.T @ mass @ frame.R
     if not len(reduced):
         return np.zeros(0)
-    _, zdd, failed = lapack.dposv(reduced, frame.R.T @ (force - mass @ bias))
+    _, zdd, failed = dposv(reduced, frame.R.T @ (force - mass @ bias))
     if failed:
         sizes = kernels.column_sizes[frame.partition.independent]
         raise massless(kernels, sizes[:, None] * reduced * sizes, frame.R * sizes / kernels.column_sizes[:, None])

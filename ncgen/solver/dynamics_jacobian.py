@@ -19,7 +19,9 @@ from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.partition import Partitions, kinematics
 
 
-def acceleration_jacobians(kernels: Kernels, now: Motion, p=None, rows=None, gains: Baumgarte | None = None):
+def acceleration_jacobians(
+    kernels: Kernels, now: Motion, p: np.ndarray | None = None, rows: np.ndarray | None = None, gains: Baumgarte | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """∂q̈/∂q and ∂q̈/∂q̇, (n, n) each, at a motion; rows, gains: those in use and Baumgarte's, as for `instant`.
 
     Forces of Python functions are not in it. Raises SingularError where accelerations are not determined.
@@ -40,7 +42,7 @@ def acceleration_jacobians(kernels: Kernels, now: Motion, p=None, rows=None, gai
     return change[:, : kernels.n], change[:, kernels.n :]
 
 
-def rate_slope(kernels: Kernels, now: Motion, p=None) -> np.ndarray:
+def rate_slope(kernels: Kernels, now: Motion, p: np.ndarray | None = None) -> np.ndarray:
     """∂(Φ_q q̇ − ν)/∂q, (m, n): half of ∂Φ̈/∂q̇ for equations of position, whose Φ̈ is quadratic in q̇."""
     slope = kernels.phidd_qd(now.q, now.qd, now.t, p).toarray() / 2
     if len(kernels.holonomic) < kernels.m:
@@ -51,7 +53,9 @@ def rate_slope(kernels: Kernels, now: Motion, p=None) -> np.ndarray:
     return slope
 
 
-def full_jacobian(kernels: Kernels, now: Motion, p=None, rows=None, gains: Baumgarte | None = None) -> np.ndarray:
+def full_jacobian(
+    kernels: Kernels, now: Motion, p: np.ndarray | None = None, rows: np.ndarray | None = None, gains: Baumgarte | None = None
+) -> np.ndarray:
     """∂ẏ/∂y of y = [q̇; q; W]."""
     n = kernels.n
     by_q, by_qd = acceleration_jacobians(kernels, now, p, rows, gains)
@@ -61,7 +65,7 @@ def full_jacobian(kernels: Kernels, now: Motion, p=None, rows=None, gains: Baumg
     return result
 
 
-def partitioned_jacobian(kernels: Kernels, partitions: Partitions, now: Motion, p=None) -> np.ndarray:
+def partitioned_jacobian(kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray | None = None) -> np.ndarray:
     """∂ẏ/∂y of y = [ż; z; W]."""
     velocities, positions = partitions.velocity.independent, partitions.position.independent
     by_q, by_qd = acceleration_jacobians(kernels, now, p, partitions.velocity.rows)
@@ -75,7 +79,9 @@ def partitioned_jacobian(kernels: Kernels, partitions: Partitions, now: Motion, 
     return result
 
 
-def independent_motions(kernels: Kernels, partitions: Partitions, now: Motion, p=None):
+def independent_motions(
+    kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """∂q/∂z, ∂q̇/∂ż and ∂q̇/∂z over all coordinates."""
     place = kinematics(kernels, partitions.position, now.q, now.t, p)
     rate = kinematics(kernels, partitions.velocity, now.q, now.t, p)

@@ -9,11 +9,19 @@ tell the owner where that does not help.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
+from scipy.sparse import csr_array
 
 from ncgen.errors import DomainError, ModelError, NcgenError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.values import Symbolic
+
+if TYPE_CHECKING:
+    from ncgen.program.assemble import Kernel
+    from ncgen.symbolic.equations import Equations, Term
 
 POSITION, VELOCITY = ("q", "t", "p"), ("q", "qd", "t", "p")
 
@@ -61,11 +69,11 @@ NAMED = 3
 REMEDY = "correct the expression, or start and move where it is defined"
 
 
-def is_finite(values) -> bool:
+def is_finite(values: np.ndarray | csr_array) -> bool:
     """True if no number is infinite or none at all. The sum tells it in nearly all cases, and takes a third of the time."""
-    values = getattr(values, "data", values) if not isinstance(values, np.ndarray) else values
+    numbers = values if isinstance(values, np.ndarray) else values.data
     with np.errstate(invalid="ignore", over="ignore"):
-        return math.isfinite(np.add.reduce(values, axis=None)) or bool(np.all(np.isfinite(values)))
+        return math.isfinite(np.add.reduce(numbers, axis=None)) or bool(np.all(np.isfinite(numbers)))
 
 
 class Watched:
@@ -74,10 +82,10 @@ class Watched:
     Where the state itself is not, that is told; the kernels have no part in it.
     """
 
-    def __init__(self, kernels: Kernels):
+    def __init__(self, kernels: Kernels) -> None:
         self._kernels = kernels
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> Any:
         if name.startswith("_"):
             raise AttributeError(name)
         value = getattr(self._kernels, name)
@@ -86,8 +94,8 @@ class Watched:
         return value
 
 
-def _method(name: str, kernel: str, arguments: tuple[str, ...]):
-    def look(self, *given, **named):
+def _method(name: str, kernel: str, arguments: tuple[str, ...]) -> Callable[..., Any]:
+    def look(self: Watched, *given: Any, **named: Any) -> Any:
         value = getattr(self._kernels, name)(*given, **named)
         if not is_finite(value):
             raise refusal(self._kernels, kernel, **dict(zip(arguments, given, strict=False)), **named)
@@ -101,11 +109,11 @@ for _name, _of in WATCHED.items():
 
 
 def watched(kernels: Kernels) -> Kernels:
-    """The same kernels, watched."""
-    return kernels if isinstance(kernels, Watched) else Watched(kernels)
+    """The same kernels, watched. What they have, a `Watched` has, so it passes for kernels wherever these are called and read."""
+    return kernels if isinstance(kernels, Watched) else cast(Kernels, Watched(kernels))
 
 
-def check_instant(kernels: Kernels, q, qd=None, t=0.0, p=None) -> None:
+def check_instant(kernels: Kernels, q: np.ndarray, qd: np.ndarray | None = None, t: float = 0.0, p: np.ndarray | None = None) -> None:
     """Raise DomainError with the owner of the first term that is not a number at an instant; without q̇ of positions alone."""
     kernels = watched(kernels)
     for kernel in INSTANT:
@@ -115,7 +123,7 @@ def check_instant(kernels: Kernels, q, qd=None, t=0.0, p=None) -> None:
             getattr(kernels, kernel)(q, qd, t, p)
 
 
-def on_the_way(kernels: Kernels, q, qd, t: float, tried: float, p=None) -> DomainError | None:
+def on_the_way(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, tried: float, p: np.ndarray | None = None) -> DomainError | None:
     """Why a run that came to a state and tried to go on to another time cannot, if a term is not a number there."""
     try:
         ahead = [share * (tried - t) for share in SHARES] + [NEAR * max(abs(t), abs(tried - t))]
@@ -131,7 +139,7 @@ def on_the_way(kernels: Kernels, q, qd, t: float, tried: float, p=None) -> Domai
     return None
 
 
-def _accelerations(kernels: Kernels, q, qd, t: float, p) -> np.ndarray:
+def _accelerations(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, p: np.ndarray | None) -> np.ndarray:
     from ncgen.solver.formalisms import ACCELERATIONS
 
     formalism = ACCELERATIONS["lagrange"]
@@ -141,7 +149,15 @@ def _accelerations(kernels: Kernels, q, qd, t: float, p) -> np.ndarray:
         return np.zeros(kernels.n)  # they are not determined: straight on
 
 
-def refusal(kernels: Kernels, kernel: str, q, t=0.0, p=None, qd=None, **more) -> DomainError:
+def refusal(
+    kernels: Kernels,
+    kernel: str,
+    q: np.ndarray,
+    t: float = 0.0,
+    p: np.ndarray | None = None,
+    qd: np.ndarray | None = None,
+    **more: np.ndarray,
+) -> DomainError:
     """The sentence for a kernel that is not finite with these arguments: whose it is, when and where."""
     p = kernels.p0 if p is None else p
     given = {"q": q, "qd": q if qd is None else qd, "t": t, "p": p, **more}
@@ -149,7 +165,7 @@ def refusal(kernels: Kernels, kernel: str, q, t=0.0, p=None, qd=None, **more) ->
     return DomainError(f"{kernels.name}: {said}")
 
 
-def _first(kernels: Kernels, kernel: str, given: dict) -> str:
+def _first(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
     """The kernel where it begins: a derivative is no number where the term itself is none."""
     for name in INSTANT:
         arguments = [given[x] for x in WATCHED[name][1]]
@@ -158,7 +174,7 @@ def _first(kernels: Kernels, kernel: str, given: dict) -> str:
     return kernel
 
 
-def _of_arguments(kernels: Kernels, given: dict) -> str | None:
+def _of_arguments(kernels: Kernels, given: dict[str, Any]) -> str | None:
     """What is wrong with the arguments themselves."""
     if not math.isfinite(given["t"]):
         return f"the time is {given['t']}; it must be a finite number of seconds"
@@ -172,7 +188,7 @@ def _of_arguments(kernels: Kernels, given: dict) -> str | None:
     return None
 
 
-def _of_terms(kernels: Kernels, kernel: str, given: dict) -> str:
+def _of_terms(kernels: Kernels, kernel: str, given: dict[str, Any]) -> str:
     from ncgen.program.assemble import KERNELS
     from ncgen.program.tangents import TANGENTS
 
@@ -186,7 +202,7 @@ def _of_terms(kernels: Kernels, kernel: str, given: dict) -> str:
     return f"{kernel} is not a number at t = {given['t']:.6g} s, although every part of it is: the numbers are too large; {REMEDY}"
 
 
-def _close(given: dict):
+def _close(given: dict[str, Any]) -> Iterator[dict[str, Any]]:
     """The arguments, and some a few roundings away: at the very edge of a term two programs for it may differ."""
     yield given
     for name in ("t", "q", "qd"):
@@ -194,16 +210,18 @@ def _close(given: dict):
             yield given | {name: given[name] * (1 + share * float(np.finfo(float).eps))}
 
 
-def _is_term_finite(term, definition, equations, given: dict) -> bool:
+def _is_term_finite(term: Term, definition: Kernel, equations: Equations, given: dict[str, Any]) -> bool:
     """True if one term alone gives numbers to a kernel."""
     from ncgen.program.assemble import programs_of
     from ncgen.program.evaluate import evaluate
     from ncgen.symbolic.equations import Equations
 
-    kinds = ("rows", "masses", "forces")
-    alone = Equations(equations.model, **{kind: tuple(x for x in getattr(equations, kind) if x is term) for kind in kinds})
+    def only(terms: tuple[Term, ...]) -> tuple[Term, ...]:
+        return tuple(x for x in terms if x is term)
+
+    alone = Equations(equations.model, only(equations.rows), only(equations.masses), only(equations.forces))
     program = programs_of([definition], alone, math.inf)[definition.name][0]
-    inputs = {name: float(x) if name == "t" else np.asarray(x, dtype=float).tolist() for name, x in given.items()}
+    inputs: dict[str, Any] = {name: float(x) if name == "t" else np.asarray(x, dtype=float).tolist() for name, x in given.items()}
     try:
         values = [] if program is None else evaluate(program, inputs)
     except (ArithmeticError, ValueError):
@@ -211,7 +229,7 @@ def _is_term_finite(term, definition, equations, given: dict) -> bool:
     return all(not isinstance(x, complex) and math.isfinite(x) for x in values)
 
 
-def _words(kernels: Kernels, term) -> str:
+def _words(kernels: Kernels, term: Term) -> str:
     """A term by the user's own name for it."""
     if term.row is not None:
         return f"row {term.row + 1} ({kernels.rows[term.row].label}, {term.owner})"
@@ -220,10 +238,10 @@ def _words(kernels: Kernels, term) -> str:
     return term.label
 
 
-def _where(kernels: Kernels, term, given: dict) -> str:
+def _where(kernels: Kernels, term: Term, given: dict[str, Any]) -> str:
     """The coordinates and parameters that a term is made of, as far as they are few."""
     used = dict.fromkeys(c.name for form in term.scalars for _, c in form)
     found = [f"{name} = {given['q'][kernels.index[name]]:.6g}" for name in used if name in kernels.index]
-    named = {s.name for v in term.data for s in ([v.symbol] if hasattr(v, "symbol") else getattr(v, "free_symbols", ()))}
+    named = {s.name for v in term.data for s in ([v.symbol] if isinstance(v, Symbolic) else getattr(v, "free_symbols", ()))}
     found += [f"{name} = {value:.6g}" for name, value in zip(kernels.parameters, given["p"], strict=True) if name in named]
     return f" ({', '.join(found)})" if 0 < len(found) <= NAMED else ""

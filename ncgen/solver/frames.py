@@ -6,32 +6,41 @@ X = [x₁ x₂ x₃] holds three directions of a body; A = X X₀⁻¹ is its ro
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from itertools import combinations
+from typing import TypeAlias
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.spatial.transform import Rotation
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.elements import Point
+from ncgen.model.elements import Element, Point, Spatial
 from ncgen.model.rigid import NORMAL
 from ncgen.solver.geometry import element, element_rate
 
+Direction: TypeAlias = tuple[Spatial, Point | None]
+"""A vector, or a point and the one that the direction begins at."""
 
-def transformation(kernels: Kernels, body: str, q, p=None) -> np.ndarray:
-    """A at positions q (…, n), shape (…, 3, 3); orthogonal as far as Φ = 0."""
+Evaluation: TypeAlias = Callable[[Element], np.ndarray]
+"""What an element is at some positions, (…, 3)."""
+
+
+def transformation(kernels: Kernels, body: str, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
+    """A at positions q (…, n) in m and rad and parameters p (n_p,), shape (…, 3, 3); orthogonal as far as Φ = 0."""
     basis = _basis(kernels, body)
     initial = _columns(basis, lambda e: element(kernels, e, kernels.start(p), p))
     return _columns(basis, lambda e: element(kernels, e, q, p)) @ np.linalg.inv(initial)
 
 
-def rotation(kernels: Kernels, body: str, q, p=None) -> Rotation:
+def rotation(kernels: Kernels, body: str, q: ArrayLike, p: np.ndarray | None = None) -> Rotation:
     """The same as a scipy Rotation (the nearest orthogonal matrix)."""
     return Rotation.from_matrix(transformation(kernels, body, q, p))
 
 
-def angular_velocity(kernels: Kernels, body: str, q, qd, p=None) -> np.ndarray:
-    """ω (rad/s) in global axes, shape (…, 3)."""
+def angular_velocity(kernels: Kernels, body: str, q: ArrayLike, qd: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
+    """ω (rad/s) in global axes, shape (…, 3), at q (…, n) in m and rad, qd (…, n) in the same per second and parameters p (n_p,)."""
     basis = _basis(kernels, body)
     X = _columns(basis, lambda e: element(kernels, e, q, p))
     rate = _column_rates(basis, lambda e: element(kernels, e, q, p), lambda e: element_rate(kernels, e, qd))
@@ -39,7 +48,7 @@ def angular_velocity(kernels: Kernels, body: str, q, qd, p=None) -> np.ndarray:
     return 0.5 * np.sum(np.cross(reciprocal, rate, axisa=-2, axisb=-2), axis=-2)
 
 
-def _basis(kernels: Kernels, name: str) -> list[tuple]:
+def _basis(kernels: Kernels, name: str) -> list[Direction]:
     """Directions of a body as (element, base point or None); the best three, or two where there are no more."""
     if name not in kernels.model.bodies:
         raise ModelError(f"{kernels.name} has no body {name}; it has {', '.join(kernels.model.bodies)}")
@@ -57,28 +66,28 @@ def _basis(kernels: Kernels, name: str) -> list[tuple]:
     raise ModelError(f"body {name}: one direction or none does not fix an orientation; give the body another point or vector")
 
 
-def _initial(direction) -> np.ndarray:
+def _initial(direction: Direction) -> np.ndarray:
     thing, base = direction
     return thing.initial - (base.initial if base else 0.0)
 
 
-def _volume(directions) -> float:
+def _volume(directions: list[np.ndarray]) -> float:
     unit = [d / max(np.linalg.norm(d), 1e-300) for d in directions]
     return float(np.linalg.svd(np.array(unit), compute_uv=False)[-1])
 
 
-def _directions(basis, value) -> list[np.ndarray]:
+def _directions(basis: list[Direction], value: Evaluation) -> list[np.ndarray]:
     return [value(thing) - (value(base) if isinstance(base, Point) else 0.0) for thing, base in basis]
 
 
-def _columns(basis, position) -> np.ndarray:
+def _columns(basis: list[Direction], position: Evaluation) -> np.ndarray:
     x = _directions(basis, position)
     if len(x) == 2:
         x.append(np.cross(x[0], x[1]))
     return np.stack(x, axis=-1)
 
 
-def _column_rates(basis, position, rate) -> np.ndarray:
+def _column_rates(basis: list[Direction], position: Evaluation, rate: Evaluation) -> np.ndarray:
     x, v = _directions(basis, position), _directions(basis, rate)
     if len(v) == 2:
         v.append(np.cross(v[0], x[1]) + np.cross(x[0], v[1]))

@@ -7,13 +7,14 @@ them, unless the formalism itself holds them (Baumgarte, penalty). Interpolated 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
 from functools import partial
 
 import numpy as np
+from scipy.integrate import OdeSolver
 
 from ncgen.errors import ConvergenceError, DomainError, SingularError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.dynamics_jacobian import full_jacobian
@@ -23,24 +24,23 @@ from ncgen.solver.integrators import Pace, ode_solver, replace_state, takes_jaco
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
 from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
-from ncgen.solver.tolerances import Tolerances
+from ncgen.solver.stop import Stop
+from ncgen.solver.task import Task
 
 
-def run(
-    path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None
-) -> None:
+def run(path: Path, kernels: Kernels, task: Task) -> None:
     """Fill an empty path over a time grid, to its end or to a `Stop`.
 
     Raises ConvergenceError or SingularError with the time where the motion cannot go on, DomainError naming what is not a
     number there. Whatever is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
     """
-    run = _Run(path, kernels, method, q, grid[0], p)
+    run = _Run(path, kernels, task)
     try:
-        run.integrate(grid, q, qd, progress, stop, tolerances, max_step)
+        run.integrate()
     except BaseException:
         if run.reached:
             t, y = run.reached
-            path.break_off(grid, t, y[run._q], y[: kernels.n], float(y[-1]))
+            path.break_off(task.grid, t, y[run._q], y[: kernels.n], float(y[-1]))
         raise
 
 
@@ -51,37 +51,39 @@ RETRIES = 8
 class _Run:
     """One integration: counters, the parameters of the current step, and the time and state `reached`."""
 
-    def __init__(self, path: Path, kernels: Kernels, method: Method, q0, t0: float, p):
-        self.path, self.kernels, self.method, self.p = path, watched(kernels), method, p
-        self.accelerations = ACCELERATIONS[method.formalism.name]
-        self.rank = freedom(kernels, q0, t0, p).rank
+    def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
+        self.path, self.kernels, self.task, self.method, self.p = path, watched(kernels), task, task.method, task.p
+        self.accelerations = ACCELERATIONS[self.method.formalism.name]
+        self.rank = freedom(kernels, task.q, task.grid[0], task.p).rank
         self.reached: tuple[float, np.ndarray] | None = None
-        self.projecting = method.options["stabilisation"] == "projection"
-        self.rows = self.solver = None
+        self.projecting = self.method.options["stabilisation"] == "projection"
+        self.rows: np.ndarray | None = None
+        self.solver: OdeSolver | None = None
         self.evaluations = 0
 
-    def integrate(self, grid, q, qd, progress, stop, tolerances: Tolerances, max_step: float) -> None:
-        self._choose_rows(q, grid[0])
+    def integrate(self) -> None:
+        task, grid, stop = self.task, self.task.grid, self.task.stop
+        self._choose_rows(task.q, grid[0])
         sizes = self.kernels.column_sizes
-        options = {**tolerances.for_scipy(sizes, sizes), "max_step": max_step}
+        options = {**task.tolerances.for_scipy(sizes, sizes), "max_step": task.max_step}
         if takes_jacobian(self.method.integrator, self.kernels):
             options["jac"] = self._jacobian
-        make = partial(tolerances.sharing(ode_solver(self.method.integrator)), self._derivative, t_bound=grid[-1], **options)
-        solver = self.solver = make(t0=grid[0], y0=np.concatenate([qd, q, [0.0]]))
+        make = partial(task.tolerances.sharing(ode_solver(self.method.integrator)), self._derivative, t_bound=grid[-1], **options)
+        solver = self.solver = make(t0=grid[0], y0=np.concatenate([task.velocities, task.q, [0.0]]))
         self._record([solver.y])
-        self.reached = solver.t, solver.y
+        start, before = self.reached = solver.t, solver.y
         taken, self.pace = 0, Pace(grid[0], grid[-1] - grid[0])
         while solver.status == "running":
-            start, before = self.reached
-            solver = self._step(solver, make)
+            solver = self._step(solver, make, start, before)
             taken += 1
             y = self._closed(solver.t, solver.y)
             found = self._stop(solver, stop, start, before, y) if stop else None
             end = found[0] if found else solver.t
             ahead = grid[len(self.path.q) :]
             inner = ahead[ahead < end]
-            between = solver.dense_output() if len(inner) else None
-            self._record([self._closed(t, between(t)) for t in inner])
+            if len(inner):
+                between = solver.dense_output()
+                self._record([self._closed(t, between(t)) for t in inner])
             if found:
                 q, qd, y = found[1]
                 self.path.stop(end, q, qd, float(y[-1]))
@@ -90,22 +92,24 @@ class _Run:
                 replace_state(solver, y)
             if len(self.path.q) < len(grid) and grid[len(self.path.q)] == solver.t:
                 self._record([y])
-            self.reached = solver.t, y
+            start, before = self.reached = solver.t, y
             self.p = refresh_branches(self.kernels, y[self._q], self.p)
             self._choose_rows(y[self._q], solver.t)
-            if progress:
-                progress(solver.t)
+            if task.progress:
+                task.progress(solver.t)
         self.path.counts = self.path.counts + [taken, self.evaluations, 0, 0, 0]
 
-    def _stop(self, solver, stop, start: float, before: np.ndarray, after: np.ndarray):
+    def _stop(
+        self, solver: OdeSolver, stop: Stop, start: float, before: np.ndarray, after: np.ndarray
+    ) -> tuple[float, tuple[np.ndarray, np.ndarray, np.ndarray]] | None:
         """(time, (q, q̇, y)) at which the last step passed the stop, or None."""
         n = self.kernels.n
-        gaps = [stop.gap(y[self._q], y[:n]) for y in (before, after)]
+        gaps = stop.gap(before[self._q], before[:n]), stop.gap(after[self._q], after[:n])
         if not stop.is_passed(*gaps):
             return None
         between = solver.dense_output()
 
-        def state(t: float):
+        def state(t: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             y = self._closed(t, between(t))
             return y[self._q], y[:n], y
 
@@ -115,7 +119,7 @@ class _Run:
     def _q(self) -> slice:
         return slice(self.kernels.n, -1)
 
-    def _record(self, states: list) -> None:
+    def _record(self, states: list[np.ndarray]) -> None:
         if states:
             y = np.array(states)
             self.path.extend(y[:, self._q], y[:, : self.kernels.n], y[:, -1], [0] * 5)
@@ -136,14 +140,14 @@ class _Run:
         gains = self.accelerations.gains(self.method.options)
         return full_jacobian(self.kernels, self.motion(t, y), self.p, self.rows, gains)
 
-    def _choose_rows(self, q, t: float) -> None:
+    def _choose_rows(self, q: np.ndarray, t: float) -> None:
         """Of redundant rows those farthest from dependent: off the constraints, where a method's stages are, the others contradict them."""
         if self.rank < self.kernels.m:
             self.rows = best_rows(scaled_jacobian(self.kernels, q, t, self.p), self.rank)
 
-    def _step(self, solver, make):
-        """One accepted step; returns the solver that made it, a fresh one if a term was not a number on the way."""
-        start, y = self.reached
+    def _step(self, solver: OdeSolver, make: Callable[..., OdeSolver], start: float, y: np.ndarray) -> OdeSolver:
+        """One accepted step from a state; returns the solver that made it, a fresh one if a term was not a number on the way."""
+        message = None
         for attempt in range(RETRIES + 1):
             try:
                 with warnings.catch_warnings():

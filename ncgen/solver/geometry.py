@@ -5,15 +5,16 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.sparse import csr_array
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.elements import Angle, Combination, Element
-from ncgen.model.values import evaluate
+from ncgen.model.elements import Angle, Combination, Component, Element
+from ncgen.model.values import Parameter, evaluate
 
 
-def component(kernels: Kernels, c, q, p=None) -> np.ndarray:
+def component(kernels: Kernels, c: Component, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
     """One coordinate at positions q (…, n): a free one from q, a fixed one from its value at parameters p."""
     q = np.asarray(q)
     if c.fixed:
@@ -21,13 +22,13 @@ def component(kernels: Kernels, c, q, p=None) -> np.ndarray:
     return q[..., kernels.index[c.name]]
 
 
-def parameters_at(kernels: Kernels, p) -> dict:
+def parameters_at(kernels: Kernels, p: np.ndarray | None) -> dict[str, Parameter]:
     """The model's parameters with the numbers of p for their defaults."""
     known = kernels.model.parameters
     return known if p is None else {k: replace(v, default=float(x)) for (k, v), x in zip(known.items(), p, strict=True)}
 
 
-def element(kernels: Kernels, thing: str | Element, q, p=None) -> np.ndarray:
+def element(kernels: Kernels, thing: str | Element, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
     """A point or a vector at positions q (…, n), shape (…, 3); an angle, shape (…, 1).
 
     Raises ModelError for a name the model does not have.
@@ -37,7 +38,7 @@ def element(kernels: Kernels, thing: str | Element, q, p=None) -> np.ndarray:
     return np.stack([component(kernels, c, q, p) for c in thing.components], axis=-1)
 
 
-def element_rate(kernels: Kernels, thing: str | Element, qd) -> np.ndarray:
+def element_rate(kernels: Kernels, thing: str | Element, qd: ArrayLike) -> np.ndarray:
     """The velocity of an element: fixed components stand still."""
     if isinstance(thing, str):
         thing = _named(kernels, thing)
@@ -46,33 +47,34 @@ def element_rate(kernels: Kernels, thing: str | Element, qd) -> np.ndarray:
     return np.stack(parts, axis=-1)
 
 
-def direction(kernels: Kernels, combination: Combination, q, p=None) -> np.ndarray:
+def direction(kernels: Kernels, combination: Combination, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
     """A linear combination of elements at positions q, shape (…, 3)."""
     weights = [evaluate(w, parameters_at(kernels, p), str(combination)) for w, _ in combination.terms]
-    return sum(w * element(kernels, e, q, p) for w, (_, e) in zip(weights, combination.terms, strict=True))
+    parts = (w * element(kernels, e, q, p) for w, (_, e) in zip(weights, combination.terms, strict=True))
+    return sum(parts, np.zeros(3))
 
 
-def measured_angles(kernels: Kernels, q, p=None) -> np.ndarray:
+def measured_angles(kernels: Kernels, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
     """The angles between their elements as they stand at q (…, n), in (−π, π], whatever their coordinates say, in the order of `angles`."""
     weights, fixed = _arms(kernels, p)
     arms = (weights @ np.asarray(q).T).T + fixed
     a, b, n = np.moveaxis(arms.reshape(*arms.shape[:-1], -1, 3, 3), -2, 0)
     n = n / np.linalg.norm(n, axis=-1, keepdims=True)
 
-    def dot(x, y):
+    def dot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         return np.einsum("...j,...j->...", x, y)
 
     return np.arctan2(dot(np.cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n))
 
 
-def _arms(kernels: Kernels, p):
+def _arms(kernels: Kernels, p: np.ndarray | None) -> tuple[csr_array, np.ndarray]:
     """(W, w): start, end and axis of all angles are W q + w at parameters p; made once and kept for the last p."""
     p = kernels.p0 if p is None else p
     p = np.asarray(p, dtype=float)
     return kernels.remember("arms", p.tobytes(), lambda: _collect_arms(kernels, p), most=1)
 
 
-def _collect_arms(kernels: Kernels, p):
+def _collect_arms(kernels: Kernels, p: np.ndarray) -> tuple[csr_array, np.ndarray]:
     parameters = parameters_at(kernels, p)
     wanted = [d for angle in angles(kernels) for d in (angle.start, angle.end, angle.axis)]
     fixed, entries = np.zeros(3 * len(wanted)), []

@@ -9,11 +9,52 @@ import difflib
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from numbers import Real
+from typing import Protocol, TypeAlias, TypeVar
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import is_real
+from ncgen.model import Model
+
+Given: TypeAlias = "ArrayLike | Mapping[str, float]"
+"""In signatures: numbers in their order, or some of them by name."""
+
+
+class Outline(Protocol):
+    """Names, sizes and defaults of a mechanism: all that checking needs of its kernels."""
+
+    @property
+    def name(self) -> str: ...
+
+    @property
+    def model(self) -> Model: ...
+
+    @property
+    def coordinates(self) -> tuple[str, ...]: ...
+
+    @property
+    def parameters(self) -> tuple[str, ...]: ...
+
+    @property
+    def index(self) -> Mapping[str, int]: ...
+
+    @property
+    def n(self) -> int: ...
+
+    @property
+    def q0(self) -> np.ndarray: ...
+
+    @property
+    def p0(self) -> np.ndarray: ...
+
+    def start(self, p: ArrayLike | None = None) -> np.ndarray:
+        """The initial position (n,) in m and rad at parameters p (n_p,)."""
+        ...
+
+
+Mechanism = TypeVar("Mechanism", bound=Outline)
 
 LISTED = 100
 """Characters that a list of names may take in a message."""
@@ -22,14 +63,14 @@ ECHOED = 40
 """Characters of what was given that a message repeats."""
 
 
-def checked_kernels(kernels) -> Kernels:
+def checked_kernels(kernels: Mechanism) -> Mechanism:
     """The kernels themselves. Raises ModelError for anything else, such as a model that was not compiled."""
     if all(hasattr(kernels, name) for name in ("q0", "p0", "index", "parameters")):
         return kernels
     raise ModelError(f"kernels needed, {echo(kernels)} given; ncgen.compile(model) makes them")
 
 
-def parameters(kernels: Kernels, p=None) -> np.ndarray:
+def parameters(kernels: Outline, p: Given | None = None) -> np.ndarray:
     """Parameters as an array of one's own, shape (n_p,).
 
     p: None for the defaults, numbers in the order of `kernels.parameters`, or {name: number}; those not named keep their defaults
@@ -39,11 +80,11 @@ def parameters(kernels: Kernels, p=None) -> np.ndarray:
     return _numbers(kernels.parameters, kernels.p0, p, "p", "parameter")
 
 
-def position(kernels: Kernels, q=None, p=None, what: str = "q") -> np.ndarray:
+def position(kernels: Outline, q: Given | None = None, p: ArrayLike | None = None, what: str = "q") -> np.ndarray:
     """A position, closed or not, as an array of one's own, shape (n,) in m and rad.
 
-    q: None for the initial one at the parameters p, numbers in the order of `kernels.coordinates`, or {name: number}; coordinates not
-        named stay where they are initially
+    q: None for the initial one at the parameters p (n_p,), numbers in the order of `kernels.coordinates`, or {name: number};
+        coordinates not named stay where they are initially
     what: the argument's name in messages
     Raises ModelError as `parameters` does.
     """
@@ -51,14 +92,16 @@ def position(kernels: Kernels, q=None, p=None, what: str = "q") -> np.ndarray:
     return _numbers(kernels.coordinates, kernels.start(p), q, what, "free coordinate")
 
 
-def closing(tolerance) -> float:
+def closing(tolerance: object) -> float:
     """The relative residual up to which a position passes as closed. Raises ModelError unless it is between 0 and 1."""
-    if not (isinstance(tolerance, Real) and 0 < tolerance < 1):
+    if not (is_real(tolerance) and 0 < tolerance < 1):
         raise ModelError(f"closing tolerance: {echo(tolerance)} given; it must be a number between 0 and 1, such as 1e-6")
     return float(tolerance)
 
 
-def names_of(given, what: str, known: Collection[str] | None = None, kind: str = "free coordinate") -> tuple[str, ...]:
+def names_of(
+    given: str | Iterable[str] | None, what: str, known: Collection[str] | None = None, kind: str = "free coordinate"
+) -> tuple[str, ...]:
     """Names from one name or several; () from None.
 
     known: the names there are, if they are to be compared with; kind: what they are names of, for messages
@@ -85,7 +128,7 @@ def known_name(name: str, known: Collection[str], what: str, kind: str = "free c
     return name
 
 
-def offer(name, known: Sequence[str], there: str = "it has") -> str:
+def offer(name: object, known: Sequence[str], there: str = "it has") -> str:
     """The end of a sentence about an unknown name: what there is, or the nearest where that is too much to read."""
     listed = ", ".join(known)
     if not known:
@@ -97,7 +140,7 @@ def offer(name, known: Sequence[str], there: str = "it has") -> str:
     return f"{there} {shortened(known)}"
 
 
-def finite(value, what: str) -> float:
+def finite(value: object, what: str) -> float:
     """A number as a float. Raises ModelError unless it is a real, finite one."""
     plain = value.item() if isinstance(value, (np.ndarray, np.generic)) and value.ndim == 0 else value
     try:
@@ -109,7 +152,7 @@ def finite(value, what: str) -> float:
     return number
 
 
-def positive(value, what: str) -> float:
+def positive(value: object, what: str) -> float:
     """A number as a float. Raises ModelError unless it is finite and above zero."""
     number = finite(value, what)
     if not number > 0:
@@ -117,7 +160,7 @@ def positive(value, what: str) -> float:
     return number
 
 
-def count(value, what: str) -> int:
+def count(value: object, what: str) -> int:
     """A positive whole number. Raises ModelError for another one."""
     number = finite(value, what)
     if not (number >= 1 and number == int(number)):
@@ -125,7 +168,7 @@ def count(value, what: str) -> int:
     return int(number)
 
 
-def several(values, what: str) -> np.ndarray:
+def several(values: ArrayLike | Iterator[float], what: str) -> np.ndarray:
     """Finite numbers as an array (K,). Raises ModelError for anything else, naming the place from 0."""
     array = _array(list(values) if isinstance(values, Iterator) else values)
     if array is None or array.ndim != 1:
@@ -135,14 +178,14 @@ def several(values, what: str) -> np.ndarray:
     return array
 
 
-def numbers_by_name(given, known: Collection[str], what: str, kind: str = "free coordinate") -> dict[str, float]:
+def numbers_by_name(given: Mapping[str, float], known: Collection[str], what: str, kind: str = "free coordinate") -> dict[str, float]:
     """{name: number} with names that are known. Raises ModelError for another name, and for what is no finite number."""
     if not isinstance(given, Mapping):
         raise ModelError(f"{what}: {echo(given)} given; give {{name: number}}")
     return {known_name(name, known, what, kind): finite(value, f"{what}: {name}") for name, value in given.items()}
 
 
-def _numbers(names: tuple[str, ...], defaults: np.ndarray, given, what: str, kind: str) -> np.ndarray:
+def _numbers(names: tuple[str, ...], defaults: np.ndarray, given: Given | None, what: str, kind: str) -> np.ndarray:
     """One number a name: the defaults, those given by name in their place, or all in the order of the names."""
     if given is None:
         return np.array(defaults, dtype=float)
@@ -159,7 +202,7 @@ def _numbers(names: tuple[str, ...], defaults: np.ndarray, given, what: str, kin
     return array
 
 
-def _array(given) -> np.ndarray | None:
+def _array(given: ArrayLike) -> np.ndarray | None:
     """Real numbers as an array of one's own; None for anything else, texts that look like numbers included."""
     try:
         if np.asarray(given).dtype.kind not in "biufO":
@@ -181,7 +224,7 @@ def shortened(names: Sequence[str]) -> str:
     return f"{listed[: listed.rindex(', ', 0, LISTED)]}, … ({len(names)} of them)"
 
 
-def echo(given) -> str:
+def echo(given: object) -> str:
     """What was given, shortened."""
     text = given if isinstance(given, str) and given.isprintable() and given else repr(given).replace("\n", " ")
     return text if len(text) <= ECHOED else text[: ECHOED - 1] + "…"

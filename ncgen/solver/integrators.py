@@ -4,21 +4,43 @@ from __future__ import annotations
 
 import warnings
 from functools import cache
+from typing import Any, Protocol, cast
 
 import numpy as np
 import scipy.integrate
+from scipy.integrate import DenseOutput, OdeSolver
 
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import Integrator
 from ncgen.methods.tableau import Tableau
 from ncgen.solver.hermite import Hermite
+from ncgen.solver.ode import Derivative
 from ncgen.solver.sundials import CvodeAdams, CvodeBdf
 from ncgen.solver.trapezoidal import Trapezoidal
+
+
+class _WithSlope(Protocol):
+    """A solver that keeps the derivative of the present state."""
+
+    f: np.ndarray
 
 
 class Adams(scipy.integrate.OdeSolver):
     """Variable-order Adams (VODE) as a SciPy step-by-step solver: the paper's ode113."""
 
-    def __init__(self, fun, t0, y0, t_bound, rtol=1e-3, atol=1e-6, max_step=np.inf, vectorized=False, first_step=None, **extra):
+    def __init__(
+        self,
+        fun: Derivative,
+        t0: float,
+        y0: np.ndarray,
+        t_bound: float,
+        rtol: float = 1e-3,
+        atol: float | np.ndarray = 1e-6,
+        max_step: float = np.inf,
+        vectorized: bool = False,
+        first_step: float | None = None,
+        **extra: object,
+    ) -> None:
         super().__init__(fun, t0, y0, t_bound, vectorized)
         self._engine = scipy.integrate.ode(self.fun).set_integrator(
             "vode", method="adams", rtol=rtol, atol=atol, max_step=0.0 if np.isinf(max_step) else max_step,
@@ -26,7 +48,7 @@ class Adams(scipy.integrate.OdeSolver):
         )  # fmt: skip
         self._engine.set_initial_value(y0, t0)
 
-    def _step_impl(self):
+    def _step_impl(self) -> tuple[bool, str | None]:
         with warnings.catch_warnings():
             warnings.simplefilter("error", UserWarning)
             try:
@@ -40,18 +62,18 @@ class Adams(scipy.integrate.OdeSolver):
             self.t = self.t_bound
         return True, None
 
-    def _dense_output_impl(self):
-        return _Nordsieck(self.t_old, self.t, self._engine)
+    def _dense_output_impl(self) -> DenseOutput:  # SciPy asks after a step only, when there is a time before it
+        return _Nordsieck(cast(float, self.t_old), self.t, self._engine)
 
 
 class _Nordsieck(scipy.integrate.DenseOutput):
     """VODE's own interpolation within its last step, of the order of the method."""
 
-    def __init__(self, t0, t1, engine):
+    def __init__(self, t0: float, t1: float, engine: Any) -> None:
         super().__init__(t0, t1)
         self._engine = engine
 
-    def _call_impl(self, t):
+    def _call_impl(self, t: float) -> np.ndarray:
         return self._engine.integrate(t).copy()
 
 
@@ -60,16 +82,26 @@ class FixedRungeKutta(scipy.integrate.OdeSolver):
 
     tableau: Tableau
 
-    def __init__(self, fun, t0, y0, t_bound, max_step=np.inf, vectorized=False, first_step=None, **extra):
+    def __init__(
+        self,
+        fun: Derivative,
+        t0: float,
+        y0: np.ndarray,
+        t_bound: float,
+        max_step: float = np.inf,
+        vectorized: bool = False,
+        first_step: float | None = None,
+        **extra: object,
+    ) -> None:
         super().__init__(fun, t0, y0, t_bound, vectorized)
         self._step = max_step if first_step is None else min(max_step, first_step)
         self._rows = [np.array([float(x) for x in row]) for row in self.tableau.a[: self.tableau.stages]]
         self._nodes = [float(x) for x in self.tableau.c]
         self.f = self.fun(t0, self.y)
 
-    def _step_impl(self):
+    def _step_impl(self) -> tuple[bool, str | None]:
         t, y, h = self.t, self.y, min(self._step, self.t_bound - self.t)
-        slopes = [self.f]
+        slopes, end = [self.f], y
         for node, row in zip(self._nodes[1:], self._rows, strict=False):
             end = y + h * (row @ np.array(slopes))
             slopes.append(self.fun(t + node * h, end))
@@ -78,7 +110,7 @@ class FixedRungeKutta(scipy.integrate.OdeSolver):
         self.y, self.f = end, slopes[-1]
         return True, None
 
-    def _dense_output_impl(self):
+    def _dense_output_impl(self) -> DenseOutput:
         return Hermite(*self._previous, self.t, self.y, self.f)
 
 
@@ -90,7 +122,7 @@ class Pace:
 
     STEPS, SHARE = 200, 1e-9
 
-    def __init__(self, start: float, span: float):
+    def __init__(self, start: float, span: float) -> None:
         self.mark, self.least, self.steps = start, self.SHARE * span, 0
 
     def creeps(self, t: float) -> bool:
@@ -116,10 +148,10 @@ def replace_state(solver: scipy.integrate.OdeSolver, y: np.ndarray) -> None:
         engine._y = y.copy()
         engine._integrator.rwork[20 : 20 + solver.n] = y
     else:
-        solver.f = solver.fun(solver.t, y)
+        cast("_WithSlope", solver).f = solver.fun(solver.t, y)  # all others keep it, which their common class does not say
 
 
-ODE_SOLVERS: dict[str, type] = {
+ODE_SOLVERS: dict[str, type[OdeSolver]] = {
     "rk23": scipy.integrate.RK23,
     "dopri5": scipy.integrate.RK45,
     "dop853": scipy.integrate.DOP853,
@@ -136,7 +168,7 @@ it is SciPy's and not the one of our tableaus: so it can judge the C runtime."""
 
 
 @cache
-def ode_solver(integrator: Integrator) -> type:
+def ode_solver(integrator: Integrator) -> type[OdeSolver]:
     """The step-by-step solver of an integrator that takes a state derivative."""
     if integrator.name in ODE_SOLVERS:
         return ODE_SOLVERS[integrator.name]
@@ -146,7 +178,7 @@ def ode_solver(integrator: Integrator) -> type:
     return _adaptive(integrator.name, tableau)
 
 
-def _adaptive(name: str, tableau: Tableau) -> type:
+def _adaptive(name: str, tableau: Tableau) -> type[OdeSolver]:
     """A method with error control for SciPy's driver, which takes the same coefficients."""
     ((order, error),) = tableau.errors
     stages = tableau.stages
@@ -171,6 +203,6 @@ def _powers(terms: int) -> np.ndarray:
     return np.array(rows)
 
 
-def takes_jacobian(integrator: Integrator, kernels) -> bool:
+def takes_jacobian(integrator: Integrator, kernels: Kernels) -> bool:
     """True if an integrator uses ∂ẏ/∂y and it is known: forces of Python functions have no derivative."""
     return integrator.takes_jacobian and not kernels.model.callbacks

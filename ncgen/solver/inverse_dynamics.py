@@ -8,6 +8,7 @@ so that its force along the coordinate is −λ.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -35,11 +36,11 @@ class MotorForces:
             raise ModelError(f"there is no motor on {name}; {offer(name, self.names, 'there are motors on')}")
         return self.forces[:, self.names.index(name)]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<MotorForces on {', '.join(self.names)}: {len(self.forces)} instants>"
 
 
-def inverse_dynamics(run: Trajectory, motors=None) -> MotorForces:
+def inverse_dynamics(run: Trajectory, motors: str | Iterable[str] | None = None) -> MotorForces:
     """Motor forces along `motors` (default: the independent coordinates) that make the motion of a trajectory.
 
     motors: the name of one coordinate or several
@@ -59,8 +60,13 @@ def inverse_dynamics(run: Trajectory, motors=None) -> MotorForces:
     return MotorForces(names, np.array([f for f, _ in results]), np.array([lam for _, lam in results]))
 
 
-def motor_forces(kernels: Kernels, motors, t, q, qd, qdd, p=None) -> tuple[np.ndarray, np.ndarray]:
-    """Motor forces (len(motors),) and multipliers (m,) at one instant."""
+def motor_forces(
+    kernels: Kernels, motors: str | Iterable[str], t: float, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, p: np.ndarray | None = None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Motor forces (len(motors),) in N or N m and multipliers (m,) at one instant.
+
+    t: s; q (n,) in m and rad, qd and qdd (n,): their first and second derivatives by time; p (n_p,): parameters (default: the model's)
+    """
     motors = names_of(motors, "motors", kernels.index)
     free = freedom(kernels, q, t, p).dof
     if len(motors) != free:
@@ -86,10 +92,11 @@ def driver_forces(run: Trajectory) -> dict[str, np.ndarray]:
     direction in which the coordinate grows: times the coordinate's rate it is the driver's power. {} where nothing is driven.
     Warns where other rows do what a driver does, so that their share is arbitrary.
     """
-    kernels, forces = run.kernels, {}
+    kernels = run.kernels
     driven = _drivers(kernels)
+    forces: dict[str, np.ndarray] = {}
     for row, name in driven.items():
-        forces[name] = forces.get(name, 0.0) - run.lam[:, row]
+        forces[name] = forces.get(name, np.zeros(len(run.t))) - run.lam[:, row]
     implied = [{r.row, *r.implied_by} for r in freedom(kernels, run.q[0], run.t[0], run.p).redundant] if driven else []
     if shared := [name for row, name in driven.items() if any(row in rows for rows in implied)]:
         warnings.warn(

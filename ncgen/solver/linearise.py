@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -13,7 +14,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.dynamics_jacobian import independent_motions, partitioned_jacobian
 from ncgen.solver.finite import watched
-from ncgen.solver.given import checked_kernels
+from ncgen.solver.given import Given, checked_kernels
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.position import solve_position
 from ncgen.solver.run import Initial
@@ -51,7 +52,8 @@ class Linearisation:
     def _pairs(self) -> tuple[np.ndarray, np.ndarray]:
         """Eigenvalues and vectors, by frequency, then by decay."""
         values, vectors = np.linalg.eig(self.matrix)
-        order = np.lexsort((np.round(values.imag, 12), values.real, np.round(np.abs(values.imag), 9)))
+        real, imaginary = np.real(values), np.imag(values)
+        order = np.lexsort((np.round(imaginary, 12), real, np.round(np.abs(imaginary), 9)))
         return values[order], vectors[:, order]
 
     @property
@@ -63,18 +65,18 @@ class Linearisation:
     def _swinging(self) -> np.ndarray:
         """Places of the eigenvalues with a positive imaginary part: one of each pair."""
         values = self.eigenvalues
-        return np.flatnonzero(values.imag > 1e-9 * np.max(np.abs(values), initial=0.0))
+        return np.flatnonzero(np.imag(values) > 1e-9 * np.max(np.abs(values), initial=0.0))
 
     @property
     def frequencies(self) -> np.ndarray:
         """Frequencies (Hz) of the modes that swing, ascending: |Im| / 2π."""
-        return self.eigenvalues[self._swinging].imag / (2 * np.pi)
+        return np.imag(self.eigenvalues[self._swinging]) / (2 * np.pi)
 
     @property
     def damping_ratios(self) -> np.ndarray:
         """Decay over natural frequency of the modes that swing; negative ones grow."""
         values = self.eigenvalues[self._swinging]
-        return -values.real / np.abs(values)
+        return -np.real(values) / np.abs(values)
 
     def mode(self, k: int) -> dict[str, complex]:
         """{coordinate: amplitude} of the k-th mode that swings, the largest amplitude being 1."""
@@ -91,16 +93,23 @@ class Linearisation:
         halves = (np.hsplit(half, [count]) for half in np.vsplit(self.matrix, [count]))
         (own, by_rates), (by_place, damping) = ([np.max(np.abs(part), initial=0.0) for part in half] for half in halves)
         rate = max(np.max(np.abs(values), initial=0.0), own, damping, np.sqrt(by_rates * by_place))
-        growing = values.real[np.abs(values) > ZERO * rate]
+        growing = np.real(values)[np.abs(values) > ZERO * rate]
         return bool(np.max(growing, initial=0.0) <= 1e-8 * np.max(np.abs(values), initial=0.0))
 
 
-def linearise(kernels: Kernels, q=None, qd=None, t: float = 0.0, p=None, z=()) -> Linearisation:
+def linearise(
+    kernels: Kernels,
+    q: Given | None = None,
+    qd: Given | None = None,
+    t: float = 0.0,
+    p: Given | None = None,
+    z: str | Iterable[str] | None = (),
+) -> Linearisation:
     """Linearise at a position (default: the initial one) and a velocity (n,) (default: rest), which the constraints allow.
 
     z: names of the independent coordinates (default: the model's, else found by pivoting)
     Beside a motion that is not `steady` the matrix is that of this instant, with a warning. Exact, from the tangent kernels.
-    q: numbers in the order of the coordinates or {name: number}, qd and p likewise
+    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; qd likewise, per second, and p (n_p,); t: s
     Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative and for what cannot be
     asked, DomainError naming what is not a number or has a derivative that is none.
     """

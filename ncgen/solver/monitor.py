@@ -7,9 +7,11 @@ coordinates have to carry the motion through.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
@@ -71,8 +73,18 @@ class Health:
         return lines or ["no singular position and no bad choice of coordinates at these instants"]
 
 
-def monitor(kernels: Kernels, t, q, qd, work=None, p=None, independent: tuple[str, ...] = ()) -> Health:
-    """The health of a motion: t (K,), q and qd (K, n), work (K,) in J (default: none).
+def monitor(
+    kernels: Kernels,
+    t: ArrayLike,
+    q: ArrayLike,
+    qd: ArrayLike,
+    work: ArrayLike | None = None,
+    p: np.ndarray | None = None,
+    independent: str | Iterable[str] = (),
+) -> Health:
+    """The health of a motion: t (K,) in s, q (K, n) in m and rad, qd (K, n) in the same per second, work (K,) in J (default: none).
+
+    p (n_p,): parameters (default: the model's)
 
     independent: names of the independent coordinates (default: the model's, else the best ones at the first regular instant)
     Raises ModelError if they are not as many as the degrees of freedom.
@@ -91,7 +103,9 @@ def monitor(kernels: Kernels, t, q, qd, work=None, p=None, independent: tuple[st
     return Health(chosen, t, rows[:, 0], rows[:, 1], rows[:, 2], total, error / moved, rows[:, 3])
 
 
-def _one(kernels: Kernels, rank: int, chosen, t, q, p) -> tuple[float, float, float, float]:
+def _one(
+    kernels: Kernels, rank: int, chosen: tuple[str, ...], t: float, q: np.ndarray, p: np.ndarray | None
+) -> tuple[float, float, float, float]:
     """σ, quality, best quality and violation of one instant."""
     jacobian = scaled_jacobian(kernels, q, t, p)
     values = np.linalg.svd(jacobian, compute_uv=False)
@@ -107,7 +121,7 @@ def _one(kernels: Kernels, rank: int, chosen, t, q, p) -> tuple[float, float, fl
     return float(sigma), now, max(best, now), residual(kernels, q, t, p)
 
 
-def _first_choice(kernels: Kernels, instants, p) -> tuple[str, ...]:
+def _first_choice(kernels: Kernels, instants: list[tuple[float, np.ndarray]], p: np.ndarray | None) -> tuple[str, ...]:
     for t, q in instants:
         try:
             return choose_partition(kernels, q, t, p).names(kernels)

@@ -7,14 +7,17 @@ q̇ = R ż + S ν and q̈ = R z̈ + S γ, where R = [−(Φ_q^d)⁻¹ Φ_q^z; 1]
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import numpy as np
-import scipy.linalg
-from scipy.linalg import lapack
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
+from ncgen.solver.lapack import dgetrf, dgetrs
+from ncgen.solver.rank import Freedom, best_rows, column_order, freedom, scaled_jacobian
+
+Factors: TypeAlias = tuple[np.ndarray, np.ndarray] | tuple[()]
+"""LU and exchanges of rows of a square matrix; nothing of an empty one."""
 
 WORST = 1e-7
 """A partition of lower quality is refused."""
@@ -44,7 +47,21 @@ class Partitions:
     velocity: Partition
 
 
-def choose_partitions(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=None) -> Partitions:
+def determined(partitions: Partitions | None) -> Partitions:
+    """The partitions of a motion on independent coordinates. Raises SingularError where there are none."""
+    if partitions is None:
+        raise SingularError("there are no independent coordinates here: the position is singular, or nothing asked for them")
+    return partitions
+
+
+def choose_partitions(
+    kernels: Kernels,
+    q: np.ndarray,
+    t: float = 0.0,
+    p: np.ndarray | None = None,
+    independent: tuple[str, ...] = (),
+    rows: np.ndarray | None = None,
+) -> Partitions:
     """Well-conditioned partitions at q; arguments and errors as for `choose_partition`."""
     if len(kernels.holonomic) == kernels.m:
         both = choose_partition(kernels, q, t, p, independent, rows)
@@ -54,7 +71,7 @@ def choose_partitions(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=N
     return Partitions(choose_partition(kernels, q, t, p, velocity.names(kernels), kept), velocity)
 
 
-def other_partitions(kernels: Kernels, present: Partitions, q, t=0.0, p=None) -> Partitions:
+def other_partitions(kernels: Kernels, present: Partitions, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> Partitions:
     """The best partitions at q of a motion that runs on others: other coordinates, and of redundant rows others too.
 
     Rows that represent all of them at one position may degenerate on the way (Bennett's linkage does this to them).
@@ -66,7 +83,14 @@ def other_partitions(kernels: Kernels, present: Partitions, q, t=0.0, p=None) ->
     return choose_partitions(kernels, q, t, p, rows=rows)
 
 
-def choose_partition(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=None) -> Partition:
+def choose_partition(
+    kernels: Kernels,
+    q: np.ndarray,
+    t: float = 0.0,
+    p: np.ndarray | None = None,
+    independent: tuple[str, ...] = (),
+    rows: np.ndarray | None = None,
+) -> Partition:
     """A partition that is well conditioned at q.
 
     independent: coordinates the user wants independent; those that fit are taken, the rest is found by pivoting
@@ -86,7 +110,7 @@ def choose_partition(kernels: Kernels, q, t=0.0, p=None, independent=(), rows=No
             f"{len(wanted)} independent coordinates were chosen, the mechanism has {kernels.n - count} degrees of freedom; leave some out"
         )
     others = np.array([i for i in range(kernels.n) if i not in set(wanted)], dtype=int)
-    pivots = scipy.linalg.qr(jacobian[:, others], mode="r", pivoting=True)[1] if count else np.arange(len(others))
+    pivots = column_order(jacobian[:, others]) if count else np.arange(len(others))
     dependent = np.sort(others[pivots[:count]])
     partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))
     if quality(kernels, partition, q, t, p) < WORST:
@@ -101,7 +125,7 @@ def _position(kernels: Kernels, name: str) -> int:
     return kernels.index[name]
 
 
-def quality(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> float:
+def quality(kernels: Kernels, partition: Partition, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> float:
     """Smallest singular value of the scaled Φ_q^d over the norm of Φ_q: 0 is singular, larger is better."""
     if not len(partition.rows):
         return 1.0
@@ -110,7 +134,7 @@ def quality(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> float:
     return float(smallest / max(np.linalg.norm(jacobian), 1e-300))
 
 
-def singular_message(kernels: Kernels, found) -> str:
+def singular_message(kernels: Kernels, found: Freedom) -> str:
     """One line about a singular position: the rank, and what can move there and nowhere else."""
     motion = found.vanishing[:, 0]
     movers = np.argsort(-np.abs(motion))[:3]
@@ -134,7 +158,7 @@ class Kinematics:
     """The factorised Jacobian at a position: velocities and accelerations from independent ones."""
 
     partition: Partition
-    factors: tuple
+    factors: Factors
     R: np.ndarray
 
     @property
@@ -162,7 +186,7 @@ class Kinematics:
         return result
 
 
-def kinematics(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> Kinematics:
+def kinematics(kernels: Kernels, partition: Partition, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> Kinematics:
     """Factor Φ_q^d at q and form R. Raises SingularError where the factorisation breaks down."""
     jacobian = kernels.jacobian(q, t, p)[partition.rows]
     R = np.zeros((kernels.n, len(partition.independent)))
@@ -174,17 +198,17 @@ def kinematics(kernels: Kernels, partition: Partition, q, t=0.0, p=None) -> Kine
     return Kinematics(partition, factors, R)
 
 
-def factor(matrix: np.ndarray, name: str) -> tuple:
+def factor(matrix: np.ndarray, name: str) -> Factors:
     """LU factors, none of an empty matrix; SingularError instead of infinities."""
     if not matrix.size:
         return ()
-    lu, exchanges, _ = lapack.dgetrf(matrix)
+    lu, exchanges, _ = dgetrf(matrix)
     pivots = np.abs(np.diag(lu))
     if not np.min(pivots) > 1e-14 * np.max(pivots):
         raise SingularError(f"{name}: the Jacobian of the dependent coordinates is singular; choose other independent coordinates")
     return lu, exchanges
 
 
-def solve(factors: tuple, right: np.ndarray, transposed: int = 0) -> np.ndarray:
+def solve(factors: Factors, right: np.ndarray, transposed: int = 0) -> np.ndarray:
     """x of A x = right, or of Aᵀ x = right."""
-    return lapack.dgetrs(*factors, right, trans=transposed)[0] if factors else right
+    return dgetrs(*factors, right, trans=transposed)[0] if factors else right

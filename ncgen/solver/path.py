@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.solver.partition import Partitions
 from ncgen.solver.projection import Projected
@@ -39,18 +40,18 @@ class Path:
     def empty(cls, n: int, partitions: Partitions | None) -> Path:
         return cls(np.empty((0, n)), np.empty((0, n)), np.empty(0), np.zeros(5, dtype=int), partitions)
 
-    def extend(self, q, qd, work, counts) -> None:
+    def extend(self, q: ArrayLike, qd: ArrayLike, work: ArrayLike, counts: ArrayLike) -> None:
         """Add rows behind the last one; counts add up."""
         self.q, self.qd = np.vstack([self.q, q]), np.vstack([self.qd, qd])
         self.work = np.concatenate([self.work, work])
         self.counts = self.counts + np.asarray(counts)
 
-    def stop(self, t: float, q, qd, work: float) -> None:
+    def stop(self, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:
         """End with the state at which a run stops."""
         self.extend(q[None], qd[None], [work], [0] * 5)
         self.stopped = float(t)
 
-    def break_off(self, grid, t: float, q, qd, work: float) -> None:
+    def break_off(self, grid: np.ndarray, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:
         """End where a run was interrupted: with the state that it had reached, unless that is a row already."""
         if len(self.q) and grid[len(self.q) - 1] >= t:
             self.stopped = float(grid[len(self.q) - 1])

@@ -5,15 +5,18 @@ Newton's method with the minimum-norm step, halved where it does not help; redun
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.finite import check_instant, is_finite, watched
 from ncgen.solver.geometry import angles, measured_angles
+from ncgen.solver.given import Given
 
 TOLERANCE = 1e-12
 LIMIT = 40
@@ -33,20 +36,28 @@ class Position:
     residual: float
     history: tuple[float, ...]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<Position of {len(self.q)} coordinates: {self.iterations} Newton steps, relative residual {self.residual:.2g}>"
 
 
-def residual(kernels: Kernels, q, t=0.0, p=None) -> float:
+def residual(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> float:
     """The largest |Φ| relative to the rows' natural sizes."""
     values = np.abs(kernels.phi(q, t, p)) / kernels.row_sizes
     return float(np.max(values, initial=0.0))
 
 
-def solve_position(kernels: Kernels, q=None, t=0.0, p=None, held=(), tolerance: float = TOLERANCE, limit: int = LIMIT) -> Position:
+def solve_position(
+    kernels: Kernels,
+    q: Given | None = None,
+    t: float = 0.0,
+    p: Given | None = None,
+    held: str | Iterable[str] | None = (),
+    tolerance: float = TOLERANCE,
+    limit: int = LIMIT,
+) -> Position:
     """The consistent position near q (default: the initial one); the coordinates named in `held` (one name or several) keep their values.
 
-    q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
+    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
     A position that is consistent already comes back to the last bit.
     Raises ConvergenceError with the history and the worst row, also if an angle lands on its mirror root ψ + π, DomainError naming a
     row that is not a number, ModelError for arguments that do not fit.
@@ -54,8 +65,8 @@ def solve_position(kernels: Kernels, q=None, t=0.0, p=None, held=(), tolerance: 
     p = given.parameters(kernels, p)
     q, t = given.position(kernels, q, p), given.finite(t, "t")
     tolerance, limit = given.positive(tolerance, "tolerance"), given.count(limit, "limit")
-    held = set(given.names_of(held, "held", kernels.index))
-    free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in held], dtype=int)
+    names = given.names_of(held, "held", kernels.index)
+    free = np.array([i for i, name in enumerate(kernels.coordinates) if name not in names], dtype=int)
     sizes = kernels.row_sizes
     value = kernels.phi(q, t, p) / sizes
     history = [float(np.max(np.abs(value), initial=0.0))]
@@ -73,9 +84,11 @@ def solve_position(kernels: Kernels, q=None, t=0.0, p=None, held=(), tolerance: 
     return Position(q, len(history) - 1, history[-1], tuple(history))
 
 
-def _damped(kernels: Kernels, q, free, step, value, t, p):
+def _damped(
+    kernels: Kernels, q: np.ndarray, free: np.ndarray, step: np.ndarray, value: np.ndarray, t: float, p: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     """The longest of the step, its half, quarter … that lowers the residual; the shortest if none does."""
-    norm = np.linalg.norm(value)
+    norm, trial, new = np.linalg.norm(value), q, value
     for power in range(6):
         trial = q.copy()
         trial[free] += step / 2**power
@@ -85,7 +98,7 @@ def _damped(kernels: Kernels, q, free, step, value, t, p):
     return trial, new
 
 
-def _failure(kernels: Kernels, value, history) -> str:
+def _failure(kernels: Kernels, value: np.ndarray, history: list[float]) -> str:
     worst = int(np.nanargmax(np.where(np.isfinite(value), np.abs(value), np.inf)))
     row = kernels.rows[worst]
     return (
@@ -94,7 +107,7 @@ def _failure(kernels: Kernels, value, history) -> str:
     )
 
 
-def check_mirror_roots(kernels: Kernels, q, p=None, history=()) -> None:
+def check_mirror_roots(kernels: Kernels, q: np.ndarray, p: np.ndarray | None = None, history: Sequence[float] = ()) -> None:
     """Raise ConvergenceError naming an angle whose coordinate is half a turn off its elements: the other root of its row."""
     known = angles(kernels)
     if not known:
@@ -109,14 +122,16 @@ def check_mirror_roots(kernels: Kernels, q, p=None, history=()) -> None:
             )
 
 
-def check_finite(kernels: Kernels, q, t=0.0, p=None) -> None:
+def check_finite(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> None:
     """Raise DomainError naming the first row or mass that is not a number at q, or the coordinate of q that is none."""
     check_instant(kernels, q, None, t, p)
 
 
-def move(kernels: Kernels, q, targets: dict[str, float], t=0.0, p=None, steps: int = 1) -> Position:
+def move(kernels: Kernels, q: Given | None, targets: dict[str, float], t: float = 0.0, p: Given | None = None, steps: int = 1) -> Position:
     """A finite displacement: coordinates by name are brought to given values, in equal steps that are halved on failure.
 
+    q: where it begins, numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,);
+        t: s
     The other coordinates follow and stay on their branch. Raises ConvergenceError where the mechanism cannot go, ModelError for
     arguments that do not fit.
     """
@@ -142,11 +157,16 @@ def move(kernels: Kernels, q, targets: dict[str, float], t=0.0, p=None, steps: i
     return result
 
 
-def sweep(kernels: Kernels, name: str, values, q=None, t=0.0, p=None) -> np.ndarray:
-    """Positions (K, n) while one coordinate takes the given values, each started from the one before.
+def sweep(
+    kernels: Kernels, name: str, values: ArrayLike | Iterator[float], q: Given | None = None, t: float = 0.0, p: Given | None = None
+) -> np.ndarray:
+    """Positions (K, n) in m and rad while one coordinate takes the given values (K,), each started from the one before.
 
+    q: where it begins (default: the initial position), numbers (n,) in the order of the coordinates or {name: number}; p likewise
+        for parameters, (n_p,); t: s
     Raises ConvergenceError where the mechanism cannot go, ModelError for arguments that do not fit.
     """
+    p = given.parameters(kernels, p)
     position, path = given.position(kernels, q, p), []
     given.known_name(name, kernels.index, "name")
     for value in given.several(values, "values"):

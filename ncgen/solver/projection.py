@@ -30,7 +30,7 @@ class Projected:
     moved: float
 
 
-def project(kernels: Kernels, q, qd, t=0.0, p=None) -> Projected:
+def project(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> Projected:
     """The consistent position and velocity nearest to q and q̇; a consistent one comes back to the last bit.
 
     Raises ConvergenceError with the residual if q is too far from closed, SingularError where a motion has no inertia.
@@ -51,7 +51,7 @@ def project(kernels: Kernels, q, qd, t=0.0, p=None) -> Projected:
     return Projected(q, project_velocity(kernels, q, qd, t, p), len(history) - 1, moved)
 
 
-def project_velocity(kernels: Kernels, q, qd, t=0.0, p=None) -> np.ndarray:
+def project_velocity(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
     """The velocity nearest to q̇ that satisfies Φ_q q̇ = ν; a consistent one comes back to the last bit."""
     rows, sizes = kernels.row_sizes, kernels.column_sizes
     jacobian, nu = scaled_jacobian(kernels, q, t, p), kernels.nu(q, t, p) / rows
@@ -62,5 +62,5 @@ def project_velocity(kernels: Kernels, q, qd, t=0.0, p=None) -> np.ndarray:
     return qd + sizes * _system(kernels, q, t, p).solve(np.zeros(kernels.n), rest)[0]
 
 
-def _system(kernels: Kernels, q, t, p) -> KKT:
+def _system(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) -> KKT:
     return KKT(scaled_mass(kernels, q, t, p)[0], scaled_jacobian(kernels, q, t, p), kernels)

@@ -6,20 +6,26 @@ It is there to be read and to hold the C engine against, and it runs what C does
 from __future__ import annotations
 
 import warnings
+from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
+from scipy.integrate import OdeSolver
 
 from ncgen.errors import ConvergenceError, DomainError, SingularError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.integrators import Pace, ode_solver, takes_jacobian
-from ncgen.solver.partition import BETTER, Partitions, other_partitions, quality, stuck_message
+from ncgen.solver.partition import BETTER, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
-from ncgen.solver.tolerances import Tolerances
+from ncgen.solver.stop import Stop
+from ncgen.solver.task import Task
+
+State: TypeAlias = tuple[np.ndarray, np.ndarray, Motion, float]
+"""q (n,), q̇ (n,), the motion there, and work (J)."""
 
 DEGRADED = 0.7
 """Another partition is looked for when the quality falls below this share of what it was when chosen: late changes
@@ -29,27 +35,25 @@ RETRIES = 8
 """How often a step whose position problem fails is tried again, each time four times shorter."""
 
 
-def run(
-    path: Path, kernels: Kernels, method: Method, grid, q, zd, p, progress, *, tolerances: Tolerances, max_step: float, stop=None
-) -> None:
-    """Complete a path over a time grid, from its last row on if it has any.
+def run(path: Path, kernels: Kernels, task: Task) -> None:
+    """Complete a path over a time grid, from its last row on if it has any, to its end or to a `Stop`.
 
-    stop: a `Stop` before the end
     Raises ConvergenceError or SingularError with the time where the motion cannot go on, DomainError naming what is not a
     number there. Whatever is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
     """
-    kernels, work = watched(kernels), 0.0
+    kernels, work, partitions = watched(kernels), 0.0, determined(path.partitions)
+    q, zd = task.q, task.velocities
     if len(path.q):
         q, qd, work = path.take_last()
-        zd = qd[path.partitions.velocity.independent]
-    engine = _Run(kernels, method, tolerances, max_step, path.partitions, grid[-1])
+        zd = qd[partitions.velocity.independent]
+    engine = _Run(kernels, task, partitions)
     try:
-        engine.integrate(q, zd, p, grid[len(path.q) :], progress, stop)
+        engine.integrate(q, zd, task.grid[len(path.q) :])
     except BaseException:
         engine.hand_over(path, work)
         if engine.reached:
             here, own = engine.reached
-            path.break_off(grid, here.t, here.q, here.qd, work + own)
+            path.break_off(task.grid, here.t, here.q, here.qd, work + own)
         raise
     engine.hand_over(path, work)
 
@@ -60,13 +64,11 @@ class _Run:
     motions, work: at the times of the grid; reached: motion and work at the end of the last step
     """
 
-    def __init__(self, kernels: Kernels, method: Method, tolerances: Tolerances, max_step: float, partitions: Partitions, end: float):
-        self.kernels = kernels
-        self.integrator = method.integrator
-        self.solver = tolerances.sharing(ode_solver(method.integrator))
-        self.tolerances, self.max_step = tolerances, max_step
-        self.partitions = partitions
-        self.end = end
+    def __init__(self, kernels: Kernels, task: Task, partitions: Partitions) -> None:
+        self.kernels, self.task, self.partitions = kernels, task, partitions
+        self.integrator = task.method.integrator
+        self.solver: Callable[..., OdeSolver] = task.tolerances.sharing(ode_solver(self.integrator))
+        self.end = task.grid[-1]
         self.stopped: float | None = None
         self.motions: list[Motion] = []
         self.work: list[float] = []
@@ -81,9 +83,9 @@ class _Run:
         path.jacobians += self.jacobians
         path.partitions = self.partitions
 
-    def integrate(self, q, zd, p, grid, progress, stop) -> None:
+    def integrate(self, q: np.ndarray, zd: np.ndarray, grid: np.ndarray) -> None:
         """Find motions and work at the times of the grid, or at those before the stop and there."""
-        t = grid[0]
+        t, p, stop, progress = grid[0], self.task.p, self.task.stop, self.task.progress
         here = motion_at(self.kernels, self.partitions.velocity, t, q, zd, p)
         self.start = Start(t, here.q, here.qd, p)
         self.pace = Pace(t, self.end - t)
@@ -94,16 +96,16 @@ class _Run:
         while solver.status == "running":
             solver = self._step(solver, here)
             before, here = here, self._motion(solver.t, solver.y)
-            last = self._stop(solver, stop, before, here) if stop else None
+            found = self._stop(solver, stop, before, here) if stop else None
             between = None
-            while (done := len(self.motions)) < len(grid) and (grid[done] < self.stopped if last else grid[done] <= solver.t):
-                instant = grid[done]
+            while (done := len(self.motions)) < len(grid) and (grid[done] < found[0] if found else grid[done] <= solver.t):
+                instant, y = grid[done], solver.y
                 if instant != solver.t:
                     between = between or solver.dense_output()
-                y = solver.y if instant == solver.t else between(instant)
+                    y = between(instant)
                 self._note(self._motion(instant, y), float(y[-1]))
-            if last:
-                self._note(*last[2:])
+            if found:
+                self._note(*found[1][2:])
                 return
             self.reached = here, float(solver.y[-1])
             self._accept(here)
@@ -116,42 +118,43 @@ class _Run:
         self.motions.append(motion)
         self.work.append(work)
 
-    def _stop(self, solver, stop, before: Motion, here: Motion):
-        """q, q̇, motion and work at which the last step passed the stop, or None."""
+    def _stop(self, solver: OdeSolver, stop: Stop, before: Motion, here: Motion) -> tuple[float, State] | None:
+        """(time, (q, q̇, motion, work)) at which the last step passed the stop, or None."""
         gaps = stop.gap(before.q, before.qd), stop.gap(here.q, here.qd)
         if not stop.is_passed(*gaps):
             return None
         between = solver.dense_output()
 
-        def state(t: float):
+        def state(t: float) -> State:
             y = between(t)
             now = self._motion(t, y)
             return now.q, now.qd, now, float(y[-1])
 
-        self.stopped, found = stop.locate(before.t, here.t, *gaps, state)
+        found = stop.locate(before.t, here.t, *gaps, state)
+        self.stopped = found[0]
         return found
 
     @property
     def counts(self) -> list[int]:
         return [self.steps, self.evaluations, self.newton, self.changes, self.rejections]
 
-    def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None):
+    def _solver(self, t: float, here: Motion, work: float, first_step: float | None = None) -> OdeSolver:
         velocities, positions = self.partitions.velocity.independent, self.partitions.position.independent
         self.orientation = 0  # of this partition, from its first evaluation on
         y = np.concatenate([here.qd[velocities], here.q[positions], [work]])
         sizes = self.kernels.column_sizes
-        options = self.tolerances.for_scipy(sizes[velocities], sizes[positions])
+        options = self.task.tolerances.for_scipy(sizes[velocities], sizes[positions])
         if takes_jacobian(self.integrator, self.kernels):
             options["jac"] = self._jacobian
-        return self.solver(self._derivative, t, y, self.end, first_step=first_step, max_step=self.max_step, **options)
+        return self.solver(self._derivative, t, y, self.end, first_step=first_step, max_step=self.task.max_step, **options)
 
     def _jacobian(self, t: float, y: np.ndarray) -> np.ndarray:
         self.jacobians += 1
         return partitioned_jacobian(self.kernels, self.partitions, self._motion(t, y), self.start.p)
 
-    def _step(self, solver, here: Motion):
+    def _step(self, solver: OdeSolver, here: Motion) -> OdeSolver:
         """One accepted step; returns the solver that made it, a fresh one if the position problem failed on the way."""
-        work = solver.y[-1]
+        work, message = solver.y[-1], None
         for attempt in range(RETRIES + 1):
             try:
                 with warnings.catch_warnings():

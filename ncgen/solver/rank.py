@@ -6,6 +6,7 @@ Rank is numerical and is taken at several consistent positions, because one posi
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, cast
 
 import numpy as np
 import scipy.linalg
@@ -15,6 +16,7 @@ import scipy.sparse.linalg
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
+from ncgen.solver.given import Given
 from ncgen.solver.position import check_finite, solve_position
 
 RELATIVE_ZERO = 1e-9
@@ -55,15 +57,23 @@ def null_space(jacobian: np.ndarray) -> np.ndarray:
 
 def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
     """The `rank` rows that a QR factorisation with exchanges finds farthest from dependent, in their own order."""
-    return np.sort(scipy.linalg.qr(jacobian.T, mode="r", pivoting=True)[1][:rank])
+    return np.sort(column_order(jacobian.T)[:rank])
 
 
-def scaled_jacobian(kernels: Kernels, q, t=0.0, p=None) -> np.ndarray:
+def column_order(matrix: np.ndarray) -> np.ndarray:
+    """The columns of a matrix as a QR factorisation with exchanges takes them, the farthest from dependent first."""
+    _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(matrix, mode="r", pivoting=True))  # SciPy has no types
+    return order
+
+
+def scaled_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
     """Φ_q with rows divided by their natural size and lengths measured in the mechanism's size."""
     return kernels.jacobian(q, t, p) * kernels.column_sizes / kernels.row_sizes[:, None]
 
 
-def trial_positions(kernels: Kernels, q, t=0.0, p=None, count: int = POSITIONS, distance: float = DISTANCE) -> list[np.ndarray]:
+def trial_positions(
+    kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None, count: int = POSITIONS, distance: float = DISTANCE
+) -> list[np.ndarray]:
     """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
     generator = np.random.default_rng(0)
     sizes = kernels.column_sizes
@@ -108,7 +118,7 @@ class Freedom:
     vanishing: np.ndarray
     positions: int
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         here = f", {self.rank_here} here: singular" if self.is_singular else ""
         return f"<Freedom {self.dof}: rank {self.rank}{here}, {len(self.redundant)} redundant rows>"
 
@@ -117,10 +127,10 @@ class Freedom:
         return self.rank_here < self.rank
 
 
-def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
+def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given | None = None) -> Freedom:
     """Degrees of freedom, redundant rows and singularity at a consistent position q (default: the initial one).
 
-    q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
+    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
     Raises ModelError for arguments that do not fit.
     """
     p = given.parameters(kernels, p)
@@ -128,7 +138,7 @@ def freedom(kernels: Kernels, q=None, t=0.0, p=None) -> Freedom:
     return kernels.remember("freedom", (q.tobytes(), float(t), p.tobytes()), lambda: _freedom(kernels, q, t, p), REMEMBERED)
 
 
-def rows_are_clearly_independent(jacobian: scipy.sparse.spmatrix) -> bool:
+def rows_are_clearly_independent(jacobian: scipy.sparse.csr_array) -> bool:
     """Whether a sparse Jacobian (m, n) certainly has full row rank; False leaves the question open.
 
     Φ_q Φ_qᵀ is factorised and its condition number estimated in the 1-norm (Higham and Tisseur 2000), which bounds
@@ -139,16 +149,19 @@ def rows_are_clearly_independent(jacobian: scipy.sparse.spmatrix) -> bool:
         factors = scipy.sparse.linalg.splu(gram, permc_spec="MMD_AT_PLUS_A")
     except RuntimeError:  # SuperLU's word for an exactly singular matrix
         return False
-    inverse = scipy.sparse.linalg.LinearOperator(gram.shape, factors.solve, rmatvec=factors.solve, dtype=float)
-    return bool(scipy.sparse.linalg.onenormest(inverse) * scipy.sparse.linalg.norm(gram, 1) < CLEAR)
+    operator = cast(Any, scipy.sparse.linalg.LinearOperator)  # what it is made of stands in __new__, where no type is found
+    inverse = operator(gram.shape, factors.solve, rmatvec=factors.solve, dtype=float)
+    norm = cast(float, scipy.sparse.linalg.onenormest(inverse))  # with vectors only if they are asked for
+    return bool(norm * scipy.sparse.linalg.norm(gram, 1) < CLEAR)
 
 
-def _sparse_jacobian(kernels: Kernels, q, t, p) -> scipy.sparse.spmatrix:
+def _sparse_jacobian(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> scipy.sparse.csr_array:
     """`scaled_jacobian`, sparse."""
-    return scipy.sparse.diags(1 / kernels.row_sizes) @ kernels.phi_q(q, t, p) @ scipy.sparse.diags(kernels.column_sizes)
+    rows, columns = (scipy.sparse.diags_array(sizes) for sizes in (1 / kernels.row_sizes, kernels.column_sizes))
+    return rows @ kernels.phi_q(q, t, p) @ columns
 
 
-def _freedom(kernels: Kernels, q, t, p) -> Freedom:
+def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     m, n = kernels.m, kernels.n
     check_finite(kernels, q, t, p)
     if DENSE <= m <= n and rows_are_clearly_independent(_sparse_jacobian(kernels, q, t, p)):
@@ -206,7 +219,7 @@ def _implication(jacobian: np.ndarray, row: int, kept: list[int], scale: np.ndar
     return Redundancy(row, {k: float(c) for k, c, s in zip(kept, raw, solution, strict=True) if abs(s) > 1e-7})
 
 
-def _extra_motions(kernels: Kernels, q, t, p, rank: int, largest: np.ndarray) -> np.ndarray:
+def _extra_motions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rank: int, largest: np.ndarray) -> np.ndarray:
     """Motions that are free at q and not just beside it, in natural units, columns over the free coordinates.
 
     They are what is left of the null space at q beside that of a neighbouring position in general position.

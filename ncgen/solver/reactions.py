@@ -9,6 +9,7 @@ moment u × f.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from ncgen.solver import geometry
 from ncgen.solver.given import offer
 from ncgen.solver.sharing import Share, find_shared, kernels_of
 from ncgen.symbolic.equations import build_springs
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectory import Trajectory
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,12 +34,12 @@ class Reactions:
     shared: a sentence for every load whose share is arbitrary, such as "door: A.z and B.z share 98.1 N"
     """
 
-    run: object
+    run: Trajectory
     loads: dict[str, dict[str, np.ndarray]]
     determinate: dict[str, dict[str, bool]]
     shared: tuple[str, ...]
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         what = f"{len(self.shared)} shared arbitrarily" if self.shared else "all unique"
         return f"<Reactions {self.run.name}: loads on {', '.join(self.loads)}; {what}>"
 
@@ -53,7 +57,7 @@ class Reactions:
         thing = self._element(body, vector)
         return np.cross(geometry.element(self.run.kernels, thing, self.run.q, self.run.p), self._load(body, thing))
 
-    def _load(self, body: str, element) -> np.ndarray:
+    def _load(self, body: str, element: Element) -> np.ndarray:
         return np.stack([self.loads[body][c.name] for c in element.components], axis=-1)
 
     def _element(self, body: str, name: str) -> Element:
@@ -65,7 +69,7 @@ class Reactions:
         return mine[name]
 
 
-def reactions(run) -> Reactions:
+def reactions(run: Trajectory) -> Reactions:
     """The loads on every body at every instant of a trajectory.
 
     Where the balances leave a load open, one of many possible distributions is given (rows that are not kept carry nothing);
@@ -83,7 +87,7 @@ def reactions(run) -> Reactions:
     return Reactions(run, loads, found.unique, found.shared)
 
 
-def _pulls(run) -> dict[str, dict[str, np.ndarray]]:
+def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:
     """{body: {coordinate: (K,)}} forces of springs and potentials, each on the first body that has the coordinate."""
     if not (run.model.springs or run.model.potentials):
         return {}
@@ -98,14 +102,14 @@ def _pulls(run) -> dict[str, dict[str, np.ndarray]]:
     return pulls
 
 
-def _load(share: Share, run, k: int) -> np.ndarray:
+def _load(share: Share, run: Trajectory, k: int) -> np.ndarray:
     """f = M q̈ − Q + Φ_qᵀ λ of one body at instant k, over its own and all free coordinates."""
     t, p, part = run.t[k], run.p, share.kernels
     q, qd, qdd = share.position(run.q[k]), share.rate(run.qd[k]), share.rate(run.qdd[k])
     return part.mass_matrix(q, t, p) @ qdd - part.force(q, qd, t, p) + part.jacobian(q, t, p).T @ run.lam[k]
 
 
-def _felt(run, share: Share, history: np.ndarray) -> np.ndarray:
+def _felt(run: Trajectory, share: Share, history: np.ndarray) -> np.ndarray:
     """Forces (N) on points and moments (N m) through vectors of a body, (K, elements, 3)."""
     felt = history[:, share.own].reshape(len(history), -1, 3)
     for i, element in enumerate(share.body.elements):

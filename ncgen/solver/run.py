@@ -6,28 +6,45 @@ build it like `simulate` does, and refuse in the same words.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
-from numbers import Integral, Real
-from types import SimpleNamespace
+from numbers import Integral
+from typing import Any, Literal, TypeAlias, TypedDict, Unpack
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, find_formalism, find_integrator, in_c, options_of, partners
+from ncgen.methods.table import (
+    AUTO,
+    FORMALISMS,
+    INTEGRATORS,
+    Formalism,
+    Integrator,
+    find_formalism,
+    find_integrator,
+    in_c,
+    is_real,
+    options_of,
+    partners,
+)
 from ncgen.model import Model
+from ncgen.model.elements import Component
 from ncgen.model.values import evaluate
 from ncgen.solver import given
-from ncgen.solver.given import ECHOED, checked_kernels, finite, known_name, names_of, offer, parameters, position
+from ncgen.solver.given import ECHOED, Given, Outline, checked_kernels, finite, known_name, names_of, offer, parameters, position
 from ncgen.solver.position import CONSISTENT
 from ncgen.solver.stop import Stop, stop_at
 
 ENGINES = (AUTO, "c", "emitted", "refined", "python")
-EMITTED = ("emitted", "refined")
+EMITTED: tuple[Literal["emitted"], Literal["refined"]] = ("emitted", "refined")
 """Engines for which the state derivative is written out for a mechanism."""
+
+Form: TypeAlias = Literal["dense", "emitted", "refined"]
+"""Of a state derivative in C: eliminated by the runtime, written out, or that with iterative refinement."""
 
 NUMBERS = ("double", "float", "long double")
 """Number types of C."""
@@ -40,6 +57,18 @@ MOST_STEPS = 10**9
 
 MOST_NUMBERS = 2**31
 """Numbers in a trajectory's positions, velocities and accelerations: 16 GiB."""
+
+
+class InitialArguments(TypedDict, total=False):
+    """What a caller may say of where a mechanism begins, as for `ncgen.simulate`."""
+
+    q0: Given | None
+    zd0: Given | None
+    qd0: Given | None
+    z: str | Iterable[str] | None
+    p: Given | None
+    t0: float
+    closing: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -66,27 +95,27 @@ class Initial:
         cls,
         subject: Kernels | Model,
         *,
-        q0=None,
-        zd0=None,
-        qd0=None,
-        z=None,
-        p=None,
-        t0=0.0,
-        closing=CONSISTENT,
-        names=("q0", "zd0", "qd0", "t0"),
+        q0: Given | None = None,
+        zd0: Given | None = None,
+        qd0: Given | None = None,
+        z: str | Iterable[str] | None = None,
+        p: Given | None = None,
+        t0: float = 0.0,
+        closing: float = CONSISTENT,
+        names: tuple[str, str, str, str] = ("q0", "zd0", "qd0", "t0"),
     ) -> Initial:
         """From what the caller gives; names: of the arguments q0, zd0, qd0 and t0 in messages. Raises ModelError."""
-        subject = outline(subject)
+        known = outline(subject)
         if zd0 is not None and qd0 is not None:
             raise ModelError(f"{names[1]} and {names[2]} are both given; give the initial velocities once")
-        values = parameters(subject, p)
+        values = parameters(known, p)
         return cls(
             values,
-            position(subject, q0, values, names[0]),
+            position(known, q0, values, names[0]),
             finite(t0, names[3]),
-            names_of(z, "z", subject.coordinates),
-            _rates(subject, zd0, names[1], whole=False),
-            _rates(subject, qd0, names[2], whole=True),
+            names_of(z, "z", known.coordinates),
+            _rates(known, zd0, names[1], whole=False),
+            _rates(known, qd0, names[2], whole=True),
             given.closing(closing),
         )
 
@@ -102,9 +131,9 @@ class Run:
 
     initial: Initial
     times: np.ndarray
-    formalism: object
-    integrator: object
-    options: dict = field(default_factory=dict)
+    formalism: Formalism | None
+    integrator: Integrator | None
+    options: dict[str, Any] = field(default_factory=dict)
     rtol: float = 1e-8
     atol: float | None = None
     max_step: float = np.inf
@@ -126,13 +155,13 @@ class Run:
         max_step: float = np.inf,
         engine: str = AUTO,
         number: str = "double",
-        options: dict | None = None,
-        stop: dict | None = None,
+        options: dict[str, Any] | None = None,
+        stop: Mapping[str, Any] | None = None,
         progress: Callable[[float], None] | None = None,
-        **initial,
+        **initial: Unpack[InitialArguments],
     ) -> Run:
         """From the arguments of `ncgen.simulate`; initial: those of `Initial.asked`. Raises ModelError with one sentence."""
-        subject = outline(subject)
+        known = outline(subject)
         length = positive(duration, "duration", "number of seconds")
         start = Initial.asked(subject, **initial)
         pair = _entries(formalism, integrator, options)
@@ -140,15 +169,15 @@ class Run:
             raise ModelError(f"progress: {echo(progress)} given; it must be a function of the time reached")
         run = cls(
             start,
-            _grid(start.t, length, count(points, "points", 2, "a trajectory has at least 2"), len(subject.coordinates)),
+            _grid(start.t, length, count(points, "points", 2, "a trajectory has at least 2"), len(known.coordinates)),
             *pair,
             dict(options or {}),
             positive(rtol, "rtol"),
             None if atol is None else positive(atol, "atol"),
             np.inf
-            if max_step is None or (isinstance(max_step, Real) and max_step == np.inf)
+            if max_step is None or (is_real(max_step) and max_step == np.inf)
             else positive(max_step, "max_step", "number of seconds"),
-            stop_at(subject, stop),
+            stop_at(known, stop),
             chosen(engine, "engine", ENGINES),
             chosen(number, "number", NUMBERS),
         )
@@ -198,17 +227,48 @@ class Run:
             raise ModelError(f"number {self.number!r}: Python computes with doubles; leave out engine='python'")
 
 
-def outline(subject: Kernels | Model):
+@dataclass(frozen=True, eq=False)
+class _Plan:
+    """As much of a model as of its kernels; free: the coordinates that can move."""
+
+    model: Model
+    free: tuple[Component, ...]
+    p0: np.ndarray
+
+    @property
+    def name(self) -> str:
+        return self.model.name
+
+    @property
+    def n(self) -> int:
+        return len(self.free)
+
+    @property
+    def coordinates(self) -> tuple[str, ...]:
+        return tuple(c.name for c in self.free)
+
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        return tuple(self.model.parameters)
+
+    @property
+    def index(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.coordinates)}
+
+    @property
+    def q0(self) -> np.ndarray:
+        return self.start()
+
+    def start(self, p: ArrayLike | None = None) -> np.ndarray:
+        """The initial position (n,) in m and rad; its numbers at the parameters' defaults are enough here."""
+        return np.array([c.initial for c in self.free], dtype=float)
+
+
+def outline(subject: Kernels | Model) -> Outline:
     """Names, sizes and defaults of a mechanism: the kernels themselves, or as much of a model. Raises ModelError for anything else."""
     if isinstance(subject, Model):
-        free = [c for c in subject.components if not c.fixed]
         values = [evaluate(v, subject.parameters, v.name) for v in subject.parameters.values()]
-        return SimpleNamespace(
-            name=subject.name, model=subject, coordinates=tuple(c.name for c in free), parameters=tuple(subject.parameters),
-            index={c.name: i for i, c in enumerate(free)}, n=len(free),
-            start=lambda p=None: np.array([c.initial for c in free], dtype=float), q0=np.array([c.initial for c in free], dtype=float),
-            p0=np.array(values, dtype=float),
-        )  # fmt: skip
+        return _Plan(subject, tuple(c for c in subject.components if not c.fixed), np.array(values, dtype=float))
     return checked_kernels(subject)
 
 
@@ -222,7 +282,7 @@ OPTIONS = tuple(name for name in {**signature(Run.asked).parameters, **signature
 """What a model's own `simulation` can say."""
 
 
-def check_simulation(model: Model, **more) -> Run:
+def check_simulation(model: Model, **more: Any) -> Run:
     """The run that a model's own `simulation` describes, with other options in their place, checked and not carried out.
 
     Raises ModelError naming the option.
@@ -248,24 +308,25 @@ def refusals(model: Model) -> list[tuple[str | None, str]]:
     return found
 
 
-def _refusal(model: Model, options: dict) -> str:
+def _refusal(model: Model, options: dict[str, Any]) -> str:
     """Why there is no such run, or nothing."""
     try:
         check_options(options)
-        Run.asked(model, **{"duration": DURATION, **options})
+        arguments: dict[str, Any] = {"duration": DURATION, **options}
+        Run.asked(model, **arguments)
     except ModelError as error:
         return str(error)
     return ""
 
 
-def check_options(options) -> None:
+def check_options(options: Iterable[str]) -> None:
     """Raise ModelError for a name that is no option of a run."""
     for name in options:
         if name not in OPTIONS:
             raise ModelError(f"m.simulation({name[:40]}=…): simulate has no such option; {offer(name, sorted(OPTIONS))}")
 
 
-def simulation_of(model: Model, **more) -> dict:
+def simulation_of(model: Model, **more: Any) -> dict[str, Any]:
     """Arguments of `ncgen.simulate` for a model: its own, with others in their place where they are not None."""
     return {"duration": DURATION, **model.simulation_options, **{name: value for name, value in more.items() if value is not None}}
 
@@ -273,28 +334,28 @@ def simulation_of(model: Model, **more) -> dict:
 # -- single numbers and words --------------------------------------------------------------------------------------------------------------
 
 
-def positive(value, name: str, what: str = "number") -> float:
+def positive(value: object, name: str, what: str = "number") -> float:
     """A positive, finite number. Raises ModelError naming the argument."""
-    if isinstance(value, (bool, np.bool_)) or not isinstance(value, Real) or not 0 < value < np.inf:
+    if isinstance(value, (bool, np.bool_)) or not is_real(value) or not 0 < value < np.inf:
         raise ModelError(f"{name}: {echo(value)} given; it must be a positive {what}")
     return float(value)
 
 
-def count(value, name: str, least: int, why: str) -> int:
+def count(value: object, name: str, least: int, why: str) -> int:
     """A whole number from `least` on. Raises ModelError naming the argument."""
     if isinstance(value, (bool, np.bool_)) or not isinstance(value, Integral) or value < least:
         raise ModelError(f"{name}: {echo(value)} given; {why}")
     return int(value)
 
 
-def chosen(value, name: str, known: tuple[str, ...]) -> str:
+def chosen(value: object, name: str, known: tuple[str, ...]) -> str:
     """One of some words. Raises ModelError listing them."""
     if not isinstance(value, str) or value not in known:
         raise ModelError(f"{name} {echo(value)} is unknown; choose one of {', '.join(known)}")
     return value
 
 
-def echo(value) -> str:
+def echo(value: object) -> str:
     """What was given, shortened."""
     text = " ".join(repr(value).split())
     return text if len(text) <= ECHOED else f"{text[: ECHOED - 1]}…"
@@ -315,7 +376,7 @@ def _grid(start: float, length: float, points: int, n: int) -> np.ndarray:
     return np.linspace(start, end, points)
 
 
-def _rates(subject, given, name: str, whole: bool):
+def _rates(subject: Outline, given: Given | None, name: str, whole: bool) -> dict[str, float] | np.ndarray | None:
     """Rates by name or as an array, or None; whole: an array has one number a free coordinate."""
     if given is None:
         return None
@@ -334,7 +395,7 @@ def _rates(subject, given, name: str, whole: bool):
     return rates
 
 
-def _entries(formalism, integrator, options):
+def _entries(formalism: str, integrator: str, options: dict[str, Any] | None) -> tuple[Formalism | None, Integrator | None]:
     """Entries of the table, None for "auto". Raises ModelError where they do not go together or an option is not theirs."""
     one = None if isinstance(formalism, str) and formalism == AUTO else find_formalism(formalism)
     other = None if isinstance(integrator, str) and integrator.lower() == AUTO else find_integrator(integrator)
@@ -342,22 +403,22 @@ def _entries(formalism, integrator, options):
         other = next(entry for entry in INTEGRATORS.values() if one.name in entry.steps)  # the only one that there can be
     if one and other:
         Method.of(one.name, other.name, options)
-    elif one or other:
-        # Whatever is chosen beside it, an option must belong to one of the methods that there may be.
-        pairs = [(one, INTEGRATORS[i]) for i in partners(one)] if one else [(FORMALISMS[f], other) for f in partners(other)]
-        _some_option(pairs, options)
+    elif one:  # whatever is chosen beside it, an option must belong to one of the methods that there may be
+        _some_option([(one, INTEGRATORS[i]) for i in partners(one)], options)
+    elif other:
+        _some_option([(FORMALISMS[f], other) for f in partners(other)], options)
     elif options:
         _some_option([(FORMALISMS[f], i) for i in INTEGRATORS.values() for f in partners(i)], options)
     return one, other
 
 
-def _some_option(pairs, options) -> None:
-    """Raise the last refusal where no pair takes the options."""
-    refusal = None
+def _some_option(pairs: list[tuple[Formalism, Integrator]], options: dict[str, Any] | None) -> None:
+    """Raise the first refusal where no pair takes the options."""
+    refusals = []
     for pair in pairs:
         try:
             options_of(*pair, options)
             return
         except ModelError as error:
-            refusal = refusal or error
-    raise refusal
+            refusals.append(error)
+    raise refusals[0]

@@ -12,8 +12,9 @@ whatever the number of parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Unpack
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -22,8 +23,8 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.coordinate_partitioning import Start, dependent_position, motion_at
 from ncgen.solver.given import checked_kernels
-from ncgen.solver.partition import kinematics, quality
-from ncgen.solver.run import Initial, count, positive
+from ncgen.solver.partition import Kinematics, determined, kinematics, quality
+from ncgen.solver.run import Initial, InitialArguments, count, positive
 from ncgen.solver.start import begin
 
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
@@ -59,7 +60,7 @@ class Gradient:
     slopes: dict[str, float]
 
 
-def sensitivities(kernels: Kernels, duration: float, steps: int, **start) -> Sensitivities:
+def sensitivities(kernels: Kernels, duration: float, steps: int, **start: Unpack[InitialArguments]) -> Sensitivities:
     """Derivatives of the whole motion, carried along with it.
 
     steps: Runge-Kutta steps of equal length; the motion is given at all K = steps + 1 instants
@@ -89,7 +90,9 @@ def sensitivities(kernels: Kernels, duration: float, steps: int, **start) -> Sen
     return Sensitivities(motion.t, np.array(motion.q), np.array(motion.qd), q_by, qd_by, motion.names)
 
 
-def gradient(kernels: Kernels, duration: float, steps: int, objective: Callable[[np.ndarray, np.ndarray], tuple], **start) -> Gradient:
+def gradient(
+    kernels: Kernels, duration: float, steps: int, objective: Callable[[np.ndarray, np.ndarray], tuple], **start: Unpack[InitialArguments]
+) -> Gradient:
     """The gradient of one number that depends on a motion, by one sweep back through it.
 
     objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
@@ -119,7 +122,7 @@ def gradient(kernels: Kernels, duration: float, steps: int, objective: Callable[
 class _Motion:
     """A motion with fixed steps, every stage kept for the derivative's sake."""
 
-    def __init__(self, kernels: Kernels, duration: float, steps: int, **start):
+    def __init__(self, kernels: Kernels, duration: float, steps: int, **start: Unpack[InitialArguments]) -> None:
         length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
         initial = Initial.asked(checked_kernels(kernels), **start)
         _check(kernels)
@@ -127,7 +130,7 @@ class _Motion:
         self.kernels, self.p = kernels, begun.p
         self.t = initial.t + length * np.arange(steps + 1) / steps
         self.h = length / steps
-        self.partition = begun.partitions.position
+        self.partition = determined(begun.partitions).position
         self.nz = len(self.partition.independent)
         # Where z starts follows the parameters only if the model's own position does.
         self.z_by_p = (kernels.start_p(self.p) if start.get("q0") is None else np.zeros((kernels.n, len(self.p))))[
@@ -140,7 +143,7 @@ class _Motion:
         self.q: list[np.ndarray] = []
         self.qd: list[np.ndarray] = []
 
-    def forward(self):
+    def forward(self) -> Iterator[tuple[list[_Stage], float]]:
         """(the four stages, h) of every step; `last` is the instant at the end."""
         y, guess = self.y0, Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         for t in self.t[:-1]:
@@ -167,9 +170,21 @@ class _Motion:
 
 
 class _Stage:
-    """The state derivative at one instant, f(y) = [z̈; ż], with what its derivative needs."""
+    """The state derivative at one instant, f(y) = [z̈; ż], with what its derivative needs: that from `_linearise` on."""
 
-    def __init__(self, motion: _Motion, guess: Start, t: float, y: np.ndarray):
+    frame: Kinematics
+    mass: np.ndarray
+    reduced: tuple[np.ndarray, bool] | None
+    stiffness: np.ndarray
+    damping: np.ndarray
+    phidd_q: np.ndarray
+    phidd_qd: np.ndarray
+    phi_p: np.ndarray
+    phid_p: np.ndarray
+    phidd_p: np.ndarray
+    balance_p: np.ndarray
+
+    def __init__(self, motion: _Motion, guess: Start, t: float, y: np.ndarray) -> None:
         kernels, partition, nz = motion.kernels, motion.partition, motion.nz
         self.kernels, self.partition, self.nz, self.t, self.p = kernels, partition, nz, t, motion.p
         self.q, _ = dependent_position(kernels, partition, guess, t, y[nz:])
@@ -190,7 +205,7 @@ class _Stage:
         for name in TANGENTS:
             setattr(self, name, kernels.dense_tangent(name, **given))
 
-    def forward(self, dy, dp):
+    def forward(self, dy: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """(df, dq, dq̇) along directions dy (2 nz, columns) and dp (parameters, columns)."""
         self._linearise()
         R, nz = self.frame.R, self.nz
@@ -201,7 +216,7 @@ class _Stage:
         dzdd = self._reduced(R.T @ (force - self.mass @ bias))
         return np.vstack([dzdd, dy[:nz]]), dq, dqd
 
-    def backward(self, f_bar, q_bar, qd_bar):
+    def backward(self, f_bar: np.ndarray, q_bar: np.ndarray, qd_bar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(ȳ, p̄) of adjoints of f, of q and of q̇: the transpose of `forward`."""
         self._linearise()
         R, nz, rows = self.frame.R, self.nz, self.kernels.m
@@ -220,7 +235,7 @@ class _Stage:
         return np.array([self.frame.particular(column) for column in right.T]).T.reshape(len(self.q), right.shape[1])
 
     def _reduced(self, right: np.ndarray) -> np.ndarray:
-        return cho_solve(self.reduced, right) if self.nz else right
+        return right if self.reduced is None else cho_solve(self.reduced, right)
 
 
 def _check(kernels: Kernels) -> None:

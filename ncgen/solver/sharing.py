@@ -9,6 +9,7 @@ the rows that belong to no body (joints, angles, drivers); fixed coordinates tak
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import orth
@@ -24,6 +25,9 @@ from ncgen.solver import geometry
 from ncgen.solver.given import shortened
 from ncgen.solver.rank import RELATIVE_ZERO, null_space, scaled_jacobian
 from ncgen.symbolic.equations import Equations, build_equations
+
+if TYPE_CHECKING:
+    from ncgen.solver.trajectory import Trajectory
 
 LOOKS = 9
 """Instants of a motion that are looked at: directions turn, and at one of them a share may just point past a coordinate."""
@@ -41,18 +45,18 @@ STEADY = 1e-3
 class Share:
     """The rows, masses and forces that one body owns, as kernels of their own over its fixed coordinates, too."""
 
-    def __init__(self, run, body: Body):
+    def __init__(self, run: Trajectory, body: Body) -> None:
         self.body = body
         self.kernels = kernels_of(build_equations(run.model, Owner("body", body.name)))
         self.coordinates = self.kernels.coordinates
         self._index = run.kernels.index
         self._fixed = {c.name: geometry.component(run.kernels, c, run.q[0], run.p) for c in run.model.components if c.fixed}
 
-    def position(self, q) -> np.ndarray:
+    def position(self, q: np.ndarray) -> np.ndarray:
         """A position over the share's coordinates: free ones from q (n,), released ones as they are fixed."""
         return np.array([q[self._index[name]] if name in self._index else self._fixed[name] for name in self.coordinates])
 
-    def rate(self, qd) -> np.ndarray:
+    def rate(self, qd: np.ndarray) -> np.ndarray:
         """Velocities or accelerations likewise; released coordinates stand still."""
         return np.array([qd[self._index[name]] if name in self._index else 0.0 for name in self.coordinates])
 
@@ -75,7 +79,7 @@ class Findings:
     shared: tuple[str, ...]
 
 
-def find_shared(run, shares: list[Share], loads: dict[str, np.ndarray]) -> Findings:
+def find_shared(run: Trajectory, shares: list[Share], loads: dict[str, np.ndarray]) -> Findings:
     """What is unique along a motion.
 
     loads: {body: (K, elements, 3)}: forces (N) on points, moments (N m) through vectors
@@ -83,7 +87,7 @@ def find_shared(run, shares: list[Share], loads: dict[str, np.ndarray]) -> Findi
     """
     looks = np.unique(np.linspace(0, len(run.t) - 1, LOOKS).round().astype(int))
     idle = [_idle_axes(share.body, loads[share.body.name]) for share in shares]
-    changes = [_changes(run, shares, idle, run.t[k], run.q[k]) for k in looks]
+    changes = [_changes(run, shares, idle, run.t[k], run.q[k]) for k in map(int, looks)]
     least = min(found[0].shape[1] for found in changes) if shares else 0
     unique, sentences = {}, []
     for b, share in enumerate(shares):
@@ -100,7 +104,7 @@ def find_shared(run, shares: list[Share], loads: dict[str, np.ndarray]) -> Findi
 # -- what can be added ----------------------------------------------------------------------------
 
 
-def _changes(run, shares: list[Share], idle, t: float, q: np.ndarray) -> list[np.ndarray]:
+def _changes(run: Trajectory, shares: list[Share], idle: list[np.ndarray], t: float, q: np.ndarray) -> list[np.ndarray]:
     """For every body what can be added to the loads on its elements, columns of one basis; in natural units (moments)."""
     n, index = run.kernels.n, run.kernels.index
     rows = [scaled_jacobian(share.kernels, share.position(q), t, run.p) for share in shares]
@@ -123,7 +127,7 @@ def _changes(run, shares: list[Share], idle, t: float, q: np.ndarray) -> list[np
     return [_felt(share, basis @ part, q) for share, basis, part in zip(shares, bases, parts, strict=True)]
 
 
-def _internal_loads(share: Share, q, idle, own_rows, rows_on) -> np.ndarray:
+def _internal_loads(share: Share, q: np.ndarray, idle: np.ndarray, own_rows: np.ndarray, rows_on: np.ndarray) -> np.ndarray:
     """An orthonormal basis of a body's internal loads over its share's coordinates.
 
     A body whose rows the user wrote is rigid only as far as these rows say; between its fixed elements it is in any case.
@@ -140,7 +144,7 @@ def _internal_loads(share: Share, q, idle, own_rows, rows_on) -> np.ndarray:
     return orth(np.hstack([balanced, own_rows.T, rows_on]), rcond=RELATIVE_ZERO)
 
 
-def _rigid_motions(share: Share, q, idle) -> np.ndarray:
+def _rigid_motions(share: Share, q: np.ndarray, idle: np.ndarray) -> np.ndarray:
     """Velocities of a body's elements in natural units, columns: three translations, three rotations; along idle axes any."""
     elements, x = share.body.elements, share.position(q)[share.own].reshape(-1, 3)
     is_point = np.array([isinstance(e, Point) for e in elements], dtype=float)[:, None]
@@ -151,7 +155,7 @@ def _rigid_motions(share: Share, q, idle) -> np.ndarray:
     return np.vstack([np.reshape(columns, (6, 3 * len(elements))), anything]).T
 
 
-def _rows_on(share: Share, shares: list[Share], rows) -> np.ndarray:
+def _rows_on(share: Share, shares: list[Share], rows: list[np.ndarray]) -> np.ndarray:
     """Rows that other bodies own between elements of this one, columns; a rigid body needs none of them."""
     place, found = {share.coordinates[k]: k for k in share.own}, []
     for other, matrix in zip(shares, rows, strict=True):
@@ -166,7 +170,7 @@ def _rows_on(share: Share, shares: list[Share], rows) -> np.ndarray:
     return np.array(found).reshape(-1, len(share.coordinates)).T
 
 
-def _felt(share: Share, change: np.ndarray, q) -> np.ndarray:
+def _felt(share: Share, change: np.ndarray, q: np.ndarray) -> np.ndarray:
     """Changes (3 · elements, k) of forces on points and of moments through vectors."""
     felt, x = change[share.own], share.position(q)[share.own].reshape(-1, 3)
     for i, element in enumerate(share.body.elements):

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -14,13 +15,14 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
 from ncgen.solver.choice import IMPLICIT, Choice, choose, stiff_choice
-from ncgen.solver.given import checked_kernels
-from ncgen.solver.partition import choose_partitions, singular_message
+from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.partition import choose_partitions, determined, singular_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import CONSISTENT
 from ncgen.solver.rank import freedom
-from ncgen.solver.run import EMITTED, Run
+from ncgen.solver.run import EMITTED, Form, Run
 from ncgen.solver.start import Start, begin
+from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
 from ncgen.solver.trajectory import Statistics, Trajectory
 
@@ -36,19 +38,19 @@ def simulate(
     integrator: str = "auto",
     rtol: float = 1e-8,
     atol: float | None = None,
-    q0=None,
-    zd0=None,
-    qd0=None,
-    z=None,
-    p=None,
+    q0: Given | None = None,
+    zd0: Given | None = None,
+    qd0: Given | None = None,
+    z: str | Iterable[str] | None = None,
+    p: Given | None = None,
     t0: float = 0.0,
     closing: float = CONSISTENT,
     points: int = 101,
     max_step: float = np.inf,
     engine: str = "auto",
     number: str = "double",
-    options: dict | None = None,
-    stop: dict | None = None,
+    options: dict[str, Any] | None = None,
+    stop: Mapping[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
     """Simulate a mechanism and return its trajectory on an even time grid.
@@ -110,7 +112,7 @@ def simulate(
     return _carry_out(kernels, run, choice, start, progress)
 
 
-def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progress) -> Trajectory:
+def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None) -> Trajectory:
     """The motion of a run on its grid, with warnings where something speaks against it. Raises Interrupted with what was reached."""
     extra = looks(run, choice.method)
     times = np.union1d(run.times, extra)
@@ -143,14 +145,14 @@ class _Motion:
     progress: Callable[[float], None] | None
     engine: str = "c"
 
-    def __post_init__(self):
+    def __post_init__(self) -> None:
         self.path = Path.empty(self.kernels.n, self.start.partitions)
         self.tolerances = Tolerances.of(self.run, self.kernels.length, compiled.rounding(self.run.number))
 
     def advance(self) -> None:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
         run, kernels = self.run, self.kernels
-        form = run.engine if run.engine in EMITTED else "dense"
+        form: Form = run.engine if run.engine in EMITTED else "dense"
         refused = "asked for" if run.engine == "python" else self._refusal()
         needs_c = run.engine in ("c", *EMITTED) or run.number != "double"
         remedy = "engine='auto'" if run.number == "double" else "number='double'"
@@ -175,7 +177,10 @@ class _Motion:
         t = self.times[len(path.q) - 1]
         try:
             path.partitions = choose_partitions(self.kernels, path.q[-1], t, self.start.p, self.run.initial.z)
-            self.choice = stiff_choice(self.run, self.choice)
+            other = stiff_choice(self.run, self.choice)
+            if other is None:
+                return compiled.STIFF
+            self.choice = other
             return self._refusal() or self._in_c("dense")
         except (SingularError, ModelError, ConvergenceError) as error:
             raise ConvergenceError(
@@ -187,29 +192,34 @@ class _Motion:
         refused = compiled.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)
         return refused or (compiled.refusal_of_size(self.start.partitions, self.run.engine) if self.start.partitions else None)
 
-    def _in_c(self, form: str) -> str | None:
+    def _in_c(self, form: Form) -> str | None:
         """Why C did not come to the end, or None."""
-        start, run, method = self.start, self.run, self.choice.method
-        steps = {"tolerances": self.tolerances, "max_step": run.max_step, "number": run.number, "stop": run.stop, "progress": self.progress}
-        steps["stop_when_stiff"] = stiff_choice(run, self.choice) is not None
-        if method.is_constrained:
-            return compiled.run_constrained(self.path, self.kernels, method, self.times, start.q, start.qd, start.p, **steps)
-        return compiled.run(self.path, self.kernels, method, form, self.times, start.q, self._rates(), start.p, **steps)
+        kernels, task = compiled.checked_compiled(self.kernels), self._task()
+        if task.method.is_constrained:
+            return compiled.run_constrained(self.path, kernels, task)
+        return compiled.run(self.path, kernels, task, form)
 
     def _in_python(self) -> None:
-        start, run, method = self.start, self.run, self.choice.method
-        steps = {"max_step": run.max_step, "stop": run.stop}
-        state = self.path, self.kernels, method, self.times, start.q
-        if method.is_stepper:
-            steppers.run(*state, start.qd, start.p, self.progress, **steps)
-        elif method.is_constrained:
-            full_coordinates.run(*state, start.qd, start.p, self.progress, tolerances=self.tolerances, **steps)
+        task = self._task()
+        if task.method.is_stepper:
+            steppers.run(self.path, self.kernels, task)
+        elif task.method.is_constrained:
+            full_coordinates.run(self.path, self.kernels, task)
         else:
-            python_engine.run(*state, self._rates(), start.p, self.progress, tolerances=self.tolerances, **steps)
+            python_engine.run(self.path, self.kernels, task)
+
+    def _task(self) -> Task:
+        """What is asked of an engine."""
+        start, run, method = self.start, self.run, self.choice.method
+        velocities = start.qd if method.is_constrained else self._rates()
+        gives_way = stiff_choice(run, self.choice) is not None
+        return Task(
+            method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way
+        )
 
     def _rates(self) -> np.ndarray:
         """Velocities of the independent coordinates at the start."""
-        return self.start.qd[self.path.partitions.velocity.independent]
+        return self.start.qd[determined(self.path.partitions).velocity.independent]
 
     def trajectory(self, wanted: np.ndarray, seconds: float) -> Trajectory:
         """The motion at the wanted instants (a mask over the times), as far as it came."""
@@ -219,10 +229,14 @@ class _Motion:
         if path.stopped is not None:
             times = np.append(self.times[: len(path.q) - 1], path.stopped)
             wanted = np.append(wanted[: len(times) - 1], True)
-        others = (path.projections, path.largest_projection, path.jacobians, path.fallbacks)
+        steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
+        spent = Statistics(
+            steps, evaluations, newton_steps, changes, repeated, seconds, path.projections, path.largest_projection, path.jacobians,
+            path.fallbacks,
+        )  # fmt: skip
         return Trajectory(
             self.kernels, times[wanted], path.q[wanted], path.qd[wanted], path.work[wanted], self.start.p, path.partitions,
-            Statistics(*map(int, path.counts), seconds, *others), method.formalism.name, method.integrator.name, self.engine,
+            spent, method.formalism.name, method.integrator.name, self.engine,
             run.initial.z or self.kernels.model.chosen_independent, self.kernels, method.options, path.stopped is not None, run.number,
             f"{method}, {self.engine}: {self.choice.why}",
         )  # fmt: skip

@@ -17,7 +17,7 @@ from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
-from ncgen.solver.partition import Partition, Partitions, choose_partitions, kinematics
+from ncgen.solver.partition import Partition, Partitions, choose_partitions, determined, kinematics
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.projection import project_velocity
 from ncgen.solver.rank import REMEMBERED, scaled_jacobian
@@ -42,7 +42,7 @@ class Start:
     @property
     def rates(self) -> np.ndarray:
         """Velocities of the independent coordinates."""
-        return self.qd[self.partitions.velocity.independent]
+        return self.qd[determined(self.partitions).velocity.independent]
 
 
 def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
@@ -64,7 +64,7 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     return Start(q, _velocity(kernels, partitions, initial, q, p, driven), p, partitions)
 
 
-def _partitions(kernels: Kernels, q, t: float, p, names: tuple[str, ...], needed: bool) -> Partitions | None:
+def _partitions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, names: tuple[str, ...], needed: bool) -> Partitions | None:
     """Independent coordinates at the start; None at a singular position where they can be done without."""
     try:
         key = ("partitions", q.tobytes(), float(t), p.tobytes(), tuple(names))
@@ -75,7 +75,7 @@ def _partitions(kernels: Kernels, q, t: float, p, names: tuple[str, ...], needed
         return None
 
 
-def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial, q, p, driven: bool) -> np.ndarray:
+def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial, q: np.ndarray, p: np.ndarray, driven: bool) -> np.ndarray:
     """All initial velocities."""
     if initial.qd is not None:
         return given_velocity(kernels, initial.qd, q, initial.t, p)
@@ -86,7 +86,7 @@ def _velocity(kernels: Kernels, partitions: Partitions | None, initial: Initial,
     return given_velocity(kernels, {}, q, initial.t, p) if driven else np.zeros(kernels.n)
 
 
-def _independent_rates(kernels: Kernels, partition: Partition, given) -> np.ndarray:
+def _independent_rates(kernels: Kernels, partition: Partition, given: dict[str, float] | np.ndarray | None) -> np.ndarray:
     """Rates of the independent coordinates in their order. Raises ModelError for others, or where their number is another."""
     names = partition.names(kernels)
     if given is None:
@@ -100,7 +100,7 @@ def _independent_rates(kernels: Kernels, partition: Partition, given) -> np.ndar
     return given
 
 
-def closed_position(kernels: Kernels, q, t: float, p, tolerance: float) -> np.ndarray:
+def closed_position(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, tolerance: float) -> np.ndarray:
     """The start closed, as `assemble` does with this tolerance; a warning says what moved most if it was open."""
     closed = assemble(kernels, q, t, p, tolerance=tolerance)
     moved = np.abs(closed - q)
@@ -114,13 +114,13 @@ def closed_position(kernels: Kernels, q, t: float, p, tolerance: float) -> np.nd
     return closed
 
 
-def velocity_from_rates(kernels: Kernels, partition: Partition, rates, q, t: float, p) -> np.ndarray:
+def velocity_from_rates(kernels: Kernels, partition: Partition, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """All velocities (n,) from those of the independent coordinates."""
     frame = kinematics(kernels, partition, q, t, p)
     return frame.R @ rates + frame.particular(kernels.nu(q, t, p))
 
 
-def given_velocity(kernels: Kernels, qd0, q, t: float, p) -> np.ndarray:
+def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """All velocities (n,) from `qd0`, an array over the coordinates or {name: rate}.
 
     Rates by name leave the others free: they become those of least kinetic energy. A warning with the number says
@@ -141,7 +141,7 @@ def given_velocity(kernels: Kernels, qd0, q, t: float, p) -> np.ndarray:
     return allowed
 
 
-def _least_energy(kernels: Kernels, where, rates, q, t: float, p) -> np.ndarray:
+def _least_energy(kernels: Kernels, where: np.ndarray, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """Velocities of least kinetic energy among those with the given rates: the given ones are rows like the others."""
     sizes = kernels.column_sizes
     rows = np.vstack([scaled_jacobian(kernels, q, t, p), np.eye(kernels.n)[where]])

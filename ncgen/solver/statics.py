@@ -11,6 +11,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.assembly import assemble
 from ncgen.solver.finite import watched
+from ncgen.solver.given import Given
 from ncgen.solver.position import solve_position
 from ncgen.solver.rank import null_space, scaled_jacobian
 
@@ -39,7 +40,7 @@ class Equilibrium:
     stiffnesses: np.ndarray
     steps: int
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         kind = "stable" if self.stable else "not stable"
         return f"<Equilibrium {kind}: {len(self.q)} coordinates, {len(self.stiffnesses)} degrees of freedom, {self.steps} steps>"
 
@@ -49,12 +50,12 @@ class Equilibrium:
         return bool(np.all(self.stiffnesses > NEUTRAL * largest))
 
 
-def equilibrium(kernels: Kernels, q=None, t: float = 0.0, p=None, kind: str = "stable") -> Equilibrium:
+def equilibrium(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given | None = None, kind: str = "stable") -> Equilibrium:
     """An equilibrium near q (default: the initial position).
 
     kind: "stable" goes downhill, with Newton's steps whose stiffnesses are taken positive; "nearest" takes Newton's own steps
         and may end on a hilltop. A start that is in balance already is kept, stable or not.
-    q: numbers in the order of the coordinates or {name: number}; p likewise for parameters
+    q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; p likewise for parameters, (n_p,); t: s
     Raises ConvergenceError with the force that is left over if there is no balance, ModelError for rolling conditions and for
     arguments that do not fit.
     """
@@ -64,6 +65,7 @@ def equilibrium(kernels: Kernels, q=None, t: float = 0.0, p=None, kind: str = "s
     if len(kernels.holonomic) < kernels.m:
         raise ModelError(f"{kernels.name}: an equilibrium with rolling conditions is one of many; hold the position instead")
     q = assemble(kernels, q, t, p)
+    left = np.inf
     for steps in range(LIMIT):
         basis, pull, stiffness, lam, left = _balance(kernels, q, t, p)
         values, vectors = np.linalg.eigh((stiffness + stiffness.T) / 2)
@@ -79,7 +81,7 @@ def equilibrium(kernels: Kernels, q=None, t: float = 0.0, p=None, kind: str = "s
     )
 
 
-def _balance(kernels: Kernels, q, t, p):
+def _balance(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, float]:
     """Allowed motions N, the force along them, their stiffness, the multipliers, and the share of forces not balanced."""
     kernels = watched(kernels)
     rest, sizes = np.zeros(kernels.n), kernels.column_sizes
@@ -94,7 +96,7 @@ def _balance(kernels: Kernels, q, t, p):
     return basis, pull, basis.T @ stiffness @ basis, lam, float(np.max(np.abs(pull), initial=0.0) / max(size, 1e-300))
 
 
-def _step(pull, stiffness, values, vectors, kind: str) -> np.ndarray:
+def _step(pull: np.ndarray, stiffness: np.ndarray, values: np.ndarray, vectors: np.ndarray, kind: str) -> np.ndarray:
     if not len(pull):
         return pull
     if kind == "nearest":

@@ -17,7 +17,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.elements import Point, Relative, Vector
+from ncgen.model.elements import Element, Point, Relative, Vector
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.dynamics_jacobian import acceleration_jacobians, independent_motions, rate_slope
 from ncgen.solver.formalisms import ACCELERATIONS
@@ -47,7 +47,7 @@ class Shift:
     rates: np.ndarray
     turns_all = False
 
-    def along(self, x, y, order: int) -> np.ndarray:
+    def along(self, x: np.ndarray, y: np.ndarray, order: int) -> np.ndarray:
         return self.rates if order == 0 else np.zeros(x.shape)
 
 
@@ -61,10 +61,10 @@ class Turn:
     axis: np.ndarray
     constant: np.ndarray
     centre: np.ndarray
-    moved: tuple
+    moved: tuple[tuple[np.ndarray, bool], ...]
     turns_all: bool = False
 
-    def along(self, x, y, order: int) -> np.ndarray:
+    def along(self, x: np.ndarray, y: np.ndarray, order: int) -> np.ndarray:
         """axis(x) × arm(y), bilinear in components (…, N); order: of the derivative that this is a part of."""
         result = np.zeros(np.broadcast_shapes(x.shape, y.shape))
         axis = x @ self.axis.T + (self.constant if order == 0 else 0.0)
@@ -74,7 +74,7 @@ class Turn:
         return result
 
 
-def drift(kernels: Kernels, partitions: Partitions, now: Motion, matrix, p=None) -> np.ndarray | None:
+def drift(kernels: Kernels, partitions: Partitions, now: Motion, matrix: np.ndarray, p: np.ndarray | None = None) -> np.ndarray | None:
     """X_y over [ż; z] for the steady motion `now`, zero for an equilibrium; None where the motion is not steady.
 
     matrix: f_y over [ż; z], which tells how fast the mechanism would be without its motion
@@ -91,7 +91,7 @@ def drift(kernels: Kernels, partitions: Partitions, now: Motion, matrix, p=None)
     return None if found is None else search.slope(found)
 
 
-def _is_balanced(kernels: Kernels, now: Motion, stiffness: float, p) -> bool:
+def _is_balanced(kernels: Kernels, now: Motion, stiffness: float, p: np.ndarray | None) -> bool:
     """Whether a position of rest is an equilibrium, but for rounding of its place or of the forces that balance there."""
     sizes = kernels.column_sizes
     left = np.max(np.abs(sizes * (kernels.mass_matrix(now.q, now.t, p) @ now.qdd)), initial=0.0)
@@ -105,7 +105,7 @@ class _Search:
     Beside the fields there is time, as the last column: it goes on at its own rate, and with it what drivers prescribe.
     """
 
-    def __init__(self, kernels: Kernels, partitions: Partitions, now: Motion, rate: float, p):
+    def __init__(self, kernels: Kernels, partitions: Partitions, now: Motion, rate: float, p: np.ndarray | None) -> None:
         self.kernels, self.partitions, self.now, self.rate, self.p = kernels, partitions, now, rate, p
         components = {c.name: c for e in kernels.model.elements.values() for c in e.components}
         fixed = [c for name, c in components.items() if name not in kernels.index]
@@ -147,7 +147,7 @@ class _Search:
             result[count:] += weight * by_position.T[positions]
         return result
 
-    def _all(self, x, order: int) -> np.ndarray:
+    def _all(self, x: np.ndarray, order: int) -> np.ndarray:
         """Free and fixed components, of position (order 0) or of a derivative."""
         return np.concatenate([x, self.values if order == 0 else 0.0 * self.values])
 
@@ -159,7 +159,8 @@ class _Search:
             values.append(field.along(q, q, 0))
             rates.append(field.along(qd, q, 1) + _arms(field, q, qd))
             changes.append(field.along(qdd, q, 1) + 2 * field.along(qd, qd, 1) + _arms(field, q, qdd))
-        return tuple(np.array(x).reshape(len(self.fields), -1).T for x in (values, rates, changes))
+        first, second, third = (np.array(x).reshape(len(self.fields), -1).T for x in (values, rates, changes))
+        return first, second, third
 
     def _at_start(self) -> tuple[np.ndarray, np.ndarray]:
         """Rows that say X = f there, without units."""
@@ -199,8 +200,8 @@ class _Search:
             t = now.t + k * step
             slips.append(kernels.jacobian(now.q, t, p) @ now.qd - kernels.nu(now.q, t, p))
             accelerations.append(lagrange.motion(kernels, now.q, now.qd, t, p, {}, rows).qdd)
-        slope = [(x[0] - x[3] + 8 * (x[2] - x[1])) / (12 * step) for x in (slips, accelerations)]
-        return kernels.nu(now.q, now.t, p), *slope
+        slipping, speeding = ((x[0] - x[3] + 8 * (x[2] - x[1])) / (12 * step) for x in (slips, accelerations))
+        return kernels.nu(now.q, now.t, p), slipping, speeding
 
     def _neighbours(self) -> list[Motion]:
         """Consistent states near the motion, always the same ones."""
@@ -220,7 +221,7 @@ class _Search:
         return found
 
 
-def _arms(field, at, change) -> np.ndarray:
+def _arms(field: Shift | Turn, at: np.ndarray, change: np.ndarray) -> np.ndarray:
     """The part of a field's derivative along a change of components that comes from its arms."""
     return np.zeros(change.shape) if isinstance(field, Shift) else field.along(at, change, 0)
 
@@ -242,10 +243,10 @@ def candidates(kernels: Kernels, places: dict[str, int]) -> list[Shift | Turn]:
     count = len(places)
     unit = np.eye(count)
 
-    def where(element) -> np.ndarray:
+    def where(element: Element) -> np.ndarray:
         return np.array([places[c.name] for c in element.components])
 
-    def pick(element) -> np.ndarray:
+    def pick(element: Element) -> np.ndarray:
         return unit[where(element)]
 
     points = [e for e in model.elements.values() if isinstance(e, Point) and not e.fixed]

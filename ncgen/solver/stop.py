@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from numbers import Real
+from typing import Any, TypeVar
 
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import is_real
+from ncgen.solver.given import Outline
+
+State = TypeVar("State", bound=tuple[Any, ...])
+"""A state of a run: q, q̇, and whatever else an engine wants to know of it."""
 
 DIRECTIONS = {"falling": -1, "either": 0, "rising": 1}
 
@@ -22,7 +26,7 @@ class Stop:
     value: float
     direction: int
 
-    def gap(self, q, qd) -> float:
+    def gap(self, q: np.ndarray, qd: np.ndarray) -> float:
         """How far a state is above the value."""
         return float(np.concatenate([q, qd])[self.coordinate]) - self.value
 
@@ -31,7 +35,7 @@ class Stop:
         rises, falls = before < 0 <= after, before > 0 >= after
         return (rises and self.direction >= 0) or (falls and self.direction <= 0)
 
-    def locate(self, t0: float, t1: float, before: float, after: float, state: Callable):
+    def locate(self, t0: float, t1: float, before: float, after: float, state: Callable[[float], State]) -> tuple[float, State]:
         """(time, state) at which it happens between two times with these gaps, by the Illinois rule down to rounding.
 
         state(t) -> a state inside the step, whose first two members are q and q̇
@@ -50,7 +54,7 @@ class Stop:
         return high, state(high)
 
 
-def stop_at(kernels: Kernels, wanted: dict | None) -> Stop | None:
+def stop_at(kernels: Outline, wanted: Mapping[str, Any] | None) -> Stop | None:
     """What {"psi": 1.2}, {"rate(psi)": 0.0} or {"psi": (1.2, "rising")} means. Raises ModelError where it means nothing."""
     if wanted is None:
         return None
@@ -63,6 +67,6 @@ def stop_at(kernels: Kernels, wanted: dict | None) -> Stop | None:
     value, direction = condition if isinstance(condition, (tuple, list)) and len(condition) == 2 else (condition, "either")
     if direction not in DIRECTIONS:
         raise ModelError(f"stop at {name}: direction {direction!r} is unknown; choose one of {', '.join(DIRECTIONS)}")
-    if not (isinstance(value, Real) and np.isfinite(value)):
+    if not (is_real(value) and np.isfinite(value)):
         raise ModelError(f'stop at {name}: {value!r} given; it must be a number, or a number and a direction, (0.5, "rising")')
     return Stop(kernels.index[inner] + (kernels.n if inner != name else 0), float(value), DIRECTIONS[direction])

@@ -3,11 +3,22 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy.integrate import RK45
+from scipy.integrate import RK45, OdeSolver
 
 from ncgen.solver.run import Run
+
+if TYPE_CHECKING:
+
+    class _Explicit(OdeSolver):
+        """SciPy's class of explicit methods, which it does not show."""
+
+        def _step_impl(self) -> tuple[bool, str | None]: ...
+
+        def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float: ...
+
 
 SHARED = 20.0
 """Steps that may each take the whole tolerance where rtol is promised for the whole run; more of them share it."""
@@ -35,35 +46,35 @@ class Tolerances:
     def of(cls, run: Run, length: float, rounding: float) -> Tolerances:
         """Those of a run in a mechanism of a length (m); what a number type cannot keep is raised to its rounding."""
         natural = run.atol is None
-        atol = NEAR_ZERO * run.rtol if natural else run.atol
+        atol = NEAR_ZERO * run.rtol if run.atol is None else run.atol
         least = rounding * (1.0 if natural else length)
         span = run.duration / SHARED if run.promises else 0.0
         return cls(max(run.rtol, LEAST * rounding), max(atol, least), natural, span)
 
-    def in_c(self, velocities: np.ndarray, positions: np.ndarray) -> dict:
+    def in_c(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
         """Arguments of a run in C whose velocities and positions have these natural sizes."""
         return {"rtol": self.rtol, "atol": self.atol, "span": self.span, "sizes": _state(velocities, positions) if self.natural else None}
 
-    def for_scipy(self, velocities: np.ndarray, positions: np.ndarray) -> dict:
+    def for_scipy(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
         """Arguments of SciPy's solvers for a state of velocities and positions of these natural sizes, and the work."""
         return {"rtol": self.rtol, "atol": self.atol * _state(velocities, positions) if self.natural else self.atol}
 
-    def sharing(self, solver: type) -> type:
+    def sharing(self, solver: type[OdeSolver]) -> type[OdeSolver]:
         """An explicit SciPy solver whose steps share the tolerance, and which knows when one is `repeated`; others as they are."""
         if not issubclass(solver, RK45.__mro__[1]):
             return solver
-        span = self.span
+        span, explicit = self.span, cast("type[_Explicit]", solver)
 
-        class Sharing(solver):
-            begun, taken, repeated = None, 0, False
+        class Sharing(explicit):
+            begun, taken, repeated = 0.0, 0, False
 
-            def _step_impl(self):
-                self.begun = self.t if self.begun is None else self.begun
+            def _step_impl(self) -> tuple[bool, str | None]:
+                self.begun = self.begun if self.taken else self.t
                 self.taken += 1
                 self.repeated = False
                 return super()._step_impl()
 
-            def _estimate_error_norm(self, K, h, scale):
+            def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float:
                 """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
                 mean = (self.t - self.begun) / self.taken
                 error = super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))

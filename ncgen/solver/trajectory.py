@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import io
+import os
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
 
 import numpy as np
 
@@ -13,11 +17,18 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import frames, geometry
 from ncgen.solver.branches import refresh_branches
-from ncgen.solver.coordinate_partitioning import motion_at
+from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.energy import drift, energies
 from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.given import echo, offer
-from ncgen.solver.partition import Partitions, choose_partitions, other_partitions, quality
+from ncgen.solver.partition import Partitions, choose_partitions, determined, other_partitions, quality
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+    from scipy.spatial.transform import Rotation
+
+    from ncgen.model import Model
+    from ncgen.solver.reactions import Reactions
 
 CONDITION = 1e-3
 """Quality of a partition below which accelerations are computed with a better one."""
@@ -74,12 +85,12 @@ class Trajectory:
     engine: str = "python"
     chosen: tuple[str, ...] = ()
     moved_by: Kernels | None = None
-    options: dict = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
     stopped: bool = False
     number: str = "double"
     made_with: str = ""
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
         return f"<Trajectory {self.name}: {grid}, {len(self)} coordinates, {self.formalism}, {self.integrator}>"
 
@@ -91,19 +102,20 @@ class Trajectory:
         return self.chosen if len(self.chosen) == len(used) else used
 
     @cached_property
-    def _motions(self) -> list:
+    def _motions(self) -> list[Motion]:
         """Every instant once more with accelerations and multipliers."""
         instants = zip(self.t, self.q, self.qd, strict=True)
         return [self._motion(*instant) for instant in instants]
 
-    def _motion(self, t, q, qd):
+    def _motion(self, t: float, q: np.ndarray, qd: np.ndarray) -> Motion:
         kernels = self.moved_by or self.kernels
         p = refresh_branches(kernels, q, self.p)
         if self.formalism in ACCELERATIONS:
             return ACCELERATIONS[self.formalism].motion(kernels, q, qd, t, p, self.options)
-        part = self.partitions.velocity
+        present = determined(self.partitions)
+        part = present.velocity
         if quality(kernels, part, q, t, p) < CONDITION:
-            part = other_partitions(kernels, self.partitions, q, t, p).velocity
+            part = other_partitions(kernels, present, q, t, p).velocity
         return motion_at(kernels, part, t, q, qd[part.independent], p)
 
     @cached_property
@@ -117,7 +129,7 @@ class Trajectory:
         return np.array([m.lam for m in self._motions])
 
     @property
-    def model(self):
+    def model(self) -> Model:
         return self.kernels.model
 
     @property
@@ -144,11 +156,11 @@ class Trajectory:
             raise ModelError(f"{self.name} has no free coordinate {echo(inner)}; {offer(inner, self.coordinates)}")
         return (self.q if inner == name else self.qd)[:, self.kernels.index[inner]]
 
-    def __contains__(self, name) -> bool:
+    def __contains__(self, name: object) -> bool:
         """Whether a free coordinate, or `rate(name)` of one, has that name."""
         return isinstance(name, str) and _coordinate(name) in self.kernels.index
 
-    def __iter__(self):
+    def __iter__(self) -> Iterator[str]:
         """The names of the free coordinates."""
         return iter(self.coordinates)
 
@@ -174,7 +186,7 @@ class Trajectory:
             raise ModelError(f"{self.name} has no {kind.__name__.lower()} {echo(name)}; {offer(name, tuple(known))}")
         return known[name]
 
-    def rotation(self, body: str):
+    def rotation(self, body: str) -> Rotation:
         """Orientation of a body relative to the initial position, a scipy Rotation of K instants.
 
         Euler angles, Bryant angles and Euler parameters (the paper's eqs 1-5) are its views:
@@ -210,7 +222,7 @@ class Trajectory:
             [residual(self.kernels, q, t, refresh_branches(self.kernels, q, self.p)) for t, q in zip(self.t, self.q, strict=True)]
         )
 
-    def reactions(self):
+    def reactions(self) -> Reactions:
         """Loads between bodies, see `ncgen.solver.reactions.reactions`."""
         from ncgen.solver.reactions import reactions
 
@@ -224,18 +236,19 @@ class Trajectory:
 
     # -- files ---------------------------------------------------------------------------------
 
-    def to_npz(self, path):
+    def to_npz(self, path: str | os.PathLike[str]) -> Path:
         """Write all arrays and names as a NumPy archive; returns the path. Raises NcgenError if it cannot."""
         from ncgen.emit.sources import write_bytes
 
-        names = dict(coordinates=self.coordinates, parameters=self.kernels.parameters, rows=[r.label for r in self.model.rows])
-        names["independent"] = self.independent
-        arrays = dict(t=self.t, q=self.q, qd=self.qd, qdd=self.qdd, lam=self.lam, work=self.work, p=self.p)
         buffer = io.BytesIO()
-        np.savez(buffer, **arrays, **{k: np.array(v, dtype=str) for k, v in names.items()})
+        np.savez(
+            buffer, t=self.t, q=self.q, qd=self.qd, qdd=self.qdd, lam=self.lam, work=self.work, p=self.p,
+            coordinates=np.array(self.coordinates, dtype=str), parameters=np.array(self.kernels.parameters, dtype=str),
+            rows=np.array([r.label for r in self.model.rows], dtype=str), independent=np.array(self.independent, dtype=str),
+        )  # fmt: skip
         return write_bytes(_path(path), buffer.getvalue())
 
-    def to_csv(self, path):
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write t, coordinates and velocities with a header line, every digit; returns the path."""
         from ncgen.emit.sources import write_text
 
@@ -244,7 +257,13 @@ class Trajectory:
         lines = [header] + [",".join(map(repr, row)) for row in table.tolist()]
         return write_text(_path(path), "\n".join(lines) + "\n")
 
-    def plot(self, path=None, names=None):
+    @overload
+    def plot(self, path: None = None, names: str | Iterable[str] | None = None) -> Figure: ...
+
+    @overload
+    def plot(self, path: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
+
+    def plot(self, path: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
         """Time histories, energy and violation as a matplotlib figure; written to `path` if given."""
         from importlib import import_module
 
@@ -252,7 +271,7 @@ class Trajectory:
         figure = view.plot(self, names)
         return figure if path is None else view.save(figure, _path(path))
 
-    def animate(self, path):
+    def animate(self, path: str | os.PathLike[str]) -> Path:
         """Write a self-contained HTML page that shows the motion; returns the path."""
         from importlib import import_module
 
@@ -264,9 +283,7 @@ def _coordinate(name: str) -> str:
     return name[5:-1] if name.startswith("rate(") and name.endswith(")") else name
 
 
-def _path(path):
-    from pathlib import Path
-
+def _path(path: str | os.PathLike[str]) -> Path:
     if not str(path):
         raise NcgenError("an empty path was given; name a file")
     return Path(path)

@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
+from typing import TypeAlias
+
 import numpy as np
 import scipy.integrate
+from scipy.integrate import DenseOutput
 from scipy.linalg import lu_factor, lu_solve
 
 from ncgen.solver.hermite import Hermite
+from ncgen.solver.ode import Derivative, Slope
+
+Factors: TypeAlias = tuple[np.ndarray, np.ndarray]
+"""LU and exchanges of rows."""
 
 LIMIT = 10
 """Newton steps with one Jacobian; where they do not do, a fresh one is tried once."""
@@ -18,31 +25,44 @@ ENOUGH = 1e-13
 class Trapezoidal(scipy.integrate.OdeSolver):
     """Newton's method with the Jacobian of an earlier step, as long as it converges."""
 
-    def __init__(self, fun, t0, y0, t_bound, max_step=np.inf, vectorized=False, first_step=None, jac=None, **extra):
+    def __init__(
+        self,
+        fun: Derivative,
+        t0: float,
+        y0: np.ndarray,
+        t_bound: float,
+        max_step: float = np.inf,
+        vectorized: bool = False,
+        first_step: float | None = None,
+        jac: Slope | None = None,
+        **extra: object,
+    ) -> None:
         super().__init__(fun, t0, y0, t_bound, vectorized)
         self._step = max_step if first_step is None else min(max_step, first_step)
         self._jac = jac or self._differences
-        self._factors = None
+        self._factors: tuple[float, Factors] | None = None
         self.f = self.fun(t0, self.y)
 
-    def _step_impl(self):
+    def _step_impl(self) -> tuple[bool, str | None]:
         h = min(self._step, self.t_bound - self.t)
         t = self.t_bound if self.t + h >= self.t_bound else self.t + h
         self._previous = (self.t, self.y, self.f)
-        y = self._newton(t, h) if self._factors and self._factors[0] == h else None
+        y = self._newton(t, h, self._factors[1]) if self._factors and self._factors[0] == h else None
         if y is None:
-            self._factors = h, lu_factor(np.eye(self.n) - h / 2 * self._jac(t, self.y + h * self.f))
-            y = self._newton(t, h)
+            factors = lu_factor(np.eye(self.n) - h / 2 * self._jac(t, self.y + h * self.f))
+            self._factors = h, factors
+            y = self._newton(t, h, factors)
         if y is None:
             return False, "Newton's method does not converge in a step"
         self.t, self.y, self.f = t, y, self.fun(t, y)
         return True, None
 
-    def _newton(self, t: float, h: float) -> np.ndarray | None:
+    def _newton(self, t: float, h: float, factors: Factors) -> np.ndarray | None:
         """y₁, or None if the iteration does not converge."""
         y, last = self.y + h * self.f, np.inf
+        size = last
         for _ in range(LIMIT):
-            step = lu_solve(self._factors[1], self.y + h / 2 * (self.f + self.fun(t, y)) - y)
+            step = lu_solve(factors, self.y + h / 2 * (self.f + self.fun(t, y)) - y)
             y = y + step
             size = float(np.max(np.abs(step)))
             if size <= ENOUGH * max(np.max(np.abs(y)), 1.0):
@@ -59,5 +79,5 @@ class Trapezoidal(scipy.integrate.OdeSolver):
         steps = 1e-8 * np.maximum(np.abs(y), 1.0)
         return np.column_stack([(self.fun(t, y + h * e) - base) / h for h, e in zip(steps, np.eye(self.n), strict=True)])
 
-    def _dense_output_impl(self):
+    def _dense_output_impl(self) -> DenseOutput:
         return Hermite(*self._previous, self.t, self.y, self.f)

@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 from functools import cache
-from typing import NamedTuple
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from cffi import FFI
 
 from ncgen.emit.runtime import runtime_text
+
+Interface: TypeAlias = Any
+"""An FFI at work: the stubs of cffi know no members of what it makes, and take no array of NumPy for a buffer."""
+
+InC: TypeAlias = Any
+"""What lives in C: a library with its functions, a struct with its members, a number, a pointer."""
 
 
 class Number(NamedTuple):

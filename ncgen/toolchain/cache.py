@@ -17,6 +17,7 @@ import time
 import warnings
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 from ncgen.errors import CompileError, NcgenError
 from ncgen.toolchain import compilers
@@ -35,7 +36,7 @@ class Built:
     spent: float
 
 
-def compiled(files: dict[str, str], flags=FLAGS, libraries=LIBRARIES) -> Built:
+def compiled(files: dict[str, str], flags: tuple[str, ...] = FLAGS, libraries: tuple[str, ...] = LIBRARIES) -> Built:
     """The library of some C sources, from the cache or compiled now by the first compiler that works.
 
     A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
@@ -80,7 +81,13 @@ def _short(error: CompileError, length: int) -> str:
     return str(error).split("; set CC")[0][:length]
 
 
-def build(files: dict[str, str], compiler: Compiler, flags=FLAGS, libraries=LIBRARIES, loads: bool = True) -> Built:
+def build(
+    files: dict[str, str],
+    compiler: Compiler,
+    flags: tuple[str, ...] = FLAGS,
+    libraries: tuple[str, ...] = LIBRARIES,
+    loads: bool = True,
+) -> Built:
     """The library of some C sources by one compiler, from the cache or compiled now.
 
     loads: whether it is for this process, which is then able to load it
@@ -98,7 +105,7 @@ def build(files: dict[str, str], compiler: Compiler, flags=FLAGS, libraries=LIBR
         ) from error
 
 
-def _key(files, compiler, flags, libraries) -> str:
+def _key(files: dict[str, str], compiler: Compiler, flags: tuple[str, ...], libraries: tuple[str, ...]) -> str:
     digest = hashlib.sha256()
     fields = [compiler.identity, *compiler.command, *flags, *libraries]
     for name in sorted(files):
@@ -109,7 +116,9 @@ def _key(files, compiler, flags, libraries) -> str:
     return digest.hexdigest()[:40]
 
 
-def _build(entry: Path, files, compiler, flags, libraries, loads: bool) -> Built:
+def _build(
+    entry: Path, files: dict[str, str], compiler: Compiler, flags: tuple[str, ...], libraries: tuple[str, ...], loads: bool
+) -> Built:
     """Compile and publish an entry. Raises OSError where its folder does not take it."""
     work = Path(tempfile.mkdtemp(prefix=TEMPORARY, dir=entry.parent))
     try:
@@ -127,7 +136,7 @@ def _build(entry: Path, files, compiler, flags, libraries, loads: bool) -> Built
     return Built(entry / LIBRARY, seconds, seconds)
 
 
-def _record(entry: Path, loads: bool) -> dict | None:
+def _record(entry: Path, loads: bool) -> dict[str, Any] | None:
     """What is known of an entry if its library is there as it was built and can be loaded, and nobody else could have touched it:
     a damaged one would crash the process that loads it, or worse."""
     if intruder(entry / LIBRARY):

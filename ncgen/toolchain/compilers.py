@@ -129,7 +129,9 @@ def _machine() -> str:
 # -- compiling -----------------------------------------------------------------------------------------------------------------
 
 
-def make_library(folder: Path, files: dict[str, str], compiler: Compiler, flags, libraries, loads: bool = True) -> tuple[list[str], str]:
+def make_library(
+    folder: Path, files: dict[str, str], compiler: Compiler, flags: tuple[str, ...], libraries: tuple[str, ...], loads: bool = True
+) -> tuple[list[str], str]:
     """Write sources into a folder and compile them to LIBRARY there; the command and what the compiler said.
 
     loads: whether this process must be able to load what comes out
@@ -150,9 +152,11 @@ def _run(compiler: Compiler, command: list[str], folder: Path, patience: float) 
     """What a compiler says when it is run in a folder; it and the processes that it starts are stopped when its time is up."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:  # what a compiler that is stopped leaves behind goes with it
         environment = os.environ | {"TMPDIR": scratch, "LC_ALL": "C"}
-        streams = {"stdin": subprocess.DEVNULL, "stdout": subprocess.DEVNULL, "stderr": subprocess.PIPE}
+        nothing = subprocess.DEVNULL
         try:
-            process = subprocess.Popen(command, cwd=folder, env=environment, start_new_session=True, **streams)
+            process = subprocess.Popen(
+                command, cwd=folder, env=environment, start_new_session=True, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE
+            )
         except OSError as error:
             raise CompileError(f"{compiler.name} cannot be run: {error.strerror}; set CC to a C compiler") from error
         try:
@@ -160,8 +164,7 @@ def _run(compiler: Compiler, command: list[str], folder: Path, patience: float) 
         except subprocess.TimeoutExpired:
             raise CompileError(f"{compiler.name} did not end within {patience:.3g} s and was stopped; set CC to another compiler") from None
         finally:
-            if process.returncode is None:  # its time is up, or the user has lost patience
-                _stop(process)
+            _stop(process)
     for code in (errno.ENOSPC, errno.EDQUOT):
         if process.returncode and os.strerror(code) in log:
             raise OSError(code, os.strerror(code), str(folder))
@@ -173,8 +176,11 @@ def _run(compiler: Compiler, command: list[str], folder: Path, patience: float) 
     return log
 
 
-def _stop(process: subprocess.Popen) -> None:
-    """End a process with all that it has started: politely, so that it can remove its temporary files, then for certain."""
+def _stop(process: subprocess.Popen[bytes]) -> None:
+    """End a process that has not ended, since its time is up or the user has lost patience, with all that it has started: politely, so
+    that it can remove its temporary files, then for certain."""
+    if process.returncode is not None:
+        return
     for way in ("SIGTERM", "SIGKILL"):
         try:
             os.killpg(process.pid, getattr(signal, way)) if hasattr(os, "killpg") else process.kill()
@@ -185,7 +191,8 @@ def _stop(process: subprocess.Popen) -> None:
         except subprocess.TimeoutExpired:
             continue
     process.poll()
-    process.stderr.close()
+    if process.stderr is not None:
+        process.stderr.close()
 
 
 def unloadable(library: Path) -> str | None:
@@ -228,12 +235,12 @@ def useless(compiler: Compiler) -> CompileError | None:
     return _useless.get(compiler)
 
 
-def accepted(compiler: Compiler, flags) -> tuple[str, ...]:
+def accepted(compiler: Compiler, flags: tuple[str, ...]) -> tuple[str, ...]:
     """Flags without those that a compiler was found to refuse in this process."""
     return tuple(flag for flag in flags if flag not in _refused.get(compiler, ()))
 
 
-def examine(compiler: Compiler, flags, failure: CompileError) -> tuple[str, ...]:
+def examine(compiler: Compiler, flags: tuple[str, ...], failure: CompileError) -> tuple[str, ...]:
     """Find out why a compiler failed, with sources that every compiler takes: the flags that it refuses and can do without.
 
     Nothing if it compiles nothing at all, or if it was the sources' fault.

@@ -18,11 +18,11 @@ import stat
 import tempfile
 import time
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from multiprocessing import util
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeAlias, TypeVar
 
 import platformdirs
 
@@ -43,6 +43,9 @@ KEY = re.compile(r"[0-9a-f]{40}")
 UNFINISHED = re.compile(rf"{TEMPORARY}[a-z0-9_]{{8}}")
 
 Result = TypeVar("Result")
+
+Json: TypeAlias = "None | bool | int | float | str | Sequence[Json] | Mapping[str, Json]"
+"""What JSON can say."""
 
 _stand_ins: dict[Path, Path] = {}
 """{cache folder: the temporary folder that stands in for it} in this process."""
@@ -152,7 +155,7 @@ def _is_private(group: int) -> bool:
 # -- small things that are kept, with a digest --------------------------------------------------------------------------------
 
 
-def keep(kind: str, key: str, value, largest: int = 1_000_000) -> None:
+def keep(kind: str, key: str, value: Json, largest: int = 1_000_000) -> None:
     """Keep what JSON can say, for `kept` of the same kind (one of KEPT) and key (40 hexadecimal digits) in any process.
 
     largest: bytes above which it is not kept
@@ -173,18 +176,18 @@ def keep(kind: str, key: str, value, largest: int = 1_000_000) -> None:
         pass  # the cache has been complained about already, and what is not kept is only found again
 
 
-def kept(kind: str, key: str):
+def kept(kind: str, key: str) -> Any:
     """What was kept under a key; None if nothing was, it is damaged, or somebody else could have written it."""
     return next((value for folder in folders() if (value := unsealed(folder / kind / f"{key}.json")) is not None), None)
 
 
-def sealed(value) -> bytes:
+def sealed(value: Json) -> bytes:
     """A value that JSON can say, every digit of every number, below a line with its digest."""
     text = json.dumps(value, ensure_ascii=False, separators=(",", ":")).encode()
     return hashlib.sha256(text).hexdigest().encode() + b"\n" + text
 
 
-def unsealed(path: Path):
+def unsealed(path: Path) -> Any:
     """The value of a file that `sealed` wrote; None if it is not there, not whole or not the user's alone."""
     if intruder(path):
         return None

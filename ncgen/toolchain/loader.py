@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 from cffi import FFI
 
 from ncgen.errors import NcgenError
+from ncgen.toolchain.abi import InC, Interface
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS
 
 
-def load(files: dict[str, str], declarations: str, base: FFI, flags: tuple[str, ...] = FLAGS) -> tuple[FFI, Any]:
+def load(files: dict[str, str], declarations: str, base: FFI, flags: tuple[str, ...] = FLAGS) -> tuple[Interface, InC]:
     """(interface, library) of sources {file name: text}: from the cache, or compiled.
 
     declarations: what is called, in C; base: the interface that knows the types in them
@@ -20,7 +20,7 @@ def load(files: dict[str, str], declarations: str, base: FFI, flags: tuple[str, 
     return opened(compiled(files, flags).library, declarations, base)
 
 
-def opened(library: Path, declarations: str, base: FFI) -> tuple[FFI, Any]:
+def opened(library: Path, declarations: str, base: FFI) -> tuple[Interface, InC]:
     """(interface, library) of a compiled library. Raises NcgenError where it cannot be loaded."""
     ffi = FFI()
     ffi.include(base)

@@ -190,6 +190,14 @@ def test_files_say_the_same(tmp_path):
     assert ncgen.generate(read).files == ncgen.generate(m).files
 
 
+def test_a_sweep_takes_parameters_by_name():
+    """As every other door does, also where the initial position depends on them."""
+    kernels = ncgen.compile(build(link), "numpy")
+    psi = kernels.start(P)[kernels.index["psi"]] + np.array([0.1, 0.2])
+    by_name, in_order = (ncgen.sweep(kernels, "psi", psi, p=p) for p in (dict(zip(kernels.parameters, P, strict=True)), P))
+    assert np.array_equal(by_name, in_order) and np.allclose(by_name[:, kernels.index["psi"]], psi)
+
+
 def test_motion_and_loads_are_those_of_the_numbers():
     """A fall of the link with p given at run time, and the load of its hinge."""
     kernels, numbers = ncgen.compile(build(link), "numpy"), ncgen.compile(build(link, CHANGED), "numpy")

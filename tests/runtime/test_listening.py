@@ -18,6 +18,7 @@ from ncgen.solver.alarms import GOLDEN, LOOKS
 from ncgen.solver.compiled import run, run_constrained
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.path import Path
+from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
 
 METHODS = [
@@ -52,11 +53,10 @@ def begin(kernels, formalism, integrator, step, grid, progress):
     q, p = kernels.q0, kernels.p0
     partitions = choose_partitions(kernels, q, 0.0, p)
     path = Path.empty(kernels.n, partitions)
-    steps = dict(tolerances=Tolerances(1e-8, 1e-10, False, 0.0), max_step=step or np.inf, progress=progress)
-    method = Method.of(formalism, integrator)
-    if formalism == "coordinate-partitioning":
-        return path, lambda: run(path, kernels, method, "dense", grid, q, np.zeros(len(partitions.velocity.independent)), p, **steps)
-    return path, lambda: run_constrained(path, kernels, method, grid, q, np.zeros(kernels.n), p, **steps)
+    tolerances, alone = Tolerances(1e-8, 1e-10, False, 0.0), formalism == "coordinate-partitioning"
+    velocities = np.zeros(len(partitions.velocity.independent) if alone else kernels.n)
+    task = Task(Method.of(formalism, integrator), grid, q, velocities, p, step or np.inf, tolerances, progress=progress)
+    return path, lambda: run(path, kernels, task, "dense") if alone else run_constrained(path, kernels, task)
 
 
 @pytest.mark.parametrize(("formalism", "integrator", "step"), METHODS)

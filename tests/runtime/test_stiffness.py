@@ -11,6 +11,7 @@ from ncgen.model import Model
 from ncgen.solver.compiled import STIFF, run, run_constrained
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.path import Path
+from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
 
 
@@ -33,11 +34,10 @@ def fill(kernels, formalism, integrator, grid, stop_when_stiff, rtol=1e-8, veloc
     partitions = choose_partitions(kernels, q, 0.0, p, kernels.model.chosen_independent)
     path = path or Path.empty(kernels.n, partitions)
     qd = np.zeros(kernels.n) if velocities is None else velocities
-    steps = dict(tolerances=Tolerances(rtol, rtol / 100, False, 0.0), max_step=np.inf, stop_when_stiff=stop_when_stiff)
-    method = Method.of(formalism, integrator)
-    if formalism == "coordinate-partitioning":
-        return path, run(path, kernels, method, "dense", grid, q, qd[partitions.velocity.independent], p, **steps)
-    return path, run_constrained(path, kernels, method, grid, q, qd, p, **steps)
+    tolerances, alone = Tolerances(rtol, rtol / 100, False, 0.0), formalism == "coordinate-partitioning"
+    velocities = qd[partitions.velocity.independent] if alone else qd
+    task = Task(Method.of(formalism, integrator), grid, q, velocities, p, np.inf, tolerances, stop_when_stiff=stop_when_stiff)
+    return path, run(path, kernels, task, "dense") if alone else run_constrained(path, kernels, task)
 
 
 @pytest.mark.parametrize("formalism", ["coordinate-partitioning", "lagrange"])

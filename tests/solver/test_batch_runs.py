@@ -123,6 +123,7 @@ def test_open_positions_are_closed(robot):
         ({"zd0": {"r2.x": np.zeros(3)}}, "initial velocity of r2.x: it is not independent; the independent coordinates are"),
         ({"zd0": {"psi1": np.zeros((3, 2))}}, r"zd0 has arrays of shapes \[\(3, 2\)\]; give each name a number, or one for every state"),
         ({"zd0": np.zeros((3, 6)), "integrator": "bdf"}, "bdf is not among dopri5, rk4, dop853, rk23"),
+        ({"zd0": np.zeros((3, 6)), "integrator": "auto"}, "a batch has no choice of its own; name one of dopri5, rk4, dop853, rk23"),
     ],
 )
 def test_mistakes_are_named(robot, given, said):

@@ -20,6 +20,7 @@ from ncgen.model import Model
 from ncgen.solver.compiled import run
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.path import Path
+from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
 
 
@@ -260,10 +261,8 @@ def test_what_was_reached_is_kept(leaving):
     grid, partitions = np.linspace(0.0, 1.0, 101), choose_partitions(leaving, leaving.q0)
     path = Path.empty(leaving.n, partitions)
     with pytest.raises(DomainError):
-        run(
-            path, leaving, Method.of("coordinate-partitioning", "dopri5", {}), "dense", grid, leaving.q0, np.zeros(2), leaving.p0,
-            max_step=np.inf, tolerances=Tolerances(1e-8, 1e-10, natural=False, span=0.0),
-        )  # fmt: skip
+        method, tolerances = Method.of("coordinate-partitioning", "dopri5", {}), Tolerances(1e-8, 1e-10, natural=False, span=0.0)
+        run(path, leaving, Task(method, grid, leaving.q0, np.zeros(2), leaving.p0, np.inf, tolerances), "dense")
     assert abs(path.stopped - edge()) < 1e-3
     assert len(path.q) == np.searchsorted(grid, path.stopped) + 1
     assert np.all(np.isfinite(path.q)) and np.all(np.isfinite(path.qd)) and np.all(np.isfinite(path.work))

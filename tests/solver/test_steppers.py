@@ -8,8 +8,9 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.errors import ConvergenceError, ModelError
+from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.solver.steppers import STEPPERS
+from ncgen.solver.steppers.ali3p import _factored
 
 MOTIONS = {
     "pendulum": (0.5, 0.01),
@@ -184,3 +185,10 @@ def test_steps_too_long_end_in_a_message(integrator):
     """Ten revolutions in a step cannot be solved; that is said, with the time."""
     with pytest.raises(ConvergenceError, match="the step to t = 5 s does not converge"):
         simulate("fourbar", 10.0, formalism="lagrange", integrator=integrator, max_step=5.0, points=3)
+
+
+def test_a_motion_that_nothing_resists_is_refused_by_name():
+    """The matrix of ali3p has no inverse where a motion has neither inertia nor stiffness: that is a refusal like everywhere else."""
+    kernels = kernels_of("pendulum")
+    with pytest.raises(SingularError, match="pendulum: a motion of the mechanism has no inertia: B.x, B.y can move"):
+        _factored(np.zeros((kernels.n, kernels.n)), kernels)

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
+import numpy as np
+
+from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.augmented_lagrangian import augmented_lagrangian, penalty
@@ -23,10 +27,19 @@ class Accelerations:
     """
 
     name: str
-    solve: Callable
+    solve: Callable[..., tuple[np.ndarray, np.ndarray]]
     own: tuple[str, ...] = ()
 
-    def motion(self, kernels, q, qd, t, p, options: dict, rows=None) -> Motion:
+    def motion(
+        self,
+        kernels: Kernels,
+        q: np.ndarray,
+        qd: np.ndarray,
+        t: float,
+        p: np.ndarray | None,
+        options: dict[str, Any],
+        rows: np.ndarray | None = None,
+    ) -> Motion:
         """Accelerations, multipliers and power at any position and velocity, from the given rows (default: all).
 
         Raises SingularError where they are not determined.
@@ -38,7 +51,7 @@ class Accelerations:
         return Motion(t, q, qd, qdd, lam, power, 0)
 
     @staticmethod
-    def gains(options: dict) -> Baumgarte | None:
+    def gains(options: dict[str, Any]) -> Baumgarte | None:
         """Baumgarte's terms, if the options ask for them."""
         return Baumgarte(options["omega"], options["xi"]) if options["stabilisation"] == "baumgarte" else None
 

@@ -7,18 +7,20 @@ With λ = 0 before a single one it is the penalty method, whose accelerations vi
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from scipy.linalg import lapack
 
 from ncgen.solver.formalisms.instant import Instant
 from ncgen.solver.formalisms.kkt import factored, undetermined
+from ncgen.solver.lapack import dpotrf, dpotrs
 
 ITERATIONS = 12
 ENOUGH = 1e-14
 """Corrections below this, relative to the accelerations, end the iteration."""
 
 
-def augmented_lagrangian(now: Instant, alpha: float):
+def augmented_lagrangian(now: Instant, alpha: float) -> tuple[np.ndarray, np.ndarray]:
     x, y = np.zeros(len(now.force)), np.zeros(len(now.gamma))
     correct = _correction(now, alpha)
     last = np.inf
@@ -33,24 +35,24 @@ def augmented_lagrangian(now: Instant, alpha: float):
     return x, y
 
 
-def penalty(now: Instant, alpha: float):
+def penalty(now: Instant, alpha: float) -> tuple[np.ndarray, np.ndarray]:
     """M q̈ + Φ_qᵀλ = Q with λ = α(Φ_q q̈ − γ), as one system: in M + αΦ_qᵀΦ_q the rounding of the penalty would spoil M."""
     n, solve = len(now.force), factored(now.mass, now.jacobian.T, now.jacobian, now.kernels, 1 / alpha)
     found = solve(np.concatenate([now.force, now.gamma]))
     return found[:n], found[n:]
 
 
-def _correction(now: Instant, alpha: float):
+def _correction(now: Instant, alpha: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:
     """The correction of accelerations x with multipliers y."""
     jacobian = now.jacobian
     if not len(now.force):
         return lambda x, y: x  # nothing can move, which LAPACK does not take
-    factor, failed = lapack.dpotrf(now.mass + alpha * jacobian.T @ jacobian)
+    factor, failed = dpotrf(now.mass + alpha * jacobian.T @ jacobian)
     if failed:
         raise undetermined(now.kernels, now.mass, now.jacobian)
 
-    def correct(x, y):
+    def correct(x: np.ndarray, y: np.ndarray) -> np.ndarray:
         rest = now.force - now.mass @ x - jacobian.T @ (y + alpha * (jacobian @ x - now.gamma))
-        return lapack.dpotrs(factor, rest)[0]
+        return dpotrs(factor, rest)[0]
 
     return correct

@@ -28,7 +28,7 @@ class Instant:
     unit: float
     rows: np.ndarray
 
-    def accelerations(self, x, y) -> tuple[np.ndarray, np.ndarray]:
+    def accelerations(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q̈ (n,) and λ (m,) in their units, from those without; rows that are not in use get zero."""
         lam = np.zeros(self.kernels.m)
         lam[self.rows] = self.unit * y / self.kernels.row_sizes[self.rows]
@@ -42,13 +42,21 @@ class Baumgarte:
     omega: float
     xi: float
 
-    def __call__(self, kernels: Kernels, jacobian, q, qd, t, p) -> np.ndarray:
+    def __call__(self, kernels: Kernels, jacobian: np.ndarray, q: np.ndarray, qd: np.ndarray, t: float, p: np.ndarray | None) -> np.ndarray:
         """What is taken from γ, shape (m,)."""
         rate = jacobian @ qd - kernels.nu(q, t, p)
         return 2 * self.xi * self.omega * rate + self.omega**2 * kernels.phi(q, t, p)
 
 
-def instant(kernels: Kernels, q, qd, t=0.0, p=None, rows=None, stabilised: Baumgarte | None = None) -> Instant:
+def instant(
+    kernels: Kernels,
+    q: np.ndarray,
+    qd: np.ndarray,
+    t: float = 0.0,
+    p: np.ndarray | None = None,
+    rows: np.ndarray | None = None,
+    stabilised: Baumgarte | None = None,
+) -> Instant:
     """The equations at a position and a velocity, which need not satisfy the constraints.
 
     rows: those in use (default: all). Rows that others imply where Φ = 0 may contradict them where it is not.
@@ -63,7 +71,7 @@ def instant(kernels: Kernels, q, qd, t=0.0, p=None, rows=None, stabilised: Baumg
     return Instant(kernels, mass, jacobian[rows] * columns / sizes[:, None], force, gamma[rows] / sizes, unit, rows)
 
 
-def scaled_mass(kernels: Kernels, q, t=0.0, p=None) -> tuple[np.ndarray, float]:
+def scaled_mass(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """M without units, its largest diagonal entry 1, and that entry in the mechanism's units."""
     columns = kernels.column_sizes
     mass = columns[:, None] * kernels.mass_matrix(q, t, p) * columns

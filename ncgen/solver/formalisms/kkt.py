@@ -7,14 +7,20 @@ the factor ε/(ε + σ²) and y to the multipliers of smallest norm. It is the a
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import TypeAlias
+
 import numpy as np
-from scipy.linalg import lapack
 from scipy.sparse import block_array, csc_array, eye_array
 from scipy.sparse.linalg import splu
 
 from ncgen.errors import SingularError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.lapack import dgetrf, dgetrs
 from ncgen.solver.massless import massless
+
+Solution: TypeAlias = Callable[[np.ndarray], np.ndarray]
+"""From a right-hand side to [x; y]."""
 
 EPSILON = 1e-10
 REFINEMENTS = 6
@@ -28,12 +34,12 @@ LARGE = 300
 class KKT:
     """The factored system for W (n, n) and A (m, n); `left` (n, m) stands for Aᵀ where it is not the transpose of A."""
 
-    def __init__(self, weight, jacobian, kernels: Kernels, left=None):
+    def __init__(self, weight: np.ndarray, jacobian: np.ndarray, kernels: Kernels, left: np.ndarray | None = None) -> None:
         self.weight, self.jacobian = weight, jacobian
         self.left = jacobian.T if left is None else left
         self._solve = factored(weight, self.left, jacobian, kernels, EPSILON)
 
-    def solve(self, force, gamma) -> tuple[np.ndarray, np.ndarray]:
+    def solve(self, force: np.ndarray, gamma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x (n,) and y (m,), or (n, k) and (m, k) for k right-hand sides, refined until the residual no longer falls."""
         n = len(force)
         x, y, smallest = np.zeros_like(force), np.zeros_like(gamma), np.inf
@@ -47,29 +53,29 @@ class KKT:
         return x, y
 
 
-def undetermined(kernels: Kernels, weight, jacobian) -> SingularError:
+def undetermined(kernels: Kernels, weight: np.ndarray, jacobian: np.ndarray) -> SingularError:
     """The refusal where accelerations are not determined: [M; Φ_q] has not full column rank."""
     return massless(kernels, np.vstack([weight, jacobian]))
 
 
-def factored(weight, left, jacobian, kernels: Kernels, corner: float):
+def factored(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: Kernels, corner: float) -> Solution:
     """A function that solves [W L; A −corner] [x; y] = right once. Raises SingularError where that has no inverse."""
     return (_sparse if sum(jacobian.shape) > LARGE else _dense)(weight, left, jacobian, kernels, corner)
 
 
-def _dense(weight, left, jacobian, kernels, corner):
+def _dense(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: Kernels, corner: float) -> Solution:
     n = len(weight)
     if not n + len(jacobian):
         return lambda right: right  # nothing moves and nothing holds it: LAPACK takes no empty system
     matrix = np.block([[weight, left], [jacobian, -corner * np.eye(len(jacobian))]])
-    lu, exchanges, _ = lapack.dgetrf(matrix)
+    lu, exchanges, _ = dgetrf(matrix)
     pivots = np.abs(np.diag(lu))
     if n and not np.min(pivots) > SMALLEST_PIVOT * np.max(pivots):
         raise undetermined(kernels, weight, jacobian)
-    return lambda right: lapack.dgetrs(lu, exchanges, right)[0]
+    return lambda right: dgetrs(lu, exchanges, right)[0]
 
 
-def _sparse(weight, left, jacobian, kernels, corner):
+def _sparse(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: Kernels, corner: float) -> Solution:
     diagonal = -corner * eye_array(jacobian.shape[0])
     try:
         factors = splu(csc_array(block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), diagonal]])))

@@ -6,21 +6,25 @@ NᵀMN v̇ = Nᵀ(Q − M Y y), the multipliers from the rest of the balance. Re
 
 from __future__ import annotations
 
+from typing import cast
+
 import numpy as np
 import scipy.linalg
 
 from ncgen.solver.formalisms.instant import Instant
 from ncgen.solver.formalisms.kkt import SMALLEST_PIVOT, undetermined
+from ncgen.solver.lapack import dpotrf
 from ncgen.solver.rank import RELATIVE_ZERO
 
 
-def null_space(now: Instant):
-    basis, triangle, order = scipy.linalg.qr(now.jacobian.T, pivoting=True)
+def null_space(now: Instant) -> tuple[np.ndarray, np.ndarray]:
+    factors = scipy.linalg.qr(now.jacobian.T, pivoting=True)
+    basis, triangle, order = cast("tuple[np.ndarray, np.ndarray, np.ndarray]", factors)  # SciPy has no types
     pivots = np.abs(np.diag(triangle))
     rank = int(np.sum(pivots > RELATIVE_ZERO * np.max(pivots, initial=0.0)))
     kept, triangle = order[:rank], triangle[:rank, :rank]
     ranged, free = basis[:, :rank], basis[:, rank:]
-    x = ranged @ scipy.linalg.solve_triangular(triangle, now.gamma[kept], trans="T") if rank else np.zeros(len(now.force))
+    x = ranged @ scipy.linalg.solve_triangular(triangle, now.gamma[kept], trans=1) if rank else np.zeros(len(now.force))
     if free.shape[1]:
         x = x + free @ _free_accelerations(free, now, x)
     y = np.zeros(len(now.gamma))
@@ -31,7 +35,7 @@ def null_space(now: Instant):
 
 def _free_accelerations(free: np.ndarray, now: Instant, particular: np.ndarray) -> np.ndarray:
     reduced = free.T @ now.mass @ free
-    factor, failed = scipy.linalg.lapack.dpotrf(reduced)
+    factor, failed = dpotrf(reduced)
     if failed or np.min(np.diag(factor)) ** 2 <= SMALLEST_PIVOT * np.max(np.diag(reduced)):
         raise undetermined(now.kernels, now.mass, now.jacobian)
     return scipy.linalg.cho_solve((factor, False), free.T @ (now.force - now.mass @ particular))

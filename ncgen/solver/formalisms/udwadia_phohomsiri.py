@@ -16,7 +16,7 @@ FULL = 1e-12
 """Singular values below this, relative to the largest, mean accelerations that are not determined."""
 
 
-def udwadia_phohomsiri(now: Instant):
+def udwadia_phohomsiri(now: Instant) -> tuple[np.ndarray, np.ndarray]:
     inverse = np.linalg.pinv(now.jacobian, rcond=RELATIVE_ZERO)
     allowed = np.eye(len(now.force)) - inverse @ now.jacobian
     stacked = np.vstack([allowed @ now.mass, now.jacobian])

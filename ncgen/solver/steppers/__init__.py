@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from math import ceil
+from typing import TypeAlias
+
+import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
-from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import watched
 from ncgen.solver.hermite import Hermite
@@ -16,6 +18,8 @@ from ncgen.solver.steppers.energy_momentum import EnergyMomentum
 from ncgen.solver.steppers.generalized_alpha import GeneralizedAlpha
 from ncgen.solver.steppers.rattle import Rattle
 from ncgen.solver.steppers.stepper import Stepper
+from ncgen.solver.stop import Stop
+from ncgen.solver.task import Task
 
 STEPPERS: dict[tuple[str, str], type[Stepper]] = {
     ("lagrange", "rattle"): Rattle,
@@ -25,11 +29,14 @@ STEPPERS: dict[tuple[str, str], type[Stepper]] = {
 }
 """Classes by formalism and integrator."""
 
+State: TypeAlias = tuple[float, np.ndarray, np.ndarray, float]
+"""Time (s), q (n,), q̇ (n,) and work (J) at the end of a step."""
+
 ON_THE_GRID = 1e-9
 """An instant nearer to the end of a step than this share of it takes the state of the step itself."""
 
 
-def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, *, max_step: float, stop=None) -> None:
+def run(path: Path, kernels: Kernels, task: Task) -> None:
     """Fill an empty path over a time grid, to its end or to a `Stop`, with equal steps of max_step, or a little less
     so that they end with the grid.
 
@@ -37,19 +44,19 @@ def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, 
     Raises ConvergenceError with the time where a step cannot be solved, DomainError naming what is not a number there. Whatever
     is raised, by `progress` or by Ctrl-C as well, the path holds what was reached.
     """
-    kernels = watched(kernels)
-    count = ceil((grid[-1] - grid[0]) / max_step * (1 - ON_THE_GRID))
+    kernels, grid, method = watched(kernels), task.grid, task.method
+    count = ceil((grid[-1] - grid[0]) / task.max_step * (1 - ON_THE_GRID))
     step = STEPPERS[method.formalism.name, method.integrator.name]
-    stepper = step(kernels, grid[0], q, qd, p, (grid[-1] - grid[0]) / count, **method.options)
+    stepper = step(kernels, grid[0], task.q, task.velocities, task.p, (grid[-1] - grid[0]) / count, **method.options)
     path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
-    reached = stepper.t, stepper.q, stepper.qd, stepper.work
+    reached: State = stepper.t, stepper.q, stepper.qd, stepper.work
     try:
         for _ in range(count):
-            reached = _step(path, stepper, reached, grid, stop)
+            reached = _step(path, stepper, reached, grid, task.stop)
             if path.stopped is not None:
                 break
-            if progress:
-                progress(stepper.t)
+            if task.progress:
+                task.progress(stepper.t)
     except BaseException:
         path.break_off(grid, *reached)
         raise
@@ -58,31 +65,31 @@ def run(path: Path, kernels: Kernels, method: Method, grid, q, qd, p, progress, 
         path.counts = path.counts + [stepper.taken, stepper.newton, stepper.newton, 0, 0]
 
 
-def _step(path: Path, stepper: Stepper, before: tuple, grid, stop) -> tuple:
+def _step(path: Path, stepper: Stepper, before: State, grid: np.ndarray, stop: Stop | None) -> State:
     """One step, and the instants of the grid within it; returns time, q, q̇ and work at its end."""
     stepper.step()
-    end, found = _stop(stepper, before, stop, path) if stop else (None, None)
+    found = _stop(stepper, before, stop, path) if stop else None
     reached = stepper.t + ON_THE_GRID * stepper.h
-    for t in [t for t in grid[len(path.q) :] if (t <= reached if found is None else t < end)]:
+    for t in [t for t in grid[len(path.q) :] if (t <= reached if found is None else t < found[0])]:
         q, qd, work = _between(stepper, before, t, path)
         path.extend(q[None], qd[None], [work], [0] * 5)
     if found is not None:
-        path.stop(end, *found)
+        path.stop(found[0], *found[1])
         return before
     stepper.p = refresh_branches(stepper.kernels, stepper.q, stepper.p)
     return stepper.t, stepper.q, stepper.qd, stepper.work
 
 
-def _stop(stepper: Stepper, before: tuple, stop, path: Path):
-    """(time, (q, q̇, work)) at which the last step passed the stop, or (None, None)."""
+def _stop(stepper: Stepper, before: State, stop: Stop, path: Path) -> tuple[float, tuple[np.ndarray, np.ndarray, float]] | None:
+    """(time, (q, q̇, work)) at which the last step passed the stop, or None."""
     t0, q0, qd0, _ = before
     gaps = stop.gap(q0, qd0), stop.gap(stepper.q, stepper.qd)
     if not stop.is_passed(*gaps):
-        return None, None
+        return None
     return stop.locate(t0, stepper.t, *gaps, lambda t: _between(stepper, before, t, path))
 
 
-def _between(stepper: Stepper, before: tuple, t: float, path: Path):
+def _between(stepper: Stepper, before: State, t: float, path: Path) -> tuple[np.ndarray, np.ndarray, float]:
     """The state at an instant of the last step."""
     if abs(t - stepper.t) <= ON_THE_GRID * stepper.h:
         return stepper.q, stepper.qd, stepper.work

@@ -11,9 +11,11 @@ Nonlinear Dyn. 9 (1996), doi 10.1007/BF01833296; Cuadrado, Gutiérrez, Naya, Mor
 from __future__ import annotations
 
 import numpy as np
-from scipy.linalg import lapack
 
-from ncgen.solver.formalisms.kkt import massless
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.lapack import dgetrf, dgetrs
+from ncgen.solver.massless import massless
+from ncgen.solver.partition import Factors
 from ncgen.solver.steppers.stepper import Stepper
 
 PROJECTIONS = 6
@@ -26,7 +28,7 @@ class Ali3p(Stepper):
         h, kernels = self.h, self.kernels
         q, lam = self.q + h * self.qd, self.lam
 
-        def rates(q):
+        def rates(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             qd = 2 / h * (q - self.q) - self.qd
             return qd, 2 / h * (qd - self.qd) - self.qdd
 
@@ -49,7 +51,7 @@ class Ali3p(Stepper):
         self.add_work(end, q, qd)
         self.q, self.qd, self.qdd, self.lam = q, qd, qdd, lam
 
-    def _factor(self, q, qd, qdd, lam, end: float) -> None:
+    def _factor(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, lam: np.ndarray, end: float) -> None:
         h = self.h
         stiffness, damping = self.tangents(q, qd, qdd, lam, end)
         tangent = self.kernels.mass_matrix(q, end, self.p) + h / 2 * damping + h**2 / 4 * stiffness
@@ -58,18 +60,18 @@ class Ali3p(Stepper):
         left = self.columns[:, None] * self._transposed / self.rows
         tangent = self.columns[:, None] * tangent * self.columns
         self._unit = float(np.max(np.abs(np.diag(tangent)), initial=0.0)) or 1.0
-        self._factors = _factored(tangent / self._unit + self.settings["alpha"] * left @ scaled, self.kernels.name)
+        self._factors = _factored(tangent / self._unit + self.settings["alpha"] * left @ scaled, self.kernels)
 
-    def _solve(self, force, gap) -> np.ndarray:
+    def _solve(self, force: np.ndarray, gap: np.ndarray) -> np.ndarray:
         """x of P x + αΦ_qᵀ(Φ_q x − gap) = force."""
         right = self.columns * (force + self._transposed @ self._push(gap)) / self._unit
-        return self.columns * lapack.dgetrs(*self._factors, right)[0] if self._factors else right
+        return self.columns * dgetrs(*self._factors, right)[0] if self._factors else right
 
-    def _push(self, gap) -> np.ndarray:
+    def _push(self, gap: np.ndarray) -> np.ndarray:
         """The multipliers that a violation calls forth: α times it."""
         return self.settings["alpha"] * self._unit * gap / self.rows**2
 
-    def _projected(self, x, right) -> np.ndarray:
+    def _projected(self, x: np.ndarray, right: np.ndarray) -> np.ndarray:
         """The nearest to x in the metric of P with Φ_q x = right; each pass divides the violation by about α."""
         rows, last = self._transposed.T, np.inf
         for _ in range(PROJECTIONS):
@@ -81,11 +83,11 @@ class Ali3p(Stepper):
         return x
 
 
-def _factored(matrix: np.ndarray, name: str) -> tuple:
+def _factored(matrix: np.ndarray, kernels: Kernels) -> Factors:
     """LU factors, none of an empty matrix; SingularError where a motion has neither inertia nor anything else against it."""
     if not matrix.size:
         return ()
-    lu, exchanges, _ = lapack.dgetrf(matrix)
+    lu, exchanges, _ = dgetrf(matrix)
     if not np.min(np.abs(np.diag(lu))) > 0.0:
-        raise massless(name)
+        raise massless(kernels, matrix)
     return lu, exchanges

@@ -47,12 +47,12 @@ class EnergyMomentum(Stepper):
             qd = project_velocity(kernels, q, qd, end, p)
         self.q, self.qd, self.qdd, self.lam = q, qd, qdd, lam
 
-    def _places(self, qd):
+    def _places(self, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """q₁, and position and velocity in the middle of the step."""
         rate = (self.qd + qd) / 2
         return self.q + self.h * rate, self.q + self.h / 2 * rate, rate
 
-    def _discrete(self, q, qd, end: float) -> tuple[np.ndarray, np.ndarray]:
+    def _discrete(self, q: np.ndarray, qd: np.ndarray, end: float) -> tuple[np.ndarray, np.ndarray]:
         """Φ_q and Q in the middle, corrected along q₁ − q₀ so that their work is the change of Φ and of energy."""
         kernels, h, half, p = self.kernels, self.h, (self.t + end) / 2, self.p
         _, at, rate = self._places(qd)

@@ -8,14 +8,19 @@ doi 10.1007/s11044-007-9084-0. The velocity level of the constraints is not enfo
 
 from __future__ import annotations
 
+from typing import Any
+
+import numpy as np
+
+from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.steppers.stepper import Stepper
 
 
 class GeneralizedAlpha(Stepper):
     """options: rho, ρ∞ from 0 (most damping) to 1 (none); hht, α of HHT from 0 to 1/3 in its place."""
 
-    def __init__(self, *arguments, **options):
-        super().__init__(*arguments, **options)
+    def __init__(self, kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, p: np.ndarray, h: float, **options: Any) -> None:
+        super().__init__(kernels, t, q, qd, p, h, **options)
         self.alpha_m, self.alpha_f = weights(self.settings["rho"], self.settings["hht"])
         self.gamma = 0.5 - self.alpha_m + self.alpha_f
         self.beta = (self.gamma + 0.5) ** 2 / 4

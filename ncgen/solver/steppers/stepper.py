@@ -6,6 +6,10 @@ the tangents of the model, on the system with multipliers of `KKT`, without unit
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
 from ncgen.errors import ConvergenceError, SingularError
@@ -20,13 +24,13 @@ ENOUGH = 1e-14
 """Newton steps below this, in natural sizes, end the iteration."""
 
 
-class Stepper:
-    """One method at work. Children define `_advance(end)`, which returns the state at the end of a step.
+class Stepper(ABC):
+    """One method at work, from a state at t (s): q (n,) in m and rad, qd (n,) in the same per second; p (n_p,), and the step h (s).
 
     newton: Newton steps taken so far; work: of drivers and forces without a potential since the start (J)
     """
 
-    def __init__(self, kernels: Kernels, t: float, q, qd, p, h: float, **options):
+    def __init__(self, kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, p: np.ndarray, h: float, **options: Any) -> None:
         self.kernels, self.p, self.h = kernels, p, h
         self.start, self.t, self.q, self.qd, self.work = t, t, q, qd, 0.0
         self.taken = self.newton = 0
@@ -43,12 +47,15 @@ class Stepper:
         self.t = end
         check_mirror_roots(self.kernels, self.q, self.p)
 
+    @abstractmethod
     def _advance(self, end: float) -> None:
-        raise NotImplementedError
+        """Bring q, qd, qdd, lam and work to the end of a step."""
 
     # -- equations -----------------------------------------------------------------------------
 
-    def solve(self, weight, left, jacobian, force, gap) -> tuple[np.ndarray, np.ndarray]:
+    def solve(
+        self, weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, force: np.ndarray, gap: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
         """x (n,), y (m,) of [weight left; jacobian 0][x; y] = [force; gap], solved without units.
 
         weight (n, n) in units of mass, left (n, m), jacobian (m, n)
@@ -59,7 +66,7 @@ class Stepper:
         x, y = KKT(weight / unit, rows, self.kernels, left).solve(self.columns * force / unit, gap / self.rows)
         return self.columns * x, unit * y / self.rows
 
-    def closure(self, q, end: float) -> np.ndarray:
+    def closure(self, q: np.ndarray, end: float) -> np.ndarray:
         """Φ at the end of a step; of a rolling condition, which is none of positions, its integral by the midpoint rule."""
         value = self.kernels.phi(q, end, self.p)
         if len(self.kernels.holonomic) < self.kernels.m:
@@ -68,7 +75,7 @@ class Stepper:
             value = value + np.where(self._rolling, rolled, 0.0)
         return value
 
-    def closure_slope(self, q, end: float) -> np.ndarray:
+    def closure_slope(self, q: np.ndarray, end: float) -> np.ndarray:
         """∂(closure)/∂q: Φ_q at the end, for rolling conditions that in the middle."""
         rows = self.kernels.jacobian(q, end, self.p)
         if len(self.kernels.holonomic) < self.kernels.m:
@@ -80,14 +87,14 @@ class Stepper:
     def _rolling(self) -> np.ndarray:
         return ~np.isin(np.arange(self.kernels.m), self.kernels.holonomic)
 
-    def tangents(self, q, qd, qdd, lam, t) -> tuple[np.ndarray, np.ndarray]:
+    def tangents(self, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, lam: np.ndarray, t: float) -> tuple[np.ndarray, np.ndarray]:
         """Stiffness and damping at a state, dense."""
         stiffness = self.kernels.stiffness(q, qd, qdd, lam, t, self.p)
         return stiffness.toarray(), self.kernels.damping(q, qd, t, self.p).toarray()
 
-    def iterate(self, correct, end: float) -> None:
+    def iterate(self, correct: Callable[[], float], end: float) -> None:
         """Call `correct()`, which makes a Newton step and returns its size, until the steps are rounding."""
-        last = np.inf
+        last = size = np.inf
         for _ in range(LIMIT):
             try:
                 size = correct()
@@ -106,14 +113,14 @@ class Stepper:
             "take smaller steps (max_step)"
         )
 
-    def relative(self, dq) -> float:
+    def relative(self, dq: np.ndarray) -> float:
         """The largest entry of a change of position, in natural sizes."""
         return float(np.max(np.abs(dq) / self.columns, initial=0.0))
 
-    def add_work(self, end: float, q, qd) -> None:
+    def add_work(self, end: float, q: np.ndarray, qd: np.ndarray) -> None:
         """Work over a step by the trapezoidal rule, from powers at its ends: a step's own multipliers are means over it."""
         before, self.power = self.power, self._instant(end, q, qd).power
         self.work += (end - self.t) / 2 * (before + self.power)
 
-    def _instant(self, t: float, q, qd) -> Motion:
+    def _instant(self, t: float, q: np.ndarray, qd: np.ndarray) -> Motion:
         return ACCELERATIONS["lagrange"].motion(self.kernels, q, qd, t, self.p, {})

@@ -1,0 +1,38 @@
+"""What an engine carries out, in C or in Python: the same for all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.methods.method import Method
+from ncgen.solver.stop import Stop
+from ncgen.solver.tolerances import Tolerances
+
+
+@dataclass(frozen=True, eq=False)
+class Task:
+    """A method, from a start over a time grid.
+
+    grid (points,): s; q (n,): m and rad; p (n_p,): parameters
+    velocities: in the same per second, of all coordinates (n,), or with coordinate partitioning of the independent ones (nz,)
+    max_step: s, or inf; tolerances: where the method has error control
+    number: C's type; stop: where to end before
+    progress: called now and then with the time reached. What is raised meanwhile ends the run and is raised, the path holding what was
+        reached
+    stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
+    """
+
+    method: Method
+    grid: np.ndarray
+    q: np.ndarray
+    velocities: np.ndarray
+    p: np.ndarray
+    max_step: float
+    tolerances: Tolerances
+    number: str = "double"
+    stop: Stop | None = None
+    progress: Callable[[float], None] | None = None
+    stop_when_stiff: bool = False
