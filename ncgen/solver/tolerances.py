@@ -30,6 +30,10 @@ LEAST = 10.0
 """Roundings that a relative tolerance is at least."""
 
 
+SHORTEST = 2e-15
+"""Steps below this share of the run are too short to get anywhere: ten roundings."""
+
+
 @dataclass(frozen=True)
 class Tolerances:
     """The error of a step in a component x may be min(1, max(h, mean step) / span) (atol s + rtol |x|).
@@ -72,16 +76,25 @@ class Tolerances:
                 self.begun = self.begun if self.taken else self.t
                 self.taken += 1
                 self.repeated = False
-                return super()._step_impl()
+                try:
+                    return super()._step_impl()
+                except _TooShort:
+                    return False, self.TOO_SMALL_STEP
 
             def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float:
                 """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
                 mean = (self.t - self.begun) / self.taken
                 error = super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
                 self.repeated = not error < 1
+                if self.repeated and abs(h) < SHORTEST * abs(self.t_bound - self.begun):
+                    raise _TooShort
                 return error
 
         return Sharing
+
+
+class _TooShort(Exception):
+    """A step that is next to nothing beside the run is refused. SciPy compares it with the spacing of numbers, which at 0 is 5e-324."""
 
 
 def _state(velocities: np.ndarray, positions: np.ndarray) -> np.ndarray:

@@ -6,11 +6,13 @@ import sys
 
 import numpy as np
 import pytest
+import scipy.integrate
 from scipy.special import ellipj, ellipk
 
 import ncgen
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.methods.table import INTEGRATORS, find_integrator, other_names
+from ncgen.solver.tolerances import Tolerances
 
 ERROR = {"rk4": 1e-8, "trapezoidal": 1e-6}
 ERROR |= {"rk23": 1e-5, "adams": 1e-5, "bdf": 1e-5, "lsoda": 1e-5, "radau": 1e-7, "dopri5": 1e-7, "dop853": 1e-7}
@@ -199,3 +201,21 @@ def test_a_run_in_two_parts(pendulum):
     rest = ncgen.simulate(pendulum, 0.2, t0=0.2, q0=half.q[-1], z=half.independent, zd0=rates, **options)
     assert rest.q[-1] == pytest.approx(whole.q[-1], abs=1e-9)
     assert rest.t[-1] == pytest.approx(0.4)
+
+
+@pytest.mark.parametrize("solver", [scipy.integrate.RK45, scipy.integrate.DOP853], ids=lambda solver: solver.__name__)
+def test_hopeless_steps_are_given_up_as_soon_at_zero_as_later(solver):
+    """At t = 0 the spacing of numbers is 5e-324: a thousand refused steps away, where at t = 1 it is fifty."""
+    counts = []
+    for start in (0.0, 1.0):
+        calls = []
+
+        def noise(t, y, calls=calls):
+            calls.append(t)
+            return np.array([1e9 * np.sin(1e9 * len(calls))])
+
+        tolerances = Tolerances(1e-8, 1e-10, natural=False, span=0.0)
+        steps = tolerances.sharing(solver)(noise, start, np.zeros(1), start + 1.0, rtol=1e-8, atol=1e-10)
+        assert "step size" in steps.step() and steps.status == "failed"
+        counts.append(len(calls))
+    assert counts[0] < 1.5 * counts[1]
