@@ -70,6 +70,12 @@ class Row:
             return f"{self.expression} = 0"
         return describe(self.type, {**self.arguments, **self.data})
 
+    @property
+    def written(self) -> Scalar:
+        """The expression of a row that is not of the catalogue."""
+        assert self.expression is not None, f"{self.label}: a row has a type or an expression"
+        return self.expression
+
     def direction(self, name: str) -> Combination:
         """What a vector argument of the row's type stands for."""
         found = self.arguments[name]
