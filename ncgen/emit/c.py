@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from ncgen.emit.environment import comment_text, loop_comments, render
-from ncgen.emit.expressions import slot_of, write
+from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.emit.tables import Place, Tables
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from ncgen.program.dynamics import DynamicsPrograms
     from ncgen.program.programs import Programs
     from ncgen.program.tangents import TangentPrograms
-    from ncgen.symbolic.equations import Equations
+    from ncgen.symbolic.numbering import Terms
 
 WIDTH = 100
 
@@ -42,7 +42,7 @@ def c_files(programs: Programs) -> dict[str, str]:
     return files | runtime_files(*HEADERS)
 
 
-def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes: Iterable[float]) -> dict[str, str]:
+def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iterable[float]) -> dict[str, str]:
     """{file name: text}: the state derivative, for the runtime to integrate."""
     prefix = identifier(equations.model.name)
     tables = Tables(f"{prefix}_dynamics_")
@@ -61,7 +61,7 @@ def dynamics_files(programs: DynamicsPrograms, equations: Equations, row_sizes: 
     return {f"{prefix}_dynamics.{kind}": render(f"c/dynamics.{kind}.jinja", **records) for kind in "ch"}
 
 
-def tangent_files(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
+def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text}: the tangent kernels."""
     prefix = identifier(equations.model.name)
     tables = Tables(f"{prefix}_{programs.kind}_")
@@ -103,7 +103,7 @@ class _C:
         if isinstance(op.leaf, tuple):  # a load
             array, index = op.leaf
             return "t" if array == "t" else f"{array}[{index}]"
-        slot = slot_of(op, block)
+        slot = block.slots[op.slot]
         if slot.array == "const":
             return f"{self.tables.number(slot.table)}[i]"
         return f"{slot.array}[{_subscript(self.tables.place(slot.table))}]"
@@ -180,7 +180,7 @@ def _block(block: Block, tables: Tables, names: Names) -> dict[str, Any]:
 def _is_number(node: int, block: Block) -> bool:
     """True for what a loop reads from a table of numbers."""
     op = block.ops[node]
-    return op.code == "slot" and slot_of(op, block).array == "const"
+    return op.code == "slot" and block.slots[op.slot].array == "const"
 
 
 def _splat(value: str) -> str:

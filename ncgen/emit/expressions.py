@@ -9,7 +9,7 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from ncgen.emit.naming import Names
-from ncgen.program.blocks import Block, Loop, Slot
+from ncgen.program.blocks import Block
 from ncgen.program.graph import ARITHMETIC, Op
 from ncgen.program.passes import uses
 
@@ -77,13 +77,6 @@ def _needed_by(block: Block) -> list[list[int]]:
         result.append(list(range(start, max(start, store.node + 1))))
         start = max(start, store.node + 1)
     return result
-
-
-def slot_of(op: Op, block: Block) -> Slot:
-    """Where an operation "slot" of a loop reads."""
-    if not (isinstance(block, Loop) and isinstance(op.leaf, int)):
-        raise TypeError(f"{op} is no slot of a loop")
-    return block.slots[op.leaf]
 
 
 def _value(op: Op, block: Block, dialect: Dialect, text: dict[int, tuple[str, int]]) -> tuple[str, int]:

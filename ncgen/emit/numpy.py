@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from ncgen.emit.environment import comment_text, loop_comments, render
-from ncgen.emit.expressions import slot_of, write
+from ncgen.emit.expressions import write
 from ncgen.emit.naming import Names, identifier
 from ncgen.emit.tables import Place, Tables
 from ncgen.program.angles import SHARED
@@ -20,7 +20,7 @@ from ncgen.program.graph import Op
 if TYPE_CHECKING:
     from ncgen.program.programs import Programs
     from ncgen.program.tangents import TangentPrograms
-    from ncgen.symbolic.equations import Equations
+    from ncgen.symbolic.numbering import Terms
 
 WIDTH = 110
 
@@ -47,7 +47,7 @@ def numpy_files(programs: Programs) -> dict[str, str]:
     return {f"{name}.py": text}
 
 
-def numpy_tangents(programs: TangentPrograms, equations: Equations) -> dict[str, str]:
+def numpy_tangents(programs: TangentPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text} of the tangent kernels."""
     tables = Tables("_")
     kernels = [_kernel(program, tables) for program in programs.programs.values()]
@@ -78,7 +78,7 @@ class _NumPy:
             if array == "t":
                 return "t[..., None]" if isinstance(block, Loop) else "t"
             return f"{array}[..., {index}]" if not isinstance(block, Loop) else f"{array}[..., {index}, None]"
-        slot = slot_of(op, block)
+        slot = block.slots[op.slot]
         if slot.array == "const":
             return self.tables.number(slot.table)
         return f"{slot.array}[..., {_subscript(self.tables.place(slot.table), block.count)}]"

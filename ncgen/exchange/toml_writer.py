@@ -72,7 +72,7 @@ class _Writer:
             raise _refused(value, where)
         if kind_of(parameter) == "str":
             return _quoted(value, where)
-        if kind_of(parameter) == "Callable" and callable(value):
+        if kind_of(parameter) == "Law" and callable(value):
             import sympy
 
             value = sympy.sympify(value(*sympy.symbols(" ".join(LAW), real=True)))

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from scipy.sparse.linalg import splu
 
-from ncgen.emit.expressions import slot_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
 from ncgen.program.blocks import Block, Store, TableStore
@@ -61,6 +60,6 @@ def _is_zero_at(index: int, block: Block, store: Store | TableStore) -> bool:
     op = block.ops[store.node]
     if index not in table:
         return True
-    if op.code == "slot" and (slot := slot_of(op, block)).array == "const":
+    if op.code == "slot" and (slot := block.slots[op.slot]).array == "const":
         return all(v == 0.0 for i, v in zip(table, slot.table, strict=True) if i == index)
     return op.code == "const" and op.leaf == 0.0

@@ -17,8 +17,8 @@ import numpy as np
 from ncgen.emit.sources import Sources
 from ncgen.model import Model
 from ncgen.model.digest import digest
-from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, TableStore
-from ncgen.program.graph import Op
+from ncgen.program.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
+from ncgen.program.graph import Input, Op
 from ncgen.program.programs import Programs
 from ncgen.resources import package_files
 from ncgen.symbolic.numbering import Deferred
@@ -34,7 +34,7 @@ LARGEST = 8_000_000
 PACKAGES = ("jinja2", "mpmath", "numpy", "sympy")
 """What generating relies on."""
 
-PARTS = {kind.__name__: kind for kind in (Loop, Op, Pattern, Program, Slot, Store, Straight, TableStore)}
+PARTS = {kind.__name__: kind for kind in (Column, Input, Loop, Op, Pattern, Program, Slot, Store, Straight, TableStore)}
 """What programs are made of."""
 
 
@@ -64,8 +64,8 @@ def remember(key: str, sources: Sources) -> None:
 
 def _plain(value: Any) -> Json:
     """Programs as JSON can say them: tuples as lists, all else by its name with its parts."""
-    if isinstance(value, Op):
-        return {"Op": [_plain(part) for part in value]}
+    if isinstance(value, (Op, Input)):
+        return {type(value).__name__: [_plain(part) for part in value]}
     if is_dataclass(value):
         return {type(value).__name__: [_plain(getattr(value, field.name)) for field in fields(value)]}
     if isinstance(value, dict):

@@ -24,17 +24,17 @@ from ncgen.toolchain.loader import load
 
 if TYPE_CHECKING:
     from ncgen.program.tangents import TangentPrograms
-    from ncgen.symbolic.equations import Equations
+    from ncgen.symbolic.numbering import Terms
 
 
 class Tangents(ABC):
     """Nonzeros of the derivatives of the equations of motion."""
 
-    def __init__(self, programs: TangentPrograms, equations: Equations) -> None:
+    def __init__(self, programs: TangentPrograms, equations: Terms) -> None:
         self.programs = programs
         self.equations = equations
 
-    def __reduce__(self) -> tuple[type[Tangents], tuple[TangentPrograms, Equations]]:
+    def __reduce__(self) -> tuple[type[Tangents], tuple[TangentPrograms, Terms]]:
         """Pickled as programs, which are compiled again where they arrive."""
         return type(self), (self.programs, self.equations)
 
@@ -82,7 +82,7 @@ class NumPyTangents(Tangents):
 class CompiledTangents(Tangents):
     """Through a compiled library, whose `descriptor` the C runtime takes."""
 
-    def __init__(self, programs: TangentPrograms, equations: Equations) -> None:
+    def __init__(self, programs: TangentPrograms, equations: Terms) -> None:
         super().__init__(programs, equations)
         files = tangent_files(self.programs, self.equations) | runtime_files(*HEADERS)
         kind = programs.kind

@@ -7,23 +7,33 @@ name, the argument, and what was given.
 from __future__ import annotations
 
 import inspect
-from collections.abc import Iterable, Mapping, Set
+from collections.abc import Callable, Iterable, Mapping, Set
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened, shown
 from ncgen.model.bodies import Body
-from ncgen.model.elements import AXES, Component, Constant, Point, Relative, Spatial, Vector, as_combination
-from ncgen.model.expressions import check_expression
+from ncgen.model.elements import AXES, Combination, Component, Constant, Element, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.expressions import check_expression, is_symbolic, symbols_in
 from ncgen.model.names import check_name, normal
 from ncgen.model.rows import Owner
-from ncgen.model.values import LARGEST, Parameter, as_sympy, as_value, evaluate, is_number
+from ncgen.model.values import LARGEST, Parameter, Scalar, Value, as_sympy, as_value, evaluate, is_number
+
+if TYPE_CHECKING:
+    from ncgen.model.contents import Contents
+
+E = TypeVar("E", bound=Element)
+R = TypeVar("R")
+
+Reader: TypeAlias = "Callable[[Contents, object, str], R]"
+"""(model, what was given, where) -> what the builder takes."""
 
 UNSAID = ("position", "direction", "field")
 """Arguments that go without saying in messages: their axes are named."""
 
 
-def read(model, word: str, bound: inspect.BoundArguments) -> None:
+def read(model: Contents, word: str, bound: inspect.BoundArguments) -> None:
     """Bring the arguments of a call to what the method's annotations say. Raises ModelError naming method, thing and argument.
 
     A new name is checked, and kept in its normal form.
@@ -43,13 +53,13 @@ def read(model, word: str, bound: inspect.BoundArguments) -> None:
         where = label if isinstance(label, str) and label else " ".join([word, "-".join(subject)]).strip()
         what = where if key in UNSAID else f"{where}, {key}"
         many = parameter.kind is parameter.VAR_POSITIONAL
-        found = tuple(reader(model, each, what) for each in given) if many else reader(model, given, what)
+        found = tuple(reader(model, each, what) for each in bound.arguments[key]) if many else reader(model, given, what)
         if "name" not in bound.arguments and isinstance(found, (Spatial, Relative, Component, Body)):
             subject.append(found.name)
         bound.arguments[key] = found
 
 
-def own(model, thing, kind, where: str):
+def own(model: Contents, thing: object, kind: type[E], where: str) -> E:
     """An element of this model by itself or by its name. Raises ModelError for anything else."""
     if isinstance(thing, str):
         if normal(thing) not in model.elements:
@@ -66,9 +76,9 @@ def _unknown(what: str, name: str, where: str) -> UnknownName:
     return UnknownName(f"{where}: there is no {what} {shortened(name, SHOWN)}; define it first", normal(name))
 
 
-def own_direction(model, thing, where: str):
+def own_direction(model: Contents, thing: object, where: str) -> Combination:
     """A vector, a segment, or a combination of them with numbers, as a combination; it may have length zero."""
-    direction = as_combination(own(model, thing, Spatial, where) if isinstance(thing, str) else thing)
+    direction = thing if isinstance(thing, Combination) else as_combination(own(model, thing, Spatial, where))
     for weight, element in direction.terms:
         own(model, element, Spatial, where)
         if not is_number(weight):
@@ -80,36 +90,36 @@ def own_direction(model, thing, where: str):
     return direction
 
 
-def value(model, given, where: str):
+def value(model: Contents, given: object, where: str) -> Value:
     """A number, or a parameter or an expression of parameters of this model that is a number at their defaults."""
     found = as_value(given, where)
     if isinstance(found, Parameter) and model.parameters.get(found.name) is not found:
         raise ModelError(f"{where}: parameter {found.name} belongs to another model; use this model's own")
     evaluate(found, model.parameters, where)
-    if getattr(found, "is_Symbol", False):
-        return model.parameters[found.name]
+    if is_symbolic(found) and found.is_Symbol:
+        (symbol,) = symbols_in(found)
+        return model.parameters[symbol.name]
     return given if type(given) is int else found  # an integer stays one, in model files and in expressions
 
 
-def sequence(given, where: str, what: str) -> tuple:
+def sequence(given: object, where: str, what: str) -> tuple[object, ...]:
     """Several things in their order. Raises ModelError for what has no order, and for texts and single things."""
     if isinstance(given, (str, bytes, Mapping, Set)) or not isinstance(given, Iterable) or getattr(given, "ndim", 1) != 1:
         raise ModelError(f"{where}: {shown(given)} given; give {what}")
     return tuple(given)
 
 
-def expression(given, where: str):
+def expression(given: object, where: str) -> Scalar:
     """A number, or an expression of sympy. Raises ModelError for NaN, infinity, texts and things that are neither."""
     found = as_sympy(given)
-    if not hasattr(type(found), "free_symbols"):
+    if not is_symbolic(found):
         if not is_number(found):
             raise ModelError(f"{where}: {shown(given)} is not an expression; give a number, or one of coordinates, m.time and parameters")
         return as_value(found, where)
-    check_expression(found, where)
-    return found
+    return check_expression(found, where)
 
 
-def coordinate(model, thing, where: str):
+def coordinate(model: Contents, thing: object, where: str) -> Component | Relative:
     """One scalar coordinate that can move: an angle, a length, or a component such as B.x."""
     if isinstance(thing, str):
         name, thing = thing, model.bearer(normal(thing))
@@ -125,7 +135,7 @@ def coordinate(model, thing, where: str):
     return thing
 
 
-def _body(model, thing, where: str):
+def _body(model: Contents, thing: object, where: str) -> Body:
     if isinstance(thing, str):
         known = {model.ground.name: model.ground, **model.bodies}
         if normal(thing) not in known:
@@ -138,16 +148,16 @@ def _body(model, thing, where: str):
     return thing
 
 
-def _owner(model, thing, where: str):
+def _owner(model: Contents, thing: object, where: str) -> Owner:
     return thing if isinstance(thing, Owner) else Owner("body", _body(model, thing, where).name)
 
 
-def _of(kind):
+def _of(kind: type[E]) -> Reader[E]:
     return lambda model, thing, where: own(model, thing, kind, where)
 
 
-def _several(kind):
-    def reader(model, things, where):
+def _several(kind: type[E]) -> Reader[tuple[E, ...]]:
+    def reader(model: Contents, things: object, where: str) -> tuple[E, ...]:
         if isinstance(things, Spatial):
             things = (things,)
         return tuple(own(model, each, kind, where) for each in sequence(things, where, f"a list of {kind.word}s, such as [A, B]"))
@@ -155,19 +165,19 @@ def _several(kind):
     return reader
 
 
-def _text(model, given, where: str):
+def _text(model: Contents, given: object, where: str) -> str:
     if not isinstance(given, str):
         raise ModelError(f"{where}: {shown(given)} is not a text; give one in quotes")
     return given
 
 
-def _truth(model, given, where: str):
+def _truth(model: Contents, given: object, where: str) -> bool:
     if not isinstance(given, (bool, np.bool_)):
         raise ModelError(f"{where}: {shown(given)} given; give True or False")
     return bool(given)
 
 
-def _held(model, given, where: str):
+def _held(model: Contents, given: object, where: str) -> bool | str:
     if isinstance(given, str):
         return given
     if not isinstance(given, (bool, np.bool_)):
@@ -175,29 +185,29 @@ def _held(model, given, where: str):
     return bool(given)
 
 
-def _number(model, given, where: str):
+def _number(model: Contents, given: object, where: str) -> float:
     if not is_number(found := as_value(given, where)):
         raise ModelError(f"{where}: {shown(given)} depends on parameters; give a number")
     return found
 
 
-def _values(model, given, where: str):
+def _values(model: Contents, given: object, where: str) -> tuple[Value, ...]:
     given = sequence(given, where, "three numbers")
     marks = AXES if len(given) <= len(AXES) else map(str, range(1, len(given) + 1))
     return tuple(value(model, each, f"{where}, {mark}") for each, mark in zip(given, marks))
 
 
-READERS = {
+READERS: dict[str, Reader[object]] = {
     "Body": _body,
     "Owner": _owner,
     "Point": _of(Point),
     "Vector": _of(Vector),
     "Spatial": _of(Spatial),
     "Relative": _of(Relative),
-    "list[Point]": _several(Point),
-    "list[Vector]": _several(Vector),
-    "list[Spatial]": _several(Spatial),
-    "Combination": own_direction,
+    "Sequence[Point]": _several(Point),
+    "Sequence[Vector]": _several(Vector),
+    "Sequence[Spatial]": _several(Spatial),
+    "Direction": own_direction,
     "Component | Relative": coordinate,
     "Value": value,
     "Values": _values,
@@ -205,6 +215,6 @@ READERS = {
     "str": _text,
     "bool": _truth,
     "bool | str": _held,
-    "float": _number,
+    "Number": _number,
 }
 """{annotation: reader(model, what was given, where)}."""

@@ -55,9 +55,9 @@ class Body:
     inertia: Inertia | None = None
     rigid: bool = True
     constant_mass: bool = False
-    frame: Frame = None
+    frame: Frame = field(kw_only=True)
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"body {self.name}"
 
     def copy(self) -> Body:
@@ -67,12 +67,19 @@ class Body:
 
     @property
     def elements(self) -> list[Spatial]:
-        return self.points + self.vectors
+        return [*self.points, *self.vectors]
 
     @property
     def basis(self) -> tuple[Spatial, ...]:
         """The elements that carry the inertia: those chosen, else four independent ones, else what there is."""
-        return self.inertia.basis or choose_basis(self)
+        return self.own_inertia.basis or choose_basis(self)
+
+    @property
+    def own_inertia(self) -> Inertia:
+        """The inertia of a body that has one. Raises ModelError for others."""
+        if self.inertia is None:
+            raise ModelError(f"body {self.name}: it has no inertia; give its mass")
+        return self.inertia
 
 
 def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -> None:

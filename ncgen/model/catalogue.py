@@ -10,15 +10,43 @@ Codes 1000-1003 and 1010-1015 are those of Tables 2 and 4 of the paper (DETC2007
 from __future__ import annotations
 
 import pickle
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any, Protocol, Self, TypeAlias, TypeVar
 
 
-def dot(a, b):
+class Arithmetic(Protocol):
+    """What a formula does with numbers, of whatever kind they are."""
+
+    def __add__(self, other: Self, /) -> Self: ...
+    def __sub__(self, other: Self | int, /) -> Self: ...
+    def __mul__(self, other: Self, /) -> Self: ...
+    def __truediv__(self, other: Self, /) -> Self: ...
+    def __pow__(self, exponent: int, /) -> Self: ...
+
+
+N = TypeVar("N", bound=Arithmetic)
+
+
+class Functions(Protocol[N]):
+    """A module of functions of such numbers, such as `math` or `sympy`."""
+
+    def sin(self, x: N, /) -> N: ...
+    def cos(self, x: N, /) -> N: ...
+
+
+Triple: TypeAlias = Sequence[N]
+"""A 3-vector of numbers."""
+
+Formula: TypeAlias = Callable[..., Any]
+"""(f, **arguments) -> number, for the arguments of a row type: of whatever kind they are, so is the number."""
+
+
+def dot(a: Triple[N], b: Triple[N]) -> N:
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-def cross(a, b):
+def cross(a: Triple[N], b: Triple[N]) -> tuple[N, N, N]:
     return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
 
 
@@ -38,13 +66,13 @@ class RowType:
     vectors: tuple[str, ...]
     scalars: tuple[str, ...]
     data: tuple[str, ...]
-    formula: Callable
+    formula: Formula
     scale_factor: float
     scale_data: tuple[str, ...]
     size: tuple[str, ...]
     equation: str
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[Callable[[str], RowType], tuple[str]]:
         """Pickled by its key, since formulas are functions; refused where the catalogue does not have it."""
         if ROW_TYPES.get(self.key) is not self:
             raise pickle.PicklingError(f"row type {self.key} is not in the catalogue")
@@ -56,66 +84,68 @@ def row_type(key: str) -> RowType:
     return ROW_TYPES[key]
 
 
-def _distance(f, a, L):
+def _distance(f: Functions[N], a: Triple[N], L: N) -> N:
     return dot(a, a) - L * L
 
 
-def _unit(f, u):
+def _unit(f: Functions[N], u: Triple[N]) -> N:
     return dot(u, u) - 1
 
 
-def _vector_segment(f, u, a, L, c):
+def _vector_segment(f: Functions[N], u: Triple[N], a: Triple[N], L: N, c: N) -> N:
     return dot(u, a) - L * c
 
 
-def _vector_vector(f, u, v, c):
+def _vector_vector(f: Functions[N], u: Triple[N], v: Triple[N], c: N) -> N:
     return dot(u, v) - c
 
 
-def _angle_cosine(f, a, b, n, psi, la, lb, ln):
+def _angle_cosine(f: Functions[N], a: Triple[N], b: Triple[N], n: Triple[N], psi: N, la: N, lb: N, ln: N) -> N:
     return dot(a, b) - la * lb * f.cos(psi)
 
 
-def _angle_sine(axis):
-    def formula(f, a, b, n, psi, la, lb, ln):
+def _angle_sine(axis: int) -> Formula:
+    def formula(f: Functions[N], a: Triple[N], b: Triple[N], n: Triple[N], psi: N, la: N, lb: N, ln: N) -> N:
         return cross(a, b)[axis] - la * lb / ln * n[axis] * f.sin(psi)
 
     return formula
 
 
-def _angle_smooth(f, a, b, n, psi, la, lb, ln):
+def _angle_smooth(f: Functions[N], a: Triple[N], b: Triple[N], n: Triple[N], psi: N, la: N, lb: N, ln: N) -> N:
     return f.sin(psi) * (dot(a, b) - dot(a, n) * dot(b, n) / ln**2) - f.cos(psi) / ln * dot(cross(a, b), n)
 
 
-def _angle_smooth_perpendicular(f, a, b, n, psi, la, lb, ln):
+def _angle_smooth_perpendicular(f: Functions[N], a: Triple[N], b: Triple[N], n: Triple[N], psi: N, la: N, lb: N, ln: N) -> N:
     return f.sin(psi) * dot(a, b) - f.cos(psi) / ln * dot(cross(a, b), n)
 
 
-def _angle_paper(f, a, b, n, psi, la, lb, ln, wc, wx, wy, wz):
+def _angle_paper(
+    f: Functions[N], a: Triple[N], b: Triple[N], n: Triple[N], psi: N, la: N, lb: N, ln: N, wc: N, wx: N, wy: N, wz: N
+) -> N | int:
     rows = [_angle_cosine, _angle_sine(0), _angle_sine(1), _angle_sine(2)]
     return sum(w * row(f, a, b, n, psi, la, lb, ln) for w, row in zip((wc, wx, wy, wz), rows, strict=True))
 
 
-def _dot(f, a, b, c, L):
+def _dot(f: Functions[N], a: Triple[N], b: Triple[N], c: N, L: N) -> N:
     return dot(a, b) - c
 
 
-def _affine(axis):
-    def formula(f, e, a, b, c, L):
+def _affine(axis: int) -> Formula:
+    def formula(f: Functions[N], e: Triple[N], a: Triple[N], b: Triple[N], c: N, L: N) -> N:
         return e[axis] - c * cross(a, b)[axis]
 
     return formula
 
 
-def _length(f, a, s, L):
+def _length(f: Functions[N], a: Triple[N], s: N, L: N) -> N:
     return dot(a, a) - s * s
 
 
-def _slide(f, a, n, s, L):
+def _slide(f: Functions[N], a: Triple[N], n: Triple[N], s: N, L: N) -> N:
     return dot(a, n) - s
 
 
-def _angle(key, formula, equation, extra=()):
+def _angle(key: str, formula: Formula, equation: str, extra: tuple[str, ...] = ()) -> RowType:
     return RowType(key, ("a", "b", "n"), ("psi",), ("la", "lb", "ln", *extra), formula, 1.0, ("la", "lb"), ("la", "lb"), equation)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
@@ -11,11 +12,17 @@ from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
-from ncgen.model.elements import AXES, Angle, Combination, Component, Element, Length, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.contents import Contents
+from ncgen.model.elements import AXES, Angle, Combination, Component, Direction, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.names import check_scalar
 from ncgen.model.rows import SIX_DIGITS, UNIT_LENGTH, Row
-from ncgen.model.values import Parameter, Value, Values, evaluate, is_number, mentioned, vanishes
+from ncgen.model.values import Number, Parameter, Value, Values, evaluate, is_number, mentioned, vanishes
+
+if TYPE_CHECKING:
+    import sympy
+
+S = TypeVar("S", Point, Vector)
 
 ANGLE_FORMS = ("smooth", "paper", "sine", "cosine")
 
@@ -23,35 +30,21 @@ LAW = {"x": "the length or angle", "v": "its rate"}
 """The symbols of a spring's law."""
 
 
-class Coordinates:
+class Coordinates(Contents):
     """The part of a model that owns names and coordinates."""
 
-    name: str
-    scale: bool
-    form: str
-    elements: dict[str, Element]
-    parameters: dict[str, Parameter]
-    rows: list[Row]
-    branches: dict[str, tuple[Parameter, ...]]
-    chosen_independent: tuple[str, ...]
-
     @property
-    def components(self) -> list[Component]:
-        """All scalar coordinates in the order of q, free and fixed."""
-        return [component for element in self.elements.values() for component in element.components]
-
-    @property
-    def time(self):
+    def time(self) -> sympy.Symbol:
         """The sympy symbol of time, for drivers and forces."""
         import sympy
 
         return sympy.Symbol("t", real=True)
 
     @fact
-    def parameter(self, name: str, default: float, unit: str = "") -> Parameter:
+    def parameter(self, name: str, default: Number, unit: str = "") -> Parameter:
         """A number with a name, kept symbolic in the kernels and given in `p` at run time."""
         self._claim(name, "parameter")
-        parameter = Parameter(name, default, unit)
+        parameter = Parameter(name, float(default), unit)
         self.parameters[name] = parameter
         return parameter
 
@@ -86,9 +79,9 @@ class Coordinates:
     def angle(
         self,
         name: str,
-        start: Combination,
-        end: Combination,
-        axis: Combination,
+        start: Direction,
+        end: Direction,
+        axis: Direction,
         *,
         form: str | None = None,
         lengths: Values | None = None,
@@ -110,14 +103,14 @@ class Coordinates:
         if measures.shape(start) == "segment" and measures.shape(end) == "vector":
             # Table 4 has no such code: the same angle is measured from the vector, about the reversed axis.
             start, end, axis = end, start, -axis
-            lengths = lengths and (lengths[1], lengths[0], lengths[2])
+            lengths = None if lengths is None else (lengths[1], lengths[0], lengths[2])
         measured = _measure(name, start, end, axis)
         value = measures.angle(start, end, axis) if initial is None else initial
         number = measured if initial is None else self._number(value, f"angle {name}, initial")
         psi = Angle(name, (Component(name, False, value, number),), start, end, axis)
         branch = self._branch(name, psi, measured) if form == "paper" else ()
         self.elements[name] = psi
-        self.rows.append(row.angle(psi, form, lengths, branch, self.scale))
+        self.rows.append(row.angle(psi, form, None if lengths is None else tuple(lengths), branch, self.scale))
         return psi
 
     @fact
@@ -130,10 +123,11 @@ class Coordinates:
         segment = self._direction(end - start, f"length {name}")
         value = measures.length(segment) if initial is None else initial
         number = self._number(value, f"length {name}, initial")
-        return self._relative(Length(name, (Component(name, False, value, number),)), row.length_row, segment)
+        s = Length(name, (Component(name, False, value, number),))
+        return self._relative(s, row.length_row(s, segment, self.scale))
 
     @fact
-    def slide(self, name: str, start: Point, end: Point, axis: Combination) -> Length:
+    def slide(self, name: str, start: Point, end: Point, axis: Direction) -> Length:
         """How far `end` lies from `start` along a unit vector, as a coordinate (m); it may be zero or negative."""
         self._claim(name, "slide")
         axis = self._direction(axis, f"slide {name}")
@@ -143,7 +137,8 @@ class Coordinates:
         segment = as_combination(end) - start
         value = measures.along(segment, axis)
         number = float(segment.initial @ axis.initial)
-        return self._relative(Length(name, (Component(name, False, value, number),)), row.slide_row, segment, axis)
+        s = Length(name, (Component(name, False, value, number),))
+        return self._relative(s, row.slide_row(s, segment, axis, self.scale))
 
     @fact
     def independent(self, *coordinates: Component | Relative) -> None:
@@ -157,9 +152,9 @@ class Coordinates:
 
     # -- helpers -------------------------------------------------------------------------------
 
-    def _relative(self, coordinate: Relative, make_row, *arguments):
+    def _relative(self, coordinate: Length, row: Row) -> Length:
         self.elements[coordinate.name] = coordinate
-        self.rows.append(make_row(coordinate, *arguments, self.scale))
+        self.rows.append(row)
         return coordinate
 
     def _claim(self, name: str, what: str) -> None:
@@ -175,15 +170,7 @@ class Coordinates:
         if name in LAW and what == "parameter" and any(spring.law is not None for spring in self.springs):
             raise ModelError(f"parameter {name}: in the law of a spring that is the name of {LAW[name]}; choose another")
 
-    def bearer(self, word: str):
-        """What has this name: an element, a parameter, or a coordinate of an element; None if nothing has."""
-        found = self.elements.get(word) or self.parameters.get(word)
-        owner, _, axis = word.rpartition(".")
-        if found is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
-            return getattr(self.elements[owner], axis)
-        return found
-
-    def _spatial(self, kind, name, position, fixed):
+    def _spatial(self, kind: type[S], name: str, position: Values, fixed: bool | str) -> S:
         what = kind.__name__.lower()
         self._claim(name, what)
         if isinstance(fixed, str) and set(fixed) - set(AXES):
@@ -199,7 +186,7 @@ class Coordinates:
             components.append(Component(f"{name}.{axis}", axis in held, number if is_number(value) else value, number))
         return kind(name, tuple(components))
 
-    def _number(self, value, what: str) -> float:
+    def _number(self, value: Value, what: str) -> float:
         """The number of a value at the parameters' defaults."""
         return evaluate(value, self.parameters, what)
 
@@ -209,7 +196,7 @@ class Coordinates:
             names = mentioned(vector.given, self.parameters)
             raise ModelError(f"vector {vector.name}: its length is 1 only at the default of {names}; divide it by its length")
 
-    def _direction(self, thing, where: str) -> Combination:
+    def _direction(self, thing: Direction, where: str) -> Combination:
         direction = own_direction(self, thing, where)
         if not np.linalg.norm(direction.initial) > 0:
             raise ModelError(f"{where}: {direction} has length 0; give points that are apart")

@@ -30,7 +30,7 @@ def digest(model: Model) -> str | None:
         return None
 
 
-def _words(value, known: set[int]) -> Iterator[str]:
+def _words(value: object, known: set[int]) -> Iterator[str]:
     """A value in words that mean nothing else; known: elements and bodies that have been described, for which a name is enough."""
     if isinstance(value, (Element, Body)) and not isinstance(value, Constant) and id(value) in known:
         yield f"{type(value).__name__} {value.name!r}"

@@ -7,12 +7,21 @@ reversed vector, `r2.z` the sympy symbol of one component, `psi.rate` the symbol
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ncgen.model.values import Symbolic, as_sympy, is_number, settled, told
+from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, settled, told
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+
+    import sympy
 
 AXES = "xyz"
+
+Direction: TypeAlias = "Spatial | Combination"
+"""In signatures: a vector, a segment such as `r4 - r2`, or a combination of them with numbers."""
 
 
 @dataclass(frozen=True)
@@ -25,14 +34,14 @@ class Component(Symbolic):
 
     name: str
     fixed: bool
-    value: object
+    value: Value
     initial: float
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"coordinate {self.name}"
 
     @property
-    def rate(self):
+    def rate(self) -> sympy.Symbol:
         """The sympy symbol of this coordinate's velocity."""
         import sympy
 
@@ -63,7 +72,7 @@ class Element:
         return np.array([c.initial for c in self.components])
 
     @property
-    def given(self) -> tuple:
+    def given(self) -> tuple[Scalar, ...]:
         """The values of the initial position, ready for arithmetic: numbers, or expressions of parameters."""
         return tuple(as_sympy(c.value) for c in self.components)
 
@@ -84,27 +93,27 @@ class Spatial(Element):
     word = "point or vector"
 
     @property
-    def x(self):
+    def x(self) -> Component:
         return self.components[0]
 
     @property
-    def y(self):
+    def y(self) -> Component:
         return self.components[1]
 
     @property
-    def z(self):
+    def z(self) -> Component:
         return self.components[2]
 
-    def __add__(self, other):
+    def __add__(self, other: Direction) -> Combination:
         return as_combination(self) + other
 
-    def __sub__(self, other):
+    def __sub__(self, other: Direction) -> Combination:
         return as_combination(self) - other
 
-    def __neg__(self):
+    def __neg__(self) -> Combination:
         return -as_combination(self)
 
-    def __mul__(self, weight):
+    def __mul__(self, weight: Expression) -> Combination:
         return as_combination(self) * weight
 
     __rmul__ = __mul__
@@ -117,7 +126,7 @@ class Point(Spatial):
 
     word, quantity, unit = "point", "position", "m"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"point {self.name}"
 
 
@@ -130,7 +139,7 @@ class Vector(Spatial):
 
     word, quantity, unit = "vector", "direction", "1"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"vector {self.name}"
 
 
@@ -138,7 +147,7 @@ class Constant(Vector):
     """A direction that never moves and is no coordinate, such as the normal of the plane; its numbers are constants."""
 
     @classmethod
-    def of(cls, name: str, values, numbers=None) -> Constant:
+    def of(cls, name: str, values: Sequence[Scalar] | np.ndarray, numbers: Iterable[float] | None = None) -> Constant:
         """A constant direction; what is zero but for rounding is zero. `numbers` are those of values with parameters."""
         numbers = [0.0 if abs(v) < 1e-15 else float(v) for v in (values if numbers is None else numbers)]
         pairs = [(number if is_number(value) else value, number) for value, number in zip(values, numbers, strict=True)]
@@ -151,7 +160,7 @@ class Relative(Symbolic, Element):
     word = "relative angle or distance"
 
     @property
-    def rate(self):
+    def rate(self) -> sympy.Symbol:
         """The sympy symbol of the coordinate's velocity."""
         return self.components[0].rate
 
@@ -168,7 +177,7 @@ class Angle(Relative):
 
     word, quantity, unit = "angle", "angle", "rad"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"angle {self.name}"
 
 
@@ -181,7 +190,7 @@ class Length(Relative):
 
     word, quantity, unit = "length", "length", "m"
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"length {self.name}"
 
 
@@ -189,35 +198,35 @@ class Length(Relative):
 class Combination:
     """A linear combination of points and vectors, such as the segment `r4 - r2`.
 
-    `terms` holds (weight, element) pairs; a weight is a number, a parameter or an expression of parameters.
+    `terms` holds (weight, element) pairs; a weight is a number or an expression of parameters.
     """
 
-    terms: tuple[tuple[object, Spatial], ...]
+    terms: tuple[tuple[Scalar, Spatial], ...]
 
-    def __add__(self, other):
+    def __add__(self, other: Direction) -> Combination:
         terms = dict((element, weight) for weight, element in self.terms)
         for weight, element in as_combination(other).terms:
             terms[element] = terms[element] + weight if element in terms else weight
         return Combination(tuple((weight, element) for element, weight in terms.items()))
 
-    def __sub__(self, other):
+    def __sub__(self, other: Direction) -> Combination:
         return self + (-as_combination(other))
 
-    def __neg__(self):
+    def __neg__(self) -> Combination:
         return self * -1.0
 
-    def __mul__(self, weight):
-        return Combination(tuple((factor * weight, element) for factor, element in self.terms))
+    def __mul__(self, weight: Expression) -> Combination:
+        return Combination(tuple((factor * as_sympy(weight), element) for factor, element in self.terms))
 
     __rmul__ = __mul__
 
     @property
     def initial(self) -> np.ndarray:
         """The vector in the initial position, shape (3,); weights that are parameters are not allowed here."""
-        return sum((weight * element.initial for weight, element in self.terms), np.zeros(3))
+        return sum((float(weight) * element.initial for weight, element in self.terms), np.zeros(3))
 
     @property
-    def given(self) -> tuple:
+    def given(self) -> tuple[Scalar, ...]:
         """The same as three values: numbers, or expressions of parameters where positions have some."""
         parts = [[weight * value for value in element.given] if weight != 1.0 else element.given for weight, element in self.terms]
         return tuple(settled(sum(x for x in column if x != 0.0)) for column in zip(*parts, strict=True))
@@ -237,19 +246,19 @@ class Combination:
         weights = [weight for weight, element in self.terms if isinstance(element, Point)]
         return all(map(is_number, weights)) and sum(weights) == 0.0
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"direction {self}"
 
-    def __str__(self):
+    def __str__(self) -> str:
         if len(self.terms) == 2 and [w for w, _ in self.terms] == [1.0, -1.0]:
             return f"{self.terms[0][1].name}-{self.terms[1][1].name}"
         parts = []
         for weight, element in self.terms:
-            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{told(as_sympy(weight))}*"
+            sign = "-" if weight == -1.0 else "" if weight == 1.0 else f"{weight:g}*" if is_number(weight) else f"{told(weight)}*"
             parts.append(f"{sign}{element.name}")
         return "+".join(parts).replace("+-", "-")
 
 
-def as_combination(thing) -> Combination:
+def as_combination(thing: Direction) -> Combination:
     """A point, a vector or a combination as a combination."""
     return thing if isinstance(thing, Combination) else Combination(((1.0, thing),))

@@ -7,8 +7,13 @@ no double at any place within it is refused there, before a tower of powers beco
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING, cast
 
 from ncgen.errors import ModelError, shown
+
+if TYPE_CHECKING:
+    import sympy
+    from typing_extensions import TypeIs
 
 DEEPEST = 50
 """Levels of functions and operations within each other; sympy follows them by recursion."""
@@ -20,8 +25,18 @@ MOST_FACTORS = 64
 """Factors of a product: the second derivative has as many terms as this has pairs."""
 
 
-def check_expression(expression, what: str) -> None:
-    """Refuse what is no sympy expression, is too deep, or holds what is no finite real number; `what` names it.
+def is_symbolic(value: object) -> TypeIs[sympy.Basic]:
+    """True for what sympy made; sympy is not imported to find out."""
+    return hasattr(type(value), "free_symbols")
+
+
+def symbols_in(expression: sympy.Basic) -> set[sympy.Symbol]:
+    """The symbols in an expression."""
+    return cast("set[sympy.Symbol]", expression.free_symbols)  # sympy says Basic of every symbol
+
+
+def check_expression(expression: object, what: str) -> sympy.Expr:
+    """The expression, unless it is none of sympy, too deep, or holds what is no finite real number; `what` names it.
 
     Every different part is looked at once, arguments first.
     """
@@ -29,9 +44,9 @@ def check_expression(expression, what: str) -> None:
 
     if not isinstance(expression, sympy.Expr):
         raise ModelError(f"{what}: {shown(expression)} is not an expression; give one of coordinates, rates, time and parameters")
-    depth: dict[object, int] = {}
-    values: dict[object, float] = {}
-    stack = [(expression, False)]
+    depth: dict[sympy.Basic, int] = {}
+    values: dict[sympy.Basic, float] = {}
+    stack: list[tuple[sympy.Basic, bool]] = [(expression, False)]
     while stack:
         node, ready = stack.pop()
         if node in depth:
@@ -45,15 +60,16 @@ def check_expression(expression, what: str) -> None:
             raise ModelError(f"{what}: an expression of more than {DEEPEST} levels; write it with fewer parentheses, or in parts")
         if node.is_Mul and len(node.args) > MOST_FACTORS:
             raise ModelError(f"{what}: a product of {len(node.args)} factors; {MOST_FACTORS} are allowed")
-        if node.is_number and all(a in values for a in node.args):
+        if isinstance(node, sympy.Expr) and node.is_number and all(a in values for a in node.args):
             values[node] = _value(node, [values[a] for a in node.args], what)
+    return expression
 
 
-def _value(node, arguments: list[float], what: str) -> float:
+def _value(node: sympy.Expr, arguments: list[float], what: str) -> float:
     """The double that a number, or a function of numbers, stands for."""
     import sympy
 
-    if node.is_Rational and max(node.p.bit_length(), node.q.bit_length()) > MOST_DIGITS:
+    if isinstance(node, sympy.Rational) and max(node.p.bit_length(), node.q.bit_length()) > MOST_DIGITS:
         raise ModelError(
             f"{what}: an exact number of {len(bin(max(abs(node.p), node.q))) - 2} binary digits; {MOST_DIGITS} are allowed, correct it"
         )

@@ -8,11 +8,18 @@ from __future__ import annotations
 
 import functools
 import inspect
-from collections.abc import Iterator, KeysView, ValuesView
+from collections.abc import Callable, Iterable, Iterator, KeysView, ValuesView
 from dataclasses import dataclass
+from typing import Concatenate, ParamSpec, TypeVar
 
 from ncgen.errors import ModelError
 from ncgen.model.arguments import read
+from ncgen.model.bodies import Body
+from ncgen.model.contents import Contents
+
+M = TypeVar("M", bound=Contents)
+P = ParamSpec("P")
+R = TypeVar("R")
 
 
 @dataclass(frozen=True)
@@ -23,38 +30,41 @@ class Fact:
     arguments: dict[str, object]
 
 
-def fact(method):
-    """Read the arguments of a builder method as its annotations say, and record calls that come from outside the builder."""
+def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], R]:
+    """Read the arguments of a builder method as its annotations say, and record calls that come from outside the builder.
+
+    To type checkers the method stays what it is: its annotations say what a user may pass, and what it finds is one of these.
+    """
     signature = inspect.signature(method)
+    told: Callable[..., R] = method
 
     @functools.wraps(method)
-    def recorded(self, *args, **kwargs):
-        args, kwargs = map(_settled, args), {key: _settled(value) for key, value in kwargs.items()}
+    def recorded(self: M, *args: P.args, **kwargs: P.kwargs) -> R:
+        named = {key: _settled(value) for key, value in kwargs.items()}
         try:
-            bound = signature.bind(self, *args, **kwargs)
+            bound = signature.bind(self, *map(_settled, args), **named)
         except TypeError as error:
             raise ModelError(f"{method.__name__}: {error}; it takes {', '.join(list(signature.parameters)[1:])}") from None
         read(self, method.__name__, bound)
-        outermost = not self._telling
-        before = _State(self, bound.arguments.values()) if outermost else None
+        before = None if self._telling else _State(self, bound.arguments.values())
         self._telling = True
         try:
-            result = method(*bound.args, **bound.kwargs)
+            result = told(*bound.args, **bound.kwargs)
         except Exception:
-            if outermost:
+            if before is not None:
                 before.restore()
             raise
         finally:
-            self._telling = not outermost
-        if outermost:
+            self._telling = before is None
+        if before is not None:
             self.facts.append(Fact(method.__name__, {k: v for k, v in bound.arguments.items() if k != "self"}))
         return result
 
-    recorded.is_fact = True
+    vars(recorded)["is_fact"] = True
     return recorded
 
 
-def _settled(value):
+def _settled(value: object) -> object:
     """What can be read only once (a generator, a view of a dictionary) as a tuple."""
     return tuple(value) if isinstance(value, (Iterator, KeysView, ValuesView)) else value
 
@@ -65,10 +75,10 @@ class _State:
     Collections only grow, so their lengths say enough; bodies given to the call are copied.
     """
 
-    def __init__(self, model, arguments):
+    def __init__(self, model: Contents, arguments: Iterable[object]) -> None:
         collections = [value for value in vars(model).values() if isinstance(value, (list, dict))]
         self._lengths = [(each, len(each)) for each in [*collections, *vars(model.drawing).values()]]
-        self._bodies = [(body, body.copy()) for body in (*arguments, model.ground) if hasattr(body, "frame")]
+        self._bodies = [(body, body.copy()) for body in (*arguments, model.ground) if isinstance(body, Body)]
         self._model, self._chosen = model, model.chosen_independent
 
     def restore(self) -> None:

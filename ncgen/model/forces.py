@@ -5,10 +5,21 @@ Gravity is a property of the model, because it acts on every mass.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, TypeAlias
+
+import numpy as np
 
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Combination, Component, Relative
+from ncgen.model.values import Scalar, Value
+
+if TYPE_CHECKING:
+    import sympy
+
+Callback: TypeAlias = Callable[..., Sequence[float] | np.ndarray]
+"""function(t, q, qd, kernels) -> generalised forces (n,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +31,7 @@ class Force:
     """
 
     label: str
-    components: tuple[tuple[Component, object], ...]
+    components: tuple[tuple[Component, Scalar], ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +40,7 @@ class Couple:
 
     label: str
     body: Body
-    components: tuple[object, object, object]
+    components: tuple[Scalar, Scalar, Scalar]
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,7 +48,7 @@ class Potential:
     """A potential energy (J) whose negative gradient is a generalised force."""
 
     label: str
-    expression: object
+    expression: Scalar
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,10 +57,10 @@ class Spring:
 
     label: str
     segment: Combination
-    stiffness: object
-    damping: object
-    free: object
-    law: object = None
+    stiffness: Value
+    damping: Value
+    free: Value
+    law: sympy.Expr | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +69,7 @@ class TorsionSpring:
 
     label: str
     coordinate: Relative
-    stiffness: object
-    damping: object
-    free: object
-    law: object = None
+    stiffness: Value
+    damping: Value
+    free: Value
+    law: sympy.Expr | None = None

@@ -7,22 +7,28 @@ both bodies. These methods share what can be shared and add rows only for the re
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.bodies import Body
-from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Vector, as_combination
+from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.rows import UNIT_LENGTH, Owner, Row
-from ncgen.model.values import Value, Values, as_sympy, is_number
+from ncgen.model.structure import Structure
+from ncgen.model.values import Scalar, Value, Values, as_sympy, is_number
+
+if TYPE_CHECKING:
+    import sympy
 
 FLAT = 1e-6
 """A disc whose axle is nearer than this (sine of the angle) to the normal of the plane lies flat."""
 
 
-class Joints:
+class Joints(Structure):
     """The part of a model that connects bodies."""
 
     @fact
@@ -139,32 +145,33 @@ class Joints:
         slip = dr + v.dot(rho) * dv + w.dot(rho) * dw
         start = _height(normal, centre) - radius * _steepness(normal, axle)
         self.constrain(n.dot(r) - radius * steep - start, f"contact of {disc.name}", owner)
-        helper = np.eye(3)[np.argmin(np.abs(normal))]
-        first = np.cross(normal, helper) / np.linalg.norm(np.cross(normal, helper))
-        for tangent in (first, np.cross(normal, first)):
+        upright = np.asarray(normal)
+        helper = np.eye(3)[np.argmin(np.abs(upright))]
+        first = np.cross(upright, helper) / np.linalg.norm(np.cross(upright, helper))
+        for tangent in (first, np.cross(upright, first)):
             self.constrain_velocity(sympy.Matrix(_clean(tangent)).dot(slip), f"no slip of {disc.name}", owner)
 
     # -- helpers -------------------------------------------------------------------------------
 
-    def _check_rolling(self, disc: Body, axle: Vector, across: Vector, radius, normal) -> None:
+    def _check_rolling(self, disc: Body, axle: Vector, across: Vector, radius: Value, normal: Values) -> None:
         where = f"rolling of {disc.name}"
-        if len(normal) != 3 or not all(map(is_number, normal)) or abs(np.linalg.norm(normal) - 1.0) > UNIT_LENGTH:
+        if len(normal) != 3 or not all(map(is_number, normal)) or abs(np.linalg.norm(np.asarray(normal)) - 1.0) > UNIT_LENGTH:
             raise ModelError(f"{where}: the normal of the plane is {shown(normal)}; give a unit vector of three numbers")
         if not self._number(radius, where) > 0:
             raise ModelError(f"{where}: the radius is {self._number(radius, where):g} m; give a positive one")
         if abs(axle.initial @ across.initial) > 1e-9:
             raise ModelError(f"{where}: {across.name} must be perpendicular to the axle {axle.name}")
-        if np.linalg.norm(np.cross(normal, axle.initial)) < FLAT:
+        if np.linalg.norm(np.cross(np.asarray(normal), axle.initial)) < FLAT:
             raise ModelError(
                 f"{where}: the disc lies flat, its axle {axle.name} is along the normal; a rim has no lowest point then, tilt it"
             )
 
-    def _turn_together(self, kind: str, first: Relative, second: Relative, balance) -> Row:
+    def _turn_together(self, kind: str, first: Relative, second: Relative, balance: sympy.Expr) -> Row:
         if first is second:
             raise ModelError(f"{kind}: {first!r} is tied to itself; give two coordinates")
         return self.constrain(balance, f"{kind} {first.name}, {second.name}", Owner("joint", f"{kind} {first.name}-{second.name}"))
 
-    def _share(self, a: Body, b: Body, *elements) -> None:
+    def _share(self, a: Body, b: Body, *elements: Spatial) -> None:
         if a is b:
             raise ModelError(f"joint: body {a.name} is joined to itself; give two bodies")
         self.extend(a, *elements)
@@ -194,16 +201,18 @@ def _size(segment: Combination) -> float:
     return float(np.linalg.norm(segment.initial)) or 1.0
 
 
-def _height(normal, centre: Point):
-    return measures.dot(normal, centre.given) if centre.is_parametric else float(np.dot(normal, centre.initial))
+def _height(normal: Values, centre: Point) -> Scalar:
+    if centre.is_parametric:
+        return measures.dot(map(as_sympy, normal), centre.given)
+    return float(np.dot(np.asarray(normal), centre.initial))
 
 
-def _steepness(normal, axle: Vector):
+def _steepness(normal: Values, axle: Vector) -> Scalar:
     """The sine of the angle between a disc's axle and the normal of the plane."""
     if axle.is_parametric:
-        return measures.norm(measures.cross(normal, axle.given))
-    return float(np.sqrt(1 - np.dot(normal, axle.initial) ** 2))
+        return measures.norm(measures.cross([as_sympy(x) for x in normal], axle.given))
+    return float(np.sqrt(1 - np.dot(np.asarray(normal), axle.initial) ** 2))
 
 
-def _clean(vector) -> list[float]:
+def _clean(vector: np.ndarray) -> list[float]:
     return [0.0 if abs(x) < 1e-15 else float(x) for x in vector]

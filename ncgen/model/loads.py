@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
+from typing import TYPE_CHECKING, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -10,20 +11,23 @@ from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model.arguments import expression, sequence
 from ncgen.model.bodies import Body
-from ncgen.model.coordinates import LAW
-from ncgen.model.elements import Point, Relative, as_combination
+from ncgen.model.coordinates import LAW, Coordinates
+from ncgen.model.elements import Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.forces import Couple, Force, Potential, Spring, TorsionSpring
-from ncgen.model.values import Expression, Expressions, Value, Values, is_number
+from ncgen.model.forces import Callback, Couple, Force, Potential, Spring, TorsionSpring
+from ncgen.model.values import Expression, Expressions, Value, Values, as_sympy, is_number
+
+if TYPE_CHECKING:
+    import sympy
+
+F = TypeVar("F", bound=Callback)
+
+Law: TypeAlias = "Expression | Callable[[sympy.Symbol, sympy.Symbol], Expression]"
+"""In signatures: a spring's law as an expression of the symbols x and v, or as a function of both."""
 
 
-class Loads:
+class Loads(Coordinates):
     """The part of a model that owns applied forces."""
-
-    forces: list
-    potentials: list[Potential]
-    springs: list[Spring]
-    callbacks: list[Callable]
 
     @fact
     def gravity(self, field: Values) -> None:
@@ -47,14 +51,15 @@ class Loads:
     def couple(self, body: Body, vector: Expressions, label: str | None = None) -> Couple:
         """A couple (N m, global axes) on a body: three numbers or expressions."""
         label = label or f"couple on {body.name}"
-        components = tuple(expression(e, f"{label}, {axis}") for axis, e in zip("xyz", _three(vector, label), strict=True))
-        self.forces.append(Couple(label, body, components))
-        return self.forces[-1]
+        x, y, z = (expression(e, f"{label}, {axis}") for axis, e in zip("xyz", _three(vector, label), strict=True))
+        couple = Couple(label, body, (x, y, z))
+        self.forces.append(couple)
+        return couple
 
     @fact
     def potential(self, expression: Expression, label: str = "potential") -> Potential:
         """A potential energy (J) as an expression of coordinates and parameters; its force follows."""
-        self.potentials.append(Potential(label, expression))
+        self.potentials.append(Potential(label, as_sympy(expression)))
         return self.potentials[-1]
 
     @fact
@@ -65,7 +70,7 @@ class Loads:
         stiffness: Value = 0.0,
         damping: Value = 0.0,
         free_length: Value | None = None,
-        law: Callable | None = None,
+        law: Law | None = None,
         label: str | None = None,
     ) -> Spring:
         """A spring and damper between two points.
@@ -81,8 +86,9 @@ class Loads:
         if start is end or not (regular or np.linalg.norm(segment.initial) > 0):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
-        self.springs.append(Spring(label, segment, stiffness, damping, free, self._law(law, label)))
-        return self.springs[-1]
+        spring = Spring(label, segment, stiffness, damping, free, self._law(law, label))
+        self.springs.append(spring)
+        return spring
 
     @fact
     def torsion_spring(
@@ -91,7 +97,7 @@ class Loads:
         stiffness: Value = 0.0,
         damping: Value = 0.0,
         free_angle: Value | None = None,
-        law: Callable | None = None,
+        law: Law | None = None,
         label: str | None = None,
     ) -> TorsionSpring:
         """A spring and damper along a relative angle or distance.
@@ -101,11 +107,12 @@ class Loads:
         """
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
-        self.springs.append(TorsionSpring(label, angle, stiffness, damping, free, self._law(law, label)))
-        return self.springs[-1]
+        spring = TorsionSpring(label, angle, stiffness, damping, free, self._law(law, label))
+        self.springs.append(spring)
+        return spring
 
     @fact
-    def callback(self, function: Callable) -> Callable:
+    def callback(self, function: F) -> F:
         """A force that no expression says: function(t, q, qd, kernels) returns generalised forces (n,), added to Q in Python.
 
         Its work counts in the energy balance. Kernels in C do not contain it.
@@ -117,26 +124,27 @@ class Loads:
 
     # -- helpers -------------------------------------------------------------------------------
 
-    def _apply(self, label: str, components) -> Force:
+    def _apply(self, label: str, components: Iterable[tuple[Component, object]]) -> Force:
         pairs = tuple((component, expression(e, f"{label}, {component.name}")) for component, e in components)
-        self.forces.append(Force(label, pairs))
-        return self.forces[-1]
+        force = Force(label, pairs)
+        self.forces.append(force)
+        return force
 
-    def _law(self, law, label: str):
+    def _law(self, law: Law | None, label: str) -> sympy.Expr | None:
         for name in LAW if law is not None else ():
             if name in self.parameters:
                 raise ModelError(f"{label}: the model has a parameter {name}, which a law calls {LAW[name]}; rename the parameter")
         return as_law(law, f"{label}, law")
 
 
-def _three(vector, label: str) -> tuple:
-    vector = sequence(vector, label, "three numbers or expressions")
-    if len(vector) != 3:
-        raise ModelError(f"{label}: {len(vector)} components given; give three")
-    return vector
+def _three(vector: object, label: str) -> tuple[object, object, object]:
+    components = sequence(vector, label, "three numbers or expressions")
+    if len(components) != 3:
+        raise ModelError(f"{label}: {len(components)} components given; give three")
+    return components
 
 
-def as_law(law, label: str = "law"):
+def as_law(law: object, label: str = "law") -> sympy.Expr | None:
     """The user's law as an expression of the symbols x and v."""
     if law is None:
         return None

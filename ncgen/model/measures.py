@@ -8,11 +8,16 @@ make a base, is decided at the parameters' defaults.
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Sequence
+from typing import TypeAlias
 
 import numpy as np
 
 from ncgen.model.elements import Combination, Point
-from ncgen.model.values import is_number, settled
+from ncgen.model.values import Scalar, is_number, settled
+
+Scalars: TypeAlias = "Sequence[Scalar] | np.ndarray"
+"""A vector of values."""
 
 
 def shape(direction: Combination) -> str:
@@ -20,14 +25,14 @@ def shape(direction: Combination) -> str:
     return "segment" if all(isinstance(e, Point) for e in direction.elements) else "vector"
 
 
-def length(direction: Combination):
+def length(direction: Combination) -> Scalar:
     """The length of a direction in the initial position; exactly 1 for a unit vector."""
     if shape(direction) == "vector" and len(direction.terms) == 1:
         return 1.0
     return norm(direction.given) if direction.is_parametric else float(np.linalg.norm(direction.initial))
 
 
-def cosine(a: Combination, b: Combination):
+def cosine(a: Combination, b: Combination) -> Scalar:
     """The cosine of the angle between two directions; what is zero but for rounding is zero."""
     if a.is_parametric or b.is_parametric:
         return settled(dot(a.given, b.given) / (length(a) * length(b)))
@@ -40,14 +45,14 @@ def cosine_of(a: np.ndarray, b: np.ndarray) -> float:
     return 0.0 if abs(value) < 4 * np.finfo(float).eps else value
 
 
-def along(direction: Combination, axis: Combination):
+def along(direction: Combination, axis: Combination) -> Scalar:
     """The scalar product of two directions."""
     if direction.is_parametric or axis.is_parametric:
         return dot(direction.given, axis.given)
     return float(direction.initial @ axis.initial)
 
 
-def angle(start: Combination, end: Combination, axis: Combination):
+def angle(start: Combination, end: Combination, axis: Combination) -> Scalar:
     """The angle from `start` to `end` about `axis`, in (−π, π]."""
     if not any(d.is_parametric for d in (start, end, axis)):
         return angle_of(start.initial, end.initial, axis.initial / np.linalg.norm(axis.initial))
@@ -62,12 +67,12 @@ def angle_of(a: np.ndarray, b: np.ndarray, n: np.ndarray) -> float:
     return math.atan2(np.cross(a, b) @ n, a @ b - (a @ n) * (b @ n))
 
 
-def weights(base: list, target) -> list:
+def weights(base: Sequence[Scalars], target: Scalars) -> list[Scalar]:
     """Numbers w of the least squares target = Σ w · base, of vectors of values; one to three vectors that are independent."""
     return [settled(dot(target, other)) for other in reciprocal(base)[: len(base)]]
 
 
-def reciprocal(base: list) -> list:
+def reciprocal(base: Sequence[Scalars]) -> list[tuple[Scalar, ...]]:
     """Vectors whose products with the base are 1 and 0, in the space of the base."""
     if len(base) == 1:
         squared = dot(base[0], base[0])
@@ -81,17 +86,17 @@ def reciprocal(base: list) -> list:
 # -- arithmetic of values: zeros are left out, so that what is zero stays a plain zero -----------------
 
 
-def dot(a, b):
+def dot(a: Iterable[Scalar], b: Iterable[Scalar]) -> Scalar:
     """The scalar product of two vectors of values."""
     return settled(sum(_product(x, y) for x, y in zip(a, b, strict=True)))
 
 
-def cross(a, b) -> tuple:
+def cross(a: Scalars, b: Scalars) -> tuple[Scalar, ...]:
     """The cross product of two vectors of values."""
     return tuple(settled(_product(a[i - 2], b[i - 1]) - _product(a[i - 1], b[i - 2])) for i in range(3))
 
 
-def norm(a):
+def norm(a: Iterable[Scalar]) -> Scalar:
     """The length of a vector of values."""
     squared = dot(a, a)
     if is_number(squared):
@@ -101,11 +106,11 @@ def norm(a):
     return sympy.sqrt(squared)
 
 
-def unit(a) -> tuple:
+def unit(a: Scalars) -> tuple[Scalar, ...]:
     """A vector of values divided by its length."""
     size = norm(a)
     return tuple(settled(x / size) if is_number(size) or x != 0.0 else 0.0 for x in a)
 
 
-def _product(x, y):
+def _product(x: Scalar, y: Scalar) -> Scalar:
     return 0 if x == 0.0 or y == 0.0 else x * y

@@ -16,26 +16,29 @@ from __future__ import annotations
 import copy
 import pickle
 import sys
+from typing import TYPE_CHECKING, Unpack
 
 from ncgen.errors import ModelError, shown
 from ncgen.model.bodies import Body
-from ncgen.model.coordinates import Coordinates, check_form
+from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
-from ncgen.model.elements import Element, Point, Vector
+from ncgen.model.elements import Point, Vector
 from ncgen.model.facts import Fact, fact
 from ncgen.model.joints import Joints
 from ncgen.model.loads import Loads, as_law
 from ncgen.model.names import check_word, normal
 from ncgen.model.rigid import Frame
-from ncgen.model.rows import Owner, Row
-from ncgen.model.structure import Structure
-from ncgen.model.values import Parameter
+from ncgen.model.rows import Owner
+
+if TYPE_CHECKING:
+    from ncgen.model.forces import Callback
+    from ncgen.model.tables import Table, TableOptions
 
 LONGEST_NAME = 100
 """Characters of a model's name, which becomes a file name."""
 
 
-class Model(Coordinates, Structure, Joints, Loads):
+class Model(Joints, Loads):
     """A mechanism in natural coordinates.
 
     name: becomes the prefix of the generated code
@@ -44,7 +47,7 @@ class Model(Coordinates, Structure, Joints, Loads):
     form: how relative angles are tied to points and vectors, see `angle`
     """
 
-    def __init__(self, name: str, *, scale: bool = True, form: str = "smooth"):
+    def __init__(self, name: str, *, scale: bool = True, form: str = "smooth") -> None:
         name = normal(name)
         check_word(name, "model")
         if name.lower().startswith("ncgen") or len(name) > LONGEST_NAME:
@@ -54,44 +57,44 @@ class Model(Coordinates, Structure, Joints, Loads):
         self.name = name
         self.scale = scale
         self.form = check_form(form)
-        self.elements: dict[str, Element] = {}
-        self.parameters: dict[str, Parameter] = {}
-        self.bodies: dict[str, Body] = {}
-        self.rows: list[Row] = []
-        self.forces: list = []
-        self.potentials: list = []
-        self.springs: list = []
-        self.callbacks: list = []
-        self.gravity_field: tuple = (0.0, 0.0, 0.0)
-        self.branches: dict[str, tuple[Parameter, ...]] = {}
-        self.chosen_independent: tuple[str, ...] = ()
+        self.elements = {}
+        self.parameters = {}
+        self.bodies = {}
+        self.rows = []
+        self.forces = []
+        self.potentials = []
+        self.springs = []
+        self.callbacks = []
+        self.gravity_field = (0.0, 0.0, 0.0)
+        self.branches = {}
+        self.chosen_independent = ()
         self.drawing = Drawing()
-        self.simulation_options: dict[str, object] = {}
+        self.simulation_options = {}
         self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
-        self._related: dict = {}
-        self.facts: list[Fact] = []
+        self._related = {}
+        self.facts = []
         self._telling = False
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"<Model {self.name}: {len(self.components)} coordinates, {len(self.rows)} rows, {len(self.bodies)} bodies>"
 
-    def __getstate__(self) -> dict:
+    def __getstate__(self) -> dict[str, object]:
         """What pickle takes along: laws of springs as expressions. Raises ModelError naming a callback that pickle cannot find again."""
         for function in self.callbacks:
             _check_travels(function, self.name)
         facts = [Fact(f.word, {k: as_law(v) if k == "law" else v for k, v in f.arguments.items()}) for f in self.facts]
-        return vars(self) | {"facts": facts}
+        return {**vars(self), "facts": facts}
 
-    def __deepcopy__(self, memo: dict) -> Model:
+    def __deepcopy__(self, memo: dict[int, object]) -> Model:
         """A model of its own in the same process, where callbacks can be shared whatever they are."""
         other = memo[id(self)] = object.__new__(type(self))
         vars(other).update(copy.deepcopy(vars(self), memo))
         return other
 
     @fact
-    def simulation(self, **options) -> None:
+    def simulation(self, **options: object) -> None:
         """What `ncgen run` does with this model unless told otherwise: arguments of `ncgen.simulate` by name."""
-        self.simulation_options = _with_names(options)
+        self.simulation_options = {normal(key): _with_names(value) for key, value in options.items()}
 
     @fact
     def line(self, *points: Point) -> None:
@@ -106,25 +109,27 @@ class Model(Coordinates, Structure, Joints, Loads):
         self.drawing.arrows.append((point, vector))
 
     @classmethod
-    def from_tables(cls, P, U, CONSTR, **options) -> Model:
+    def from_tables(cls, P: Table, U: Table, CONSTR: Table, **options: Unpack[TableOptions]) -> Model:
         """A model from the paper's Tables 1-7 as printed, see `ncgen.model.tables.from_tables`."""
         from ncgen.model.tables import from_tables
 
         return from_tables(cls, P, U, CONSTR, **options)
 
 
-def _with_names(options):
+def _with_names(options: object) -> object:
     """Options in which coordinates are called as the model keeps their names."""
     if isinstance(options, dict):
         return {normal(key): _with_names(value) for key, value in options.items()}
-    return type(options)(map(_with_names, options)) if type(options) in (list, tuple) else normal(options)
+    if type(options) is list:
+        return [_with_names(each) for each in options]
+    return tuple(map(_with_names, options)) if type(options) is tuple else normal(options)
 
 
 BY_VALUE = ("cloudpickle", "dill")
 """Packages that can pickle any function."""
 
 
-def _check_travels(function, model: str) -> None:
+def _check_travels(function: Callback, model: str) -> None:
     """Refuse a function that pickle, which takes only names along, could not find on the other side."""
     if any(module.rpartition(".")[2] in BY_VALUE for module in sys.modules):
         return  # whether it can travel is theirs to say

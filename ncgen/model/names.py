@@ -8,8 +8,11 @@ from __future__ import annotations
 
 import keyword
 import unicodedata
+from typing import TypeVar, overload
 
 from ncgen.errors import ModelError, shown
+
+T = TypeVar("T")
 
 LONGEST_NAME = 500
 
@@ -19,23 +22,27 @@ RESERVED = {TIME: "time", "pi": "the constant"}
 """Names that an expression already gives a meaning to, and no name of one's own can take from it."""
 
 
-def normal(name):
+@overload
+def normal(name: str) -> str: ...
+@overload
+def normal(name: T) -> T: ...
+def normal(name: object) -> object:
     """The form in which a name is kept and looked for; what is no text is returned as it is."""
     return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
 
 
-def check_word(name, what: str) -> None:
-    """Refuse what is no word of letters, digits, '_' and '.' that begins with a letter."""
+def check_word(name: object, what: str) -> str:
+    """The name, unless it is no word of letters, digits, '_' and '.' that begins with a letter: that is refused."""
     if not isinstance(name, str) or not name or not all(c.isalnum() or c in "_." for c in name) or not name[0].isalpha():
         raise ModelError(f"{what} name {shown(name)}: give a word of letters, digits and '_' that begins with a letter")
     if len(name) > LONGEST_NAME:
         raise ModelError(f"{what} name {shown(name)}: it has {len(name)} characters; use at most {LONGEST_NAME}")
+    return name
 
 
-def check_name(name, what: str) -> None:
+def check_name(name: object, what: str) -> None:
     """Refuse a name that no expression could mention; between dots stand Python's identifiers, but none of its keywords."""
-    check_word(name, what)
-    for part in name.split("."):
+    for part in check_word(name, what).split("."):
         if not part.isidentifier():
             raise ModelError(f"{what} name {shown(name)}: an expression could not mention it; let a letter follow every dot")
         if keyword.iskeyword(part):

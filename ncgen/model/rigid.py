@@ -10,7 +10,9 @@ Lengths and angles that belong to elements shared with another body are not repe
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypeAlias
 
 import numpy as np
 
@@ -19,7 +21,7 @@ from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
 from ncgen.model.rows import Owner, Row
-from ncgen.model.values import Parameter, mentioned, settled, vanishes
+from ncgen.model.values import Parameter, Scalar, mentioned, settled, vanishes
 
 WELL = 0.2
 """A direction at least this far (sine of the angle) from the plane or line of the base is taken in the order given."""
@@ -32,6 +34,9 @@ SAME = 1e-10
 
 NORMAL = Constant.of("z", (0.0, 0.0, 1.0))
 """The normal of the plane of planar bodies: a constant, no coordinate."""
+
+Claims: TypeAlias = dict[tuple[str, ...], bool]
+"""{names of elements in order: True} of lengths (one name, or the two of a segment) and angles that have a row."""
 
 
 @dataclass(eq=False)
@@ -52,11 +57,11 @@ class Frame:
         """Base directions in the initial position as columns, (3, 0 … 3), the crossed one included."""
         columns = [d.initial for d in self.directions]
         if self.is_crossed:
-            columns.append(np.cross(*columns))
+            columns.append(np.cross(columns[0], columns[1]))
         return np.array(columns).reshape(-1, 3).T
 
     @property
-    def given(self) -> list[tuple]:
+    def given(self) -> list[tuple[Scalar, ...]]:
         """The same as vectors of values: numbers, or expressions of parameters."""
         columns = [d.given for d in self.directions]
         return [*columns, measures.cross(*columns)] if self.is_crossed else columns
@@ -67,7 +72,7 @@ class Frame:
         return any(d.is_parametric for d in self.directions)
 
 
-def include(frame: Frame, elements: list[Spatial], known: dict, parameters: dict[str, Parameter], scaled: bool) -> list[Row]:
+def include(frame: Frame, elements: list[Spatial], known: Claims, parameters: dict[str, Parameter], scaled: bool) -> list[Row]:
     """Rows that tie new elements to a body; `known` remembers which lengths and angles of the model have a row.
 
     Raises ModelError where two points of the body coincide.
@@ -89,7 +94,7 @@ def include(frame: Frame, elements: list[Spatial], known: dict, parameters: dict
     return [replace(r, measured=True) for r in made if not row.is_trivial(r)]
 
 
-def _start(frame: Frame, elements) -> None:
+def _start(frame: Frame, elements: Sequence[Spatial]) -> None:
     frame.origin = next((e for e in elements if isinstance(e, Point)), None)
     frame.planar = all(_in_plane(e, frame.origin) for e in elements) and frame.origin is not None
     if frame.planar:
@@ -106,10 +111,18 @@ def _in_plane(element: Spatial, origin: Point | None) -> bool:
 def _direction(frame: Frame, element: Spatial) -> Combination:
     if isinstance(element, Vector):
         return as_combination(element)
-    direction = element - frame.origin
+    origin = _origin(frame)
+    direction = element - origin
     if not np.linalg.norm(direction.initial) > 0:
-        raise ModelError(f"{frame.owner}: the points {element.name} and {frame.origin.name} coincide; share one point instead")
+        raise ModelError(f"{frame.owner}: the points {element.name} and {origin.name} coincide; share one point instead")
     return direction
+
+
+def _origin(frame: Frame) -> Point:
+    """The origin of a frame that has points."""
+    if frame.origin is None:
+        raise ModelError(f"{frame.owner}: it has no point yet; give it one")
+    return frame.origin
 
 
 def _distance_from_base(frame: Frame, direction: Combination) -> float:
@@ -122,14 +135,14 @@ def _distance_from_base(frame: Frame, direction: Combination) -> float:
     return float(np.linalg.norm(unit - inside))
 
 
-def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: dict, scaled: bool) -> list[Row]:
+def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: Claims, scaled: bool) -> list[Row]:
     """Constant length, and constant angles to the base directions there are."""
-    made = []
+    made: list[Row] = []
     if isinstance(element, Vector):
         if _claim(known, element):
             made.append(row.unit(element, frame.owner, scaled))
-    elif _claim(known, element, frame.origin):
-        made.append(_distance_row(frame, frame.origin, element, direction, scaled))
+    elif isinstance(element, Point) and _claim(known, element, _origin(frame)):
+        made.append(_distance_row(frame, _origin(frame), element, direction, scaled))
     for other in frame.directions:
         made += _angle_row(frame, direction, other, known, scaled)
     return made
@@ -139,11 +152,11 @@ def _distance_row(frame: Frame, start: Point, end: Point, segment: Combination, 
     return row.distance(start, end, measures.length(segment), frame.owner, float(np.linalg.norm(segment.initial)), scaled)
 
 
-def _angle_row(frame: Frame, a: Combination, b: Combination, known: dict, scaled: bool) -> list[Row]:
+def _angle_row(frame: Frame, a: Combination, b: Combination, known: Claims, scaled: bool) -> list[Row]:
     vectors = [d for d in (a, b) if measures.shape(d) == "vector"]
     if not vectors:
         # Two segments from the origin: the distance between their ends says the same as their angle.
-        (_, first), (_, second) = a.terms[0], b.terms[0]
+        first, second = _end(a), _end(b)
         if not _claim(known, first, second):
             return []
         return [_distance_row(frame, first, second, first - second, scaled)]
@@ -154,6 +167,13 @@ def _angle_row(frame: Frame, a: Combination, b: Combination, known: dict, scaled
         return [row.vector_vector(a.elements[0], b.elements[0], cosine, frame.owner, numeric, scaled)]
     vector, segment = (a, b) if measures.shape(a) == "vector" else (b, a)
     return [row.vector_segment(vector.elements[0], segment, measures.length(segment), cosine, frame.owner, numeric, scaled)]
+
+
+def _end(segment: Combination) -> Point:
+    """Where a segment from the origin ends."""
+    end = segment.elements[0]
+    assert isinstance(end, Point), f"{segment} is no segment"
+    return end
 
 
 def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Parameter]) -> list[Row]:
@@ -177,12 +197,15 @@ def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:
     return [0.0 if abs(w) * np.linalg.norm(d) < SAME * size else float(w) for w, d in zip(weights, base.T, strict=True)]
 
 
-def _parametric_weights(frame: Frame, element: Spatial, direction: Combination, size: float, parameters: dict[str, Parameter]) -> list:
+def _parametric_weights(
+    frame: Frame, element: Spatial, direction: Combination, size: float, parameters: dict[str, Parameter]
+) -> list[Scalar]:
     """Weights as expressions; refused where the element leaves what the base spans when parameters change."""
     base = frame.given
     weights = measures.weights(base, direction.given)
     weights = [
-        0.0 if vanishes(w, parameters, SAME * size / np.linalg.norm(d)) else w for w, d in zip(weights, frame.matrix().T, strict=True)
+        0.0 if vanishes(w, parameters, float(SAME * size / np.linalg.norm(d))) else w
+        for w, d in zip(weights, frame.matrix().T, strict=True)
     ]
     rest = [x - measures.dot(weights, [d[k] for d in base]) for k, x in enumerate(direction.given)]
     if len(base) < 3 and not all(vanishes(settled(x), parameters, BARELY * size) for x in rest):
@@ -194,7 +217,7 @@ def _parametric_weights(frame: Frame, element: Spatial, direction: Combination, 
     return weights
 
 
-def _claim(known: set, *elements) -> bool:
+def _claim(known: Claims, *elements: Spatial) -> bool:
     """True the first time these elements are named together."""
     key = tuple(sorted({e.name for e in elements}))
     if key in known:

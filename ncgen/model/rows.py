@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -15,8 +16,9 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model import measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
-from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, as_combination
-from ncgen.model.values import Parameter, is_number, told
+from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, Spatial, as_combination
+from ncgen.model.expressions import is_symbolic
+from ncgen.model.values import Parameter, Scalar, Value, is_number, told
 
 PARALLEL = 1e-6
 """Rows 1002 and 1003 are refused within this angle (rad) of 0 and pi: their gradient repeats the unit norm's."""
@@ -35,7 +37,7 @@ class Owner:
     kind: str
     name: str
 
-    def __str__(self):
+    def __str__(self) -> str:
         return self.name if self.name.startswith(self.kind) else f"{self.kind} {self.name}"
 
 
@@ -54,9 +56,9 @@ class Row:
     label: str
     code: int | None = None
     type: RowType | None = None
-    arguments: dict[str, Combination | Component] = field(default_factory=dict)
-    data: dict[str, object] = field(default_factory=dict)
-    expression: object = None
+    arguments: Mapping[str, Combination | Component] = field(default_factory=dict)
+    data: Mapping[str, Value] = field(default_factory=dict)
+    expression: Scalar | None = None
     scaled: bool = True
     level: str = "position"
     measured: bool = False
@@ -68,8 +70,26 @@ class Row:
             return f"{self.expression} = 0"
         return describe(self.type, {**self.arguments, **self.data})
 
+    @property
+    def written(self) -> Scalar:
+        """The expression of a row that is not of the catalogue."""
+        assert self.expression is not None, f"{self.label}: a row has a type or an expression"
+        return self.expression
 
-def natural_size(row: Row, number) -> float | None:
+    def direction(self, name: str) -> Combination:
+        """What a vector argument of the row's type stands for."""
+        found = self.arguments[name]
+        assert isinstance(found, Combination), f"{self.label}: {name} is no vector"
+        return found
+
+    def scalar(self, name: str) -> Component:
+        """What a scalar argument of the row's type stands for."""
+        found = self.arguments[name]
+        assert isinstance(found, Component), f"{self.label}: {name} is no scalar"
+        return found
+
+
+def natural_size(row: Row, number: Callable[[Value], float]) -> float | None:
     """The size of a row's value where it is grossly violated: what a residual is compared with.
 
     `number` turns a value into a float. For a scaled distance row this is L/2 (m), for all other rows of the catalogue that are scaled 1;
@@ -82,19 +102,19 @@ def natural_size(row: Row, number) -> float | None:
     return size * scale
 
 
-def describe(row_type: RowType, values: dict) -> str:
+def describe(row_type: RowType, values: Mapping[str, Combination | Value | Component]) -> str:
     """A row type's equation with what its letters stand for."""
     places = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", row_type.equation))
     return f"{row_type.equation} = 0 with {places}"
 
 
-def _short(value) -> str:
+def _short(value: Combination | Value | Component) -> str:
     if isinstance(value, (Parameter, Component)):
         return value.name
-    return f"{value:.6g}" if is_number(value) else told(value) if hasattr(type(value), "free_symbols") else str(value)
+    return f"{value:.6g}" if is_number(value) else told(value) if is_symbolic(value) else str(value)
 
 
-def distance(start: Point, end: Point, length, owner: Owner, numeric: float, scaled: bool) -> Row:
+def distance(start: Point, end: Point, length: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1000: |end − start| = length (m). `numeric` is the length's number."""
     label = f"distance {start.name}-{end.name}"
     if not numeric > 0:
@@ -102,12 +122,12 @@ def distance(start: Point, end: Point, length, owner: Owner, numeric: float, sca
     return Row(owner, label, PAPER_CODES["distance"], ROW_TYPES["distance"], {"a": start - end}, {"L": length}, scaled=scaled)
 
 
-def unit(vector, owner: Owner, scaled: bool) -> Row:
+def unit(vector: Spatial, owner: Owner, scaled: bool) -> Row:
     """Row 1001: |u| = 1."""
     return Row(owner, f"unit {vector.name}", PAPER_CODES["unit"], ROW_TYPES["unit"], {"u": as_combination(vector)}, scaled=scaled)
 
 
-def vector_segment(vector, segment: Combination, length, cosine, owner: Owner, numeric: float, scaled: bool) -> Row:
+def vector_segment(vector: Spatial, segment: Combination, length: Value, cosine: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1002: u·segment = length·cosine; refused where the two are parallel. `numeric` is the cosine's number."""
     label = f"angle {vector.name}, {segment}"
     _refuse_parallel(numeric, f"{owner}, {label}")
@@ -116,7 +136,7 @@ def vector_segment(vector, segment: Combination, length, cosine, owner: Owner, n
     return Row(owner, label, PAPER_CODES["vector-segment"], ROW_TYPES["vector-segment"], arguments, data, scaled=scaled)
 
 
-def vector_vector(u, v, cosine, owner: Owner, numeric: float, scaled: bool) -> Row:
+def vector_vector(u: Spatial, v: Spatial, cosine: Value, owner: Owner, numeric: float, scaled: bool) -> Row:
     """Row 1003: u·v = cosine; refused where the two are parallel. `numeric` is the cosine's number."""
     label = f"angle {u.name}, {v.name}"
     _refuse_parallel(numeric, f"{owner}, {label}")
@@ -135,12 +155,12 @@ def _refuse_parallel(cosine: float, where: str) -> None:
         )
 
 
-def dot(a: Combination, b: Combination, value, size: float, owner: Owner, label: str, scaled: bool) -> Row:
+def dot(a: Combination, b: Combination, value: Value, size: float, owner: Owner, label: str, scaled: bool) -> Row:
     """a·b = value, divided by `size`, the natural size of the product."""
     return Row(owner, label, None, ROW_TYPES["dot"], {"a": a, "b": b}, {"c": value, "L": size}, scaled=scaled)
 
 
-def affine(axis: int, e: Combination, a: Combination, b: Combination, cross_weight, size: float, owner: Owner, label: str) -> Row:
+def affine(axis: int, e: Combination, a: Combination, b: Combination, cross_weight: Value, size: float, owner: Owner, label: str) -> Row:
     """One component of e = cross_weight · a × b, where e is a linear combination that a rigid body keeps."""
     data = {"c": cross_weight, "L": size}
     return Row(owner, f"{label}.{AXES[axis]}", None, ROW_TYPES[f"affine-{AXES[axis]}"], {"e": e, "a": a, "b": b}, data)
@@ -167,7 +187,7 @@ def is_trivial(row: Row) -> bool:
     """True if the row cannot depend on any free coordinate, as in the plane for what is out of it."""
     if row.type is None:
         return False
-    vectors = [row.arguments[name] for name in row.type.vectors]
+    vectors = [row.direction(name) for name in row.type.vectors]
     if row.type.scalars:
         return False
     if row.type.key.startswith("affine-"):
@@ -179,7 +199,7 @@ def is_trivial(row: Row) -> bool:
     return not any(_moves(v, k) and (v is w or not _zero(w, k)) for v, w in ((first, last), (last, first)) for k in range(3))
 
 
-def _others(axis: int):
+def _others(axis: int) -> tuple[tuple[int, int], tuple[int, int]]:
     k, l = (axis + 1) % 3, (axis + 2) % 3
     return (k, l), (l, k)
 
@@ -193,7 +213,7 @@ def _zero(direction: Combination, axis: int) -> bool:
     return not _moves(direction, axis) and is_number(value) and value == 0.0
 
 
-def angle(psi: Angle, form: str, lengths, branch: tuple[Parameter, ...], scaled: bool) -> Row:
+def angle(psi: Angle, form: str, lengths: Sequence[Value] | None, branch: tuple[Parameter, ...], scaled: bool) -> Row:
     """The row that ties a relative angle to the elements it is measured between.
 
     form: "smooth" (never degenerate), "cosine", "sine" (largest component of the axis) or "paper"
@@ -204,7 +224,7 @@ def angle(psi: Angle, form: str, lengths, branch: tuple[Parameter, ...], scaled:
     la, lb, ln = lengths or map(measures.length, (psi.start, psi.end, psi.axis))
     data = {"la": la, "lb": lb, "ln": ln, **dict(zip(BRANCH_WEIGHTS, branch))}
     arguments = {"a": psi.start, "b": psi.end, "n": psi.axis, "psi": psi.components[0]}
-    code = PAPER_ANGLE_CODES[tuple(map(measures.shape, (psi.start, psi.end, psi.axis)))]
+    code = PAPER_ANGLE_CODES[measures.shape(psi.start), measures.shape(psi.end), measures.shape(psi.axis)]
     return Row(Owner("coordinate", psi.name), f"angle {psi.name}", code, ROW_TYPES[key], arguments, data, scaled=scaled)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -11,32 +12,30 @@ from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import value
 from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia, symmetric
-from ncgen.model.elements import Combination, Component, Constant, Point, Relative, Spatial, Vector, as_combination
+from ncgen.model.coordinates import Coordinates
+from ncgen.model.elements import Combination, Component, Constant, Direction, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
+from ncgen.model.measures import Scalars
 from ncgen.model.rigid import Frame, include
 from ncgen.model.rows import Owner, Row
-from ncgen.model.values import Expression, Tensor, Value, Values, as_sympy, is_number, settled
+from ncgen.model.values import Expression, Scalar, Tensor, Value, Values, as_sympy, is_number, settled
 
 USER = Owner("user", "model")
 
 
-class Structure:
+class Structure(Coordinates):
     """The part of a model that owns bodies and rows."""
-
-    bodies: dict[str, Body]
-    rows: list[Row]
-    scale: bool
 
     @fact
     def body(
         self,
         name: str,
-        points: list[Point] = (),
-        vectors: list[Vector] = (),
+        points: Sequence[Point] = (),
+        vectors: Sequence[Vector] = (),
         mass: Value | None = None,
         com: Values | None = None,
         inertia: Tensor | None = None,
-        basis: list[Spatial] | None = None,
+        basis: Sequence[Spatial] | None = None,
         *,
         rigid: bool = True,
         constant_mass: bool = False,
@@ -109,7 +108,7 @@ class Structure:
 
     @fact
     def vector_segment(
-        self, vector: Vector, segment: Combination, length: Value | None = None, cosine: Value | None = None, owner: Body | None = None
+        self, vector: Vector, segment: Direction, length: Value | None = None, cosine: Value | None = None, owner: Body | None = None
     ) -> Row:
         """Row 1002: a constant angle between a unit vector and a segment of constant length."""
         label = f"angle {vector.name}, {segment}"
@@ -133,12 +132,12 @@ class Structure:
     @fact
     def constrain(self, expression: Expression, label: str = "constraint", owner: Owner = USER) -> Row:
         """A constraint of your own: a sympy expression of coordinates, `m.time` and parameters that stays zero."""
-        return self._keep(Row(owner, label, expression=expression, scaled=False))
+        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False))
 
     @fact
     def constrain_velocity(self, expression: Expression, label: str = "velocity constraint", owner: Owner = USER) -> Row:
         """A nonholonomic constraint: a sympy expression that is linear in rates (`q.rate`) and stays zero."""
-        return self._keep(Row(owner, label, expression=expression, scaled=False, level="velocity"))
+        return self._keep(Row(owner, label, expression=as_sympy(expression), scaled=False, level="velocity"))
 
     @fact
     def drive(self, coordinate: Component | Relative, law: Expression) -> Row:
@@ -157,10 +156,11 @@ class Structure:
         self.rows.append(replace(new, measured=measured))
         return self.rows[-1]
 
-    def _inertia(self, body: Body, mass, com, tensor, basis) -> Inertia:
-        if basis is not None:
-            check_basis(body.name, basis)
-        points = [e for e in basis or body.elements if isinstance(e, Point)]
+    def _inertia(self, body: Body, mass: Value, com: Values | None, tensor: Tensor | None, basis: Sequence[Spatial] | None) -> Inertia:
+        carriers = None if basis is None else tuple(basis)
+        if carriers is not None:
+            check_basis(body.name, carriers)
+        points = [e for e in carriers or body.elements if isinstance(e, Point)]
         if not points:
             raise ModelError(f"body {body.name}: inertia needs at least one point; give it one")
         if com is None:
@@ -169,9 +169,9 @@ class Structure:
             com = (*com, points[0].given[2])
         tensor = self._tensor(body.name, 0.0 if tensor is None else tensor)
         check_inertia(body.name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
-        return Inertia(mass, tuple(com), symmetric(tensor), basis)
+        return Inertia(mass, tuple(com), symmetric(tensor), carriers)
 
-    def _tensor(self, name: str, given) -> np.ndarray:
+    def _tensor(self, name: str, given: Tensor) -> np.ndarray:
         """An inertia tensor as 3×3 values, from one for a flat body, its diagonal, or all."""
         try:
             given = np.array(given, dtype=object)
@@ -181,15 +181,20 @@ class Structure:
             raise ModelError(f"body {name}: the inertia has shape {given.shape}; give one number (planar), (3,) or (3, 3)")
         values = np.array([value(self, x, f"body {name}, inertia") for x in given.flat], dtype=object).reshape(given.shape)
         if values.ndim == 0:
-            values = as_sympy(values.item()) * np.array([0.5, 0.5, 1.0], dtype=object)
+            moment = as_sympy(values.item())
+            values = np.array([moment * share for share in (0.5, 0.5, 1.0)], dtype=object)
         return np.diag(values) if values.ndim == 1 else values
 
     def _complete(self, body: Body) -> None:
         """An auxiliary unit vector that completes a body's base of two directions to three."""
         if len(body.frame.directions) != 2 or body.frame.planar:
             return
-        direction = measures.cross(*body.frame.given) if body.frame.is_parametric else np.cross(*body.frame.matrix().T)
-        size = measures.norm(direction) if body.frame.is_parametric else np.linalg.norm(direction)
+        if body.frame.is_parametric:
+            direction = measures.cross(*body.frame.given)
+            size = measures.norm(direction)
+        else:
+            direction = np.cross(*body.frame.matrix().T)
+            size = np.linalg.norm(direction)
         self.attach_vector(body, f"{body.name}.aux", tuple(x / size for x in direction))
 
     def directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
@@ -207,9 +212,9 @@ class Structure:
             first = np.cross(e, helper)
             first /= np.linalg.norm(first)
             second = np.cross(e, first)
-        return tuple(self.direction_of(body, d, f"across{k}") for k, d in enumerate((first, second), 1))
+        return self.direction_of(body, first, "across1"), self.direction_of(body, second, "across2")
 
-    def direction_of(self, body: Body, direction, wish: str) -> Combination:
+    def direction_of(self, body: Body, direction: Scalars, wish: str) -> Combination:
         """A direction that moves with a body, given in the initial position as three values."""
         numbers = self._numbers(direction)
         if body is self.ground:
@@ -218,19 +223,16 @@ class Structure:
             return as_combination(self.attach_vector_in_plane(body, direction, wish))
         if len(body.frame.directions) < 3 or body.frame.is_parametric or not all(map(is_number, direction)):
             return as_combination(self.attach_vector(body, self._free_name(f"{body.name}.{wish}"), direction))
-        weights = np.linalg.solve(body.frame.matrix(), direction)
-        combination = None
-        for weight, other in zip(weights, body.frame.directions, strict=True):
-            if abs(weight) > 1e-14:
-                combination = other * float(weight) if combination is None else combination + other * float(weight)
-        return combination
+        weights = np.linalg.solve(body.frame.matrix(), numbers)
+        parts = [other * float(weight) for weight, other in zip(weights, body.frame.directions, strict=True) if abs(weight) > 1e-14]
+        return sum(parts[1:], parts[0])
 
-    def attach_vector_in_plane(self, body: Body, direction, wish: str) -> Vector:
+    def attach_vector_in_plane(self, body: Body, direction: Scalars, wish: str) -> Vector:
         vector = self.vector(self._free_name(f"{body.name}.{wish}"), (direction[0], direction[1], 0.0), fixed="z")
         self.extend(body, vector)
         return vector
 
-    def _numbers(self, values) -> np.ndarray:
+    def _numbers(self, values: Values) -> np.ndarray:
         """The numbers of values at the parameters' defaults, in the same shape."""
         values = np.asarray(values)
         return np.array([self._number(x, "") for x in values.flat]).reshape(values.shape)
@@ -242,7 +244,7 @@ class Structure:
         return name
 
 
-def _middle(points: list[Point]) -> tuple:
+def _middle(points: list[Point]) -> tuple[Scalar, ...]:
     """The mean of some points."""
     if not any(p.is_parametric for p in points):
         return tuple(np.mean([p.initial for p in points], axis=0).tolist())

@@ -6,16 +6,63 @@ so that every sense of section 3.3 of the paper can be written.
 
 from __future__ import annotations
 
-import numpy as np
+import math
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar
 
 from ncgen.errors import ModelError
-from ncgen.model.elements import Angle
-from ncgen.model.values import is_number
+from ncgen.model.arguments import coordinate
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Angle, Combination, Direction, Point, Spatial, Vector
+from ncgen.model.values import Value, is_number
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ncgen.model.model import Model
+
+S = TypeVar("S", Point, Vector)
 
 COLUMNS = 12
 
+Table: TypeAlias = "Sequence[Sequence[Any]] | np.ndarray"
+"""In signatures: the rows of a table, in which values stand beside codes and numbers of elements."""
 
-def from_tables(cls, P, U, CONSTR, *, inertia=None, lines=(), uvect=(), fixed=(), independent=(), name="model", scale=True, form="smooth"):
+Inertias: TypeAlias = Mapping[int, Mapping[str, Any]]
+"""In signatures: {body number: {m, cog, IT, r, u, points, vectors}}: a value, values, a tensor, and numbers of elements."""
+
+Pairs: TypeAlias = Iterable[tuple[int, int]]
+"""In signatures: pairs of numbers of elements."""
+
+
+class TableOptions(TypedDict, total=False):
+    """What else `from_tables` takes."""
+
+    inertia: Inertias | None
+    lines: Pairs
+    uvect: Pairs
+    fixed: Iterable[int]
+    independent: Iterable[int]
+    name: str
+    scale: bool
+    form: str
+
+
+def from_tables(
+    cls: type[Model],
+    P: Table,
+    U: Table,
+    CONSTR: Table,
+    *,
+    inertia: Inertias | None = None,
+    lines: Pairs = (),
+    uvect: Pairs = (),
+    fixed: Iterable[int] = (),
+    independent: Iterable[int] = (),
+    name: str = "model",
+    scale: bool = True,
+    form: str = "smooth",
+) -> Model:
     """Build a model from the paper's tables.
 
     P, U: rows of x, y, z and the 1-based position in q (Table 1); points are named r1, r2 …, vectors u1, u2 …
@@ -41,18 +88,18 @@ def from_tables(cls, P, U, CONSTR, *, inertia=None, lines=(), uvect=(), fixed=()
         model.line(tables.point(start, "LINES"), tables.point(end, "LINES"))
     for point, vector in uvect:
         model.arrow(tables.point(point, "UVECT"), tables.vector(vector, "UVECT"))
-    model.independent(*(f"psi{i}" for i in independent))
+    model.independent(*(coordinate(model, f"psi{i}", "independent, coordinates") for i in independent))
     return model
 
 
 class _Tables:
     """The translation in progress: knows the model and which body owns which elements."""
 
-    def __init__(self, model, inertia):
+    def __init__(self, model: Model, inertia: Inertias) -> None:
         self.model = model
         self.inertia = inertia
 
-    def place(self, P, U, fixed):
+    def place(self, P: Table, U: Table, fixed: set[int]) -> None:
         """Points and vectors in the order of their positions in q."""
         entries = [(f"r{i}", self.model.point, row) for i, row in enumerate(P, 1)]
         entries += [(f"u{i}", self.model.vector, row) for i, row in enumerate(U, 1)]
@@ -68,7 +115,7 @@ class _Tables:
             add(name, (x, y, z), fixed=held)
             expected += 3
 
-    def add_bodies(self):
+    def add_bodies(self) -> None:
         for number, entry in self.inertia.items():
             where = f"inertia of body {number}"
             missing = [key for key in ("m", "cog", "IT", "r") if key not in entry]
@@ -86,39 +133,41 @@ class _Tables:
                 rigid=False,
             )
 
-    def point(self, number, where):
-        return self._element("point", "r", number, where)
+    def point(self, number: float, where: str) -> Point:
+        return self._element(Point, "r", number, where)
 
-    def vector(self, number, where):
-        return self._element("vector", "u", number, where)
+    def vector(self, number: float, where: str) -> Vector:
+        return self._element(Vector, "u", number, where)
 
-    def axis(self, number, where):
+    def axis(self, number: float, where: str) -> Direction:
         vector = self.vector(abs(number), where)
         return -vector if number < 0 else vector
 
-    def segment(self, start, end, where):
+    def segment(self, start: float, end: float, where: str) -> Combination:
         return self.point(end, where) - self.point(start, where)
 
-    def _element(self, kind, letter, number, where):
+    def _element(self, kind: type[S], letter: str, number: float, where: str) -> S:
         name = f"{letter}{number:g}"
         if name not in self.model.elements:
             count = sum(e.name.startswith(letter) and not isinstance(e, Angle) for e in self.model.elements.values())
-            raise ModelError(f"{where}: {kind} {number:g} does not exist, the table has {count}; correct the number")
-        return self.model.elements[name]
+            raise ModelError(f"{where}: {kind.word} {number:g} does not exist, the table has {count}; correct the number")
+        found = self.model.elements[name]
+        assert isinstance(found, kind), f"{name} is no {kind.word}"
+        return found
 
-    def owner(self, elements):
+    def owner(self, elements: Iterable[Spatial]) -> Body | None:
         """The first body that has all these elements: the paper says it only in comments."""
         for body in self.model.bodies.values():
             if set(elements) <= set(body.elements):
                 return body
         return None
 
-    def add_row(self, number, entries):
+    def add_row(self, number: int, entries: list[Any]) -> None:
         where = f"CONSTR row {number}"
         if len(entries) != COLUMNS:
             raise ModelError(f"{where}: {len(entries)} entries; a row has {COLUMNS}, fill with zeros")
         for column, entry in enumerate(entries, 1):
-            if is_number(entry) and not np.isfinite(entry):
+            if is_number(entry) and not math.isfinite(entry):
                 raise ModelError(f"{where}, column {column}: {entry} is not a finite number; correct it")
             if isinstance(entry, str):
                 raise ModelError(f"{where}, column {column}: {entry!r} is not a number; correct it")
@@ -131,46 +180,74 @@ class _Tables:
         except ModelError as error:
             raise error if str(error).startswith(where) else ModelError(f"{where}: {error}") from None
 
-    def distance(self, where, i, j, *rest):
+    def distance(self, where: str, i: float, j: float, *rest: Value) -> None:
         start, end = self.point(i, where), self.point(j, where)
         self.model.distance(start, end, rest[-1], owner=self.owner([start, end]))
 
-    def unit(self, where, i, *rest):
+    def unit(self, where: str, i: float, *rest: Value) -> None:
         vector = self.vector(i, where)
         self.model.unit(vector, owner=self.owner([vector]))
 
-    def vector_segment(self, where, k, i, j, *rest):
+    def vector_segment(self, where: str, k: float, i: float, j: float, *rest: Value) -> None:
         vector, start, end = self.vector(k, where), self.point(i, where), self.point(j, where)
         self.model.vector_segment(vector, start - end, rest[-2], rest[-1], owner=self.owner([vector, start, end]))
 
-    def vector_vector(self, where, i, j, *rest):
+    def vector_vector(self, where: str, i: float, j: float, *rest: Value) -> None:
         u, v = self.vector(i, where), self.vector(j, where)
         self.model.vector_vector(u, v, rest[-1], owner=self.owner([u, v]))
 
-    def angle(self, ipos, start, end, axis, lengths=None):
+    def angle(self, ipos: Value, start: Direction, end: Direction, axis: Direction, lengths: Sequence[Value] | None = None) -> None:
         self.model.angle(f"psi{ipos:g}", start, end, axis, lengths=lengths)
 
-    def segments_on_vector(self, where, i, j, k, l, m, _0, _1, _2, Lij, Lkl, ipos):
+    def segments_on_vector(
+        self,
+        where: str,
+        i: float,
+        j: float,
+        k: float,
+        l: float,
+        m: float,
+        _0: Value,
+        _1: Value,
+        _2: Value,
+        Lij: Value,
+        Lkl: Value,
+        ipos: float,
+    ) -> None:
         self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.axis(m, where), (Lij, Lkl, 1.0))
 
-    def segments_on_segment(self, where, i, j, k, l, m, n, _0, Lij, Lkl, Lmn, ipos):
+    def segments_on_segment(
+        self,
+        where: str,
+        i: float,
+        j: float,
+        k: float,
+        l: float,
+        m: float,
+        n: float,
+        _0: Value,
+        Lij: Value,
+        Lkl: Value,
+        Lmn: Value,
+        ipos: float,
+    ) -> None:
         self.angle(ipos, self.segment(i, j, where), self.segment(k, l, where), self.segment(n, m, where), (Lij, Lkl, Lmn))
 
-    def vectors_on_vector(self, where, i, j, k, *rest):
+    def vectors_on_vector(self, where: str, i: float, j: float, k: float, *rest: Value) -> None:
         self.angle(rest[-1], self.vector(i, where), self.vector(j, where), self.axis(k, where))
 
-    def vectors_on_segment(self, where, i, j, k, l, *rest):
+    def vectors_on_segment(self, where: str, i: float, j: float, k: float, l: float, *rest: Value) -> None:
         self.angle(rest[-1], self.vector(i, where), self.vector(j, where), self.segment(l, k, where), (1.0, 1.0, rest[-2]))
 
-    def vector_segment_on_vector(self, where, k, i, j, l, *rest):
+    def vector_segment_on_vector(self, where: str, k: float, i: float, j: float, l: float, *rest: Value) -> None:
         self.angle(rest[-1], self.vector(k, where), self.segment(j, i, where), self.axis(l, where), (1.0, rest[-2], 1.0))
 
-    def vector_segment_on_segment(self, where, k, i, j, l, m, *rest):
+    def vector_segment_on_segment(self, where: str, k: float, i: float, j: float, l: float, m: float, *rest: Value) -> None:
         axis = self.segment(m, l, where)
         self.angle(rest[-1], self.vector(k, where), self.segment(j, i, where), axis, (1.0, rest[-3], rest[-2]))
 
 
-ROW_READERS = {
+ROW_READERS: dict[object, Callable[..., None]] = {
     1000: _Tables.distance,
     1001: _Tables.unit,
     1002: _Tables.vector_segment,

@@ -8,29 +8,47 @@ constants of the generated code; anything that mentions a parameter stays symbol
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import TYPE_CHECKING, TypeAlias, TypeVar, overload
 
 from ncgen.errors import ModelError, shown
-from ncgen.model.expressions import check_expression
+from ncgen.model.expressions import check_expression, is_symbolic, symbols_in
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from fractions import Fraction
+
+    import numpy as np
+    import sympy
+    from typing_extensions import TypeIs
 
 LARGEST = 1e100
 """The largest number that can be given: products of three are still doubles. A length, mass or stiffness beyond it is a slip."""
 
-Value = object
+Number: TypeAlias = "float | np.integer | np.floating | Fraction"
+"""A plain real number; what a model keeps of it is a float, or an int."""
+
+Value: TypeAlias = "Number | Parameter | sympy.Expr"
 """In signatures: a number, a parameter, or an expression of parameters."""
 
-Values = object
+Values: TypeAlias = "Sequence[Value] | np.ndarray"
 """In signatures: several of them, such as the three of a position."""
 
-Expression = object
+Expression: TypeAlias = "Value | Symbolic"
 """In signatures: a number, or an expression of coordinates, rates, time and parameters."""
 
-Expressions = object
+Expressions: TypeAlias = "Sequence[Expression] | np.ndarray | sympy.MatrixBase"
 """In signatures: three of them."""
 
-Tensor = object
+Tensor: TypeAlias = "Value | Sequence[Value] | Sequence[Sequence[Value]] | np.ndarray"
 """In signatures: one value, three, or 3×3."""
+
+Scalar: TypeAlias = "float | sympy.Expr"
+"""A value that a model holds, ready for arithmetic: a number, or an expression of parameters."""
+
+T = TypeVar("T")
 
 
 class Symbolic:
@@ -39,43 +57,51 @@ class Symbolic:
     name: str
 
     @property
-    def symbol(self):
+    def symbol(self) -> sympy.Symbol:
         import sympy
 
         return sympy.Symbol(self.name, real=True)
 
-    def __add__(self, other):
+    def __add__(self, other: Expression) -> sympy.Expr:
         return self.symbol + as_sympy(other)
 
-    def __radd__(self, other):
+    def __radd__(self, other: Expression) -> sympy.Expr:
         return as_sympy(other) + self.symbol
 
-    def __sub__(self, other):
+    def __sub__(self, other: Expression) -> sympy.Expr:
         return self.symbol - as_sympy(other)
 
-    def __rsub__(self, other):
+    def __rsub__(self, other: Expression) -> sympy.Expr:
         return as_sympy(other) - self.symbol
 
-    def __mul__(self, other):
+    def __mul__(self, other: Expression) -> sympy.Expr:
         return self.symbol * as_sympy(other)
 
-    def __rmul__(self, other):
+    def __rmul__(self, other: Expression) -> sympy.Expr:
         return as_sympy(other) * self.symbol
 
-    def __truediv__(self, other):
+    def __truediv__(self, other: Expression) -> sympy.Expr:
         return self.symbol / as_sympy(other)
 
-    def __rtruediv__(self, other):
+    def __rtruediv__(self, other: Expression) -> sympy.Expr:
         return as_sympy(other) / self.symbol
 
-    def __pow__(self, other):
+    def __pow__(self, other: Expression) -> sympy.Expr:
         return self.symbol ** as_sympy(other)
 
-    def __neg__(self):
+    def __neg__(self) -> sympy.Expr:
         return -self.symbol
 
 
-def as_sympy(value):
+@overload
+def as_sympy(value: Symbolic) -> sympy.Symbol: ...
+@overload
+def as_sympy(value: Symbolic | sympy.Expr) -> sympy.Expr: ...
+@overload
+def as_sympy(value: Expression) -> Scalar: ...
+@overload
+def as_sympy(value: T) -> T: ...
+def as_sympy(value: object) -> object:
     """The sympy form of a number, a handle or an expression."""
     return value.symbol if isinstance(value, Symbolic) else value
 
@@ -91,20 +117,24 @@ class Parameter(Symbolic):
     default: float
     unit: str = ""
 
-    def __repr__(self):
+    def __repr__(self) -> str:
         return f"parameter {self.name}"
 
 
-def is_number(value) -> bool:
+def is_number(value: object) -> TypeIs[Number]:
     """True for plain real numbers, NumPy's included; False for truth values, arrays, complex numbers, parameters and expressions."""
     if isinstance(value, float):
         return True
-    if isinstance(value, (bool, Parameter)) or hasattr(type(value), "free_symbols") or not hasattr(value, "__float__"):
+    if isinstance(value, (bool, Parameter)) or is_symbolic(value) or not hasattr(value, "__float__"):
         return False
     return getattr(value, "ndim", 0) == 0 and getattr(getattr(value, "dtype", None), "kind", "f") in "iuf"
 
 
-def as_value(value, what: str):
+@overload
+def as_value(value: Number, what: str) -> float: ...
+@overload
+def as_value(value: object, what: str) -> float | Parameter | sympy.Expr: ...
+def as_value(value: object, what: str) -> float | Parameter | sympy.Expr:
     """Check one number as the user wrote it; `what` names it in the message.
 
     Returns a float, a `Parameter` or a sympy expression. Raises ModelError for NaN, infinity, numbers
@@ -112,8 +142,8 @@ def as_value(value, what: str):
     """
     if isinstance(value, Parameter):
         return value
-    if hasattr(type(value), "free_symbols"):
-        check_expression(value, what)
+    if is_symbolic(value):
+        value = check_expression(value, what)
         if value.free_symbols:
             return value
     elif not is_number(value):
@@ -129,12 +159,12 @@ def as_value(value, what: str):
     return number
 
 
-def settled(value):
+def settled(value: Scalar) -> Scalar:
     """A value that turned out to have nothing symbolic in it as a float; other values as they are."""
-    return float(value) if hasattr(type(value), "free_symbols") and not value.free_symbols else value
+    return float(value) if is_symbolic(value) and not value.free_symbols else value
 
 
-def evaluate(value, parameters: dict[str, Parameter], what: str) -> float:
+def evaluate(value: Value, parameters: dict[str, Parameter], what: str) -> float:
     """The number a value has at the parameters' defaults.
 
     Raises ModelError if an expression mentions something that is not a parameter of the model, or is not a real number there.
@@ -143,10 +173,11 @@ def evaluate(value, parameters: dict[str, Parameter], what: str) -> float:
         return parameters.get(value.name, value).default
     if is_number(value):
         return float(value)
-    unknown = sorted(s.name for s in value.free_symbols if s.name not in parameters)
+    symbols = symbols_in(value)
+    unknown = sorted(s.name for s in symbols if s.name not in parameters)
     if unknown:
         raise ModelError(f"{what}: {unknown[0]} is not a parameter of this model; declare it with m.parameter")
-    number = value.subs({s: parameters[s.name].default for s in value.free_symbols})
+    number = value.subs({s: parameters[s.name].default for s in symbols})
     try:
         found = float(number)
     except (TypeError, OverflowError):  # complex, or beyond the doubles
@@ -171,10 +202,10 @@ def nearby(parameters: dict[str, Parameter]) -> list[dict[str, Parameter]]:
     ]
 
 
-def vanishes(value, parameters: dict[str, Parameter], bound: float) -> bool:
+def vanishes(value: Value, parameters: dict[str, Parameter], bound: float) -> bool:
     """True if a value is not larger than `bound` at the parameters' defaults and at others near them."""
     if is_number(value):
-        return abs(value) <= bound
+        return bool(abs(value) <= bound)
     found = []
     for each in (parameters, *nearby(parameters)):
         try:
@@ -184,21 +215,24 @@ def vanishes(value, parameters: dict[str, Parameter], bound: float) -> bool:
     return len(found) > 1 and max(found) <= bound
 
 
-def mentioned(values, parameters: dict[str, Parameter]) -> str:
+def mentioned(values: Iterable[object], parameters: dict[str, Parameter]) -> str:
     """The names of the parameters in some values, for messages."""
-    found = set()
+    found: set[str] = set()
     for value in values:
-        found |= {value.name} if isinstance(value, Parameter) else {s.name for s in getattr(value, "free_symbols", ())}
+        if isinstance(value, Parameter):
+            found.add(value.name)
+        elif is_symbolic(value):
+            found |= {s.name for s in symbols_in(value)}
     return ", ".join(name for name in parameters if name in found)
 
 
-def told(expression) -> str:
+def told(expression: sympy.Basic) -> str:
     """An expression for a reader of code: as it is, or what it is made of where it is longer than anybody reads."""
     from sympy import preorder_traversal
 
     if next(islice(preorder_traversal(expression), READABLE, None), None) is None:
         return str(expression)
-    return f"[{', '.join(sorted(s.name for s in expression.free_symbols))}]"
+    return f"[{', '.join(sorted(s.name for s in symbols_in(expression)))}]"
 
 
 READABLE = 40

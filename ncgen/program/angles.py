@@ -11,7 +11,7 @@ from dataclasses import replace
 
 from ncgen.program import passes
 from ncgen.program.blocks import Block, Loop, Program, Slot
-from ncgen.program.graph import Op
+from ncgen.program.graph import Input, Op
 
 SHARED = {"sin": "sine", "cos": "cosine"}
 """Functions of a coordinate, and the arrays that hold their values."""
@@ -32,16 +32,18 @@ def _positions(op: Op, block: Block) -> tuple[int, ...]:
     if op.code not in SHARED:
         return ()
     inner = block.ops[op.args[0]]
-    if inner.code == "load" and inner.leaf[0] == "q":
-        return (inner.leaf[1],)
-    if inner.code == "slot" and block.slots[inner.leaf].array == "q":
-        return block.slots[inner.leaf].table
+    if inner.code == "load":
+        array, position = inner.input
+        return (position,) if array == "q" else ()
+    if inner.code == "slot":
+        slot = block.slots[inner.slot]
+        return slot.table if slot.array == "q" else ()
     return ()
 
 
 def _rewrite(block: Block, place: dict[int, int]) -> Block:
     ops, names = list(block.ops), dict(block.names)
-    slots = list(getattr(block, "slots", ()))
+    slots = list(block.slots)
     for number, op in enumerate(block.ops):
         positions = _positions(op, block)
         if not positions:
@@ -51,7 +53,8 @@ def _rewrite(block: Block, place: dict[int, int]) -> Block:
             slots.append(Slot(SHARED[op.code], table))
             ops[number] = Op("slot", (), len(slots) - 1)
         else:
-            ops[number] = Op("load", (), (SHARED[op.code], table[0]))
+            ops[number] = Op("load", (), Input(SHARED[op.code], table[0]))
         names[number] = f"{op.code}_{block.names.get(op.args[0], f'angle{table[0]}')}"
-    changes = {"slots": tuple(slots)} if isinstance(block, Loop) else {}
-    return replace(block, ops=tuple(ops), names=names, **changes)
+    if isinstance(block, Loop):
+        return replace(block, ops=tuple(ops), names=names, slots=tuple(slots))
+    return replace(block, ops=tuple(ops), names=names)

@@ -8,79 +8,112 @@ from __future__ import annotations
 
 import math
 from collections import defaultdict
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import Literal, NamedTuple, TypeAlias
 
 from ncgen.errors import ModelError, shown
 from ncgen.model.values import told
 from ncgen.program import passes
 from ncgen.program.angles import share_angles
-from ncgen.program.binding import Bound, Derived, Places, bind
-from ncgen.program.blocks import Loop, Pattern, Program, Slot, Store, Straight, TableStore
+from ncgen.program.binding import Bound, Derived, Places, Reference, Structure, bind
+from ncgen.program.blocks import Block, Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.fused import Part, fuse
 from ncgen.program.graph import Graph
 from ncgen.program.lower import lower_value
 from ncgen.program.programs import EMISSIONS, ENERGIES, Programs
 from ncgen.program.verify import verify
-from ncgen.symbolic.equations import Equations
+from ncgen.symbolic.equations import Equations, Term
+from ncgen.symbolic.numbering import Terms
+from ncgen.symbolic.templates import Output
+
+
+class Axis(NamedTuple):
+    """Where a contribution goes along one axis of a kernel's output.
+
+    kind: the term's own row, its coordinate of a number, the energy or the parameter of a number
+    """
+
+    kind: Literal["row", "coordinate", "energy", "parameter"]
+    number: int = 0
+
+
+Place: TypeAlias = tuple[Axis, ...]
+"""What tells the contributions of a term apart: where each goes, along every axis of the output."""
+
+Nodes: TypeAlias = dict[Output, int]
+"""{output of a template: its node}."""
+
+Parts: TypeAlias = Callable[[Places, Nodes], Iterable[tuple[Place, int]]]
+"""(places, outputs) -> the contributions of a term: pairs (place, node)."""
+
+ROW = Axis("row")
 
 
 @dataclass(frozen=True)
 class Kernel:
     """What a kernel is: its inputs, which terms enter, and how a term contributes.
 
-    parts(places, outputs) yields (place, node): a place is what tells contributions apart, such as
-    ("row",), or local numbers of coordinates.
-    shape: the output's axes, "m" rows, "n" coordinates, "e" energies; two axes make a sparse matrix
+    shape: the output's axes, "m" rows, "n" coordinates, "e" energies, "p" parameters; two axes make a sparse matrix
+    wants: names of the outputs of templates that contributions are made of
     """
 
     name: str
     inputs: tuple[str, ...]
     shape: str
-    terms: Callable[[Equations], tuple]
-    wants: Callable[[object], bool]
-    parts: Callable[[Places, dict], Iterator[tuple[tuple, int]]]
+    terms: Callable[[Terms], tuple[Term, ...]]
+    wants: tuple[str, ...]
+    parts: Parts
 
 
-def _row(output):
-    def parts(places, outputs):
-        yield ("row",), outputs[output]
+def _row(name: str) -> Parts:
+    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        yield (ROW,), outputs[Output(name)]
 
     return parts
 
 
-def chain(output: str, order: int, by_row: bool):
+def chain(name: str, order: int, by_row: bool) -> Parts:
     """Contributions per coordinate (order 1) or pair of coordinates (order 2), by the chain rule."""
 
-    def parts(places, outputs):
+    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
         graph = places.graph
         weights = [places.weights(c) for c in range(len(places.bound.coordinates))]
-        head = ("row",) if by_row else ()
+        axes = [Axis("coordinate", c) for c in range(len(weights))]
+        head = (ROW,) if by_row else ()
         made: dict[tuple[int, int], int] = {}
         for i, first in enumerate(weights):
             if order == 1:
-                pieces = [graph.mul(w, outputs[output, k]) for k, w in first if (output, k) in outputs]
-                yield (*head, i), graph.sum(pieces)
+                pieces = [graph.mul(w, outputs[output]) for k, w in first if (output := Output(name, (k,))) in outputs]
+                yield (*head, axes[i]), graph.sum(pieces)
                 continue
             for j, second in enumerate(weights):
                 if i <= j:  # of a symmetric matrix each pair is computed once, so that it is symmetric to the last bit
-                    made[i, j] = graph.sum(graph.mul(graph.mul(w, x), outputs[output, k, l]) for k, w in first for l, x in second)
-                yield (*head, i, j), made[min(i, j), max(i, j)]
+                    made[i, j] = graph.sum(graph.mul(graph.mul(w, x), outputs[Output(name, (k, l))]) for k, w in first for l, x in second)
+                yield (*head, axes[i], axes[j]), made[min(i, j), max(i, j)]
 
     return parts
 
 
-def _energies(places, outputs):
-    for name in ENERGIES:
-        if name in outputs:
-            yield ("energy", name), outputs[name]
+def _energies(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+    for k, name in enumerate(ENERGIES):
+        if Output(name) in outputs:
+            yield (Axis("energy", k),), outputs[Output(name)]
 
 
 POSITION, VELOCITY = ("t", "q", "p"), ("t", "q", "qd", "p")
 
 
-def with_inertia(equations: Equations) -> tuple:
+def _rows(equations: Terms) -> tuple[Term, ...]:
+    return equations.rows
+
+
+def _masses(equations: Terms) -> tuple[Term, ...]:
+    return equations.masses
+
+
+def with_inertia(equations: Terms) -> tuple[Term, ...]:
     """Terms that carry forces and energies: bodies, too, by velocity-dependent inertia."""
     return equations.masses + equations.forces
 
@@ -88,15 +121,28 @@ def with_inertia(equations: Equations) -> tuple:
 KERNELS = {
     kernel.name: kernel
     for kernel in [
-        Kernel("phi", POSITION, "m", lambda e: e.rows, lambda k: k == "phi", _row("phi")),
-        Kernel("phi_q", POSITION, "mn", lambda e: e.rows, lambda k: k[0] == "phi_q", chain("phi_q", 1, True)),
-        Kernel("nu", POSITION, "m", lambda e: e.rows, lambda k: k == "nu", _row("nu")),
-        Kernel("gamma", VELOCITY, "m", lambda e: e.rows, lambda k: k == "gamma", _row("gamma")),
-        Kernel("mass", POSITION, "nn", lambda e: e.masses, lambda k: k[0] == "mass", chain("mass", 2, False)),
-        Kernel("force", VELOCITY, "n", with_inertia, lambda k: k[0] == "force", chain("force", 1, False)),
-        Kernel("energy", VELOCITY, "e", with_inertia, lambda k: k in ENERGIES, _energies),
+        Kernel("phi", POSITION, "m", _rows, ("phi",), _row("phi")),
+        Kernel("phi_q", POSITION, "mn", _rows, ("phi_q",), chain("phi_q", 1, True)),
+        Kernel("nu", POSITION, "m", _rows, ("nu",), _row("nu")),
+        Kernel("gamma", VELOCITY, "m", _rows, ("gamma",), _row("gamma")),
+        Kernel("mass", POSITION, "nn", _masses, ("mass",), chain("mass", 2, False)),
+        Kernel("force", VELOCITY, "n", with_inertia, ("force",), chain("force", 1, False)),
+        Kernel("energy", VELOCITY, "e", with_inertia, ENERGIES, _energies),
     ]
 }
+
+
+class Built(NamedTuple):
+    """A kernel's program, None where the mechanism does not need it, and the pattern of its output where that is a matrix."""
+
+    program: Program | None
+    pattern: Pattern | None
+
+    @property
+    def matrix(self) -> Pattern:
+        """The pattern of a kernel whose output is a matrix."""
+        assert self.pattern is not None, "the output is no matrix"
+        return self.pattern
 
 
 @dataclass
@@ -105,8 +151,8 @@ class Contribution:
 
     members: list[Bound]
     graph: Graph
-    parts: list[tuple[tuple, int]]
-    slots: list[tuple[tuple, Slot]] = field(default_factory=list)
+    parts: list[tuple[Place, int]]
+    slots: list[tuple[Reference, Slot | Column]] = field(default_factory=list)
 
 
 def assemble(equations: Equations, emission: str = "auto") -> Programs:
@@ -118,18 +164,18 @@ def assemble(equations: Equations, emission: str = "auto") -> Programs:
             omitted.append(f"kernel {name}: nothing in this mechanism contributes to it")
     omitted += _folded(equations)
     programs = {name: program for name, (program, _) in built.items() if program is not None}
-    pattern = built["phi_q"][1]
+    pattern = built["phi_q"].matrix
     if "phi_q" in programs:
         programs["constraints"] = _constraints(programs, pattern, equations)
     programs = {name: share_angles(program) for name, program in programs.items()}
-    return Programs(equations, programs, pattern, built["mass"][1], emission, tuple(omitted))
+    return Programs(equations, programs, pattern, built["mass"].matrix, emission, tuple(omitted))
 
 
 ALWAYS = ("phi", "phi_q", "gamma")
 """Kernels that are made for every mechanism that has rows; "constraints" is all of them at once."""
 
 
-def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Equations) -> Program:
+def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Terms) -> Program:
     """Φ, the values of Φ_q, and γ, one after the other."""
     rows = range(pattern.shape[0])
     of_values = tuple(r for r in rows for _ in range(pattern.indptr[r], pattern.indptr[r + 1]))
@@ -139,13 +185,13 @@ def _constraints(programs: dict[str, Program], pattern: Pattern, equations: Equa
     return program
 
 
-def _input_lengths(equations: Equations) -> dict[str, int]:
+def _input_lengths(equations: Terms) -> dict[str, int]:
     n, m = len(equations.free), len(equations.model.rows)
     return {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": len(equations.parameters)}
 
 
-def programs_of(kernels, equations: Equations, least: float) -> dict[str, tuple[Program | None, Pattern | None]]:
-    """{name: (program, pattern of its matrix)} of some kernels; None for what the mechanism does not need.
+def programs_of(kernels: Iterable[Kernel], equations: Terms, least: float) -> dict[str, Built]:
+    """Some kernels by their names.
 
     Sines and cosines are still in the blocks (`share_angles` takes them out).
 
@@ -155,29 +201,29 @@ def programs_of(kernels, equations: Equations, least: float) -> dict[str, tuple[
     bound = {term: _bind(term, equations, derived) for term in (*equations.rows, *with_inertia(equations))}
     n, m = len(equations.free), len(equations.model.rows)
     lengths = {"n": n, "m": m, "e": len(ENERGIES)}
-    built = {}
+    built: dict[str, Built] = {}
     for kernel in kernels:
         groups = [_build(kernel, members, equations) for members in _groups(kernel, equations, bound)]
         places = _places(groups, equations)
         shape = tuple(lengths[axis] for axis in kernel.shape)
-        pattern = Pattern.of(shape, places) if len(shape) == 2 else None
-        index = pattern.positions() if pattern else {place: place[0] for place in places}
+        pattern = Pattern.of((shape[0], shape[1]), places) if len(shape) == 2 else None
+        index: dict[tuple[int, ...], int] = {**pattern.positions()} if pattern else {place: place[0] for place in places}
         size = pattern.nonzeros if pattern else shape[0]
         program = None
         if size and (places or kernel.name in ALWAYS):
             program = _program(kernel, groups, index, size, equations, derived, least)
             verify(program, _input_lengths(equations))
-        built[kernel.name] = (program, pattern)
+        built[kernel.name] = Built(program, pattern)
     return built
 
 
-def _bind(term, equations: Equations, derived: Derived) -> Bound:
+def _bind(term: Term, equations: Terms, derived: Derived) -> Bound:
     with told_of(term.label):
         return bind(term, equations, derived)
 
 
 @contextmanager
-def told_of(label: str):
+def told_of(label: str) -> Iterator[None]:
     """Whatever is wrong with the numbers or the words of a term is a ModelError with the term's own label in front."""
     try:
         yield
@@ -189,20 +235,20 @@ def told_of(label: str):
         raise ModelError(f"{label}: {error} at its numbers and fixed coordinates; correct the expression") from None
 
 
-def _groups(kernel: Kernel, equations: Equations, bound) -> list[list[Bound]]:
-    groups: dict[tuple, list[Bound]] = defaultdict(list)
+def _groups(kernel: Kernel, equations: Terms, bound: Mapping[Term, Bound]) -> list[list[Bound]]:
+    groups: dict[Structure, list[Bound]] = defaultdict(list)
     for term in kernel.terms(equations):
         groups[bound[term].structure].append(bound[term])
     return list(groups.values())
 
 
-def _build(kernel: Kernel, members: list[Bound], equations: Equations) -> Contribution:
+def _build(kernel: Kernel, members: list[Bound], equations: Terms) -> Contribution:
     """The loop body of a group; constants that are the same in every member are folded into it."""
     graph, first = Graph(), members[0]
-    slots: dict[tuple, int] = {}
+    slots: dict[Reference, int] = {}
     contribution = Contribution(members, graph, [])
 
-    def read(reference) -> int:
+    def read(reference: Reference) -> int:
         kind, k = reference
         if kind == "const":
             column = [b.constants[k] for b in members]
@@ -217,46 +263,54 @@ def _build(kernel: Kernel, members: list[Bound], equations: Equations) -> Contri
     return contribution
 
 
-def parts_of(kernel: Kernel, bound: Bound, graph: Graph, read) -> list[tuple[tuple, int]]:
+def parts_of(kernel: Kernel, bound: Bound, graph: Graph, read: Callable[[Reference], int]) -> list[tuple[Place, int]]:
     """(place, node) of what a term contributes to a kernel; structural zeros stay out. read(reference) gives inputs."""
     places = Places(graph, bound, read)
-    wanted = [key for key in bound.template.outputs if kernel.wants(key)]
+    wanted = [key for key in bound.template.outputs if key.name in kernel.wants]
     with told_of(bound.term.label):
         outputs = bound.template.replay(graph, places.symbol, wanted)
         return [(place, node) for place, node in kernel.parts(places, outputs) if graph.value(node) != 0.0]
 
 
-def _slot(reference, members, equations) -> Slot:
+def _slot(reference: Reference, members: Sequence[Bound], equations: Terms) -> Slot | Column:
     kind, k = reference
     if kind == "lam":
-        return Slot("lam", tuple(b.term.row for b in members))
+        return Slot("lam", tuple(b.row for b in members))
     if kind == "const":
-        return Slot("const", tuple(b.constants[k] for b in members))
+        return Column(tuple(b.constants[k] for b in members))
     if kind == "p":
-        return Slot(members[0].parameters[k][0], tuple(b.parameters[k][1] for b in members))
+        return Slot(members[0].parameters[k].array, tuple(b.parameters[k].position for b in members))
     return Slot(kind, tuple(equations.index[b.coordinates[k]] for b in members))
 
 
-def place_of(place: tuple, bound: Bound, equations: Equations) -> tuple[int, ...]:
-    """Where a contribution goes: row number, coordinate numbers, number of the energy or of a parameter ("p", i)."""
-    if place[0] == "energy":
-        return (ENERGIES.index(place[1]),)
+def place_of(place: Place, bound: Bound, equations: Terms) -> tuple[int, ...]:
+    """Where a contribution goes: numbers of a row, of coordinates, of an energy or of a parameter of the mechanism."""
 
-    def number(part) -> int:
-        if part == "row":
-            return bound.term.row
-        return part[1] if isinstance(part, tuple) else equations.index[bound.coordinates[part]]
+    def number(axis: Axis) -> int:
+        kind, k = axis
+        if kind == "coordinate":
+            return equations.index[bound.coordinates[k]]
+        return bound.row if kind == "row" else k
 
     return tuple(map(number, place))
 
 
-def _places(groups: list[Contribution], equations: Equations) -> set[tuple[int, ...]]:
+def _places(groups: list[Contribution], equations: Terms) -> set[tuple[int, ...]]:
     return {place_of(place, b, equations) for g in groups for place, _ in g.parts for b in g.members}
 
 
-def _program(kernel, groups, index, size, equations, derived, least) -> Program:
+def _program(
+    kernel: Kernel,
+    groups: Sequence[Contribution],
+    index: Mapping[tuple[int, ...], int],
+    size: int,
+    equations: Terms,
+    derived: Derived,
+    least: float,
+) -> Program:
     base = [0.0] * size
-    loops, lines = [], []
+    loops: list[Loop] = []
+    lines: list[Loop] = []
     for group in groups:
         with told_of(group.members[0].term.label):
             block = passes.fold_tables(_loop(kernel, group, index, equations))
@@ -267,12 +321,11 @@ def _program(kernel, groups, index, size, equations, derived, least) -> Program:
     needed = sorted({i for b in blocks for i in _derived_indices(b)})
     if needed:
         blocks = [_derived_block(derived, needed, equations), *blocks]
-    blocks = tuple(map(passes.finish, blocks))
     temporaries = {"d": len(derived.expressions)} if needed else {}
-    return Program(kernel.name, kernel.inputs, kernel.name, size, blocks, temporaries)
+    return Program(kernel.name, kernel.inputs, kernel.name, size, tuple(map(passes.finish, blocks)), temporaries)
 
 
-def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> Loop:
+def _loop(kernel: Kernel, group: Contribution, index: Mapping[tuple[int, ...], int], equations: Terms) -> Loop:
     stores = tuple(
         TableStore(kernel.name, tuple(index[place_of(place, b, equations)] for b in group.members), node) for place, node in group.parts
     )
@@ -284,15 +337,15 @@ def _loop(kernel: Kernel, group: Contribution, index, equations: Equations) -> L
     return Loop(len(group.members), tuple(group.graph.ops), slots, stores, names, title, comments)
 
 
-def _name(bound: Bound, reference) -> str:
+def _name(bound: Bound, reference: Reference) -> str:
     """What a reader calls what a reference of a term stands for."""
     kind, k = reference
     if kind == "lam":
         return "multiplier"
-    return MARKS[kind] + bound.names["q", k] if kind in MARKS else bound.names[reference]
+    return MARKS[kind] + bound.names[Reference("q", k)] if kind in MARKS else bound.names[reference]
 
 
-def _comment(bound: Bound, equations: Equations) -> str:
+def _comment(bound: Bound, equations: Terms) -> str:
     term = bound.term
     if term.row is None:
         return term.label
@@ -303,13 +356,13 @@ def _comment(bound: Bound, equations: Equations) -> str:
 
 def _take_constants(block: Loop, base: list[float]) -> Loop:
     """Move stores of plain numbers into the base table."""
-    kept = []
+    kept: list[TableStore] = []
     for store in block.stores:
         op = block.ops[store.node]
         if op.code == "const":
-            column = [op.leaf] * block.count
-        elif op.code == "slot" and block.slots[op.leaf].array == "const":
-            column = block.slots[op.leaf].table
+            column = (op.value,) * block.count
+        elif op.code == "slot" and block.slots[op.slot].array == "const":
+            column = block.slots[op.slot].table
         else:
             kept.append(store)
             continue
@@ -320,7 +373,7 @@ def _take_constants(block: Loop, base: list[float]) -> Loop:
     return replace(block, stores=tuple(kept))
 
 
-def _combine(kernel, base, loops, lines, equations) -> list:
+def _combine(kernel: Kernel, base: list[float], loops: Sequence[Loop], lines: Sequence[Loop], equations: Terms) -> list[Block]:
     """Base table first, then straight-line code, then loops; plain stores where nothing is added up."""
     hits: dict[int, int] = defaultdict(int)
     for block in loops:
@@ -330,7 +383,7 @@ def _combine(kernel, base, loops, lines, equations) -> list:
     straight = _straight(kernel, lines, base, hits, equations)
     written = {s.index for s in straight.stores} if straight else set()
     alone = all(base[i] == 0.0 for i in hits) and all(n == 1 for n in hits.values()) and not written & set(hits)
-    blocks = []
+    blocks: list[Block] = []
     if straight and alone:
         straight = _with_constants(straight, kernel.name, {i: x for i, x in enumerate(base) if i not in written and i not in hits})
     elif not (alone and len(hits) == len(base)):
@@ -358,16 +411,16 @@ def _base_block(array: str, base: list[float]) -> Loop:
     if len(set(base)) <= 1:
         node, slots = graph.const(base[0] if base else 0.0), ()
     else:
-        node, slots = graph.slot(0), (Slot("const", tuple(base)),)
+        node, slots = graph.slot(0), (Column(tuple(base)),)
     return Loop(count, tuple(graph.ops), slots, (TableStore(array, tuple(range(count)), node),), {}, "constant part")
 
 
-def _straight(kernel, lines: list[Loop], base, hits, equations) -> Straight | None:
+def _straight(kernel: Kernel, lines: Sequence[Loop], base: list[float], hits: Mapping[int, int], equations: Terms) -> Straight | None:
     """Small groups written out: their loops unrolled into one graph, contributions to one place added."""
     graph = Graph()
     sums: dict[int, list[int]] = defaultdict(list)
     comments: dict[int, list[str]] = defaultdict(list)
-    names = {}
+    names: dict[int, str] = {}
     for loop in lines:
         for run in range(loop.count):
             with told_of(loop.comments[run]):
@@ -379,8 +432,8 @@ def _straight(kernel, lines: list[Loop], base, hits, equations) -> Straight | No
         return None
     for node, op in enumerate(graph.ops):
         if op.code == "load":
-            names[node] = load_name(*op.leaf, equations)
-    stores = []
+            names[node] = load_name(*op.input, equations)
+    stores: list[Store] = []
     for position in sorted(sums):
         value = sums[position] if position in hits else [graph.const(base[position]), *sums[position]]
         comment = "; ".join(dict.fromkeys(comments[position]))
@@ -392,7 +445,7 @@ MARKS = {"qd": "d", "qdd": "dd"}
 """What stands before a coordinate's name where its velocity or acceleration is meant."""
 
 
-def load_name(array: str, index: int, equations: Equations) -> str:
+def load_name(array: str, index: int, equations: Terms) -> str:
     """What a reader calls an input: the coordinate, its velocity with a d in front, or the parameter."""
     if array == "q" or array in MARKS:
         return MARKS.get(array, "") + equations.free[index].name
@@ -401,25 +454,24 @@ def load_name(array: str, index: int, equations: Equations) -> str:
     return "t" if array == "t" else f"{array}{index}"
 
 
-def _derived_indices(block) -> set[int]:
+def _derived_indices(block: Block) -> set[int]:
     if isinstance(block, Loop):
         return {i for slot in block.slots if slot.array == "d" for i in slot.table}
-    return {op.leaf[1] for op in block.ops if op.code == "load" and op.leaf[0] == "d"}
+    return {position for array, position in (op.input for op in block.ops if op.code == "load") if array == "d"}
 
 
-def _derived_block(derived: Derived, needed: list[int], equations: Equations) -> Straight:
+def _derived_block(derived: Derived, needed: Sequence[int], equations: Terms) -> Straight:
     graph = Graph()
     parameters = {p.name: graph.load("p", i) for i, p in enumerate(equations.parameters)}
     names = {node: name for name, node in parameters.items()}
-    stores = []
+    stores: list[Store] = []
     for i in needed:
         with told_of(shown(derived.expressions[i])):
             stores.append(Store("d", i, lower_value(graph, derived.expressions[i], parameters), comment=told(derived.expressions[i])))
-    stores = tuple(stores)
-    return Straight(tuple(graph.ops), stores, names, "derived from parameters")
+    return Straight(tuple(graph.ops), tuple(stores), names, "derived from parameters")
 
 
-def _folded(equations: Equations) -> list[str]:
+def _folded(equations: Terms) -> list[str]:
     fixed = [c for c in equations.model.components if c.fixed]
     zero = sum(c.value == 0.0 for c in fixed)
     return [f"{len(fixed)} fixed coordinates became constants, {zero} of them zero"] if fixed else []

@@ -7,8 +7,10 @@ list of operations `count` times; its slots say where each run reads, its stores
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import ClassVar, Literal, TypeAlias
 
 import numpy as np
 
@@ -25,6 +27,28 @@ class Store:
     accumulate: bool = False
     comment: str = ""
 
+    @property
+    def table(self) -> tuple[int]:
+        """Its index, as a loop that runs once would have it."""
+        return (self.index,)
+
+
+@dataclass(frozen=True)
+class Slot:
+    """What a loop reads from an array such as q, qd, p or d; `table` holds the index of every run."""
+
+    array: str
+    table: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class Column:
+    """Numbers that a loop reads: `table` holds the one of every run."""
+
+    table: tuple[float, ...]
+
+    array: ClassVar[Literal["const"]] = "const"
+
 
 @dataclass(frozen=True)
 class Straight:
@@ -35,15 +59,8 @@ class Straight:
     names: dict[int, str] = field(default_factory=dict, compare=False)
     title: str = ""
 
-    count = 1
-
-
-@dataclass(frozen=True)
-class Slot:
-    """What a loop reads: `array` is q, qd, p, d or "const"; `table` holds the index (or the number) of every run."""
-
-    array: str
-    table: tuple
+    count: ClassVar[int] = 1
+    slots: ClassVar[tuple[Slot | Column, ...]] = ()
 
 
 @dataclass(frozen=True)
@@ -62,14 +79,14 @@ class Loop:
 
     count: int
     ops: tuple[Op, ...]
-    slots: tuple[Slot, ...]
+    slots: tuple[Slot | Column, ...]
     stores: tuple[TableStore, ...]
     names: dict[int, str] = field(default_factory=dict, compare=False)
     title: str = ""
     comments: tuple[str, ...] = ()
 
 
-Block = Straight | Loop
+Block: TypeAlias = Straight | Loop
 
 
 @dataclass(frozen=True)
@@ -94,7 +111,7 @@ class Program:
     def is_constant(self) -> bool:
         """True if the output does not depend on any input."""
         return all(op.code != "load" for b in self.blocks for op in b.ops) and all(
-            slot.array == "const" for b in self.blocks if isinstance(b, Loop) for slot in b.slots
+            slot.array == "const" for b in self.blocks for slot in b.slots
         )
 
 
@@ -107,15 +124,15 @@ class Pattern:
     indices: tuple[int, ...]
 
     @classmethod
-    def of(cls, shape: tuple[int, int], places) -> Pattern:
+    def of(cls, shape: tuple[int, int], places: Iterable[tuple[int, ...]]) -> Pattern:
         """The pattern of a set of (row, column) places."""
         columns: list[list[int]] = [[] for _ in range(shape[0])]
         for row, column in sorted(set(places)):
             columns[row].append(column)
         indptr = [0]
-        for row in columns:
-            indptr.append(indptr[-1] + len(row))
-        return cls(shape, tuple(indptr), tuple(c for row in columns for c in row))
+        for numbers in columns:
+            indptr.append(indptr[-1] + len(numbers))
+        return cls(shape, tuple(indptr), tuple(c for numbers in columns for c in numbers))
 
     @property
     def nonzeros(self) -> int:

@@ -6,11 +6,13 @@ outputs; the reverse sweep finds the gradient of one output by everything it dep
 
 from __future__ import annotations
 
+from collections.abc import Callable, Collection, Iterable
+
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Graph
 
 
-def gradient(graph: Graph, output: int, variables) -> dict[int, int]:
+def gradient(graph: Graph, output: int, variables: Collection[int]) -> dict[int, int]:
     """{variable: node of ∂output/∂variable} by one reverse sweep; structural zeros stay out."""
     active = _active(graph, [output], variables)
     adjoints: dict[int, int] = {output: graph.const(1.0)}
@@ -24,7 +26,7 @@ def gradient(graph: Graph, output: int, variables) -> dict[int, int]:
     return {v: adjoints[v] for v in variables if v in adjoints and graph.value(adjoints[v]) != 0.0}
 
 
-def tangent(graph: Graph, outputs, direction: dict[int, int]) -> dict[int, int]:
+def tangent(graph: Graph, outputs: Collection[int], direction: dict[int, int]) -> dict[int, int]:
     """{output: node of its derivative along a direction} by one forward sweep; structural zeros stay out.
 
     direction: {variable: node of its rate}
@@ -42,7 +44,7 @@ def tangent(graph: Graph, outputs, direction: dict[int, int]) -> dict[int, int]:
     return {output: rates[output] for output in outputs if output in rates and graph.value(rates[output]) != 0.0}
 
 
-def slopes(graph: Graph, node: int) -> list:
+def slopes(graph: Graph, node: int) -> list[Callable[[], int]]:
     """For every argument of an operation a function that makes the node of ∂operation/∂argument."""
     op = graph.ops[node]
     one = graph.const(1.0)
@@ -60,9 +62,10 @@ def slopes(graph: Graph, node: int) -> list:
     return [lambda rule=rule: rule(graph, node, *op.args) for rule in FUNCTIONS[op.code].slopes]
 
 
-def _active(graph: Graph, outputs, variables) -> dict[int, None]:
+def _active(graph: Graph, outputs: Iterable[int], variables: Collection[int]) -> dict[int, None]:
     """Operations below the outputs that depend on a variable, arguments first (an ordered set)."""
-    below, stack = set(), list(outputs)
+    below: set[int] = set()
+    stack = list(outputs)
     while stack:
         node = stack.pop()
         if node not in below:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from ncgen.program.blocks import Loop, Program
+from ncgen.program.blocks import Loop, Program, Store
+from ncgen.program.graph import Op
 
 
 def dump(program: Program) -> str:
@@ -13,24 +14,25 @@ def dump(program: Program) -> str:
     for block in program.blocks:
         loop = isinstance(block, Loop)
         lines.append(f"  loop {block.count}  # {block.title}" if loop else f"  straight  # {block.title}".rstrip(" #"))
-        for number, slot in enumerate(getattr(block, "slots", ())):
+        for number, slot in enumerate(block.slots):
             lines.append(f"    slot {number} = {slot.array}[{', '.join(map(repr, slot.table))}]")
         for number, op in enumerate(block.ops):
             name = f"  # {block.names[number]}" if number in block.names else ""
             lines.append(f"    %{number} = {_operation(op)}{name}")
         for store in block.stores:
-            place = "[" + ", ".join(map(str, store.table)) + "]" if loop else f"[{store.index}]"
+            place = ", ".join(map(str, store.table))
             sign = "+=" if store.accumulate else "="
-            comment = f"  # {store.comment}" if getattr(store, "comment", "") else ""
-            lines.append(f"    {store.array}{place} {sign} %{store.node}{comment}")
+            comment = f"  # {store.comment}" if isinstance(store, Store) and store.comment else ""
+            lines.append(f"    {store.array}[{place}] {sign} %{store.node}{comment}")
     return "\n".join(lines) + "\n"
 
 
-def _operation(op) -> str:
+def _operation(op: Op) -> str:
     if op.code == "const":
-        return f"const {op.leaf!r}"
+        return f"const {op.value!r}"
     if op.code == "load":
-        return f"load {op.leaf[0]}[{op.leaf[1]}]"
+        array, position = op.input
+        return f"load {array}[{position}]"
     if op.code == "slot":
-        return f"slot {op.leaf}"
+        return f"slot {op.slot}"
     return f"{op.code} " + " ".join(f"%{a}" for a in op.args)

@@ -12,7 +12,11 @@ much an error of the independent coordinates grows in the others; infinite where
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TypeAlias, TypeVar
+
+import numpy as np
 
 from ncgen.errors import SingularError
 from ncgen.program.assemble import KERNELS
@@ -22,7 +26,11 @@ from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.verify import verify
-from ncgen.symbolic.equations import Equations
+from ncgen.symbolic.numbering import Terms
+
+T = TypeVar("T", int, float)
+
+Sizes: TypeAlias = Sequence[float] | np.ndarray
 
 
 @dataclass(frozen=True)
@@ -34,7 +42,7 @@ class DynamicsPrograms:
     split: Split
 
 
-def assemble_dynamics(equations: Equations, split: Split, samples: Samples, sizes, refine: bool = False) -> DynamicsPrograms:
+def assemble_dynamics(equations: Terms, split: Split, samples: Samples, sizes: Sizes, refine: bool = False) -> DynamicsPrograms:
     """Both programs for one choice of independent coordinates.
 
     samples: {(row, coordinate): number} of Φ_q in typical positions, for the choice of pivots
@@ -54,7 +62,7 @@ def _dependent(jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix
     row = {r: i for i, r in enumerate(split.rows)}
     column = {c: j for j, c in enumerate(split.dependent)}
 
-    def chosen(entries):
+    def chosen(entries: dict[tuple[int, int], T]) -> dict[tuple[int, int], T]:
         return {(row[r], column[c]): value for (r, c), value in entries.items() if r in row and c in column}
 
     return chosen(jacobian), [chosen(sample) for sample in samples]
@@ -66,39 +74,39 @@ def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Samples) -> t
     return matrix, factor(lines.graph, matrix, len(split.rows), numbers)
 
 
-def _newton(equations: Equations, split: Split, samples: Samples) -> Program:
+def _newton(equations: Terms, split: Split, samples: Samples) -> Program:
     lines = Lines(equations)
     graph = lines.graph
-    phi = lines.gather(KERNELS["phi"])
-    _, factors = _factor(lines, lines.gather(KERNELS["phi_q"]), split, samples)
-    right = {i: graph.neg(phi[r,]) for i, r in enumerate(split.rows) if (r,) in phi}
+    phi = lines.vector(KERNELS["phi"])
+    _, factors = _factor(lines, lines.matrix(KERNELS["phi_q"]), split, samples)
+    right = {i: graph.neg(phi[r]) for i, r in enumerate(split.rows) if r in phi}
     step = solve(graph, factors, right)
     zero = graph.const(0.0)
     steps = [step.get(j, zero) for j in range(len(split.dependent))]
-    residuals = [phi.get((r,), zero) for r in range(len(equations.rows))]
+    residuals = [phi.get(r, zero) for r in range(len(equations.rows))]
     return lines.program("newton", ("t", "q", "p"), steps + residuals)
 
 
-def _acceleration(equations: Equations, split: Split, samples: Samples, sizes, refine: bool) -> Program:
+def _acceleration(equations: Terms, split: Split, samples: Samples, sizes: Sizes, refine: bool) -> Program:
     lines = Lines(equations)
     graph = lines.graph
     zero, one = graph.const(0.0), graph.const(1.0)
     n, nz = len(equations.free), len(split.independent)
-    jacobian = lines.gather(KERNELS["phi_q"])
+    jacobian = lines.matrix(KERNELS["phi_q"])
     matrix, factors = _factor(lines, jacobian, split, samples)
 
-    def particular(right: dict[tuple[int, ...], int]) -> dict[int, int]:
+    def particular(right: dict[int, int]) -> dict[int, int]:
         """S·right: {coordinate: node}."""
-        kept = {i: right[r,] for i, r in enumerate(split.rows) if (r,) in right}
+        kept = {i: right[r] for i, r in enumerate(split.rows) if r in right}
         solution = solve_refined(graph, matrix, factors, kept) if refine else solve(graph, factors, kept)
         return {split.dependent[j]: node for j, node in solution.items()}
 
     R: list[dict[int, int]] = []
     for c in split.independent:
-        column = {(r,): graph.neg(node) for (r, k), node in jacobian.items() if k == c}
+        column = {r: graph.neg(node) for (r, k), node in jacobian.items() if k == c}
         R.append({c: one, **particular(column)})
 
-    nu = lines.gather(KERNELS["nu"])
+    nu = lines.vector(KERNELS["nu"])
     lines.rates = [zero] * n
     for c, node in particular(nu).items():
         lines.rates[c] = node
@@ -107,9 +115,9 @@ def _acceleration(equations: Equations, split: Split, samples: Samples, sizes, r
         for c, node in column.items():
             lines.rates[c] = graph.add(lines.rates[c], graph.mul(node, speed))
 
-    bias = particular(lines.gather(KERNELS["gamma"]))
-    mass = lines.gather(KERNELS["mass"])
-    force = {c: node for (c,), node in lines.gather(KERNELS["force"]).items()}
+    bias = particular(lines.vector(KERNELS["gamma"]))
+    mass = lines.matrix(KERNELS["mass"])
+    force = lines.vector(KERNELS["force"])
 
     def times_mass(vector: dict[int, int]) -> dict[int, int]:
         sums: dict[int, list[int]] = defaultdict(list)
@@ -133,7 +141,7 @@ def _acceleration(equations: Equations, split: Split, samples: Samples, sizes, r
     return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
 
 
-def _amplification(graph: Graph, split: Split, R: list[dict[int, int]], sizes) -> int:
+def _amplification(graph: Graph, split: Split, R: list[dict[int, int]], sizes: Sizes) -> int:
     """‖R‖² in natural units, coordinate by coordinate."""
     squares: dict[int, list[int]] = defaultdict(list)
     unit = sizes[split.independent[0]] if split.independent else 1.0  # mostly that of all: then nothing is multiplied here
@@ -144,13 +152,22 @@ def _amplification(graph: Graph, split: Split, R: list[dict[int, int]], sizes) -
     return graph.sum(graph.mul(graph.const(float((unit / sizes[c]) ** 2)), graph.sum(nodes)) for c, nodes in sorted(squares.items()))
 
 
-def _power(lines, split, factors, nu, force, momentum, zdd, MR) -> int:
+def _power(
+    lines: Lines,
+    split: Split,
+    factors: Factors,
+    nu: dict[int, int],
+    force: dict[int, int],
+    momentum: dict[int, int],
+    zdd: Sequence[int],
+    MR: Sequence[dict[int, int]],
+) -> int:
     """Power of forces without a potential and of drivers, P − νᵀλ with (Φ_q^d)ᵀ λ = (Q − M q̈)_d, q̈ = R z̈ + S γ.
 
     momentum: M S γ
     """
     graph = lines.graph
-    own = lines.gather(KERNELS["energy"]).get((ENERGIES.index("power"),))
+    own = lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"))
     power = own if own is not None else graph.const(0.0)
     if nu:
         zero = graph.const(0.0)
@@ -161,6 +178,6 @@ def _power(lines, split, factors, nu, force, momentum, zdd, MR) -> int:
         right = {j: left[c] for j, c in enumerate(split.dependent) if c in left}
         lam = solve_transposed(graph, factors, right)
         for i, r in enumerate(split.rows):
-            if (r,) in nu and i in lam:
-                power = graph.sub(power, graph.mul(nu[r,], lam[i]))
+            if r in nu and i in lam:
+                power = graph.sub(power, graph.mul(nu[r], lam[i]))
     return power

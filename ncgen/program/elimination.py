@@ -7,17 +7,25 @@ multiplications first, among entries that are large enough in sample positions; 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from ncgen.program.graph import Graph
 
 THRESHOLD = 0.05
 """A pivot must be at least this share of the largest entry of its column in every sample."""
 
-Matrix = dict[tuple[int, int], int]
+Matrix: TypeAlias = dict[tuple[int, int], int]
 """{(row, column): node} of the nonzeros."""
 
-Samples = list[dict[tuple[int, int], float]]
+Samples: TypeAlias = list[dict[tuple[int, int], float]]
 """The same matrix as numbers, in some typical positions."""
+
+
+Rows: TypeAlias = list[dict[int, int]]
+"""{column: node} per row, while they are eliminated."""
+
+Numbers: TypeAlias = list[list[dict[int, float]]]
+"""Per sample the same as numbers: {column: number} per row."""
 
 
 class EliminationError(ArithmeticError):
@@ -43,12 +51,15 @@ def factor(graph: Graph, matrix: Matrix, size: int, samples: Samples) -> Factors
 
     Raises EliminationError where every candidate pivot is too small in a sample.
     """
-    rows: list[dict[int, int]] = [{} for _ in range(size)]
+    rows: Rows = [{} for _ in range(size)]
     for (i, j), node in sorted(matrix.items()):
         rows[i][j] = node
-    numbers = [[{j: sample.get((i, j), 0.0) for j in rows[i]} for i in range(size)] for sample in samples]
+    numbers: Numbers = [[{j: sample.get((i, j), 0.0) for j in rows[i]} for i in range(size)] for sample in samples]
     left = set(range(size))
-    pivots, reciprocals, lower, upper = [], [], [], []
+    pivots: list[tuple[int, int]] = []
+    reciprocals: list[int] = []
+    lower: Rows = []
+    upper: Rows = []
     one = graph.const(1.0)
     for _ in range(size):
         i, j = _pivot(rows, left, numbers)
@@ -64,14 +75,14 @@ def factor(graph: Graph, matrix: Matrix, size: int, samples: Samples) -> Factors
     return Factors(tuple(pivots), tuple(reciprocals), tuple(lower), tuple(upper))
 
 
-def _pivot(rows, left, numbers) -> tuple[int, int]:
+def _pivot(rows: Rows, left: set[int], numbers: Numbers) -> tuple[int, int]:
     """The admissible entry with the fewest multiplications, first in order among equals."""
     count: dict[int, int] = {}
     for i in left:
         for j in rows[i]:
             count[j] = count.get(j, 0) + 1
     largest = [{j: max(abs(sample[i][j]) for i in left if j in rows[i]) for j in count} for sample in numbers]
-    best = None
+    best: tuple[int, int, int] | None = None
     for i in sorted(left):
         width = len(rows[i]) - 1
         for j in sorted(rows[i]):
@@ -85,7 +96,7 @@ def _pivot(rows, left, numbers) -> tuple[int, int]:
     return best[1], best[2]
 
 
-def _eliminate(graph, rows, numbers, i, j, k, multiplier) -> None:
+def _eliminate(graph: Graph, rows: Rows, numbers: Numbers, i: int, j: int, k: int, multiplier: int) -> None:
     """row k −= multiplier · row i, on operations and on the sample numbers."""
     shares = [sample[k].pop(j) / sample[i][j] for sample in numbers]
     rows[k].pop(j)
@@ -190,12 +201,14 @@ def factor_symmetric(graph: Graph, matrix: Matrix, size: int, samples: Samples) 
     Such a matrix can be eliminated in any order (Vanderbei 1995); taken is the row with the fewest nonzeros among those
     with an admissible pivot, else the one with the best pivot.
     """
-    rows: list[dict[int, int]] = [{} for _ in range(size)]
+    rows: Rows = [{} for _ in range(size)]
     for (i, j), node in sorted(matrix.items()):
         rows[i][j] = node
-    numbers = [[{j: sample.get((i, j), 0.0) for j in rows[i]} for i in range(size)] for sample in samples]
+    numbers: Numbers = [[{j: sample.get((i, j), 0.0) for j in rows[i]} for i in range(size)] for sample in samples]
     left = set(range(size))
-    order, reciprocals, lower = [], [], []
+    order: list[int] = []
+    reciprocals: list[int] = []
+    lower: Rows = []
     one = graph.const(1.0)
     while left:
         k = min(sorted(left), key=lambda i: _diagonal_price(i, rows, numbers))
@@ -220,7 +233,7 @@ def factor_symmetric(graph: Graph, matrix: Matrix, size: int, samples: Samples) 
     return SymmetricFactors(tuple(order), tuple(reciprocals), tuple(lower))
 
 
-def _diagonal_price(i: int, rows, numbers) -> tuple[float, int]:
+def _diagonal_price(i: int, rows: Rows, numbers: Numbers) -> tuple[float, int]:
     """(0, nonzeros) of a row with an admissible pivot; rows without one come after all others, the best of them first."""
     share = min(abs(s[i][i]) / max((abs(x) for x in s[i].values()), default=1.0) for s in numbers)
     return (0.0, len(rows[i])) if share >= LEAST_PIVOT else (1.0 - share, 0)

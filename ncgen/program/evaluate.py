@@ -5,20 +5,29 @@ Slow and simple. It serves where compiling is not worth it, and as one more witn
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
+from typing import Any
+
 from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Loop, Program
+from ncgen.program.blocks import Block, Program
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import Op
 from ncgen.program.passes import ARITHMETIC_ON_NUMBERS, compute
 
 
-def evaluate(program: Program, inputs: dict[str, object], functions: dict | None = None, number=float) -> list:
-    """The output of a program.
+def evaluate(
+    program: Program,
+    inputs: Mapping[str, Any],
+    functions: Mapping[str, Callable[..., Any]] | None = None,
+    number: Callable[[float], Any] = float,
+) -> list[Any]:
+    """The output of a program, as numbers of the kind that `inputs` and `number` are of.
 
     inputs: {"t": number, "q": sequence, …}
     functions: {name: callable} where the numbers need other elementary functions than `math`'s
     number: turns a constant into the kind of number wanted, such as `mpmath.mpf`
     """
-    table = ARITHMETIC_ON_NUMBERS | {name: f.python for name, f in FUNCTIONS.items()} | (functions or {})
+    table = {**ARITHMETIC_ON_NUMBERS, **{name: f.python for name, f in FUNCTIONS.items()}, **(functions or {})}
     arrays = {name: [inputs[name]] if name == "t" else inputs[name] for name in program.inputs}
     arrays |= {name: [number(0.0)] * size for name, size in program.temporaries.items()}
     arrays[program.output] = [number(0.0)] * program.size
@@ -26,23 +35,30 @@ def evaluate(program: Program, inputs: dict[str, object], functions: dict | None
         arrays |= {name: [table[code](arrays["q"][i]) for i in program.angles] for code, name in SHARED.items()}
     for block in program.blocks:
         for run in range(block.count):
-            values = []
+            values: list[Any] = []
             for op in block.ops:
                 values.append(_value(op, block, run, arrays, values, table, number))
             for store in block.stores:
-                index = store.table[run] if isinstance(block, Loop) else store.index
-                array = arrays[store.array]
+                index, array = store.table[run], arrays[store.array]
                 array[index] = array[index] + values[store.node] if store.accumulate else values[store.node]
     return arrays[program.output]
 
 
-def _value(op, block, run, arrays, values, table, number):
+def _value(
+    op: Op,
+    block: Block,
+    run: int,
+    arrays: Mapping[str, Any],
+    values: list[Any],
+    table: Mapping[str, Callable[..., Any]],
+    number: Callable[[float], Any],
+) -> Any:
     if op.code == "const":
-        return number(op.leaf)
+        return number(op.value)
     if op.code == "load":
-        array, index = op.leaf
-        return arrays[array][index]
+        array, position = op.input
+        return arrays[array][position]
     if op.code == "slot":
-        slot = block.slots[op.leaf]
+        slot = block.slots[op.slot]
         return number(slot.table[run]) if slot.array == "const" else arrays[slot.array][slot.table[run]]
     return compute(op, [values[a] for a in op.args], table)

@@ -11,21 +11,26 @@ coordinate. seed: [dt; dq; dq̇; dp]; change: [dq̇; dq̈; dλ] of the motion, a
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 
-from ncgen.model.elements import Component, Vector
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Component, Spatial, Vector
 from ncgen.model.rows import Owner
 from ncgen.model.values import Parameter, is_number
 from ncgen.program.assemble import KERNELS
+from ncgen.program.binding import Bound, Reference
 from ncgen.program.blocks import Program
 from ncgen.program.derivatives import tangent
 from ncgen.program.full_motion import directions
+from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.lower import lower_value
 from ncgen.program.verify import verify
-from ncgen.symbolic.equations import Equations, build_equations, build_springs
+from ncgen.symbolic.equations import build_equations, build_springs
+from ncgen.symbolic.numbering import Terms
 
 
-def assemble_loads(equations: Equations) -> tuple[Program, Program]:
+def assemble_loads(equations: Terms) -> tuple[Program, Program]:
     """The program and its tangent, elements in the order of `loaded_elements`."""
     lines = Lines(equations)
     graph, n, m = lines.graph, len(equations.free), len(equations.rows)
@@ -44,7 +49,7 @@ def assemble_loads(equations: Equations) -> tuple[Program, Program]:
     return program, slope
 
 
-def loaded_elements(equations: Equations) -> list[tuple]:
+def loaded_elements(equations: Terms) -> list[tuple[Body, Spatial]]:
     """(body, element) of every load."""
     return [(body, element) for body in equations.model.bodies.values() for element in body.elements]
 
@@ -52,8 +57,8 @@ def loaded_elements(equations: Equations) -> list[tuple]:
 def _loads(lines: Lines) -> list[int]:
     graph, equations = lines.graph, lines.equations
     springs = _Share(lines, build_springs(equations.model))
-    pulls = {equations.free[i]: node for (i,), node in springs.gather(KERNELS["force"]).items()}
-    found = []
+    pulls = {equations.free[i]: node for i, node in springs.vector(KERNELS["force"]).items()}
+    found: list[int] = []
     for body in equations.model.bodies.values():
         share = _Share(lines, build_equations(equations.model, Owner("body", body.name)))
         balance = share.balance()
@@ -64,14 +69,14 @@ def _loads(lines: Lines) -> list[int]:
     return found
 
 
-def _cross(graph, u: list[int], f: list[int]) -> list[int]:
+def _cross(graph: Graph, u: Sequence[int], f: Sequence[int]) -> list[int]:
     return [graph.sub(graph.mul(u[i - 2], f[i - 1]), graph.mul(u[i - 1], f[i - 2])) for i in range(3)]
 
 
 class _Share(Lines):
     """What one body owns, in the graph and on the coordinates of the whole; its fixed elements are coordinates without motion."""
 
-    def __init__(self, whole: Lines, share: Equations):
+    def __init__(self, whole: Lines, share: Terms) -> None:
         super().__init__(share)
         self.graph, self.whole = whole.graph, whole.equations
 
@@ -79,11 +84,11 @@ class _Share(Lines):
         """{component: node of M q̈ − Q + Φ_qᵀ λ}"""
         graph, free = self.graph, self.equations.free
         sums: dict[Component, list[int]] = defaultdict(list)
-        for (i, j), node in self.gather(KERNELS["mass"]).items():
+        for (i, j), node in self.matrix(KERNELS["mass"]).items():
             sums[free[i]].append(graph.mul(node, self.place(free[j], "qdd")))
-        for (i,), node in self.gather(KERNELS["force"]).items():
+        for i, node in self.vector(KERNELS["force"]).items():
             sums[free[i]].append(graph.neg(node))
-        for (r, i), node in self.gather(KERNELS["phi_q"]).items():
+        for (r, i), node in self.matrix(KERNELS["phi_q"]).items():
             sums[free[i]].append(graph.mul(node, graph.load("lam", r)))
         return {component: graph.sum(nodes) for component, nodes in sums.items()}
 
@@ -100,6 +105,6 @@ class _Share(Lines):
             return self.graph.load("p", parameters.index(value.name))
         return lower_value(self.graph, value, {name: self.graph.load("p", i) for i, name in enumerate(parameters)})
 
-    def _read(self, bound, reference):
+    def _read(self, bound: Bound, reference: Reference) -> int:
         kind, k = reference
         return self.place(bound.coordinates[k], kind) if kind in ("q", "qd") else super()._read(bound, reference)

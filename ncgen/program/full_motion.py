@@ -22,8 +22,10 @@ A solution x of H x = b changes by H dx = db − dH x, so the factors serve agai
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
@@ -35,10 +37,14 @@ from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES
 from ncgen.program.verify import verify
-from ncgen.symbolic.equations import Equations
+from ncgen.symbolic.numbering import Terms
 
 SMALL = 2.0**-35
 """e for doubles: the rounding unit to the power of 2/3, for which refinement leaves less than a rounding error."""
+
+
+Vector: TypeAlias = dict[int, int]
+"""{unknown, or row: node}."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +76,7 @@ class Sizes:
         return np.max([np.sum(J**2 / self.W, axis=1) for J in self.jacobians], axis=0)
 
 
-def assemble_full_motion(equations: Equations, sizes: Sizes, holonomic) -> FullMotion:
+def assemble_full_motion(equations: Terms, sizes: Sizes, holonomic: Iterable[int]) -> FullMotion:
     """Both programs; holonomic: numbers of the rows that are equations of position. The mechanism must have mass."""
     closing, motion = _parts(equations, sizes, holonomic)
     built = FullMotion(closing.program(), motion.program())
@@ -79,16 +85,17 @@ def assemble_full_motion(equations: Equations, sizes: Sizes, holonomic) -> FullM
     return _verified(built, equations)
 
 
-def assemble_full_tangents(equations: Equations, sizes: Sizes, holonomic) -> FullMotion:
+def assemble_full_tangents(equations: Terms, sizes: Sizes, holonomic: Iterable[int]) -> FullMotion:
     """The tangents of both programs, with the same arguments."""
-    return _verified(FullMotion(*(part.tangent() for part in _parts(equations, sizes, holonomic))), equations)
+    closing, motion = _parts(equations, sizes, holonomic)
+    return _verified(FullMotion(closing.tangent(), motion.tangent()), equations)
 
 
-def _parts(equations: Equations, sizes: Sizes, holonomic):
+def _parts(equations: Terms, sizes: Sizes, holonomic: Iterable[int]) -> tuple[_Closing, _Motion]:
     return _Closing(equations, sizes, list(map(int, holonomic))), _Motion(equations, sizes)
 
 
-def _verified(built: FullMotion, equations: Equations) -> FullMotion:
+def _verified(built: FullMotion, equations: Terms) -> FullMotion:
     n, parameters = len(equations.free), len(equations.parameters)
     lengths = {"t": 1, "q": n, "qd": n, "p": parameters, "e": 1, "seed": 1 + 2 * n + parameters}
     for program in (built.closing, built.motion):
@@ -99,11 +106,11 @@ def _verified(built: FullMotion, equations: Equations) -> FullMotion:
 class Saddle:
     """H in a graph, rows numbered after coordinates; A is H without e."""
 
-    def __init__(self, lines: Lines, sizes: Sizes, rows):
+    def __init__(self, lines: Lines, sizes: Sizes, rows: Iterable[int]) -> None:
         self.lines, self.graph, self.n = lines, lines.graph, len(lines.equations.free)
         self.place = {r: self.n + k for k, r in enumerate(rows)}
-        self.jacobian = {(r, c): node for (r, c), node in lines.gather(KERNELS["phi_q"]).items() if r in self.place}
-        self.A: dict[tuple[int, int], int] = dict(lines.gather(KERNELS["mass"]))
+        self.jacobian = {(r, c): node for (r, c), node in lines.matrix(KERNELS["phi_q"]).items() if r in self.place}
+        self.A = lines.matrix(KERNELS["mass"])
         for (r, c), node in self.jacobian.items():
             self.A[self.place[r], c] = self.A[c, self.place[r]] = node
         self.factors = self._factors(sizes)
@@ -116,10 +123,12 @@ class Saddle:
             H[c, c] = graph.add(H[c, c], extra) if (c, c) in H else extra
         for r, place in self.place.items():
             H[place, place] = graph.neg(graph.mul(graph.const(float(sizes.V[r])), e))
-        samples = [self._numbers(H, sizes, *pair) for pair in zip(sizes.mass_matrices, sizes.jacobians, strict=True)]
+        samples = [self._numbers(H, sizes, mass, J) for mass, J in zip(sizes.mass_matrices, sizes.jacobians, strict=True)]
         return factor_symmetric(graph, H, self.n + len(self.place), samples)
 
-    def _numbers(self, pattern, sizes: Sizes, mass, jacobian) -> dict[tuple[int, int], float]:
+    def _numbers(
+        self, pattern: Iterable[tuple[int, int]], sizes: Sizes, mass: np.ndarray, jacobian: np.ndarray
+    ) -> dict[tuple[int, int], float]:
         """H as numbers without units: masses and rows of size 1."""
         rows = list(self.place)
         J = jacobian[rows]
@@ -128,10 +137,10 @@ class Saddle:
         scaled = scale[:, None] * H * scale
         return {place: float(scaled[place]) for place in pattern}
 
-    def solve(self, right: dict[int, int]) -> dict[int, int]:
+    def solve(self, right: Vector) -> Vector:
         return solve_symmetric(self.graph, self.factors, right)
 
-    def refined(self, right: dict[int, int]) -> dict[int, int]:
+    def refined(self, right: Vector) -> Vector:
         """The solution with one step of refinement on A."""
         graph, first = self.graph, self.solve(right)
         sums: dict[int, list[int]] = {i: [node] for i, node in right.items()}
@@ -141,7 +150,7 @@ class Saddle:
         correction = self.solve({i: graph.sum(nodes) for i, nodes in sums.items()})
         return {i: _total(graph, first.get(i), correction.get(i)) for i in first.keys() | correction.keys()}
 
-    def change(self, x: dict[int, int], right: dict[int, int], along: dict[int, int], solve) -> dict[int, int]:
+    def change(self, x: Vector, right: Vector, along: dict[int, int], solve: Callable[[Vector], Vector]) -> Vector:
         """How the solution x of H x = right changes along a direction: H dx = dright − dH x, solved as x was.
 
         along: {node: its change}
@@ -154,7 +163,7 @@ class Saddle:
                 sums.setdefault(i, []).append(graph.neg(graph.mul(found[node], x[j])))
         return solve({i: graph.sum(nodes) for i, nodes in sums.items()})
 
-    def times_jacobian(self, x: list[int]) -> dict[int, int]:
+    def times_jacobian(self, x: Sequence[int]) -> Vector:
         """{row: node} of Φ_q x."""
         sums: dict[int, list[int]] = {}
         for (r, c), node in sorted(self.jacobian.items()):
@@ -163,17 +172,21 @@ class Saddle:
 
 
 def _total(graph: Graph, a: int | None, b: int | None) -> int:
-    return b if a is None else a if b is None else graph.add(a, b)
+    """a + b, of which one may not be there."""
+    if a is None:
+        assert b is not None, "a sum of nothing"
+        return b
+    return a if b is None else graph.add(a, b)
 
 
 class _Closing:
     """A Newton step towards the constraints, as nodes."""
 
-    def __init__(self, equations: Equations, sizes: Sizes, holonomic: list[int]):
+    def __init__(self, equations: Terms, sizes: Sizes, holonomic: list[int]) -> None:
         self.lines = Lines(equations)
         self.saddle = Saddle(self.lines, sizes, holonomic)
         place = self.saddle.place
-        self.phi = {r: node for (r,), node in self.lines.gather(KERNELS["phi"]).items() if r in place}
+        self.phi = {r: node for r, node in self.lines.vector(KERNELS["phi"]).items() if r in place}
         self.right = {place[r]: self.lines.graph.neg(node) for r, node in self.phi.items()}
         self.step = self.saddle.solve(self.right)
 
@@ -194,23 +207,23 @@ class _Closing:
 class _Motion:
     """Velocities brought onto the constraints, accelerations, multipliers and energies, as nodes."""
 
-    def __init__(self, equations: Equations, sizes: Sizes):
+    def __init__(self, equations: Terms, sizes: Sizes) -> None:
         self.lines = lines = Lines(equations)
         graph, zero = lines.graph, lines.graph.const(0.0)
         self.n, self.m = n, m = len(equations.free), len(equations.rows)
         self.saddle = Saddle(lines, sizes, range(m))
-        nu = {r: node for (r,), node in lines.gather(KERNELS["nu"]).items()}
+        nu = lines.vector(KERNELS["nu"])
         off = self.saddle.times_jacobian(lines.rates)
         self.missing = {n + r: graph.sub(nu.get(r, zero), off.get(r, zero)) for r in sorted(nu.keys() | off.keys())}
         self.onto = self.saddle.solve(self.missing)
         self.given = lines.rates
         lines.rates = [graph.add(rate, self.onto[c]) if c in self.onto else rate for c, rate in enumerate(lines.rates)]
 
-        self.right = {c: node for (c,), node in lines.gather(KERNELS["force"]).items()}
-        self.right |= {n + r: node for (r,), node in lines.gather(KERNELS["gamma"]).items()}
+        self.right = lines.vector(KERNELS["force"])
+        self.right |= {n + r: node for r, node in lines.vector(KERNELS["gamma"]).items()}
         self.x = self.saddle.refined(self.right)
-        energies = lines.gather(KERNELS["energy"])
-        self.kinetic, self.potential, power = (energies.get((k,), zero) for k in range(len(ENERGIES)))
+        energies = lines.vector(KERNELS["energy"])
+        self.kinetic, self.potential, power = (energies.get(k, zero) for k in range(len(ENERGIES)))
         for r, node in nu.items():
             power = graph.sub(power, graph.mul(node, self.x.get(n + r, zero)))
         self.power = power

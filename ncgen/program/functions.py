@@ -8,15 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+
+if TYPE_CHECKING:
+    from ncgen.program.graph import Graph
+
+Slope: TypeAlias = Callable[..., int]
+"""(graph, node of y = f(x), nodes of x) -> node of the derivative of f by one argument."""
 
 
 class Function(NamedTuple):
     c: str
     numpy: str
     sympy: str
-    python: Callable
-    slopes: tuple[Callable, ...]
+    python: Callable[..., float]
+    slopes: tuple[Slope, ...]
 
     @property
     def arity(self) -> int:
@@ -24,24 +30,24 @@ class Function(NamedTuple):
         return len(self.slopes)
 
 
-def _one_over(g, node: int) -> int:
+def _one_over(g: Graph, node: int) -> int:
     return g.div(g.const(1.0), node)
 
 
-def _one_plus(g, node: int) -> int:
+def _one_plus(g: Graph, node: int) -> int:
     return g.add(g.const(1.0), node)
 
 
-def _one_minus(g, node: int) -> int:
+def _one_minus(g: Graph, node: int) -> int:
     return g.sub(g.const(1.0), node)
 
 
-def _other_leg(g, x: int) -> int:
+def _other_leg(g: Graph, x: int) -> int:
     """√(1 − x²)"""
     return g.call("sqrt", _one_minus(g, g.mul(x, x)))
 
 
-def _radius(g, y: int, x: int) -> int:
+def _radius(g: Graph, y: int, x: int) -> int:
     return g.add(g.mul(y, y), g.mul(x, x))
 
 
@@ -62,7 +68,7 @@ FUNCTIONS = {
     "tanh": Function("NCGEN_TANH", "tanh", "tanh", math.tanh, (lambda g, y, x: _one_minus(g, g.mul(y, y)),)),
     "exp": Function("NCGEN_EXP", "exp", "exp", math.exp, (lambda g, y, x: y,)),
     "log": Function("NCGEN_LOG", "log", "log", math.log, (lambda g, y, x: _one_over(g, x),)),
-    "abs": Function("NCGEN_ABS", "abs", "Abs", abs, (lambda g, y, x: g.call("sign", x),)),
+    "abs": Function("NCGEN_ABS", "abs", "Abs", lambda x: abs(x), (lambda g, y, x: g.call("sign", x),)),
     "sign": Function("NCGEN_SIGN", "sign", "sign", lambda x: (x > 0) - (x < 0), (lambda g, y, x: g.const(0.0),)),
     "pow": Function(
         "NCGEN_POW", "power", "Pow", math.pow,

@@ -7,10 +7,13 @@ products are largely the same: in one program the robot's take two thirds of the
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 from ncgen.program import passes
 from ncgen.program.blocks import Loop, Program, Store, Straight, TableStore
 from ncgen.program.graph import Graph
+
+S = TypeVar("S", Store, TableStore)
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,7 @@ def fuse(name: str, inputs: tuple[str, ...], parts: list[Part]) -> Program:
     return Program(name, inputs, name, offset, blocks, temporaries)
 
 
-def _moved(store: Store | TableStore, old: str, new: str, offset: int):
+def _moved(store: S, old: str, new: str, offset: int) -> S:
     """A store into the output, where the output begins `offset` further on; others as they are."""
     if store.array != old:
         return store
@@ -59,9 +62,9 @@ def _moved(store: Store | TableStore, old: str, new: str, offset: int):
 class _Merged:
     """Straight-line blocks on their way into one."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.graph = Graph()
-        self.stores: dict[tuple, Store] = {}
+        self.stores: dict[tuple[int, str, int], Store] = {}
         self.names: dict[int, str] = {}
         self.title = ""
 

@@ -11,20 +11,50 @@ from __future__ import annotations
 
 import math
 import sys
-from typing import NamedTuple
+from collections.abc import Iterable
+from typing import NamedTuple, TypeAlias
 
 from ncgen.program.functions import FUNCTIONS
+
+
+class Input(NamedTuple):
+    """One number of an array: of an argument such as q, or of a temporary one."""
+
+    array: str
+    position: int
+
+
+Leaf: TypeAlias = float | int | Input | None
+"""What an operation without arguments stands for: a constant (a float), a loop's slot (an int, its number), or an input."""
 
 
 class Op(NamedTuple):
     """One operation: code, the numbers of its arguments, and for leaves what they stand for.
 
-    Leaves: ("const", (), value) · ("load", (), (array, index)) · ("slot", (), number of a loop's slot)
+    Leaves: ("const", (), value) · ("load", (), input) · ("slot", (), number of a loop's slot)
     """
 
     code: str
     args: tuple[int, ...]
-    leaf: object = None
+    leaf: Leaf = None
+
+    @property
+    def value(self) -> float:
+        """The number of a constant."""
+        assert isinstance(self.leaf, float), f"{self} is no constant"
+        return self.leaf
+
+    @property
+    def input(self) -> Input:
+        """What a load reads."""
+        assert isinstance(self.leaf, Input), f"{self} is no load"
+        return self.leaf
+
+    @property
+    def slot(self) -> int:
+        """The number of a loop's slot."""
+        assert isinstance(self.leaf, int), f"{self} is no slot"
+        return self.leaf
 
 
 SMALLEST = sys.float_info.min
@@ -42,12 +72,12 @@ ARITHMETIC = {"add": "+", "sub": "-", "mul": "*", "div": "/", "neg": "-"}
 class Graph:
     """A growing list of operations; the methods return operation numbers."""
 
-    def __init__(self):
+    def __init__(self) -> None:
         self.ops: list[Op] = []
-        self._known: dict[Op, int] = {}
+        self._known: dict[tuple[str, tuple[int, ...], Leaf | str], int] = {}
 
-    def _make(self, code: str, args: tuple[int, ...] = (), leaf=None) -> int:
-        key = Op(code, args, leaf.hex() if code == "const" else leaf)
+    def _make(self, code: str, args: tuple[int, ...] = (), leaf: Leaf = None) -> int:
+        key = (code, args, leaf.hex() if isinstance(leaf, float) else leaf)
         if key not in self._known:
             self._known[key] = len(self.ops)
             self.ops.append(Op(code, args, leaf))
@@ -62,21 +92,21 @@ class Graph:
         return self._make("const", leaf=float(value) + 0.0)  # + 0.0 turns -0.0 into 0.0
 
     def load(self, array: str, index: int) -> int:
-        return self._make("load", leaf=(array, index))
+        return self._make("load", leaf=Input(array, index))
 
     def slot(self, number: int) -> int:
         return self._make("slot", leaf=number)
 
     def value(self, node: int) -> float | None:
         """The number of a constant, None for anything else."""
-        op = self.ops[node]
-        return op.leaf if op.code == "const" else None
+        leaf = self.ops[node].leaf
+        return leaf if isinstance(leaf, float) else None
 
     # -- arithmetic ----------------------------------------------------------------------------
 
     def neg(self, a: int) -> int:
         op = self.ops[a]
-        if op.code == "const":
+        if isinstance(op.leaf, float):
             return self.const(-op.leaf)
         return op.args[0] if op.code == "neg" else self._make("neg", (a,))
 
@@ -108,7 +138,7 @@ class Graph:
             return self.add(a, self.neg(b))
         if self.ops[a].code == "neg":
             return self.neg(self.add(self.ops[a].args[0], b))
-        if (turned := self._known.get(Op("sub", (b, a)))) is not None:
+        if (turned := self._known.get(("sub", (b, a), None))) is not None:
             return self.neg(turned)  # exactly: of a - b and b - a one is enough
         return self._make("sub", (a, b))
 
@@ -170,7 +200,7 @@ class Graph:
                 square = self.mul(square, square)
         return result
 
-    def sum(self, nodes) -> int:
+    def sum(self, nodes: Iterable[int]) -> int:
         total = self.const(0.0)
         for node in nodes:
             total = self.add(total, node)

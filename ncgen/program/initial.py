@@ -6,7 +6,7 @@ start_p(p)    its derivatives (n × parameters), row by row
 
 from __future__ import annotations
 
-from ncgen.model.values import as_sympy, is_number
+from ncgen.model.values import Value, as_sympy, is_number
 from ncgen.program import passes
 from ncgen.program.blocks import Program, Store, Straight
 from ncgen.program.derivatives import gradient
@@ -26,7 +26,7 @@ def assemble_start(numbering: Numbering) -> tuple[Program, Program]:
     return _program("start", graph, nodes), _program("start_p", graph, entries)
 
 
-def _node(graph: Graph, value, parameters: dict[str, int]) -> int:
+def _node(graph: Graph, value: Value, parameters: dict[str, int]) -> int:
     return graph.const(float(value)) if is_number(value) else lower_value(graph, as_sympy(value), parameters)
 
 

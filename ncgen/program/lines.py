@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Sequence
 from functools import partial
 
 from ncgen.program import passes
 from ncgen.program.angles import share_angles
 from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
-from ncgen.program.binding import Derived, bind
+from ncgen.program.binding import Bound, Derived, Reference, bind
 from ncgen.program.blocks import Program, Store, Straight
+from ncgen.program.elimination import Matrix
 from ncgen.program.graph import Graph
 from ncgen.program.lower import lower_value
-from ncgen.symbolic.equations import Equations
+from ncgen.symbolic.numbering import Terms
 
 
 class Lines:
@@ -21,7 +23,7 @@ class Lines:
     rates: nodes of the velocities; loads of qd unless something else is put in their place
     """
 
-    def __init__(self, equations: Equations):
+    def __init__(self, equations: Terms) -> None:
         self.equations = equations
         self.graph = Graph()
         self.derived = Derived()
@@ -38,7 +40,15 @@ class Lines:
                 sums[place_of(place, bound, self.equations)].append(node)
         return {place: self.graph.sum(nodes) for place, nodes in sums.items()}
 
-    def _read(self, bound, reference) -> int:
+    def vector(self, kernel: Kernel) -> dict[int, int]:
+        """{number: node} of a kernel whose output is a vector."""
+        return {i: node for (i,), node in self.gather(kernel).items()}
+
+    def matrix(self, kernel: Kernel) -> Matrix:
+        """{(row, column): node} of a kernel whose output is a matrix."""
+        return {(i, j): node for (i, j), node in self.gather(kernel).items()}
+
+    def _read(self, bound: Bound, reference: Reference) -> int:
         kind, k = reference
         if kind == "const":
             return self.graph.const(bound.constants[k])
@@ -46,7 +56,7 @@ class Lines:
             array, index = bound.parameters[k]
             return self.graph.load("p", index) if array == "p" else self._expression(index)
         if kind == "lam":
-            return self.graph.load("lam", bound.term.row)
+            return self.graph.load("lam", bound.row)
         position = self.equations.index[bound.coordinates[k]]
         return self.rates[position] if kind == "qd" else self.graph.load(kind, position)
 
@@ -55,11 +65,11 @@ class Lines:
             self._parameters = {p.name: self.graph.load("p", i) for i, p in enumerate(self.equations.parameters)}
         return lower_value(self.graph, self.derived.expressions[index], self._parameters)
 
-    def program(self, name: str, inputs, outputs: list[int]) -> Program:
+    def program(self, name: str, inputs: tuple[str, ...], outputs: Sequence[int]) -> Program:
         """A program that writes these nodes one after the other."""
         stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
         block = passes.finish(Straight(tuple(self.graph.ops), stores, self._names()))
         return share_angles(Program(name, inputs, name, len(outputs), (block,)))
 
     def _names(self) -> dict[int, str]:
-        return {k: load_name(*op.leaf, self.equations) for k, op in enumerate(self.graph.ops) if op.code == "load"}
+        return {k: load_name(*op.input, self.equations) for k, op in enumerate(self.graph.ops) if op.code == "load"}

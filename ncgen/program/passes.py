@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from typing import Any, TypeVar
 
-from ncgen.program.blocks import Block, Loop, Slot
+from ncgen.program.blocks import Block, Column, Loop, Slot
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Graph, Op
 
-ARITHMETIC_ON_NUMBERS = {
+B = TypeVar("B", bound=Block)
+
+ARITHMETIC_ON_NUMBERS: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
     "mul": lambda a, b: a * b,
@@ -19,26 +23,26 @@ ARITHMETIC_ON_NUMBERS = {
 _PYTHON = ARITHMETIC_ON_NUMBERS | {name: function.python for name, function in FUNCTIONS.items()}
 
 
-def compute(op: Op, arguments, functions=_PYTHON):
-    """The value of an inner operation on the values of its arguments."""
+def compute(op: Op, arguments: Iterable[Any], functions: Mapping[str, Callable[..., Any]] = _PYTHON) -> Any:
+    """The value of an inner operation on the values of its arguments, which may be numbers of any kind."""
     return functions[op.code](*arguments)
 
 
 def fold_tables(loop: Loop) -> Loop:
     """Operations of a loop that depend on constants alone are computed now and become constants."""
     graph = Graph()
-    columns: dict[int, tuple] = {}  # new node -> its value in every run
-    slots: list[Slot] = []
+    columns: dict[int, tuple[float, ...]] = {}  # new node -> its value in every run
+    slots: list[Slot | Column] = []
     names: dict[int, str] = {}
     made: list[int] = []
 
-    def table(column: tuple, name: str | None) -> int:
+    def table(column: tuple[float, ...], name: str | None) -> int:
         if not all(map(math.isfinite, column)):
             raise OverflowError(f"a constant becomes {next(x for x in column if not math.isfinite(x))}")
         if len(set(column)) == 1:
             node = graph.const(column[0])
         else:
-            slot = Slot("const", column)
+            slot = Column(column)
             if slot not in slots:
                 slots.append(slot)
             node = graph.slot(slots.index(slot))
@@ -50,16 +54,17 @@ def fold_tables(loop: Loop) -> Loop:
     for number, op in enumerate(loop.ops):
         name = loop.names.get(number)
         if op.code == "const":
-            made.append(table((op.leaf,) * loop.count, None))
-        elif op.code == "slot" and loop.slots[op.leaf].array == "const":
-            made.append(table(loop.slots[op.leaf].table, name))
+            made.append(table((op.value,) * loop.count, None))
+        elif op.code == "slot" and loop.slots[op.slot].array == "const":
+            made.append(table(loop.slots[op.slot].table, name))
         elif op.code == "slot":
-            slots.append(loop.slots[op.leaf])
+            slots.append(loop.slots[op.slot])
             node = graph.slot(len(slots) - 1)
             made.append(node)
-            names[node] = name
+            if name is not None:
+                names[node] = name
         elif op.code == "load":
-            made.append(graph.load(*op.leaf))
+            made.append(graph.load(*op.input))
         else:
             arguments = tuple(made[a] for a in op.args)
             if all(a in columns for a in arguments):
@@ -70,17 +75,17 @@ def fold_tables(loop: Loop) -> Loop:
     return dead_code(replace(loop, ops=tuple(graph.ops), slots=tuple(slots), stores=stores, names=names))
 
 
-def dead_code(block: Block) -> Block:
+def dead_code(block: B) -> B:
     """Only operations and slots that reach a store."""
     return _keep(block, sorted(_reachable(block, [s.node for s in block.stores])))
 
 
-def finish(block: Block) -> Block:
+def finish(block: B) -> B:
     """The block as it is emitted: without what no store needs, in the order in which the stores need the rest."""
     return schedule(_plain_differences(dead_code(block)))
 
 
-def _plain_differences(block: Block) -> Block:
+def _plain_differences(block: B) -> B:
     """−(a − b) becomes b − a where a − b serves nothing else."""
     count, ops = uses(block), list(block.ops)
     for node, op in enumerate(block.ops):
@@ -89,7 +94,7 @@ def _plain_differences(block: Block) -> Block:
     return dead_code(replace(block, ops=tuple(ops)))
 
 
-def schedule(block: Block) -> Block:
+def schedule(block: B) -> B:
     """Operations in the order in which the stores need them, so that values live briefly and read well.
 
     Of an operation's arguments the one that takes longest to reach comes first: the others wait for it no longer than they
@@ -106,18 +111,17 @@ def schedule(block: Block) -> Block:
     return _keep(block, order)
 
 
-def unroll(graph: Graph, loop: Loop, run: int) -> list[int]:
-    """One run of a loop as operations of a graph; returns the node of every operation."""
+def unroll(graph: Graph, block: Block, run: int) -> list[int]:
+    """One run of a block as operations of a graph; returns the node of every operation."""
     nodes: list[int] = []
-    for op in loop.ops:
+    for op in block.ops:
         if op.code == "const":
-            nodes.append(graph.const(op.leaf))
+            nodes.append(graph.const(op.value))
         elif op.code == "load":
-            nodes.append(graph.load(*op.leaf))
+            nodes.append(graph.load(*op.input))
         elif op.code == "slot":
-            slot = loop.slots[op.leaf]
-            value = slot.table[run]
-            nodes.append(graph.const(value) if slot.array == "const" else graph.load(slot.array, value))
+            slot = block.slots[op.slot]
+            nodes.append(graph.const(slot.table[run]) if slot.array == "const" else graph.load(slot.array, slot.table[run]))
         else:
             nodes.append(graph.apply(op, tuple(nodes[a] for a in op.args)))
     return nodes
@@ -134,14 +138,14 @@ def uses(block: Block) -> dict[int, int]:
     return count
 
 
-def _reachable(block: Block, roots) -> set[int]:
+def _reachable(block: Block, roots: Iterable[int]) -> set[int]:
     seen: set[int] = set()
     for root in roots:
         seen.update(_depth_first(block, root, seen))
     return seen
 
 
-def _depth_first(block: Block, root: int, seen: set[int], depth: list[int] | None = None):
+def _depth_first(block: Block, root: int, seen: set[int], depth: Sequence[int] | None = None) -> Iterator[int]:
     """New operations below a root, arguments first, the deepest of them before the others; iterative, since graphs can be deep."""
     stack = [(root, False)]
     while stack:
@@ -155,17 +159,16 @@ def _depth_first(block: Block, root: int, seen: set[int], depth: list[int] | Non
             stack.extend((a, False) for a in (sorted(arguments, key=depth.__getitem__) if depth else arguments))
 
 
-def _keep(block: Block, order: list[int]) -> Block:
+def _keep(block: B, order: list[int]) -> B:
     """The block with these operations only, in this order (arguments first)."""
     new = {node: k for k, node in enumerate(order)}
     ops = [block.ops[node] for node in order]
     names = {new[node]: name for node, name in block.names.items() if node in new}
-    changes = {}
     if isinstance(block, Loop):
-        used = sorted({op.leaf for op in ops if op.code == "slot"})
+        used = sorted({op.slot for op in ops if op.code == "slot"})
         numbers = {slot: k for k, slot in enumerate(used)}
-        ops = [op._replace(leaf=numbers[op.leaf]) if op.code == "slot" else op for op in ops]
-        changes["slots"] = tuple(block.slots[s] for s in used)
-    ops = tuple(op._replace(args=tuple(new[a] for a in op.args)) for op in ops)
+        ops = [op._replace(leaf=numbers[op.slot]) if op.code == "slot" else op for op in ops]
+        block = replace(block, slots=tuple(block.slots[s] for s in used))
+    renumbered = tuple(op._replace(args=tuple(new[a] for a in op.args)) for op in ops)
     stores = tuple(replace(s, node=new[s.node]) for s in block.stores)
-    return replace(block, ops=ops, stores=stores, names=names, **changes)
+    return replace(block, ops=renumbered, stores=stores, names=names)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 from ncgen.program.blocks import Pattern, Program
 
 if TYPE_CHECKING:
-    from ncgen.symbolic.equations import Equations
+    from ncgen.symbolic.numbering import Terms
 
 
 EMISSIONS = {"unrolled": math.inf, "tabled": 2, "auto": 16}
@@ -31,7 +31,7 @@ class Programs:
     omitted: what was left out, in words
     """
 
-    equations: Equations
+    equations: Terms
     programs: dict[str, Program]
     phi_q: Pattern
     mass: Pattern

@@ -23,14 +23,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Literal, TypeAlias
 
 from ncgen.program.angles import share_angles
-from ncgen.program.assemble import EMISSIONS, Kernel, chain, programs_of, with_inertia
-from ncgen.program.binding import Places
+from ncgen.program.assemble import EMISSIONS, ROW, Axis, Kernel, Nodes, Parts, Place, chain, programs_of, with_inertia
+from ncgen.program.binding import Places, Reference
 from ncgen.program.blocks import Pattern, Program
 from ncgen.program.derivatives import gradient
 from ncgen.program.lines import Lines
-from ncgen.symbolic.equations import Equations
+from ncgen.symbolic.equations import Term
+from ncgen.symbolic.numbering import Terms
+from ncgen.symbolic.templates import Output
+
+Quantities: TypeAlias = Callable[[Places, Nodes], dict[Place, int]]
+"""(places, outputs) -> {place: node} of what a term adds to the quantities that are differentiated."""
 
 
 @dataclass(frozen=True)
@@ -45,57 +51,58 @@ class TangentPrograms:
     patterns: dict[str, Pattern]
 
 
-def assemble_tangents(equations: Equations, emission: str = "auto") -> TangentPrograms:
+def assemble_tangents(equations: Terms, emission: str = "auto") -> TangentPrograms:
     """The programs of the tangent kernels, loops and straight-line code as in the others."""
     built = programs_of(TANGENTS.values(), equations, EMISSIONS[emission])
     programs = {name: share_angles(program) for name, (program, _) in built.items() if program is not None}
-    return TangentPrograms("tangents", programs, {name: pattern for name, (_, pattern) in built.items()})
+    return TangentPrograms("tangents", programs, {name: kernel.matrix for name, kernel in built.items()})
 
 
-def _balance(places: Places, outputs: dict) -> dict[tuple, int]:
+def _balance(places: Places, outputs: Nodes) -> dict[Place, int]:
     """{(coordinate,): what a term adds to M q̈ + Φ_qᵀ λ − Q along it}."""
     graph = places.graph
-    sums: dict[tuple, int] = {}
+    sums: dict[Place, int] = {}
+    kinds = {key.name for key in outputs}
 
-    def add(place: tuple, node: int) -> None:
+    def add(place: Place, node: int) -> None:
         sums[place] = graph.add(sums[place], node) if place in sums else node
 
-    if any(key[0] == "phi_q" for key in outputs):
+    if "phi_q" in kinds:
         for place, node in chain("phi_q", 1, False)(places, outputs):
-            add(place, graph.mul(places.read(("lam", 0)), node))
-    if any(key[0] == "mass" for key in outputs):
+            add(place, graph.mul(places.read(Reference("lam", 0)), node))
+    if "mass" in kinds:
         for (i, j), node in chain("mass", 2, False)(places, outputs):
-            add((i,), graph.mul(node, places.read(("qdd", j))))
-    if any(key[0] == "force" for key in outputs):
+            add((i,), graph.mul(node, places.read(Reference("qdd", j.number))))
+    if "force" in kinds:
         for place, node in chain("force", 1, False)(places, outputs):
             add(place, graph.neg(node))
     return sums
 
 
-def _row(places: Places, outputs: dict) -> dict[tuple, int]:
-    """{("row",): Φ}."""
-    return {("row",): outputs["phi"]}
+def _row(places: Places, outputs: Nodes) -> dict[Place, int]:
+    """{(row,): Φ}."""
+    return {(ROW,): outputs[Output("phi")]}
 
 
-def _row_rate(places: Places, outputs: dict) -> dict[tuple, int]:
-    """{("row",): Φ̇ = Φ_q q̇ − ν}."""
+def _row_rate(places: Places, outputs: Nodes) -> dict[Place, int]:
+    """{(row,): Φ̇ = Φ_q q̇ − ν}."""
     graph = places.graph
-    parts = [graph.mul(node, places.read(("qd", j))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
-    return {("row",): graph.sub(graph.sum(parts), outputs["nu"])}
+    parts = [graph.mul(node, places.read(Reference("qd", j.number))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
+    return {(ROW,): graph.sub(graph.sum(parts), outputs[Output("nu")])}
 
 
-def _row_acceleration(places: Places, outputs: dict) -> dict[tuple, int]:
-    """{("row",): Φ̈ = Φ_q q̈ − γ}."""
+def _row_acceleration(places: Places, outputs: Nodes) -> dict[Place, int]:
+    """{(row,): Φ̈ = Φ_q q̈ − γ}."""
     graph = places.graph
-    parts = [graph.mul(node, places.read(("qdd", j))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
-    return {("row",): graph.sub(graph.sum(parts), outputs["gamma"])}
+    parts = [graph.mul(node, places.read(Reference("qdd", j.number))) for (j,), node in chain("phi_q", 1, False)(places, outputs)]
+    return {(ROW,): graph.sub(graph.sum(parts), outputs[Output("gamma")])}
 
 
-def _by(kind: str, function) -> Callable[[Places, dict], Iterator[tuple[tuple, int]]]:
+def _by(kind: Literal["q", "qd"], function: Quantities) -> Parts:
     """Contributions ∂function/∂q ("q") or ∂function/∂q̇ ("qd") per coordinate of a term."""
 
-    def parts(places: Places, outputs: dict):
-        variables = {places.read((kind, j)): j for j in range(len(places.bound.coordinates))}
+    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        variables = {places.read(Reference(kind, j)): Axis("coordinate", j) for j in range(len(places.bound.coordinates))}
         for place, node in function(places, outputs).items():
             for variable, slope in gradient(places.graph, node, variables).items():
                 yield (*place, variables[variable]), slope
@@ -103,71 +110,62 @@ def _by(kind: str, function) -> Callable[[Places, dict], Iterator[tuple[tuple, i
     return parts
 
 
-def _by_parameters(function) -> Callable[[Places, dict], Iterator[tuple[tuple, int]]]:
+def _by_parameters(function: Quantities) -> Parts:
     """Contributions ∂function/∂p per parameter."""
 
-    def parts(places: Places, outputs: dict):
-        variables = {node: op.leaf[1] for node, op in enumerate(places.graph.ops) if op.code == "load" and op.leaf[0] == "p"}
+    def parts(places: Places, outputs: Nodes) -> Iterator[tuple[Place, int]]:
+        loads = [(node, op.input) for node, op in enumerate(places.graph.ops) if op.code == "load"]
+        variables = {node: Axis("parameter", position) for node, (array, position) in loads if array == "p"}
         for place, node in function(places, outputs).items():
             for variable, slope in gradient(places.graph, node, variables).items():
-                yield (*place, ("p", variables[variable])), slope
+                yield (*place, variables[variable]), slope
 
     return parts
 
 
-def _enters_balance(key) -> bool:
-    return key[0] in ("phi_q", "mass", "force")
+BALANCE, RATES, ACCELERATIONS = ("phi_q", "mass", "force"), ("phi_q", "nu"), ("phi_q", "gamma")
+"""Outputs of templates that enter the balance of forces, Φ̇ and Φ̈."""
 
 
-def _is_force(key) -> bool:
-    return key[0] == "force"
-
-
-def _enters_rows(key) -> bool:
-    return key == "gamma" or key[0] == "phi_q"
-
-
-def _enters_rates(key) -> bool:
-    return key == "nu" or key[0] == "phi_q"
-
-
-def _rows(equations: Equations) -> tuple:
+def _rows(equations: Terms) -> tuple[Term, ...]:
     return equations.rows
 
 
-def _everything(equations: Equations) -> tuple:
+def _everything(equations: Terms) -> tuple[Term, ...]:
     return equations.rows + with_inertia(equations)
 
 
 TANGENTS = {
     kernel.name: kernel
     for kernel in [
-        Kernel("stiffness", ("t", "q", "qd", "qdd", "lam", "p"), "nn", _everything, _enters_balance, _by("q", _balance)),
-        Kernel("damping", ("t", "q", "qd", "p"), "nn", with_inertia, _is_force, _by("qd", _balance)),
-        Kernel("phidd_q", ("t", "q", "qd", "qdd", "p"), "mn", _rows, _enters_rows, _by("q", _row_acceleration)),
-        Kernel("phidd_qd", ("t", "q", "qd", "p"), "mn", _rows, _enters_rows, _by("qd", _row_acceleration)),
+        Kernel("stiffness", ("t", "q", "qd", "qdd", "lam", "p"), "nn", _everything, BALANCE, _by("q", _balance)),
+        Kernel("damping", ("t", "q", "qd", "p"), "nn", with_inertia, ("force",), _by("qd", _balance)),
+        Kernel("phidd_q", ("t", "q", "qd", "qdd", "p"), "mn", _rows, ACCELERATIONS, _by("q", _row_acceleration)),
+        Kernel("phidd_qd", ("t", "q", "qd", "p"), "mn", _rows, ACCELERATIONS, _by("qd", _row_acceleration)),
     ]
 }
 
 PARAMETER_TANGENTS = {
     kernel.name: kernel
     for kernel in [
-        Kernel("phi_p", ("t", "q", "p"), "mp", _rows, lambda key: key == "phi", _by_parameters(_row)),
-        Kernel("phid_p", ("t", "q", "qd", "p"), "mp", _rows, _enters_rates, _by_parameters(_row_rate)),
-        Kernel("phidd_p", ("t", "q", "qd", "qdd", "p"), "mp", _rows, _enters_rows, _by_parameters(_row_acceleration)),
-        Kernel("balance_p", ("t", "q", "qd", "qdd", "lam", "p"), "np", _everything, _enters_balance, _by_parameters(_balance)),
+        Kernel("phi_p", ("t", "q", "p"), "mp", _rows, ("phi",), _by_parameters(_row)),
+        Kernel("phid_p", ("t", "q", "qd", "p"), "mp", _rows, RATES, _by_parameters(_row_rate)),
+        Kernel("phidd_p", ("t", "q", "qd", "qdd", "p"), "mp", _rows, ACCELERATIONS, _by_parameters(_row_acceleration)),
+        Kernel("balance_p", ("t", "q", "qd", "qdd", "lam", "p"), "np", _everything, BALANCE, _by_parameters(_balance)),
     ]
 }
 
 
-def assemble_parameter_tangents(equations: Equations) -> TangentPrograms:
+def assemble_parameter_tangents(equations: Terms) -> TangentPrograms:
     """The programs of the derivatives by the parameters."""
     lengths = {"m": len(equations.model.rows), "n": len(equations.free), "p": len(equations.parameters)}
-    programs, patterns = {}, {}
+    programs: dict[str, Program] = {}
+    patterns: dict[str, Pattern] = {}
     for kernel in PARAMETER_TANGENTS.values():
         lines = Lines(equations)
         entries = {place: node for place, node in lines.gather(kernel).items() if lines.graph.value(node) != 0.0}
-        patterns[kernel.name] = Pattern.of(tuple(lengths[axis] for axis in kernel.shape), entries)
+        rows, columns = (lengths[axis] for axis in kernel.shape)
+        patterns[kernel.name] = Pattern.of((rows, columns), entries)
         if entries:
             programs[kernel.name] = lines.program(kernel.name, kernel.inputs, [entries[place] for place in sorted(entries)])
     return TangentPrograms("parameter_tangents", programs, patterns)

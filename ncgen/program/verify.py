@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Loop, Program, Straight
+from ncgen.program.blocks import Block, Program
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import ARITHMETIC
 
@@ -30,32 +30,31 @@ def verify(program: Program, sizes: dict[str, int]) -> None:
         _check_ops(block, sizes, where)
         for store in block.stores:
             _require(store.array in sizes, f"{where}: a store into {store.array}, which does not exist")
-            indices = store.table if isinstance(block, Loop) else (store.index,)
-            _require(len(indices) == block.count, f"{where}: a store's table has {len(indices)} entries for {block.count} runs")
-            _require(all(0 <= i < sizes[store.array] for i in indices), f"{where}: a store leaves {store.array}")
+            _require(len(store.table) == block.count, f"{where}: a store's table has {len(store.table)} entries for {block.count} runs")
+            _require(all(0 <= i < sizes[store.array] for i in store.table), f"{where}: a store leaves {store.array}")
             _require(0 <= store.node < len(block.ops), f"{where}: a store of an unknown operation")
             if store.array == program.output:
-                plain = set(indices)
+                plain = set(store.table)
                 _require(store.accumulate <= (plain <= written), f"{where}: adds to an output that was never set")
-                _require(store.accumulate or len(plain) == len(indices), f"{where}: overwrites an output within one store")
+                _require(store.accumulate or len(plain) == len(store.table), f"{where}: overwrites an output within one store")
                 written |= plain
     _require(written == set(range(program.size)), f"program {program.name}: outputs never written")
 
 
-def _check_ops(block: Straight | Loop, sizes, where) -> None:
+def _check_ops(block: Block, sizes: dict[str, int], where: str) -> None:
     for number, op in enumerate(block.ops):
         _require(all(0 <= a < number for a in op.args), f"{where}: operation {number} uses one that is not yet defined")
         if op.code == "const":
-            _require(math.isfinite(op.leaf), f"{where}: constant {op.leaf}")
+            _require(math.isfinite(op.value), f"{where}: constant {op.value}")
         elif op.code == "load":
-            array, index = op.leaf
-            _require(0 <= index < sizes.get(array, 0), f"{where}: reads {array}[{index}], which does not exist")
+            array, position = op.input
+            _require(0 <= position < sizes.get(array, 0), f"{where}: reads {array}[{position}], which does not exist")
         elif op.code == "slot":
-            _require(isinstance(block, Loop) and 0 <= op.leaf < len(block.slots), f"{where}: unknown slot {op.leaf}")
+            _require(0 <= op.slot < len(block.slots), f"{where}: unknown slot {op.slot}")
         else:
             _require(op.code in ARITY, f"{where}: unknown operation {op.code}")
             _require(len(op.args) == ARITY[op.code], f"{where}: {op.code} of {len(op.args)} arguments")
-    for slot in getattr(block, "slots", ()):
+    for slot in block.slots:
         _require(len(slot.table) == block.count, f"{where}: a table of {len(slot.table)} entries for {block.count} runs")
         if slot.array == "const":
             _require(all(map(math.isfinite, slot.table)), f"{where}: a constant that is not finite")

@@ -21,7 +21,8 @@ from ncgen.model.values import Symbolic
 
 if TYPE_CHECKING:
     from ncgen.program.assemble import Kernel
-    from ncgen.symbolic.equations import Equations, Term
+    from ncgen.symbolic.equations import Term
+    from ncgen.symbolic.numbering import Terms
 
 POSITION, VELOCITY = ("q", "t", "p"), ("q", "qd", "t", "p")
 
@@ -210,11 +211,10 @@ def _close(given: dict[str, Any]) -> Iterator[dict[str, Any]]:
             yield given | {name: given[name] * (1 + share * float(np.finfo(float).eps))}
 
 
-def _is_term_finite(term: Term, definition: Kernel, equations: Equations, given: dict[str, Any]) -> bool:
+def _is_term_finite(term: Term, definition: Kernel, equations: Terms, given: dict[str, Any]) -> bool:
     """True if one term alone gives numbers to a kernel."""
     from ncgen.program.assemble import programs_of
     from ncgen.program.evaluate import evaluate
-    from ncgen.symbolic.equations import Equations
 
     def only(terms: tuple[Term, ...]) -> tuple[Term, ...]:
         return tuple(x for x in terms if x is term)

@@ -7,26 +7,34 @@ what they fold away is decided later, on programs.
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TypeAlias
 
 import numpy as np
 import sympy
 
 from ncgen.errors import SHOWN, ModelError, shortened, shown
 from ncgen.model import Model, measures
+from ncgen.model.bodies import Body
+from ncgen.model.catalogue import RowType
 from ncgen.model.elements import Combination, Component, rate_name
-from ncgen.model.forces import Couple, Spring, TorsionSpring
+from ncgen.model.expressions import symbols_in
+from ncgen.model.forces import Couple, Force, Potential, Spring, TorsionSpring
 from ncgen.model.rows import Owner, Row, describe
-from ncgen.model.values import Parameter, as_sympy, is_number
+from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number
 from ncgen.symbolic import templates
-from ncgen.symbolic.inertia import StandardInertia, centre_weights, standard_inertia
-from ncgen.symbolic.numbering import Numbering
+from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
+from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.omissions import angle_row_type
 from ncgen.symbolic.templates import TIME, Template
 
-LinearForm = tuple[tuple[object, Component], ...]
+LinearForm: TypeAlias = tuple[tuple[Scalar, Component], ...]
 """Pairs (weight, coordinate); a weight is a value."""
+
+Amount: TypeAlias = Exact | float
+"""What is added up before it is rounded."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +48,7 @@ class Term:
 
     template: Template
     scalars: tuple[LinearForm, ...]
-    data: tuple[object, ...]
+    data: tuple[Value, ...]
     owner: Owner
     label: str
     row: int | None = None
@@ -48,7 +56,7 @@ class Term:
 
 
 @dataclass(frozen=True, eq=False)
-class Equations(Numbering):
+class Equations(Terms):
     """All terms of a mechanism, and the numbering of what they refer to.
 
     released: fixed coordinates that are treated as free, to see what holds them
@@ -101,24 +109,24 @@ def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
 def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
     if row.type is None:
         where = f"row {number + 1} ({row.label})"
-        scalars, data = _names(model, row.expression, where)
+        scalars, data = _names(model, row.written, where)
         if row.level == "position":
-            _refuse_rates(row.expression, scalars, f"{where}: an equation of position", "use m.constrain_velocity")
+            _refuse_rates(row.written, scalars, f"{where}: an equation of position", "use m.constrain_velocity")
         make = templates.velocity_row_template if row.level == "velocity" else templates.expression_row_template
         try:
-            template = make(f"row-{number + 1}", sympy.sympify(row.expression), _words(scalars), _words(data))
+            template = make(f"row-{number + 1}", sympy.sympify(row.written), _words(scalars), _words(data))
         except ValueError as error:
             raise ModelError(
-                f"{where}: {shown(row.expression)}: {error}; a velocity constraint is a sum of coefficients times rates"
+                f"{where}: {shown(row.written)}: {error}; a velocity constraint is a sum of coefficients times rates"
             ) from None
         return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number, row.equation)
-    row_type = angle_row_type(model, row, omitted)
+    row_type = angle_row_type(model, row, row.type, omitted)
     template = templates.row_template(row_type.key)
-    forms = []
+    forms: list[LinearForm] = []
     for name in row_type.vectors:
-        forms += _vector_form(row.arguments[name])
-    forms += [((1.0, row.arguments[name]),) for name in row_type.scalars]
-    data = tuple(row.data[name] for name in row_type.data) + (_scale(row),)
+        forms += _vector_form(row.direction(name))
+    forms += [((1.0, row.scalar(name)),) for name in row_type.scalars]
+    data = (*(row.data[name] for name in row_type.data), _scale(row, row_type))
     equation = describe(row_type, {**row.arguments, **row.data})
     return Term(template, tuple(forms), data, row.owner, row.label, number, equation)
 
@@ -127,22 +135,22 @@ def _vector_form(combination: Combination) -> list[LinearForm]:
     return [tuple((weight, element.components[axis]) for weight, element in combination.terms) for axis in range(3)]
 
 
-def _scale(row: Row):
+def _scale(row: Row, kind: RowType) -> Scalar:
     """What a row is multiplied by: factor / product of its natural lengths, or 1 for raw rows."""
     if not row.scaled:
         return 1.0
-    product = 1.0
-    for name in row.type.scale_data:
+    product: Scalar = 1.0
+    for name in kind.scale_data:
         product = product * as_sympy(row.data[name])
-    return row.type.scale_factor / product
+    return kind.scale_factor / product
 
 
 # -- what users write ---------------------------------------------------------------------------
 
 
-def _names(model: Model, expression, where: str) -> tuple[list[Component], list[Parameter]]:
+def _names(model: Model, expression: Scalar | sympy.Tuple, where: str) -> tuple[list[Component], list[Parameter]]:
     """The coordinates (by themselves or by their rates) and parameters an expression mentions, in model order."""
-    mentioned = {s.name for s in sympy.sympify(expression).free_symbols}
+    mentioned = {s.name for s in symbols_in(sympy.sympify(expression))}
     coordinates = [c for c in model.components if c.name in mentioned or rate_name(c.name) in mentioned]
     parameters = [p for p in model.parameters.values() if p.name in mentioned]
     known = {TIME.name} | {p.name for p in parameters} | {n for c in coordinates for n in (c.name, rate_name(c.name))}
@@ -154,19 +162,19 @@ def _names(model: Model, expression, where: str) -> tuple[list[Component], list[
     return coordinates, parameters
 
 
-def _refuse_rates(expression, coordinates, what: str, remedy: str) -> None:
+def _refuse_rates(expression: Scalar, coordinates: Iterable[Component], what: str, remedy: str) -> None:
     """Raise ModelError where an expression of positions mentions a velocity."""
-    mentioned = {s.name for s in sympy.sympify(expression).free_symbols}
+    mentioned = {s.name for s in symbols_in(sympy.sympify(expression))}
     rates = [rate_name(c.name) for c in coordinates if rate_name(c.name) in mentioned]
     if rates:
         raise ModelError(f"{what} does not depend on velocities, here on {rates[0]}; {remedy}")
 
 
-def _words(things) -> tuple[str, ...]:
+def _words(things: Iterable[Component | Parameter]) -> tuple[str, ...]:
     return tuple(thing.name for thing in things)
 
 
-def _applied(model: Model, force, released) -> Term:
+def _applied(model: Model, force: Force | Couple, released: Collection[Component]) -> Term:
     return _couple(model, force) if isinstance(force, Couple) else _force(model, force, released)
 
 
@@ -186,13 +194,14 @@ def _couple(model: Model, couple: Couple) -> Term:
 
 def _spring(model: Model, spring: Spring | TorsionSpring) -> Term:
     along_segment = isinstance(spring, Spring)
+    forms: list[LinearForm]
     forms = _vector_form(spring.segment) if along_segment else [((1.0, spring.coordinate.components[0]),)]
     owner = Owner("spring", spring.label)
     if spring.law is None:
         pulled = templates.spring_to_nothing() if is_number(spring.free) and spring.free == 0.0 else templates.spring()
         template = pulled if along_segment else templates.torsion_spring()
         return Term(template, tuple(forms), (spring.stiffness, spring.damping, spring.free), owner, spring.label)
-    used = {s.name for s in spring.law.free_symbols} - {"x", "v", TIME.name}
+    used = {s.name for s in symbols_in(spring.law)} - {"x", "v", TIME.name}
     data = [p for p in model.parameters.values() if p.name in used]
     if used - {p.name for p in data}:
         raise ModelError(f"{spring.label}: {sorted(used)[0]} is not a parameter; a law is made of length, rate, m.time and parameters")
@@ -200,7 +209,7 @@ def _spring(model: Model, spring: Spring | TorsionSpring) -> Term:
     return Term(template, tuple(forms), tuple(data), owner, spring.label)
 
 
-def _force(model: Model, force, released) -> Term:
+def _force(model: Model, force: Force, released: Collection[Component]) -> Term:
     components = {c: e for c, e in force.components if not c.fixed or c in released}
     scalars, data = _names(model, sympy.Tuple(*components.values()), force.label)
     scalars = list(dict.fromkeys([*scalars, *components]))
@@ -209,7 +218,7 @@ def _force(model: Model, force, released) -> Term:
     return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), Owner("user", force.label), force.label)
 
 
-def _bearer(model: Model, force) -> Owner | None:
+def _bearer(model: Model, force: Force | Couple) -> Owner | None:
     """The first body that has the point a force acts on; forces along angles act between bodies and have none."""
     if isinstance(force, Couple):
         return Owner("body", force.body.name)
@@ -220,7 +229,7 @@ def _bearer(model: Model, force) -> Owner | None:
     return Owner("user", force.label)
 
 
-def _potential(model: Model, potential) -> Term:
+def _potential(model: Model, potential: Potential) -> Term:
     scalars, data = _names(model, potential.expression, potential.label)
     _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)
@@ -231,12 +240,12 @@ def _potential(model: Model, potential) -> Term:
 # -- inertia and gravity ------------------------------------------------------------------------
 
 
-def _inertia_terms(model: Model, bodies, released) -> tuple[list[Term], list[Term]]:
+def _inertia_terms(model: Model, bodies: Sequence[Body], released: Collection[Component]) -> tuple[list[Term], list[Term]]:
     """Mass and weight of the bodies, constant parts added up in exact arithmetic before they are rounded."""
     order = {component: i for i, component in enumerate(model.components)}
-    mass: dict[tuple[Component, Component], object] = defaultdict(Fraction)
-    weight: dict[Component, object] = defaultdict(Fraction)
-    varying = []
+    mass: dict[tuple[Component, Component], Amount] = defaultdict(Fraction)
+    weight: dict[Component, Amount] = defaultdict(Fraction)
+    varying: list[Term] = []
     for body in bodies:
         try:
             standard = standard_inertia(body, model.parameters)
@@ -254,7 +263,7 @@ def _inertia_terms(model: Model, bodies, released) -> tuple[list[Term], list[Ter
     return masses, forces
 
 
-def _add_constant_mass(mass, standard: StandardInertia, released) -> None:
+def _add_constant_mass(mass: dict[tuple[Component, Component], Amount], standard: StandardInertia, released: Collection[Component]) -> None:
     count = len(standard.directions)  # a crossed direction is no element and has none
     for k in range(count):
         for l in range(count):
@@ -266,21 +275,21 @@ def _add_constant_mass(mass, standard: StandardInertia, released) -> None:
                             mass[a, b] += share
 
 
-def _exact(weight: float, partner):
+def _exact(weight: float, partner: Exact) -> Fraction | float:
     """±1 as a type that multiplies fractions and sympy expressions alike without losing digits."""
     return int(weight) if weight == int(weight) else Fraction(weight) if isinstance(partner, Fraction) else weight
 
 
-def _mass_term(pair, value, owner) -> Term:
+def _mass_term(pair: tuple[Component, Component], amount: Amount, owner: Owner) -> Term:
     a, b = pair
     label = a.name if a is b else f"{a.name} {b.name}"
-    value = _rounded(value, f"mass of {label}")
+    value = _rounded(amount, f"mass of {label}")
     if a is b:
         return Term(templates.mass_diagonal(), (((1.0, a),),), (value,), owner, label)
     return Term(templates.mass_pair(), (((1.0, a),), ((1.0, b),)), (value,), owner, label)
 
 
-def _add_weight(weight, standard: StandardInertia, gravity) -> None:
+def _add_weight(weight: dict[Component, Amount], standard: StandardInertia, gravity: Sequence[Value]) -> None:
     for k in range(len(standard.directions)):
         share = centre_weights(standard)[k]
         for w, components in standard.directions[k]:
@@ -288,19 +297,19 @@ def _add_weight(weight, standard: StandardInertia, gravity) -> None:
                 weight[component] += share * (_exact(w, share) * _field(g, share))
 
 
-def _field(g, partner):
+def _field(g: Value, partner: Exact) -> Amount:
     """One component of gravity in the arithmetic of its partner."""
-    return Fraction(g) if is_number(g) and isinstance(partner, Fraction) else as_sympy(g)
+    return Fraction(float(g)) if is_number(g) and isinstance(partner, Fraction) else as_sympy(g)
 
 
-def _weight_terms(weight, owner, released) -> list[Term]:
-    terms = []
-    offset = Fraction(0)
+def _weight_terms(weight: Mapping[Component, Amount], owner: Owner, released: Collection[Component]) -> list[Term]:
+    terms: list[Term] = []
+    offset: Amount = Fraction(0)
     for component, force in weight.items():
         if force == 0:
             continue
         if component.fixed and component not in released:
-            offset -= force * (Fraction(component.value) if is_number(component.value) else as_sympy(component.value))
+            offset -= force * (Fraction(float(component.value)) if is_number(component.value) else as_sympy(component.value))
         else:
             terms.append(
                 Term(templates.weight(), (((1.0, component),),), (_rounded(force, f"weight of {component.name}"),), owner, component.name)
@@ -312,9 +321,9 @@ def _weight_terms(weight, owner, released) -> list[Term]:
     return terms
 
 
-def _cross_product_terms(body, standard: StandardInertia, gravity) -> list[Term]:
+def _cross_product_terms(body: Body, standard: StandardInertia, gravity: Sequence[Value]) -> list[Term]:
     base, first, second = standard.directions
-    forms = []
+    forms: list[LinearForm] = []
     for direction in (base, first, second):
         forms += [tuple((w, components[axis]) for w, components in direction) for axis in range(3)]
     last = standard.matrix[3]
@@ -325,7 +334,7 @@ def _cross_product_terms(body, standard: StandardInertia, gravity) -> list[Term]
     return [Term(templates.cross_product_body(), tuple(forms), data, Owner("body", body.name), body.name)]
 
 
-def _rounded(value, what: str):
+def _rounded(value: Amount, what: str) -> Scalar:
     """A Fraction as the nearest double; expressions of parameters stay."""
     try:
         return float(value) if isinstance(value, (Fraction, int, float)) else value

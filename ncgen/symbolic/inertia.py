@@ -11,17 +11,21 @@ masses or moments have parameters, entries are expressions of them.
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import TypeAlias
 
+import numpy as np
 import sympy
 
 from ncgen.errors import ModelError
 from ncgen.model.bodies import Body, Inertia
 from ncgen.model.catalogue import cross, dot
-from ncgen.model.elements import Component, Point, Vector
+from ncgen.model.elements import Component, Point, Spatial
+from ncgen.model.expressions import is_symbolic
 from ncgen.model.rigid import NORMAL
-from ncgen.model.values import Parameter, as_sympy, evaluate, is_number, vanishes
+from ncgen.model.values import Parameter, Value, as_sympy, evaluate, is_number, vanishes
 
 ROUNDING = 1e-14
 """Relative weights below this are rounding of the user's decimal numbers (a centre meant to be on a line) and count as zero."""
@@ -30,27 +34,33 @@ OFF_AXIS = 1e-9
 """How far (relative to the bar's length) a bar's centre of mass may be from its line."""
 
 
+Exact: TypeAlias = Fraction | sympy.Expr
+"""A number as the fraction that it is, or an expression where parameters have a say."""
+
+Form: TypeAlias = tuple[tuple[float, tuple[Component, ...]], ...]
+"""A linear form of elements: pairs (weight, the element's components)."""
+
+
 @dataclass(frozen=True)
 class StandardInertia:
     """S over base point and directions, and the directions as linear forms.
 
-    directions: per direction the pairs (weight, components); the base point is first
-    matrix: entries are Fractions, or sympy expressions where parameters have a say
+    directions: the base point is first
     crossed: True if the last row belongs to x₁ × x₂ instead of an element
     """
 
-    directions: tuple[tuple[tuple[float, tuple[Component, ...]], ...], ...]
-    matrix: tuple[tuple[object, ...], ...]
+    directions: tuple[Form, ...]
+    matrix: tuple[tuple[Exact, ...], ...]
     crossed: bool = False
 
 
 def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardInertia:
     """The inertia of a body over its basis; raises ModelError where a small basis cannot carry it."""
-    inertia = body.inertia
+    inertia = body.own_inertia
     basis = body.basis
     base = next(e for e in basis if isinstance(e, Point))
     others = [e for e in basis if e is not base]
-    forms = [((1.0, base.components),)]
+    forms: list[Form] = [((1.0, base.components),)]
     for element in others:
         forms.append(((1.0, element.components), (-1.0, base.components)) if isinstance(element, Point) else ((1.0, element.components),))
     axes = [_exact(e.given) for e in others]
@@ -58,10 +68,10 @@ def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardIn
     axes = [[x - (o if isinstance(e, Point) else 0) for x, o in zip(v, origin, strict=True)] for v, e in zip(axes, others, strict=True)]
     offset = [c - o for c, o in zip(_exact(inertia.com), origin, strict=True)]
     if not others:
-        return _point_mass(body, offset, forms, parameters)
+        return _point_mass(body, inertia, offset, forms, parameters)
     if len(others) == 1:
         if not _is_planar(base, others[0]):
-            return _bar(body, axes[0], offset, forms, parameters)
+            return _bar(body, inertia, axes[0], offset, forms, parameters)
         forms.append(((1.0, NORMAL.components),))
         axes.append(_exact([0.0, 0.0, 1.0]))
     crossed = len(axes) == 2
@@ -70,18 +80,18 @@ def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardIn
     return StandardInertia(tuple(forms), _standard(inertia, axes, offset), crossed)
 
 
-def centre_weights(standard: StandardInertia) -> tuple[object, ...]:
+def centre_weights(standard: StandardInertia) -> tuple[Exact, ...]:
     """m (1, a): how the body's weight is shared between base point and directions."""
     return standard.matrix[0]
 
 
-def _standard(inertia: Inertia, axes, offset):
+def _standard(inertia: Inertia, axes: Sequence[Sequence[Exact]], offset: Sequence[Exact]) -> tuple[tuple[Exact, ...], ...]:
     inverse = _inverse(axes)
     sizes = [_norm(row) for row in inverse]
     a = [_cleaned(dot(row, offset), size * _norm(offset)) for row, size in zip(inverse, sizes, strict=True)]
     tensor = [_exact(row) for row in inertia.tensor]
-    half = sum(tensor[k][k] for k in range(3)) / 2
-    planar = [[(half if k == l else 0) - tensor[k][l] for l in range(3)] for k in range(3)]
+    half = sum((tensor[k][k] for k in range(3)), Fraction(0)) / 2
+    planar: list[list[Exact]] = [[(half if k == l else 0) - tensor[k][l] for l in range(3)] for k in range(3)]
     spread = [[dot(row, [dot(planar[k], other) for k in range(3)]) for other in inverse] for row in inverse]
     whole = (
         float(half) if isinstance(half, Fraction) else 0.0
@@ -93,27 +103,36 @@ def _standard(inertia: Inertia, axes, offset):
     return (top, *map(tuple, rows))
 
 
-def _norm(vector) -> float:
+def _norm(vector: Iterable[Exact]) -> float:
     """The length of a vector, without what parameters have a say in."""
     return sum(float(x) ** 2 for x in vector if isinstance(x, Fraction)) ** 0.5
 
 
-def _cleaned(value, scale: float):
+def _cleaned(value: Exact, scale: float) -> Exact:
     return value if not isinstance(value, Fraction) or abs(value) > ROUNDING * scale else Fraction(0)
 
 
-def _point_mass(body: Body, offset, forms, parameters):
-    size = max(abs(evaluate(x, parameters, "")) for x in body.inertia.com)
+def _point_mass(
+    body: Body, inertia: Inertia, offset: Sequence[Exact], forms: Sequence[Form], parameters: dict[str, Parameter]
+) -> StandardInertia:
+    size = max(abs(evaluate(x, parameters, "")) for x in inertia.com)
     away = not all(_vanishes(x, parameters, ROUNDING * size) for x in offset)
-    if away or not all(_vanishes(x, parameters, 0.0) for x in body.inertia.tensor.flat):
+    if away or not all(_vanishes(x, parameters, 0.0) for x in inertia.tensor.flat):
         raise ModelError(
-            f"body {body.name}: on one point only a point mass is possible; give com at the point{_with_parameters(body, offset)} "
+            f"body {body.name}: on one point only a point mass is possible; give com at the point{_with_parameters(offset)} "
             "and no inertia, or more elements"
         )
-    return StandardInertia(tuple(forms), ((_mass(body.inertia.mass),),))
+    return StandardInertia(tuple(forms), ((_mass(inertia.mass),),))
 
 
-def _bar(body: Body, axis, offset, forms, parameters):
+def _bar(
+    body: Body,
+    inertia: Inertia,
+    axis: Sequence[Exact],
+    offset: Sequence[Exact],
+    forms: Sequence[Form],
+    parameters: dict[str, Parameter],
+) -> StandardInertia:
     """Two elements in space: the rotational inertia across their line counts, spin about it cannot be described."""
     squared = dot(axis, axis)
     along = dot(axis, offset) / squared
@@ -121,65 +140,65 @@ def _bar(body: Body, axis, offset, forms, parameters):
     across = [o - along * x for o, x in zip(offset, axis, strict=True)]
     if not all(_vanishes(x, parameters, OFF_AXIS * length) for x in across):
         raise ModelError(
-            f"body {body.name}: its centre of mass is not on the line of its two elements{_with_parameters(body, across)}; "
+            f"body {body.name}: its centre of mass is not on the line of its two elements{_with_parameters(across)}; "
             "add a vector to the basis"
         )
-    tensor = [_exact(row) for row in body.inertia.tensor]
+    tensor = [_exact(row) for row in inertia.tensor]
     spin = dot(axis, [dot(row, axis) for row in tensor]) / squared
-    transverse = (sum(tensor[k][k] for k in range(3)) - spin) / 2
+    transverse = (sum((tensor[k][k] for k in range(3)), Fraction(0)) - spin) / 2
     ideal = [
         [transverse * (int(k == l) - x * y / squared) + spin * x * y / squared for l, y in enumerate(axis)] for k, x in enumerate(axis)
     ]
-    size = max(abs(evaluate(x, parameters, "")) for x in body.inertia.tensor.flat)
+    size = max(abs(evaluate(x, parameters, "")) for x in inertia.tensor.flat)
     gaps = [tensor[k][l] - ideal[k][l] for k in range(3) for l in range(3)]
     if not all(_vanishes(x, parameters, OFF_AXIS * size) for x in gaps):
         raise ModelError(
-            f"body {body.name}: a body on two elements must be symmetric about their line{_with_parameters(body, gaps)}; "
+            f"body {body.name}: a body on two elements must be symmetric about their line{_with_parameters(gaps)}; "
             "add a vector to the basis"
         )
-    mass = _mass(body.inertia.mass)
+    mass = _mass(inertia.mass)
     ma = _times(mass, along)
     return StandardInertia(tuple(forms), ((mass, ma), (ma, _plus(transverse / squared, _times(mass, along * along)))))
 
 
-def _vanishes(value, parameters, bound: float) -> bool:
+def _vanishes(value: Value, parameters: dict[str, Parameter], bound: float) -> bool:
     return vanishes(float(value) if isinstance(value, Fraction) else value, parameters, bound)
 
 
-def _with_parameters(body: Body, values) -> str:
+def _with_parameters(values: Iterable[Exact]) -> str:
     """What a message adds where parameters are the reason."""
-    return " at all values of its parameters" if any(hasattr(type(x), "free_symbols") for x in values) else ""
+    return " at all values of its parameters" if any(map(is_symbolic, values)) else ""
 
 
-def _is_planar(base: Point, other: Point | Vector) -> bool:
+def _is_planar(base: Point, other: Spatial) -> bool:
     """True if both stay in one plane of constant z: then the plane's normal is the body's third direction."""
     height, level = other.components[2], base.components[2]
     return height.fixed and level.fixed and height.value == (level.value if isinstance(other, Point) else 0.0)
 
 
-def _exact(values) -> list:
+def _exact(values: Iterable[Value] | np.ndarray) -> list[Exact]:
     """Numbers as the fractions that they are; expressions of parameters stay."""
     return [Fraction(float(v)) if is_number(v) else as_sympy(v) for v in values]
 
 
-def _inverse(axes) -> list[list[Fraction]]:
+def _inverse(axes: Sequence[Sequence[Exact]]) -> list[list[Exact]]:
     """Rows of X⁻¹, the reciprocal basis, of the columns `axes`."""
     volume = dot(axes[0], cross(axes[1], axes[2]))
     return [[x / volume for x in cross(axes[(k + 1) % 3], axes[(k + 2) % 3])] for k in range(3)]
 
 
-def _mass(mass):
+def _mass(mass: Value) -> Exact:
     return _exact([mass])[0]
 
 
-def _times(mass, factor):
+def _times(mass: Exact, factor: Exact) -> Exact:
     """mass·factor: exact for numbers, a sympy expression for parameters."""
     if isinstance(mass, Fraction):
         return mass * factor
     return mass * (sympy.Float(float(factor)) if isinstance(factor, Fraction) else factor) if factor else Fraction(0)
 
 
-def _plus(number, term):
+def _plus(number: Exact, term: Exact) -> Exact:
     if isinstance(term, Fraction) or not isinstance(number, Fraction):
         return number + term
     return term + sympy.Float(float(number)) if number else term

@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 from ncgen.model import Model
 from ncgen.model.elements import Component
 from ncgen.model.values import Parameter
+
+if TYPE_CHECKING:
+    from ncgen.symbolic.equations import Equations, Term
 
 
 class Numbering:
@@ -36,25 +40,34 @@ class Numbering:
         return list(self.model.parameters.values())
 
 
-class Deferred(Numbering):
+class Terms(Numbering):
+    """The numbering, and the terms that refer to it: rows of constraints, masses, forces, and in words what was omitted."""
+
+    rows: tuple[Term, ...]
+    masses: tuple[Term, ...]
+    forces: tuple[Term, ...]
+    omitted: tuple[str, ...]
+
+
+class Deferred(Terms):
     """The equations of a model whose programs are at hand: its terms are derived if anybody asks for them."""
 
     released: frozenset[Component] = frozenset()
 
-    def __init__(self, model: Model):
+    def __init__(self, model: Model) -> None:
         self.model = model
 
-    def __reduce__(self):
+    def __reduce__(self) -> tuple[type[Deferred], tuple[Model]]:
         """Pickled as its model."""
         return Deferred, (self.model,)
 
-    def __getattr__(self, name: str):
+    def __getattr__(self, name: str) -> object:
         if name not in ("rows", "masses", "forces", "omitted"):
             raise AttributeError(name)
         return getattr(self._derived, name)
 
     @cached_property
-    def _derived(self):
+    def _derived(self) -> Equations:
         from ncgen.symbolic.equations import build_equations
 
         return build_equations(self.model)

@@ -2,26 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from typing import TypeAlias
+
 import numpy as np
 
 from ncgen.model import Model
 from ncgen.model.catalogue import ROW_TYPES, RowType
 from ncgen.model.elements import Combination
 from ncgen.model.rows import Row
-from ncgen.model.values import is_number
+from ncgen.model.values import Scalar, is_number
+
+Line: TypeAlias = frozenset[tuple[str, Scalar]]
+"""Pairs (name of an element, its weight)."""
 
 
-def angle_row_type(model: Model, row: Row, omitted: list[str]) -> RowType:
+def angle_row_type(model: Model, row: Row, kind: RowType, omitted: list[str]) -> RowType:
     """The smooth angle row without its projection terms, where both sides stay perpendicular to the axis.
 
     (a·n)(b·n) and its gradient vanish where a·n = 0 and b·n = 0; rows with cosine zero, or fixed
-    elements, must say so. Anything less keeps the full row.
+    elements, must say so. Anything less keeps the full row. kind: the type of the row; others than smooth ones stay.
     """
-    if row.type.key != "angle-smooth":
-        return row.type
-    axis = row.arguments["n"]
-    if not all(_perpendicular(model, row.arguments[side], axis) for side in "ab"):
-        return row.type
+    if kind.key != "angle-smooth":
+        return kind
+    axis = row.direction("n")
+    if not all(_perpendicular(model, row.direction(side), axis) for side in "ab"):
+        return kind
     omitted.append(f"{row.label}: projection terms, both sides are perpendicular to the axis by other rows")
     return ROW_TYPES["angle-smooth-perpendicular"]
 
@@ -33,13 +39,13 @@ def _perpendicular(model: Model, a: Combination, b: Combination) -> bool:
     return any(wanted == pair for pair in _perpendicular_pairs(model))
 
 
-def _perpendicular_pairs(model: Model):
+def _perpendicular_pairs(model: Model) -> Iterator[set[Line]]:
     for row in model.rows:
         if row.type and row.type.key in ("vector-segment", "vector-vector") and row.data["c"] == 0.0:
-            yield {_line(direction) for direction in row.arguments.values()}
+            yield {_line(row.direction(name)) for name in row.type.vectors}
 
 
-def _line(direction: Combination) -> frozenset:
+def _line(direction: Combination) -> Line:
     """The same key for every multiple of a direction: weights relative to the first element by name."""
     terms = sorted((element.name, weight) for weight, element in direction.terms)
     leading = terms[0][1]

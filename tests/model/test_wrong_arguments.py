@@ -121,14 +121,14 @@ WRONG = {
     "Value": NO_NUMBERS,
     "Values": NO_VECTORS,
     "Expression": [*(x for x in NO_NUMBERS if not isinstance(x, sympy.Symbol)), (1, 2), np.ones(3)],
-    "float": NO_NUMBERS,
+    "Number": NO_NUMBERS,
     "str": [None, 5, True, [], b"new", 2.5, object()],
     "bool": ["yes", 1, 0.0, [], object(), None],
     "bool | str": [1, 2.5, ["z"], object(), None, "w"],
-    "list[Point]": [*NO_THINGS[:6], "nobody", {"A": 1}, [None], [3], ["nobody"], [["A"]]],
-    "list[Vector]": [*NO_THINGS[:6], "nobody", [None], ["nobody"]],
-    "list[Spatial]": [3, "nobody", [None], ["nobody"]],
-    "Combination": [*NO_THINGS, "psi"],
+    "Sequence[Point]": [*NO_THINGS[:6], "nobody", {"A": 1}, [None], [3], ["nobody"], [["A"]]],
+    "Sequence[Vector]": [*NO_THINGS[:6], "nobody", [None], ["nobody"]],
+    "Sequence[Spatial]": [3, "nobody", [None], ["nobody"]],
+    "Direction": [*NO_THINGS, "psi"],
     "Component | Relative": [*NO_THINGS, "A", "O.x"],
 }
 UNANNOTATED = {
@@ -152,7 +152,9 @@ UNANNOTATED = {
     ("torsion_spring", "law"): ["100*x", 1j, math.nan, []],
     ("callback", "function"): [None, 3, "print"],
 }
-STRANGERS = ("Body", "Owner", "Point", "Vector", "Spatial", "Relative", "Component | Relative", "list[Point]", "list[Vector]", "Value")
+STRANGERS = (
+    "Body", "Owner", "Point", "Vector", "Spatial", "Relative", "Component | Relative", "Sequence[Point]", "Sequence[Vector]", "Value",
+)  # fmt: skip
 
 
 def signature(word):

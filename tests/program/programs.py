@@ -5,7 +5,7 @@ from __future__ import annotations
 from hypothesis import strategies as st
 
 from ncgen.program import passes
-from ncgen.program.blocks import Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.evaluate import evaluate
 from ncgen.program.graph import Graph
 from ncgen.program.verify import verify
@@ -64,7 +64,7 @@ def loops(draw) -> Loop:
     graph = Graph()
     slots = []
     for _ in range(draw(st.integers(1, 3))):
-        slots.append(Slot("const", tuple(draw(st.lists(st.sampled_from(DYADIC), min_size=count, max_size=count)))))
+        slots.append(Column(tuple(draw(st.lists(st.sampled_from(DYADIC), min_size=count, max_size=count)))))
         slots.append(Slot("q", tuple(draw(st.lists(st.integers(0, INPUTS - 1), min_size=count, max_size=count)))))
     nodes = [graph.slot(k) for k in range(len(slots))] + [graph.const(2.0), graph.load("q", 0)]
     for _ in range(draw(st.integers(1, 15))):

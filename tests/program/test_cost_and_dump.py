@@ -8,15 +8,15 @@ from dataclasses import replace
 import pytest
 
 from ncgen.program.assemble import assemble
-from ncgen.program.blocks import Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.cost import cost
 from ncgen.program.dump import dump
-from ncgen.program.graph import Op
+from ncgen.program.graph import Input, Op
 from ncgen.symbolic.equations import build_equations
 
 # out[0] = sin(q0)*q1 + q1, and three times out[place] += number * q[place]
 LINE = Straight(
-    (Op("load", (), ("q", 0)), Op("load", (), ("q", 1)), Op("sin", (0,)), Op("mul", (2, 1)), Op("add", (1, 3))),
+    (Op("load", (), Input("q", 0)), Op("load", (), Input("q", 1)), Op("sin", (0,)), Op("mul", (2, 1)), Op("add", (1, 3))),
     (Store("out", 0, 4, comment="sin and more"),),
     {0: "angle"},
     "a line",
@@ -24,7 +24,7 @@ LINE = Straight(
 LOOP = Loop(
     3,
     (Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1))),
-    (Slot("const", (0.5, 0.25, 2.0)), Slot("q", (1, 0, 1))),
+    (Column((0.5, 0.25, 2.0)), Slot("q", (1, 0, 1))),
     (TableStore("out", (0, 0, 0), 2, True),),
     title="a loop",
 )
@@ -99,7 +99,7 @@ def test_text_tells_programs_apart():
     """One bit in a constant, a place or a sign of a store changes the text."""
     base = dump(PROGRAM)
     variants = [
-        replace(LOOP, slots=(Slot("const", (0.5, 0.25, 2.0000000000000004)), LOOP.slots[1])),
+        replace(LOOP, slots=(Column((0.5, 0.25, 2.0000000000000004)), LOOP.slots[1])),
         replace(LOOP, slots=(LOOP.slots[0], Slot("q", (1, 0, 0)))),
         replace(LOOP, stores=(replace(LOOP.stores[0], accumulate=False),)),
         replace(LOOP, ops=(*LOOP.ops[:2], Op("mul", (1, 1)))),

@@ -15,10 +15,10 @@ from ncgen import Model
 from ncgen.exchange.examples import example_names
 from ncgen.model.values import evaluate as number_of
 from ncgen.program.assemble import EMISSIONS, assemble
-from ncgen.program.blocks import Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import Graph, Op
+from ncgen.program.graph import Graph, Input, Op
 from ncgen.symbolic.equations import build_equations
 
 MPMATH = {name: getattr(mpmath, {"abs": "fabs", "pow": "power"}.get(name, name)) for name in FUNCTIONS}
@@ -52,7 +52,7 @@ def test_every_constant_becomes_the_kind_of_number():
     loop = Loop(
         2,
         (Op("slot", (), 0), Op("slot", (), 1), Op("mul", (0, 1)), Op("const", (), 0.5), Op("add", (2, 3))),
-        (Slot("const", (0.25, 0.125)), Slot("q", (0, 1))),
+        (Column((0.25, 0.125)), Slot("q", (0, 1))),
         (TableStore("out", (0, 1), 4, True),),
     )
     base = Straight((Op("const", (), 1.0),), (Store("out", 0, 0), Store("out", 1, 0)))
@@ -140,11 +140,11 @@ def test_emissions_differ_in_form(assembled):
 def test_stores_run_in_order():
     """Blocks see what earlier blocks wrote, `+=` adds to it, and a loop may add to one place many times."""
     base = Straight((Op("const", (), 1.0),), (Store("out", 0, 0), Store("d", 0, 0)))
-    again = Straight((Op("load", (), ("d", 0)), Op("add", (0, 0))), (Store("d", 0, 1),))
+    again = Straight((Op("load", (), Input("d", 0)), Op("add", (0, 0))), (Store("d", 0, 1),))
     adding = Loop(
         3,
-        (Op("slot", (), 0), Op("load", (), ("d", 0)), Op("mul", (0, 1))),
-        (Slot("const", (1.0, 2.0, 4.0)),),
+        (Op("slot", (), 0), Op("load", (), Input("d", 0)), Op("mul", (0, 1))),
+        (Column((1.0, 2.0, 4.0)),),
         (TableStore("out", (0, 0, 0), 2, True),),
     )
     program = Program("order", (), "out", 1, (base, again, adding), {"d": 1})

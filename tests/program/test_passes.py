@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from programs import INPUTS, blocks_in_any_order, loops, program_of, run
 
 from ncgen.program import passes
-from ncgen.program.blocks import Loop, Slot, Store, Straight, TableStore
+from ncgen.program.blocks import Column, Loop, Slot, Store, Straight, TableStore
 from ncgen.program.graph import Graph, Op
 
 positions = st.lists(st.integers(-99, 99).map(lambda n: Fraction(n, 8)), min_size=INPUTS, max_size=INPUTS)
@@ -70,10 +70,10 @@ def test_fold_tables_keeps_readable_names():
     graph = Graph()
     a, b, x = (graph.slot(k) for k in range(3))
     node = graph.mul(graph.add(a, b), x)
-    slots = (Slot("const", (1.0, 2.0)), Slot("const", (0.5, 0.25)), Slot("q", (0, 1)))
+    slots = (Column((1.0, 2.0)), Column((0.5, 0.25)), Slot("q", (0, 1)))
     loop = Loop(2, tuple(graph.ops), slots, (TableStore("out", (0, 1), node),), {a: "a", b: "b", x: "x"})
     folded = passes.fold_tables(loop)
-    assert set(folded.slots) == {Slot("q", (0, 1)), Slot("const", (1.5, 2.25))}
+    assert set(folded.slots) == {Slot("q", (0, 1)), Column((1.5, 2.25))}
     assert [folded.names[n] for n, op in enumerate(folded.ops) if op.code == "slot" and n in folded.names] == ["x"]
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, signed, unsigned
 from ncgen.emit.wasm.memory import Memory
 from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Block, Loop, Program, Slot, TableStore
+from ncgen.program.blocks import Block, Column, Loop, Program, Slot, Store, TableStore
 from ncgen.program.graph import Op
 
 GET, SET, CALL, LOOP, END, BRANCH_IF = b"\x20", b"\x21", b"\x10", b"\x03\x40", b"\x0b", b"\x0d\x00"
@@ -89,15 +89,15 @@ class _Body:
 
     def _value(self, op: Op, block: Block, held: dict[int, int]) -> bytes:
         if op.code == "load":
-            array, index = op.leaf
+            array, index = op.input
             return (
                 GET + unsigned(self.arguments["t"])
                 if array == "t"
                 else self._address(array) + F64_LOAD + unsigned(self._offset(array, index))
             )
         if op.code == "slot":
-            slot = block.slots[op.leaf]
-            if slot.array == "const":
+            slot = block.slots[op.slot]
+            if isinstance(slot, Column):
                 return self._run_times(8) + F64_LOAD + unsigned(self.memory.numbers(slot.table))
             return self._element(slot.array, slot.table) + F64_LOAD + unsigned(0)
         arguments = [self._number(a, block, held) for a in op.args]
@@ -108,9 +108,9 @@ class _Body:
 
     def _number(self, node: int, block: Block, held: dict[int, int]) -> bytes:
         op = block.ops[node]
-        return F64_CONST + double(op.leaf) if op.code == "const" else GET + unsigned(held[node])
+        return F64_CONST + double(op.value) if op.code == "const" else GET + unsigned(held[node])
 
-    def _store(self, store, block: Block, held: dict[int, int]) -> bytes:
+    def _store(self, store: Store | TableStore, block: Block, held: dict[int, int]) -> bytes:
         value = self._number(store.node, block, held)
         if isinstance(store, TableStore):
             address, offset = self._element(store.array, store.table), 0
@@ -120,7 +120,7 @@ class _Body:
             value = address + F64_LOAD + unsigned(offset) + value + F64_ADD
         return address + value + F64_STORE + unsigned(offset)
 
-    def _sincos(self, angle: int, block: Loop) -> bytes:
+    def _sincos(self, angle: int, block: Block) -> bytes:
         sine, cosine = (self._element(store.array, store.table) for store in block.stores)
         return GET + unsigned(angle) + sine + cosine + CALL + unsigned(self.callable[SINCOS])
 

@@ -3,6 +3,8 @@ compiled C agree to the last bit."""
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, unsigned
 from ncgen.emit.wasm.code import CALL, END, F64_CONST, F64_STORE, GET, LESS, OWN, SET, SINCOS
 
@@ -68,7 +70,7 @@ def sincos(sine: int, cosine: int) -> Function:
     return Function(SINCOS, Signature((F64, I32, I32), ()), is_near + IF + near + ELSE + far + END, 0, len(local))
 
 
-def _sum(words: list[str], local: dict[str, int]) -> bytes:
+def _sum(words: Iterable[str], local: dict[str, int]) -> bytes:
     """A sum of products of names and numbers, in the order of its words."""
     code, sign, product = b"", b"", b""
     for word in [*words, "+"]:

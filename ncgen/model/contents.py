@@ -1,0 +1,63 @@
+"""What a model holds: the parts of the builder share it, and everything else reads it."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ncgen.model.elements import AXES, Spatial
+
+if TYPE_CHECKING:
+    from ncgen.model.bodies import Body
+    from ncgen.model.drawing import Drawing
+    from ncgen.model.elements import Component, Element
+    from ncgen.model.facts import Fact
+    from ncgen.model.forces import Callback, Couple, Force, Potential, Spring, TorsionSpring
+    from ncgen.model.rigid import Claims
+    from ncgen.model.rows import Row
+    from ncgen.model.values import Parameter, Value
+
+
+class Contents:
+    """What was said about a mechanism, by name or in the order in which it was said.
+
+    elements, parameters, bodies: by name; ground: the body that does not move
+    rows: in the order of Φ
+    gravity_field: three values
+    branches: {angle: the run-time weights of its "paper" row}
+    chosen_independent: names of coordinates
+    facts: how the model was told
+    """
+
+    name: str
+    scale: bool
+    form: str
+    elements: dict[str, Element]
+    parameters: dict[str, Parameter]
+    bodies: dict[str, Body]
+    ground: Body
+    rows: list[Row]
+    forces: list[Force | Couple]
+    potentials: list[Potential]
+    springs: list[Spring | TorsionSpring]
+    callbacks: list[Callback]
+    gravity_field: tuple[Value, ...]
+    branches: dict[str, tuple[Parameter, ...]]
+    chosen_independent: tuple[str, ...]
+    drawing: Drawing
+    simulation_options: dict[str, object]
+    facts: list[Fact]
+    _related: Claims
+    _telling: bool
+
+    @property
+    def components(self) -> list[Component]:
+        """All scalar coordinates in the order of q, free and fixed."""
+        return [component for element in self.elements.values() for component in element.components]
+
+    def bearer(self, word: str) -> Element | Parameter | Component | None:
+        """What has this name: an element, a parameter, or a coordinate of an element; None if nothing has."""
+        found = self.elements.get(word) or self.parameters.get(word)
+        owner, _, axis = word.rpartition(".")
+        if found is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
+            return getattr(self.elements[owner], axis)
+        return found
