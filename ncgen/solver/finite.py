@@ -215,6 +215,7 @@ def _is_term_finite(term: Term, definition: Kernel, equations: Terms, given: dic
     """True if one term alone gives numbers to a kernel."""
     from ncgen.program.assemble import programs_of
     from ncgen.program.evaluate import evaluate
+    from ncgen.symbolic.equations import Equations
 
     def only(terms: tuple[Term, ...]) -> tuple[Term, ...]:
         return tuple(x for x in terms if x is term)
