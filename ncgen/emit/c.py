@@ -100,8 +100,8 @@ class _C:
         return number(value)
 
     def leaf(self, op: Op, block: Block) -> str:
-        if isinstance(op.leaf, tuple):  # a load
-            array, index = op.leaf
+        if op.code == "load":
+            array, index = op.input
             return "t" if array == "t" else f"{array}[{index}]"
         slot = block.slots[op.slot]
         if slot.array == "const":
@@ -140,8 +140,8 @@ def _kernel(program: Program, prefix: str, tables: Tables) -> dict[str, Any]:
 
 def _read(program: Program) -> set[str]:
     """The arrays a program reads."""
-    loads = {op.leaf[0] for block in program.blocks for op in block.ops if isinstance(op.leaf, tuple)}
-    slots = {slot.array for block in program.blocks if isinstance(block, Loop) for slot in block.slots}
+    loads = {op.input.array for block in program.blocks for op in block.ops if op.code == "load"}
+    slots = {slot.array for block in program.blocks for slot in block.slots}
     return loads | slots | ({"q"} if program.angles else set())
 
 

@@ -80,8 +80,8 @@ def _needed_by(block: Block) -> list[list[int]]:
 
 
 def _value(op: Op, block: Block, dialect: Dialect, text: dict[int, tuple[str, int]]) -> tuple[str, int]:
-    if isinstance(op.leaf, float):  # a constant
-        return dialect.number(op.leaf), ATOM if op.leaf >= 0 else UNARY
+    if op.code == "const":
+        return dialect.number(op.value), ATOM if op.value >= 0 else UNARY
     if op.code in ("load", "slot"):
         return dialect.leaf(op, block), ATOM
     if op.code not in ARITHMETIC:

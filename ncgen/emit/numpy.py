@@ -73,8 +73,8 @@ class _NumPy:
         return repr(value)
 
     def leaf(self, op: Op, block: Block) -> str:
-        if isinstance(op.leaf, tuple):  # a load
-            array, index = op.leaf
+        if op.code == "load":
+            array, index = op.input
             if array == "t":
                 return "t[..., None]" if isinstance(block, Loop) else "t"
             return f"{array}[..., {index}]" if not isinstance(block, Loop) else f"{array}[..., {index}, None]"

@@ -56,10 +56,9 @@ def uses_tangents(kernels: Kernels, method: str) -> bool:
 
 def _is_zero_at(index: int, block: Block, store: Store | TableStore) -> bool:
     """True if a store leaves one number of its array zero by structure."""
-    table = store.table if isinstance(store, TableStore) else (store.index,)
     op = block.ops[store.node]
-    if index not in table:
+    if index not in store.table:
         return True
     if op.code == "slot" and (slot := block.slots[op.slot]).array == "const":
-        return all(v == 0.0 for i, v in zip(table, slot.table, strict=True) if i == index)
-    return op.code == "const" and op.leaf == 0.0
+        return all(v == 0.0 for i, v in zip(store.table, slot.table, strict=True) if i == index)
+    return op.code == "const" and op.value == 0.0

@@ -10,7 +10,7 @@ import platform
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.metadata import version
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
 
@@ -23,9 +23,6 @@ from ncgen.program.programs import Programs
 from ncgen.resources import package_files
 from ncgen.symbolic.numbering import Deferred
 from ncgen.toolchain.folder import Json, keep, kept
-
-if TYPE_CHECKING:
-    from ncgen.symbolic.equations import Equations
 
 KIND = "programs"
 LARGEST = 8_000_000
@@ -50,7 +47,7 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
     if found is None:
         return None
     programs, phi_q, mass, omitted, files = _restored(found)
-    equations = cast("Equations", Deferred(model))  # it derives what it lacks of them when asked
+    equations = Deferred(model)  # it derives what it lacks of them when asked
     sources = Sources(Programs(equations, programs, phi_q, mass, emission, omitted))
     sources.__dict__["c"] = files
     return sources

@@ -5,7 +5,7 @@ from __future__ import annotations
 from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, signed, unsigned
 from ncgen.emit.wasm.memory import Memory
 from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Block, Column, Loop, Program, Slot, Store, TableStore
+from ncgen.program.blocks import Block, Loop, Program, Slot, Store, TableStore
 from ncgen.program.graph import Op
 
 GET, SET, CALL, LOOP, END, BRANCH_IF = b"\x20", b"\x21", b"\x10", b"\x03\x40", b"\x0b", b"\x0d\x00"
@@ -97,7 +97,7 @@ class _Body:
             )
         if op.code == "slot":
             slot = block.slots[op.slot]
-            if isinstance(slot, Column):
+            if slot.array == "const":
                 return self._run_times(8) + F64_LOAD + unsigned(self.memory.numbers(slot.table))
             return self._element(slot.array, slot.table) + F64_LOAD + unsigned(0)
         arguments = [self._number(a, block, held) for a in op.args]
