@@ -75,7 +75,7 @@ def test_imports_go_upwards_only(path):
 
 
 def test_no_folder_has_a_name_that_tools_skip():
-    """pytest, git and packagers pass over folders called build or dist without a word. What Python left behind in old folders is no source."""
+    """pytest, git and packagers pass over folders called build or dist without a word. (What Python compiled there before is no source.)"""
     skipped = {"build", "dist", "CVS", "_darcs", "node_modules", "venv", "lib", "env", "target", "out"}
     sources = [path.relative_to(ROOT) for root in (PACKAGE, ROOT / "tests") for path in root.rglob("*.*") if path.suffix != ".pyc"]
     assert len(sources) > 400 and not [path for path in sources if skipped & set(path.parts)]
