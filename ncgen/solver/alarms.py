@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from ncgen.methods.method import Method
+from ncgen.solver.branches import refresh_branches
 from ncgen.solver.energy import drift
 from ncgen.solver.run import Run
 from ncgen.solver.trajectory import Trajectory
@@ -21,6 +22,9 @@ LARGE = 1e-2
 OPEN = 100.0
 """Residuals of feedback, over rtol, from which they are told."""
 
+IMPOSSIBLE = 1e-6
+"""Share of what all rows' velocities add up to that a row may be off by."""
+
 
 def looks(run: Run, method: Method) -> np.ndarray:
     """Times inside a run at which its energy is looked at; none where they would change the steps."""
@@ -36,7 +40,7 @@ def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:
     seen: the motion at the instants at which the energy was looked at, its ends included; rtol: that was kept
     """
     feedback = method.options.get("stabilisation") in ("baumgarte", "none")
-    said = []
+    said = [] if feedback or method.has_fixed_step else _contradiction(seen)
     change = drift(seen.kernels, seen.t, seen.q, seen.qd, seen.work, seen.p)
     if feedback and change > LARGE:
         said.append(
@@ -62,4 +66,24 @@ def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:
                 else "take stabilisation='projection'"
             )
         )
+    return said
+
+
+def _contradiction(seen: Trajectory) -> list[str]:
+    """What drivers and velocity rows demand that no velocity can do: projections then leave a remainder in Φ_q q̇ = ν. Velocities of rest
+    always satisfy rows without either."""
+    kernels, p = seen.kernels, seen.p
+    worst, said = IMPOSSIBLE, []
+    for t, q, qd in zip(seen.t, seen.q, seen.qd, strict=True):
+        nu = kernels.nu(q, t, p)
+        if len(kernels.holonomic) == kernels.m and not np.any(nu):
+            continue
+        rows = kernels.jacobian(q, t, refresh_branches(kernels, q, p))
+        rest, terms = np.abs(rows @ qd - nu), np.abs(rows) @ np.abs(qd) + np.abs(nu)
+        share = rest / (np.max(terms / kernels.row_sizes) * kernels.row_sizes + np.finfo(float).tiny)
+        row = int(np.argmax(share))
+        if share[row] > worst:
+            worst = share[row]
+            said = [f"at t = {t:.6g} s no velocities satisfy all rows: {kernels.rows[row].label} is off by {rest[row]:.3g} a second, "
+                    "so a driver or a velocity row contradicts the others"]  # fmt: skip
     return said

@@ -10,10 +10,14 @@ from collections.abc import Callable
 
 import numpy as np
 
+from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.coordinates import paper_choice
 from ncgen.model.elements import Angle
 from ncgen.solver.geometry import direction, element
+
+DISAGREE = 1e-6
+"""Relative residual from which sine and cosine of one angle contradict each other."""
 
 
 def refresh_branches(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarray:
@@ -25,6 +29,19 @@ def one_kind(kernels: Kernels, q: np.ndarray, p: np.ndarray, kind: str) -> np.nd
     """Parameters with every paper row set to its cosine ("cosine") or largest sine component ("sine"), for lessons."""
     as_if = {"cosine": np.pi / 2, "sine": 0.0}[kind]
     return _choose(kernels, q, p, lambda name: as_if)
+
+
+def check_choices(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> None:
+    """Raise ConvergenceError naming a paper angle for which sine and cosine say different things at a closed position q: a run would
+    jump where the choice changes. They agree where both elements are perpendicular to the axis."""
+    for kind in ("cosine", "sine") if kernels.model.branches else ():
+        open_by = np.abs(kernels.phi(q, t, one_kind(kernels, q, p, kind))) / kernels.row_sizes
+        if np.max(open_by) > DISAGREE:
+            row = kernels.rows[int(np.argmax(open_by))]
+            raise ConvergenceError(
+                f"{kernels.name}: {row.label}: its sine and its cosine contradict each other by {np.max(open_by):.2g}, since an element "
+                "is not perpendicular to the axis; take form='smooth'"
+            )
 
 
 def _choose(kernels: Kernels, q: np.ndarray, p: np.ndarray, angle: Callable[[str], float]) -> np.ndarray:

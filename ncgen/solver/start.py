@@ -14,7 +14,7 @@ import numpy as np
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.assembly import assemble
-from ncgen.solver.branches import refresh_branches
+from ncgen.solver.branches import check_choices, refresh_branches
 from ncgen.solver.formalisms.instant import scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.partition import Partition, Partitions, choose_partitions, determined, kinematics
@@ -56,6 +56,7 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     check_finite(kernels, initial.q, t, p)
     q = closed_position(kernels, initial.q, t, p, initial.closing)
     check_mirror_roots(kernels, q, p)
+    check_choices(kernels, q, t, p)
     driven = bool(np.any(kernels.nu(q, t, p)))
     needed = partitioned or initial.zd is not None
     partitions = None

@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen import Model
+from ncgen.errors import ConvergenceError
 
 
 def triangle(base=2.0):
@@ -58,3 +60,15 @@ def test_measured_rows_are_counted(robot):
     fourbar = ncgen.compile(ncgen.load("fourbar"), backend="numpy")
     assert ncgen.inspect(fourbar)["measured"] == 3
     assert ncgen.inspect(robot)["measured"] == 0
+
+
+def test_a_paper_angle_whose_choices_disagree_is_refused():
+    """The bar is drawn 60° from the axis: its cosine says 60°, its sine something else; a run would jump where the choice changes."""
+    m = Model("bar", form="paper")
+    A, B = m.point("A", (0, 0, 0), fixed=True), m.point("B", (0.5 * 3**0.5, 0, 0.5))
+    m.body("bob", [B], mass=1.0)
+    m.distance(A, B)
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.angle("psi", x, B - A, z)
+    with pytest.raises(ConvergenceError, match="bar: .*psi.*: its sine and its cosine contradict each other by .*form='smooth'"):
+        ncgen.simulate(ncgen.compile(m, "numpy"), 0.1)

@@ -204,3 +204,14 @@ def test_a_start_at_another_time(kernels, loop):
 def test_a_driven_coordinate_is_not_free(kernels):
     with pytest.raises(ModelError, match="psi: it is not independent"):
         ncgen.simulate(kernels, 0.1, zd0={"psi": 1.0})
+
+
+def test_a_velocity_row_that_contradicts_a_driver_is_told():
+    """The driver begins to move x at t = 0 s, where the velocity row that forbids it is not broken yet."""
+    model = ncgen.Model("slider")
+    point = model.point("A", (1.0, 0.0), fixed="y")
+    model.body("block", points=[point], mass=1.0)
+    model.drive(point.x, 1 + 0.1 * model.time**2)
+    model.constrain_velocity(point.x.rate * sympy.cos(point.x.symbol))
+    with pytest.warns(UserWarning, match="no velocities satisfy all rows: .* is off by .* a second, so a driver or a velocity row"):
+        ncgen.simulate(ncgen.compile(model, backend="numpy"), 0.001)

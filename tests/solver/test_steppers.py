@@ -192,3 +192,14 @@ def test_a_motion_that_nothing_resists_is_refused_by_name():
     kernels = kernels_of("pendulum")
     with pytest.raises(SingularError, match="pendulum: a motion of the mechanism has no inertia: B.x, B.y can move"):
         _factored(np.zeros((kernels.n, kernels.n)), kernels)
+
+
+@pytest.mark.parametrize("engine", ["python", "c"])
+def test_a_mechanism_without_mass_at_rest_stays_where_it_is(engine):
+    """A point on a rod, without mass: multipliers are rounding, and so is all that resists, which must not make the penalty small."""
+    model = ncgen.Model("rod")
+    end = model.point("B", (-0.22, 0.59), fixed="x")
+    model.distance(model.point("A", (-0.76, -0.46), fixed=True), end)
+    kernels = ncgen.compile(model, backend="c")
+    run = ncgen.simulate(kernels, 0.05, formalism="ali3p", integrator="trapezoidal", max_step=0.00625, engine=engine)
+    np.testing.assert_allclose(run.q[:, 0], 0.59, rtol=1e-14)

@@ -134,10 +134,11 @@ void ncgen_fill_weight(const ncgen_run *r, ncgen_correction *c, ncgen_real by_qd
     add_scaled(r, c, &r->model->mass_pattern, r->constrained->kkt.values, 1);
     add_scaled(r, c, &tangents->damping_pattern, r->slopes->damping, by_qd);
     add_scaled(r, c, &tangents->stiffness_pattern, r->slopes->stiffness, by_q);
-    c->unit = 0;
     for (int i = 0; i < r->n; ++i)
         if (NCGEN_ABS(c->matrix[i * c->size + i]) > c->unit)
             c->unit = NCGEN_ABS(c->matrix[i * c->size + i]);
+    if (!(c->unit > 0))
+        c->unit = 1;
     for (int i = 0; i < c->size * c->size; ++i)
         c->matrix[i] /= c->unit;
 }

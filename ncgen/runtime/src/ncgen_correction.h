@@ -17,7 +17,7 @@ typedef struct ncgen_correction {
     ncgen_real *gap, *along;     /* m, n: what energy-momentum adds to Phi_q in the middle, gap along' */
     int is_corrected;            /* does it? */
     int *order;
-    ncgen_real unit;             /* the largest inertia */
+    ncgen_real unit;             /* the largest inertia so far; without inertia it is not that of rounded multipliers */
     ncgen_real power;            /* at the end of the last step */
 } ncgen_correction;
 

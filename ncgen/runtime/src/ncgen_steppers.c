@@ -25,6 +25,7 @@ void ncgen_steppers_layout(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c)
     c->gap = ncgen_take(&r->space, r->m);
     c->along = ncgen_take(&r->space, n);
     c->order = r->integers ? r->integers + n + 2 * r->m : NULL;
+    c->unit = 0;
 }
 
 /* The cubic through both ends of a step and its derivative; the work in proportion. */

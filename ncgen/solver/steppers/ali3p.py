@@ -22,7 +22,10 @@ PROJECTIONS = 6
 
 
 class Ali3p(Stepper):
-    """options: alpha, the penalty α h²/4 over the largest entry of P."""
+    """options: alpha, the penalty α h²/4 over the largest entry that P has had."""
+
+    _unit = 0.0
+    """That entry. It never falls: a P made of nothing but rounded multipliers would make the penalty nothing, too."""
 
     def _advance(self, end: float) -> None:
         h, kernels = self.h, self.kernels
@@ -59,7 +62,7 @@ class Ali3p(Stepper):
         scaled = self._rows * self.columns / self.rows[:, None]
         left = self.columns[:, None] * self._transposed / self.rows
         tangent = self.columns[:, None] * tangent * self.columns
-        self._unit = float(np.max(np.abs(np.diag(tangent)), initial=0.0)) or 1.0
+        self._unit = max(self._unit, float(np.max(np.abs(np.diag(tangent)), initial=0.0))) or 1.0
         self._factors = _factored(tangent / self._unit + self.settings["alpha"] * left @ scaled, self.kernels)
 
     def _solve(self, force: np.ndarray, gap: np.ndarray) -> np.ndarray:
