@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from fractions import Fraction
 from functools import partial
+from typing import TYPE_CHECKING
 
+from ncgen.model.values import Value, as_sympy, is_number
 from ncgen.program import passes
 from ncgen.program.angles import share_angles
 from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
@@ -14,7 +17,11 @@ from ncgen.program.blocks import Program, Store, Straight
 from ncgen.program.elimination import Matrix
 from ncgen.program.graph import Graph
 from ncgen.program.lower import lower_value
+from ncgen.symbolic.inertia import Exact
 from ncgen.symbolic.numbering import Terms
+
+if TYPE_CHECKING:
+    import sympy
 
 
 class Lines:
@@ -60,10 +67,17 @@ class Lines:
         position = self.equations.index[bound.coordinates[k]]
         return self.rates[position] if kind == "qd" else self.graph.load(kind, position)
 
+    def value(self, value: Value | Exact) -> int:
+        """A number, or an expression of parameters."""
+        return self.graph.const(float(value)) if is_number(value) or isinstance(value, Fraction) else self._lowered(as_sympy(value))
+
     def _expression(self, index: int) -> int:
+        return self._lowered(self.derived.expressions[index])
+
+    def _lowered(self, expression: sympy.Expr) -> int:
         if self._parameters is None:
             self._parameters = {p.name: self.graph.load("p", i) for i, p in enumerate(self.equations.parameters)}
-        return lower_value(self.graph, self.derived.expressions[index], self._parameters)
+        return lower_value(self.graph, expression, self._parameters)
 
     def program(self, name: str, inputs: tuple[str, ...], outputs: Sequence[int]) -> Program:
         """A program that writes these nodes one after the other."""

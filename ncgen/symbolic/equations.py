@@ -91,6 +91,20 @@ def build_equations(model: Model, owner: Owner | None = None) -> Equations:
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
 
 
+def build_without_inertia_of(model: Model, bodies: Collection[Body]) -> Equations:
+    """All terms of a model but masses and weights of these bodies."""
+    omitted: list[str] = []
+    rows = [_row(model, number, row, omitted) for number, row in enumerate(model.rows)]
+    masses, forces = _inertia_terms(model, [body for body in model.bodies.values() if body.inertia and body not in bodies], frozenset())
+    return Equations(model, tuple(rows), tuple(masses), (*forces, *_all_applied(model, frozenset())), tuple(omitted))
+
+
+def _all_applied(model: Model, released: Collection[Component]) -> list[Term]:
+    """Forces, springs and potentials."""
+    applied = [_applied(model, force, released) for force in model.forces]
+    return [*applied, *build_springs(model).forces]
+
+
 def build_springs(model: Model) -> Equations:
     """The springs and potentials of a model alone: what pulls without belonging to a body."""
     forces = [_spring(model, spring) for spring in model.springs]

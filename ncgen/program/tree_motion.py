@@ -1,0 +1,158 @@
+"""How the elements of a tree of bodies move with the rates of its joints, as nodes.
+
+Everything is in global axes about one reference point a tree: the screw of a joint on axis u through r is (u, r × u), a body's twist
+(ω, v) the sum of its joints' screws times rates, and an element moves with v + ω × r, or ω × r where it is a vector. The reference
+is a point of the tree's root, taken as if it stood still, so that a mechanism far from the origin loses no digits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from ncgen.model.elements import Combination, Component, Point, Spatial
+from ncgen.program.lines import Lines
+from ncgen.program.space import Space, Vector
+from ncgen.symbolic.tree import Screw, Tree
+
+
+@dataclass(frozen=True)
+class Column:
+    """The screw of one rate: axis u (0 of a translation) and s, the velocity at the reference point."""
+
+    axis: Vector
+    along: Vector
+
+
+class TreePlace:
+    """Screws and levers in a position; rates are numbered as the tree's screws, link by link."""
+
+    def __init__(self, lines: Lines, tree: Tree) -> None:
+        self.lines, self.tree, self.space = lines, tree, Space(lines.graph)
+        self.reference = [self._reference(number) for number in range(len(tree.links))]
+        self.columns: list[Column] = []
+        self.own: list[range] = []
+        self.path: list[list[int]] = []
+        for number, link in enumerate(tree.links):
+            first = len(self.columns)
+            self.columns += [self._column(screw, number) for screw in link.screws]
+            self.own.append(range(first, len(self.columns)))
+            self.path.append([*(self.path[link.parent] if link.parent is not None else []), *self.own[number]])
+
+    def node(self, component: Component) -> int:
+        """A coordinate, or the value of a fixed component."""
+        lines = self.lines
+        if lines.equations.moves(component):
+            return lines.graph.load("q", lines.equations.index[component])
+        return lines.value(component.value)
+
+    def vector(self, element: Spatial) -> Vector:
+        x, y, z = map(self.node, element.components)
+        return x, y, z
+
+    def combined(self, combination: Combination, vectors: Mapping[Spatial, Vector] | None = None) -> Vector:
+        """A combination of elements, or of vectors that stand for them."""
+        space = self.space
+        of = self.vector if vectors is None else lambda e: vectors.get(e, space.zero)
+        return space.sum(space.times(self.lines.value(weight), of(element)) for weight, element in combination.terms)
+
+    def lever(self, element: Spatial, link: int) -> Vector:
+        """From the reference point to a point; of a vector itself."""
+        here = self.vector(element)
+        return self.space.sub(here, self.reference[link]) if isinstance(element, Point) else here
+
+    def moved(self, element: Spatial, link: int) -> dict[int, Vector]:
+        """{rate: velocity of an element that moves with a link, at rate 1}."""
+        space, lever = self.space, self.lever(element, link)
+        turned = {k: space.cross(self.columns[k].axis, lever) for k in self.path[link]}
+        return {k: space.add(self.columns[k].along, v) if isinstance(element, Point) else v for k, v in turned.items()}
+
+    def _reference(self, number: int) -> Vector:
+        """A point that rests, if the root has one, else the root's first point."""
+        root = self.tree.links[number]
+        while root.parent is not None:
+            root = self.tree.links[root.parent]
+        resting = [p for link in self.tree.links if link.parent is None for p in link.body.points if p.fixed]
+        is_held = any(p.fixed for p in root.body.points)
+        return self.vector(resting[0] if is_held else root.body.points[0])
+
+    def _column(self, screw: Screw, link: int) -> Column:
+        axis = self.combined(screw.axis)
+        if screw.point is None:
+            return Column(self.space.zero, axis)
+        return Column(axis, self.space.cross(self.lever(screw.point, link), axis))
+
+
+class TreeVelocity:
+    """Twists and velocities for rates of the joints, and accelerations that there are without accelerations of the joints.
+
+    velocity, bias: {element: vector} of whatever moves with the tree
+    twists: (ω, v) of every link; changes: (ω̇, v̇) of every link without the joints' own accelerations
+    """
+
+    def __init__(self, place: TreePlace, rates: Sequence[int]) -> None:
+        self.place, self.rates = place, rates
+        self.twists: list[tuple[Vector, Vector]] = []
+        self.changes: list[tuple[Vector, Vector]] = []
+        self.velocity: dict[Spatial, Vector] = {}
+        for number in range(len(place.tree.links)):
+            self._follow(number)
+        self.bias = {element: self._bias(element, link) for element, link in place.tree.home.items()}
+
+    def _follow(self, number: int) -> None:
+        """Twist of a link from that of its parent, joint by joint, and the velocities of its own elements."""
+        place, space = self.place, self.place.space
+        link = place.tree.links[number]
+        nothing = (space.zero, space.zero)
+        turning, along = self.twists[link.parent] if link.parent is not None else nothing
+        change, lift = self.changes[link.parent] if link.parent is not None else nothing
+        before, speed = turning, None
+        for screw, k in zip(link.screws, place.own[number], strict=True):
+            rate, column = self.rates[k], place.columns[k]
+            if screw.point is None:
+                lift = space.add(lift, space.times(rate, space.cross(before, column.along))) if not screw.is_constant else lift
+            else:
+                lever = place.lever(screw.point, number)
+                if speed is None:
+                    speed = self.velocity.get(screw.point) or space.add(along, space.cross(turning, lever))
+                    if not screw.point.fixed:
+                        self.velocity.setdefault(screw.point, speed)
+                turned = space.zero if screw.is_constant else self._axis_rate(screw, before)
+                shifted = space.add(space.cross(speed, column.axis), space.cross(lever, turned))
+                change = space.add(change, space.times(rate, turned))
+                lift = space.add(lift, space.times(rate, shifted))
+            turning = space.add(turning, space.times(rate, column.axis))
+            along = space.add(along, space.times(rate, column.along))
+        self.twists.append((turning, along))
+        self.changes.append((change, lift))
+        for element, home in place.tree.home.items():
+            if home == number:
+                self.velocity.setdefault(element, self._velocity(element, number))
+
+    def _axis_rate(self, screw: Screw, turning: Vector) -> Vector:
+        """u̇ of an axis that turns with the parent: of its elements' velocities where they are known."""
+        place = self.place
+        if all(element in self.velocity or element.fixed for element in screw.axis.elements):
+            return place.combined(screw.axis, self.velocity)
+        return place.space.cross(turning, place.combined(screw.axis))
+
+    def _velocity(self, element: Spatial, link: int) -> Vector:
+        turning, along = self.twists[link]
+        turned = self.place.space.cross(turning, self.place.lever(element, link))
+        return self.place.space.add(along, turned) if isinstance(element, Point) else turned
+
+    def _bias(self, element: Spatial, link: int) -> Vector:
+        """The acceleration of an element without accelerations of the joints."""
+        return self.bias_with(element, link)
+
+    def bias_with(self, element: Spatial, link: int) -> Vector:
+        """The acceleration that an element has where it moves with a link, without accelerations of the joints."""
+        space = self.place.space
+        (turning, _), (change, lift) = self.twists[link], self.changes[link]
+        velocity = self.velocity.get(element, space.zero)
+        turned = space.add(space.cross(change, self.place.lever(element, link)), space.cross(turning, velocity))
+        return space.add(lift, turned) if isinstance(element, Point) else turned
+
+

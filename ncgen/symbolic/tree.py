@@ -1,0 +1,131 @@
+"""The bodies of a mechanism as a tree: which one carries which, and how each can move beside the one that carries it.
+
+What two bodies share tells their freedoms: a point 3, a point and a direction 1, a direction 4, two directions 3, nothing 6; in the
+plane a point 1, a direction 2, nothing 3. A spanning tree takes the joints with the fewest freedoms first. Whatever it does not
+use, elements shared across it and rows of the user's, closes loops.
+Source: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody Systems (1994), chapter 8.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ncgen.model import Model
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
+from ncgen.model.rigid import NORMAL
+
+PARALLEL = 1e-6
+"""Sine of the angle below which two directions are one."""
+
+AXES = tuple(as_combination(Constant.of(name, tuple(row))) for name, row in zip("xyz", np.eye(3).tolist(), strict=True))
+"""Directions that do not turn."""
+
+
+@dataclass(frozen=True, eq=False)
+class Screw:
+    """One freedom of a joint: turning about `axis` through `point`, or moving along `axis` where there is no point."""
+
+    axis: Combination
+    point: Point | None = None
+
+    @property
+    def is_constant(self) -> bool:
+        """True if the axis turns with no body."""
+        return all(isinstance(element, Constant) for element in self.axis.elements)
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """A body in the tree. parent: the number of the link that carries it, None for the ground; screws: of its joint, outward."""
+
+    body: Body
+    parent: int | None
+    screws: tuple[Screw, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Tree:
+    """links: each after its parent; loose: bodies that are too thin to be links, such as points and bars in space."""
+
+    links: tuple[Link, ...]
+    loose: tuple[Body, ...]
+    home: dict[Spatial, int] = field(default_factory=dict)
+    """{element: the link nearest to the ground that it moves with}; what rests and what belongs to no link is not there."""
+
+    @property
+    def freedoms(self) -> int:
+        """Of the tree, before loops are closed."""
+        return sum(len(link.screws) for link in self.links)
+
+
+def spanning_tree(model: Model) -> Tree:
+    """The tree of a model's bodies."""
+    waiting = [body for body in model.bodies.values() if _is_solid(body)]
+    loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
+    links: list[Link] = []
+    best = {body: (None, _joint(body, [e for e in body.elements if e.fixed])) for body in waiting}
+    while waiting:
+        body = min(waiting, key=lambda b: len(best[b][1]))
+        waiting.remove(body)
+        links.append(Link(body, *best[body]))
+        mine = set(body.elements)
+        for other in waiting:
+            shared = [e for e in other.elements if e in mine]
+            if shared and len(screws := _joint(other, shared)) < len(best[other][1]):
+                best[other] = (len(links) - 1, screws)
+    home: dict[Spatial, int] = {}
+    for number, link in enumerate(links):
+        for element in link.body.elements:
+            if not element.fixed:
+                home.setdefault(element, number)
+    return Tree(tuple(links), loose, home)
+
+
+def _is_solid(body: Body) -> bool:
+    """True if the body's elements tell its rotation, too."""
+    return bool(body.points) and len(_across(body, body.elements)) >= (1 if body.frame.planar else 2)
+
+
+def _joint(body: Body, shared: Sequence[Spatial]) -> tuple[Screw, ...]:
+    """How a body can move where these elements of it are held."""
+    held = next((e for e in shared if isinstance(e, Point)), None)
+    point = held or body.points[0]
+    directions = _across(body, shared)
+    if body.frame.planar:
+        turns, axes = ([] if directions else [as_combination(NORMAL)]), AXES[:2]
+    else:
+        turns, axes = ([] if len(directions) > 1 else directions or list(AXES)), AXES
+    moves = [] if held else [Screw(axis) for axis in axes]
+    return (*moves, *(Screw(axis, point) for axis in turns))
+
+
+def _directions(elements: Iterable[Spatial]) -> list[Combination]:
+    """Up to two independent directions among elements: vectors, and segments between points."""
+    elements = list(elements)
+    points = [e for e in elements if isinstance(e, Point)]
+    found: list[Combination] = []
+    vectors = [as_combination(e) for e in elements if isinstance(e, Vector)]
+    for direction in (*vectors, *(p - points[0] for p in points[1:])):
+        if len(found) < 2 and _is_new(direction, found):
+            found.append(direction)
+    return found
+
+
+def _across(body: Body, elements: Iterable[Spatial]) -> list[Combination]:
+    """Directions among a body's elements, of a planar one those in its plane."""
+    return [d for d in _directions(elements) if not (body.frame.planar and _is_normal(d))]
+
+
+def _is_new(direction: Combination, others: Collection[Combination]) -> bool:
+    length = float(np.linalg.norm(direction.initial))
+    return length > 0 and all(
+        float(np.linalg.norm(np.cross(direction.initial, o.initial))) > PARALLEL * length * float(np.linalg.norm(o.initial)) for o in others
+    )
+
+
+def _is_normal(direction: Combination) -> bool:
+    return not np.any(direction.initial[:2])
