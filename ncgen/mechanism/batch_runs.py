@@ -18,8 +18,8 @@ from ncgen.mechanism.batch import LANES, aligned, load, pointer, thread_count
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.methods.table import INTEGRATORS, number_in_c
-from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
+from ncgen.program.sampling import Sample
 from ncgen.toolchain.abi import InC, declared, runtime_abi
 
 SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", *RUNTIME_HEADERS)
@@ -60,7 +60,7 @@ class _BatchListener(Listener):
 class LaneDynamics:
     """The state derivative of one choice of independent coordinates, for many states at a time."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples) -> None:
+    def __init__(self, kernels: CompiledKernels, split: Split, samples: Sequence[Sample]) -> None:
         from ncgen.program.dynamics import assemble_dynamics
 
         equations = kernels.programs.equations
@@ -73,7 +73,7 @@ class LaneDynamics:
         self.kernels, self.split, self._samples = kernels, split, samples
         self._model = self._ffi.cast("const ncgen_model *", kernels.descriptor)  # its sizes are asked for, not its kernels
 
-    def __reduce__(self) -> tuple[type[LaneDynamics], tuple[CompiledKernels, Split, Samples]]:
+    def __reduce__(self) -> tuple[type[LaneDynamics], tuple[CompiledKernels, Split, Sequence[Sample]]]:
         """Pickled as what it was made of; it is compiled again, or found in the cache, where it arrives."""
         return LaneDynamics, (self.kernels, self.split, self._samples)
 

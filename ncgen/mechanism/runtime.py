@@ -23,9 +23,9 @@ from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
-from ncgen.program.elimination import Samples
 from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
+from ncgen.program.sampling import Sample
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load
@@ -313,7 +313,9 @@ class ConstrainedDynamics(Dynamics):
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Samples, number: str = "double", refine: bool = False) -> None:
+    def __init__(
+        self, kernels: CompiledKernels, split: Split, samples: Sequence[Sample], number: str = "double", refine: bool = False
+    ) -> None:
         from ncgen.program.dynamics import assemble_dynamics
 
         super().__init__(kernels, number)

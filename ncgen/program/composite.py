@@ -17,7 +17,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from ncgen.model.elements import Component
-from ncgen.program.graph import Graph
 from ncgen.program.space import PLACES, Space, Tensor, Vector
 from ncgen.symbolic.inertia import Exact, StandardInertia
 
@@ -84,5 +83,3 @@ def _form(space: Space, form: tuple[tuple[float, tuple[Component, ...]], ...], n
         x, y, z = map(node, components)
         vectors.append(space.times(space.graph.const(weight), (x, y, z)))
     return space.sum(vectors)
-
-

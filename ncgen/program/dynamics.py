@@ -14,23 +14,28 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, TypeVar
+from typing import TypeAlias
 
 import numpy as np
 
 from ncgen.errors import SingularError
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
-from ncgen.program.elimination import Factors, Matrix, Samples, factor, solve, solve_positive, solve_refined, solve_transposed
+from ncgen.program.cost import cost
+from ncgen.program.elimination import EliminationError, Factors, Matrix, factor, solve, solve_positive, solve_refined, solve_transposed
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
+from ncgen.program.recursion import NoRecursion, assemble_recursion
+from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.verify import verify
 from ncgen.symbolic.numbering import Terms
 
-T = TypeVar("T", int, float)
-
 Sizes: TypeAlias = Sequence[float] | np.ndarray
+
+
+MANY = 2000
+"""Numbers of R from which the recursion is taken without counting."""
 
 
 @dataclass(frozen=True)
@@ -42,39 +47,44 @@ class DynamicsPrograms:
     split: Split
 
 
-def assemble_dynamics(equations: Terms, split: Split, samples: Samples, sizes: Sizes, refine: bool = False) -> DynamicsPrograms:
+def assemble_dynamics(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> DynamicsPrograms:
     """Both programs for one choice of independent coordinates.
 
-    samples: {(row, coordinate): number} of Φ_q in typical positions, for the choice of pivots
+    samples: typical positions, for the choice of pivots and for what vanishes in all of them
     sizes: natural size of every coordinate
     refine: one step of iterative refinement of R and of the accelerations' particular solution (Newton's method refines itself)
     """
     newton = _newton(equations, split, samples)
-    acceleration = _acceleration(equations, split, samples, sizes, refine)
+    acceleration = _cheapest(equations, split, samples, sizes, refine)
     lengths = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
     for program in (newton, acceleration):
         verify(program, lengths)
     return DynamicsPrograms(newton, acceleration, split)
 
 
-def _dependent(jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix, Samples]:
-    """Φ_q^d over kept rows and dependent coordinates, renumbered, as nodes and as numbers."""
+def _cheapest(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool) -> Program:
+    """The accelerations by whatever takes the fewest operations: recursion over the tree of bodies, or R of all coordinates.
+
+    R is not even made where its numbers alone are many: bodies are what such a mechanism has, and the recursion is cheaper then.
+    """
+    try:
+        recursion = assemble_recursion(equations, split, samples, np.asarray(sizes), refine)
+    except (NoRecursion, EliminationError):
+        return _acceleration(equations, split, samples, sizes, refine)
+    if len(equations.free) * len(split.independent) > MANY:
+        return recursion
+    return min(_acceleration(equations, split, samples, sizes, refine), recursion, key=lambda program: cost(program).total)
+
+
+def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Sample]) -> tuple[Matrix, Factors]:
+    """Φ_q^d over kept rows and dependent coordinates, renumbered, and its factors."""
     row = {r: i for i, r in enumerate(split.rows)}
     column = {c: j for j, c in enumerate(split.dependent)}
-
-    def chosen(entries: dict[tuple[int, int], T]) -> dict[tuple[int, int], T]:
-        return {(row[r], column[c]): value for (r, c), value in entries.items() if r in row and c in column}
-
-    return chosen(jacobian), [chosen(sample) for sample in samples]
+    matrix = {(row[r], column[c]): node for (r, c), node in jacobian.items() if r in row and c in column}
+    return matrix, factor(lines.graph, matrix, len(split.rows), Sampling(lines.graph, samples).of(matrix))
 
 
-def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Samples) -> tuple[Matrix, Factors]:
-    """Φ_q^d and its factors."""
-    matrix, numbers = _dependent(jacobian, split, samples)
-    return matrix, factor(lines.graph, matrix, len(split.rows), numbers)
-
-
-def _newton(equations: Terms, split: Split, samples: Samples) -> Program:
+def _newton(equations: Terms, split: Split, samples: Sequence[Sample]) -> Program:
     lines = Lines(equations)
     graph = lines.graph
     phi = lines.vector(KERNELS["phi"])
@@ -87,7 +97,7 @@ def _newton(equations: Terms, split: Split, samples: Samples) -> Program:
     return lines.program("newton", ("t", "q", "p"), steps + residuals)
 
 
-def _acceleration(equations: Terms, split: Split, samples: Samples, sizes: Sizes, refine: bool) -> Program:
+def _acceleration(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool) -> Program:
     lines = Lines(equations)
     graph = lines.graph
     zero, one = graph.const(0.0), graph.const(1.0)

@@ -24,7 +24,7 @@ from ncgen.model.elements import Component, Point, Relative, Spatial
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.composite import Inertia, inertia_of, nothing
-from ncgen.program.elimination import Factors, Matrix, factor, factor_symmetric, solve, solve_symmetric, solve_transposed
+from ncgen.program.elimination import Factors, Matrix, factor, factor_symmetric, solve, solve_refined, solve_symmetric, solve_transposed
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.sampling import Sample, Sampling
@@ -64,14 +64,14 @@ class Row:
     axis: int = 0
 
 
-def assemble_recursion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray) -> Program:
+def assemble_recursion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, refine: bool = False) -> Program:
     """The program acceleration(t, q, zd, p) -> q̇, z̈, power, amplification; arguments as for `assemble_dynamics`.
 
     Raises NoRecursion where the mechanism has no tree that moves as the rows allow.
     """
     if len(samples) < FEWEST:
         raise NoRecursion("too few positions to see what vanishes")
-    return _Recursion(equations, split, samples, sizes).program()
+    return _Recursion(equations, split, samples, sizes).program(refine)
 
 
 class _Recursion:
@@ -211,7 +211,7 @@ class _Recursion:
                 raise NoRecursion("the tree does not move as the rows allow")
         return [rows[i] for i in taken]
 
-    def program(self) -> Program:
+    def program(self, refine: bool) -> Program:
         graph, split = self.graph, self.split
         zero, one = graph.const(0.0), graph.const(1.0)
         rows = self.kept(self.rows())
@@ -221,7 +221,8 @@ class _Recursion:
         factors = factor(graph, matrix, len(rows), self.sampling.of(matrix))
 
         def particular(right: dict[int, int]) -> dict[int, int]:
-            return {dependent[j]: node for j, node in solve(graph, factors, right).items()}
+            solution = solve_refined(graph, matrix, factors, right) if refine else solve(graph, factors, right)
+            return {dependent[j]: node for j, node in solution.items()}
 
         R = []
         for k in self.free:

@@ -53,9 +53,7 @@ class Space:
 
     def cross(self, a: Vector, b: Vector) -> Vector:
         g = self.graph
-        x, y, z = (
-            g.sub(g.mul(a[i], b[j]), g.mul(a[j], b[i])) for i, j in ((1, 2), (2, 0), (0, 1))
-        )
+        x, y, z = (g.sub(g.mul(a[i], b[j]), g.mul(a[j], b[i])) for i, j in ((1, 2), (2, 0), (0, 1)))
         return x, y, z
 
     def plus(self, a: Tensor, b: Tensor) -> Tensor:

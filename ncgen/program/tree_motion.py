@@ -10,8 +10,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from ncgen.model.elements import Combination, Component, Point, Spatial
 from ncgen.program.lines import Lines
 from ncgen.program.space import Space, Vector
@@ -154,5 +152,3 @@ class TreeVelocity:
         velocity = self.velocity.get(element, space.zero)
         turned = space.add(space.cross(change, self.place.lever(element, link)), space.cross(turning, velocity))
         return space.add(lift, turned) if isinstance(element, Point) else turned
-
-

@@ -6,16 +6,17 @@ from typing import TYPE_CHECKING, Any, Literal, TypeGuard, overload
 
 import numpy as np
 
-from ncgen.errors import ConvergenceError, ModelError, SingularError
+from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.program.programs import Split
+from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms import ACCELERATIONS
 from ncgen.solver.partition import BETTER, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
-from ncgen.solver.position import TOLERANCE
+from ncgen.solver.position import TOLERANCE, solve_position
 from ncgen.solver.rank import freedom, trial_positions
 from ncgen.solver.run import EMITTED, Form
 from ncgen.solver.steppers.generalized_alpha import weights
@@ -26,6 +27,13 @@ if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
     from ncgen.mechanism.library import CompiledKernels
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
+    from ncgen.program.sampling import Sample
+
+OTHERS = 3
+"""How many sample positions have other parameters and times."""
+
+ASIDE = 0.03
+"""By which share of theirs, and of a second."""
 
 GROWTH = 2.0
 """Other independent coordinates are looked for when ‖R‖² has grown by this factor: error control sees the independent
@@ -229,15 +237,25 @@ def _made(
     if form == "dense":
         return DenseDynamics(kernels, split, number, positions)
     if form == "lanes":
-        return LaneDynamics(kernels, split, _samples(kernels, q, p))
-    return EmittedDynamics(kernels, split, _samples(kernels, q, p), number, refine=form == "refined")
+        return LaneDynamics(kernels, split, samples(kernels, q, p))
+    return EmittedDynamics(kernels, split, samples(kernels, q, p), number, refine=form == "refined")
 
 
-def _samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[dict[tuple[int, int], float]]:
-    """Φ_q as numbers in typical positions, from which the order of elimination is chosen."""
-    places = kernels.phi_q_pattern.positions()
-    positions = trial_positions(kernels, q, 0.0, p)
-    return [dict(zip(places, kernels.values("phi_q", 0.0, x, None, p).tolist(), strict=True)) for x in positions]
+def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
+    """Typical positions around q, from which the order of elimination is chosen, and seen what vanishes: with other parameters, too,
+    and at other times, so that nothing is taken for 0 that is 0 only now."""
+    from ncgen.program.sampling import Sample
+
+    found = [Sample(0.0, x, p) for x in trial_positions(kernels, q, 0.0, p)]
+    generator = np.random.default_rng(1)
+    for _ in range(OTHERS if kernels.model.parameters or np.any(kernels.nu(q, 0.0, p)) else 0):
+        other = p + ASIDE * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
+        t = float(ASIDE * generator.uniform())
+        try:
+            found.append(Sample(t, solve_position(kernels, found[-1].q, t, refresh_branches(kernels, q, other)).q, other))
+        except NcgenError:
+            continue  # these parameters leave no position
+    return found
 
 
 def run(path: Path, kernels: CompiledKernels, task: Task, form: Form) -> str | None:
