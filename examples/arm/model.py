@@ -22,14 +22,15 @@ def build(n: int = 7) -> Model:
     places = np.vstack([np.zeros(3), np.cumsum([STEP * ((-1) ** i, 1, 1) for i in range(n)], axis=0)])
     points = [m.point(f"r{i}", place, fixed=i == 0) for i, place in enumerate(places)]
     axes = [m.vector(f"u{i}", (Z, Y)[i % 2], fixed=i == 0) for i in range(n + 1)]
-    before = m.vector("x", Y, fixed=True)
+    before, angles = m.vector("x", Y, fixed=True), []
     for i in range(n):
         heavy = 3.0 - 2.5 * i / n
         m.body(f"link{i + 1}", points[i : i + 2], axes[i : i + 2], mass=heavy, inertia=box(heavy))
         angle = m.angle(f"psi{i + 1}", before, axes[i + 1], axes[i])
         m.torque(angle, m.parameter(f"tau{i + 1}", 0.0, "N m"))
-        m.independent(angle)
+        angles.append(angle)
         before = axes[i]
+    m.independent(*angles)
     m.gravity((0, 0, -9.81))
     m.line(*points)
     m.simulation(duration=0.5, zd0={f"psi{i + 1}": 0.5 * (-1) ** i for i in range(n)})

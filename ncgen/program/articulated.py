@@ -1,0 +1,102 @@
+"""H ẍ = f for the rates of a tree without forming H: its cost grows with the number of joints and not with its square.
+
+Inward, each joint takes from the inertia beyond it what it does not pass on, A − U Uᵀ/d with U = A s and d = sᵀ U for the screw s; outward,
+accelerations follow. A joint of several rates is several joints with nothing between them.
+Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 7.2; about one point in global axes, so nothing is transformed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TypeAlias
+
+from ncgen.errors import SingularError
+from ncgen.program.composite import Inertia
+from ncgen.program.space import PLACES, Space, Tensor, Vector
+from ncgen.program.tree_motion import TreePlace
+
+Rows: TypeAlias = tuple[Vector, Vector, Vector]
+
+
+@dataclass(frozen=True)
+class Articulated:
+    """Inertia of bodies that move beside each other: angular momentum I ω + B v, linear momentum Bᵀ ω + M v."""
+
+    turning: Tensor
+    mixed: Rows
+    along: Tensor
+
+    @classmethod
+    def of(cls, space: Space, body: Inertia) -> Articulated:
+        """That of one body: B is h ×, M its mass."""
+        none, (x, y, z), neg, m = space.graph.const(0.0), body.first, space.graph.neg, body.mass
+        return cls(body.tensor, ((none, neg(z), y), (z, none, neg(x)), (neg(y), x, none)), (m, m, m, none, none, none))
+
+    def plus(self, space: Space, other: Articulated) -> Articulated:
+        x, y, z = (space.add(a, b) for a, b in zip(self.mixed, other.mixed, strict=True))
+        return Articulated(space.plus(self.turning, other.turning), (x, y, z), space.plus(self.along, other.along))
+
+    def times(self, space: Space, axis: Vector, lever: Vector) -> tuple[Vector, Vector]:
+        """Angular and linear momentum for a screw."""
+        angular = space.add(space.turned(self.turning, axis), _times(space, self.mixed, lever))
+        x, y, z = zip(*self.mixed, strict=True)
+        return angular, space.add(_times(space, (x, y, z), axis), space.turned(self.along, lever))
+
+    def less(self, space: Space, angular: Vector, linear: Vector, reciprocal: int) -> Articulated:
+        """Without what a joint with this momentum does not pass on."""
+        sub, mul = space.graph.sub, space.graph.mul
+        a, l = space.times(reciprocal, angular), space.times(reciprocal, linear)
+        turning = tuple(sub(node, mul(a[i], angular[j])) for node, (i, j) in zip(self.turning, PLACES, strict=True))
+        along = tuple(sub(node, mul(l[i], linear[j])) for node, (i, j) in zip(self.along, PLACES, strict=True))
+        x, y, z = (space.sub(row, space.times(a[i], linear)) for i, row in enumerate(self.mixed))
+        return Articulated(turning, (x, y, z), along)
+
+
+def _times(space: Space, rows: Rows, vector: Vector) -> Vector:
+    x, y, z = (space.dot(row, vector) for row in rows)
+    return x, y, z
+
+
+def accelerations(place: TreePlace, bodies: Sequence[Inertia | None], right: dict[int, int]) -> dict[int, int]:
+    """{rate: ẍ} of H ẍ = right; bodies: the own inertia of every link.
+
+    Raises SingularError where a joint moves nothing.
+    """
+    space, graph, links = place.space, place.space.graph, place.tree.links
+    nothing = (space.zero, space.zero)
+    beyond: list[Articulated | None] = [Articulated.of(space, body) if body else None for body in bodies]
+    pull = [nothing] * len(links)
+    steps: dict[int, tuple[Vector, Vector, int, int]] = {}
+    for number in reversed(range(len(links))):
+        here, (moment, force) = beyond[number], pull[number]
+        for k in reversed(place.own[number]):
+            if here is None:
+                raise SingularError(
+                    f"{place.lines.equations.model.name}: a motion of the mechanism has no inertia; give the bodies that move mass"
+                )
+            axis, along = place.columns[k].axis, place.columns[k].along
+            angular, linear = here.times(space, axis, along)
+            reciprocal = graph.div(graph.const(1.0), graph.add(space.dot(axis, angular), space.dot(along, linear)))
+            rest = graph.sub(right[k], graph.add(space.dot(axis, moment), space.dot(along, force)))
+            steps[k] = angular, linear, reciprocal, rest
+            here = here.less(space, angular, linear, reciprocal)
+            share = graph.mul(reciprocal, rest)
+            moment, force = space.add(moment, space.times(share, angular)), space.add(force, space.times(share, linear))
+        parent = links[number].parent
+        if parent is not None and here is not None:
+            before = beyond[parent]
+            beyond[parent] = here.plus(space, before) if before else here
+            pull[parent] = space.add(pull[parent][0], moment), space.add(pull[parent][1], force)
+    found: dict[int, int] = {}
+    moving = [nothing] * len(links)
+    for number, link in enumerate(links):
+        turning, lift = moving[link.parent] if link.parent is not None else nothing
+        for k in place.own[number]:
+            angular, linear, reciprocal, rest = steps[k]
+            known = graph.add(space.dot(angular, turning), space.dot(linear, lift))
+            found[k] = graph.mul(reciprocal, graph.sub(rest, known))
+            turning = space.add(turning, space.times(found[k], place.columns[k].axis))
+            lift = space.add(lift, space.times(found[k], place.columns[k].along))
+        moving[number] = turning, lift
+    return found
