@@ -14,7 +14,8 @@ import numpy as np
 
 from ncgen import __version__
 from ncgen.compiler import compile, generate
-from ncgen.emit.c import number, program_records
+from ncgen.emit.c.files import program_records
+from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
@@ -88,8 +89,6 @@ class Package:
         closing, motion = (cost(program).total for program in (self.programs.closing, self.programs.motion))
         return {
             "version": __version__,
-            "prefix": self.prefix,
-            "upper": self.prefix.upper(),
             "model": self.kernels.model,
             "coordinates": self.kernels.coordinates,
             "units": [self.unit(name) for name in self.kernels.coordinates],
@@ -112,7 +111,6 @@ class Package:
             ],
             "tangents": self.tangents is not None,
             **program_records(self._motion_programs(), self.prefix, "motion"),
-            "width": 100,
         }
 
     def _motion_programs(self) -> list[Program]:
