@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
+from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 from ncgen.emit.environment import comment_text, loop_comments
@@ -80,9 +81,10 @@ class Spelling(ABC):
             "calls": operations.calls,
         }
 
-    def table_records(self) -> Record:
-        """The tables of all kernels that were spelled before."""
+    def records(self, programs: Iterable[Program]) -> Record:
+        """All kernels of a file, with its tables."""
         return {
+            "kernels": [self.kernel(program) for program in programs],
             "index_tables": [(name, values) for values, name in self.tables.indices.items()],
             "number_tables": [(name, [self.number(v) for v in values]) for values, name in self.tables.numbers.items()],
         }

@@ -66,9 +66,7 @@ def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]
 
 def program_records(programs: Iterable[Program], prefix: str, kind: str = "") -> Record:
     """Programs as a template prints them; kind: a word for the names of their tables, where a model has several files."""
-    spelling = C(prefix, kind)
-    kernels = [spelling.kernel(program) for program in programs]
-    return {"prefix": prefix, "upper": prefix.upper(), "kernels": kernels, **spelling.table_records(), "width": WIDTH}
+    return {"prefix": prefix, "upper": prefix.upper(), **C(prefix, kind).records(programs), "width": WIDTH}
 
 
 def _model_records(programs: Programs, prefix: str) -> Record:

@@ -5,14 +5,11 @@ Arguments may have leading batch dimensions, and any number type that NumPy adds
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
 from ncgen.emit.numpy.spelling import NumPy
-from ncgen.emit.spelling import Record
-from ncgen.program.blocks import Program
 
 if TYPE_CHECKING:
     from ncgen.program.programs import Programs
@@ -35,18 +32,14 @@ def model_files(programs: Programs) -> dict[str, str]:
         parameters=equations.parameters,
         phi_q=programs.phi_q,
         mass=programs.mass,
-        **_records(programs.programs.values()),
+        **NumPy().records(programs.programs.values()),
+        width=WIDTH,
     )
     return {f"{identifier(equations.model.name)}.py": text}
 
 
 def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text} of the tangent kernels."""
-    text = render("numpy/tangents.py.jinja", model=equations.model, **_records(programs.programs.values()))
+    records = NumPy().records(programs.programs.values())
+    text = render("numpy/tangents.py.jinja", model=equations.model, **records, width=WIDTH)
     return {f"{identifier(equations.model.name)}_{programs.kind}.py": text}
-
-
-def _records(programs: Iterable[Program]) -> Record:
-    spelling = NumPy()
-    kernels = [spelling.kernel(program) for program in programs]
-    return {"kernels": kernels, **spelling.table_records(), "width": WIDTH}
