@@ -133,4 +133,5 @@ def _sources(model: Model | Sources, emission: str, timings: Timings, kept: bool
 
 
 def _import_generator() -> None:
+    import ncgen.emit.c.files
     import ncgen.emit.sources  # noqa: F401

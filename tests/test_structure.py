@@ -94,7 +94,7 @@ def test_every_part_has_a_place():
         ("solver", "import ncgen.compiler"),
         ("program", "from ncgen import Model"),
         ("errors", "import ncgen.model"),
-        ("symbolic", "if TYPE_CHECKING:\n    from ncgen.emit.c import number"),
+        ("symbolic", "if TYPE_CHECKING:\n    from ncgen.emit.c.spelling import number"),
     ],
 )
 def test_the_check_sees_a_breach(own, source):

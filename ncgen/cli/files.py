@@ -9,6 +9,7 @@ import typer
 
 from ncgen.cli.terminal import ModelName, err, out, progress
 from ncgen.errors import ModelError
+from ncgen.exchange.export import targets
 
 
 def check(file: Annotated[Path, typer.Argument(help="a TOML model file")]) -> None:
@@ -45,7 +46,7 @@ def convert(
 
 def export(
     model: ModelName,
-    to: Annotated[str, typer.Option(help="c, fmu2, fmu3, wasm, python or numpy")],
+    to: Annotated[str, typer.Option(help=", ".join(targets()))],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
 ) -> None:
     """Write a mechanism for use without Python: a folder that builds and runs by its own README."""

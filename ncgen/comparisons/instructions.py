@@ -17,7 +17,7 @@ import numpy as np
 from ncgen.comparisons.rivals.base import KERNELS, Inputs
 from ncgen.comparisons.rivals.handwritten import source
 from ncgen.compiler import compile, generate
-from ncgen.emit.c import dynamics_files
+from ncgen.emit.c.files import dynamics_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError

@@ -30,7 +30,8 @@ RUNTIME_HEADERS = ("ncgen_runtime.h", "ncgen_methods.h")
 
 def runtime_names() -> tuple[str, ...]:
     """The files of the library, headers that it includes among them."""
-    return (*(path.name for path in sorted((FOLDER / "src").iterdir())), *RUNTIME_HEADERS, *HEADERS, "ncgen_facts.h", "ncgen_tableaus.h")
+    sources = (path.name for path in sorted((FOLDER / "src").iterdir()))
+    return tuple(dict.fromkeys((*sources, *RUNTIME_HEADERS, *HEADERS, *PRINTED)))
 
 
 def runtime_files(*names: str) -> dict[str, str]:

@@ -4,36 +4,45 @@ from __future__ import annotations
 
 import os
 import tempfile
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
-from ncgen.emit.c import c_files
-from ncgen.emit.numpy import numpy_files
+from ncgen.emit.language import language, languages
 from ncgen.errors import NcgenError
 from ncgen.program.programs import Programs
 
 
 @dataclass(frozen=True)
 class Sources:
-    """The generated files of one mechanism; the same model gives the same bytes. Each is printed when first asked for."""
+    """The generated files of one mechanism; the same model gives the same bytes.
+
+    printed: {language: its files}; a language is printed when it is first asked for
+    """
 
     programs: Programs
+    printed: dict[str, dict[str, Any]] = field(default_factory=dict, repr=False, compare=False)
 
-    @cached_property
+    def of(self, name: str) -> dict[str, Any]:
+        """{file name: text, or bytes where machines alone read them} in a language. Raises ModelError listing those that there are."""
+        if name not in self.printed:
+            self.printed[name] = dict(language(name).model_files(self.programs))
+        return self.printed[name]
+
+    @property
     def c(self) -> dict[str, str]:
-        """{name: text} of the C source and the headers it needs."""
-        return c_files(self.programs)
+        """The C source and the headers it needs."""
+        return self.of("c")
 
-    @cached_property
+    @property
     def numpy(self) -> dict[str, str]:
-        """{name: text} of the NumPy module."""
-        return numpy_files(self.programs)
+        """The NumPy module."""
+        return self.of("numpy")
 
     @property
     def files(self) -> dict[str, str]:
-        """All files."""
-        return self.c | self.numpy
+        """All files, in all languages that people read."""
+        return {file: text for name in languages() if language(name).IS_READ for file, text in self.of(name).items()}
 
     def write(self, folder: str | os.PathLike[str]) -> list[Path]:
         """Write all files into a folder (made if missing) and return their paths.

@@ -13,6 +13,14 @@ class Place:
     step: int
     offset: int
 
+    @property
+    def infix(self) -> str:
+        """The place as most languages write it; the run's number is `i`."""
+        head = f"{self.table}[i]" if self.table else {0: "", 1: "i"}.get(self.step, f"{self.step} * i")
+        if not head:
+            return str(self.offset)
+        return head if not self.offset else f"{head} {'+' if self.offset > 0 else '-'} {abs(self.offset)}"
+
 
 class Tables:
     """The tables of one source file.

@@ -21,7 +21,7 @@ import numpy as np
 from cffi import FFI
 from numpy.typing import ArrayLike
 
-from ncgen.emit.c import c_files
+from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
@@ -179,7 +179,7 @@ class CompiledBatch(Batch):
     @cached_property
     def _in_lanes(self) -> _Loop:
         getter = f"{identifier(self.kernels.name)}_model"
-        ffi, library, has_threads = load(c_files(self.kernels.programs), f"const ncgen_model *{getter}(void);", self._flags, abi())
+        ffi, library, has_threads = load(model_files(self.kernels.programs), f"const ncgen_model *{getter}(void);", self._flags, abi())
         return _Loop(ffi, library, has_threads, getattr(library, getter)())
 
     @cached_property

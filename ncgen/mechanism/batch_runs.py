@@ -10,7 +10,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.emit.c import dynamics_files
+from ncgen.emit.c.files import dynamics_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError

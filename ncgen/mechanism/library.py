@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.emit.c import c_files
+from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import identifier
 from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import CompiledBatch
@@ -44,7 +44,7 @@ class CompiledKernels(Kernels):
 
     @classmethod
     def _of(cls, programs: Programs) -> CompiledKernels:
-        return cls(programs, compiled(c_files(programs)).library)
+        return cls(programs, compiled(model_files(programs)).library)
 
     def function(self, kernel: str) -> InC:
         """The function of a kernel in C."""

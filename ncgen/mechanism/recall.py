@@ -48,9 +48,7 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
         return None
     programs, phi_q, mass, omitted, files = _restored(found)
     equations = Deferred(model)  # it derives what it lacks of them when asked
-    sources = Sources(Programs(equations, programs, phi_q, mass, emission, omitted))
-    sources.__dict__["c"] = files
-    return sources
+    return Sources(Programs(equations, programs, phi_q, mass, emission, omitted), {"c": files})
 
 
 def remember(key: str, sources: Sources) -> None:

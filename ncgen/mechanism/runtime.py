@@ -15,7 +15,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from ncgen.emit.c import c_files, dynamics_files
+from ncgen.emit.c.files import dynamics_files, model_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files, runtime_names
 from ncgen.errors import NcgenError
@@ -52,7 +52,7 @@ def _model(kernels: CompiledKernels, number: str) -> tuple[InC, CompiledKernels 
 
 def _compiled_model(kernels: CompiledKernels, number: str) -> tuple[InC, InC]:
     getter = f"{identifier(kernels.name)}_model"
-    _, library = _load(c_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
+    _, library = _load(model_files(kernels.programs), number, f"const ncgen_model *{getter}(void);")
     return getattr(library, getter)(), library
 
 

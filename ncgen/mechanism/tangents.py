@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
-from ncgen.emit.c import tangent_files
+from ncgen.emit.c import files as in_c
 from ncgen.emit.naming import identifier
-from ncgen.emit.numpy import numpy_tangents
+from ncgen.emit.numpy import files as in_numpy
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.program.blocks import Program
@@ -69,7 +69,7 @@ class NumPyTangents(Tangents):
 
     @cached_property
     def _functions(self) -> dict[str, Any]:
-        ((name, text),) = numpy_tangents(self.programs, self.equations).items()
+        ((name, text),) = in_numpy.tangent_files(self.programs, self.equations).items()
         namespace: dict[str, Any] = {"__name__": name.removesuffix(".py")}
         exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
         return namespace
@@ -84,7 +84,7 @@ class CompiledTangents(Tangents):
 
     def __init__(self, programs: TangentPrograms, equations: Terms) -> None:
         super().__init__(programs, equations)
-        files = tangent_files(self.programs, self.equations) | runtime_files(*HEADERS)
+        files = in_c.tangent_files(self.programs, self.equations) | runtime_files(*HEADERS)
         kind = programs.kind
         getter = f"{identifier(equations.model.name)}_{kind}"
         self._ffi, self._library = load(files, f"const ncgen_{kind} *{getter}(void);", abi())

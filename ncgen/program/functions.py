@@ -1,7 +1,7 @@
 """The elementary functions a program may call: one table for every printer, evaluator and derivative.
 
-Columns: how many arguments, the name of the C macro (see ncgen.h), the NumPy name, the sympy class name, the function
-on Python floats, and the derivative by each argument as operations g of a graph: (graph, y = f(x), x) -> node.
+Columns: the NumPy name, the sympy class name, the function on Python floats, and the derivative by each argument as operations g
+of a graph: (graph, y = f(x), x) -> node. In C it is a macro of ncgen_math.h that is called like the key.
 """
 
 from __future__ import annotations
@@ -18,7 +18,6 @@ Slope: TypeAlias = Callable[..., int]
 
 
 class Function(NamedTuple):
-    c: str
     numpy: str
     sympy: str
     python: Callable[..., float]
@@ -52,26 +51,26 @@ def _radius(g: Graph, y: int, x: int) -> int:
 
 
 FUNCTIONS = {
-    "sqrt": Function("NCGEN_SQRT", "sqrt", "sqrt", math.sqrt, (lambda g, y, x: g.div(g.const(0.5), y),)),
-    "sin": Function("NCGEN_SIN", "sin", "sin", math.sin, (lambda g, y, x: g.call("cos", x),)),
-    "cos": Function("NCGEN_COS", "cos", "cos", math.cos, (lambda g, y, x: g.neg(g.call("sin", x)),)),
-    "tan": Function("NCGEN_TAN", "tan", "tan", math.tan, (lambda g, y, x: _one_plus(g, g.mul(y, y)),)),
-    "asin": Function("NCGEN_ASIN", "arcsin", "asin", math.asin, (lambda g, y, x: _one_over(g, _other_leg(g, x)),)),
-    "acos": Function("NCGEN_ACOS", "arccos", "acos", math.acos, (lambda g, y, x: g.neg(_one_over(g, _other_leg(g, x))),)),
-    "atan": Function("NCGEN_ATAN", "arctan", "atan", math.atan, (lambda g, y, x: _one_over(g, _one_plus(g, g.mul(x, x))),)),
+    "sqrt": Function("sqrt", "sqrt", math.sqrt, (lambda g, y, x: g.div(g.const(0.5), y),)),
+    "sin": Function("sin", "sin", math.sin, (lambda g, y, x: g.call("cos", x),)),
+    "cos": Function("cos", "cos", math.cos, (lambda g, y, x: g.neg(g.call("sin", x)),)),
+    "tan": Function("tan", "tan", math.tan, (lambda g, y, x: _one_plus(g, g.mul(y, y)),)),
+    "asin": Function("arcsin", "asin", math.asin, (lambda g, y, x: _one_over(g, _other_leg(g, x)),)),
+    "acos": Function("arccos", "acos", math.acos, (lambda g, y, x: g.neg(_one_over(g, _other_leg(g, x))),)),
+    "atan": Function("arctan", "atan", math.atan, (lambda g, y, x: _one_over(g, _one_plus(g, g.mul(x, x))),)),
     "atan2": Function(
-        "NCGEN_ATAN2", "arctan2", "atan2", math.atan2,
+        "arctan2", "atan2", math.atan2,
         (lambda g, y, a, b: g.div(b, _radius(g, a, b)), lambda g, y, a, b: g.neg(g.div(a, _radius(g, a, b)))),
     ),
-    "sinh": Function("NCGEN_SINH", "sinh", "sinh", math.sinh, (lambda g, y, x: g.call("cosh", x),)),
-    "cosh": Function("NCGEN_COSH", "cosh", "cosh", math.cosh, (lambda g, y, x: g.call("sinh", x),)),
-    "tanh": Function("NCGEN_TANH", "tanh", "tanh", math.tanh, (lambda g, y, x: _one_minus(g, g.mul(y, y)),)),
-    "exp": Function("NCGEN_EXP", "exp", "exp", math.exp, (lambda g, y, x: y,)),
-    "log": Function("NCGEN_LOG", "log", "log", math.log, (lambda g, y, x: _one_over(g, x),)),
-    "abs": Function("NCGEN_ABS", "abs", "Abs", lambda x: abs(x), (lambda g, y, x: g.call("sign", x),)),
-    "sign": Function("NCGEN_SIGN", "sign", "sign", lambda x: (x > 0) - (x < 0), (lambda g, y, x: g.const(0.0),)),
+    "sinh": Function("sinh", "sinh", math.sinh, (lambda g, y, x: g.call("cosh", x),)),
+    "cosh": Function("cosh", "cosh", math.cosh, (lambda g, y, x: g.call("sinh", x),)),
+    "tanh": Function("tanh", "tanh", math.tanh, (lambda g, y, x: _one_minus(g, g.mul(y, y)),)),
+    "exp": Function("exp", "exp", math.exp, (lambda g, y, x: y,)),
+    "log": Function("log", "log", math.log, (lambda g, y, x: _one_over(g, x),)),
+    "abs": Function("abs", "Abs", lambda x: abs(x), (lambda g, y, x: g.call("sign", x),)),
+    "sign": Function("sign", "sign", lambda x: (x > 0) - (x < 0), (lambda g, y, x: g.const(0.0),)),
     "pow": Function(
-        "NCGEN_POW", "power", "Pow", math.pow,
+        "power", "Pow", math.pow,
         (
             lambda g, y, a, b: g.mul(b, g.call("pow", a, g.sub(b, g.const(1.0)))),
             lambda g, y, a, b: g.mul(y, g.call("log", a)),

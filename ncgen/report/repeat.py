@@ -25,15 +25,19 @@ if TYPE_CHECKING:
 SCALAR = (*FLAGS, "-fno-tree-vectorize", "-fno-tree-slp-vectorize")
 """The arithmetic rate is that of single numbers, as in straight-line code."""
 
-TIMING = Path(__file__).with_name("timing.c").read_text(encoding="utf-8")
-
 OPERATIONS = 24
 """Multiplications and additions in one turn of the loop of `ncgen_arithmetic`."""
 
 
 @cache
+def _timing() -> str:
+    """The text of timing.c."""
+    return Path(__file__).with_name("timing.c").read_text(encoding="utf-8")
+
+
+@cache
 def _repeater() -> tuple[Any, Any]:  # cffi's stubs know neither arrays of NumPy nor what a library declares
-    return load({"timing.c": TIMING} | runtime_files("ncgen.h"), marked(TIMING, "functions"), abi(), SCALAR)
+    return load({"timing.c": _timing()} | runtime_files("ncgen.h"), marked(_timing(), "functions"), abi(), SCALAR)
 
 
 @dataclass
@@ -88,8 +92,8 @@ def typed_runner(
     """
     number = NUMBERS[real]
     getter = f"{identifier(sources.programs.equations.model.name)}_model"
-    declarations = marked(TIMING, "functions") + f"const ncgen_model *{getter}(void);"
-    ffi, library = load(sources.c | {"timing.c": TIMING}, declarations, abi(real), (*FLAGS, *number.flags))
+    declarations = marked(_timing(), "functions") + f"const ncgen_model *{getter}(void);"
+    ffi, library = load(sources.c | {"timing.c": _timing()}, declarations, abi(real), (*FLAGS, *number.flags))
     model = getattr(library, getter)()
     arrays = [np.array(x, dtype=number.dtype) for x in (q, v, p)]
     programs = sources.programs.programs

@@ -13,7 +13,7 @@ from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.program.programs import Split
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.partition import BETTER, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
@@ -120,7 +120,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task) -> str | N
     q, qd, work, times = task.q, task.velocities, 0.0, grid
     if dynamics.singular_mass:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
-        ACCELERATIONS["lagrange"].motion(kernels, q, qd, float(grid[0]), p, {})
+        accelerations_by("lagrange").motion(kernels, q, qd, float(grid[0]), p, {})
     settings = method.options
     projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"

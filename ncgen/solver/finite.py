@@ -141,9 +141,9 @@ def on_the_way(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, tried:
 
 
 def _accelerations(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, p: np.ndarray | None) -> np.ndarray:
-    from ncgen.solver.formalisms import ACCELERATIONS
+    from ncgen.solver.formalisms import accelerations_by
 
-    formalism = ACCELERATIONS["lagrange"]
+    formalism = accelerations_by("lagrange")
     try:
         return formalism.motion(kernels, q, qd, t, p, {}).qdd
     except NcgenError:

@@ -19,7 +19,7 @@ from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.dynamics_jacobian import full_jacobian
 from ncgen.solver.finite import on_the_way, watched
-from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.integrators import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
@@ -53,7 +53,7 @@ class _Run:
 
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
         self.path, self.kernels, self.task, self.method, self.p = path, watched(kernels), task, task.method, task.p
-        self.accelerations = ACCELERATIONS[self.method.formalism.name]
+        self.accelerations = accelerations_by(self.method.formalism.name)
         self.rank = freedom(kernels, task.q, task.grid[0], task.p).rank
         self.reached: tuple[float, np.ndarray] | None = None
         self.projecting = self.method.options["stabilisation"] == "projection"

@@ -13,7 +13,7 @@ from scipy.integrate import DenseOutput, OdeSolver
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import Integrator
 from ncgen.methods.tableau import Tableau
-from ncgen.solver.hermite import Hermite
+from ncgen.solver.fixed_step import FixedStep
 from ncgen.solver.ode import Derivative
 from ncgen.solver.sundials import CvodeAdams, CvodeBdf
 from ncgen.solver.trapezoidal import Trapezoidal
@@ -77,41 +77,22 @@ class _Nordsieck(scipy.integrate.DenseOutput):
         return self._engine.integrate(t).copy()
 
 
-class FixedRungeKutta(scipy.integrate.OdeSolver):
-    """An explicit Runge-Kutta method with the fixed step `max_step`; children have its `tableau`."""
+class FixedRungeKutta(FixedStep):
+    """An explicit Runge-Kutta method with a fixed step; children have its `tableau`."""
 
     tableau: Tableau
 
-    def __init__(
-        self,
-        fun: Derivative,
-        t0: float,
-        y0: np.ndarray,
-        t_bound: float,
-        max_step: float = np.inf,
-        vectorized: bool = False,
-        first_step: float | None = None,
-        **extra: object,
-    ) -> None:
-        super().__init__(fun, t0, y0, t_bound, vectorized)
-        self._step = max_step if first_step is None else min(max_step, first_step)
+    def __init__(self, *given: Any, **options: Any) -> None:
+        super().__init__(*given, **options)
         self._rows = [np.array([float(x) for x in row]) for row in self.tableau.a[: self.tableau.stages]]
         self._nodes = [float(x) for x in self.tableau.c]
-        self.f = self.fun(t0, self.y)
 
-    def _step_impl(self) -> tuple[bool, str | None]:
-        t, y, h = self.t, self.y, min(self._step, self.t_bound - self.t)
-        slopes, end = [self.f], y
+    def _moved(self, h: float, t: float) -> tuple[np.ndarray, np.ndarray]:
+        slopes, end = [self.f], self.y
         for node, row in zip(self._nodes[1:], self._rows, strict=False):
-            end = y + h * (row @ np.array(slopes))
-            slopes.append(self.fun(t + node * h, end))
-        self.t = self.t_bound if t + h >= self.t_bound else t + h
-        self._previous = (t, y, self.f)
-        self.y, self.f = end, slopes[-1]
-        return True, None
-
-    def _dense_output_impl(self) -> DenseOutput:
-        return Hermite(*self._previous, self.t, self.y, self.f)
+            end = self.y + h * (row @ np.array(slopes))
+            slopes.append(self.fun(self.t + node * h, end))
+        return end, slopes[-1]
 
 
 class Pace:

@@ -20,7 +20,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Element, Point, Relative, Vector
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.dynamics_jacobian import acceleration_jacobians, independent_motions, rate_slope
-from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.geometry import component
 from ncgen.solver.partition import Partitions
 from ncgen.solver.position import solve_position
@@ -194,7 +194,7 @@ class _Search:
     def _by_time(self, now: Motion) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """ν, and how Φ_q q̇ − ν and q̈ of a state change with time alone, by differences."""
         kernels, p, rows = self.kernels, self.p, self.partitions.velocity.rows
-        lagrange, step = ACCELERATIONS["lagrange"], 1e-3 / self.rate
+        lagrange, step = accelerations_by("lagrange"), 1e-3 / self.rate
         slips, accelerations = [], []
         for k in (-2, -1, 1, 2):
             t = now.t + k * step

@@ -14,12 +14,13 @@ import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import FORMALISMS
 from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import frames, geometry
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.energy import drift, energies
-from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.given import echo, offer
 from ncgen.solver.partition import Partitions, choose_partitions, determined, other_partitions, quality
 
@@ -110,8 +111,8 @@ class Trajectory:
     def _motion(self, t: float, q: np.ndarray, qd: np.ndarray) -> Motion:
         kernels = self.moved_by or self.kernels
         p = refresh_branches(kernels, q, self.p)
-        if self.formalism in ACCELERATIONS:
-            return ACCELERATIONS[self.formalism].motion(kernels, q, qd, t, p, self.options)
+        if FORMALISMS[self.formalism].is_constrained:
+            return accelerations_by(self.formalism).motion(kernels, q, qd, t, p, self.options)
         present = determined(self.partitions)
         part = present.velocity
         if quality(kernels, part, q, t, p) < CONDITION:

@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
-import scipy.integrate
-from scipy.integrate import DenseOutput
 from scipy.linalg import lu_factor, lu_solve
 
-from ncgen.solver.hermite import Hermite
-from ncgen.solver.ode import Derivative, Slope
+from ncgen.solver.fixed_step import FixedStep
+from ncgen.solver.ode import Slope
 
 Factors: TypeAlias = tuple[np.ndarray, np.ndarray]
 """LU and exchanges of rows."""
@@ -22,40 +20,21 @@ ENOUGH = 1e-13
 """Newton steps below this, relative to the state's size, end the iteration."""
 
 
-class Trapezoidal(scipy.integrate.OdeSolver):
+class Trapezoidal(FixedStep):
     """Newton's method with the Jacobian of an earlier step, as long as it converges."""
 
-    def __init__(
-        self,
-        fun: Derivative,
-        t0: float,
-        y0: np.ndarray,
-        t_bound: float,
-        max_step: float = np.inf,
-        vectorized: bool = False,
-        first_step: float | None = None,
-        jac: Slope | None = None,
-        **extra: object,
-    ) -> None:
-        super().__init__(fun, t0, y0, t_bound, vectorized)
-        self._step = max_step if first_step is None else min(max_step, first_step)
+    def __init__(self, *given: Any, jac: Slope | None = None, **options: Any) -> None:
+        super().__init__(*given, **options)
         self._jac = jac or self._differences
         self._factors: tuple[float, Factors] | None = None
-        self.f = self.fun(t0, self.y)
 
-    def _step_impl(self) -> tuple[bool, str | None]:
-        h = min(self._step, self.t_bound - self.t)
-        t = self.t_bound if self.t + h >= self.t_bound else self.t + h
-        self._previous = (self.t, self.y, self.f)
+    def _moved(self, h: float, t: float) -> tuple[np.ndarray, np.ndarray] | None:
         y = self._newton(t, h, self._factors[1]) if self._factors and self._factors[0] == h else None
         if y is None:
             factors = lu_factor(np.eye(self.n) - h / 2 * self._jac(t, self.y + h * self.f))
             self._factors = h, factors
             y = self._newton(t, h, factors)
-        if y is None:
-            return False, "Newton's method does not converge in a step"
-        self.t, self.y, self.f = t, y, self.fun(t, y)
-        return True, None
+        return None if y is None else (y, self.fun(t, y))
 
     def _newton(self, t: float, h: float, factors: Factors) -> np.ndarray | None:
         """y₁, or None if the iteration does not converge."""
@@ -78,6 +57,3 @@ class Trapezoidal(scipy.integrate.OdeSolver):
         base = self.fun(t, y)
         steps = 1e-8 * np.maximum(np.abs(y), 1.0)
         return np.column_stack([(self.fun(t, y + h * e) - base) / h for h, e in zip(steps, np.eye(self.n), strict=True)])
-
-    def _dense_output_impl(self) -> DenseOutput:
-        return Hermite(*self._previous, self.t, self.y, self.f)

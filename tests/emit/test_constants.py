@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 import ncgen
 from ncgen import Model
-from ncgen.emit.c import number
+from ncgen.emit.c.spelling import number
 from ncgen.model.values import LARGEST
 from ncgen.program.evaluate import evaluate
 

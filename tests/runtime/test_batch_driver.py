@@ -7,7 +7,7 @@ import subprocess
 import pytest
 
 import ncgen
-from ncgen.emit.c import c_files, dynamics_files
+from ncgen.emit.c.files import dynamics_files, model_files
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.mechanism.batch import SOURCES as KERNELS
 from ncgen.mechanism.batch_runs import SOURCES
@@ -124,7 +124,7 @@ def test_many_states_within_their_arrays(model, lanes, tmp_path):
     kernels = ncgen.compile(ncgen.load(model), backend="c")
     q = assemble(kernels, kernels.q0)
     programs = dynamics(kernels, choose_partitions(kernels, q), "emitted", q, kernels.p0).programs
-    files = c_files(kernels.programs) | dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
+    files = model_files(kernels.programs) | dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
     files |= runtime_files(*HEADERS, *KERNELS, *SOURCES)
     files["main.c"] = DRIVER.replace("@", model) % {
         "start": ", ".join(map(repr, q.tolist())),

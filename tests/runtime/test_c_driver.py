@@ -11,7 +11,7 @@ import pytest
 from scipy.special import ellipk
 
 import ncgen
-from ncgen.emit.c import c_files, tangent_files
+from ncgen.emit.c.files import model_files, tangent_files
 from ncgen.emit.runtime import runtime_files, runtime_names
 from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
@@ -132,7 +132,7 @@ def build_driver(kernels, folder, tolerance, duration, flags, step="0.0", rank=0
         "TOLERANCE": tolerance, "DURATION": duration, "STEP": step, "RANK": rank, "PENALTY": "1e7",
         "SINGULAR_MASS": int(dynamics._dynamics.singular_mass), "N_INDEPENDENT": len(part.independent),
     }  # fmt: skip
-    files = c_files(kernels.programs) | tangent_files(kernels.tangents.programs, kernels.programs.equations)
+    files = model_files(kernels.programs) | tangent_files(kernels.tangents.programs, kernels.programs.equations)
     files |= runtime_files(*RUNTIME)
     files["main.c"] = DRIVER.replace("@", kernels.name) % {"arrays": "\n".join(arrays)}
     for name, text in files.items():

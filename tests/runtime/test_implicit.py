@@ -13,7 +13,7 @@ from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.solver import compiled
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian
-from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.instant import Baumgarte
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.rank import best_rows, scaled_jacobian, trial_positions
@@ -66,7 +66,7 @@ def test_jacobian_of_all_coordinates(name, formalism, gains):
     kernels = kernels_of(name)
     partitions, now = state(kernels)
     rows = best_rows(scaled_jacobian(kernels, now.q, T, kernels.p0), len(partitions.velocity.rows))
-    now = ACCELERATIONS["lagrange"].motion(kernels, now.q, now.qd, T, kernels.p0, {}, rows)
+    now = accelerations_by("lagrange").motion(kernels, now.q, now.qd, T, kernels.p0, {}, rows)
     dynamics = ConstrainedDynamics(kernels)
     dynamics._dynamics.n_dependent = len(rows)
     given = {"frequency": gains.omega, "damping": gains.xi} if gains else {}

@@ -10,7 +10,7 @@ import pytest
 import ncgen
 from ncgen.solver.coordinate_partitioning import Start, motion, motion_at
 from ncgen.solver.dynamics_jacobian import acceleration_jacobians, partitioned_jacobian
-from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.instant import Baumgarte
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.rank import trial_positions
@@ -72,7 +72,7 @@ def test_all_coordinates(name, gains):
     kernels = kernels_of(name)
     partitions, now = state(kernels)
     rows = partitions.velocity.rows
-    lagrange = ACCELERATIONS["lagrange"]
+    lagrange = accelerations_by("lagrange")
     options = {"stabilisation": "baumgarte", "omega": gains.omega, "xi": gains.xi} if gains else {"stabilisation": "none"}
     sizes = kernels.column_sizes
     q = now.q + 1e-3 * sizes * np.random.default_rng(3).standard_normal(kernels.n)

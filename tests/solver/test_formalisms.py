@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import warnings
 from functools import cache
 from itertools import product
@@ -12,9 +13,10 @@ import pytest
 import ncgen
 from ncgen.errors import ModelError, SingularError
 from ncgen.exchange.examples import example_module, example_names
-from ncgen.methods.table import INTEGRATORS
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, Formalism
+from ncgen.solver import formalisms
 from ncgen.solver.coordinate_partitioning import motion_at
-from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.rank import trial_positions
 
@@ -43,7 +45,7 @@ def states(kernels):
 
 
 def accelerations(kernels, formalism, q, qd, **options):
-    form = ACCELERATIONS[formalism]
+    form = accelerations_by(formalism)
     return form.motion(kernels, q, qd, 0.0, kernels.p0, options)
 
 
@@ -238,3 +240,35 @@ def test_a_formalism_that_is_slow_for_many_degrees_of_freedom_says_so():
         warnings.simplefilter("error")
         sparse = ncgen.simulate(chain, 1e-3, formalism="lagrange", **short)
     np.testing.assert_allclose(partitioned.q[-1], sparse.q[-1], rtol=0, atol=1e-12)
+
+
+SCHUR = '''
+import numpy as np
+
+
+def schur_complement(now, least):
+    """λ first, from Φ_q M⁻¹ Φ_qᵀ λ = Φ_q M⁻¹ Q − γ, for regular M and independent rows."""
+    inverse = np.linalg.inv(now.mass + least * np.eye(len(now.force)))
+    lam = np.linalg.solve(now.jacobian @ inverse @ now.jacobian.T, now.jacobian @ inverse @ now.force - now.gamma)
+    return inverse @ (now.force - now.jacobian.T @ lam), lam
+'''
+
+
+def test_a_module_and_an_entry_are_a_formalism(tmp_path, monkeypatch):
+    """Its function is found by the formalism's name and its options by those of its arguments; a run with it is the closed form's."""
+    (tmp_path / "schur_complement.py").write_text(SCHUR, encoding="utf-8")
+    monkeypatch.setattr(formalisms, "__path__", [*formalisms.__path__, str(tmp_path)])
+    options = {"stabilisation": "projection", "omega": 10.0, "xi": 1.0, "least": 0.0}
+    monkeypatch.setitem(FORMALISMS, "schur-complement", Formalism("schur-complement", "the same, λ first", in_c=False, options=options))
+    model = ncgen.Model("falling")
+    A, B = model.point("A", (0, 0), fixed=True), model.point("B", (1, 0))
+    model.distance(A, B)
+    model.body("bob", points=[B], mass=2.0)
+    model.gravity((0, -9.81, 0))
+    kernels = ncgen.compile(model, "numpy")
+    run = ncgen.simulate(kernels, 0.3, formalism="schur-complement", integrator="dop853", rtol=1e-11, atol=1e-12)
+    # A pendulum let go where it is level: the speed after a fall by h is √(2gh), and the rod bears three times the weight's share.
+    assert np.hypot(*run.qd[-1]) == pytest.approx(np.sqrt(-2 * 9.81 * run.q[-1][1]), rel=1e-9)
+    assert np.linalg.norm(kernels.jacobian(run.q[-1]).T @ run.lam[-1]) == pytest.approx(-3 * 2.0 * 9.81 * run.q[-1][1], rel=1e-7)
+    del sys.modules["ncgen.solver.formalisms.schur_complement"]
+    accelerations_by.cache_clear()

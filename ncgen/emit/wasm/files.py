@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TYPE_CHECKING
 
+from ncgen.emit.naming import identifier
 from ncgen.emit.wasm import binary
 from ncgen.emit.wasm.binary import F64, Import, Signature
 from ncgen.emit.wasm.code import SINCOS, called, function
@@ -12,6 +14,17 @@ from ncgen.emit.wasm.sincos import sincos
 from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Program
 from ncgen.program.functions import FUNCTIONS
+
+if TYPE_CHECKING:
+    from ncgen.program.programs import Programs
+
+IS_READ = False
+
+
+def model_files(programs: Programs) -> dict[str, bytes]:
+    """{file name: bytes} of the module."""
+    prefix = identifier(programs.equations.model.name)
+    return {f"{prefix}.wasm": module(programs.programs.values(), prefix)}
 
 
 def module(programs: Iterable[Program], prefix: str) -> bytes:

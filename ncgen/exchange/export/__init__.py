@@ -1,29 +1,42 @@
-"""Exports: a folder that builds and runs where Python is not."""
+"""Exports: a folder that builds and runs where Python is not.
+
+A target is a module `NAME_target` here, found by its name, with a function `files(package)`: {path in the folder: text or bytes}, of a
+`Package`; templates/package/NAME holds its templates.
+"""
 
 from __future__ import annotations
 
 from importlib import import_module
 from pathlib import Path
+from pkgutil import iter_modules
+from typing import TYPE_CHECKING
 
-from ncgen.emit.sources import write_bytes
 from ncgen.errors import ModelError
-from ncgen.model import Model
 
-TARGETS = ("c", "fmu2", "fmu3", "wasm", "python", "numpy")
+if TYPE_CHECKING:
+    from ncgen.model import Model
+
+END = "_target"
+
+
+def targets() -> tuple[str, ...]:
+    """The names of all targets."""
+    return tuple(sorted(found.name.removesuffix(END) for found in iter_modules(__path__) if found.name.endswith(END)))
 
 
 def export(model: Model, to: str, folder: Path | str) -> list[Path]:
     """Write a mechanism for use without ncgen; returns the paths of the files, in order.
 
-    to: one of TARGETS
+    to: one of the `targets()`
 
     Raises ModelError where the target is unknown or the mechanism's motion cannot be exported, saying why; NcgenError if a
     file cannot be written.
     """
-    if to not in TARGETS:
-        raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(TARGETS)}")
+    if to not in targets():
+        raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
+    from ncgen.emit.sources import write_bytes
     from ncgen.exchange.export.package import package
 
-    files = import_module(f"ncgen.exchange.export.{to}_target").files(package(model))
+    files = import_module(f"{__name__}.{to}{END}").files(package(model))
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
     return [write_bytes(Path(folder) / name, data) for name, data in contents.items()]

@@ -14,7 +14,8 @@ import numpy as np
 
 from ncgen import __version__
 from ncgen.compiler import compile, generate
-from ncgen.emit.c import number, program_records
+from ncgen.emit.c.files import program_records
+from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
@@ -26,10 +27,9 @@ from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
 from ncgen.program.full_loads import assemble_loads
 from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
-from ncgen.solver.assembly import assemble
-from ncgen.solver.partition import choose_partitions, kinematics
 from ncgen.solver.rank import freedom, trial_positions
-from ncgen.solver.run import simulation_of
+from ncgen.solver.run import Run, check_options, simulation_of
+from ncgen.solver.start import begin
 
 PUBLIC = ("ncgen.h",)
 """Headers of ncgen that an embedder reads; the others stay beside the sources."""
@@ -71,7 +71,8 @@ class Package:
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
         files = self.sources.c | runtime_files(*HEADERS)
-        files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **self.records) for kind in "hc"}
+        records = self.records | {name: [number(x) for x in self.records[name]] for name in ("start", "speeds", "row_sizes")}
+        files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}
         return {renamed(name, self.prefix): renamed(text, self.prefix) for name, text in files.items()}
 
     @property
@@ -88,8 +89,6 @@ class Package:
         closing, motion = (cost(program).total for program in (self.programs.closing, self.programs.motion))
         return {
             "version": __version__,
-            "prefix": self.prefix,
-            "upper": self.prefix.upper(),
             "model": self.kernels.model,
             "coordinates": self.kernels.coordinates,
             "units": [self.unit(name) for name in self.kernels.coordinates],
@@ -97,9 +96,9 @@ class Package:
             "parameters": programs.equations.parameters,
             "defaults": [float(value) for value in self.kernels.p0],
             "dof": self.dof,
-            "start": [number(float(x)) for x in self.q],
-            "speeds": [number(float(x)) for x in self.qd],
-            "row_sizes": [number(float(x)) for x in self.kernels.row_sizes],
+            "start": self.q.tolist(),
+            "speeds": self.qd.tolist(),
+            "row_sizes": self.kernels.row_sizes.tolist(),
             "duration": self.duration,
             "operations": operations,
             "newton_steps": NEWTON_STEPS,
@@ -112,7 +111,6 @@ class Package:
             ],
             "tangents": self.tangents is not None,
             **program_records(self._motion_programs(), self.prefix, "motion"),
-            "width": 100,
         }
 
     def _motion_programs(self) -> list[Program]:
@@ -130,22 +128,27 @@ def package(model: Model) -> Package:
         raise ModelError(f"{model.name} cannot be exported: {reason}")
     sources = generate(model)
     kernels = compile(sources, backend="numpy")
-    q = assemble(kernels, kernels.q0)
-    positions = trial_positions(kernels, q, 0.0, None)
+    run = _simulation(kernels)
+    start = begin(kernels, run.initial, partitioned=True)
+    positions = trial_positions(kernels, start.q, 0.0, None)
     sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
         raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
     programs = assemble_full_motion(sources.programs.equations, sizes, kernels.holonomic)
-    options = simulation_of(model)
-    qd = _velocities(kernels, q, options.get("zd0", {}), tuple(options.get("z", model.chosen_independent)))
-    return Package(sources, kernels, programs, sizes, q, qd, float(options["duration"]), freedom(kernels).dof)
+    return Package(sources, kernels, programs, sizes, start.q, start.qd, run.duration, freedom(kernels).dof)
 
 
-def _velocities(kernels: Kernels, q: np.ndarray, speeds: dict[str, float], chosen: tuple[str, ...]) -> np.ndarray:
-    """Consistent velocities (n,) with the model's initial speeds of its independent coordinates."""
-    part = choose_partitions(kernels, q, 0.0, kernels.p0, chosen).velocity
-    frame = kinematics(kernels, part, q, 0.0, kernels.p0)
-    return frame.R @ [speeds.get(name, 0.0) for name in part.names(kernels)] + frame.particular(kernels.nu(q, 0.0, kernels.p0))
+def _simulation(kernels: Kernels) -> Run:
+    """The run that the model describes. Raises ModelError where it cannot be asked for, or begins as no export does."""
+    options = simulation_of(kernels.model)
+    check_options(options)
+    run, refused = Run.asked(kernels, **options), f"{kernels.name} cannot be exported: its simulation"
+    if run.initial.t != 0:
+        raise ModelError(f"{refused} begins at t0 = {run.initial.t:.6g} s, an export at 0; describe the motion from 0 on")
+    for name, value, default in zip(kernels.parameters, run.initial.p, kernels.p0, strict=True):
+        if value != default:
+            raise ModelError(f"{refused} has p of its own: {name} = {value:.6g}; make that the parameter's default")
+    return run
 
 
 def _refusal(model: Model) -> str | None:

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from ncgen.emit.environment import render
 from ncgen.exchange.export.package import Package
+from ncgen.toolchain.abi import marked
 
 
 def python_files(package: Package, compiled: bool) -> dict[str, str]:
     """{path in the folder: text}; compiled: with the C sources, else in NumPy."""
     name = package.prefix.lower()
-    motion_header = package.c[f"{package.prefix}_motion.h"]
     records = package.records | {
         "package": name,
         "compiled": compiled,
         "sources": [file for file in package.c if file.endswith(".c")],
-        "cdef": motion_header.split("/* begin cdef */")[1].split("/* end cdef */")[0],
-        "start_numbers": package.q.tolist(),
-        "speed_numbers": package.qd.tolist(),
-        "row_numbers": package.kernels.row_sizes.tolist(),
+        "cdef": marked(package.c[f"{package.prefix}_motion.h"]),
         "holonomic": package.kernels.holonomic.tolist(),
         "W": package.sizes.W.tolist(),
         "V": package.sizes.V.tolist(),

@@ -15,9 +15,6 @@ def files(package: Package) -> dict[str, str | bytes]:
     records = package.records | {
         "title": prefix[0].upper() + prefix[1:],
         "largest": max(program.size for program in (*programs.values(), *motion)),
-        "row_numbers": package.kernels.row_sizes.tolist(),
-        "start_numbers": package.q.tolist(),
-        "speed_numbers": package.qd.tolist(),
         "size": len(binary),
     }
 

@@ -1,9 +1,16 @@
-"""How accelerations follow from the kernels, formalism by formalism; what there is and goes together says `ncgen.methods.table`."""
+"""How accelerations follow from the kernels, formalism by formalism; what there is and goes together says `ncgen.methods.table`.
+
+A formalism over all coordinates is a module here with a function, both called like it with _ for -: from an `Instant`, without units,
+and the options that its arguments name, to accelerations and multipliers.
+"""
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cache
+from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -11,24 +18,19 @@ import numpy as np
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
 from ncgen.solver.coordinate_partitioning import Motion
-from ncgen.solver.formalisms.augmented_lagrangian import augmented_lagrangian, penalty
 from ncgen.solver.formalisms.instant import Baumgarte, instant
-from ncgen.solver.formalisms.lagrange import lagrange
-from ncgen.solver.formalisms.null_space import null_space
-from ncgen.solver.formalisms.udwadia_phohomsiri import udwadia_phohomsiri
 
 
 @dataclass(frozen=True)
 class Accelerations:
     """Accelerations over all coordinates by one formalism.
 
-    name: in `ncgen.methods.table`; solve: accelerations and multipliers of an `Instant`, without units, given the options of its own
-    own: names of the options that `solve` takes
+    name: in `ncgen.methods.table`; solve: the function of its module; own: names of the options that it takes
     """
 
     name: str
     solve: Callable[..., tuple[np.ndarray, np.ndarray]]
-    own: tuple[str, ...] = ()
+    own: tuple[str, ...]
 
     def motion(
         self,
@@ -56,15 +58,9 @@ class Accelerations:
         return Baumgarte(options["omega"], options["xi"]) if options["stabilisation"] == "baumgarte" else None
 
 
-ACCELERATIONS = {
-    each.name: each
-    for each in (
-        Accelerations("lagrange", lagrange),
-        Accelerations("augmented-lagrangian", augmented_lagrangian, ("alpha",)),
-        Accelerations("penalty", penalty, ("alpha",)),
-        Accelerations("null-space", null_space),
-        Accelerations("udwadia-phohomsiri", udwadia_phohomsiri),
-        Accelerations("ali3p", lagrange),
-    )
-}
-"""By the formalism's name. What ali3p is, its stepper says; accelerations of single instants are Lagrange's."""
+@cache
+def accelerations_by(name: str) -> Accelerations:
+    """The accelerations of a formalism over all coordinates."""
+    word = name.replace("-", "_")
+    solve = getattr(import_module(f"{__name__}.{word}"), word)
+    return Accelerations(name, solve, tuple(inspect.signature(solve).parameters)[1:])

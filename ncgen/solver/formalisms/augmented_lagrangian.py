@@ -2,7 +2,6 @@
 
 q̈ₖ₊₁ solves M q̈ + Φ_qᵀ(λₖ + α(Φ_q q̈ − γ)) = Q, and λₖ₊₁ = λₖ + α(Φ_q q̈ₖ₊₁ − γ). Each iteration is written as a correction,
 since its right-hand side then holds what the rounding of the large penalty has spoilt.
-With λ = 0 before a single one it is the penalty method, whose accelerations violate the rows by λ/α.
 """
 
 from __future__ import annotations
@@ -12,7 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from ncgen.solver.formalisms.instant import Instant
-from ncgen.solver.formalisms.kkt import factored, undetermined
+from ncgen.solver.formalisms.kkt import undetermined
 from ncgen.solver.lapack import dpotrf, dpotrs
 
 ITERATIONS = 12
@@ -33,13 +32,6 @@ def augmented_lagrangian(now: Instant, alpha: float) -> tuple[np.ndarray, np.nda
             break
         last = size
     return x, y
-
-
-def penalty(now: Instant, alpha: float) -> tuple[np.ndarray, np.ndarray]:
-    """M q̈ + Φ_qᵀλ = Q with λ = α(Φ_q q̈ − γ), as one system: in M + αΦ_qᵀΦ_q the rounding of the penalty would spoil M."""
-    n, solve = len(now.force), factored(now.mass, now.jacobian.T, now.jacobian, now.kernels, 1 / alpha)
-    found = solve(np.concatenate([now.force, now.gamma]))
-    return found[:n], found[n:]
 
 
 def _correction(now: Instant, alpha: float) -> Callable[[np.ndarray, np.ndarray], np.ndarray]:

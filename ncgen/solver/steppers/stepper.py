@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.coordinate_partitioning import Motion
-from ncgen.solver.formalisms import ACCELERATIONS
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.position import check_mirror_roots
 
@@ -123,4 +123,4 @@ class Stepper(ABC):
         self.work += (end - self.t) / 2 * (before + self.power)
 
     def _instant(self, t: float, q: np.ndarray, qd: np.ndarray) -> Motion:
-        return ACCELERATIONS["lagrange"].motion(self.kernels, q, qd, t, self.p, {})
+        return accelerations_by("lagrange").motion(self.kernels, q, qd, t, self.p, {})

@@ -1,0 +1,88 @@
+"""C99 source of a mechanism's programs."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from typing import TYPE_CHECKING
+
+from ncgen.emit.c.spelling import C, number
+from ncgen.emit.environment import render
+from ncgen.emit.naming import identifier
+from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.emit.spelling import Record
+from ncgen.model.values import evaluate
+from ncgen.program.blocks import Program
+
+if TYPE_CHECKING:
+    from ncgen.program.dynamics import DynamicsPrograms
+    from ncgen.program.programs import Programs
+    from ncgen.program.tangents import TangentPrograms
+    from ncgen.symbolic.numbering import Terms
+
+IS_READ = True
+WIDTH = 100
+
+
+def model_files(programs: Programs) -> dict[str, str]:
+    """{file name: text}: the model's source and header, and the headers they include."""
+    prefix = identifier(programs.equations.model.name)
+    records = _model_records(programs, prefix)
+    body = render("c/model.c.jinja", fingerprint="", **records)
+    fingerprint = hashlib.sha256(body.encode()).hexdigest()[:16]
+    files = {
+        f"{prefix}.h": render("c/model.h.jinja", **records),
+        f"{prefix}.c": render("c/model.c.jinja", fingerprint=fingerprint, **records),
+    }
+    return files | runtime_files(*HEADERS)
+
+
+def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iterable[float]) -> dict[str, str]:
+    """{file name: text}: the state derivative, for the runtime to integrate."""
+    prefix = identifier(equations.model.name)
+    split = programs.split
+    records = {
+        "model": equations.model,
+        **program_records((programs.newton, programs.acceleration), prefix, "dynamics"),
+        "independent": [equations.free[i].name for i in split.independent],
+        "independent_positions": split.independent,
+        "dependent_positions": split.dependent,
+        "row_sizes": [number(float(size)) for size in row_sizes] or ["0"],
+    }
+    return {f"{prefix}_dynamics.{end}": render(f"c/dynamics.{end}.jinja", **records) for end in "ch"}
+
+
+def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]:
+    """{file name: text}: the tangent kernels."""
+    prefix = identifier(equations.model.name)
+    records = {
+        "kind": programs.kind,
+        "model": equations.model,
+        **program_records(programs.programs.values(), prefix, programs.kind),
+        "patterns": list(programs.patterns.items()),
+    }
+    return {f"{prefix}_{programs.kind}.{end}": render(f"c/tangents.{end}.jinja", **records) for end in "ch"}
+
+
+def program_records(programs: Iterable[Program], prefix: str, kind: str = "") -> Record:
+    """Programs as a template prints them; kind: a word for the names of their tables, where a model has several files."""
+    return {"prefix": prefix, "upper": prefix.upper(), **C(prefix, kind).records(programs), "width": WIDTH}
+
+
+def _model_records(programs: Programs, prefix: str) -> Record:
+    equations = programs.equations
+    model = equations.model
+    parameters = equations.parameters
+    return {
+        **program_records(programs.programs.values(), prefix),
+        "model": model,
+        "coordinates": [c.name for c in equations.free],
+        "initial": [number(c.initial) for c in equations.free],
+        "rows": [{"number": i + 1, "row": row} for i, row in enumerate(model.rows)],
+        "parameters": parameters,
+        "defaults": [number(evaluate(p, model.parameters, p.name)) for p in parameters],
+        "phi_q": programs.phi_q,
+        "mass": programs.mass,
+        "mass_is_constant": "mass" in programs.programs and programs.programs["mass"].is_constant,
+        "omitted": programs.omitted,
+    }

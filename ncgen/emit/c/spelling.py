@@ -1,0 +1,76 @@
+"""How C spells kernels."""
+
+from __future__ import annotations
+
+from ncgen.emit.expressions import Assignment
+from ncgen.emit.spelling import Record, Spelling
+from ncgen.emit.tables import Tables
+from ncgen.program.blocks import Block, Program, Slot, Store, TableStore
+
+
+class C(Spelling):
+    reserved = ("angle",)
+
+    def __init__(self, prefix: str, kind: str = "") -> None:
+        """prefix: the model's; kind: a word for the names of tables, where a model has several files."""
+        super().__init__(Tables(f"{prefix}_{kind}_" if kind else f"{prefix}_"), prefix)
+
+    def number(self, value: float) -> str:
+        return number(value)
+
+    def element(self, array: str, index: int, block: Block) -> str:
+        return "t" if array == "t" else f"{array}[{index}]"
+
+    def slot(self, slot: Slot, block: Block) -> str:
+        return f"{slot.array}[{self.tables.place(slot.table).infix}]"
+
+    def column(self, table: str) -> str:
+        return f"{table}[i]"
+
+    def call(self, name: str, arguments: list[str]) -> str:
+        return f"NCGEN_{name.upper()}({', '.join(arguments)})"
+
+    def comment(self, text: str) -> str:
+        return f"/* {text} */"
+
+    def assignment(self, new: Assignment, block: Block) -> str:
+        op = block.ops[new.node]
+        is_number = op.code == "slot" and not isinstance(block.slots[op.slot], Slot)
+        return f"const ncgen_real {new.name} = {_splat(new.value) if is_number else new.value};"
+
+    def store(self, store: Store | TableStore, value: str, block: Block) -> str:
+        place = store.index if isinstance(store, Store) else self.tables.place(store.table).infix
+        value = _splat(value) if block.ops[store.node].code == "const" else value
+        return f"{store.array}[{place}] {'+=' if store.accumulate else '='} {value};"
+
+    def kernel(self, program: Program) -> Record:
+        return super().kernel(program) | {
+            "function": f"{self.prefix}_{program.name}",
+            "angles": self._angles(program.angles),
+            "unused": [a for a in program.inputs if a not in _read(program)],
+        }
+
+    def _angles(self, angles: tuple[int, ...]) -> Record:
+        """Where the angles of a program lie: one after the other in q, or anywhere."""
+        if not angles:
+            return {"count": 0}
+        place = self.tables.place(angles)
+        together = place.table is None and (place.step == 1 or len(angles) == 1)
+        return {"count": len(angles), "first": place.offset if together else None, "place": place.infix}
+
+
+def number(value: float) -> str:
+    """The shortest text that reads back to the same double."""
+    return f"R({value!r})" if value >= 0 else f"-R({-value!r})"
+
+
+def _splat(value: str) -> str:
+    """A constant as a number of the kernels' type, which may be a vector."""
+    return f"NCGEN_SPLAT({value})"
+
+
+def _read(program: Program) -> set[str]:
+    """The arrays a program reads."""
+    loads = {op.input.array for block in program.blocks for op in block.ops if op.code == "load"}
+    slots = {slot.array for block in program.blocks for slot in block.slots}
+    return loads | slots | ({"q"} if program.angles else set())

@@ -1,0 +1,1 @@
+"""NumPy: `spelling` says how programs are written, `files` which files they make."""

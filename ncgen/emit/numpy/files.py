@@ -1,0 +1,45 @@
+"""NumPy source of a mechanism's programs: a module of plain functions that needs nothing but NumPy.
+
+Arguments may have leading batch dimensions, and any number type that NumPy adds and multiplies.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from ncgen.emit.environment import render
+from ncgen.emit.naming import identifier
+from ncgen.emit.numpy.spelling import NumPy
+
+if TYPE_CHECKING:
+    from ncgen.program.programs import Programs
+    from ncgen.program.tangents import TangentPrograms
+    from ncgen.symbolic.numbering import Terms
+
+IS_READ = True
+WIDTH = 110
+
+
+def model_files(programs: Programs) -> dict[str, str]:
+    """{file name: text} of the NumPy module."""
+    equations = programs.equations
+    text = render(
+        "numpy/model.py.jinja",
+        model=equations.model,
+        coordinates=[c.name for c in equations.free],
+        initial=[c.initial for c in equations.free],
+        rows=equations.model.rows,
+        parameters=equations.parameters,
+        phi_q=programs.phi_q,
+        mass=programs.mass,
+        **NumPy().records(programs.programs.values()),
+        width=WIDTH,
+    )
+    return {f"{identifier(equations.model.name)}.py": text}
+
+
+def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]:
+    """{file name: text} of the tangent kernels."""
+    records = NumPy().records(programs.programs.values())
+    text = render("numpy/tangents.py.jinja", model=equations.model, **records, width=WIDTH)
+    return {f"{identifier(equations.model.name)}_{programs.kind}.py": text}

@@ -1,0 +1,74 @@
+"""How NumPy spells kernels: the last axis of an array holds its numbers, and a loop is an operation on arrays with an axis of runs."""
+
+from __future__ import annotations
+
+from ncgen.emit.expressions import Assignment
+from ncgen.emit.spelling import Record, Spelling
+from ncgen.emit.tables import Tables
+from ncgen.program.angles import SHARED
+from ncgen.program.blocks import Block, Loop, Program, Slot, Store, TableStore
+from ncgen.program.functions import FUNCTIONS
+
+
+class NumPy(Spelling):
+    def __init__(self) -> None:
+        super().__init__(Tables("_"))
+
+    def number(self, value: float) -> str:
+        return repr(value)
+
+    def element(self, array: str, index: int, block: Block) -> str:
+        is_loop = isinstance(block, Loop)
+        if array == "t":
+            return "t[..., None]" if is_loop else "t"
+        return f"{array}[..., {index}, None]" if is_loop else f"{array}[..., {index}]"
+
+    def slot(self, slot: Slot, block: Block) -> str:
+        return f"{slot.array}[..., {self._subscript(slot.table)}]"
+
+    def column(self, table: str) -> str:
+        return table
+
+    def call(self, name: str, arguments: list[str]) -> str:
+        return f"np.{FUNCTIONS[name].numpy}({', '.join(arguments)})"
+
+    def comment(self, text: str) -> str:
+        return f"# {text}"
+
+    def assignment(self, new: Assignment, block: Block) -> str:
+        return f"{new.name} = {new.value}"
+
+    def store(self, store: Store | TableStore, value: str, block: Block) -> str:
+        if isinstance(store, Store):
+            return _set(store, str(store.index), value)
+        if store.accumulate and len(set(store.table)) == 1:
+            # Every run adds to the same place: a sum over the runs, whatever the value's own shape is.
+            return _set(store, str(store.table[0]), f"np.sum({value} + np.zeros({block.count}), axis=-1)")
+        subscript = self._subscript(store.table)
+        if store.accumulate and len(set(store.table)) < len(store.table):
+            return f"np.add.at({store.array}, (..., {subscript}), {value})"
+        subscript = subscript.removesuffix(", None")
+        if block.count == 1:
+            value, subscript = f"np.asarray({value})", f"{subscript}:{int(subscript) + 1}"
+        return _set(store, subscript, value)
+
+    def kernel(self, program: Program) -> Record:
+        subscript = self._subscript(program.angles) if program.angles else ""
+        angles = [f"{array} = {self.call(code, [f'q[..., {subscript}]'])}" for code, array in SHARED.items()] if program.angles else []
+        return {"angles": angles, **super().kernel(program)}
+
+    def _subscript(self, table: tuple[int, ...]) -> str:
+        """The places of all runs."""
+        place, count = self.tables.place(table), len(table)
+        if place.table:
+            return place.table if not place.offset else f"{place.table} + {place.offset}".replace("+ -", "- ")
+        if place.step == 0 or count == 1:
+            return f"{place.offset}, None"
+        stop = place.offset + place.step * count
+        if place.step > 0:
+            return f"{place.offset}:{stop}" if place.step == 1 else f"{place.offset}:{stop}:{place.step}"
+        return f"{place.offset}:{stop if stop >= 0 else ''}:{place.step}"
+
+
+def _set(store: Store | TableStore, place: str, value: str) -> str:
+    return f"{store.array}[..., {place}] {'+=' if store.accumulate else '='} {value}"
