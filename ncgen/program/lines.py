@@ -14,6 +14,7 @@ from ncgen.program.angles import share_angles
 from ncgen.program.assemble import Kernel, load_name, parts_of, place_of, told_of
 from ncgen.program.binding import Bound, Derived, Reference, bind
 from ncgen.program.blocks import Program, Store, Straight
+from ncgen.program.cut import cut
 from ncgen.program.elimination import Matrix
 from ncgen.program.graph import Graph
 from ncgen.program.lower import lower_value
@@ -83,7 +84,7 @@ class Lines:
         """A program that writes these nodes one after the other."""
         stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
         block = passes.finish(Straight(tuple(self.graph.ops), stores, self._names()))
-        return share_angles(Program(name, inputs, name, len(outputs), (block,)))
+        return cut(share_angles(Program(name, inputs, name, len(outputs), (block,))))
 
     def _names(self) -> dict[int, str]:
         return {k: load_name(*op.input, self.equations) for k, op in enumerate(self.graph.ops) if op.code == "load"}

@@ -5,7 +5,9 @@ from __future__ import annotations
 from ncgen.emit.expressions import Assignment
 from ncgen.emit.spelling import Record, Spelling
 from ncgen.emit.tables import Tables
+from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Block, Program, Slot, Store, TableStore
+from ncgen.program.cut import KEPT
 
 
 class C(Spelling):
@@ -48,7 +50,19 @@ class C(Spelling):
             "function": f"{self.prefix}_{program.name}",
             "angles": self._angles(program.angles),
             "unused": [a for a in program.inputs if a not in _read(program)],
+            "parts": [self._part(program, number) for number in range(len(program.blocks))] if KEPT in program.temporaries else [],
         }
+
+    def _part(self, program: Program, number: int) -> Record:
+        """A block as a function: its name, and what is given to it as pairs (declaration, name)."""
+        block = program.blocks[number]
+        loads = {op.input.array for op in block.ops if op.code == "load"}
+        stores = {store.array for store in block.stores}
+        given = [name for name in (*program.inputs, *SHARED.values(), *program.temporaries, program.output) if name in loads | stores]
+        declared = [
+            "ncgen_real t" if name == "t" else f"{'' if name in stores else 'const '}ncgen_real *NCGEN_RESTRICT {name}" for name in given
+        ]
+        return {"function": f"{self.prefix}_{program.name}_{number + 1}", "declared": declared, "given": given}
 
     def _angles(self, angles: tuple[int, ...]) -> Record:
         """Where the angles of a program lie: one after the other in q, or anywhere."""
