@@ -14,8 +14,10 @@ from ncgen.errors import ModelError
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, find_integrator, in_c, number_in_c, other_names, partners
 from ncgen.methods.tableau import Tableau, WrongTableau, trees
+from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.integrators import FixedRungeKutta, ode_solver
-from ncgen.solver.steppers import STEPPERS
+from ncgen.solver.steppers import stepper_of
+from ncgen.solver.steppers.stepper import Stepper
 
 EXPLICIT = {name: entry.coefficients for name, entry in INTEGRATORS.items() if entry.tableau}
 
@@ -88,12 +90,12 @@ def test_c_has_the_numbers_of_the_table():
 
 
 def test_every_entry_has_what_it_names():
-    """Ordinary integrators have a step-by-step solver, steppers a class; nothing else is registered."""
+    """Ordinary integrators have a step-by-step solver, steppers a class, formalisms over all coordinates a function."""
     for entry in INTEGRATORS.values():
         if entry.is_ordinary:
             assert ode_solver(entry) is not None
-        assert all((formalism, entry.name) in STEPPERS for formalism in entry.steps)
-    assert {(formalism, entry.name) for entry in INTEGRATORS.values() for formalism in entry.steps} == set(STEPPERS)
+        assert all(issubclass(stepper_of(Method.of(formalism, entry.name)), Stepper) for formalism in entry.steps)
+    assert all(callable(accelerations_by(entry.name).solve) for entry in FORMALISMS.values() if entry.is_constrained)
 
 
 def test_other_names():

@@ -9,7 +9,7 @@ import pytest
 
 import ncgen
 from ncgen.errors import ConvergenceError, ModelError, SingularError
-from ncgen.solver.steppers import STEPPERS
+from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.steppers.ali3p import _factored
 
 MOTIONS = {
@@ -23,7 +23,8 @@ MOTIONS = {
 }
 """Seconds and step (s): a bar, angles, M(q), a free body, redundant rows, rolling, springs and dampers."""
 
-METHODS = pytest.mark.parametrize(("formalism", "integrator"), STEPPERS, ids=lambda name: name)
+PAIRS = [(formalism, entry.name) for entry in INTEGRATORS.values() for formalism in entry.steps]
+METHODS = pytest.mark.parametrize(("formalism", "integrator"), PAIRS, ids=lambda name: name)
 
 
 @cache

@@ -2,38 +2,38 @@
 
 from __future__ import annotations
 
+from importlib import import_module
 from math import ceil
 from typing import TypeAlias
 
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.method import Method
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import watched
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
-from ncgen.solver.steppers.ali3p import Ali3p
-from ncgen.solver.steppers.energy_momentum import EnergyMomentum
-from ncgen.solver.steppers.generalized_alpha import GeneralizedAlpha
-from ncgen.solver.steppers.rattle import Rattle
 from ncgen.solver.steppers.stepper import Stepper
 from ncgen.solver.stop import Stop
 from ncgen.solver.task import Task
-
-STEPPERS: dict[tuple[str, str], type[Stepper]] = {
-    ("lagrange", "rattle"): Rattle,
-    ("lagrange", "energy-momentum"): EnergyMomentum,
-    ("lagrange", "generalized-alpha"): GeneralizedAlpha,
-    ("ali3p", "trapezoidal"): Ali3p,
-}
-"""Classes by formalism and integrator."""
 
 State: TypeAlias = tuple[float, np.ndarray, np.ndarray, float]
 """Time (s), q (n,), q̇ (n,) and work (J) at the end of a step."""
 
 ON_THE_GRID = 1e-9
 """An instant nearer to the end of a step than this share of it takes the state of the step itself."""
+
+
+def stepper_of(method: Method) -> type[Stepper]:
+    """The class of a method: `EnergyMomentum` in `energy_momentum` for energy-momentum.
+
+    It has the integrator's name, or that of a formalism that goes with no other one.
+    """
+    name = method.integrator.name if method.formalism.is_ordinary else method.formalism.name
+    module = import_module(f"{__name__}.{name.replace('-', '_')}")
+    return getattr(module, "".join(part.capitalize() for part in name.split("-")))
 
 
 def run(path: Path, kernels: Kernels, task: Task) -> None:
@@ -46,8 +46,7 @@ def run(path: Path, kernels: Kernels, task: Task) -> None:
     """
     kernels, grid, method = watched(kernels), task.grid, task.method
     count = ceil((grid[-1] - grid[0]) / task.max_step * (1 - ON_THE_GRID))
-    step = STEPPERS[method.formalism.name, method.integrator.name]
-    stepper = step(kernels, grid[0], task.q, task.velocities, task.p, (grid[-1] - grid[0]) / count, **method.options)
+    stepper = stepper_of(method)(kernels, grid[0], task.q, task.velocities, task.p, (grid[-1] - grid[0]) / count, **method.options)
     path.extend(stepper.q[None], stepper.qd[None], [0.0], [0] * 5)
     reached: State = stepper.t, stepper.q, stepper.qd, stepper.work
     try:
