@@ -11,8 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
-from ncgen.errors import SingularError
-from ncgen.program.composite import Inertia
+from ncgen.program.composite import Inertia, massless
 from ncgen.program.space import PLACES, Space, Tensor, Vector
 from ncgen.program.tree_motion import TreePlace
 
@@ -72,9 +71,7 @@ def accelerations(place: TreePlace, bodies: Sequence[Inertia | None], right: dic
         here, (moment, force) = beyond[number], pull[number]
         for k in reversed(place.own[number]):
             if here is None:
-                raise SingularError(
-                    f"{place.lines.equations.model.name}: a motion of the mechanism has no inertia; give the bodies that move mass"
-                )
+                raise massless(place.lines.equations.model.name)
             axis, along = place.columns[k].axis, place.columns[k].along
             angular, linear = here.times(space, axis, along)
             reciprocal = graph.div(graph.const(1.0), graph.add(space.dot(axis, angular), space.dot(along, linear)))

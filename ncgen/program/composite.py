@@ -16,6 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from ncgen.errors import SingularError
 from ncgen.model.elements import Component
 from ncgen.program.space import PLACES, Space, Tensor, Vector
 from ncgen.symbolic.inertia import Exact, StandardInertia
@@ -43,6 +44,11 @@ class Inertia:
         force = space.sum((space.times(self.mass, along), cross(change, h), cross(turning, cross(turning, h))))
         spin = cross(turning, space.turned(self.tensor, turning))
         return force, space.sum((space.turned(self.tensor, change), spin, cross(h, along)))
+
+
+def massless(name: str) -> SingularError:
+    """The refusal of a mechanism of which nothing resists a motion."""
+    return SingularError(f"{name}: a motion of the mechanism has no inertia; give the bodies that move mass")
 
 
 def nothing(space: Space) -> Inertia:

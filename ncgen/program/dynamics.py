@@ -18,9 +18,9 @@ from typing import TypeAlias
 
 import numpy as np
 
-from ncgen.errors import SingularError
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
+from ncgen.program.composite import massless
 from ncgen.program.cost import cost
 from ncgen.program.elimination import EliminationError, Factors, Matrix, factor, solve, solve_positive, solve_refined, solve_transposed
 from ncgen.program.graph import Graph
@@ -145,7 +145,7 @@ def _acceleration(equations: Terms, split: Split, samples: Sequence[Sample], siz
     try:
         zdd = solve_positive(graph, reduced, nz, right)
     except ZeroDivisionError:  # an entry is nothing by its structure
-        raise SingularError(f"{equations.model.name}: a motion of the mechanism has no inertia; give the bodies that move mass") from None
+        raise massless(equations.model.name) from None
     power = _power(lines, split, factors, nu, force, times_mass(bias) if nu else {}, zdd, MR)
     amplification = _amplification(graph, split, R, sizes)
     return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])

@@ -27,6 +27,9 @@ from ncgen.symbolic.tree import Tree
 VANISHING = 1e-11
 """An entry below this share of its row, in its natural sizes, is 0 by the way bodies move."""
 
+FAR = 64 * np.finfo(float).eps
+"""The same for every mechanism's length between it and the origin: so badly do its positions close there."""
+
 SAME = 1e-10
 """Entries of a row whose ratio differs from 1 or −1 by less than this in every sample have that ratio always."""
 
@@ -64,6 +67,8 @@ class Rates:
         self.equations, self.tree, self.natural = equations, tree, sizes
         self.graph, self.place = lines.graph, TreePlace(lines, tree)
         self.sampling = Sampling(lines.graph, samples)
+        away = max(float(np.max(np.abs(sample.q) / sizes, initial=0.0)) for sample in samples)
+        self.vanishing = max(VANISHING, FAR * away)
         self.where = _where(equations, tree)
         joints = len(self.place.columns)
         own = [c for c in range(len(equations.free)) if c not in self.where or c in split.independent]
@@ -148,7 +153,7 @@ class Rates:
 
     def _nonzero(self, entries: dict[int, int], scale: float) -> dict[int, int]:
         """Entries that are more than rounding in some sample; scale: of the row."""
-        least = VANISHING * scale
+        least = self.vanishing * scale
         return {k: node for k, node in entries.items() if np.max(np.abs(self.sampling[node])) * self.sizes[k] > least}
 
     def _constant(self, row: dict[int, int]) -> dict[int, int] | None:
@@ -166,7 +171,7 @@ class Rates:
 
     def nonzero_column(self, column: dict[int, int]) -> dict[int, int]:
         """{rate: node} without what is rounding in every sample."""
-        return {k: node for k, node in column.items() if np.max(np.abs(self.sampling[node])) / self.sizes[k] > VANISHING}
+        return {k: node for k, node in column.items() if np.max(np.abs(self.sampling[node])) / self.sizes[k] > self.vanishing}
 
     def kept(self, rows: list[Row]) -> list[Row]:
         """As many rows as there are dependent rates, independent in every sample. Raises NoRecursion where there are none."""

@@ -17,11 +17,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.errors import SingularError
 from ncgen.program import articulated
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
-from ncgen.program.composite import Inertia, inertia_of, nothing
+from ncgen.program.composite import Inertia, inertia_of, massless, nothing
 from ncgen.program.cost import cost
 from ncgen.program.elimination import (
     Factors,
@@ -47,6 +46,9 @@ from ncgen.symbolic.tree import spanning_tree
 FEWEST = 4
 """Samples from which something can be concluded."""
 
+ROUNDING = 1e-14
+"""Least eigenvalue of a mass matrix with diagonal 1 that is an inertia."""
+
 Column = dict[int, int]
 """{rate: node}."""
 
@@ -68,6 +70,15 @@ class _Loads:
     own: list[Inertia | None]
     force: Column
     mass: Matrix
+
+
+def _is_positive(matrix: dict[tuple[int, int], float], size: int) -> bool:
+    """True if a mass matrix resists every motion by more than rounding."""
+    dense = np.zeros((size, size))
+    for (i, j), value in matrix.items():
+        dense[i, j] = value
+    scale = np.sqrt(np.diag(dense).clip(min=0.0))
+    return bool(np.all(scale > 0)) and (not size or np.linalg.eigvalsh(dense / np.outer(scale, scale))[0] > ROUNDING)
 
 
 class _Recursion:
@@ -255,9 +266,10 @@ class _Recursion:
                 node = self._dot(self.R[i], self.HR[j])
                 if graph.value(node) != 0.0:
                     A[i, j] = A[j, i] = node
-        if any((i, i) not in A for i in range(size)):
-            raise SingularError(f"{self.model.name}: a motion of the mechanism has no inertia; give the bodies that move mass")
-        factors = factor_symmetric(graph, A, size, self.rates.sampling.of(A))
+        samples = self.rates.sampling.of(A)
+        if not all(_is_positive(sample, size) for sample in samples):
+            raise massless(self.model.name)
+        factors = factor_symmetric(graph, A, size, samples)
         solved = solve_symmetric(graph, factors, {i: self._dot(column, self.left) for i, column in enumerate(self.R)})
         return [solved.get(i, self.zero) for i in range(size)]
 

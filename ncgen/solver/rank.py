@@ -17,7 +17,7 @@ from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.given import Given
-from ncgen.solver.position import check_finite, solve_position
+from ncgen.solver.position import TOLERANCE, check_finite, solve_position
 
 RELATIVE_ZERO = 1e-9
 """Singular values below this, relative to the largest, count as zero."""
@@ -74,9 +74,13 @@ def scaled_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarr
 def trial_positions(
     kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None, count: int = POSITIONS, distance: float = DISTANCE
 ) -> list[np.ndarray]:
-    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
+    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same.
+
+    Far from the origin they close as well as coordinates can be told apart there.
+    """
     generator = np.random.default_rng(0)
     sizes = kernels.column_sizes
+    tolerance = max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / sizes, initial=0.0)))
     basis = null_space(scaled_jacobian(kernels, q, t, p))
     found = [np.asarray(q, dtype=float)]
     for attempt in range(4 * count):
@@ -87,7 +91,7 @@ def trial_positions(
         step = basis @ generator.standard_normal(basis.shape[1])
         guess = q + distance / (1 + attempt // count) * sizes * step / max(np.max(np.abs(step)), 1e-300)
         try:
-            found.append(solve_position(kernels, guess, t, p).q)
+            found.append(solve_position(kernels, guess, t, p, tolerance=tolerance).q)
         except ConvergenceError:
             continue  # too far for this mechanism: the next attempts are nearer
     return found

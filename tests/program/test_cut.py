@@ -1,0 +1,44 @@
+"""Long straight lines in several blocks compute what they compute in one."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from ncgen.program import cut as cutting
+from ncgen.program.blocks import Program, Store, Straight
+from ncgen.program.cut import KEPT, cut
+from ncgen.program.evaluate import evaluate
+from ncgen.program.graph import Graph
+from ncgen.program.passes import finish
+from ncgen.program.verify import verify
+
+
+def program(seed: int) -> Program:
+    """200 random sums and products of five inputs and of each other; every tenth is an output, and so are an input and a constant."""
+    rng, graph = np.random.default_rng(seed), Graph()
+    nodes = [graph.load("q", k) for k in range(5)]
+    for _ in range(200):
+        a, b = rng.choice(nodes[-40:], 2)
+        nodes.append(graph.add(int(a), graph.mul(graph.const(0.37), int(b))))
+    outputs = [*nodes[5::10], nodes[0], graph.const(2.5), nodes[-1]]
+    stores = tuple(Store("out", k, node) for k, node in enumerate(outputs))
+    return Program("out", ("q",), "out", len(outputs), (finish(Straight(tuple(graph.ops), stores)),))
+
+
+@pytest.mark.parametrize("longest", [7, 40, 150])
+@pytest.mark.parametrize("seed", range(3))
+def test_same_numbers_in_short_blocks(monkeypatch, longest, seed):
+    monkeypatch.setattr(cutting, "LONGEST", longest)
+    whole = program(seed)
+    parts = cut(whole)
+    verify(parts, {"q": 5})
+    q = [0.3, -1.2, 0.7, 2.0, -0.4]
+    assert evaluate(parts, {"q": q}) == evaluate(whole, {"q": q})
+    assert len(parts.blocks) == -(-len(whole.blocks[0].ops) // longest)
+    assert all(sum(bool(op.args) for op in block.ops) <= longest for block in parts.blocks)
+    assert parts.temporaries[KEPT] < len(whole.blocks[0].ops) / 2
+
+
+def test_what_is_short_stays_whole():
+    assert cut(program(0)).blocks == program(0).blocks

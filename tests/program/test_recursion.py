@@ -1,0 +1,156 @@
+"""Accelerations by recursion over the tree of bodies, judged by R of all coordinates, by 50 digits, and by closed forms."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import mpmath
+import numpy as np
+import pytest
+import sympy
+
+import ncgen
+from ncgen import Model
+from ncgen.errors import SingularError
+from ncgen.exchange.examples import example_module, example_names, load
+from ncgen.program import dynamics
+from ncgen.program.cost import cost
+from ncgen.program.evaluate import evaluate
+from ncgen.program.programs import Split
+from ncgen.program.rates import NoRecursion
+from ncgen.program.recursion import _Recursion, assemble_recursion
+from ncgen.solver.compiled import samples
+from ncgen.solver.partition import choose_partitions
+from ncgen.symbolic.tree import spanning_tree
+
+EXACT = {name: getattr(mpmath, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "asin", "acos", "atan")} | {"abs": abs}
+
+
+class Case:
+    """A mechanism with its choice of independent coordinates, samples and random speeds."""
+
+    def __init__(self, model: Model) -> None:
+        self.model, self.kernels = model, ncgen.compile(model, "numpy")
+        k = self.kernels
+        q = ncgen.assemble(k)
+        part = choose_partitions(k, q, independent=model.chosen_independent).velocity
+        self.split = Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
+        self.samples = samples(k, q, k.p0)
+        self.given = k.programs.equations, self.split, self.samples, k.column_sizes
+        self.speeds = np.random.default_rng(7).standard_normal(len(self.split.independent))
+
+    def judge(self):
+        """The same by R of all coordinates."""
+        return dynamics._acceleration(*self.given, False)
+
+    def values(self, program, sample, number=float):
+        """q̇, z̈ and power at a sample."""
+        inputs = {"t": number(sample.t)} | {
+            n: [number(float(x)) for x in v] for n, v in (("q", sample.q), ("zd", self.speeds), ("p", sample.p))
+        }
+        found = evaluate(program, inputs, EXACT if number is mpmath.mpf else None, number)
+        return np.array([float(x) for x in found[:-1]])
+
+    def apart(self, program, other) -> float:
+        """The largest difference of two programs in all samples, of the rates and of the rest relative to their largest."""
+        worst = 0.0
+        for sample in self.samples:
+            a, b = self.values(program, sample), self.values(other, sample)
+            for part in (slice(0, self.kernels.n), slice(self.kernels.n, None)):
+                worst = max(worst, np.max(np.abs(a[part] - b[part])) / max(np.max(np.abs(b[part])), 1e-3))
+        return worst
+
+
+@cache
+def case(name: str) -> Case:
+    return Case(load(name))
+
+
+@pytest.mark.parametrize("name", [name for name in example_names() if name != "jansen"])
+def test_accelerations_are_those_of_all_coordinates(name):
+    assert case(name).apart(assemble_recursion(*case(name).given), case(name).judge()) < 1e-11
+
+
+@pytest.mark.parametrize("name, most", [("robot", 3300), ("arm", 2700), ("stewart", 1800), ("excavator", 600)])
+def test_it_takes_fewer_operations_and_is_chosen(name, most):
+    recursion = cost(assemble_recursion(*case(name).given)).total
+    chosen = dynamics.assemble_dynamics(*case(name).given).acceleration
+    assert recursion <= most and cost(chosen).total == recursion < 0.7 * cost(case(name).judge()).total
+
+
+@pytest.mark.parametrize("name", ["fourbar", "nfourbar", "andrews"])
+def test_small_plane_mechanisms_keep_what_is_cheaper(name):
+    chosen = dynamics.assemble_dynamics(*case(name).given).acceleration
+    assert cost(chosen).total == cost(case(name).judge()).total < cost(assemble_recursion(*case(name).given)).total
+
+
+def test_articulated_and_composite_say_the_same():
+    """Seven joints are few for the articulated recursion, which must give the same; thirty are many, and it is cheaper."""
+    short = Case(example_module("arm").build(5))
+    work = _Recursion(*short.given, False)
+    assert work._is_open()
+    composite, articulated = work._written(work._by_composite()), work._written(work._by_articulated())
+    assert short.apart(articulated, composite) < 1e-12 and cost(composite).total < cost(articulated).total
+    long = _Recursion(*Case(example_module("arm").build(20)).given, False)
+    assert cost(long._written(long._by_composite())).total > 1.2 * cost(long._written(long._by_articulated())).total
+
+
+@pytest.mark.parametrize("away", [0.0, 1e6])
+def test_digits_far_from_the_origin(away):
+    """An arm a thousand kilometres away loses what its positions have lost, 1e-10 m, and not that times its distance over its size."""
+    model = Model("far")
+    places = np.array([[0.0, 0, 0], [0.4, 0, 0.1], [0.7, 0.1, 0.3]]) + away
+    points = [model.point(f"P{i}", place, fixed=i == 0) for i, place in enumerate(places)]
+    axes = [model.vector(f"u{i}", u, fixed=i == 0) for i, u in enumerate([(0, 0, 1), (0, 1, 0), (1, 0, 0)])]
+    for i in range(2):
+        model.body(f"link{i}", points[i : i + 2], axes[i : i + 2], mass=1.0, inertia=[0.02, 0.03, 0.04])
+    model.gravity((0, 0, -9.81))
+    far = Case(model)
+    program = assemble_recursion(*far.given)
+    for sample in far.samples[1:]:
+        exact = far.values(program, sample, mpmath.mpf)
+        assert np.max(np.abs(far.values(program, sample) - exact)) < (1e-8 if away else 1e-13) * np.max(np.abs(exact))
+
+
+def test_a_parameter_that_tilts_an_axis_is_seen():
+    """Positions with other parameters are among the samples, and what is left out vanishes there, too."""
+    model = Model("tilted")
+    tilt = model.parameter("tilt", 0.3, "rad")
+    A, B = model.point("A", (0, 0, 0), fixed=True), model.point("B", (1, 0, 0))
+    y = model.vector("y", (0, 1, 0), fixed=True)
+    u = model.vector("u", (0, sympy.cos(tilt.symbol), sympy.sin(tilt.symbol)))
+    C = model.point("C", (2, 0, 0))
+    model.body("first", [A, B], [y, u], mass=1.0, inertia=[0.1, 0.1, 0.1])
+    model.body("second", [B, C], [u], mass=1.0, inertia=[0.1, 0.1, 0.1])
+    model.gravity((0, 0, -9.81))
+    tilted = Case(model)
+    assert len({float(s.p[0]) for s in tilted.samples}) > 2
+    assert tilted.apart(assemble_recursion(*tilted.given), tilted.judge()) < 1e-11
+
+
+def test_a_body_without_mass_is_refused_by_name():
+    model = Model("light")
+    A, B, C = (model.point(n, (x, 0.0), fixed=not x) for n, x in zip("ABC", (0.0, 1.0, 2.0), strict=True))
+    model.body("heavy", [A, B], mass=1.0, inertia=0.1)
+    model.body("nothing", [B, C])
+    light = Case(model)
+    with pytest.raises(SingularError, match="light: a motion of the mechanism has no inertia; give the bodies that move mass"):
+        assemble_recursion(*light.given)
+
+
+def test_too_few_positions_conclude_nothing():
+    equations, split, found, sizes = case("robot").given
+    with pytest.raises(NoRecursion, match="too few positions"):
+        assemble_recursion(equations, split, found[:3], sizes)
+
+
+@pytest.mark.parametrize(
+    "name, links, freedoms",
+    [("robot", 8, 8), ("arm", 7, 7), ("fourbar", 3, 3), ("delta", 10, 24), ("stewart", 1, 6), ("pendulum", 0, 0), ("suspension", 4, 5)],
+)
+def test_the_tree_and_its_freedoms(name, links, freedoms):
+    """Seven hinges of an arm; a Stewart platform floats on legs that are lengths only; the robot's tree has two joints more than it has
+    freedoms, which its loop takes."""
+    tree = spanning_tree(load(name))
+    assert (len(tree.links), tree.freedoms) == (links, freedoms)
+    assert all(link.parent is None or link.parent < number for number, link in enumerate(tree.links))
