@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -26,7 +27,8 @@ from ncgen.program.elimination import EliminationError, Factors, Matrix, factor,
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
-from ncgen.program.recursion import NoRecursion, assemble_recursion
+from ncgen.program.rates import NoRecursion
+from ncgen.program.recursion import assemble_recursions
 from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.verify import verify
 from ncgen.symbolic.numbering import Terms
@@ -35,7 +37,7 @@ Sizes: TypeAlias = Sequence[float] | np.ndarray
 
 
 MANY = 2000
-"""Numbers of R from which the recursion is taken without counting."""
+"""Numbers of R from which recursions are the only ways that are made."""
 
 
 @dataclass(frozen=True)
@@ -54,26 +56,31 @@ def assemble_dynamics(equations: Terms, split: Split, samples: Sequence[Sample],
     sizes: natural size of every coordinate
     refine: one step of iterative refinement of R and of the accelerations' particular solution (Newton's method refines itself)
     """
-    newton = _newton(equations, split, samples)
-    acceleration = _cheapest(equations, split, samples, sizes, refine)
+    correction = newton(equations, split, samples)
+    ways = accelerations(equations, split, samples, sizes, refine)
+    acceleration = ways[cheapest(ways)]
     lengths = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
-    for program in (newton, acceleration):
+    for program in (correction, acceleration):
         verify(program, lengths)
-    return DynamicsPrograms(newton, acceleration, split)
+    return DynamicsPrograms(correction, acceleration, split)
 
 
-def _cheapest(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool) -> Program:
-    """The accelerations by whatever takes the fewest operations: recursion over the tree of bodies, or R of all coordinates.
+def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> dict[str, Program]:
+    """The program `acceleration` in every way that applies: by recursions over the tree of bodies, and by R of all coordinates.
 
-    R is not even made where its numbers alone are many: bodies are what such a mechanism has, and the recursion is cheaper then.
+    R is not even made where its numbers alone are many: such a mechanism has bodies, and a recursion is cheaper.
     """
-    try:
-        recursion = assemble_recursion(equations, split, samples, np.asarray(sizes), refine)
-    except (NoRecursion, EliminationError):
-        return _acceleration(equations, split, samples, sizes, refine)
-    if len(equations.free) * len(split.independent) > MANY:
-        return recursion
-    return min(_acceleration(equations, split, samples, sizes, refine), recursion, key=lambda program: cost(program).total)
+    found: dict[str, Program] = {}
+    with suppress(NoRecursion, EliminationError):
+        found = assemble_recursions(equations, split, samples, np.asarray(sizes), refine)
+    if not found or len(equations.free) * len(split.independent) <= MANY:
+        found["all coordinates"] = _acceleration(equations, split, samples, sizes, refine)
+    return found
+
+
+def cheapest(programs: dict[str, Program]) -> str:
+    """The name of the program with the fewest operations."""
+    return min(programs, key=lambda name: cost(programs[name]).total)
 
 
 def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Sample]) -> tuple[Matrix, Factors]:
@@ -84,7 +91,8 @@ def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Samp
     return matrix, factor(lines.graph, matrix, len(split.rows), Sampling(lines.graph, samples).of(matrix))
 
 
-def _newton(equations: Terms, split: Split, samples: Sequence[Sample]) -> Program:
+def newton(equations: Terms, split: Split, samples: Sequence[Sample]) -> Program:
+    """The program newton(t, q, p) -> Δq of the dependent coordinates, Φ."""
     lines = Lines(equations)
     graph = lines.graph
     phi = lines.vector(KERNELS["phi"])

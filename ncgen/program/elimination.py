@@ -51,62 +51,86 @@ def factor(graph: Graph, matrix: Matrix, size: int, samples: Samples) -> Factors
 
     Raises EliminationError where every candidate pivot is too small in a sample.
     """
-    rows: Rows = [{} for _ in range(size)]
-    for (i, j), node in sorted(matrix.items()):
-        rows[i][j] = node
-    numbers: Numbers = [[{j: sample.get((i, j), 0.0) for j in rows[i]} for i in range(size)] for sample in samples]
-    left = set(range(size))
+    work = _Elimination(matrix, size, samples)
     pivots: list[tuple[int, int]] = []
     reciprocals: list[int] = []
     lower: Rows = []
     upper: Rows = []
     one = graph.const(1.0)
     for _ in range(size):
-        i, j = _pivot(rows, left, numbers)
-        left.remove(i)
-        reciprocal = graph.div(one, rows[i][j])
-        below = {k: graph.mul(rows[k][j], reciprocal) for k in sorted(left) if j in rows[k]}
+        i, j = work.pivot()
+        reciprocal = graph.div(one, work.rows[i][j])
+        below = {k: graph.mul(work.rows[k][j], reciprocal) for k in work.below(i, j)}
         for k, multiplier in below.items():
-            _eliminate(graph, rows, numbers, i, j, k, multiplier)
+            work.subtract(graph, i, j, k, multiplier)
+        work.finish(i)
         pivots.append((i, j))
         reciprocals.append(reciprocal)
         lower.append(below)
-        upper.append({c: node for c, node in rows[i].items() if c != j})
+        upper.append({c: node for c, node in work.rows[i].items() if c != j})
     return Factors(tuple(pivots), tuple(reciprocals), tuple(lower), tuple(upper))
 
 
-def _pivot(rows: Rows, left: set[int], numbers: Numbers) -> tuple[int, int]:
-    """The admissible entry with the fewest multiplications, first in order among equals."""
-    count: dict[int, int] = {}
-    for i in left:
-        for j in rows[i]:
-            count[j] = count.get(j, 0) + 1
-    largest = [{j: max(abs(sample[i][j]) for i in left if j in rows[i]) for j in count} for sample in numbers]
-    best: tuple[int, int, int] | None = None
-    for i in sorted(left):
-        width = len(rows[i]) - 1
-        for j in sorted(rows[i]):
-            price = width * (count[j] - 1)
-            if best is not None and price >= best[0]:
+class _Elimination:
+    """A matrix while it is eliminated: rows of nodes and of sample numbers, and of every column the rows that are left in it.
+
+    What is largest in a column is found again only where a step has changed the column.
+    """
+
+    def __init__(self, matrix: Matrix, size: int, samples: Samples) -> None:
+        self.rows: Rows = [{} for _ in range(size)]
+        self.columns: dict[int, set[int]] = {}
+        for (i, j), node in sorted(matrix.items()):
+            self.rows[i][j] = node
+            self.columns.setdefault(j, set()).add(i)
+        self.numbers: Numbers = [[{j: sample.get((i, j), 0.0) for j in self.rows[i]} for i in range(size)] for sample in samples]
+        self.left = list(range(size))
+        self._least: dict[int, list[float]] = {}
+
+    def pivot(self) -> tuple[int, int]:
+        """The admissible entry with the fewest multiplications, first in order among equals."""
+        best: tuple[int, int, int] | None = None
+        for i in self.left:
+            width = len(self.rows[i]) - 1
+            for j in sorted(self.rows[i]):
+                price = width * (len(self.columns[j]) - 1)
+                if (best is None or price < best[0]) and self._is_admissible(i, j):
+                    best = (price, i, j)
+            if best is not None and best[0] == 0:
+                break
+        if best is None:
+            raise EliminationError("every candidate pivot vanishes in a sample position")
+        return best[1], best[2]
+
+    def below(self, i: int, j: int) -> list[int]:
+        """The other rows that are left in a column."""
+        return sorted(self.columns[j] - {i})
+
+    def subtract(self, graph: Graph, i: int, j: int, k: int, multiplier: int) -> None:
+        """row k −= multiplier · row i, on operations and on the sample numbers."""
+        rows = self.rows
+        shares = [sample[k].pop(j) / sample[i][j] for sample in self.numbers]
+        rows[k].pop(j)
+        for c, node in rows[i].items():
+            if c == j:
                 continue
-            if all(abs(s[i][j]) > max(THRESHOLD * top[j], 1e-12) for s, top in zip(numbers, largest, strict=True)):
-                best = (price, i, j)
-    if best is None:
-        raise EliminationError("every candidate pivot vanishes in a sample position")
-    return best[1], best[2]
+            product = graph.mul(multiplier, node)
+            rows[k][c] = graph.sub(rows[k][c], product) if c in rows[k] else graph.neg(product)
+            self.columns[c].add(k)
+            for sample, share in zip(self.numbers, shares, strict=True):
+                sample[k][c] = sample[k].get(c, 0.0) - share * sample[i][c]
 
+    def finish(self, i: int) -> None:
+        """A pivot's row leaves."""
+        self.left.remove(i)
+        for c in self.rows[i]:
+            self.columns[c].discard(i)
+            self._least.pop(c, None)
 
-def _eliminate(graph: Graph, rows: Rows, numbers: Numbers, i: int, j: int, k: int, multiplier: int) -> None:
-    """row k −= multiplier · row i, on operations and on the sample numbers."""
-    shares = [sample[k].pop(j) / sample[i][j] for sample in numbers]
-    rows[k].pop(j)
-    for c, node in rows[i].items():
-        if c == j:
-            continue
-        product = graph.mul(multiplier, node)
-        rows[k][c] = graph.sub(rows[k][c], product) if c in rows[k] else graph.neg(product)
-        for sample, share in zip(numbers, shares, strict=True):
-            sample[k][c] = sample[k].get(c, 0.0) - share * sample[i][c]
+    def _is_admissible(self, i: int, j: int) -> bool:
+        if j not in self._least:
+            self._least[j] = [max(THRESHOLD * max(abs(sample[k][j]) for k in self.columns[j]), 1e-12) for sample in self.numbers]
+        return all(abs(sample[i][j]) > least for sample, least in zip(self.numbers, self._least[j], strict=True))
 
 
 def solve(graph: Graph, factors: Factors, right: dict[int, int]) -> dict[int, int]:

@@ -21,7 +21,6 @@ from ncgen.program import articulated
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.composite import Inertia, inertia_of, massless, nothing
-from ncgen.program.cost import cost
 from ncgen.program.elimination import (
     Factors,
     Matrix,
@@ -46,6 +45,9 @@ from ncgen.symbolic.tree import spanning_tree
 FEWEST = 4
 """Samples from which something can be concluded."""
 
+LONG = 30
+"""Joints of an open tree from which the composite recursion, whose cost grows with their square, is not even made."""
+
 ROUNDING = 1e-14
 """Least eigenvalue of a mass matrix with diagonal 1 that is an inertia."""
 
@@ -53,14 +55,21 @@ Column = dict[int, int]
 """{rate: node}."""
 
 
-def assemble_recursion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, refine: bool = False) -> Program:
-    """The program acceleration(t, q, zd, p) -> q̇, z̈, power, amplification; arguments as for `assemble_dynamics`.
+def assemble_recursions(
+    equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, refine: bool = False
+) -> dict[str, Program]:
+    """The program acceleration(t, q, zd, p) -> q̇, z̈, power, amplification by every recursion that applies: "composite", and on an open
+    tree "articulated". Arguments as for `assemble_dynamics`.
 
     Raises NoRecursion where the mechanism has no tree that moves as the rows allow, EliminationError where no pivot is left.
     """
     if len(samples) < FEWEST:
         raise NoRecursion("too few positions to see what vanishes")
-    return _Recursion(equations, split, samples, sizes, refine).program()
+    work = _Recursion(equations, split, samples, sizes, refine)
+    made = {"articulated": work.written(work.by_articulated())} if work.is_open() else {}
+    if not made or work.joints <= LONG:
+        made["composite"] = work.written(work.by_composite())
+    return made
 
 
 @dataclass(frozen=True)
@@ -98,14 +107,13 @@ class _Recursion:
         self.bias = self._particular(self._right_sides())
         self.loads = self._loads()
 
-    def program(self) -> Program:
-        """By H, or by the articulated recursion where that takes fewer operations."""
-        programs = [self._written(self._by_composite())]
-        if self._is_open():
-            programs.append(self._written(self._by_articulated()))
-        return min(programs, key=lambda program: cost(program).total)
+    @property
+    def joints(self) -> int:
+        """How many rates the joints of the tree have."""
+        return len(self.rates.place.columns)
 
-    def _written(self, zdd: Sequence[int]) -> Program:
+    def written(self, zdd: Sequence[int]) -> Program:
+        """The program of these accelerations of the independent coordinates."""
         amplification = self.graph.sum(self._grown(k, node, i) for i, column in enumerate(self.R) for k, node in column.items())
         outputs = [*self.lines.rates, *zdd, self._power(zdd), amplification]
         return self.lines.program("acceleration", ("t", "q", "zd", "p"), outputs)
@@ -149,7 +157,7 @@ class _Recursion:
             speed = graph.load("zd", number)
             for k, node in column.items():
                 x[k] = graph.add(x[k], graph.mul(node, speed))
-        velocity = TreeVelocity(rates.place, x[: len(rates.place.columns)])
+        velocity = TreeVelocity(rates.place, x[: self.joints])
         for c in range(len(rates.equations.free)):
             self.lines.rates[c] = x[rates.own[c]] if c in rates.own else self._along(velocity.velocity, c)
         return velocity
@@ -252,7 +260,7 @@ class _Recursion:
 
     # -- accelerations -------------------------------------------------------------------------
 
-    def _by_composite(self) -> list[int]:
+    def by_composite(self) -> list[int]:
         """z̈ of (RᵀHR) z̈ = Rᵀ(f − H S …), eliminated in an order without fill on a tree."""
         graph, size = self.graph, len(self.R)
         H, right = self._mass_matrix()
@@ -273,16 +281,16 @@ class _Recursion:
         solved = solve_symmetric(graph, factors, {i: self._dot(column, self.left) for i, column in enumerate(self.R)})
         return [solved.get(i, self.zero) for i in range(size)]
 
-    def _is_open(self) -> bool:
+    def is_open(self) -> bool:
         """True if the independent rates are those of the joints but for signs, and all inertia is that of links."""
-        joints = [[k for k in column if k < len(self.rates.place.columns)] for column in self.R]
+        joints = [[k for k in column if k < self.joints] for column in self.R]
         signs = all(self.graph.value(column[k]) in (1.0, -1.0) for column, ks in zip(self.R, joints, strict=True) for k in ks)
-        each = sorted(k for ks in joints for k in ks) == list(range(len(self.rates.place.columns))) and all(len(ks) == 1 for ks in joints)
+        each = sorted(k for ks in joints for k in ks) == list(range(self.joints)) and all(len(ks) == 1 for ks in joints)
         return signs and each and not self.loads.mass and not self.nu and not self.bias
 
-    def _by_articulated(self) -> list[int]:
+    def by_articulated(self) -> list[int]:
         """z̈ of an open tree."""
-        joints = range(len(self.rates.place.columns))
+        joints = range(self.joints)
         right = {k: self.loads.force[k] for k in joints}
         for column in self.R:  # a force along the independent coordinate itself, such as a motor's, acts on its joint
             (own,), (k,) = [j for j in column if j not in joints], [j for j in column if j in joints]

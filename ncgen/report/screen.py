@@ -28,10 +28,22 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
         console.print(f"  lengths and angles of {facts['measured']} rows are those of the initial position", markup=False)
     for line in _grouped(facts["omitted"]):
         console.print(f"  left out: {line}", markup=False)
+    if facts["tree"]:
+        links = ", ".join(f"{link['body']} on {link['on']} {link['freedoms']}" for link in facts["tree"])
+        console.print(f"  tree of bodies, with freedoms before loops are closed: {links}", markup=False)
+    if facts["derivative"]:
+        console.print(f"  {derivative_line(facts['derivative'])}", markup=False)
     console.print(kernel_table(facts, times))
     if seconds:
         spent = ", ".join(f"{stage} {value:.2f}" for stage, value in seconds.items())
         console.print(f"  seconds: {spent}", markup=False)
+
+
+def derivative_line(counts: dict) -> str:
+    """What the state derivative takes, the way that is taken first."""
+    ways = sorted((n, name) for name, n in counts.items() if name not in ("newton", "taken"))
+    told = ", ".join(f"{name} {n}" for n, name in ways)
+    return f"operations of the state derivative: {told}; of a step towards closed positions: {counts['newton']}"
 
 
 def kernel_table(facts: dict, times: dict[str, float] | None) -> Table:

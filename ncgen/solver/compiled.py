@@ -14,7 +14,7 @@ from ncgen.program.programs import Split
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.partition import BETTER, Partitions, determined, other_partitions, quality, stuck_message
+from ncgen.solver.partition import BETTER, Partition, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
 from ncgen.solver.rank import freedom, trial_positions
@@ -218,10 +218,7 @@ def dynamics(
     form: "dense", "emitted", "refined" (emitted, with iterative refinement), or "lanes" for many states at a time (double only)
     q (n,), p (n_p,): a typical position (m, rad) and parameters, with which the order of an emitted elimination is chosen
     """
-    split, positions = (
-        Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
-        for part in (partitions.velocity, partitions.position)
-    )
+    split, positions = split_of(partitions.velocity), split_of(partitions.position)
     apart = None if partitions.position is partitions.velocity else positions
     key = split, positions, form, number
     return kernels.remember("dynamics", key, lambda: _made(kernels, split, apart, form, number, q, p))
@@ -239,6 +236,11 @@ def _made(
     if form == "lanes":
         return LaneDynamics(kernels, split, samples(kernels, q, p))
     return EmittedDynamics(kernels, split, samples(kernels, q, p), number, refine=form == "refined")
+
+
+def split_of(part: Partition) -> Split:
+    """A choice of independent coordinates as numbers."""
+    return Split(*(tuple(a.tolist()) for a in (part.rows, part.dependent, part.independent)))
 
 
 def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:

@@ -16,7 +16,7 @@ GRAVITY = np.array([0.0, 0.0, -9.81])
 
 
 def torques(turned, rate, acceleration, gravity=GRAVITY):
-    """Torques at the joints for a motion, with angles from the start: velocities and accelerations outward, forces and moments inward (Luh, Walker, Paul 1980)."""
+    """Torques at the joints, with angles from the start: accelerations outward, forces and moments inward (Luh, Walker, Paul 1980)."""
     turn, origin = Rotation.identity(), np.zeros(3)
     omega, alpha, lift = np.zeros(3), np.zeros(3), -gravity
     axes, places, loads = [], [], []
