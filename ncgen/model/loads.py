@@ -11,7 +11,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model.arguments import expression, sequence
 from ncgen.model.bodies import Body
-from ncgen.model.coordinates import LAW, Coordinates
+from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.forces import Callback, Couple, Force, Potential, Spring, TorsionSpring
@@ -86,7 +86,7 @@ class Loads(Coordinates):
         if start is end or not (regular or np.linalg.norm(segment.initial) > 0):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
-        spring = Spring(label, segment, stiffness, damping, free, self._law(law, label))
+        spring = Spring(label, segment, stiffness, damping, free, _tension(law))
         self.springs.append(spring)
         return spring
 
@@ -107,7 +107,7 @@ class Loads(Coordinates):
         """
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
-        spring = TorsionSpring(label, angle, stiffness, damping, free, self._law(law, label))
+        spring = TorsionSpring(label, angle, stiffness, damping, free, _tension(law))
         self.springs.append(spring)
         return spring
 
@@ -130,12 +130,6 @@ class Loads(Coordinates):
         self.forces.append(force)
         return force
 
-    def _law(self, law: Law | None, label: str) -> sympy.Expr | None:
-        for name in LAW if law is not None else ():
-            if name in self.parameters:
-                raise ModelError(f"{label}: the model has a parameter {name}, which a law calls {LAW[name]}; rename the parameter")
-        return as_law(law, f"{label}, law")
-
 
 def _three(vector: object, label: str) -> tuple[object, object, object]:
     components = sequence(vector, label, "three numbers or expressions")
@@ -144,11 +138,10 @@ def _three(vector: object, label: str) -> tuple[object, object, object]:
     return components
 
 
-def as_law(law: object, label: str = "law") -> sympy.Expr | None:
-    """The user's law as an expression of the symbols x and v."""
+def _tension(law: object) -> sympy.Expr | None:
+    """A law, as read, in the form in which a load keeps it."""
     if law is None:
         return None
     import sympy
 
-    law = law(*sympy.symbols(" ".join(LAW), real=True)) if callable(law) else law
-    return sympy.sympify(expression(law, label))
+    return sympy.sympify(expression(law, "law"))
