@@ -14,13 +14,14 @@ from ncgen.model.bodies import Body
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.forces import Callback, Couple, Force, Potential, Spring, TorsionSpring
+from ncgen.model.forces import Callback, Couple, CubicSpring, Force, Load, Potential, Spring, TorsionSpring
 from ncgen.model.values import Expression, Expressions, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:
     import sympy
 
 F = TypeVar("F", bound=Callback)
+L = TypeVar("L", bound=Load)
 
 Law: TypeAlias = "Expression | Callable[[sympy.Symbol, sympy.Symbol], Expression]"
 """In signatures: a spring's law as an expression of the symbols x and v, or as a function of both."""
@@ -86,9 +87,16 @@ class Loads(Coordinates):
         if start is end or not (regular or np.linalg.norm(segment.initial) > 0):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
-        spring = Spring(label, segment, stiffness, damping, free, _tension(law))
-        self.springs.append(spring)
-        return spring
+        return self._pulling(Spring(label, segment, stiffness, damping, free, _tension(law)))
+
+    @fact
+    def cubic_spring(
+        self, start: Point, end: Point, stiffness: Value, cubic: Value, damping: Value = 0.0, free_length: Value | None = None
+    ) -> CubicSpring:
+        """A spring whose tension is stiffness s + cubic s³ at the stretch s (N/m, N/m³), and a damper (N s/m), between two points."""
+        segment = as_combination(end) - start
+        free = measures.length(segment) if free_length is None else free_length
+        return self._pulling(CubicSpring(f"spring {start.name}-{end.name}", segment, stiffness, cubic, damping, free))
 
     @fact
     def torsion_spring(
@@ -107,9 +115,7 @@ class Loads(Coordinates):
         """
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
-        spring = TorsionSpring(label, angle, stiffness, damping, free, _tension(law))
-        self.springs.append(spring)
-        return spring
+        return self._pulling(TorsionSpring(label, angle, stiffness, damping, free, _tension(law)))
 
     @fact
     def callback(self, function: F) -> F:
@@ -123,6 +129,10 @@ class Loads(Coordinates):
         return function
 
     # -- helpers -------------------------------------------------------------------------------
+
+    def _pulling(self, load: L) -> L:
+        self.springs.append(load)
+        return load
 
     def _apply(self, label: str, components: Iterable[tuple[Component, object]]) -> Force:
         pairs = tuple((component, expression(e, f"{label}, {component.name}")) for component, e in components)

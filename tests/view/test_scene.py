@@ -69,7 +69,7 @@ def test_without_a_drawing_springs_are_dashed_between_their_points():
     m.spring(C, A, law=lambda x, v: x**3)
     m.torsion_spring(m.length("s", B, C), 10.0)
     scene = scene_of(m)
-    assert [(scene.points[i], scene.points[j]) for i, j in scene.springs] == [("A", "B"), ("C", "A")] and scene.segments == ()
+    assert [(scene.points[i], scene.points[j]) for i, j in scene.springs] == [("B", "A"), ("A", "C")] and scene.segments == ()
     dashed = [line for line in figure(m).axes[0].lines if line.get_gid() == "spring"]
     assert [line.get_linestyle() for line in dashed] == ["--", "--"]
     m.line(B, C)
