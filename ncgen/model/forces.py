@@ -118,26 +118,6 @@ class TorsionSpring(Load):
     kind = ForceType("torsion-spring", (), ("x",), ("k", "c", "L0"), "k (x - x0)^2 / 2, damper c", _elastic, _viscous)
 
 
-def _hardening(f: Functions[N], x: N, k: N, k3: N, L0: N, **others: N) -> N:
-    return k * (x - L0) ** 2 / 2 + k3 * (x - L0) ** 4 / 4
-
-
-@dataclass(frozen=True, eq=False)
-class CubicSpring(Load):
-    """Spring of tension k s + k3 s³ at the stretch s, and damper, along a segment."""
-
-    label: str
-    segment: Combination
-    stiffness: Value
-    cubic: Value
-    damping: Value
-    free: Value
-
-    kind = ForceType(
-        "cubic-spring", ("a",), (), ("k", "k3", "c", "L0"), "k (|a| - L0)^2 / 2 + k3 (|a| - L0)^4 / 4, damper c", _hardening, _viscous
-    )
-
-
 def _on_directions(f: Functions[N], x1: Triple[N], x2: Triple[N], x3: Triple[N], nx: N, ny: N, nz: N, V: N) -> list[tuple[N, ...]]:
     """½ n × xᵏ along direction k, with the reciprocal basis xᵏ; the power is n·ω with ω = ½ Σ xᵏ × ẋ_k (natural coordinates, 2.5)."""
     crossed = [cross((nx, ny, nz), cross(*pair)) for pair in ((x2, x3), (x3, x1), (x1, x2))]

@@ -14,7 +14,7 @@ from ncgen.model.bodies import Body
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.forces import Callback, Couple, CubicSpring, Force, Load, Potential, Spring, TorsionSpring
+from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Spring, TorsionSpring
 from ncgen.model.values import Expression, Expressions, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:
@@ -88,15 +88,6 @@ class Loads(Coordinates):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
         return self._pulling(Spring(label, segment, stiffness, damping, free, _tension(law)))
-
-    @fact
-    def cubic_spring(
-        self, start: Point, end: Point, stiffness: Value, cubic: Value, damping: Value = 0.0, free_length: Value | None = None
-    ) -> CubicSpring:
-        """A spring whose tension is stiffness s + cubic s³ at the stretch s (N/m, N/m³), and a damper (N s/m), between two points."""
-        segment = as_combination(end) - start
-        free = measures.length(segment) if free_length is None else free_length
-        return self._pulling(CubicSpring(f"spring {start.name}-{end.name}", segment, stiffness, cubic, damping, free))
 
     @fact
     def torsion_spring(

@@ -1,14 +1,19 @@
-"""A force element that somebody adds: an entry of the catalogue and a builder method, and nothing else knows of it."""
+"""A force element that somebody adds, as docs/contributing.md does: an entry and a builder method, and nothing else knows of it."""
 
 from __future__ import annotations
+
+import re
+from pathlib import Path
 
 import mpmath
 import numpy as np
 import pytest
 
 import ncgen
+from ncgen.exchange import words
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.toml_writer import to_toml
+from ncgen.model import forces, loads
 from ncgen.view.figure import figure
 
 FILE = """
@@ -43,6 +48,22 @@ free_length = 1.0
 """
 
 K, K3, C, FREE, MASS = 20.0, 300.0, 0.4, 1.0, 2.0
+GUIDE = Path(__file__).resolve().parents[2] / "docs" / "contributing.md"
+
+
+@pytest.fixture(autouse=True)
+def added(monkeypatch):
+    """The guide's two texts, each at its place in the package."""
+    section = GUIDE.read_text(encoding="utf-8").partition("## A force element")[2].partition("\n## ")[0]
+    entry, method = re.findall(r"```python\n(.*?)```", section, re.DOTALL)
+    places = vars(forces) | vars(loads)
+    for text in (entry, method):
+        exec("from __future__ import annotations\n" + text, places)
+    monkeypatch.setattr(ncgen.Model, "cubic_spring", places["cubic_spring"], raising=False)
+    words.words.cache_clear()
+    yield
+    words.words.cache_clear()
+    words.signature_of.cache_clear()
 
 
 def oscillator(damping):
@@ -82,8 +103,8 @@ def test_a_file_says_it(tmp_path):
     assert ncgen.generate(load_toml(path)).files == files
     path.write_text(to_toml(oscillator(C)))
     assert ncgen.generate(load_toml(path)).files == files
-    path.write_text(path.read_text().replace("cubic =", "cubik ="))
-    with pytest.raises(ncgen.ModelError, match=r"oscillator\.toml, line \d+: .*did you mean cubic"):
+    path.write_text(path.read_text().replace("damping =", "dampin ="))
+    with pytest.raises(ncgen.ModelError, match=r"oscillator\.toml, line \d+: .*did you mean damping"):
         load_toml(path)
 
 
