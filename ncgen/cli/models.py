@@ -39,7 +39,7 @@ def inspect(
     backend: Backend = "auto",
     emission: Emission = "auto",
 ) -> None:
-    """Show degrees of freedom, redundant rows, what was left out, and the kernels; or the health of a motion."""
+    """Show rows, loads, degrees of freedom, redundant rows, what was left out, and the kernels; or the health of a motion."""
     from ncgen.report.along import Recorded, health_record, show_health
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.screen import show_inspection
@@ -59,6 +59,9 @@ def inspect(
         return
     for number, (term, row) in enumerate(zip(kernels.programs.equations.rows, kernels.rows, strict=True), 1):
         out.print(f"  {number:>4} {row.code or '':<5} {row.label} ({row.owner}): {term.equation}", markup=False)
+    for term in kernels.programs.equations.forces:
+        if term.equation:
+            out.print(f"  {term.label}: {term.equation}", markup=False)
     show_inspection(out, facts, seconds)
 
 

@@ -17,7 +17,7 @@ from ncgen.report.methods import Tolerances
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import is_emitted
 from ncgen.solver.partition import choose_partitions
-from ncgen.solver.run import simulation_of
+from ncgen.solver.run import InitialArguments, simulation_of
 from ncgen.solver.simulate import simulate
 from ncgen.solver.trajectory import Trajectory
 
@@ -55,9 +55,9 @@ def fall_records(kernels: Kernels) -> Iterator[dict]:
 
 
 def own_run(kernels: Kernels) -> tuple[float, dict[str, Any]]:
-    """Duration (s) and initial velocities of the model's own simulation, as arguments of `simulate`."""
+    """Duration (s) and beginning of the model's own simulation, as arguments of `simulate`."""
     options = simulation_of(kernels.model)
-    return float(options["duration"]), {k: options[k] for k in ("zd0",) if k in options}
+    return float(options["duration"]), {k: options[k] for k in InitialArguments.__annotations__ if k in options}
 
 
 def _runs_in_c(kernels: Kernels) -> bool:

@@ -25,12 +25,13 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
 from ncgen.model import Model
 from ncgen.report.methods import Tolerances
-from ncgen.solver.assembly import assemble
 from ncgen.solver.coordinate_partitioning import Motion, Start, motion
 from ncgen.solver.dynamics_jacobian import partitioned_jacobian
 from ncgen.solver.integrators import ODE_SOLVERS
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.partition import determined
+from ncgen.solver.run import Initial
 from ncgen.solver.simulate import simulate
+from ncgen.solver.start import begin
 
 EXPLICIT = ("adams", "dopri5", "bdf")
 """The paper's ode113, ode45 and ode15s."""
@@ -136,27 +137,25 @@ def _student(kernels: Kernels) -> tuple[Derivative, np.ndarray, list[str]] | Non
 class _Partitioned:
     """The state derivative on independent coordinates and its Jacobian, each evaluation starting from the last one.
 
-    tangents: the kernels whose tangents the Jacobian is made of; None for none
+    tangents: the kernels whose tangents the Jacobian is made of; None for none; times count from the beginning of the run
     """
 
     def __init__(self, kernels: Kernels, tangents: Kernels | None = None) -> None:
-        q = assemble(kernels, kernels.q0)
-        self.kernels, self.p = kernels, kernels.p0
-        chosen = tuple(own_run(kernels)[1].get("zd0", {})) or kernels.model.chosen_independent
-        self.partitions = choose_partitions(kernels, q, independent=chosen)
-        self.start = Start(0.0, q, np.zeros(kernels.n), self.p)
+        initial = Initial.asked(kernels, **own_run(kernels)[1])
+        begun = begin(kernels, initial, partitioned=True)
+        self.kernels, self.p, self.partitions, self.begin = kernels, begun.p, determined(begun.partitions), initial.t
+        self.start = Start(initial.t, begun.q, begun.qd, self.p)
         z = self.partitions.position.independent
         self.names = [kernels.coordinates[i] for i in z]
-        rates = own_run(kernels)[1].get("zd0", {})
-        self.y0 = np.concatenate([[rates.get(name, 0.0) for name in self.names], q[z]])
+        self.y0 = np.concatenate([begun.qd[z], begun.q[z]])
         self.tangents = tangents
         if tangents is not None:
             self.jacobian(0.0, self.y0)  # compiles
 
     def _motion(self, t: float, y: np.ndarray) -> Motion:
         count = len(y) // 2
-        now = motion(self.kernels, self.partitions, self.start, t, y[count:], y[:count])
-        self.start = Start(t, now.q, now.qd, self.p)
+        now = motion(self.kernels, self.partitions, self.start, self.begin + t, y[count:], y[:count])
+        self.start = Start(now.t, now.q, now.qd, self.p)
         return now
 
     def derivative(self, t: float, y: np.ndarray) -> np.ndarray:

@@ -69,7 +69,7 @@ class Reference:
 
 def reference(kernels: CompiledKernels, duration: float, start: dict[str, Any]) -> Reference:
     """The end of a run, found by two methods and kept in the cache folder. Raises NcgenError where neither succeeds."""
-    facts = (kernels.fingerprint, duration, sorted(start.get("zd0", {}).items()), TIGHT, __version__, np.__version__, scipy.__version__)
+    facts = (kernels.fingerprint, duration, sorted(start.items()), TIGHT, __version__, np.__version__, scipy.__version__)
     key = hashlib.sha256(repr(facts).encode()).hexdigest()[:40]
     if found := kept("references", key):
         return Reference(np.array(found["q"]), found["doubt"])

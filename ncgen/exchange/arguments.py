@@ -17,9 +17,8 @@ from ncgen.exchange.grammar import parse_direction, parse_expression
 from ncgen.exchange.words import kind_of
 from ncgen.model import Model
 from ncgen.model.arguments import READERS
-from ncgen.model.coordinates import LAW
 from ncgen.model.elements import Spatial
-from ncgen.model.names import TIME
+from ncgen.model.names import LAW, TIME
 
 if TYPE_CHECKING:
     from sympy import Expr

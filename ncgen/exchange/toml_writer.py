@@ -17,9 +17,8 @@ from ncgen.exchange.grammar import parse_expression
 from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
 from ncgen.model.bodies import Body
-from ncgen.model.coordinates import LAW
 from ncgen.model.elements import Combination, Component, Element
-from ncgen.model.names import TIME, normal
+from ncgen.model.names import LAW, TIME, normal
 from ncgen.model.values import Parameter, is_number
 
 ONCE = ("gravity", "simulation")
@@ -72,10 +71,6 @@ class _Writer:
             raise _refused(value, where)
         if kind_of(parameter) == "str":
             return _quoted(value, where)
-        if kind_of(parameter) == "Law" and callable(value):
-            import sympy
-
-            value = sympy.sympify(value(*sympy.symbols(" ".join(LAW), real=True)))
         return self.text(value, where)
 
     def text(self, value: object, where: str) -> str:

@@ -16,9 +16,9 @@ from ncgen.errors import SHOWN, ModelError, UnknownName, shortened, shown
 from ncgen.model.bodies import Body
 from ncgen.model.elements import AXES, Combination, Component, Constant, Element, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.expressions import check_expression, is_symbolic, symbols_in
-from ncgen.model.names import check_name, normal
+from ncgen.model.names import LAW, check_name, normal
 from ncgen.model.rows import Owner
-from ncgen.model.values import LARGEST, Parameter, Scalar, Value, as_sympy, as_value, evaluate, is_number
+from ncgen.model.values import LARGEST, Expression, Parameter, Scalar, Value, as_sympy, as_value, evaluate, is_number
 
 if TYPE_CHECKING:
     from ncgen.model.contents import Contents
@@ -119,6 +119,17 @@ def expression(given: object, where: str) -> Scalar:
     return check_expression(found, where)
 
 
+def _law(model: Contents, given: object, where: str) -> Expression:
+    """A tension as an expression of the symbols x and v, or as a function of both that returns one."""
+    if taken := [name for name in LAW if name in model.parameters]:
+        raise ModelError(f"{where}: the model has a parameter {taken[0]}, which a law calls {LAW[taken[0]]}; rename the parameter")
+    import sympy
+
+    told = given(*sympy.symbols(" ".join(LAW), real=True)) if callable(given) else given
+    found = expression(told, where)
+    return given if is_number(given) else sympy.sympify(found)
+
+
 def coordinate(model: Contents, thing: object, where: str) -> Component | Relative:
     """One scalar coordinate that can move: an angle, a length, or a component such as B.x."""
     if isinstance(thing, str):
@@ -211,6 +222,7 @@ READERS: dict[str, Reader[object]] = {
     "Component | Relative": coordinate,
     "Value": value,
     "Values": _values,
+    "Law": _law,
     "Expression": lambda model, given, where: expression(given, where),
     "str": _text,
     "bool": _truth,

@@ -15,7 +15,7 @@ from ncgen.model.catalogue import BRANCH_WEIGHTS
 from ncgen.model.contents import Contents
 from ncgen.model.elements import AXES, Angle, Combination, Component, Direction, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.names import check_scalar
+from ncgen.model.names import LAW, check_scalar
 from ncgen.model.rows import SIX_DIGITS, UNIT_LENGTH, Row
 from ncgen.model.values import Number, Parameter, Value, Values, evaluate, is_number, mentioned, vanishes
 
@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 S = TypeVar("S", Point, Vector)
 
 ANGLE_FORMS = ("smooth", "paper", "sine", "cosine")
-
-LAW = {"x": "the length or angle", "v": "its rate"}
-"""The symbols of a spring's law."""
 
 
 class Coordinates(Contents):

@@ -1,4 +1,7 @@
-"""Applied forces as the user wrote them.
+"""The catalogue of force types: one class a type, and the only place where its law is written down. Its objects are what a user gave.
+
+A formula works on anything that can be added and multiplied, as those of rows do (`ncgen.model.catalogue`). Generalised forces,
+energies, power, joint loads, tangents, C and NumPy follow from it, and the drawing from the elements that a force acts on.
 
 Gravity is a property of the model, because it acts on every mass.
 """
@@ -7,13 +10,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, ClassVar, TypeAlias
 
 import numpy as np
 
+from ncgen.errors import ModelError
+from ncgen.model import measures
 from ncgen.model.bodies import Body
+from ncgen.model.catalogue import Formula, Functions, N, Triple, cross
 from ncgen.model.elements import Combination, Component, Relative
-from ncgen.model.values import Scalar, Value
+from ncgen.model.values import Scalar, Value, is_number
 
 if TYPE_CHECKING:
     import sympy
@@ -22,38 +28,66 @@ Callback: TypeAlias = Callable[..., Sequence[float] | np.ndarray]
 """function(t, q, qd, kernels) -> generalised forces (n,)."""
 
 
-@dataclass(frozen=True, eq=False)
-class Force:
-    """Generalised force components: sympy expressions of t, coordinates, rates and parameters.
+def _none(f: Functions[N], x: N, *others: N, **data: N) -> N:
+    return x * 0
 
-    components: pairs (coordinate, expression); N for points, N m for angles
-    label: the user's words for it, for messages and comments
+
+@dataclass(frozen=True, eq=False)
+class ForceType:
+    """A kind of force: a tension along the length of its one vector or along its one scalar, or forces along its vectors.
+
+    vectors, scalars, data: names of the arguments and of the constants, as of a row type
+    equation: the text printed beside the generated code, over these names
+    potential(f, x, **data): the energy V (J) of the length or scalar x
+    friction(f, x, v, **data): what the tension has beside V′, at the rate v
+    forces(f, **arguments, **data): in place of both, a force along each vector; its power is counted as work
+    regular: True where V′ and friction, each times a/|a|, can be taken at |a| = 0, and so are not added up first
     """
 
+    key: str
+    vectors: tuple[str, ...]
+    scalars: tuple[str, ...]
+    data: tuple[str, ...]
+    equation: str
+    potential: Formula = _none
+    friction: Formula = _none
+    forces: Formula | None = None
+    regular: bool = False
+
+
+class Load:
+    """A force type applied to elements: a class has its type, an object what a user gave.
+
+    The fields of a class are a label (the user's words, for messages and comments), what the type's arguments stand for, then its
+    constants; law, where a class has it, is an expression of x and v in place of the type's tension.
+    """
+
+    kind: ClassVar[ForceType]
     label: str
-    components: tuple[tuple[Component, Scalar], ...]
+    law: sympy.Expr | None = None
+
+    @property
+    def type(self) -> ForceType:
+        return self.kind
+
+    def given(self) -> tuple[list[Combination | Component], list[Value]]:
+        """What the vectors (combinations) and scalars (components) of the type stand for, and the values of its constants."""
+        fields, count = list(vars(self).values())[1:], len(self.type.vectors + self.type.scalars)
+        places = [field.components[0] if isinstance(field, Relative) else field for field in fields[:count]]
+        return places, fields[count : count + len(self.type.data)]
+
+
+def _elastic(f: Functions[N], x: N, k: N, L0: N | int = 0, **others: N) -> N:
+    return k * (x - L0) ** 2 / 2
+
+
+def _viscous(f: Functions[N], x: N, v: N, c: N, **others: N) -> N:
+    return c * v
 
 
 @dataclass(frozen=True, eq=False)
-class Couple:
-    """A couple (N m, global axes) on a body."""
-
-    label: str
-    body: Body
-    components: tuple[Scalar, Scalar, Scalar]
-
-
-@dataclass(frozen=True, eq=False)
-class Potential:
-    """A potential energy (J) whose negative gradient is a generalised force."""
-
-    label: str
-    expression: Scalar
-
-
-@dataclass(frozen=True, eq=False)
-class Spring:
-    """Spring and damper along a segment; `law` is an expression of x (length) and v (its rate), or None."""
+class Spring(Load):
+    """Spring and damper along a segment."""
 
     label: str
     segment: Combination
@@ -62,10 +96,17 @@ class Spring:
     free: Value
     law: sympy.Expr | None = None
 
+    kind = ForceType("spring", ("a",), (), ("k", "c", "L0"), "k (|a| - L0)^2 / 2, damper c", _elastic, _viscous)
+    to_nothing = ForceType("spring-to-nothing", ("a",), (), ("k", "c"), "k |a|^2 / 2, damper c", _elastic, _viscous, regular=True)
+
+    @property
+    def type(self) -> ForceType:
+        return self.to_nothing if is_number(self.free) and self.free == 0.0 else self.kind
+
 
 @dataclass(frozen=True, eq=False)
-class TorsionSpring:
-    """Spring and damper along a relative coordinate; `law` is an expression of x and v, or None."""
+class TorsionSpring(Load):
+    """Spring and damper along a relative coordinate."""
 
     label: str
     coordinate: Relative
@@ -73,3 +114,51 @@ class TorsionSpring:
     damping: Value
     free: Value
     law: sympy.Expr | None = None
+
+    kind = ForceType("torsion-spring", (), ("x",), ("k", "c", "L0"), "k (x - x0)^2 / 2, damper c", _elastic, _viscous)
+
+
+def _on_directions(f: Functions[N], x1: Triple[N], x2: Triple[N], x3: Triple[N], nx: N, ny: N, nz: N, V: N) -> list[tuple[N, ...]]:
+    """½ n × xᵏ along direction k, with the reciprocal basis xᵏ; the power is n·ω with ω = ½ Σ xᵏ × ẋ_k (natural coordinates, 2.5)."""
+    crossed = [cross((nx, ny, nz), cross(*pair)) for pair in ((x2, x3), (x3, x1), (x1, x2))]
+    return [tuple(component / (V * 2) for component in triple) for triple in crossed]
+
+
+@dataclass(frozen=True, eq=False)
+class Couple(Load):
+    """A couple (N m, global axes) on a body, whose three directions have the volume V."""
+
+    label: str
+    body: Body
+    components: tuple[Scalar, Scalar, Scalar]
+
+    kind = ForceType("couple", ("x1", "x2", "x3"), (), ("nx", "ny", "nz", "V"), "n x reciprocal basis / 2", forces=_on_directions)
+
+    def given(self) -> tuple[list[Combination | Component], list[Value]]:
+        frame = self.body.frame
+        if len(frame.directions) != 3:
+            raise ModelError(
+                f"{self.label}: the body needs three directions to take a couple; give it another element or constant_mass=True"
+            )
+        x, y, z = frame.given
+        volume = measures.dot(x, measures.cross(y, z)) if frame.is_parametric else float(np.linalg.det(frame.matrix()))
+        return [*frame.directions], [*self.components, volume]
+
+
+@dataclass(frozen=True, eq=False)
+class Force:
+    """Generalised force components: sympy expressions of t, coordinates, rates and parameters.
+
+    components: pairs (coordinate, expression); N for points, N m for angles
+    """
+
+    label: str
+    components: tuple[tuple[Component, Scalar], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Potential:
+    """A potential energy (J) whose negative gradient is a generalised force."""
+
+    label: str
+    expression: Scalar

@@ -11,16 +11,17 @@ from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model.arguments import expression, sequence
 from ncgen.model.bodies import Body
-from ncgen.model.coordinates import LAW, Coordinates
+from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.forces import Callback, Couple, Force, Potential, Spring, TorsionSpring
+from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Spring, TorsionSpring
 from ncgen.model.values import Expression, Expressions, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:
     import sympy
 
 F = TypeVar("F", bound=Callback)
+L = TypeVar("L", bound=Load)
 
 Law: TypeAlias = "Expression | Callable[[sympy.Symbol, sympy.Symbol], Expression]"
 """In signatures: a spring's law as an expression of the symbols x and v, or as a function of both."""
@@ -86,9 +87,7 @@ class Loads(Coordinates):
         if start is end or not (regular or np.linalg.norm(segment.initial) > 0):
             raise ModelError(f"{label}: {segment} has length 0; give points that are apart, or free_length=0 without damping")
         free = measures.length(segment) if free_length is None else free_length
-        spring = Spring(label, segment, stiffness, damping, free, self._law(law, label))
-        self.springs.append(spring)
-        return spring
+        return self._pulling(Spring(label, segment, stiffness, damping, free, _tension(law)))
 
     @fact
     def torsion_spring(
@@ -107,9 +106,7 @@ class Loads(Coordinates):
         """
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
-        spring = TorsionSpring(label, angle, stiffness, damping, free, self._law(law, label))
-        self.springs.append(spring)
-        return spring
+        return self._pulling(TorsionSpring(label, angle, stiffness, damping, free, _tension(law)))
 
     @fact
     def callback(self, function: F) -> F:
@@ -124,17 +121,15 @@ class Loads(Coordinates):
 
     # -- helpers -------------------------------------------------------------------------------
 
+    def _pulling(self, load: L) -> L:
+        self.springs.append(load)
+        return load
+
     def _apply(self, label: str, components: Iterable[tuple[Component, object]]) -> Force:
         pairs = tuple((component, expression(e, f"{label}, {component.name}")) for component, e in components)
         force = Force(label, pairs)
         self.forces.append(force)
         return force
-
-    def _law(self, law: Law | None, label: str) -> sympy.Expr | None:
-        for name in LAW if law is not None else ():
-            if name in self.parameters:
-                raise ModelError(f"{label}: the model has a parameter {name}, which a law calls {LAW[name]}; rename the parameter")
-        return as_law(law, f"{label}, law")
 
 
 def _three(vector: object, label: str) -> tuple[object, object, object]:
@@ -144,11 +139,10 @@ def _three(vector: object, label: str) -> tuple[object, object, object]:
     return components
 
 
-def as_law(law: object, label: str = "law") -> sympy.Expr | None:
-    """The user's law as an expression of the symbols x and v."""
+def _tension(law: object) -> sympy.Expr | None:
+    """A law, as read, in the form in which a load keeps it."""
     if law is None:
         return None
     import sympy
 
-    law = law(*sympy.symbols(" ".join(LAW), real=True)) if callable(law) else law
-    return sympy.sympify(expression(law, label))
+    return sympy.sympify(expression(law, "law"))

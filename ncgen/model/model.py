@@ -23,9 +23,9 @@ from ncgen.model.bodies import Body
 from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
 from ncgen.model.elements import Point, Vector
-from ncgen.model.facts import Fact, fact
+from ncgen.model.facts import fact
 from ncgen.model.joints import Joints
-from ncgen.model.loads import Loads, as_law
+from ncgen.model.loads import Loads
 from ncgen.model.names import check_word, normal
 from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner
@@ -79,11 +79,10 @@ class Model(Joints, Loads):
         return f"<Model {self.name}: {len(self.components)} coordinates, {len(self.rows)} rows, {len(self.bodies)} bodies>"
 
     def __getstate__(self) -> dict[str, object]:
-        """What pickle takes along: laws of springs as expressions. Raises ModelError naming a callback that pickle cannot find again."""
+        """What pickle takes along. Raises ModelError naming a callback that pickle cannot find again."""
         for function in self.callbacks:
             _check_travels(function, self.name)
-        facts = [Fact(f.word, {k: as_law(v) if k == "law" else v for k, v in f.arguments.items()}) for f in self.facts]
-        return {**vars(self), "facts": facts}
+        return vars(self)
 
     def __deepcopy__(self, memo: dict[int, object]) -> Model:
         """A model of its own in the same process, where callbacks can be shared whatever they are."""

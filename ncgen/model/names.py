@@ -18,6 +18,9 @@ LONGEST_NAME = 500
 
 TIME = "t"
 
+LAW = {"x": "the length or angle", "v": "its rate"}
+"""The symbols of a spring's law."""
+
 RESERVED = {TIME: "time", "pi": "the constant"}
 """Names that an expression already gives a meaning to, and no name of one's own can take from it."""
 

@@ -68,7 +68,7 @@ class Row:
         """The equation in words of the row's own elements, for comments and listings."""
         if self.type is None:
             return f"{self.expression} = 0"
-        return describe(self.type, {**self.arguments, **self.data})
+        return describe(f"{self.type.equation} = 0", {**self.arguments, **self.data})
 
     @property
     def written(self) -> Scalar:
@@ -80,12 +80,6 @@ class Row:
         """What a vector argument of the row's type stands for."""
         found = self.arguments[name]
         assert isinstance(found, Combination), f"{self.label}: {name} is no vector"
-        return found
-
-    def scalar(self, name: str) -> Component:
-        """What a scalar argument of the row's type stands for."""
-        found = self.arguments[name]
-        assert isinstance(found, Component), f"{self.label}: {name} is no scalar"
         return found
 
 
@@ -102,10 +96,10 @@ def natural_size(row: Row, number: Callable[[Value], float]) -> float | None:
     return size * scale
 
 
-def describe(row_type: RowType, values: Mapping[str, Combination | Value | Component]) -> str:
-    """A row type's equation with what its letters stand for."""
-    places = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", row_type.equation))
-    return f"{row_type.equation} = 0 with {places}"
+def describe(equation: str, values: Mapping[str, Combination | Value | Component]) -> str:
+    """The equation of a row or a load with what its letters stand for."""
+    places = ", ".join(f"{name} = {_short(value)}" for name, value in values.items() if re.search(rf"\b{name}\b", equation))
+    return f"{equation} with {places}" if places else equation
 
 
 def _short(value: Combination | Value | Component) -> str:

@@ -10,7 +10,7 @@ import math
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import TYPE_CHECKING, Any, TypeAlias, TypedDict, TypeVar
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.model.arguments import coordinate
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Direction, Point, Spatial, Vector
@@ -77,10 +77,11 @@ def from_tables(
     """
     model = cls(name, scale=scale, form=form)
     tables = _Tables(model, inertia or {})
-    tables.place(P, U, set(fixed))
-    unknown = sorted(set(fixed) - set(range(1, 3 * len(model.elements) + 1)))
+    held = {_counted(i, "fixed", "number of a position in q") for i in fixed}
+    tables.place(P, U, held)
+    unknown = sorted(held - set(range(1, 3 * len(model.elements) + 1)))
     if unknown:
-        raise ModelError(f"fixed: position {unknown[0]} in q does not exist, there are {3 * len(model.elements)}; correct the number")
+        raise ModelError(f"fixed: position {unknown[0]:g} in q does not exist, there are {3 * len(model.elements)}; correct the number")
     tables.add_bodies()
     for number, entries in enumerate(CONSTR, start=1):
         tables.add_row(number, list(entries))
@@ -92,6 +93,13 @@ def from_tables(
     return model
 
 
+def _counted(number: object, where: str, what: str) -> float:
+    """A number that counts something, such as an element. Raises ModelError where it is no plain number."""
+    if not is_number(number):
+        raise ModelError(f"{where}: {shown(number)} is not a plain number; give the {what}")
+    return float(number)
+
+
 class _Tables:
     """The translation in progress: knows the model and which body owns which elements."""
 
@@ -99,13 +107,14 @@ class _Tables:
         self.model = model
         self.inertia = inertia
 
-    def place(self, P: Table, U: Table, fixed: set[int]) -> None:
+    def place(self, P: Table, U: Table, fixed: set[float]) -> None:
         """Points and vectors in the order of their positions in q."""
         entries = [(f"r{i}", self.model.point, row) for i, row in enumerate(P, 1)]
         entries += [(f"u{i}", self.model.vector, row) for i, row in enumerate(U, 1)]
         for name, _, row in entries:
             if len(row) != 4:
                 raise ModelError(f"table of {name}: {len(row)} numbers given; give x, y, z and the position in q")
+            _counted(row[3], name, "position in q")
         entries.sort(key=lambda entry: entry[2][3])
         expected = 1
         for name, add, (x, y, z, position) in entries:
@@ -140,6 +149,7 @@ class _Tables:
         return self._element(Vector, "u", number, where)
 
     def axis(self, number: float, where: str) -> Direction:
+        number = _counted(number, where, "number of a vector")
         vector = self.vector(abs(number), where)
         return -vector if number < 0 else vector
 
@@ -147,6 +157,7 @@ class _Tables:
         return self.point(end, where) - self.point(start, where)
 
     def _element(self, kind: type[S], letter: str, number: float, where: str) -> S:
+        number = _counted(number, where, f"number of a {kind.word}")
         name = f"{letter}{number:g}"
         if name not in self.model.elements:
             count = sum(e.name.startswith(letter) and not isinstance(e, Angle) for e in self.model.elements.values())
@@ -171,7 +182,7 @@ class _Tables:
                 raise ModelError(f"{where}, column {column}: {entry} is not a finite number; correct it")
             if isinstance(entry, str):
                 raise ModelError(f"{where}, column {column}: {entry!r} is not a number; correct it")
-        add = ROW_READERS.get(entries[0])
+        add = ROW_READERS.get(_counted(entries[0], where, "code of a row"))
         if add is None:
             known = ", ".join(map(str, ROW_READERS))
             raise ModelError(f"{where}: code {entries[0]} is unknown; the codes are {known}")
@@ -197,7 +208,7 @@ class _Tables:
         self.model.vector_vector(u, v, rest[-1], owner=self.owner([u, v]))
 
     def angle(self, ipos: Value, start: Direction, end: Direction, axis: Direction, lengths: Sequence[Value] | None = None) -> None:
-        self.model.angle(f"psi{ipos:g}", start, end, axis, lengths=lengths)
+        self.model.angle(f"psi{_counted(ipos, 'angle', 'number of an angle'):g}", start, end, axis, lengths=lengths)
 
     def segments_on_vector(
         self,

@@ -89,9 +89,9 @@ def reactions(run: Trajectory) -> Reactions:
 
 def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:
     """{body: {coordinate: (K,)}} forces of springs and potentials, each on the first body that has the coordinate."""
-    if not (run.model.springs or run.model.potentials):
+    if not (found := build_springs(run.model)).forces:
         return {}
-    springs = kernels_of(build_springs(run.model))
+    springs = kernels_of(found)
     history = np.array([springs.force(q, qd, t, run.p) for t, q, qd in zip(run.t, run.q, run.qd, strict=True)])
     pulls: dict[str, dict[str, np.ndarray]] = {}
     for name, column in zip(run.coordinates, history.T, strict=True):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.methods.table import is_real
 from ncgen.solver.given import Outline
 
@@ -67,6 +68,6 @@ def stop_at(kernels: Outline, wanted: Mapping[str, Any] | None) -> Stop | None:
     value, direction = condition if isinstance(condition, (tuple, list)) and len(condition) == 2 else (condition, "either")
     if direction not in DIRECTIONS:
         raise ModelError(f"stop at {name}: direction {direction!r} is unknown; choose one of {', '.join(DIRECTIONS)}")
-    if not (is_real(value) and np.isfinite(value)):
-        raise ModelError(f'stop at {name}: {value!r} given; it must be a number, or a number and a direction, (0.5, "rising")')
+    if not (is_real(value) and abs(value) <= sys.float_info.max):
+        raise ModelError(f'stop at {name}: {shown(value)} given; it must be a number, or a number and a direction, (0.5, "rising")')
     return Stop(kernels.index[inner] + (kernels.n if inner != name else 0), float(value), DIRECTIONS[direction])

@@ -12,18 +12,18 @@ from dataclasses import dataclass
 from fractions import Fraction
 from typing import TypeAlias
 
-import numpy as np
 import sympy
 
 from ncgen.errors import SHOWN, ModelError, shortened, shown
-from ncgen.model import Model, measures
+from ncgen.model import Model
 from ncgen.model.bodies import Body
 from ncgen.model.catalogue import RowType
 from ncgen.model.elements import Combination, Component, rate_name
 from ncgen.model.expressions import symbols_in
-from ncgen.model.forces import Couple, Force, Potential, Spring, TorsionSpring
+from ncgen.model.forces import Couple, Force, Load, Potential
+from ncgen.model.names import LAW
 from ncgen.model.rows import Owner, Row, describe
-from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number
+from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, told
 from ncgen.symbolic import templates
 from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
 from ncgen.symbolic.numbering import Terms
@@ -43,7 +43,7 @@ class Term:
 
     scalars: a linear form of coordinates per scalar of the template
     data: a value per constant of the template
-    row: the number of the constraint row, or None
+    row: the number of the constraint row, or None; equation: that of a row or of a load, for people
     """
 
     template: Template
@@ -84,10 +84,10 @@ def build_equations(model: Model, owner: Owner | None = None) -> Equations:
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
     released = _released(model, owner)
     masses, forces = _inertia_terms(model, bodies, released)
-    forces += [_applied(model, force, released) for force in model.forces if owner in (None, _bearer(model, force))]
-    if owner is None:
-        forces += [_spring(model, spring) for spring in model.springs]
-        forces += [_potential(model, potential) for potential in model.potentials]
+    for force in model.forces:
+        if owner in (None, _bearer(model, force)):
+            forces.append(_load(model, force) if isinstance(force, Load) else _force(model, force, released))
+    forces += build_springs(model).forces if owner is None else ()
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
 
 
@@ -107,9 +107,8 @@ def _all_applied(model: Model, released: Collection[Component]) -> list[Term]:
 
 def build_springs(model: Model) -> Equations:
     """The springs and potentials of a model alone: what pulls without belonging to a body."""
-    forces = [_spring(model, spring) for spring in model.springs]
-    forces += [_potential(model, potential) for potential in model.potentials]
-    return Equations(model, (), (), tuple(forces))
+    springs, potentials = (_load(model, spring) for spring in model.springs), (_potential(model, each) for each in model.potentials)
+    return Equations(model, (), (), (*springs, *potentials))
 
 
 def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
@@ -133,20 +132,24 @@ def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
             raise ModelError(
                 f"{where}: {shown(row.written)}: {error}; a velocity constraint is a sum of coefficients times rates"
             ) from None
-        return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), row.owner, row.label, number, row.equation)
+        return Term(template, _forms(scalars), tuple(data), row.owner, row.label, number, row.equation)
     row_type = angle_row_type(model, row, row.type, omitted)
     template = templates.row_template(row_type.key)
-    forms: list[LinearForm] = []
-    for name in row_type.vectors:
-        forms += _vector_form(row.direction(name))
-    forms += [((1.0, row.scalar(name)),) for name in row_type.scalars]
+    forms = _forms([row.arguments[name] for name in (*row_type.vectors, *row_type.scalars)])
     data = (*(row.data[name] for name in row_type.data), _scale(row, row_type))
-    equation = describe(row_type, {**row.arguments, **row.data})
-    return Term(template, tuple(forms), data, row.owner, row.label, number, equation)
+    equation = describe(f"{row_type.equation} = 0", {**row.arguments, **row.data})
+    return Term(template, forms, data, row.owner, row.label, number, equation)
 
 
-def _vector_form(combination: Combination) -> list[LinearForm]:
-    return [tuple((weight, element.components[axis]) for weight, element in combination.terms) for axis in range(3)]
+def _forms(arguments: Iterable[Combination | Component]) -> tuple[LinearForm, ...]:
+    """A linear form of coordinates per scalar: three of a vector, one of a component."""
+    forms: list[LinearForm] = []
+    for argument in arguments:
+        if isinstance(argument, Component):
+            forms.append(((1.0, argument),))
+        else:
+            forms += [tuple((weight, element.components[axis]) for weight, element in argument.terms) for axis in range(3)]
+    return tuple(forms)
 
 
 def _scale(row: Row, kind: RowType) -> Scalar:
@@ -188,48 +191,31 @@ def _words(things: Iterable[Component | Parameter]) -> tuple[str, ...]:
     return tuple(thing.name for thing in things)
 
 
-def _applied(model: Model, force: Force | Couple, released: Collection[Component]) -> Term:
-    return _couple(model, force) if isinstance(force, Couple) else _force(model, force, released)
-
-
-def _couple(model: Model, couple: Couple) -> Term:
-    """A couple of numbers and parameters acts on the body's three base directions."""
-    frame = couple.body.frame
-    directions = list(frame.directions)
-    if len(directions) != 3:
-        raise ModelError(f"{couple.label}: the body needs three directions to take a couple; give it another element or constant_mass=True")
-    if _names(model, sympy.Tuple(*couple.components), couple.label)[0] or TIME in sympy.Tuple(*couple.components).free_symbols:
-        raise ModelError(f"{couple.label}: give numbers or parameters; for a couple that varies, use a torque on a relative angle")
-    forms = [form for d in directions for form in _vector_form(d)]
-    x, y, z = frame.given
-    volume = measures.dot(x, measures.cross(y, z)) if frame.is_parametric else float(np.linalg.det(frame.matrix()))
-    return Term(templates.couple(), tuple(forms), (*couple.components, volume), Owner("body", couple.body.name), couple.label)
-
-
-def _spring(model: Model, spring: Spring | TorsionSpring) -> Term:
-    along_segment = isinstance(spring, Spring)
-    forms: list[LinearForm]
-    forms = _vector_form(spring.segment) if along_segment else [((1.0, spring.coordinate.components[0]),)]
-    owner = Owner("spring", spring.label)
-    if spring.law is None:
-        pulled = templates.spring_to_nothing() if is_number(spring.free) and spring.free == 0.0 else templates.spring()
-        template = pulled if along_segment else templates.torsion_spring()
-        return Term(template, tuple(forms), (spring.stiffness, spring.damping, spring.free), owner, spring.label)
-    used = {s.name for s in symbols_in(spring.law)} - {"x", "v", TIME.name}
-    data = [p for p in model.parameters.values() if p.name in used]
-    if used - {p.name for p in data}:
-        raise ModelError(f"{spring.label}: {sorted(used)[0]} is not a parameter; a law is made of length, rate, m.time and parameters")
-    template = templates.spring_law(spring.label, spring.law, along_segment, _words(data))
-    return Term(template, tuple(forms), tuple(data), owner, spring.label)
+def _load(model: Model, load: Load) -> Term:
+    """A force type of the catalogue at its place."""
+    kind, make = load.type, templates.force_template
+    arguments, data = load.given()
+    if load.law is not None:
+        used = {s.name for s in symbols_in(load.law)} - {*LAW, TIME.name}
+        data = [p for p in model.parameters.values() if p.name in used]
+        if used - set(_words(data)):
+            raise ModelError(f"{load.label}: {sorted(used)[0]} is not a parameter; a law is made of length, rate, m.time and parameters")
+        kind, make = templates.law_type(kind, load.label, load.law, _words(data)), templates.derived_force
+    written = sympy.Tuple(*map(as_sympy, data))
+    if _names(model, written, load.label)[0] or TIME in written.free_symbols:
+        raise ModelError(f"{load.label}: give numbers or parameters; for what varies, use m.force or m.torque")
+    equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
+    return Term(make(kind), _forms(arguments), tuple(data), Owner("user", load.label), load.label, equation=equation)
 
 
 def _force(model: Model, force: Force, released: Collection[Component]) -> Term:
-    components = {c: e for c, e in force.components if not c.fixed or c in released}
+    components = {c: sympy.sympify(e) for c, e in force.components if not c.fixed or c in released}
     scalars, data = _names(model, sympy.Tuple(*components.values()), force.label)
     scalars = list(dict.fromkeys([*scalars, *components]))
-    along = {scalars.index(c): sympy.sympify(e) for c, e in components.items()}
-    template = templates.force_template(force.label, _words(scalars), _words(data), along)
-    return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), Owner("user", force.label), force.label)
+    along = {scalars.index(c): e for c, e in components.items()}
+    template = templates.user_force(force.label, _words(scalars), _words(data), along)
+    equation = ", ".join(f"{told(e)} along {c.name}" for c, e in components.items())
+    return Term(template, _forms(scalars), tuple(data), Owner("user", force.label), force.label, equation=equation)
 
 
 def _bearer(model: Model, force: Force | Couple) -> Owner | None:
@@ -240,15 +226,15 @@ def _bearer(model: Model, force: Force | Couple) -> Owner | None:
     for body in model.bodies.values():
         if any(touched & set(element.components) for element in body.elements):
             return Owner("body", body.name)
-    return Owner("user", force.label)
+    return None
 
 
 def _potential(model: Model, potential: Potential) -> Term:
     scalars, data = _names(model, potential.expression, potential.label)
     _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)
-    template = templates.potential_template(potential.label, _words(scalars), _words(data), expression)
-    return Term(template, tuple(((1.0, c),) for c in scalars), tuple(data), Owner("user", potential.label), potential.label)
+    template = templates.user_potential(potential.label, _words(scalars), _words(data), expression)
+    return Term(template, _forms(scalars), tuple(data), Owner("user", potential.label), potential.label, equation=told(expression))
 
 
 # -- inertia and gravity ------------------------------------------------------------------------

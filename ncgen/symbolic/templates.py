@@ -15,15 +15,18 @@ derivation serves every mechanism and every pattern of fixed and free coordinate
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from itertools import chain
 from typing import NamedTuple, TypeAlias, cast
 
 import sympy
 
 from ncgen.model.catalogue import ROW_TYPES, RowType
 from ncgen.model.elements import AXES, rate_name
+from ncgen.model.forces import ForceType
+from ncgen.model.names import LAW
 
 TIME = sympy.Symbol("t", real=True)
 SCALE = "scale"
@@ -139,95 +142,60 @@ def velocity_row_template(key: str, psi: sympy.Expr, scalars: tuple[str, ...], d
     return Template(key, f"{psi}", scalars, data, outputs)
 
 
-def _pull(
-    key: str,
-    equation: str,
-    scalars: tuple[str, ...],
-    data: tuple[str, ...],
-    gradient: Sequence[sympy.Expr | int],
-    tension: sympy.Expr,
-    potential: sympy.Expr,
-    power: sympy.Expr,
-) -> Template:
-    """A force −tension along the gradient of a length or angle."""
-    outputs: Outputs = {Output("force", (k,)): -tension * slope for k, slope in enumerate(gradient)}
-    outputs |= {Output("potential"): potential, Output("power"): power}
-    return Template(key, equation, scalars, data, outputs)
+def derived_force(kind: ForceType) -> Template:
+    """Generalised forces, energy and power of a force type, a user's own among them."""
+    scalars = sum(map(vector, kind.vectors), ()) + kind.scalars
+    data = {name: sympy.Symbol(name, real=True) for name in kind.data}
+    if kind.forces is not None:
+        found = kind.forces(sympy, **{name: symbols(vector(name)) for name in kind.vectors}, **data)
+        return Template(kind.key, kind.equation, scalars, kind.data, _working(dict(enumerate(chain.from_iterable(found))), scalars))
+    x, v, direction = _stretch(scalars)
+    at = sympy.Dummy("x", real=True)
+    slope = sympy.factor_terms(kind.potential(sympy, at, **data).diff(at))  # of k (x - L0)^2/2 it is k (2 x - 2 L0)/2 before
+    friction = kind.friction(sympy, x, v, **data)
+    parts = (replaced(slope, {at: x}), friction)
+    tension = parts if kind.regular else (sympy.Add(*parts),)
+    outputs: Outputs = {Output("force", (k,)): sympy.Add(*(-part * along for part in tension)) for k, along in enumerate(direction)}
+    outputs |= {Output("potential"): kind.potential(sympy, x, **data), Output("power"): -friction * v}
+    return Template(kind.key, kind.equation, scalars, kind.data, outputs)
 
 
-@cache
-def spring() -> Template:
-    """Spring and damper along a segment a of length L: tension k (L − L0) + c L̇."""
-    a, da = symbols(vector("a")), rates(vector("a"))
-    k, c, free = symbols(SPRING_DATA)
-    L = sympy.sqrt(sum(x * x for x in a))
-    rate = sum(x * v for x, v in zip(a, da, strict=True)) / L
-    tension = k * (L - free) + c * rate
-    gradient = [x / L for x in a]
-    equation = "k (|a| - L0)^2 / 2, damper c"
-    return _pull("spring", equation, vector("a"), SPRING_DATA, gradient, tension, k * (L - free) ** 2 / 2, -c * rate**2)
+force_template = cache(derived_force)
+"""The derivation of one force type of the catalogue, once."""
 
 
-@cache
-def spring_to_nothing() -> Template:
-    """The same with free length 0: the force −k a is regular where the ends meet; only the damper needs a direction."""
-    a, da = symbols(vector("a")), rates(vector("a"))
-    k, c, _ = symbols(SPRING_DATA)
-    squared, closing = sum(x * x for x in a), sum(x * v for x, v in zip(a, da, strict=True))
-    outputs: Outputs = {Output("force", (i,)): -k * x - c * closing / squared * x for i, x in enumerate(a)}
-    outputs |= {Output("potential"): k * squared / 2, Output("power"): -c * closing**2 / squared}
-    return Template("spring-to-nothing", "k |a|^2 / 2, damper c", vector("a"), SPRING_DATA, outputs)
-
-
-@cache
-def torsion_spring() -> Template:
-    """Spring and damper along a relative coordinate x."""
-    (x,), (v,) = symbols(["x"]), rates(["x"])
-    k, c, free = symbols(SPRING_DATA)
-    tension = k * (x - free) + c * v
-    return _pull("torsion-spring", "k (x - x0)^2 / 2, damper c", ("x",), SPRING_DATA, [1], tension, k * (x - free) ** 2 / 2, -c * v**2)
-
-
-def spring_law(key: str, law: sympy.Expr, along_segment: bool, data: tuple[str, ...]) -> Template:
-    """A spring with the user's law of x and v (its whole work is counted as power)."""
-    scalars = vector("a") if along_segment else ("x",)
+def _stretch(scalars: tuple[str, ...]) -> tuple[sympy.Expr, sympy.Expr, list[sympy.Expr]]:
+    """What a tension pulls along, the length of a vector or one scalar: its value, its rate and its gradient."""
     s, ds = symbols(scalars), rates(scalars)
-    x = sympy.sqrt(sum(c * c for c in s)) if along_segment else s[0]
-    v = sum(c * d for c, d in zip(s, ds, strict=True)) / x if along_segment else ds[0]
-    named = tuple(f"law.{name}" for name in data)  # a parameter may be called like a scalar
-    tension = replaced(law, dict(zip(symbols(["x", "v", *data]), (x, v, *symbols(named)), strict=True)))
-    gradient = [c / x for c in s] if along_segment else [1]
-    return _pull(key, f"tension {law}", scalars, named, gradient, tension, sympy.Integer(0), -tension * v)
+    if len(s) == 1:
+        return s[0], ds[0], [sympy.Integer(1)]
+    length = sympy.sqrt(sum(c * c for c in s))
+    return length, sum((c * d for c, d in zip(s, ds, strict=True)), sympy.Integer(0)) / length, [c / length for c in s]
 
 
-SPRING_DATA = ("k", "c", "L0")
+def law_type(kind: ForceType, key: str, law: sympy.Expr, names: tuple[str, ...]) -> ForceType:
+    """A force type with the user's tension of x and v in place of its own, whose whole work is counted as power."""
+
+    def friction(f: object, x: sympy.Expr, v: sympy.Expr, **data: sympy.Expr) -> sympy.Expr:
+        return replaced(law, dict(zip(symbols([*LAW, *names]), (x, v, *data.values()), strict=True)))
+
+    data = tuple(f"law.{name}" for name in names)  # a parameter may be called like a scalar
+    return ForceType(key, kind.vectors, kind.scalars, data, f"tension {law}", friction=friction)
 
 
-@cache
-def couple() -> Template:
-    """A couple n on a body with directions x1, x2, x3 of volume V: force ½ n × xᵏ along direction k.
-
-    xᵏ is the reciprocal basis, so the power is n·ω with ω = ½ Σ xᵏ × ẋ_k (natural coordinates, 2.5).
-    """
-    names = vector("x1") + vector("x2") + vector("x3")
-    x = [sympy.Matrix(symbols(vector(f"x{k}"))) for k in (1, 2, 3)]
-    v = [sympy.Matrix(rates(vector(f"x{k}"))) for k in (1, 2, 3)]
-    n, (volume,) = sympy.Matrix(symbols(["nx", "ny", "nz"])), symbols(["V"])
-    force = [cast(sympy.Matrix, n.cross(x[(k + 1) % 3].cross(x[(k + 2) % 3])) / (2 * volume)) for k in range(3)]  # sympy does not say
-    outputs: Outputs = {Output("force", (3 * k + i,)): force[k][i] for k in range(3) for i in range(3)}
-    outputs[Output("power")] = sum((f.dot(rate) for f, rate in zip(force, v, strict=True)), sympy.Integer(0))
-    return Template("couple", "n x reciprocal basis / 2", names, ("nx", "ny", "nz", "V"), outputs)
-
-
-def force_template(key: str, scalars: tuple[str, ...], data: tuple[str, ...], components: dict[int, sympy.Expr]) -> Template:
-    """A force the user wrote out; components: expression by the number of its scalar. Its power is counted as work."""
+def _working(components: dict[int, sympy.Expr], scalars: tuple[str, ...]) -> Outputs:
+    """Forces by the numbers of their scalars, and their power, which is counted as work."""
     speeds = rates(scalars)
     outputs: Outputs = {Output("force", (k,)): expression for k, expression in components.items()}
-    outputs[Output("power")] = sympy.Add(*(expression * speeds[k] for k, expression in components.items()))
-    return Template(key, "user force", scalars, data, outputs)
+    return outputs | {Output("power"): sympy.Add(*(expression * speeds[k] for k, expression in components.items()))}
 
 
-def potential_template(key: str, scalars: tuple[str, ...], data: tuple[str, ...], potential: sympy.Expr) -> Template:
+def user_force(key: str, scalars: tuple[str, ...], data: tuple[str, ...], components: dict[int, sympy.Expr]) -> Template:
+    """A force the user wrote out; components: expression by the number of its scalar."""
+    return Template(key, "user force", scalars, data, _working(components, scalars))
+
+
+def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], potential: sympy.Expr) -> Template:
     """A potential the user wrote out; its force is the negative gradient, and what it changes by itself in time is power."""
     smooth, whole = _beside_kinks(potential)
     outputs: Outputs = {Output("force", (k,)): whole(-smooth.diff(s)) for k, s in enumerate(symbols(scalars))}

@@ -1,4 +1,4 @@
-"""Still figures in the manner of the paper's Figure 3: points with names, black lines, red unit vectors."""
+"""Still figures in the manner of the paper's Figure 3: points with names, black lines, dashed springs, red unit vectors."""
 
 from __future__ import annotations
 
@@ -106,6 +106,8 @@ def _draw(axes: Axes, scene: Scene, frame: int) -> None:
     for start, end in scene.segments:
         axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8, zorder=1, gid="segment")
         places.avoid(points[start], points[end])
+    for start, end in scene.springs:
+        axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.0, linestyle="--", zorder=1, gid="spring")
     for arrow, shaft in arrows:
         axes.quiver(*points[arrow.point], *shaft, color=VECTOR, gid="arrow", **style)
         places.avoid(points[arrow.point], points[arrow.point] + shaft)

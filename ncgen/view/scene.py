@@ -5,7 +5,7 @@ Natural coordinates are a drawing already: points, lines between them, and unit 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations
 from typing import TYPE_CHECKING
 
@@ -47,7 +47,7 @@ class Scene:
     points: the names of P points
     positions: of the points (m), shape (K, P, 3)
     fixed: which points cannot move, shape (P,)
-    segments: pairs of point indices
+    segments, springs: pairs of point indices
     arrows: the unit vectors, each at its point
     """
 
@@ -57,6 +57,7 @@ class Scene:
     positions: np.ndarray
     fixed: np.ndarray
     segments: tuple[tuple[int, int], ...]
+    springs: tuple[tuple[int, int], ...]
     arrows: tuple[Arrow, ...]
 
     @property
@@ -84,7 +85,7 @@ class Scene:
     def at(self, frames: np.ndarray) -> Scene:
         """The scene at some of its times only; `frames` are indices, shape (F,)."""
         arrows = tuple(Arrow(arrow.point, arrow.direction[frames], arrow.name) for arrow in self.arrows)
-        return Scene(self.name, self.t[frames], self.points, self.positions[frames], self.fixed, self.segments, arrows)
+        return replace(self, t=self.t[frames], positions=self.positions[frames], arrows=arrows)
 
 
 def scene_of(model_or_run: Model | Trajectory) -> Scene:
@@ -110,6 +111,7 @@ def scene_of(model_or_run: Model | Trajectory) -> Scene:
         positions=np.stack([history(point) for point in points], axis=1),
         fixed=np.array([point.fixed for point in points]),
         segments=tuple((index[start], index[end]) for start, end in lines(model)),
+        springs=tuple((index[start], index[end]) for start, end in springs(model)),
         arrows=tuple(Arrow(index[point], history(vector), vector.name) for point, vector in arrows(model)),
     )
 
@@ -124,6 +126,15 @@ def lines(model: Model) -> list[tuple[Point, Point]]:
             start, end = (element for element in along.elements if isinstance(element, Point))
             pairs.append((start, end))
     return list({frozenset(pair): pair for pair in pairs}.values())
+
+
+def springs(model: Model) -> list[tuple[Point, Point]]:
+    """Where the model asks for no lines, the ends of every force of the catalogue that pulls between two points."""
+    if model.drawing.lines:
+        return []
+    places = [place.elements for load in model.springs for place in load.given()[0] if isinstance(place, Combination)]
+    ends = [tuple(element for element in elements if isinstance(element, Point)) for elements in places]
+    return [pair for pair in ends if len(pair) == 2]
 
 
 def arrows(model: Model) -> list[tuple[Point, Vector]]:

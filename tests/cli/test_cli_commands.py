@@ -84,6 +84,13 @@ def test_inspect_for_people(ncgen_main):
     assert [line.split()[0] for line in said.out.splitlines()[:31]] == [str(i) for i in range(1, 32)]
 
 
+def test_inspect_tells_what_acts(ncgen_main):
+    """Every force, couple, spring and potential with its law and the numbers that were given, after the rows."""
+    said = ncgen_main("inspect", "suspension", "--backend", "numpy")
+    assert "spring C-S: k (|a| - L0)^2 / 2, damper c with a = S-C, k = 369149, c = 0, L0 = 0.339\n" in said.out
+    assert "rack: " in said.out and "weight" not in said.out.partition("suspension\n")[0]
+
+
 # -- run ----------------------------------------------------------------------------------------
 
 

@@ -1,11 +1,12 @@
 """`ncgen bench`: every time has its error beside it, and the records are what scripts may rely on."""
 
 import json
+import math
 
 import pytest
 
 import ncgen
-from ncgen.comparisons import batches, falls, rates
+from ncgen.comparisons import batches, falls, paper_tables, precision, rates
 from ncgen.comparisons.bench import _simulation_rows, aligned, bench, kernel_records
 from ncgen.comparisons.rivals import handwritten
 from ncgen.report import clock
@@ -94,3 +95,20 @@ def test_batches(robot):
         "phi": "batch in lanes", "phi_q": "batch, one after the other", "gamma": "batch in lanes", "constraints": "batch in lanes",
         "mass": "batch, one after the other",
     }  # fmt: skip
+
+
+def test_the_models_own_run_begins_as_the_model_says():
+    """A rod without weight turns at 2 rad/s from where the model's simulation lets it begin: after 0.5 s it is at 1 rad."""
+    m = ncgen.Model("turning")
+    A, B = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0))
+    m.body("bob", [B], mass=1.0)
+    m.distance(A, B)
+    m.simulation(duration=0.5, qd0={"B.x": 0.0, "B.y": 2.0}, z=["B.y"])
+    kernels = ncgen.compile(m, "c")
+    end = {"B.x": math.cos(1.0), "B.y": math.sin(1.0)}
+    assert falls.end_state(kernels, 0.5) == pytest.approx(end, abs=1e-10)
+    assert dict(zip(kernels.coordinates, precision.reference(kernels, *falls.own_run(kernels)).q)) == pytest.approx(end, abs=1e-10)
+    assert not all(record["error"] is None or record["error"] > 1e-4 for record in falls.fall_records(kernels))
+    run = paper_tables._Partitioned(kernels)
+    assert (run.names, list(run.y0)) == (["B.y"], pytest.approx([2.0, 0.0], abs=1e-12))
+    assert run.derivative(0.0, run.y0) == pytest.approx([0.0, 2.0], abs=1e-12)

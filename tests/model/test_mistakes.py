@@ -234,6 +234,7 @@ def put(what, *path):
 
 
 P, U, ROWS, INERTIA, OPTIONS = range(5)
+PARAMETER = Model("other").parameter("L", 1.0)
 TABLE_MISTAKES = {
     "nan in P": (put(P, 3, 1, NAN), ["point r4, y", "nan"]),
     "nan in U": (put(U, 0, 2, NAN), ["vector u1, z", "nan"]),
@@ -262,6 +263,18 @@ TABLE_MISTAKES = {
     "an angle that is not there": (put(OPTIONS, "independent", [1, 7]), ["psi7"]),
     "two columns in P": (lambda t: Model.from_tables(t.P[:, :2], t.U, []), ["r1", "2 numbers"]),
     "an unknown line": (put(OPTIONS, "lines", [[1, 10]]), ["LINES", "point 10"]),
+    "a list as a number of a point": (put(ROWS, 1, 1, [2]), ["CONSTR row 2", "[2]", "number of a point"]),
+    "a parameter as a number of a point": (put(ROWS, 1, 2, PARAMETER), ["CONSTR row 2", "parameter L", "number of a point"]),
+    "a parameter as the number of an axis": (put(ROWS, 27, 5, PARAMETER), ["CONSTR row 28", "parameter L", "number of a vector"]),
+    "a list as the number of an angle": (put(ROWS, 27, 11, [3]), ["CONSTR row 28", "[3]", "number of an angle"]),
+    "a list as a code": (put(ROWS, 5, 0, [1000]), ["CONSTR row 6", "[1000]"]),
+    "a parameter as a position in q": (lambda t: Model.from_tables([(0, 0, 0, PARAMETER)], [], []), ["r1", "parameter L", "position in q"]),
+    "a list as a fixed position": (lambda t: Model.from_tables(t.P, t.U, [], fixed=[[1]]), ["fixed", "[1]", "position in q"]),
+    "a parameter in LINES": (lambda t: Model.from_tables(t.P, t.U, [], lines=[(1, PARAMETER)]), ["LINES", "parameter L"]),
+    "a list in the inertia of a body": (
+        lambda t: Model.from_tables(t.P, t.U, [], inertia={1: {"m": 1.0, "cog": (0, 0, 0), "IT": 1.0, "r": [[1], 2]}}),
+        ["inertia of body 1", "[1]", "number of a point"],
+    ),
     "an unknown arrow": (put(OPTIONS, "uvect", [[1, 7]]), ["UVECT", "vector 7"]),
 }
 TABLE_MISSED = {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from fractions import Fraction
+
 import numpy as np
 import pytest
 from scipy.special import ellipk
@@ -107,7 +109,16 @@ def test_work_until_then(engine):
     assert run.q[:-1] == pytest.approx(whole.q[: len(run.t) - 1], abs=1e-9)
 
 
+def test_a_fraction_is_a_number(pendulum):
+    """1/3 as a fraction stops where the pendulum's energy says: of rod 1 at the depth 1/3 its speed is √(2 g/3)."""
+    run = fall(pendulum, {"B.y": Fraction(-1, 3)})
+    assert run.stopped and run["B.y"][-1] == pytest.approx(-1 / 3, abs=1e-9)
+    assert np.linalg.norm(run.qd[-1]) == pytest.approx(np.sqrt(2 * 9.81 / 3), rel=1e-7)
+
+
 REFUSED = [
+    ({"B.x": 10**400}, "stop at B.x: a number of 401 digits given"),
+    ({"B.x": Fraction(10**400, 3)}, "stop at B.x: "),
     ({"C.x": 0.0}, "stop at C.x: pendulum has no free coordinate C.x; it has B.x"),
     ({"B.x": "0"}, "stop at B.x: '0' given; it must be a number"),
     ({"B.x": (0.0, "up")}, "stop at B.x: direction 'up' is unknown; choose one of falling, either, rising"),

@@ -56,7 +56,7 @@ def test_the_data_are_those_of_the_run(robot_run):
     assert close([data["energy"]["kinetic"], data["energy"]["potential"]], robot_run.energy()[:, :2].T)
     assert data["vectors"] == ["u1", "u2", "u3", "u4", "u5"]
     assert [8, 4] not in data["arrows"] and [7, 4] in data["arrows"] and len(data["arrows"]) == 9
-    assert len(data["segments"]) == 10
+    assert len(data["segments"]) == 10 and data["springs"] == []
     assert data["fixed"] == [True] + [False] * 7
     assert data["planar"] is False
 

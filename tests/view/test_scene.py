@@ -5,6 +5,7 @@ import pytest
 
 from ncgen.errors import NcgenError
 from ncgen.model import Model
+from ncgen.view.figure import figure
 from ncgen.view.scene import scene_of
 
 
@@ -58,6 +59,21 @@ def test_without_a_drawing_bodies_and_distances_are_lines():
     assert len(scene.segments) == 4
     assert named(scene) == {("A", "B"), ("A", "C"), ("B", "C"), ("A", "D")}
     assert [(scene.points[arrow.point], arrow.name) for arrow in scene.arrows] == [("A", "u")]
+
+
+def test_without_a_drawing_springs_are_dashed_between_their_points():
+    """What pulls between two points, not along an angle; a mechanism that asks for lines says all of them itself."""
+    m = Model("sprung")
+    A, B, C = (m.point(name, place) for name, place in zip("ABC", [(0, 0, 0), (1, 0, 0), (0, 1, 0)]))
+    m.spring(A, B, 10.0)
+    m.spring(C, A, law=lambda x, v: x**3)
+    m.torsion_spring(m.length("s", B, C), 10.0)
+    scene = scene_of(m)
+    assert [(scene.points[i], scene.points[j]) for i, j in scene.springs] == [("B", "A"), ("A", "C")] and scene.segments == ()
+    dashed = [line for line in figure(m).axes[0].lines if line.get_gid() == "spring"]
+    assert [line.get_linestyle() for line in dashed] == ["--", "--"]
+    m.line(B, C)
+    assert scene_of(m).springs == () and named(scene_of(m)) == {("B", "C")}
 
 
 def test_a_scene_is_planar_if_z_never_differs(flat_model, flat_run):
