@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from ncgen.program.composite import Inertia, massless
-from ncgen.program.space import PLACES, Space, Tensor, Vector
+from ncgen.program.space import Space, Tensor, Vector
 from ncgen.program.tree_motion import TreePlace
 
 Rows: TypeAlias = tuple[Vector, Vector, Vector]
@@ -44,12 +44,9 @@ class Articulated:
 
     def less(self, space: Space, angular: Vector, linear: Vector, reciprocal: int) -> Articulated:
         """Without what a joint with this momentum does not pass on."""
-        sub, mul = space.graph.sub, space.graph.mul
-        a, l = space.times(reciprocal, angular), space.times(reciprocal, linear)
-        turning = tuple(sub(node, mul(a[i], angular[j])) for node, (i, j) in zip(self.turning, PLACES, strict=True))
-        along = tuple(sub(node, mul(l[i], linear[j])) for node, (i, j) in zip(self.along, PLACES, strict=True))
-        x, y, z = (space.sub(row, space.times(a[i], linear)) for i, row in enumerate(self.mixed))
-        return Articulated(turning, (x, y, z), along)
+        turned, moved = space.times(reciprocal, angular), space.times(reciprocal, linear)
+        x, y, z = (space.sub(row, space.times(turned[i], linear)) for i, row in enumerate(self.mixed))
+        return Articulated(space.less(self.turning, turned, angular), (x, y, z), space.less(self.along, moved, linear))
 
 
 def _times(space: Space, rows: Rows, vector: Vector) -> Vector:

@@ -10,6 +10,7 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import cast
 
 import numpy as np
 import scipy.linalg
@@ -183,11 +184,11 @@ class Rates:
         matrices /= np.max(np.abs(matrices), axis=(0, 2), initial=1e-300)[None, :, None]
         if len(rows) < len(dependent):
             raise NoRecursion(f"{len(rows)} rows for {len(dependent)} dependent rates")
-        order = scipy.linalg.qr(matrices[0][:, dependent].T, mode="r", pivoting=True)[1]
+        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(matrices[0][:, dependent].T, mode="r", pivoting=True))
         taken = sorted(order[: len(dependent)].tolist())
         for matrix in matrices:
-            least, rank = np.linalg.svd(matrix[np.ix_(taken, dependent)], compute_uv=False), np.linalg.matrix_rank(matrix, tol=WELL * 10)
-            if len(dependent) and (not least[-1] > WELL * least[0] or rank > len(dependent)):
+            values = np.linalg.svd(matrix[np.ix_(taken, dependent)], compute_uv=False)
+            if len(dependent) and (not values[-1] > WELL * values[0] or np.linalg.matrix_rank(matrix, tol=10 * WELL) > len(dependent)):
                 raise NoRecursion("the tree does not move as the rows allow")
         return [rows[i] for i in taken]
 

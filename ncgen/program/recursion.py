@@ -37,7 +37,7 @@ from ncgen.program.rates import NoRecursion, Rates, Row
 from ncgen.program.sampling import Sample
 from ncgen.program.space import Vector
 from ncgen.program.tree_motion import TreeVelocity
-from ncgen.symbolic.equations import build_without_inertia_of
+from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.inertia import standard_inertia
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import spanning_tree
@@ -95,7 +95,7 @@ class _Recursion:
 
     def __init__(self, equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, refine: bool) -> None:
         self.model, self.tree, self.refine = equations.model, spanning_tree(equations.model), refine
-        self.lines = Lines(build_without_inertia_of(self.model, [link.body for link in self.tree.links]))
+        self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph = self.lines.graph
         self.zero, self.one = self.graph.const(0.0), self.graph.const(1.0)
         self.rates = Rates(equations, self.lines, self.tree, split, samples, sizes)

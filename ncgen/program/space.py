@@ -24,7 +24,7 @@ class Space:
         self.graph = graph
         none = graph.const(0.0)
         self.zero: Vector = (none, none, none)
-        self.empty: Tensor = (none,) * 6
+        self.empty: Tensor = (none, none, none, none, none, none)
 
     def constant(self, values: Sequence[float]) -> Vector:
         x, y, z = map(self.graph.const, map(float, values))
@@ -58,6 +58,11 @@ class Space:
 
     def plus(self, a: Tensor, b: Tensor) -> Tensor:
         xx, yy, zz, xy, xz, yz = (self.graph.add(i, j) for i, j in zip(a, b, strict=True))
+        return xx, yy, zz, xy, xz, yz
+
+    def less(self, tensor: Tensor, a: Vector, b: Vector) -> Tensor:
+        """The tensor without a bᵀ, of which one is a multiple of the other."""
+        xx, yy, zz, xy, xz, yz = (self.graph.sub(node, self.graph.mul(a[i], b[j])) for node, (i, j) in zip(tensor, PLACES, strict=True))
         return xx, yy, zz, xy, xz, yz
 
     def turned(self, tensor: Tensor, a: Vector) -> Vector:

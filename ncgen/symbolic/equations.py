@@ -70,15 +70,16 @@ class Equations(Terms):
     released: frozenset[Component] = frozenset()
 
 
-def build_equations(model: Model, owner: Owner | None = None) -> Equations:
+def build_equations(model: Model, owner: Owner | None = None, massless: Collection[Body] = ()) -> Equations:
     """Bind every row, mass and force of the model.
 
     With `owner`, only what that owner, a body, is responsible for: rows keep their numbers, the others' stay empty, and
     the body's fixed elements are released, so that what holds them can be seen.
+    massless: bodies whose masses and weights are left out
     """
     omitted: list[str] = []
     rows = [_row(model, number, row, omitted) for number, row in enumerate(model.rows)]
-    bodies = [body for body in model.bodies.values() if body.inertia]
+    bodies = [body for body in model.bodies.values() if body.inertia and body not in massless]
     if owner is not None:
         rows = [term for term in rows if term.owner == owner]
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
@@ -89,20 +90,6 @@ def build_equations(model: Model, owner: Owner | None = None) -> Equations:
             forces.append(_load(model, force) if isinstance(force, Load) else _force(model, force, released))
     forces += build_springs(model).forces if owner is None else ()
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
-
-
-def build_without_inertia_of(model: Model, bodies: Collection[Body]) -> Equations:
-    """All terms of a model but masses and weights of these bodies."""
-    omitted: list[str] = []
-    rows = [_row(model, number, row, omitted) for number, row in enumerate(model.rows)]
-    masses, forces = _inertia_terms(model, [body for body in model.bodies.values() if body.inertia and body not in bodies], frozenset())
-    return Equations(model, tuple(rows), tuple(masses), (*forces, *_all_applied(model, frozenset())), tuple(omitted))
-
-
-def _all_applied(model: Model, released: Collection[Component]) -> list[Term]:
-    """Forces, springs and potentials."""
-    applied = [_applied(model, force, released) for force in model.forces]
-    return [*applied, *build_springs(model).forces]
 
 
 def build_springs(model: Model) -> Equations:

@@ -67,7 +67,9 @@ def spanning_tree(model: Model) -> Tree:
     waiting = [body for body in model.bodies.values() if _is_solid(body)]
     loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
     links: list[Link] = []
-    best = {body: (None, _joint(body, [e for e in body.elements if e.fixed])) for body in waiting}
+    best: dict[Body, tuple[int | None, tuple[Screw, ...]]] = {
+        body: (None, _joint(body, [e for e in body.elements if e.fixed])) for body in waiting
+    }
     while waiting:
         body = min(waiting, key=lambda b: len(best[b][1]))
         waiting.remove(body)
