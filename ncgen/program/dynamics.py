@@ -21,6 +21,7 @@ import numpy as np
 
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
+from ncgen.program.closed_positions import assemble_closed_positions
 from ncgen.program.composite import massless
 from ncgen.program.cost import cost
 from ncgen.program.elimination import EliminationError, Factors, Matrix, factor, solve, solve_positive, solve_refined, solve_transposed
@@ -56,7 +57,7 @@ def assemble_dynamics(equations: Terms, split: Split, samples: Sequence[Sample],
     sizes: natural size of every coordinate
     refine: one step of iterative refinement of R and of the accelerations' particular solution (Newton's method refines itself)
     """
-    correction = newton(equations, split, samples)
+    correction = closing(equations, split, samples, sizes)
     ways = accelerations(equations, split, samples, sizes, refine)
     acceleration = ways[cheapest(ways)]
     lengths = {"t": 1, "q": len(equations.free), "zd": len(split.independent), "p": len(equations.parameters)}
@@ -89,6 +90,14 @@ def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Samp
     column = {c: j for j, c in enumerate(split.dependent)}
     matrix = {(row[r], column[c]): node for (r, c), node in jacobian.items() if r in row and c in column}
     return matrix, factor(lines.graph, matrix, len(split.rows), Sampling(lines.graph, samples).of(matrix))
+
+
+def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes) -> Program:
+    """What closes positions: from the angles of an open tree at once, else a step of Newton's method."""
+    try:
+        return assemble_closed_positions(equations, split, samples, np.asarray(sizes))
+    except NoRecursion:
+        return newton(equations, split, samples)
 
 
 def newton(equations: Terms, split: Split, samples: Sequence[Sample]) -> Program:

@@ -1,0 +1,94 @@
+"""Positions of open trees of hinges at once from their angles: closed to rounding, and refused where they are not told by angles alone."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen import Model
+from ncgen.exchange.examples import example_module, load
+from ncgen.program.closed_positions import assemble_closed_positions
+from ncgen.program.cost import cost
+from ncgen.program.dynamics import newton
+from ncgen.program.evaluate import evaluate
+from ncgen.program.rates import NoRecursion
+from ncgen.solver.compiled import samples, split_of
+from ncgen.solver.partition import choose_partitions
+
+
+def given(model: Model):
+    kernels = ncgen.compile(model, "numpy")
+    q = ncgen.assemble(kernels)
+    split = split_of(choose_partitions(kernels, q, independent=model.chosen_independent).velocity)
+    return kernels, (kernels.programs.equations, split, samples(kernels, q, kernels.p0))
+
+
+def branched() -> Model:
+    """Two hinges on one body, one angle measured backwards, one link whose axis is a segment."""
+    m = Model("branched")
+    O, A, B, C, D = (
+        m.point(n, x, fixed=n == "O")
+        for n, x in zip("OABCD", [(0, 0, 0), (0.5, 0.1, 0.2), (0.4, -0.6, 0.1), (1.0, 0.3, 0.2), (0.9, -0.7, 0.6)], strict=True)
+    )
+    z, x = m.vector("z", (0, 0, 1), fixed=True), m.vector("x", (1, 0, 0), fixed=True)
+    u, v, w = m.vector("u", (0, 1, 0)), m.vector("v", (1, 0, 0)), m.vector("w", (0, 0, 1))
+    m.body("base", [O, A, B], [z, u, v], mass=1.0, inertia=[0.1, 0.2, 0.1])
+    m.body("left", [A, C], [u, w], mass=0.5, inertia=[0.01, 0.02, 0.02])
+    m.body("right", [B, A, D], mass=0.5, inertia=[0.01, 0.02, 0.02])
+    across = m.vector("across", np.cross(B.initial - A.initial, (0, 0, 1)) / np.linalg.norm(np.cross(B.initial - A.initial, (0, 0, 1))))
+    m.extend("base", across)
+    side = D - B
+    ahead = side.initial - (side.initial @ (B - A).initial) / ((B - A).initial @ (B - A).initial) * (B - A).initial
+    edge = m.vector("edge", ahead / np.linalg.norm(ahead))
+    m.extend("right", edge)
+    m.independent(m.angle("first", x, v, z), m.angle("second", w, v, u), m.angle("third", across, edge, B - A))
+    return m
+
+
+def flat() -> Model:
+    """Two rods in the plane, both angles measured from what rests, the second one from its end to its start."""
+    m = Model("flat")
+    A, B, C = (m.point(n, x, fixed=n == "A") for n, x in zip("ABC", [(0, 0), (0.3, 0.4), (1.0, 0.2)], strict=True))
+    x, z = m.vector("x", (1, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.body("upper", [A, B], mass=1.0, inertia=0.1)
+    m.body("lower", [B, C], mass=1.0, inertia=0.1)
+    m.independent(m.angle("first", x, B - A, z), m.angle("second", C - B, x, z))
+    return m
+
+
+@pytest.mark.parametrize("make", [lambda: load("arm"), lambda: example_module("arm").build(2), branched, flat])
+def test_positions_close_to_rounding_from_any_angles(make):
+    kernels, (equations, split, found) = given(make())
+    program = assemble_closed_positions(equations, split, found, kernels.column_sizes)
+    assert cost(program).total < 0.4 * cost(newton(equations, split, found)).total
+    rng = np.random.default_rng(4)
+    for _ in range(5):
+        q = found[0].q.copy()
+        q[list(split.independent)] += rng.uniform(-3, 3, len(split.independent))
+        step = np.array(evaluate(program, {"t": 0.0, "q": q, "p": kernels.p0}))
+        q[list(split.dependent)] += step[: len(split.dependent)]
+        assert np.max(np.abs(kernels.phi(q, 0.0, kernels.p0)) / kernels.row_sizes) < 1e-14
+        assert not np.any(step[len(split.dependent) :])
+
+
+@pytest.mark.parametrize(
+    "name, why",
+    [("robot", "no independent angle is that of its hinge"), ("stewart", "is on no hinge"), ("pendulum", "not every independent")],
+)
+def test_others_keep_a_step_of_newton(name, why):
+    kernels, (equations, split, found) = given(load(name))
+    with pytest.raises(NoRecursion, match=why):
+        assemble_closed_positions(equations, split, found, kernels.column_sizes)
+
+
+def test_a_shape_that_depends_on_a_parameter_is_refused():
+    """Its constants would be those of the default."""
+    m = Model("long")
+    A, x, y = m.point("A", (0, 0), fixed=True), m.vector("x", (1, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    B = m.point("B", (m.parameter("L", 1.0, "m"), 0))
+    m.body("rod", [A, B], mass=1.0, inertia=0.1)
+    m.independent(m.angle("psi", x, B - A, y))
+    kernels, (equations, split, found) = given(m)
+    with pytest.raises(NoRecursion, match="the bodies' shapes depend on parameters"):
+        assemble_closed_positions(equations, split, found, kernels.column_sizes)
