@@ -37,6 +37,13 @@ extern "C" {
 #define NCGEN_RESTRICT restrict
 #endif
 
+/* A part of a long function, which stays one of its own: compilers would be slow on the whole. */
+#if defined(__GNUC__)
+#define NCGEN_APART __attribute__((noinline))
+#else
+#define NCGEN_APART
+#endif
+
 #define NCGEN_ABI_VERSION 1
 
 /* begin cdef */

@@ -19,7 +19,7 @@ ENERGIES = ("kinetic", "potential", "power")
 """The numbers of the kernel "energy", in their order: J, J, and W of forces without a potential."""
 
 LARGEST = 24
-"""Degrees of freedom up to which the reduced mass matrix is eliminated in straight-line code."""
+"""Degrees of freedom up to which a mechanism without a tree of bodies has its mass matrix eliminated in straight-line code."""
 
 
 @dataclass(frozen=True)

@@ -367,7 +367,7 @@ class _Batch:
 def _refusal(kernels: Kernels, method: Method, partitions: Partitions) -> str | None:
     if not method.integrator.in_lanes:
         return f"{method.integrator.name} is not among {_in_lanes()}"
-    return refusal(kernels, method, "emitted", "double") or refusal_of_size(partitions, "emitted")
+    return refusal(kernels, method, "emitted", "double") or refusal_of_size(kernels, partitions, "emitted")
 
 
 def _threads(threads: int | None) -> int | None:

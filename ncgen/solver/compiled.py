@@ -80,21 +80,22 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
     return None
 
 
-def refusal_of_size(partitions: Partitions, engine: str) -> str | None:
+def refusal_of_size(kernels: Kernels, partitions: Partitions, engine: str) -> str | None:
     """Why a state derivative cannot be emitted for a choice of independent coordinates, in words, or None if it can."""
     from ncgen.program.programs import LARGEST
+    from ncgen.symbolic.tree import spanning_tree
 
     if engine in EMITTED and partitions.position is not partitions.velocity:
         return "a state derivative is emitted for one choice of independent coordinates; rolling conditions need two"
-    if engine in EMITTED and len(partitions.position.independent) > LARGEST:
-        return f"a state derivative is emitted for up to {LARGEST} degrees of freedom"
+    if engine in EMITTED and len(partitions.position.independent) > LARGEST and not spanning_tree(kernels.model).links:
+        return f"without a tree of bodies a state derivative is emitted for up to {LARGEST} degrees of freedom"
     return None
 
 
 def is_emitted(kernels: Kernels, partitions: Partitions) -> TypeGuard[CompiledKernels]:
     """True where the state derivative of a choice of independent coordinates can be written out and run in C."""
     method = Method.of("coordinate-partitioning", "dopri5")
-    return (refusal(kernels, method, "emitted", "double") or refusal_of_size(partitions, "emitted")) is None
+    return (refusal(kernels, method, "emitted", "double") or refusal_of_size(kernels, partitions, "emitted")) is None
 
 
 def checked_compiled(kernels: Kernels) -> CompiledKernels:

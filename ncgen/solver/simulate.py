@@ -190,7 +190,9 @@ class _Motion:
 
     def _refusal(self) -> str | None:
         refused = compiled.refusal(self.kernels, self.choice.method, self.run.engine, self.run.number)
-        return refused or (compiled.refusal_of_size(self.start.partitions, self.run.engine) if self.start.partitions else None)
+        return refused or (
+            compiled.refusal_of_size(self.kernels, self.start.partitions, self.run.engine) if self.start.partitions else None
+        )
 
     def _in_c(self, form: Form) -> str | None:
         """Why C did not come to the end, or None."""
