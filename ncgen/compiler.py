@@ -101,7 +101,7 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     from ncgen.mechanism.numpy_module import NumPyKernels
     from ncgen.toolchain.cache import compiled
 
-    sources = _sources(model, emission, timings, kept=backend != "numpy")
+    sources = sources_of(model, emission, timings, kept=backend != "numpy")
     if backend != "numpy":
         try:
             files = timings.stage("emit", lambda: sources.c)
@@ -114,8 +114,8 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
     return timings.stage("load", NumPyKernels, sources)
 
 
-def _sources(model: Model | Sources, emission: str, timings: Timings, kept: bool) -> Sources:
-    """Sources of a model, generated or as they were kept from before."""
+def sources_of(model: Model | Sources, emission: str, timings: Timings, kept: bool = True) -> Sources:
+    """Sources of a model, generated or, where they may be, as they were kept from before."""
     if not isinstance(model, Model):
         return model
     if not kept:

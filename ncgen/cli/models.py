@@ -41,6 +41,7 @@ def inspect(
 ) -> None:
     """Show rows, loads, degrees of freedom, redundant rows, what was left out, and the kernels; or the health of a motion."""
     from ncgen.report.along import Recorded, health_record, show_health
+    from ncgen.report.derivative import derivative
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.screen import show_inspection
 
@@ -53,7 +54,7 @@ def inspect(
         else:
             show_health(out, health)
         return
-    facts = facts_of(kernels)
+    facts = {**facts_of(kernels), "derivative": derivative(kernels)}
     if json_output:
         print(json.dumps(facts, indent=1))
         return
@@ -135,7 +136,7 @@ def _compiled(
 
     check: of the model, before anything is made of it
     """
-    from ncgen.compiler import Timings, check_words, compile, generate
+    from ncgen.compiler import Timings, check_words, compile, sources_of
     from ncgen.exchange.examples import load
 
     check_words(backend, emission)
@@ -144,7 +145,7 @@ def _compiled(
         model = timings.stage("model", load, name)
         if check:
             check(model)
-        sources = generate(model, emission, timings)
+        sources = sources_of(model, emission, timings)
         kernels = compile(sources, backend, timings=timings)
     return kernels, sources, timings.seconds
 

@@ -2,16 +2,10 @@
 
 from __future__ import annotations
 
-from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle
-from ncgen.program.assemble import Programs
 from ncgen.program.cost import cost
-from ncgen.program.dynamics import accelerations, cheapest, newton
-from ncgen.program.elimination import EliminationError
-from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import samples, split_of
-from ncgen.solver.partition import choose_partitions
+from ncgen.program.programs import Programs
 from ncgen.solver.rank import Freedom, Redundancy, freedom
 from ncgen.symbolic.tree import Tree, spanning_tree
 
@@ -23,8 +17,7 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
     rows counted from 1; measured: how many rows have their lengths and angles from the initial position
     singular: True if the initial position is; omitted: [text]; initial: {angle: radians};
     kernels: {name: {operations, calls, nonzeros, size, bytes}}; parameters: {name: default}
-    tree: [{body, on, freedoms}], from the ground outward; derivative: {way of the accelerations, "newton": operations} and "taken", the
-    cheapest, None where no state derivative can be written out
+    tree: [{body, on, freedoms}], from the ground outward
     """
     found = found or freedom(kernels)
     model = kernels.model
@@ -42,7 +35,6 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
         "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),
         "tree": _tree(spanning_tree(model)),
-        "derivative": _derivative(kernels),
         "parameters": {p.name: p.default for p in model.parameters.values()},
         "emission": kernels.programs.emission,
         "backend": kernels.backend,
@@ -54,20 +46,6 @@ def _tree(tree: Tree) -> list[dict]:
         {"body": link.body.name, "on": "ground" if link.parent is None else tree.links[link.parent].body.name, "freedoms": len(link.screws)}
         for link in tree.links
     ]
-
-
-def _derivative(kernels: Kernels) -> dict | None:
-    """What the state derivative costs in every way, at the initial position."""
-    try:
-        q = assemble(kernels)
-        split = split_of(choose_partitions(kernels, q, independent=kernels.model.chosen_independent).velocity)
-        found = samples(kernels, q, kernels.p0)
-        ways = accelerations(kernels.programs.equations, split, found, kernels.column_sizes)
-        step = newton(kernels.programs.equations, split, found)
-    except (NcgenError, EliminationError):
-        return None
-    counts = {name: cost(program).total for name, program in ways.items()}
-    return {**counts, "newton": cost(step).total, "taken": cheapest(ways)}
 
 
 def _redundant(kernels: Kernels, redundancy: Redundancy) -> dict:

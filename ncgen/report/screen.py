@@ -31,7 +31,7 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
     if facts["tree"]:
         links = ", ".join(f"{link['body']} on {link['on']} {link['freedoms']}" for link in facts["tree"])
         console.print(f"  tree of bodies, with freedoms before loops are closed: {links}", markup=False)
-    if facts["derivative"]:
+    if facts.get("derivative"):
         console.print(f"  {derivative_line(facts['derivative'])}", markup=False)
     console.print(kernel_table(facts, times))
     if seconds:
@@ -41,9 +41,9 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
 
 def derivative_line(counts: dict) -> str:
     """What the state derivative takes, the way that is taken first."""
-    ways = sorted((n, name) for name, n in counts.items() if name not in ("newton", "taken"))
+    ways = sorted((n, name) for name, n in counts.items() if name not in ("closing", "taken"))
     told = ", ".join(f"{name} {n}" for n, name in ways)
-    return f"operations of the state derivative: {told}; of a step towards closed positions: {counts['newton']}"
+    return f"operations of the state derivative: {told}; of closing positions: {counts['closing']}"
 
 
 def kernel_table(facts: dict, times: dict[str, float] | None) -> Table:

@@ -137,3 +137,11 @@ def test_sympy_stays_away(own_cache):
     text = "import sys, ncgen; k = ncgen.compile(ncgen.load('robot'), 'c'); ncgen.simulate(k, 0.01); print('sympy' in sys.modules)"
     said = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)]
     assert said == ["True", "False"]
+
+
+def test_a_run_at_the_shell_needs_no_sympy_again(own_cache, tmp_path):
+    """Sources, figures and all: what was generated once is kept for the command line, too."""
+    text = f"import sys\nfrom ncgen.cli import main\nsys.argv = ['ncgen', 'run', 'pendulum', '--output', {str(tmp_path / 'out')!r}]\n"
+    text += "try:\n    main()\nexcept SystemExit:\n    pass\nprint('sympy' in sys.modules, file=sys.stderr)"
+    said = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True).stderr.split()[-1] for _ in range(2)]
+    assert said == ["True", "False"]
