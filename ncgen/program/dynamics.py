@@ -75,7 +75,7 @@ def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], siz
     with suppress(NoRecursion, EliminationError):
         found = assemble_recursions(equations, split, samples, np.asarray(sizes), refine)
     if not found or len(equations.free) * len(split.independent) <= MANY:
-        found["all coordinates"] = _acceleration(equations, split, samples, sizes, refine)
+        found["all coordinates"] = by_all_coordinates(equations, split, samples, sizes, refine)
     return found
 
 
@@ -114,7 +114,8 @@ def newton(equations: Terms, split: Split, samples: Sequence[Sample]) -> Program
     return lines.program("newton", ("t", "q", "p"), steps + residuals)
 
 
-def _acceleration(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool) -> Program:
+def by_all_coordinates(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> Program:
+    """The accelerations by R of all coordinates."""
     lines = Lines(equations)
     graph = lines.graph
     zero, one = graph.const(0.0), graph.const(1.0)
