@@ -6,6 +6,7 @@ import numpy as np
 
 from ncgen.comparisons.positions import largest_errors
 from ncgen.comparisons.rivals import Inputs, exact, handwritten, relative_error
+from ncgen.comparisons.rivals.articulated import rival as articulated
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.blocks import Program
@@ -14,7 +15,7 @@ from ncgen.report.clock import Run, Spread, measure, repeated
 from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import dynamics as dynamics_in_c
-from ncgen.solver.compiled import is_emitted
+from ncgen.solver.compiled import is_emitted, split_of
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.partition import Partitions, choose_partitions
 
@@ -27,6 +28,9 @@ COMBINATIONS: dict[str, tuple[tuple[str, ...], str | None]] = {
     "all, with one Newton step": (("phi", "newton"), "acceleration"),
 }
 """What is measured: functions of the position, and one of the velocity."""
+
+ARTICULATED = "articulated body, CasADi"
+"""What computes the accelerations of an arm from its angles, in C that another generator writes."""
 
 SPEED = 1.0
 """Independent velocities at which the derivative is measured."""
@@ -58,9 +62,16 @@ def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
     }
     runs |= {"in Python": repeated(lambda: motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0))}
     runs |= _student(kernels, q, zd)
+    other = articulated(kernels, split_of(partitions.velocity))
+    if other:
+        runs[ARTICULATED] = runner(0.0, q, zd, kernels.p0, [], other[0])
     spent = measure(runs)
     error = _error(kernels, partitions, q, zd, parts)
     counts = _counts(programs)
+    if other:
+        reference = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
+        error[ARTICULATED] = relative_error(other[0].out, reference.qdd[partitions.velocity.independent])
+        counts[ARTICULATED] = other[1]
     ways = {"accelerations": parts["acceleration"], REFINED: parts[REFINED]}
     worst = largest_errors(kernels, q, ways, programs[REFINED])
     return [_record(name, spread, counts.get(name), rate, error.get(name), worst.get(name)) for name, spread in spent.items()]

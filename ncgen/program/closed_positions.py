@@ -29,8 +29,9 @@ ROUNDING = 1e-14
 
 
 @dataclass(frozen=True)
-class _Hinge:
-    """A link's angle: from a direction of its parent to one of its own about the axis; sign: of the turn from the one to the other."""
+class Hinge:
+    """A link's independent angle: from a direction of its parent to one of its own about the axis; sign: of the turn from the one to the
+    other."""
 
     angle: Angle
     start: Combination
@@ -43,9 +44,7 @@ def assemble_closed_positions(equations: Terms, split: Split, samples: Sequence[
     Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
     """
     tree = spanning_tree(equations.model)
-    hinges = [_hinge(equations, tree, link, split) for link in tree.links]
-    if len(hinges) != len(split.independent):
-        raise NoRecursion("not every independent coordinate is a hinge's angle")
+    hinges = hinges_of(equations, tree, split)
     lines = Lines(equations)
     placed = _Placing(lines, samples[0], tree, hinges).placed
     graph = lines.graph
@@ -61,7 +60,15 @@ def assemble_closed_positions(equations: Terms, split: Split, samples: Sequence[
     return lines.program("newton", ("t", "q", "p"), [*corrections, *[graph.const(0.0)] * len(equations.rows)])
 
 
-def _hinge(equations: Terms, tree: Tree, link: Link, split: Split) -> _Hinge:
+def hinges_of(equations: Terms, tree: Tree, split: Split) -> list[Hinge]:
+    """One a link. Raises NoRecursion where links are on something else, or where other coordinates are independent, too."""
+    hinges = [_hinge(equations, tree, link, split) for link in tree.links]
+    if len(hinges) != len(split.independent):
+        raise NoRecursion("not every independent coordinate is a hinge's angle")
+    return hinges
+
+
+def _hinge(equations: Terms, tree: Tree, link: Link, split: Split) -> Hinge:
     """The independent angle of a link's joint. Raises NoRecursion where there is none."""
     if len(link.screws) != 1 or link.screws[0].point is None:
         raise NoRecursion(f"{link.body.name} is on no hinge")
@@ -77,22 +84,22 @@ def _hinge(equations: Terms, tree: Tree, link: Link, split: Split) -> _Hinge:
         if not isinstance(angle, Angle) or not carried(angle.axis) or not (link.screws[0].is_constant or set(angle.axis.elements) <= own):
             continue
         if carried(angle.start) and set(angle.end.elements) <= own:
-            return _Hinge(angle, angle.start, 1.0)
+            return Hinge(angle, angle.start, 1.0)
         if carried(angle.end) and set(angle.start.elements) <= own:
-            return _Hinge(angle, angle.end, -1.0)
+            return Hinge(angle, angle.end, -1.0)
     raise NoRecursion(f"{link.body.name}: no independent angle is that of its hinge")
 
 
 class _Placing:
     """All elements of the tree, link by link; placed: {element: nodes of its components}."""
 
-    def __init__(self, lines: Lines, known: Sample, tree: Tree, hinges: Sequence[_Hinge]) -> None:
+    def __init__(self, lines: Lines, known: Sample, tree: Tree, hinges: Sequence[Hinge]) -> None:
         self.lines, self.space, self.known = lines, Space(lines.graph), known
         self.placed: dict[Spatial, Vector] = {}
         for number, (link, hinge) in enumerate(zip(tree.links, hinges, strict=True)):
             self._place(link, hinge, [element for element, home in tree.home.items() if home == number])
 
-    def _place(self, link: Link, hinge: _Hinge, elements: list[Spatial]) -> None:
+    def _place(self, link: Link, hinge: Hinge, elements: list[Spatial]) -> None:
         space, graph = self.space, self.lines.graph
         point = link.screws[0].point
         assert point is not None, "a hinge turns about a point"

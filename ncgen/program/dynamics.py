@@ -69,12 +69,15 @@ def assemble_dynamics(equations: Terms, split: Split, samples: Sequence[Sample],
 def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> dict[str, Program]:
     """The program `acceleration` in every way that applies: by recursions over the tree of bodies, and by R of all coordinates.
 
-    R is not even made where its numbers alone are many: such a mechanism has bodies, and a recursion is cheaper.
+    R is not even made where its numbers alone are many: such a mechanism has bodies, and a recursion is cheaper. Where digits count
+    more than operations (refine) it is the only way: recursions have nothing that could be refined.
     """
+    is_large = len(equations.free) * len(split.independent) > MANY
     found: dict[str, Program] = {}
-    with suppress(NoRecursion, EliminationError):
-        found = assemble_recursions(equations, split, samples, np.asarray(sizes), refine)
-    if not found or len(equations.free) * len(split.independent) <= MANY:
+    if is_large or not refine:
+        with suppress(NoRecursion, EliminationError):
+            found = assemble_recursions(equations, split, samples, np.asarray(sizes))
+    if not (found and is_large):
         found["all coordinates"] = by_all_coordinates(equations, split, samples, sizes, refine)
     return found
 

@@ -27,7 +27,6 @@ from ncgen.program.elimination import (
     factor,
     factor_symmetric,
     solve,
-    solve_refined,
     solve_symmetric,
     solve_transposed,
 )
@@ -55,9 +54,7 @@ Column = dict[int, int]
 """{rate: node}."""
 
 
-def assemble_recursions(
-    equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, refine: bool = False
-) -> dict[str, Program]:
+def assemble_recursions(equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray) -> dict[str, Program]:
     """The program acceleration(t, q, zd, p) -> q̇, z̈, power, amplification by every recursion that applies: "composite", and on an open
     tree "articulated". Arguments as for `assemble_dynamics`.
 
@@ -65,7 +62,7 @@ def assemble_recursions(
     """
     if len(samples) < FEWEST:
         raise NoRecursion("too few positions to see what vanishes")
-    work = _Recursion(equations, split, samples, sizes, refine)
+    work = _Recursion(equations, split, samples, sizes)
     made = {"articulated": work.written(work.by_articulated())} if work.is_open() else {}
     if not made or work.joints <= LONG:
         made["composite"] = work.written(work.by_composite())
@@ -93,8 +90,8 @@ def _is_positive(matrix: dict[tuple[int, int], float], size: int) -> bool:
 class _Recursion:
     """The recursion under way: positions, then velocities, then forces."""
 
-    def __init__(self, equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, refine: bool) -> None:
-        self.model, self.tree, self.refine = equations.model, spanning_tree(equations.model), refine
+    def __init__(self, equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray) -> None:
+        self.model, self.tree = equations.model, spanning_tree(equations.model)
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph = self.lines.graph
         self.zero, self.one = self.graph.const(0.0), self.graph.const(1.0)
@@ -130,8 +127,7 @@ class _Recursion:
 
     def _particular(self, right: Column) -> Column:
         """S·right."""
-        solution = solve_refined(self.graph, self.matrix, self.factors, right) if self.refine else solve(self.graph, self.factors, right)
-        return {self.rates.dependent[j]: node for j, node in solution.items()}
+        return {self.rates.dependent[j]: node for j, node in solve(self.graph, self.factors, right).items()}
 
     def _independent(self, rate: int) -> Column:
         """The column of R of an independent rate."""

@@ -8,8 +8,11 @@ import pytest
 import ncgen
 from ncgen.comparisons import batches, falls, paper_tables, precision, rates
 from ncgen.comparisons.bench import _simulation_rows, aligned, bench, kernel_records
-from ncgen.comparisons.rivals import handwritten
+from ncgen.comparisons.rivals import articulated, handwritten
+from ncgen.exchange.examples import example_module
 from ncgen.report import clock
+from ncgen.solver.compiled import split_of
+from ncgen.solver.partition import choose_partitions
 
 pytestmark = pytest.mark.xdist_group("robot")
 
@@ -112,3 +115,12 @@ def test_the_models_own_run_begins_as_the_model_says():
     run = paper_tables._Partitioned(kernels)
     assert (run.names, list(run.y0)) == (["B.y"], pytest.approx([2.0, 0.0], abs=1e-12))
     assert run.derivative(0.0, run.y0) == pytest.approx([0.0, 2.0], abs=1e-12)
+
+
+def test_the_articulated_body_algorithm_of_another_generator():
+    """It gives the accelerations of an arm to rounding; a mechanism with loops has none."""
+    pytest.importorskip("casadi", reason="casadi is not installed")
+    records = {r["tool"]: r for r in rates.derivative_records(ncgen.compile(example_module("arm").build(3), "c"), 1e9)}
+    assert records[rates.ARTICULATED]["error"] < 1e-12 and records[rates.ARTICULATED]["operations"] > 300
+    robot = ncgen.compile(ncgen.load("robot"), "c")
+    assert articulated.rival(robot, split_of(choose_partitions(robot, ncgen.assemble(robot)).velocity)) is None

@@ -62,8 +62,8 @@ def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival
         found[places[name]] = raw.values(name)
         return found
 
-    code = code_bytes(built.library, "casadi", names)
-    return [replace(raw, values=values, generation=generation, compilation=built.spent, operations=operations, code=code)]
+    size = code_bytes(built.library, "casadi", names)
+    return [replace(raw, values=values, generation=generation, compilation=built.spent, operations=operations, code=size)]
 
 
 def graph(casadi: ModuleType, kernels: Kernels, name: str, given: Mapping[str, Any]) -> Any:
@@ -92,12 +92,17 @@ def _functions(casadi: ModuleType, kernels: Kernels, names: Sequence[str]) -> tu
 
 
 def _code(casadi: ModuleType, functions: Mapping[str, Any]) -> str:
-    generator = casadi.CodeGenerator("casadi_code.c", {"with_header": False})
-    for function in functions.values():
-        generator.add(function)
-    with tempfile.TemporaryDirectory() as folder:
-        text = Path(generator.generate(f"{folder}/")).read_text(encoding="utf-8")
+    text = code(casadi, functions)
     for name, function in functions.items():
         qd, given = ("const double *qd, ", ", qd") if name == "gamma" else ("", "")
         text += WRAPPERS.format(name=name, qd=qd, given=given, work=max(function.sz_w(), 1), whole=max(function.sz_iw(), 1))
     return text
+
+
+def code(casadi: ModuleType, functions: Mapping[str, Any]) -> str:
+    """CasADi's C text of its functions."""
+    generator = casadi.CodeGenerator("casadi_code.c", {"with_header": False})
+    for function in functions.values():
+        generator.add(function)
+    with tempfile.TemporaryDirectory() as folder:
+        return Path(generator.generate(f"{folder}/")).read_text(encoding="utf-8")
