@@ -2,7 +2,7 @@
 
 Everything is in global axes about one reference point a tree: the screw of a joint on axis u through r is (u, r × u), a body's twist
 (ω, v) the sum of its joints' screws times rates, and an element moves with v + ω × r, or ω × r where it is a vector. The reference
-is a point of the tree's root, taken as if it stood still, so that a mechanism far from the origin loses no digits.
+is a point of the tree, taken as if it stood still, so that a mechanism far from the origin loses no digits.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from ncgen.model.elements import Combination, Component, Point, Spatial
 from ncgen.program.lines import Lines
 from ncgen.program.space import Space, Vector
-from ncgen.symbolic.tree import Screw, Tree
+from ncgen.symbolic.tree import Link, Screw, Tree
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class TreePlace:
 
     def __init__(self, lines: Lines, tree: Tree) -> None:
         self.lines, self.tree, self.space = lines, tree, Space(lines.graph)
-        self.reference = [self._reference(number) for number in range(len(tree.links))]
+        self.reference = self._references()
         self.columns: list[Column] = []
         self.own: list[range] = []
         self.path: list[list[int]] = []
@@ -67,20 +67,33 @@ class TreePlace:
         turned = {k: space.cross(self.columns[k].axis, lever) for k in self.path[link]}
         return {k: space.add(self.columns[k].along, v) if isinstance(element, Point) else v for k, v in turned.items()}
 
-    def _reference(self, number: int) -> Vector:
-        """A point that rests, if the root has one, else the root's first point."""
-        root = self.tree.links[number]
-        while root.parent is not None:
-            root = self.tree.links[root.parent]
-        resting = [p for link in self.tree.links if link.parent is None for p in link.body.points if p.fixed]
-        is_held = any(p.fixed for p in root.body.points)
-        return self.vector(resting[0] if is_held else root.body.points[0])
+    def _references(self) -> list[Vector]:
+        """For every link the reference point of its tree: the joint of the tree's outermost link.
+
+        Small bodies are out there, and their inertia about a distant point would drown in that of the long lever; of the bodies near
+        the root the lever is what counts.
+        """
+        root: list[int] = []
+        depth: list[int] = []
+        outermost: dict[int, int] = {}
+        for number, link in enumerate(self.tree.links):
+            root.append(number if link.parent is None else root[link.parent])
+            depth.append(0 if link.parent is None else depth[link.parent] + 1)
+            if depth[number] >= depth[outermost.setdefault(root[number], number)]:
+                outermost[root[number]] = number
+        points = {first: _joint_point(self.tree.links[last]) for first, last in outermost.items()}
+        return [self.vector(points[first]) for first in root]
 
     def _column(self, screw: Screw, link: int) -> Column:
         axis = self.combined(screw.axis)
         if screw.point is None:
             return Column(self.space.zero, axis)
         return Column(axis, self.space.cross(self.lever(screw.point, link), axis))
+
+
+def _joint_point(link: Link) -> Point:
+    """A point that a link turns about, or its first one."""
+    return next((screw.point for screw in link.screws if screw.point is not None), link.body.points[0])
 
 
 class TreeVelocity:

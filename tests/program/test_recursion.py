@@ -77,11 +77,11 @@ def test_accelerations_are_those_of_all_coordinates(name):
     assert case(name).apart(case(name).ways["composite"], case(name).judge) < 1e-11
 
 
-@pytest.mark.parametrize("name, most", [("robot", 3300), ("arm", 2700), ("stewart", 1800), ("excavator", 600)])
+@pytest.mark.parametrize("name, most", [("robot", 3100), ("arm", 2650), ("stewart", 1800), ("excavator", 620)])
 def test_it_takes_fewer_operations_and_is_chosen(name, most):
     ways = {way: cost(program).total for way, program in case(name).ways.items()}
     chosen = dynamics.assemble_dynamics(*case(name).given).acceleration
-    assert ways["composite"] <= most and cost(chosen).total == min(ways.values()) < 0.7 * ways["all coordinates"]
+    assert ways["composite"] <= most and cost(chosen).total == min(ways.values()) < 0.75 * ways["all coordinates"]
 
 
 @pytest.mark.parametrize("name", ["fourbar", "nfourbar", "andrews"])
