@@ -26,7 +26,15 @@ def commands(page: Path) -> list[str]:
 
 def renewed(text: str, run) -> str:
     """A page with the tables that `run` prints: command to output."""
-    return TABLE.sub(lambda found: f"<!-- {found['command']} -->\n```\n{run(found['command']).strip()}\n```\n", text)
+
+    def table(found: re.Match[str]) -> str:
+        lines = run(found["command"]).splitlines()
+        while lines and not lines[0].strip():
+            lines.pop(0)  # and nothing else: a first line may be indented
+        printed = "\n".join(lines).rstrip()
+        return f"<!-- {found['command']} -->\n```\n{printed}\n```\n"
+
+    return TABLE.sub(table, text)
 
 
 def shell(command: str) -> str:

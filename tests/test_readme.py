@@ -56,3 +56,4 @@ def test_measured_tables_have_a_command_each():
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
     assert renew.renewed(page, lambda command: "new").count("-->\n```\nnew\n```\n") == 4
     assert renew.renewed(page, lambda command: "") != page
+    assert renew.renewed(page, lambda command: "\n  a  b\nc\n").count("-->\n```\n  a  b\nc\n```\n") == 4  # titles keep their columns

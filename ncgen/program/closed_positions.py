@@ -25,7 +25,7 @@ SAME = 1e-9
 """Natural sizes by which positions may differ from those of samples, and cosines from 0."""
 
 ROUNDING = 1e-14
-"""Shares of a body's frame below this are 0."""
+"""Shares of a body's frame below this are 0, and 1 or −1 where they differ from that by less."""
 
 
 @dataclass(frozen=True)
@@ -121,6 +121,7 @@ class _Placing:
                 continue
             shares = frame @ (self._numbers(element) - (origin if isinstance(element, Point) else 0.0))
             shares[np.abs(shares) < ROUNDING * np.max(np.abs(shares))] = 0.0
+            shares = np.where(np.abs(np.abs(shares) - 1.0) < ROUNDING, np.sign(shares), shares)
             parts = [space.times(graph.const(float(x)), v) for x, v in zip(shares, (axis[0], ahead, aside), strict=True)]
             self.placed[element] = space.sum([self._nodes(point), *parts] if isinstance(element, Point) else parts)
 
