@@ -28,7 +28,7 @@ from ncgen.symbolic.tree import Tree
 VANISHING = 1e-11
 """An entry below this share of its row, in its natural sizes, is 0 by the way bodies move."""
 
-FAR = 64 * np.finfo(float).eps
+FAR = 16 * np.finfo(float).eps
 """The same for every mechanism's length between it and the origin: so badly do its positions close there."""
 
 SAME = 1e-10

@@ -20,12 +20,16 @@ from ncgen.program.rates import NoRecursion
 from ncgen.program.recursion import assemble_recursions
 from ncgen.solver.compiled import samples, split_of
 from ncgen.solver.partition import choose_partitions
+from ncgen.solver.rank import scaled_jacobian
 
 MANY = int(os.environ.get("NCGEN_ABUSE_COUNT", 2000))
 LARGEST = 30
 """Degrees of freedom that are looked at."""
 
 APART = 1e-10
+SINGULAR = 1e5
+"""Condition from which the rounding of a model's own numbers is seen."""
+
 EXACT = {
     name: getattr(mpmath, name) for name in ("sin", "cos", "tan", "sqrt", "exp", "log", "asin", "acos", "atan", "sinh", "cosh", "tanh")
 }
@@ -44,7 +48,7 @@ def compare(seed: int, counts: Counter) -> str | None:
             return None
         given = kernels.programs.equations, split, samples(kernels, q, kernels.p0), kernels.column_sizes
         ways = assemble_recursions(*given)
-        judge = dynamics.by_all_coordinates(*given)
+        judge, closing = dynamics.by_all_coordinates(*given), dynamics.newton(*given[:3])
     except NoRecursion as reason:
         counts["no recursion: too few positions" if "few" in str(reason) else "no recursion"] += 1
         return None
@@ -52,29 +56,66 @@ def compare(seed: int, counts: Counter) -> str | None:
         counts["refused"] += 1
         return None
     speeds = np.random.default_rng(seed).standard_normal(len(split.independent))
+    away = float(np.max(np.abs(q) / kernels.column_sizes, initial=0.0))
+    close = APART + 100 * np.finfo(float).eps * away  # so badly are positions known far from the origin
+    units = np.array([*kernels.column_sizes, *kernels.column_sizes[list(split.independent)], 1.0])
     for name, program in ways.items():
         counts[name] += 1
         for sample in given[2][1:]:
             inputs = {"t": sample.t, "q": sample.q, "zd": speeds, "p": sample.p}
             try:
-                apart = _apart(program, judge, inputs, kernels.n)
-                apart = apart if apart < APART else _apart(program, judge, inputs, kernels.n, exact=True)  # the judge's rounding, perhaps
+                if _condition(kernels, split, sample) > SINGULAR:
+                    counts["too near a singular position"] += 1
+                    continue
+                if _contradicts(kernels, evaluate(judge, inputs)[: kernels.n], sample):
+                    counts["drivers that contradict rows"] += 1
+                    break
+                rates = np.array(evaluate(judge, inputs)[: kernels.n])
+                power = float(np.abs(kernels.force(sample.q, rates, sample.t, sample.p)) @ np.abs(rates))
+                apart = _apart(program, judge, inputs, units, kernels.n, power)
+                if not apart < close:  # rounding, perhaps, or positions that are not quite closed
+                    apart = _apart(program, judge, _closed(closing, inputs, split.dependent), units, kernels.n, power, EXACT, mpmath.mpf)
             except (ValueError, ArithmeticError, TypeError):
                 counts["outside a domain"] += 1
                 break
             counts["states"] += 1
-            if not apart < APART:
+            if not apart < close:
                 return f"{seed}: {name} is {apart:.2g} apart"
     return None
 
 
-def _apart(program, judge, inputs: dict, n: int, exact: bool = False) -> float:
-    """The largest difference of rates, of accelerations and of powers, relative to the largest of each."""
-    number = mpmath.mpf if exact else float
-    given = {k: number(v) if k == "t" else [number(float(x)) for x in v] for k, v in inputs.items()}
-    a, b = (np.array([float(x) for x in evaluate(p, given, EXACT if exact else None, number)][:-1]) for p in (program, judge))
-    parts = (slice(0, n), slice(n, -1), slice(-1, None))
-    return max(float(np.max(np.abs(a[p] - b[p]), initial=0.0) / max(np.max(np.abs(b[p]), initial=0.0), 1e-6)) for p in parts)
+def _condition(kernels, split, sample) -> float:
+    """Of the rows over the dependent coordinates, in natural units."""
+    jacobian = scaled_jacobian(kernels, sample.q, sample.t, sample.p)[np.ix_(split.rows, split.dependent)]
+    return float(np.linalg.cond(jacobian)) if jacobian.size else 1.0
+
+
+def _contradicts(kernels, rates: list[float], sample) -> bool:
+    """True if no velocities satisfy all rows, so that each formulation leaves another one open."""
+    jacobian, nu = kernels.jacobian(sample.q, sample.t, sample.p), kernels.nu(sample.q, sample.t, sample.p)
+    terms = np.abs(jacobian) @ np.abs(rates) + np.abs(nu)
+    return bool(np.any(nu)) and bool(np.max(np.abs(jacobian @ rates - nu) / kernels.row_sizes) > 1e-6 * np.max(terms / kernels.row_sizes))
+
+
+def _closed(closing, inputs: dict, dependent) -> dict:
+    """The inputs with 50 digits, at a position that is closed to as many."""
+    exact = {k: mpmath.mpf(v) if k == "t" else [mpmath.mpf(float(x)) for x in v] for k, v in inputs.items()}
+    for _ in range(40):
+        steps = evaluate(closing, exact, EXACT, mpmath.mpf)[: len(dependent)]
+        for c, step in zip(dependent, steps, strict=True):
+            exact["q"][c] += step
+        if max(map(abs, steps), default=0) < mpmath.mpf(10) ** -35:
+            return exact
+    raise ArithmeticError("too near a singular position")
+
+
+def _apart(program, judge, inputs: dict, units: np.ndarray, n: int, power: float, functions=None, number=float) -> float:
+    """The largest difference of rates and of accelerations, in natural units, relative to the largest; of power relative to `power`."""
+    given = {k: v if k == "t" else list(v) for k, v in inputs.items()}
+    a, b = (np.array([float(x) for x in evaluate(p, given, functions, number)][:-1]) / units for p in (program, judge))
+    sizes = [max(float(np.max(np.abs(b[part]), initial=0.0)), 1e-3) for part in (slice(0, n), slice(n, -1))]
+    apart = [float(np.max(np.abs(a[p] - b[p]), initial=0.0)) / size for p, size in zip((slice(0, n), slice(n, -1)), sizes, strict=True)]
+    return max(*apart, abs(a[-1] - b[-1]) / max(abs(b[-1]), power, 1e-300))
 
 
 def look(seeds: range) -> tuple[Counter, list[str]]:
