@@ -42,7 +42,7 @@ int articulated_gamma(double t, const double *q, const double *qd, const double 
 """
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Joint:
     """rotation: of the body's axes in those of its parent at angle 0; offset: of its hinge there (m); mass, centre and inertia about the
     centre in the body's axes (kg, m, kg m²); rate: the number of its independent coordinate; sign: of the turn with the angle"""
