@@ -11,11 +11,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ncgen.model.elements import Angle, Combination, Point, Spatial
+from ncgen.model.elements import Angle, Combination, Component, Point, Spatial
 from ncgen.program.blocks import Program
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
-from ncgen.program.rates import NoRecursion
+from ncgen.program.rates import NoRecursion, moving
 from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.space import Space, Vector
 from ncgen.symbolic.numbering import Terms
@@ -48,11 +48,11 @@ def assemble_closed_positions(equations: Terms, split: Split, samples: Sequence[
     lines = Lines(equations)
     placed = _Placing(lines, samples[0], tree, hinges).placed
     graph = lines.graph
-    corrections = []
+    where, corrections = moving(equations, tree), []
     for c in split.dependent:
-        element, axis = next(((e, k) for e in placed for k, x in enumerate(e.components) if x is equations.free[c]), (None, 0))
-        if element is None:
+        if c not in where:
             raise NoRecursion(f"{equations.free[c].name} belongs to no body of the tree")
+        element, axis = where[c]
         corrections.append(graph.sub(placed[element][axis], graph.load("q", c)))
     sampling = Sampling(graph, samples)
     if any(np.max(np.abs(sampling[node])) > SAME * sizes[c] for c, node in zip(split.dependent, corrections, strict=True)):
@@ -103,7 +103,7 @@ class _Placing:
         space, graph = self.space, self.lines.graph
         point = link.screws[0].point
         assert point is not None, "a hinge turns about a point"
-        turn = self._number(hinge.angle.name)
+        turn = self._number(hinge.angle.components[0])
         axis, start = (self._unit(direction) for direction in (hinge.angle.axis, hinge.start))
         across = space.cross(axis[0], start[0])
         psi = graph.load("q", self.lines.equations.index[hinge.angle.components[0]])
@@ -142,10 +142,9 @@ class _Placing:
         return x, y, z
 
     def _numbers(self, element: Spatial) -> np.ndarray:
-        return np.array([self._number(component.name) for component in element.components])
+        return np.array([self._number(component) for component in element.components])
 
-    def _number(self, name: str) -> float:
+    def _number(self, component: Component) -> float:
         """A coordinate in the known position."""
         equations = self.lines.equations
-        component = next(x for x in equations.model.components if x.name == name)
         return float(self.known.q[equations.index[component]]) if equations.moves(component) else component.initial

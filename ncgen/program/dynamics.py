@@ -24,7 +24,18 @@ from ncgen.program.blocks import Program
 from ncgen.program.closed_positions import assemble_closed_positions
 from ncgen.program.composite import massless
 from ncgen.program.cost import cost
-from ncgen.program.elimination import EliminationError, Factors, Matrix, factor, solve, solve_positive, solve_refined, solve_transposed
+from ncgen.program.elimination import (
+    EliminationError,
+    Factors,
+    Matrix,
+    dot,
+    factor,
+    solve,
+    solve_positive,
+    solve_refined,
+    solve_transposed,
+    times,
+)
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
@@ -150,24 +161,16 @@ def by_all_coordinates(equations: Terms, split: Split, samples: Sequence[Sample]
     mass = lines.matrix(KERNELS["mass"])
     force = lines.vector(KERNELS["force"])
 
-    def times_mass(vector: dict[int, int]) -> dict[int, int]:
-        sums: dict[int, list[int]] = defaultdict(list)
-        for (i, j), node in mass.items():
-            if j in vector:
-                sums[i].append(graph.mul(node, vector[j]))
-        return {i: graph.sum(nodes) for i, nodes in sums.items()}
-
-    def dot(a: dict[int, int], b: dict[int, int]) -> int:
-        return graph.sum(graph.mul(a[c], b[c]) for c in sorted(a.keys() & b.keys()))
-
-    MR = [times_mass(column) for column in R]
-    reduced = {(i, j): dot(R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
-    right = [graph.sub(dot(column, force), dot(momentum, bias)) for column, momentum in zip(R, MR, strict=True)]  # M is symmetric
+    MR = [times(graph, mass, column) for column in R]
+    reduced = {(i, j): dot(graph, R[i], MR[j]) for i in range(nz) for j in range(i + 1)}
+    right = [
+        graph.sub(dot(graph, column, force), dot(graph, momentum, bias)) for column, momentum in zip(R, MR, strict=True)
+    ]  # M is symmetric
     try:
         zdd = solve_positive(graph, reduced, nz, right)
     except ZeroDivisionError:  # an entry is nothing by its structure
         raise massless(equations.model.name) from None
-    power = _power(lines, split, factors, nu, force, times_mass(bias) if nu else {}, zdd, MR)
+    power = _power(lines, split, factors, nu, force, times(graph, mass, bias) if nu else {}, zdd, MR)
     amplification = _amplification(graph, split, R, sizes)
     return lines.program("acceleration", ("t", "q", "zd", "p"), [*lines.rates, *zdd, power, amplification])
 

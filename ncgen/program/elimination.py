@@ -183,6 +183,20 @@ def _subtract(graph: Graph, work: dict[int, int], place: int, product: int) -> N
     work[place] = graph.sub(work[place], product) if place in work else graph.neg(product)
 
 
+def times(graph: Graph, matrix: Matrix, vector: dict[int, int]) -> dict[int, int]:
+    """{row: node} of A x, added up in the order of the matrix; what is structurally zero stays out."""
+    sums: dict[int, list[int]] = {}
+    for (i, j), node in matrix.items():
+        if j in vector:
+            sums.setdefault(i, []).append(graph.mul(node, vector[j]))
+    return {i: graph.sum(nodes) for i, nodes in sums.items()}
+
+
+def dot(graph: Graph, a: dict[int, int], b: dict[int, int]) -> int:
+    """The sum of the products of what both have."""
+    return graph.sum(graph.mul(a[k], b[k]) for k in sorted(a.keys() & b.keys()))
+
+
 def solve_positive(graph: Graph, matrix: Matrix, size: int, right: list[int]) -> list[int]:
     """x of A x = right for a symmetric positive definite A (lower triangle given), by LDLᵀ in the given order.
 

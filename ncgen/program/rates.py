@@ -21,7 +21,7 @@ from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
 from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.space import Vector
-from ncgen.program.tree_motion import TreePlace
+from ncgen.program.tree_motion import Loads, TreePlace
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import Tree
 
@@ -36,9 +36,6 @@ SAME = 1e-10
 
 WELL = 1e-9
 """The least singular value of the rows of the rates, over the largest."""
-
-FEWEST = 4
-"""Samples from which something can be concluded."""
 
 
 class NoRecursion(Exception):
@@ -70,7 +67,7 @@ class Rates:
         self.sampling = Sampling(lines.graph, samples)
         away = max(float(np.max(np.abs(sample.q) / sizes, initial=0.0)) for sample in samples)
         self.vanishing = max(VANISHING, FAR * away)
-        self.where = _where(equations, tree)
+        self.where = moving(equations, tree)
         joints = len(self.place.columns)
         own = [c for c in range(len(equations.free)) if c not in self.where or c in split.independent]
         self.own = {c: joints + k for k, c in enumerate(own)}
@@ -97,30 +94,20 @@ class Rates:
 
     def _constraint(self, number: int, entries: dict[int, int]) -> Row:
         """A row of Φ over the rates: what it does to each body is a force and a moment, which add up along the tree."""
-        space, place = self.place.space, self.place
-        loads: dict[int, tuple[Vector, Vector]] = {}
+        loads: Loads = {}
         row: dict[int, int] = {}
         for c, node in entries.items():
             if c in self.where:
                 self.load(loads, c, node)
             else:
                 row[self.own[c]] = node
-        for link in reversed(range(len(self.tree.links))):
-            if link in loads:
-                force, moment = loads[link]
-                for k in place.own[link]:
-                    column = place.columns[k]
-                    row[k] = self.graph.add(space.dot(column.axis, moment), space.dot(column.along, force))
-                parent = self.tree.links[link].parent
-                if parent is not None:
-                    before = loads.get(parent, (space.zero, space.zero))
-                    loads[parent] = (space.add(before[0], force), space.add(before[1], moment))
+        row |= self.place.inward(loads, {})
         scale = max(float(np.max(np.abs(self.sampling[node]))) * self.natural[c] for c, node in entries.items())
         row = self._nonzero(row, scale)
         snapped = self._constant(row)
         return Row(snapped, None) if snapped else Row(row, number)
 
-    def load(self, loads: dict[int, tuple[Vector, Vector]], c: int, node: int) -> None:
+    def load(self, loads: Loads, c: int, node: int) -> None:
         """Add a generalised force along a coordinate to force and moment on its link."""
         space = self.place.space
         element, axis = self.where[c]
@@ -193,7 +180,7 @@ class Rates:
         return [rows[i] for i in taken]
 
 
-def _where(equations: Terms, tree: Tree) -> dict[int, tuple[Spatial, int]]:
+def moving(equations: Terms, tree: Tree) -> dict[int, tuple[Spatial, int]]:
     """{coordinate: (element, axis)} of the coordinates that move with a link."""
     return {
         equations.index[component]: (element, axis)

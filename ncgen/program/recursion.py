@@ -11,7 +11,6 @@ on a long chain the articulated recursion, whose cost grows with its length only
 
 from __future__ import annotations
 
-from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -24,18 +23,19 @@ from ncgen.program.composite import Inertia, inertia_of, massless, nothing
 from ncgen.program.elimination import (
     Factors,
     Matrix,
+    dot,
     factor,
     factor_symmetric,
     solve,
     solve_symmetric,
     solve_transposed,
+    times,
 )
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.rates import NoRecursion, Rates, Row
 from ncgen.program.sampling import Sample
-from ncgen.program.space import Vector
-from ncgen.program.tree_motion import TreeVelocity
+from ncgen.program.tree_motion import Loads, TreeVelocity
 from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.inertia import standard_inertia
 from ncgen.symbolic.numbering import Terms
@@ -184,22 +184,17 @@ class _Recursion:
 
     def _loads(self) -> _Loads:
         """Inertias, and the forces of the rates: applied ones less what bodies need without accelerations of the joints."""
-        place, space, graph, links = self.rates.place, self.rates.place.space, self.graph, self.tree.links
+        space, links = self.rates.place.space, self.tree.links
         loads, right = self._applied()
         gravity = [self.lines.value(g) for g in self.model.gravity_field]
-        own: list[Inertia | None] = [self._inertia(number) if link.body.inertia else None for number, link in enumerate(links)]
+        own = [self._inertia(number) if link.body.inertia else None for number, link in enumerate(links)]
+        needed: Loads = {}
         for number in reversed(range(len(links))):
-            force, moment = loads.get(number, (space.zero, space.zero))
             if (body := own[number]) is not None:
                 (turning, along), (change, lift) = self.velocity.twists[number], self.velocity.changes[number]
                 lift = space.add(space.sub(lift, (gravity[0], gravity[1], gravity[2])), space.cross(turning, along))
-                needed = body.load(space, turning, lift, change)
-                force, moment = space.sub(force, needed[0]), space.sub(moment, needed[1])
-            for k in place.own[number]:
-                right[k] = graph.add(space.dot(place.columns[k].axis, moment), space.dot(place.columns[k].along, force))
-            if (parent := links[number].parent) is not None:
-                before = loads.get(parent, (space.zero, space.zero))
-                loads[parent] = (space.add(before[0], force), space.add(before[1], moment))
+                needed[number] = body.load(space, turning, lift, change)
+        right |= self.rates.place.inward(loads, needed)
         return _Loads(own, right, self.lines.matrix(KERNELS["mass"]))
 
     def _inertia(self, number: int) -> Inertia:
@@ -207,9 +202,9 @@ class _Recursion:
         standard = standard_inertia(self.tree.links[number].body, self.model.parameters)
         return inertia_of(standard, place.space, place.node, self.lines.value, place.reference[number])
 
-    def _applied(self) -> tuple[dict[int, tuple[Vector, Vector]], Column]:
+    def _applied(self) -> tuple[Loads, Column]:
         """Force and moment on every link, and forces along coordinates of no link, of all that is not inertia of the tree."""
-        loads: dict[int, tuple[Vector, Vector]] = {}
+        loads: Loads = {}
         right: Column = {}
         for c, node in sorted(self.lines.vector(KERNELS["force"]).items()):
             if c in self.rates.where:
@@ -234,7 +229,7 @@ class _Recursion:
         right = dict(self.loads.force)
         for (a, b), mass in sorted(self.loads.mass.items()):
             self._add_mass(H, right, a, b, mass)
-        return H, right
+        return dict(sorted(H.items())), right
 
     def _add_mass(self, H: Matrix, right: Column, a: int, b: int, mass: int) -> None:
         """An entry of M adds TᵀMT to H, and takes TᵀM b from the forces."""
@@ -261,20 +256,20 @@ class _Recursion:
         graph, size = self.graph, len(self.R)
         H, right = self._mass_matrix()
         self.left = dict(right)
-        for k, node in self._times(H, self.bias).items():
+        for k, node in times(self.graph, H, self.bias).items():
             self.left[k] = graph.sub(self.left.get(k, self.zero), node)
-        self.HR = [self._times(H, column) for column in self.R]
+        self.HR = [times(self.graph, H, column) for column in self.R]
         A: Matrix = {}
         for i in range(size):
             for j in range(i + 1):
-                node = self._dot(self.R[i], self.HR[j])
+                node = dot(self.graph, self.R[i], self.HR[j])
                 if graph.value(node) != 0.0:
                     A[i, j] = A[j, i] = node
         samples = self.rates.sampling.of(A)
         if not all(_is_positive(sample, size) for sample in samples):
             raise massless(self.model.name)
         factors = factor_symmetric(graph, A, size, samples)
-        solved = solve_symmetric(graph, factors, {i: self._dot(column, self.left) for i, column in enumerate(self.R)})
+        solved = solve_symmetric(graph, factors, {i: dot(self.graph, column, self.left) for i, column in enumerate(self.R)})
         return [solved.get(i, self.zero) for i in range(size)]
 
     def is_open(self) -> bool:
@@ -287,23 +282,13 @@ class _Recursion:
     def by_articulated(self) -> list[int]:
         """z̈ of an open tree."""
         joints = range(self.joints)
-        right = {k: self.loads.force[k] for k in joints}
+        right = {k: self.loads.force.get(k, self.zero) for k in joints}
         for column in self.R:  # a force along the independent coordinate itself, such as a motor's, acts on its joint
             (own,), (k,) = [j for j in column if j not in joints], [j for j in column if j in joints]
             if own in self.loads.force:
                 right[k] = self.graph.add(right[k], self.graph.mul(column[k], self.loads.force[own]))
         found = articulated.accelerations(self.rates.place, self.loads.own, right)
         return [self.graph.mul(node, found[k]) for column in self.R for k, node in column.items() if k in joints]
-
-    def _times(self, H: Matrix, vector: Column) -> Column:
-        sums: dict[int, list[int]] = defaultdict(list)
-        for (i, j), node in sorted(H.items()):
-            if j in vector:
-                sums[i].append(self.graph.mul(node, vector[j]))
-        return {i: self.graph.sum(nodes) for i, nodes in sums.items()}
-
-    def _dot(self, a: Column, b: Column) -> int:
-        return self.graph.sum(self.graph.mul(a[k], b[k]) for k in sorted(a.keys() & b.keys()))
 
     def _power(self, zdd: Sequence[int]) -> int:
         """Power of forces without a potential and of drivers, P − νᵀλ with Jᵀ λ = f − H ẋ on the dependent rates."""

@@ -9,11 +9,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import TypeAlias
 
 from ncgen.model.elements import Combination, Component, Point, Spatial
 from ncgen.program.lines import Lines
 from ncgen.program.space import Space, Vector
 from ncgen.symbolic.tree import Link, Screw, Tree
+
+Loads: TypeAlias = dict[int, tuple[Vector, Vector]]
+"""{link: force, and moment about the reference point}."""
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,26 @@ class TreePlace:
         turned = {k: space.cross(self.columns[k].axis, lever) for k in self.path[link]}
         return {k: space.add(self.columns[k].along, v) if isinstance(element, Point) else v for k, v in turned.items()}
 
+    def inward(self, loads: Loads, needed: Loads) -> dict[int, int]:
+        """{rate: node} of what forces and moments on links do at rate 1, each with all those beyond it.
+
+        loads: on the links, which are added up there; needed: what the links take of them
+        """
+        space, found = self.space, {}
+        for number in reversed(range(len(self.tree.links))):
+            if number not in loads and number not in needed:
+                continue
+            force, moment = loads.get(number, (space.zero, space.zero))
+            if number in needed:
+                force, moment = space.sub(force, needed[number][0]), space.sub(moment, needed[number][1])
+            for k in self.own[number]:
+                column = self.columns[k]
+                found[k] = self.space.graph.add(space.dot(column.axis, moment), space.dot(column.along, force))
+            if (parent := self.tree.links[number].parent) is not None:
+                before = loads.get(parent, (space.zero, space.zero))
+                loads[parent] = (space.add(before[0], force), space.add(before[1], moment))
+        return found
+
     def _references(self) -> list[Vector]:
         """For every link the reference point of its tree: the joint of the tree's outermost link.
 
@@ -110,7 +134,7 @@ class TreeVelocity:
         self.velocity: dict[Spatial, Vector] = {}
         for number in range(len(place.tree.links)):
             self._follow(number)
-        self.bias = {element: self._bias(element, link) for element, link in place.tree.home.items()}
+        self.bias = {element: self.bias_with(element, link) for element, link in place.tree.home.items()}
 
     def _follow(self, number: int) -> None:
         """Twist of a link from that of its parent, joint by joint, and the velocities of its own elements."""
@@ -153,10 +177,6 @@ class TreeVelocity:
         turning, along = self.twists[link]
         turned = self.place.space.cross(turning, self.place.lever(element, link))
         return self.place.space.add(along, turned) if isinstance(element, Point) else turned
-
-    def _bias(self, element: Spatial, link: int) -> Vector:
-        """The acceleration of an element without accelerations of the joints."""
-        return self.bias_with(element, link)
 
     def bias_with(self, element: Spatial, link: int) -> Vector:
         """The acceleration that an element has where it moves with a link, without accelerations of the joints."""

@@ -74,6 +74,8 @@ def _contradiction(seen: Trajectory) -> list[str]:
     always satisfy rows without either."""
     kernels, p = seen.kernels, seen.p
     worst, said = IMPOSSIBLE, []
+    if len(kernels.holonomic) == kernels.m and "nu" not in kernels.programs.programs:
+        return said
     for t, q, qd in zip(seen.t, seen.q, seen.qd, strict=True):
         nu = kernels.nu(q, t, p)
         if len(kernels.holonomic) == kernels.m and not np.any(nu):
