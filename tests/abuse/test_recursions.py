@@ -133,7 +133,6 @@ def test_a_few_random_mechanisms():
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(0)
 def test_thousands_of_random_mechanisms(record_property):
     """So many as NCGEN_ABUSE_COUNT says, from seed 1 on."""
     counts, found = look(range(1, MANY + 1))

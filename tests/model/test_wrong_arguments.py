@@ -208,7 +208,7 @@ def test_the_right_call_is_right(word):
     call(scene, word, calls(scene)[word])
 
 
-@pytest.mark.parametrize("word, key, value", cases())
+@pytest.mark.parametrize("word, key, value", list(cases()))
 def test_a_wrong_argument(word, key, value):
     """One line that names the method or what it makes, and leaves the model as it was."""
     scene = Scene()

@@ -83,6 +83,22 @@ def test_progress_goes_on_and_may_end_the_run(pendulum, formalism, integrator, s
     assert np.allclose(path.q[: min(rows, 3)], whole.q[: min(rows, 3)], atol=1e-6)
 
 
+def test_an_end_between_the_rows_of_one_step(pendulum, monkeypatch):
+    """What is told among many rows of a step is the last row, which an end leaves, not the end of the step."""
+    monkeypatch.setattr("ncgen.mechanism.listening.REACTION", 0.0)  # it is asked at every row
+    told = []
+
+    def progress(t):
+        told.append(t)
+        if t > 0.0:
+            raise Enough
+
+    path, start = begin(pendulum, "null-space", "dop853", None, np.linspace(0.0, 1e-3, 5001), progress)
+    with pytest.raises(Enough):
+        start()
+    assert 0.0 < path.stopped == told[-1] < 1e-3
+
+
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs interval timers")
 @pytest.mark.parametrize(("formalism", "integrator", "step"), METHODS[::2])
 def test_a_signal_ends_it_at_once(pendulum, formalism, integrator, step):

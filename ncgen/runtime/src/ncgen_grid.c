@@ -82,8 +82,9 @@ static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
         if (status != NCGEN_OK)
             return status;
         ncgen_write_row(r, w->at[r->weighed - 1]);
-        if (ncgen_listen(r, t + h) != NCGEN_OK) {
-            ncgen_keep_state(r, r->times[r->rows - 1], w->at[r->weighed - 1]);
+        const ncgen_scalar row = r->times[r->rows - 1];
+        if (ncgen_tell(r, row) != NCGEN_OK) { /* the end of the step is lost with the rows before it */
+            ncgen_keep_state(r, row, w->at[r->weighed - 1]);
             return NCGEN_INTERRUPTED;
         }
     }

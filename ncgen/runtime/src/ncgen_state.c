@@ -65,10 +65,15 @@ ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span)
 int ncgen_listen(ncgen_run *r, ncgen_scalar t)
 {
     r->statistics->tried = t;
+    return ncgen_tell(r, r->start_t);
+}
+
+int ncgen_tell(ncgen_run *r, ncgen_scalar reached)
+{
     if (!r->options->watch)
         return NCGEN_OK;
     if (r->patience == 0)
-        r->patience = r->options->watch(r->options->context, r->start_t);
+        r->patience = r->options->watch(r->options->context, reached);
     if (r->patience <= 0) {
         r->patience = -1; /* whoever asks again gets the same answer */
         return NCGEN_INTERRUPTED;

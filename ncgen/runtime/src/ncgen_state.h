@@ -53,6 +53,7 @@ int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
 void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span); /* 0: more than can be counted */
 int ncgen_listen(ncgen_run *r, ncgen_scalar t);       /* before whatever takes long, at time t; NCGEN_INTERRUPTED ends the run */
+int ncgen_tell(ncgen_run *r, ncgen_scalar reached);   /* the same; reached: the state that an end now leaves */
 void ncgen_write_row(ncgen_run *r, ncgen_real work);
 
 /* Sparse products. */
