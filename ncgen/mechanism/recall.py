@@ -7,10 +7,11 @@ from __future__ import annotations
 
 import hashlib
 import platform
+from collections.abc import Callable
 from dataclasses import fields, is_dataclass
 from functools import cache
 from importlib.metadata import version
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -23,6 +24,9 @@ from ncgen.program.programs import Programs
 from ncgen.resources import package_files
 from ncgen.symbolic.numbering import Deferred
 from ncgen.toolchain.folder import Json, keep, kept
+
+Files: TypeAlias = dict[str, str]
+"""{file name: text}."""
 
 KIND = "programs"
 LARGEST = 8_000_000
@@ -57,6 +61,22 @@ def remember(key: str, sources: Sources) -> None:
     keep(KIND, key, _plain((found.programs, found.phi_q, found.mass, found.omitted, sources.c)), LARGEST)
 
 
+def derived(programs: Programs, told: str, make: Callable[[], Files]) -> Files:
+    """C files that are made for a mechanism beside its own, from the cache or made now.
+
+    told: what they are, in words that tell them from others of the same mechanism
+    """
+    own = key(programs.equations.model, programs.emission)
+    if own is None:
+        return make()
+    named = hashlib.sha256(f"{_generator('solver', 'mechanism')}\n{own}\n{told}".encode()).hexdigest()[:40]
+    found = kept(KIND, named)
+    if found is None:
+        found = make()
+        keep(KIND, named, found, LARGEST)
+    return found
+
+
 def _plain(value: Any) -> Json:
     """Programs as JSON can say them: tuples as lists, all else by its name with its parts."""
     if isinstance(value, (Op, Input)):
@@ -81,10 +101,13 @@ def _restored(data: Any) -> Any:
 
 
 @cache
-def _generator() -> str:
-    """All that makes code of a model: the generator's own files, what they rely on, and Python, whose sums and functions round."""
+def _generator(*more: str) -> str:
+    """All that makes code of a model: the generator's own files, what they rely on, and Python, whose sums and functions round.
+
+    more: further packages that have a part in it
+    """
     made_with = hashlib.sha256()
-    for path in package_files("model", "symbolic", "program", "methods", "emit", "runtime", "templates"):
+    for path in package_files("model", "symbolic", "program", "methods", "emit", "runtime", "templates", *more):
         made_with.update(f"{path.name}\n".encode() + hashlib.sha256(path.read_bytes()).digest())
     versions = [platform.python_version(), *(f"{name} {version(name)}" for name in PACKAGES)]
     return "\n".join([*versions, made_with.hexdigest()])

@@ -10,18 +10,20 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol
+from typing import Protocol, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from ncgen.emit.c.files import dynamics_files, model_files
+from ncgen.emit.c.files import dynamics_files, model_files, motion_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files, runtime_names
 from ncgen.errors import NcgenError
+from ncgen.mechanism import recall
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
+from ncgen.mechanism.recall import Files
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
@@ -117,6 +119,10 @@ class Outcome:
         if self.status == "interrupted":
             raise self.raised or KeyboardInterrupt()
         return self
+
+
+Seen: TypeAlias = tuple[Split, Sequence[Sample]]
+"""Independent coordinates, and typical positions."""
 
 
 class Dynamics:
@@ -287,9 +293,13 @@ class DenseDynamics(Dynamics):
 
 
 class ConstrainedDynamics(Dynamics):
-    """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism."""
+    """Formalisms on all coordinates: the matrix [M Φ_qᵀ; Φ_q −E], factored by a plan that is made once for a mechanism.
 
-    def __init__(self, kernels: CompiledKernels, number: str = "double") -> None:
+    seen: called for independent coordinates of the positions, and typical positions, where the motion is to be written out; without it, or
+        where there are none or no tree of bodies that could be seen in them, it comes from the matrix
+    """
+
+    def __init__(self, kernels: CompiledKernels, number: str = "double", seen: Callable[[], Seen | None] | None = None) -> None:
         super().__init__(kernels, number)
         self.singular_mass = singular = not is_definite(kernels)
         self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
@@ -297,6 +307,24 @@ class ConstrainedDynamics(Dynamics):
         self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
         self._dynamics.elimination = self._elimination
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
+        self.is_emitted = seen is not None and self._take_motion(seen)
+
+    def _take_motion(self, seen: Callable[[], Seen | None]) -> bool:
+        """The emitted motion, if there is one: whether there is."""
+        from ncgen.program.dynamics import assemble_motion
+
+        kernels, equations = self.kernels, self.kernels.programs.equations
+
+        def made() -> Files:
+            found = seen()
+            programs = assemble_motion(equations, *found, kernels.column_sizes) if found else None
+            return motion_files(programs, equations) if programs else {}
+
+        if files := recall.derived(kernels.programs, "motion", made):
+            getter = f"{identifier(kernels.name)}_motion"
+            _, self._motion = _load(files, self.number.name, f"const ncgen_motion *{getter}(void);")
+            self._dynamics.motion = self._ffi.cast("const ncgen_motion *", getattr(self._motion, getter)())
+        return bool(files)
 
     def simulate(
         self, method: str, times: ArrayLike, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, *, rank: int = 0, **options: InC

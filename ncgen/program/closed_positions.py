@@ -38,8 +38,10 @@ class Hinge:
     sign: float
 
 
-def assemble_closed_positions(equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray) -> Program:
-    """The program newton(t, q, p) -> Δq of the dependent coordinates, Φ with one that closes exactly: Φ is 0.
+def assemble_closed_positions(
+    equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, moved: Sequence[int]
+) -> Program:
+    """The program newton(t, q, p) -> Δq of the coordinates `moved`, Φ with one that closes exactly: Φ is 0.
 
     Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
     """
@@ -48,16 +50,17 @@ def assemble_closed_positions(equations: Terms, split: Split, samples: Sequence[
     lines = Lines(equations)
     placed = _Placing(lines, samples[0], tree, hinges).placed
     graph = lines.graph
-    where, corrections = moving(equations, tree), []
+    where, corrections = moving(equations, tree), {}
     for c in split.dependent:
         if c not in where:
             raise NoRecursion(f"{equations.free[c].name} belongs to no body of the tree")
         element, axis = where[c]
-        corrections.append(graph.sub(placed[element][axis], graph.load("q", c)))
+        corrections[c] = graph.sub(placed[element][axis], graph.load("q", c))
     sampling = Sampling(graph, samples)
-    if any(np.max(np.abs(sampling[node])) > SAME * sizes[c] for c, node in zip(split.dependent, corrections, strict=True)):
+    if any(np.max(np.abs(sampling[node])) > SAME * sizes[c] for c, node in corrections.items()):
         raise NoRecursion("the bodies' shapes depend on parameters")
-    return lines.program("newton", ("t", "q", "p"), [*corrections, *[graph.const(0.0)] * len(equations.rows)])
+    zero = graph.const(0.0)
+    return lines.program("newton", ("t", "q", "p"), [*(corrections.get(c, zero) for c in moved), *[zero] * len(equations.rows)])
 
 
 def hinges_of(equations: Terms, tree: Tree, split: Split) -> list[Hinge]:

@@ -19,6 +19,7 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ncgen.errors import SingularError
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.closed_positions import assemble_closed_positions
@@ -40,7 +41,7 @@ from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.rates import NoRecursion
-from ncgen.program.recursion import assemble_recursions
+from ncgen.program.recursion import assemble_motions, assemble_recursions
 from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.verify import verify
 from ncgen.symbolic.numbering import Terms
@@ -59,6 +60,15 @@ class DynamicsPrograms:
     newton: Program
     acceleration: Program
     split: Split
+
+
+@dataclass(frozen=True)
+class MotionPrograms:
+    """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ]."""
+
+    derivative: Program
+    velocities: Program
+    closing: Program
 
 
 def assemble_dynamics(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> DynamicsPrograms:
@@ -93,6 +103,20 @@ def accelerations(equations: Terms, split: Split, samples: Sequence[Sample], siz
     return found
 
 
+def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes) -> MotionPrograms | None:
+    """The motion of all coordinates by the cheapest recursion; None where there is none. Arguments as for `assemble_dynamics`, the split
+    of the positions."""
+    try:
+        ways, velocities = assemble_motions(equations, samples, np.asarray(sizes))
+        n = len(equations.free)
+        found = MotionPrograms(ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
+    except (NoRecursion, EliminationError, SingularError):
+        return None
+    for program in (found.derivative, found.velocities, found.closing):
+        verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters)})
+    return found
+
+
 def cheapest(programs: dict[str, Program]) -> str:
     """The name of the program with the fewest operations."""
     return min(programs, key=lambda name: cost(programs[name]).total)
@@ -106,24 +130,28 @@ def _factor(lines: Lines, jacobian: Matrix, split: Split, samples: Sequence[Samp
     return matrix, factor(lines.graph, matrix, len(split.rows), Sampling(lines.graph, samples).of(matrix))
 
 
-def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes) -> Program:
-    """What closes positions: from the angles of an open tree at once, else a step of Newton's method."""
+def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, moved: Sequence[int] | None = None) -> Program:
+    """What closes positions: from the angles of an open tree at once, else a step of Newton's method.
+
+    moved: coordinates whose Δq is wanted; None for the dependent ones
+    """
+    moved = split.dependent if moved is None else moved
     try:
-        return assemble_closed_positions(equations, split, samples, np.asarray(sizes))
+        return assemble_closed_positions(equations, split, samples, np.asarray(sizes), moved)
     except NoRecursion:
-        return newton(equations, split, samples)
+        return newton(equations, split, samples, moved)
 
 
-def newton(equations: Terms, split: Split, samples: Sequence[Sample]) -> Program:
-    """The program newton(t, q, p) -> Δq of the dependent coordinates, Φ."""
+def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Sequence[int]) -> Program:
+    """The program newton(t, q, p) -> Δq of the coordinates `moved`, Φ."""
     lines = Lines(equations)
     graph = lines.graph
     phi = lines.vector(KERNELS["phi"])
     _, factors = _factor(lines, lines.matrix(KERNELS["phi_q"]), split, samples)
     right = {i: graph.neg(phi[r]) for i, r in enumerate(split.rows) if r in phi}
-    step = solve(graph, factors, right)
+    step = {split.dependent[j]: node for j, node in solve(graph, factors, right).items()}
     zero = graph.const(0.0)
-    steps = [step.get(j, zero) for j in range(len(split.dependent))]
+    steps = [step.get(c, zero) for c in moved]
     residuals = [phi.get(r, zero) for r in range(len(equations.rows))]
     return lines.program("newton", ("t", "q", "p"), steps + residuals)
 

@@ -37,6 +37,9 @@ SAME = 1e-10
 WELL = 1e-9
 """The least singular value of the rows of the rates, over the largest."""
 
+RATHER_FREE = 0.1
+"""The weight of a measured coordinate beside other rates where dependent ones are chosen."""
+
 
 class NoRecursion(Exception):
     """The recursion does not say what the equations say; the reason in words."""
@@ -59,9 +62,12 @@ class Rates:
 
     where: {coordinate: (element, axis)} of coordinates that move with a link; own: {coordinate: unknown} of those with a rate of their own
     free: unknowns of the independent coordinates in their order, dependent: all others; sizes: natural size of every rate
+    split: the independent coordinates, or None where `choose` says which rates are free
     """
 
-    def __init__(self, equations: Terms, lines: Lines, tree: Tree, split: Split, samples: Sequence[Sample], sizes: np.ndarray) -> None:
+    def __init__(
+        self, equations: Terms, lines: Lines, tree: Tree, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray
+    ) -> None:
         self.equations, self.tree, self.natural = equations, tree, sizes
         self.graph, self.place = lines.graph, TreePlace(lines, tree)
         self.sampling = Sampling(lines.graph, samples)
@@ -69,11 +75,11 @@ class Rates:
         self.vanishing = max(VANISHING, FAR * away)
         self.where = moving(equations, tree)
         joints = len(self.place.columns)
-        own = [c for c in range(len(equations.free)) if c not in self.where or c in split.independent]
+        independent = split.independent if split else ()
+        own = [c for c in range(len(equations.free)) if c not in self.where or c in independent]
         self.own = {c: joints + k for k, c in enumerate(own)}
         self.count = joints + len(own)
-        self.free = [self.own[c] for c in split.independent]
-        self.dependent = sorted(set(range(self.count)) - set(self.free))
+        self.free = [self.own[c] for c in independent]
         measured = {component for e in equations.model.elements.values() if isinstance(e, Relative) for component in e.components}
         self.measured = {k for c, k in self.own.items() if equations.free[c] in measured}
         length = max((sizes[c] for c, (e, _) in self.where.items() if isinstance(e, Point)), default=1.0)
@@ -81,6 +87,10 @@ class Rates:
         self.jacobian: dict[int, dict[int, int]] = defaultdict(dict)
         for (r, c), node in sorted(lines.matrix(KERNELS["phi_q"]).items()):
             self.jacobian[r][c] = node
+
+    @property
+    def dependent(self) -> list[int]:
+        return sorted(set(range(self.count)) - set(self.free))
 
     def _size(self, axis: Vector, length: float) -> float:
         """1 of a rate that turns, else the length of the mechanism."""
@@ -161,14 +171,26 @@ class Rates:
         """{rate: node} without what is rounding in every sample."""
         return {k: node for k, node in column.items() if np.max(np.abs(self.sampling[node])) / self.sizes[k] > self.vanishing}
 
-    def kept(self, rows: list[Row]) -> list[Row]:
-        """As many rows as there are dependent rates, independent in every sample. Raises NoRecursion where there are none."""
-        dependent = self.dependent
+    def _numbers(self, rows: list[Row]) -> np.ndarray:
+        """The rows without units in all samples (samples, rows, count)."""
         matrices = np.zeros((self.sampling.count, len(rows), self.count))
         for i, row in enumerate(rows):
             for k, node in row.entries.items():
                 matrices[:, i, k] = self.sampling[node] * self.sizes[k]
-        matrices /= np.max(np.abs(matrices), axis=(0, 2), initial=1e-300)[None, :, None]
+        return matrices / np.max(np.abs(matrices), axis=(0, 2), initial=1e-300)[None, :, None]
+
+    def choose(self, rows: list[Row]) -> None:
+        """Let those rates be free that determine the others best in the first sample, and measured coordinates before others: their
+        rates are known."""
+        matrices = self._numbers(rows)
+        rank = max(int(np.linalg.matrix_rank(matrix, tol=10 * WELL)) for matrix in matrices) if rows else 0
+        weights = np.where(np.isin(np.arange(self.count), list(self.measured)), RATHER_FREE, 1.0)
+        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(matrices[0] * weights, mode="r", pivoting=True))
+        self.free = sorted(order[rank:].tolist())
+
+    def kept(self, rows: list[Row]) -> list[Row]:
+        """As many rows as there are dependent rates, independent in every sample. Raises NoRecursion where there are none."""
+        dependent, matrices = self.dependent, self._numbers(rows)
         if len(rows) < len(dependent):
             raise NoRecursion(f"{len(rows)} rows for {len(dependent)} dependent rates")
         _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(matrices[0][:, dependent].T, mode="r", pivoting=True))

@@ -11,7 +11,7 @@ on a long chain the articulated recursion, whose cost grows with its length only
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,6 +31,7 @@ from ncgen.program.elimination import (
     solve_transposed,
     times,
 )
+from ncgen.program.joint_rates import measured_rates
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.rates import NoRecursion, Rates, Row
@@ -60,13 +61,25 @@ def assemble_recursions(equations: Terms, split: Split, samples: Sequence[Sample
 
     Raises NoRecursion where the mechanism has no tree that moves as the rows allow, EliminationError where no pivot is left.
     """
+    work = _recursion(equations, split, samples, sizes)
+    return {name: work.written(zdd) for name, zdd in work.ways()}
+
+
+def assemble_motions(equations: Terms, samples: Sequence[Sample], sizes: np.ndarray) -> tuple[dict[str, Program], Program]:
+    """derivative(t, q, qd, p) -> q̇ (n), q̈ (n), power, growth by every recursion that applies, and velocities(t, q, qd, p) -> q̇ (n), growth.
+
+    There is no choice of independent coordinates: the velocities given say how the joints turn and slide, q̇ is what loops allow of that.
+    growth: how much larger ‖R‖² of the rates is than in the samples; far from 1 the fixed order of elimination is a bad one
+    Arguments and errors as for `assemble_recursions`.
+    """
+    work = _recursion(equations, None, samples, sizes)
+    return {name: work.written_for_all(zdd) for name, zdd in work.ways()}, work.written_velocities()
+
+
+def _recursion(equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray) -> _Recursion:
     if len(samples) < FEWEST:
         raise NoRecursion("too few positions to see what vanishes")
-    work = _Recursion(equations, split, samples, sizes)
-    made = {"articulated": work.written(work.by_articulated())} if work.is_open() else {}
-    if not made or work.joints <= LONG:
-        made["composite"] = work.written(work.by_composite())
-    return made
+    return _Recursion(equations, split, samples, sizes)
 
 
 @dataclass(frozen=True)
@@ -90,15 +103,19 @@ def _is_positive(matrix: dict[tuple[int, int], float], size: int) -> bool:
 class _Recursion:
     """The recursion under way: positions, then velocities, then forces."""
 
-    def __init__(self, equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray) -> None:
+    def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray) -> None:
         self.model, self.tree = equations.model, spanning_tree(equations.model)
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph = self.lines.graph
         self.zero, self.one = self.graph.const(0.0), self.graph.const(1.0)
         self.rates = Rates(equations, self.lines, self.tree, split, samples, sizes)
-        self.rows = self.rates.kept(self.rates.rows())
+        rows = self.rates.rows()
+        if split is None:
+            self.rates.choose(rows)
+        self.rows = self.rates.kept(rows)
         self._factor()
         self.R = [self._independent(k) for k in self.rates.free]
+        self.speeds = [self.graph.load("zd", k) for k in range(len(self.R))] if split else measured_rates(self.rates)
         self.nu = self.lines.vector(KERNELS["nu"])
         self.velocity = self._move()
         self.bias = self._particular(self._right_sides())
@@ -110,10 +127,33 @@ class _Recursion:
         return len(self.rates.place.columns)
 
     def written(self, zdd: Sequence[int]) -> Program:
-        """The program of these accelerations of the independent coordinates."""
-        amplification = self.graph.sum(self._grown(k, node, i) for i, column in enumerate(self.R) for k, node in column.items())
-        outputs = [*self.lines.rates, *zdd, self._power(zdd), amplification]
+        """The program `acceleration` of these accelerations of the independent coordinates."""
+        outputs = [*self.lines.rates, *zdd, self._power(zdd), self._amplification()]
         return self.lines.program("acceleration", ("t", "q", "zd", "p"), outputs)
+
+    def written_velocities(self) -> Program:
+        """The program `velocities`."""
+        return self.lines.program("velocities", ("t", "q", "qd", "p"), [*self.lines.rates, self._growth()])
+
+    def written_for_all(self, zdd: Sequence[int]) -> Program:
+        """The program `derivative` of these accelerations of the free rates."""
+        graph, rates = self.graph, self.rates
+        changes = [self.bias.get(k, self.zero) for k in range(rates.count)]
+        for acceleration, column in zip(zdd, self.R, strict=True):
+            for k, node in column.items():
+                changes[k] = graph.add(changes[k], graph.mul(node, acceleration))
+        moved = self.velocity.accelerations(changes)
+        qdd = [changes[rates.own[c]] if c in rates.own else self._along(moved, c) for c in range(len(rates.equations.free))]
+        return self.lines.program("derivative", ("t", "q", "qd", "p"), [*self.lines.rates, *qdd, self._power(zdd), self._growth()])
+
+    def _growth(self) -> int:
+        """The amplification over the largest of the samples."""
+        amplification = self._amplification()
+        usual = float(np.max(self.rates.sampling[amplification]))
+        return self.graph.mul(self.graph.const(1.0 / usual), amplification) if usual > 0 else self.zero
+
+    def _amplification(self) -> int:
+        return self.graph.sum(self._grown(k, node, i) for i, column in enumerate(self.R) for k, node in column.items())
 
     # -- positions -----------------------------------------------------------------------------
 
@@ -149,8 +189,7 @@ class _Recursion:
         x = [self.zero] * rates.count
         for k, node in self._particular(driven).items():
             x[k] = node
-        for number, column in enumerate(self.R):
-            speed = graph.load("zd", number)
+        for speed, column in zip(self.speeds, self.R, strict=True):
             for k, node in column.items():
                 x[k] = graph.add(x[k], graph.mul(node, speed))
         velocity = TreeVelocity(rates.place, x[: self.joints])
@@ -251,6 +290,14 @@ class _Recursion:
 
     # -- accelerations -------------------------------------------------------------------------
 
+    def ways(self) -> Iterator[tuple[str, list[int]]]:
+        """z̈ by every recursion that applies, with its name."""
+        is_open = self.is_open()
+        if is_open:
+            yield "articulated", self.by_articulated()
+        if not is_open or self.joints <= LONG:
+            yield "composite", self.by_composite()
+
     def by_composite(self) -> list[int]:
         """z̈ of (RᵀHR) z̈ = Rᵀ(f − H S …), eliminated in an order without fill on a tree."""
         graph, size = self.graph, len(self.R)
@@ -284,8 +331,8 @@ class _Recursion:
         joints = range(self.joints)
         right = {k: self.loads.force.get(k, self.zero) for k in joints}
         for column in self.R:  # a force along the independent coordinate itself, such as a motor's, acts on its joint
-            (own,), (k,) = [j for j in column if j not in joints], [j for j in column if j in joints]
-            if own in self.loads.force:
+            (k,) = [j for j in column if j in joints]
+            for own in (j for j in column if j not in joints and j in self.loads.force):
                 right[k] = self.graph.add(right[k], self.graph.mul(column[k], self.loads.force[own]))
         found = articulated.accelerations(self.rates.place, self.loads.own, right)
         return [self.graph.mul(node, found[k]) for column in self.R for k, node in column.items() if k in joints]

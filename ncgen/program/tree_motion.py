@@ -180,8 +180,27 @@ class TreeVelocity:
 
     def bias_with(self, element: Spatial, link: int) -> Vector:
         """The acceleration that an element has where it moves with a link, without accelerations of the joints."""
-        space = self.place.space
-        (turning, _), (change, lift) = self.twists[link], self.changes[link]
+        return self._acceleration(element, link, *self.changes[link])
+
+    def accelerations(self, rates: Sequence[int]) -> dict[Spatial, Vector]:
+        """{element: acceleration} where the joints' rates change like this."""
+        place, space = self.place, self.place.space
+        moving: list[tuple[Vector, Vector]] = []
+        for number, link in enumerate(place.tree.links):
+            turning, along = moving[link.parent] if link.parent is not None else (space.zero, space.zero)
+            for k in place.own[number]:
+                turning = space.add(turning, space.times(rates[k], place.columns[k].axis))
+                along = space.add(along, space.times(rates[k], place.columns[k].along))
+            moving.append((turning, along))
+        whole = [
+            (space.add(change, turning), space.add(lift, along))
+            for (change, lift), (turning, along) in zip(self.changes, moving, strict=True)
+        ]
+        return {element: self._acceleration(element, link, *whole[link]) for element, link in place.tree.home.items()}
+
+    def _acceleration(self, element: Spatial, link: int, change: Vector, lift: Vector) -> Vector:
+        """Of an element that moves with a link whose twist changes by (change, lift)."""
+        space, (turning, _) = self.place.space, self.twists[link]
         velocity = self.velocity.get(element, space.zero)
         turned = space.add(space.cross(change, self.place.lever(element, link)), space.cross(turning, velocity))
         return space.add(lift, turned) if isinstance(element, Point) else turned

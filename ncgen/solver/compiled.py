@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeGuard, overload
 
 import numpy as np
@@ -11,10 +12,11 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.program.programs import Split
+from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms import accelerations_by
-from ncgen.solver.partition import BETTER, Partition, Partitions, determined, other_partitions, quality, stuck_message
+from ncgen.solver.partition import BETTER, Partition, Partitions, choose_partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
 from ncgen.solver.rank import freedom, trial_positions
@@ -22,12 +24,16 @@ from ncgen.solver.run import EMITTED, Form
 from ncgen.solver.steppers.generalized_alpha import weights
 from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
+from ncgen.symbolic.tree import spanning_tree
 
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
     from ncgen.mechanism.library import CompiledKernels
-    from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics, Outcome
+    from ncgen.mechanism.runtime import ConstrainedDynamics, DenseDynamics, EmittedDynamics, Outcome, Seen
     from ncgen.program.sampling import Sample
+
+MOST_RATES = 60
+"""Rates of a tree of bodies up to which a recursion is written out where nobody asked for it: it is compiled in some seconds."""
 
 OTHERS = 3
 """How many sample positions have other parameters and times."""
@@ -83,7 +89,6 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
 def refusal_of_size(kernels: Kernels, partitions: Partitions, engine: str) -> str | None:
     """Why a state derivative cannot be emitted for a choice of independent coordinates, in words, or None if it can."""
     from ncgen.program.programs import LARGEST
-    from ncgen.symbolic.tree import spanning_tree
 
     if engine in EMITTED and partitions.position is not partitions.velocity:
         return "a state derivative is emitted for one choice of independent coordinates; rolling conditions need two"
@@ -107,17 +112,49 @@ def checked_compiled(kernels: Kernels) -> CompiledKernels:
     return kernels
 
 
-def run_constrained(path: Path, kernels: CompiledKernels, task: Task) -> str | None:
+def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form = "dense") -> ConstrainedDynamics:
+    """The state derivative over all coordinates, made once for every kernels object, number type and form.
+
+    form: "emitted" for accelerations that are written out, seen in positions around the model's own start, so that they are the same in
+        every run
+    """
+    from ncgen.mechanism.runtime import ConstrainedDynamics
+
+    seen = partial(own_positions, kernels) if form == "emitted" else None
+    return kernels.remember("constrained dynamics", (number, form), lambda: ConstrainedDynamics(kernels, number, seen))
+
+
+def is_written_out(kernels: Kernels, method: Method) -> bool:
+    """True where a run over all coordinates takes its accelerations from a recursion that is written out and compiled."""
+    if refusal(kernels, method, "c", "double") or not (method.formalism.name == "lagrange" and method.integrator.tableau):
+        return False
+    if method.options.get("stabilisation") != "projection":
+        return False
+    return all_coordinates(checked_compiled(kernels), form="emitted").is_emitted
+
+
+def own_positions(kernels: Kernels) -> Seen | None:
+    """Independent coordinates of the positions at a model's own start, and `samples` around it; None where there are none."""
+    if not 0 < spanning_tree(kernels.model).freedoms <= MOST_RATES:
+        return None
+    try:
+        q = assemble(kernels, kernels.q0)
+        return split_of(choose_partitions(kernels, q).position), samples(kernels, q, kernels.p0)
+    except NcgenError:
+        return None
+
+
+def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form = "dense") -> str | None:
     """Complete a path over a time grid with a formalism over all coordinates, from its last row on if it has any.
 
+    form: of the accelerations
     Returns None, or why the run had to stop before the end of the grid: STIFF where it was to end so. Raises DomainError where a
     term is not a number, ConvergenceError where steps become too short.
     """
     from ncgen.mechanism.listening import Progress
-    from ncgen.mechanism.runtime import ConstrainedDynamics
 
     method, grid, number, p = task.method, task.grid, task.number, task.p
-    dynamics = kernels.remember("constrained dynamics", number, lambda: ConstrainedDynamics(kernels, number))
+    dynamics = all_coordinates(kernels, number, form)
     q, qd, work, times = task.q, task.velocities, 0.0, grid
     if dynamics.singular_mass:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
@@ -138,6 +175,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task) -> str | N
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.jacobians += done.jacobians
+    path.fallbacks += done.fallbacks
     path.stiff += done.stiff
     path.projections += done.steps if projected else 0
     path.largest_projection = max(path.largest_projection, done.largest_projection)

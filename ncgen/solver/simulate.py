@@ -12,6 +12,7 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import AUTO
 from ncgen.solver import compiled, full_coordinates, python_engine, steppers
 from ncgen.solver.alarms import doubts, looks
 from ncgen.solver.choice import IMPLICIT, Choice, choose, stiff_choice
@@ -152,7 +153,7 @@ class _Motion:
     def advance(self) -> None:
         """Fill the path, in C where that can be, else in Python. Raises what the engines raise."""
         run, kernels = self.run, self.kernels
-        form: Form = run.engine if run.engine in EMITTED else "dense"
+        form = self._form()
         refused = "asked for" if run.engine == "python" else self._refusal()
         needs_c = run.engine in ("c", *EMITTED) or run.number != "double"
         remedy = "engine='auto'" if run.number == "double" else "number='double'"
@@ -170,6 +171,13 @@ class _Motion:
                 self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
             self._in_python()
         self.engine = f"python: {refused}" if refused else form if form in EMITTED else "c"
+
+    def _form(self) -> Form:
+        """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""
+        if self.run.engine in EMITTED:
+            return self.run.engine
+        is_open = self.run.engine == AUTO and self.run.number == "double"
+        return "emitted" if is_open and compiled.is_written_out(self.kernels, self.choice.method) else "dense"
 
     def _go_on_implicit(self) -> str | None:
         """Take the implicit method, with independent coordinates for where the path has come to: why that cannot be done in C, or None."""
@@ -198,7 +206,7 @@ class _Motion:
         """Why C did not come to the end, or None."""
         kernels, task = compiled.checked_compiled(self.kernels), self._task()
         if task.method.is_constrained:
-            return compiled.run_constrained(self.path, kernels, task)
+            return compiled.run_constrained(self.path, kernels, task, form)
         return compiled.run(self.path, kernels, task, form)
 
     def _in_python(self) -> None:

@@ -38,7 +38,7 @@ NUMBERS = {
 
 STRUCTS = {
     "ncgen.h": ("ncgen_model", "ncgen_tangents", "ncgen_parameter_tangents"),
-    "ncgen_runtime.h": ("ncgen_dynamics", "ncgen_elimination", "ncgen_event", "ncgen_options", "ncgen_statistics"),
+    "ncgen_runtime.h": ("ncgen_dynamics", "ncgen_elimination", "ncgen_event", "ncgen_motion", "ncgen_options", "ncgen_statistics"),
 }
 
 

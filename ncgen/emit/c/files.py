@@ -15,7 +15,7 @@ from ncgen.model.values import evaluate
 from ncgen.program.blocks import Program
 
 if TYPE_CHECKING:
-    from ncgen.program.dynamics import DynamicsPrograms
+    from ncgen.program.dynamics import DynamicsPrograms, MotionPrograms
     from ncgen.program.programs import Programs
     from ncgen.program.tangents import TangentPrograms
     from ncgen.symbolic.numbering import Terms
@@ -50,6 +50,13 @@ def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iter
         "row_sizes": [number(float(size)) for size in row_sizes] or ["0"],
     }
     return {f"{prefix}_dynamics.{end}": render(f"c/dynamics.{end}.jinja", **records) for end in "ch"}
+
+
+def motion_files(programs: MotionPrograms, equations: Terms) -> dict[str, str]:
+    """{file name: text}: the motion of all coordinates, for the runtime to integrate."""
+    prefix = identifier(equations.model.name)
+    parts = (programs.derivative, programs.velocities, programs.closing)
+    return {f"{prefix}_motion.c": render("c/motion.c.jinja", model=equations.model, **program_records(parts, prefix, "motion"))}
 
 
 def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]:

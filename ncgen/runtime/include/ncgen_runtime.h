@@ -50,6 +50,14 @@ typedef struct ncgen_partition {
     const int *rows;        /* n_dependent kept rows */
 } ncgen_partition;
 
+/* The motion of all coordinates, emitted for one mechanism with its eliminations written out. Where growth, how much worse their order
+ * is than usual, is large, the matrix [M Phi_q'; Phi_q -E] is factored instead. */
+typedef struct ncgen_motion {
+    ncgen_velocity_kernel *derivative; /* qd as the joints allow, and qdd (n_coordinates each), power, growth */
+    ncgen_velocity_kernel *velocities; /* qd as the joints allow, growth */
+    ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), phi (n_rows), which is 0 where it closes at once */
+} ncgen_motion;
+
 typedef struct ncgen_dynamics {
     int n_independent;
     int n_dependent;        /* with formalisms over all coordinates: the rank of phi_q, if rows are redundant, else 0 */
@@ -60,6 +68,7 @@ typedef struct ncgen_dynamics {
     const ncgen_scalar *row_sizes; /* n_rows: what a residual is compared with */
     ncgen_position_kernel *newton;
     ncgen_acceleration_kernel *acceleration;
+    const ncgen_motion *motion;           /* NULL, or emitted for lagrange */
     const ncgen_elimination *elimination; /* for formalisms that solve with [M Phi_q'; Phi_q -E] */
     int singular_mass;                    /* 1: M is singular, and the elimination takes rows before their coordinates */
     int conservative;                     /* 1: no forces without a potential and no drivers, so no work to integrate */

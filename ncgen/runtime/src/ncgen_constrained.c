@@ -36,6 +36,9 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->residual = ncgen_take(space, r->n + r->m);
     w->nu = ncgen_take(space, r->m);
     w->phi = ncgen_take(space, r->m);
+    w->motion = r->options->formalism == NCGEN_LAGRANGE && !(r->options->frequency > 0) ? d->motion : NULL;
+    if (w->motion)
+        w->emitted = ncgen_take(space, 2 * r->n + r->m + 2);
     w->corner = ncgen_take(space, r->m);
     w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
@@ -272,12 +275,40 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
     return NCGEN_OK;
 }
 
+/* A digit is lost from here on. */
+int ncgen_is_badly_ordered(ncgen_real growth)
+{
+    return !(growth < R(1.0e2));
+}
+
+/* The state derivative by the emitted recursion; 0 where its order of elimination is a bad one. */
+static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
+{
+    const ncgen_constrained *w = r->constrained;
+    const int n = r->n;
+    w->motion->derivative(t, r->q, r->qd, r->p, w->emitted);
+    if (ncgen_is_badly_ordered(w->emitted[2 * n + 1])) {
+        r->statistics->fallbacks += 1;
+        return 0;
+    }
+    ncgen_copy(n, w->emitted, yd + n);
+    ncgen_copy(n, w->emitted + n, yd);
+    yd[2 * n] = w->emitted[2 * n];
+    return 1;
+}
+
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
+    w->is_factored = !w->motion || r->careful || !by_recursion(r, t, yd);
+    if (!w->is_factored) {
+        w->jacobian_is_there = 0;
+        r->statistics->evaluations += 1;
+        return NCGEN_OK;
+    }
     const int status = ncgen_constrained_accelerations(r, t);
     if (status != NCGEN_OK)
         return status;
@@ -306,6 +337,7 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     ncgen_copy(n, r->start_q, r->q);
     r->y[2 * n] = 0;
     w->jacobian_is_there = 0;
+    w->is_factored = 1;
     for (int i = 0; i < n; ++i)
         w->right[i] = 0;
     for (int i = 0; i < r->m; ++i)

@@ -9,6 +9,9 @@ typedef struct ncgen_constrained {
     ncgen_kkt kkt;
     int n_mass, n_phi_q;                       /* nonzeros */
     int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
+    const ncgen_motion *motion;                /* emitted, or NULL */
+    ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
+    int is_factored;                           /* the factors are those of the state that was looked at last */
     int kept;                                  /* solution and factors are those of the last step's end */
     ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */
     ncgen_real *nu, *phi;                      /* m */
@@ -41,6 +44,7 @@ void ncgen_constrained_rows(ncgen_run *r);                         /* which of r
 ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows);
 ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x);
 int ncgen_constrained_is_dense(const ncgen_run *r);
+int ncgen_is_badly_ordered(ncgen_real growth); /* of an emitted elimination */
 
 /* ncgen_dense.c: accelerations by QR; and which of redundant rows are farthest from dependent, in w->let_go. */
 void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w);

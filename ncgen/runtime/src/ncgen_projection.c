@@ -81,17 +81,47 @@ int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
     return project_velocity(r, r->constrained, t);
 }
 
+/* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one.
+ *
+ * A Newton step that leaves the independent coordinates as they are should move the others about as much as the rows are violated, in
+ * natural sizes. Where it moves them much more, near a position in which these coordinates do not say where the mechanism is, an error of
+ * theirs would become that much larger. */
+static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
+{
+    const ncgen_scalar nearly_closed = NCGEN_SQRT(r->rounding) * R(10.0), far = R(30.0), nothing = R(1.0e3) * r->rounding;
+    for (int k = 0; k < POSITION_LIMIT; ++k) {
+        w->motion->closing(t, r->q, r->p, w->emitted);
+        r->statistics->newton_steps += 1;
+        const ncgen_real before = ncgen_constrained_violation(r, w->emitted + r->n), step = ncgen_constrained_size(r, w->emitted);
+        if (!(step < far * before + nothing) && before > 0)
+            return 0;
+        for (int i = 0; i < r->n; ++i)
+            r->q[i] += w->emitted[i];
+        if (before < nearly_closed) {
+            w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
+            ncgen_copy(r->n, w->emitted, r->qd);
+            return !ncgen_is_badly_ordered(w->emitted[r->n]) && ncgen_is_finite(r->n, r->qd);
+        }
+    }
+    return 0;
+}
+
 /* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none. */
 static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near)
 {
     ncgen_constrained *w = r->constrained;
+    int status = NCGEN_OK;
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
-    int status = factors_are_near ? NCGEN_OK : refresh(r, t);
-    if (status == NCGEN_OK)
-        status = project_position(r, w, t, !factors_are_near);
-    if (status == NCGEN_OK)
-        status = project_velocity(r, w, t);
+    if (!(w->motion && !r->careful && close_by_recursion(r, w, t))) {
+        ncgen_copy(r->n, y, r->qd);
+        ncgen_copy(r->n, y + r->n, r->q);
+        status = factors_are_near ? NCGEN_OK : refresh(r, t);
+        if (status == NCGEN_OK)
+            status = project_position(r, w, t, !factors_are_near);
+        if (status == NCGEN_OK)
+            status = project_velocity(r, w, t);
+    }
     ncgen_copy(r->n, r->qd, y);
     ncgen_copy(r->n, r->q, y + r->n);
     return status;
@@ -101,14 +131,14 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
 int ncgen_settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
 {
     ncgen_copy(r->n, y + r->n, r->constrained->solution);
-    const int status = project(r, t, y, !ncgen_constrained_is_dense(r) && !precise);
+    const int status = project(r, t, y, r->constrained->is_factored && !ncgen_constrained_is_dense(r) && !precise);
     for (int i = 0; i < r->n; ++i)
         r->constrained->solution[i] -= y[r->n + i];
     const ncgen_real moved = ncgen_constrained_size(r, r->constrained->solution);
     if (status == NCGEN_OK && moved > r->statistics->largest_projection)
         r->statistics->largest_projection = moved;
-    r->constrained->jacobian_is_there = status == NCGEN_OK;
-    if (status == NCGEN_OK)
+    r->constrained->jacobian_is_there = status == NCGEN_OK && r->constrained->is_factored;
+    if (status == NCGEN_OK && r->constrained->is_factored)
         ncgen_constrained_rows(r);
     return status;
 }

@@ -1,0 +1,110 @@
+"""How fast the joints of a tree turn and slide, from the velocities of all coordinates.
+
+An element e of a link moves with its parent, and beside it with t_k ẋ_k of every screw k of the joint. What it moves beside the parent
+gives the rates: of one screw by the element that it moves most, of several by least squares over the link's elements.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.model.elements import Point, Spatial
+from ncgen.program.elimination import solve_positive
+from ncgen.program.rates import Rates
+from ncgen.program.space import Vector
+
+CONSTANT = 1e-12
+"""What differs less than this between samples, over its size, is the same in all; and what is smaller is 0."""
+
+
+def measured_rates(rates: Rates) -> list[int]:
+    """Nodes of the free rates."""
+    own = {k: rates.graph.load("qd", c) for c, k in rates.own.items()}
+    joints = _Joints(rates)
+    return [own[k] if k in own else joints.rate(k) for k in rates.free]
+
+
+class _Joints:
+    """Links whose twists are measured, each when it is first asked for."""
+
+    def __init__(self, rates: Rates) -> None:
+        self.rates, self.place, self.space, self.graph = rates, rates.place, rates.place.space, rates.graph
+        self.link = {k: number for number, own in enumerate(self.place.own) for k in own}
+        self.known: dict[int, list[int]] = {}
+
+    def rate(self, k: int) -> int:
+        number = self.link[k]
+        return self._of(number)[k - self.place.own[number].start]
+
+    def _of(self, number: int) -> list[int]:
+        """The rates of a link's joint."""
+        if number not in self.known:
+            self.known[number] = self._measured(number)
+        return self.known[number]
+
+    def _twist(self, number: int | None) -> tuple[Vector, Vector]:
+        if number is None:
+            return self.space.zero, self.space.zero
+        turning, along = self._twist(self.place.tree.links[number].parent)
+        for k, rate in zip(self.place.own[number], self._of(number), strict=True):
+            column = self.place.columns[k]
+            turning = self.space.add(turning, self.space.times(rate, column.axis))
+            along = self.space.add(along, self.space.times(rate, column.along))
+        return turning, along
+
+    def _measured(self, number: int) -> list[int]:
+        own, link = self.place.own[number], self.place.tree.links[number]
+        moved = {e: self.place.moved(e, number) for e in link.body.elements if not e.fixed}
+        if len(own) == 1:
+            (k,) = own
+            best = max(moved, key=lambda e: self._reach(e, moved[e][k]))
+            moved = {best: moved[best]}
+        matrix = {(i, j): self._product(moved, a, b) for i, a in enumerate(own) for j, b in enumerate(own[: i + 1])}
+        sizes = np.array([np.min(np.abs(self._values(matrix[i, i]))) for i in range(len(own))])
+        for (i, j), node in matrix.items():
+            matrix[i, j] = self._plain(node, float(np.sqrt(sizes[i] * sizes[j])))
+        beside = {e: self._beside(e, number) for e in moved}
+        right = [self.graph.sum(self._weighted(e, self.space.dot(moved[e][k], v)) for e, v in beside.items()) for k in own]
+        return solve_positive(self.graph, matrix, len(own), right)
+
+    def _reach(self, element: Spatial, moved: Vector) -> float:
+        """How far an element is moved by a screw, at least, without units."""
+        squares = sum(self._values(node) ** 2 for node in moved)
+        return float(np.min(squares)) * self._weight(element)
+
+    def _product(self, moved: dict[Spatial, dict[int, Vector]], a: int, b: int) -> int:
+        return self.graph.sum(self._weighted(e, self.space.dot(v[a], v[b])) for e, v in moved.items())
+
+    def _plain(self, node: int, size: float) -> int:
+        """A number where the node is the same in all samples."""
+        values = self._values(node)
+        if np.ptp(values) > CONSTANT * size:
+            return node
+        mean = float(np.mean(values))
+        return self.graph.const(0.0 if abs(mean) < CONSTANT * size else 1.0 if abs(mean - 1.0) < CONSTANT else mean)
+
+    def _beside(self, element: Spatial, number: int) -> Vector:
+        """An element's velocity without that of the link's parent."""
+        space = self.space
+        turning, along = self._twist(self.place.tree.links[number].parent)
+        turned = space.cross(turning, self.place.lever(element, number))
+        carried = space.add(along, turned) if isinstance(element, Point) else turned
+        return space.sub(self._velocity(element), carried)
+
+    def _velocity(self, element: Spatial) -> Vector:
+        equations = self.rates.equations
+        x, y, z = (self.graph.load("qd", equations.index[c]) if equations.moves(c) else self.graph.const(0.0) for c in element.components)
+        return x, y, z
+
+    def _weight(self, element: Spatial) -> float:
+        """1 over the square of an element's natural size, relative to the mechanism's."""
+        if not isinstance(element, Point):
+            return 1.0
+        sizes = [self.rates.natural[c] for c, (e, _) in self.rates.where.items() if e is element]
+        return 1.0 / max(sizes, default=1.0) ** 2
+
+    def _weighted(self, element: Spatial, node: int) -> int:
+        return self.graph.mul(self.graph.const(self._weight(element)), node)
+
+    def _values(self, node: int) -> np.ndarray:
+        return self.rates.sampling[node]
