@@ -311,11 +311,11 @@ class ConstrainedDynamics(Dynamics):
 
     def _take_motion(self, seen: Callable[[], Seen | None]) -> bool:
         """The emitted motion, if there is one: whether there is."""
-        from ncgen.program.dynamics import assemble_motion
-
         kernels, equations = self.kernels, self.kernels.programs.equations
 
         def made() -> Files:
+            from ncgen.program.dynamics import assemble_motion
+
             found = seen()
             programs = assemble_motion(equations, *found, kernels.column_sizes) if found else None
             return motion_files(programs, equations) if programs else {}

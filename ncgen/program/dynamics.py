@@ -39,9 +39,10 @@ from ncgen.program.elimination import (
 )
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
+from ncgen.program.motion import assemble_motions
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.rates import NoRecursion
-from ncgen.program.recursion import assemble_motions, assemble_recursions
+from ncgen.program.recursion import assemble_recursions
 from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.verify import verify
 from ncgen.symbolic.numbering import Terms
@@ -135,15 +136,14 @@ def closing(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Si
 
     moved: coordinates whose Δq is wanted; None for the dependent ones
     """
-    moved = split.dependent if moved is None else moved
     try:
         return assemble_closed_positions(equations, split, samples, np.asarray(sizes), moved)
     except NoRecursion:
         return newton(equations, split, samples, moved)
 
 
-def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Sequence[int]) -> Program:
-    """The program newton(t, q, p) -> Δq of the coordinates `moved`, Φ."""
+def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Sequence[int] | None = None) -> Program:
+    """The program newton(t, q, p) -> Δq of the coordinates `moved` (as for `closing`), Φ."""
     lines = Lines(equations)
     graph = lines.graph
     phi = lines.vector(KERNELS["phi"])
@@ -151,7 +151,7 @@ def newton(equations: Terms, split: Split, samples: Sequence[Sample], moved: Seq
     right = {i: graph.neg(phi[r]) for i, r in enumerate(split.rows) if r in phi}
     step = {split.dependent[j]: node for j, node in solve(graph, factors, right).items()}
     zero = graph.const(0.0)
-    steps = [step.get(c, zero) for c in moved]
+    steps = [step.get(c, zero) for c in (split.dependent if moved is None else moved)]
     residuals = [phi.get(r, zero) for r in range(len(equations.rows))]
     return lines.program("newton", ("t", "q", "p"), steps + residuals)
 

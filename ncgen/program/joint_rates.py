@@ -1,20 +1,28 @@
 """How fast the joints of a tree turn and slide, from the velocities of all coordinates.
 
 An element e of a link moves with its parent, and beside it with t_k ẋ_k of every screw k of the joint. What it moves beside the parent
-gives the rates: of one screw by the element that it moves most, of several by least squares over the link's elements.
+gives the rates: of one screw by the element that it moves most, of several by least squares over the link's elements, each with its mass.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from ncgen.model.elements import Point, Spatial
+from ncgen.program.assemble import KERNELS
 from ncgen.program.elimination import solve_positive
+from ncgen.program.lines import Lines
 from ncgen.program.rates import Rates
 from ncgen.program.space import Vector
 
 CONSTANT = 1e-12
 """What differs less than this between samples, over its size, is the same in all; and what is smaller is 0."""
+
+
+LIGHTEST = 1e-2
+"""An element without mass counts as one with this share of the heaviest one's."""
 
 
 def measured_rates(rates: Rates) -> list[int]:
@@ -31,6 +39,7 @@ class _Joints:
         self.rates, self.place, self.space, self.graph = rates, rates.place, rates.place.space, rates.graph
         self.link = {k: number for number, own in enumerate(self.place.own) for k in own}
         self.known: dict[int, list[int]] = {}
+        self.masses = Lines(rates.equations, rates.graph).matrix(KERNELS["mass"])
 
     def rate(self, k: int) -> int:
         number = self.link[k]
@@ -55,25 +64,28 @@ class _Joints:
     def _measured(self, number: int) -> list[int]:
         own, link = self.place.own[number], self.place.tree.links[number]
         moved = {e: self.place.moved(e, number) for e in link.body.elements if not e.fixed}
+        weights = self._weights(moved)
         if len(own) == 1:
             (k,) = own
-            best = max(moved, key=lambda e: self._reach(e, moved[e][k]))
+            best = max(moved, key=lambda e: weights[e] * self._reach(moved[e][k]))
             moved = {best: moved[best]}
-        matrix = {(i, j): self._product(moved, a, b) for i, a in enumerate(own) for j, b in enumerate(own[: i + 1])}
+        matrix = {(i, j): self._product(moved, weights, a, b) for i, a in enumerate(own) for j, b in enumerate(own[: i + 1])}
         sizes = np.array([np.min(np.abs(self._values(matrix[i, i]))) for i in range(len(own))])
         for (i, j), node in matrix.items():
             matrix[i, j] = self._plain(node, float(np.sqrt(sizes[i] * sizes[j])))
         beside = {e: self._beside(e, number) for e in moved}
-        right = [self.graph.sum(self._weighted(e, self.space.dot(moved[e][k], v)) for e, v in beside.items()) for k in own]
+        right = [self._sum(weights, {e: self.space.dot(moved[e][k], v) for e, v in beside.items()}) for k in own]
         return solve_positive(self.graph, matrix, len(own), right)
 
-    def _reach(self, element: Spatial, moved: Vector) -> float:
-        """How far an element is moved by a screw, at least, without units."""
-        squares = sum(self._values(node) ** 2 for node in moved)
-        return float(np.min(squares)) * self._weight(element)
+    def _reach(self, moved: Vector) -> float:
+        """How far a screw moves an element at least, squared."""
+        return float(np.min(sum(self._values(node) ** 2 for node in moved)))
 
-    def _product(self, moved: dict[Spatial, dict[int, Vector]], a: int, b: int) -> int:
-        return self.graph.sum(self._weighted(e, self.space.dot(v[a], v[b])) for e, v in moved.items())
+    def _product(self, moved: dict[Spatial, dict[int, Vector]], weights: dict[Spatial, float], a: int, b: int) -> int:
+        return self._sum(weights, {e: self.space.dot(v[a], v[b]) for e, v in moved.items()})
+
+    def _sum(self, weights: dict[Spatial, float], nodes: dict[Spatial, int]) -> int:
+        return self.graph.sum(self.graph.mul(self.graph.const(weights[e]), node) for e, node in nodes.items())
 
     def _plain(self, node: int, size: float) -> int:
         """A number where the node is the same in all samples."""
@@ -96,15 +108,15 @@ class _Joints:
         x, y, z = (self.graph.load("qd", equations.index[c]) if equations.moves(c) else self.graph.const(0.0) for c in element.components)
         return x, y, z
 
-    def _weight(self, element: Spatial) -> float:
-        """1 over the square of an element's natural size, relative to the mechanism's."""
-        if not isinstance(element, Point):
-            return 1.0
-        sizes = [self.rates.natural[c] for c, (e, _) in self.rates.where.items() if e is element]
-        return 1.0 / max(sizes, default=1.0) ** 2
-
-    def _weighted(self, element: Spatial, node: int) -> int:
-        return self.graph.mul(self.graph.const(self._weight(element)), node)
+    def _weights(self, elements: Iterable[Spatial]) -> dict[Spatial, float]:
+        """Masses of elements in the samples, relative to the heaviest in natural sizes."""
+        sizes, masses = {}, {}
+        for e in elements:
+            places = [c for c, (element, _) in self.rates.where.items() if element is e]
+            sizes[e] = float(max(self.rates.natural[c] for c in places)) ** 2
+            masses[e] = float(max(np.max(self._values(self.masses[c, c])) if (c, c) in self.masses else 0.0 for c in places)) * sizes[e]
+        heaviest = max(masses.values()) or 1.0
+        return {e: max(masses[e] / heaviest, LIGHTEST) / sizes[e] for e in sizes}
 
     def _values(self, node: int) -> np.ndarray:
         return self.rates.sampling[node]

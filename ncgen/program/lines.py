@@ -26,14 +26,14 @@ if TYPE_CHECKING:
 
 
 class Lines:
-    """All terms of a mechanism written into one graph.
+    """All terms of a mechanism written into one graph, a new one unless it is given.
 
     rates: nodes of the velocities; loads of qd unless something else is put in their place
     """
 
-    def __init__(self, equations: Terms) -> None:
+    def __init__(self, equations: Terms, graph: Graph | None = None) -> None:
         self.equations = equations
-        self.graph = Graph()
+        self.graph = Graph() if graph is None else graph
         self.derived = Derived()
         self.rates: list[int] = [self.graph.load("qd", i) for i in range(len(equations.free))]
         self._parameters: dict[str, int] | None = None

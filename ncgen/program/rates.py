@@ -37,7 +37,7 @@ SAME = 1e-10
 WELL = 1e-9
 """The least singular value of the rows of the rates, over the largest."""
 
-RATHER_FREE = 0.1
+RATHER_FREE = 0.5
 """The weight of a measured coordinate beside other rates where dependent ones are chosen."""
 
 
@@ -82,8 +82,8 @@ class Rates:
         self.free = [self.own[c] for c in independent]
         measured = {component for e in equations.model.elements.values() if isinstance(e, Relative) for component in e.components}
         self.measured = {k for c, k in self.own.items() if equations.free[c] in measured}
-        length = max((sizes[c] for c, (e, _) in self.where.items() if isinstance(e, Point)), default=1.0)
-        self.sizes = np.array([*(self._size(column.axis, length) for column in self.place.columns), *(sizes[c] for c in own)])
+        self.length = max((sizes[c] for c, (e, _) in self.where.items() if isinstance(e, Point)), default=1.0)
+        self.sizes = np.array([*(self._size(column.axis) for column in self.place.columns), *(sizes[c] for c in own)])
         self.jacobian: dict[int, dict[int, int]] = defaultdict(dict)
         for (r, c), node in sorted(lines.matrix(KERNELS["phi_q"]).items()):
             self.jacobian[r][c] = node
@@ -92,9 +92,9 @@ class Rates:
     def dependent(self) -> list[int]:
         return sorted(set(range(self.count)) - set(self.free))
 
-    def _size(self, axis: Vector, length: float) -> float:
+    def _size(self, axis: Vector) -> float:
         """1 of a rate that turns, else the length of the mechanism."""
-        return 1.0 if any(self.graph.value(node) != 0.0 for node in axis) else length
+        return 1.0 if any(self.graph.value(node) != 0.0 for node in axis) else self.length
 
     def rows(self) -> list[Row]:
         """All that is not satisfied by the way bodies move."""
@@ -135,7 +135,7 @@ class Rates:
         home = self.tree.home.get(element)
         mine = self.place.moved(element, link)
         theirs = self.place.moved(element, home) if home is not None and home != link else {}
-        zero, reach = self.graph.const(0.0), float(np.max(self.natural)) if isinstance(element, Point) else 1.0
+        zero, reach = self.graph.const(0.0), self.length if isinstance(element, Point) else 1.0
         rows = []
         for axis, component in enumerate(element.components):
             entries = {k: v[axis] for k, v in mine.items()}

@@ -13,6 +13,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -23,6 +24,7 @@ from ncgen.program.composite import Inertia, inertia_of, massless, nothing
 from ncgen.program.elimination import (
     Factors,
     Matrix,
+    SymmetricFactors,
     dot,
     factor,
     factor_symmetric,
@@ -61,25 +63,8 @@ def assemble_recursions(equations: Terms, split: Split, samples: Sequence[Sample
 
     Raises NoRecursion where the mechanism has no tree that moves as the rows allow, EliminationError where no pivot is left.
     """
-    work = _recursion(equations, split, samples, sizes)
+    work = Recursion(equations, split, samples, sizes)
     return {name: work.written(zdd) for name, zdd in work.ways()}
-
-
-def assemble_motions(equations: Terms, samples: Sequence[Sample], sizes: np.ndarray) -> tuple[dict[str, Program], Program]:
-    """derivative(t, q, qd, p) -> q̇ (n), q̈ (n), power, growth by every recursion that applies, and velocities(t, q, qd, p) -> q̇ (n), growth.
-
-    There is no choice of independent coordinates: the velocities given say how the joints turn and slide, q̇ is what loops allow of that.
-    growth: how much larger ‖R‖² of the rates is than in the samples; far from 1 the fixed order of elimination is a bad one
-    Arguments and errors as for `assemble_recursions`.
-    """
-    work = _recursion(equations, None, samples, sizes)
-    return {name: work.written_for_all(zdd) for name, zdd in work.ways()}, work.written_velocities()
-
-
-def _recursion(equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray) -> _Recursion:
-    if len(samples) < FEWEST:
-        raise NoRecursion("too few positions to see what vanishes")
-    return _Recursion(equations, split, samples, sizes)
 
 
 @dataclass(frozen=True)
@@ -100,10 +85,16 @@ def _is_positive(matrix: dict[tuple[int, int], float], size: int) -> bool:
     return bool(np.all(scale > 0)) and (not size or np.linalg.eigvalsh(dense / np.outer(scale, scale))[0] > ROUNDING)
 
 
-class _Recursion:
-    """The recursion under way: positions, then velocities, then forces."""
+class Recursion:
+    """The recursion under way: positions, then velocities, then forces.
+
+    split: the independent coordinates, whose velocities are zd; without them velocities are those of all coordinates
+    Raises NoRecursion and EliminationError as `assemble_recursions`.
+    """
 
     def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray) -> None:
+        if len(samples) < FEWEST:
+            raise NoRecursion("too few positions to see what vanishes")
         self.model, self.tree = equations.model, spanning_tree(equations.model)
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph = self.lines.graph
@@ -118,7 +109,7 @@ class _Recursion:
         self.speeds = [self.graph.load("zd", k) for k in range(len(self.R))] if split else measured_rates(self.rates)
         self.nu = self.lines.vector(KERNELS["nu"])
         self.velocity = self._move()
-        self.bias = self._particular(self._right_sides())
+        self.bias = self.particular(self._right_sides())
         self.loads = self._loads()
 
     @property
@@ -128,31 +119,11 @@ class _Recursion:
 
     def written(self, zdd: Sequence[int]) -> Program:
         """The program `acceleration` of these accelerations of the independent coordinates."""
-        outputs = [*self.lines.rates, *zdd, self._power(zdd), self._amplification()]
+        outputs = [*self.lines.rates, *zdd, self.power(zdd), self.amplification()]
         return self.lines.program("acceleration", ("t", "q", "zd", "p"), outputs)
 
-    def written_velocities(self) -> Program:
-        """The program `velocities`."""
-        return self.lines.program("velocities", ("t", "q", "qd", "p"), [*self.lines.rates, self._growth()])
-
-    def written_for_all(self, zdd: Sequence[int]) -> Program:
-        """The program `derivative` of these accelerations of the free rates."""
-        graph, rates = self.graph, self.rates
-        changes = [self.bias.get(k, self.zero) for k in range(rates.count)]
-        for acceleration, column in zip(zdd, self.R, strict=True):
-            for k, node in column.items():
-                changes[k] = graph.add(changes[k], graph.mul(node, acceleration))
-        moved = self.velocity.accelerations(changes)
-        qdd = [changes[rates.own[c]] if c in rates.own else self._along(moved, c) for c in range(len(rates.equations.free))]
-        return self.lines.program("derivative", ("t", "q", "qd", "p"), [*self.lines.rates, *qdd, self._power(zdd), self._growth()])
-
-    def _growth(self) -> int:
-        """The amplification over the largest of the samples."""
-        amplification = self._amplification()
-        usual = float(np.max(self.rates.sampling[amplification]))
-        return self.graph.mul(self.graph.const(1.0 / usual), amplification) if usual > 0 else self.zero
-
-    def _amplification(self) -> int:
+    def amplification(self) -> int:
+        """‖R‖² in natural units."""
         return self.graph.sum(self._grown(k, node, i) for i, column in enumerate(self.R) for k, node in column.items())
 
     # -- positions -----------------------------------------------------------------------------
@@ -165,14 +136,14 @@ class _Recursion:
         }
         self.factors: Factors = factor(self.graph, self.matrix, len(self.rows), self.rates.sampling.of(self.matrix))
 
-    def _particular(self, right: Column) -> Column:
+    def particular(self, right: Column) -> Column:
         """S·right."""
         return {self.rates.dependent[j]: node for j, node in solve(self.graph, self.factors, right).items()}
 
     def _independent(self, rate: int) -> Column:
         """The column of R of an independent rate."""
         right = {i: self.graph.neg(row.entries[rate]) for i, row in enumerate(self.rows) if rate in row.entries}
-        return {rate: self.one, **self.rates.nonzero_column(self._particular(right))}
+        return {rate: self.one, **self.rates.nonzero_column(self.particular(right))}
 
     def _grown(self, rate: int, node: int, independent: int) -> int:
         """How much an error of an independent coordinate grows in a rate, squared, without units."""
@@ -187,17 +158,17 @@ class _Recursion:
         graph, rates = self.graph, self.rates
         driven = {i: self.nu[row.source] for i, row in enumerate(self.rows) if isinstance(row.source, int) and row.source in self.nu}
         x = [self.zero] * rates.count
-        for k, node in self._particular(driven).items():
+        for k, node in self.particular(driven).items():
             x[k] = node
         for speed, column in zip(self.speeds, self.R, strict=True):
             for k, node in column.items():
                 x[k] = graph.add(x[k], graph.mul(node, speed))
         velocity = TreeVelocity(rates.place, x[: self.joints])
         for c in range(len(rates.equations.free)):
-            self.lines.rates[c] = x[rates.own[c]] if c in rates.own else self._along(velocity.velocity, c)
+            self.lines.rates[c] = x[rates.own[c]] if c in rates.own else self.along(velocity.velocity, c)
         return velocity
 
-    def _along(self, vectors: dict, c: int) -> int:
+    def along(self, vectors: dict, c: int) -> int:
         """What a vector for every element says of a coordinate."""
         element, axis = self.rates.where[c]
         return vectors[element][axis]
@@ -211,7 +182,7 @@ class _Recursion:
         graph, rates, bias = self.graph, self.rates, self.velocity.bias
         if isinstance(row.source, int):
             moved = {c: node for c, node in rates.jacobian[row.source].items() if c in rates.where}
-            parts = [graph.mul(node, self._along(bias, c)) for c, node in moved.items()]
+            parts = [graph.mul(node, self.along(bias, c)) for c, node in moved.items()]
             return graph.sub(gamma.get(row.source, self.zero), graph.sum(parts))
         assert row.source is not None, "a row without right-hand sides"
         element, link = row.source
@@ -279,7 +250,7 @@ class _Recursion:
                 product = graph.mul(part, node)
                 H[i, j] = graph.add(H[i, j], product) if (i, j) in H else product
             if b in self.rates.where:
-                right[i] = graph.sub(right.get(i, self.zero), graph.mul(part, self._along(self.velocity.bias, b)))
+                right[i] = graph.sub(right.get(i, self.zero), graph.mul(part, self.along(self.velocity.bias, b)))
 
     def _moved(self, c: int) -> Column:
         """The row of T of a coordinate."""
@@ -292,33 +263,56 @@ class _Recursion:
 
     def ways(self) -> Iterator[tuple[str, list[int]]]:
         """z̈ by every recursion that applies, with its name."""
-        is_open = self.is_open()
-        if is_open:
-            yield "articulated", self.by_articulated()
-        if not is_open or self.joints <= LONG:
-            yield "composite", self.by_composite()
+        if self.is_open:
+            yield "articulated", self._by_articulated()
+        if not self.is_open or self.joints <= LONG:
+            yield "composite", self._by_composite()
 
-    def by_composite(self) -> list[int]:
-        """z̈ of (RᵀHR) z̈ = Rᵀ(f − H S …), eliminated in an order without fill on a tree."""
+    def solve(self, right: Column) -> list[int]:
+        """x of (RᵀHR) x = Rᵀ right over the free rates, by the recursion that suits the tree."""
+        return self._solve_articulated(right) if self.is_open and self.joints > LONG else self._solve_composite(right)
+
+    @cached_property
+    def _mass(self) -> tuple[Matrix, Column]:
+        return self._mass_matrix()
+
+    @cached_property
+    def _HR(self) -> list[Column]:
+        return [times(self.graph, self._mass[0], column) for column in self.R]
+
+    @cached_property
+    def _reduced(self) -> SymmetricFactors:
+        """Factors of RᵀHR, in an order without fill on a tree."""
         graph, size = self.graph, len(self.R)
-        H, right = self._mass_matrix()
-        self.left = dict(right)
-        for k, node in times(self.graph, H, self.bias).items():
-            self.left[k] = graph.sub(self.left.get(k, self.zero), node)
-        self.HR = [times(self.graph, H, column) for column in self.R]
         A: Matrix = {}
         for i in range(size):
             for j in range(i + 1):
-                node = dot(self.graph, self.R[i], self.HR[j])
+                node = dot(graph, self.R[i], self._HR[j])
                 if graph.value(node) != 0.0:
                     A[i, j] = A[j, i] = node
         samples = self.rates.sampling.of(A)
         if not all(_is_positive(sample, size) for sample in samples):
             raise massless(self.model.name)
-        factors = factor_symmetric(graph, A, size, samples)
-        solved = solve_symmetric(graph, factors, {i: dot(self.graph, column, self.left) for i, column in enumerate(self.R)})
-        return [solved.get(i, self.zero) for i in range(size)]
+        return factor_symmetric(graph, A, size, samples)
 
+    @cached_property
+    def _left(self) -> Column:
+        """Forces of the rates less what inertia needs for the accelerations that closing rows ask for."""
+        H, right = self._mass
+        left = dict(right)
+        for k, node in times(self.graph, H, self.bias).items():
+            left[k] = self.graph.sub(left.get(k, self.zero), node)
+        return left
+
+    def _by_composite(self) -> list[int]:
+        """z̈ of (RᵀHR) z̈ = Rᵀ(f − H S …)."""
+        return self._solve_composite(self._left)
+
+    def _solve_composite(self, right: Column) -> list[int]:
+        solved = solve_symmetric(self.graph, self._reduced, {i: dot(self.graph, column, right) for i, column in enumerate(self.R)})
+        return [solved.get(i, self.zero) for i in range(len(self.R))]
+
+    @cached_property
     def is_open(self) -> bool:
         """True if the independent rates are those of the joints but for signs, and all inertia is that of links."""
         joints = [[k for k in column if k < self.joints] for column in self.R]
@@ -326,25 +320,28 @@ class _Recursion:
         each = sorted(k for ks in joints for k in ks) == list(range(self.joints)) and all(len(ks) == 1 for ks in joints)
         return signs and each and not self.loads.mass and not self.nu and not self.bias
 
-    def by_articulated(self) -> list[int]:
+    def _by_articulated(self) -> list[int]:
         """z̈ of an open tree."""
+        return self._solve_articulated(self.loads.force)
+
+    def _solve_articulated(self, forces: Column) -> list[int]:
         joints = range(self.joints)
-        right = {k: self.loads.force.get(k, self.zero) for k in joints}
+        right = {k: forces.get(k, self.zero) for k in joints}
         for column in self.R:  # a force along the independent coordinate itself, such as a motor's, acts on its joint
             (k,) = [j for j in column if j in joints]
-            for own in (j for j in column if j not in joints and j in self.loads.force):
-                right[k] = self.graph.add(right[k], self.graph.mul(column[k], self.loads.force[own]))
+            for own in (j for j in column if j not in joints and j in forces):
+                right[k] = self.graph.add(right[k], self.graph.mul(column[k], forces[own]))
         found = articulated.accelerations(self.rates.place, self.loads.own, right)
         return [self.graph.mul(node, found[k]) for column in self.R for k, node in column.items() if k in joints]
 
-    def _power(self, zdd: Sequence[int]) -> int:
+    def power(self, zdd: Sequence[int]) -> int:
         """Power of forces without a potential and of drivers, P − νᵀλ with Jᵀ λ = f − H ẋ on the dependent rates."""
         graph = self.graph
         power = self.lines.vector(KERNELS["energy"]).get(ENERGIES.index("power"), self.zero)
         if not self.nu:
             return power
-        rest = dict(self.left)
-        for column, acceleration in zip(self.HR, zdd, strict=True):
+        rest = dict(self._left)
+        for column, acceleration in zip(self._HR, zdd, strict=True):
             for k, node in column.items():
                 rest[k] = graph.sub(rest.get(k, self.zero), graph.mul(node, acceleration))
         lam = solve_transposed(graph, self.factors, {self.column[k]: node for k, node in rest.items() if k in self.column})

@@ -16,6 +16,7 @@ from ncgen.errors import NcgenError
 from ncgen.program import dynamics
 from ncgen.program.elimination import EliminationError
 from ncgen.program.evaluate import evaluate
+from ncgen.program.motion import assemble_motions
 from ncgen.program.rates import NoRecursion
 from ncgen.program.recursion import assemble_recursions
 from ncgen.solver.compiled import samples, split_of
@@ -48,6 +49,7 @@ def compare(seed: int, counts: Counter) -> str | None:
             return None
         given = kernels.programs.equations, split, samples(kernels, q, kernels.p0), kernels.column_sizes
         ways = assemble_recursions(*given)
+        ways |= {f"{name} of all": way for name, way in assemble_motions(given[0], *given[2:])[0].items()}
         judge, closing = dynamics.by_all_coordinates(*given), dynamics.newton(*given[:3])
     except NoRecursion as reason:
         counts["no recursion: too few positions" if "few" in str(reason) else "no recursion"] += 1
@@ -55,7 +57,7 @@ def compare(seed: int, counts: Counter) -> str | None:
     except (NcgenError, EliminationError):
         counts["refused"] += 1
         return None
-    speeds = np.random.default_rng(seed).standard_normal(len(split.independent))
+    speeds = np.random.default_rng(seed).standard_normal(len(split.independent)) * kernels.column_sizes[list(split.independent)]
     away = float(np.max(np.abs(q) / kernels.column_sizes, initial=0.0))
     close = APART + 100 * np.finfo(float).eps * away  # so badly are positions known far from the origin
     units = np.array([*kernels.column_sizes, *kernels.column_sizes[list(split.independent)], 1.0])
@@ -71,10 +73,10 @@ def compare(seed: int, counts: Counter) -> str | None:
                     counts["drivers that contradict rows"] += 1
                     break
                 rates = np.array(evaluate(judge, inputs)[: kernels.n])
-                power = float(np.abs(kernels.force(sample.q, rates, sample.t, sample.p)) @ np.abs(rates))
-                apart = _apart(program, judge, inputs, units, kernels.n, power)
+                power = _power(kernels, rates, evaluate(judge, inputs)[kernels.n : -2], split.independent, sample)
+                apart = _apart(program, judge, inputs, units, split, power)
                 if not apart < close:  # rounding, perhaps, or positions that are not quite closed
-                    apart = _apart(program, judge, _closed(closing, inputs, split.dependent), units, kernels.n, power, EXACT, mpmath.mpf)
+                    apart = _apart(program, judge, _closed(closing, inputs, split.dependent), units, split, power, EXACT, mpmath.mpf)
             except (ValueError, ArithmeticError, TypeError):
                 counts["outside a domain"] += 1
                 break
@@ -97,6 +99,13 @@ def _contradicts(kernels, rates: list[float], sample) -> bool:
     return bool(np.any(nu)) and bool(np.max(np.abs(jacobian @ rates - nu) / kernels.row_sizes) > 1e-6 * np.max(terms / kernels.row_sizes))
 
 
+def _power(kernels, rates: np.ndarray, zdd: list[float], independent, sample) -> float:
+    """The size of what power is the sum of: forces and inertia times velocities."""
+    forces = np.abs(kernels.force(sample.q, rates, sample.t, sample.p))
+    inertia = np.abs(kernels.mass_matrix(sample.q, sample.t, sample.p))[:, list(independent)] @ np.abs(zdd)
+    return float((forces + inertia) @ np.abs(rates))
+
+
 def _closed(closing, inputs: dict, dependent) -> dict:
     """The inputs with 50 digits, at a position that is closed to as many."""
     exact = {k: mpmath.mpf(v) if k == "t" else [mpmath.mpf(float(x)) for x in v] for k, v in inputs.items()}
@@ -109,10 +118,15 @@ def _closed(closing, inputs: dict, dependent) -> dict:
     raise ArithmeticError("too near a singular position")
 
 
-def _apart(program, judge, inputs: dict, units: np.ndarray, n: int, power: float, functions=None, number=float) -> float:
+def _apart(program, judge, inputs: dict, units: np.ndarray, split, power: float, functions=None, number=float) -> float:
     """The largest difference of rates and of accelerations, in natural units, relative to the largest; of power relative to `power`."""
     given = {k: v if k == "t" else list(v) for k, v in inputs.items()}
-    a, b = (np.array([float(x) for x in evaluate(p, given, functions, number)][:-1]) / units for p in (program, judge))
+    right = evaluate(judge, given, functions, number)[:-1]
+    n = len(given["q"])
+    found = evaluate(program, given | {"qd": right[:n]}, functions, number)[:-1]
+    if "qd" in program.inputs:  # accelerations of all coordinates
+        found = [*found[:n], *(found[n + c] for c in split.independent), found[-1]]
+    a, b = (np.array([float(x) for x in values]) / units for values in (found, right))
     sizes = [max(float(np.max(np.abs(b[part]), initial=0.0)), 1e-3) for part in (slice(0, n), slice(n, -1))]
     apart = [float(np.max(np.abs(a[p] - b[p]), initial=0.0)) / size for p, size in zip((slice(0, n), slice(n, -1)), sizes, strict=True)]
     return max(*apart, abs(a[-1] - b[-1]) / max(abs(b[-1]), power, 1e-300))

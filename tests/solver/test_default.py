@@ -112,7 +112,7 @@ def test_a_rolling_disc_is_quick():
     """In C, by default."""
     disc = ncgen.compile(load("disc"), "c")
     run = ncgen.simulate(disc, 0.5, zd0=disc.model.simulation_options["zd0"])
-    assert run.engine == "c"
+    assert run.engine == "emitted"
 
 
 def test_a_disc_that_falls_flat_says_so_soon():

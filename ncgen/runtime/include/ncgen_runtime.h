@@ -54,7 +54,7 @@ typedef struct ncgen_partition {
  * is than usual, is large, the matrix [M Phi_q'; Phi_q -E] is factored instead. */
 typedef struct ncgen_motion {
     ncgen_velocity_kernel *derivative; /* qd as the joints allow, and qdd (n_coordinates each), power, growth */
-    ncgen_velocity_kernel *velocities; /* qd as the joints allow, growth */
+    ncgen_velocity_kernel *velocities; /* the nearest qd that the joints allow, in the sense of kinetic energy, growth */
     ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), phi (n_rows), which is 0 where it closes at once */
 } ncgen_motion;
 

@@ -37,8 +37,10 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->nu = ncgen_take(space, r->m);
     w->phi = ncgen_take(space, r->m);
     w->motion = r->options->formalism == NCGEN_LAGRANGE && !(r->options->frequency > 0) ? d->motion : NULL;
-    if (w->motion)
+    if (w->motion) {
         w->emitted = ncgen_take(space, 2 * r->n + r->m + 2);
+        w->apart = ncgen_take(space, r->n);
+    }
     w->corner = ncgen_take(space, r->m);
     w->reduced = ncgen_take(space, r->m);
     w->natural = ncgen_take(space, r->n);
@@ -278,23 +280,35 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
 /* A digit is lost from here on. */
 int ncgen_is_badly_ordered(ncgen_real growth)
 {
-    return !(growth < R(1.0e2));
+    return !(growth < R(10.0));
 }
 
 /* The state derivative by the emitted recursion; 0 where its order of elimination is a bad one. */
 static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
 {
-    const ncgen_constrained *w = r->constrained;
+    ncgen_constrained *w = r->constrained;
     const int n = r->n;
     w->motion->derivative(t, r->q, r->qd, r->p, w->emitted);
-    if (ncgen_is_badly_ordered(w->emitted[2 * n + 1])) {
-        r->statistics->fallbacks += 1;
+    w->growth = w->emitted[2 * n + 1];
+    if (ncgen_is_badly_ordered(w->growth))
         return 0;
-    }
     ncgen_copy(n, w->emitted, yd + n);
     ncgen_copy(n, w->emitted + n, yd);
     yd[2 * n] = w->emitted[2 * n];
     return 1;
+}
+
+/* Which way the next step goes: all of its stages the same, since off the constraints, where they are, the two differ. */
+static int choose_way(ncgen_run *r, ncgen_scalar t)
+{
+    const ncgen_scalar soon_bad = R(3.0);
+    ncgen_constrained *w = r->constrained;
+    if (w->is_factored) {
+        w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
+        w->growth = w->emitted[r->n];
+    }
+    w->by_matrix = !(w->growth < soon_bad);
+    return NCGEN_OK;
 }
 
 static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *yd)
@@ -303,12 +317,13 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     const int n = r->n;
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
-    w->is_factored = !w->motion || r->careful || !by_recursion(r, t, yd);
+    w->is_factored = !w->motion || w->by_matrix || r->careful || !by_recursion(r, t, yd);
     if (!w->is_factored) {
         w->jacobian_is_there = 0;
         r->statistics->evaluations += 1;
         return NCGEN_OK;
     }
+    r->statistics->fallbacks += w->motion != NULL;
     const int status = ncgen_constrained_accelerations(r, t);
     if (status != NCGEN_OK)
         return status;
@@ -338,6 +353,8 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     r->y[2 * n] = 0;
     w->jacobian_is_there = 0;
     w->is_factored = 1;
+    w->by_matrix = 0;
+    r->accept = w->motion ? choose_way : NULL;
     for (int i = 0; i < n; ++i)
         w->right[i] = 0;
     for (int i = 0; i < r->m; ++i)

@@ -11,6 +11,9 @@ typedef struct ncgen_constrained {
     int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
     const ncgen_motion *motion;                /* emitted, or NULL */
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
+    ncgen_real *apart;                         /* n: a position, and how far another one is from it */
+    ncgen_real growth;                         /* of its elimination, where it was called last */
+    int by_matrix;                             /* this step goes without it */
     int is_factored;                           /* the factors are those of the state that was looked at last */
     int kept;                                  /* solution and factors are those of the last step's end */
     ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */

@@ -81,29 +81,54 @@ int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
     return project_velocity(r, r->constrained, t);
 }
 
-/* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one.
- *
- * A Newton step that leaves the independent coordinates as they are should move the others about as much as the rows are violated, in
- * natural sizes. Where it moves them much more, near a position in which these coordinates do not say where the mechanism is, an error of
- * theirs would become that much larger. */
-static int close_by_recursion(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
+/* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; 0 where they do not close, or move the
+ * others by much more than the rows are violated, in natural sizes: where these coordinates hardly say where the mechanism is. */
+static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
 {
-    const ncgen_scalar nearly_closed = NCGEN_SQRT(r->rounding) * R(10.0), far = R(30.0), nothing = R(1.0e3) * r->rounding;
+    const ncgen_scalar nearly_closed = NCGEN_SQRT(r->rounding) * R(10.0), too_far = R(0.1), nothing = 100 * r->rounding;
     for (int k = 0; k < POSITION_LIMIT; ++k) {
         w->motion->closing(t, r->q, r->p, w->emitted);
         r->statistics->newton_steps += 1;
-        const ncgen_real before = ncgen_constrained_violation(r, w->emitted + r->n), step = ncgen_constrained_size(r, w->emitted);
-        if (!(step < far * before + nothing) && before > 0)
+        const ncgen_real moved = ncgen_constrained_size(r, w->emitted), violation = ncgen_constrained_violation(r, w->emitted + r->n);
+        if (!(moved < too_far) || (violation > 0 && moved > 10 * violation + nothing))
             return 0;
         for (int i = 0; i < r->n; ++i)
             r->q[i] += w->emitted[i];
-        if (before < nearly_closed) {
-            w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
-            ncgen_copy(r->n, w->emitted, r->qd);
-            return !ncgen_is_badly_ordered(w->emitted[r->n]) && ncgen_is_finite(r->n, r->qd);
-        }
+        if (violation < nearly_closed)
+            return 1;
     }
     return 0;
+}
+
+/* r->q moved along the constraints to where it is nearest to w->apart: by the part of the difference that the joints allow. */
+static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
+{
+    const int n = r->n;
+    ncgen_real *moved = w->emitted, *driven = w->emitted + n + 1;
+    for (int i = 0; i < n; ++i)
+        w->apart[i] -= r->q[i];
+    w->motion->velocities(t, r->q, w->apart, r->p, moved);
+    const int is_bad = ncgen_is_badly_ordered(moved[n]);
+    if (r->model->nu) {
+        for (int i = 0; i < n; ++i)
+            w->apart[i] = 0;
+        w->motion->velocities(t, r->q, w->apart, r->p, driven);
+    }
+    for (int i = 0; i < n; ++i)
+        r->q[i] += moved[i] - (r->model->nu ? driven[i] : 0);
+    return !is_bad && close_position(r, w, t); /* what is straight leaves the constraints, always to the same side */
+}
+
+/* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below, both are
+ * changed as little as can be in the sense of kinetic energy. */
+static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
+{
+    ncgen_copy(r->n, r->q, w->apart);
+    if (!close_position(r, w, t) || !approach(r, w, t))
+        return 0;
+    w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
+    ncgen_copy(r->n, w->emitted, r->qd);
+    return ncgen_is_finite(r->n, r->qd);
 }
 
 /* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none. */
@@ -113,7 +138,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
     int status = NCGEN_OK;
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
-    if (!(w->motion && !r->careful && close_by_recursion(r, w, t))) {
+    if (!w->motion || w->by_matrix || r->careful || !close_by_recursion(r, w, t)) {
         ncgen_copy(r->n, y, r->qd);
         ncgen_copy(r->n, y + r->n, r->q);
         status = factors_are_near ? NCGEN_OK : refresh(r, t);

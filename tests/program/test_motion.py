@@ -1,0 +1,91 @@
+"""The motion of all coordinates by recursion, judged by [M Φ_qᵀ; Φ_q 0] and by the rows themselves."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy.linalg import null_space
+
+import ncgen
+from ncgen.exchange.examples import example_names, load
+from ncgen.program.cost import cost
+from ncgen.program.dynamics import assemble_motion
+from ncgen.program.evaluate import evaluate
+from ncgen.solver.compiled import own_positions
+from ncgen.solver.formalisms import accelerations_by
+from ncgen.symbolic.tree import spanning_tree
+
+WITH_TREES = [name for name in example_names() if spanning_tree(load(name)).links]
+
+
+class Case:
+    """A mechanism, the programs of its motion and consistent states."""
+
+    def __init__(self, name: str) -> None:
+        self.kernels = k = ncgen.compile(load(name), "numpy")
+        self.split, self.samples = own_positions(k)
+        self.programs = assemble_motion(k.programs.equations, self.split, self.samples, k.column_sizes)
+        self.generator = np.random.default_rng(5)
+
+    def consistent(self, sample) -> np.ndarray:
+        """Random velocities that the rows allow."""
+        k = self.kernels
+        jacobian, nu = k.jacobian(sample.q, sample.t, sample.p), k.nu(sample.q, sample.t, sample.p)
+        free = null_space(jacobian, rcond=1e-9)
+        qd = free @ self.generator.standard_normal(free.shape[1])
+        return qd + np.linalg.lstsq(jacobian, nu - jacobian @ qd, rcond=1e-9)[0]
+
+    def values(self, program, sample, **state) -> np.ndarray:
+        given = {"t": sample.t, "q": sample.q, "p": sample.p} | state
+        return np.array(evaluate(program, given))
+
+
+@cache
+def case(name: str) -> Case:
+    return Case(name)
+
+
+@pytest.mark.parametrize("name", WITH_TREES)
+def test_derivative(name):
+    """q̇ is what was given, where it is consistent; q̈ solves the equations of all coordinates."""
+    here, k = case(name), case(name).kernels
+    for sample in here.samples:
+        qd = here.consistent(sample)
+        found = here.values(here.programs.derivative, sample, qd=qd)
+        right = accelerations_by("lagrange").motion(k, sample.q, qd, sample.t, sample.p, {})
+        size = np.max(np.abs(right.qdd) / k.column_sizes)
+        assert np.allclose(found[: k.n], qd, rtol=0.0, atol=1e-10 * np.max(np.abs(qd)))
+        assert np.max(np.abs(found[k.n : 2 * k.n] - right.qdd) / k.column_sizes) < 1e-11 * max(size, 1.0)
+        assert found[-2] == pytest.approx(right.power, rel=1e-9, abs=1e-9 * size)
+
+
+@pytest.mark.parametrize("name", WITH_TREES)
+def test_velocities_are_brought_onto_the_constraints(name):
+    here, k = case(name), case(name).kernels
+    for sample in here.samples:
+        qd = here.consistent(sample)
+        off = 1e-3 * here.generator.standard_normal(k.n) * k.column_sizes
+        found = here.values(here.programs.velocities, sample, qd=qd + off)[:-1]
+        violation = k.jacobian(sample.q, sample.t, sample.p) @ found - k.nu(sample.q, sample.t, sample.p)
+        assert np.max(np.abs(violation) / k.row_sizes) < 1e-10 * max(np.max(np.abs(qd) / k.column_sizes), 1.0)
+        assert np.max(np.abs(found - qd) / k.column_sizes) < 0.2  # nothing is multiplied by much
+
+
+@pytest.mark.parametrize("name", WITH_TREES)
+def test_closing_leaves_the_independent_coordinates(name):
+    here, k = case(name), case(name).kernels
+    sample = here.samples[0]
+    start = sample.q + 1e-5 * here.generator.standard_normal(k.n) * k.column_sizes
+    q = start.copy()
+    for _ in range(4):
+        q += here.values(here.programs.closing, sample._replace(q=q))[: k.n]
+    assert np.max(np.abs(k.phi(q, sample.t, sample.p)[k.holonomic]) / k.row_sizes[k.holonomic], initial=0.0) < 1e-13
+    assert np.array_equal(q[list(here.split.independent)], start[list(here.split.independent)])
+
+
+@pytest.mark.parametrize("name, most", [("robot", 3300), ("arm", 3000), ("suspension", 1800)])
+def test_operations(name, most):
+    """Hardly more than accelerations with independent coordinates take, and no Newton step is needed in between."""
+    assert cost(case(name).programs.derivative).total < most
