@@ -17,7 +17,6 @@ import numpy as np
 from ncgen.comparisons.rivals.base import KERNELS, Inputs
 from ncgen.comparisons.rivals.handwritten import source
 from ncgen.compiler import compile, generate
-from ncgen.emit.c.files import dynamics_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
@@ -67,8 +66,8 @@ def _derivative_records(kernels: CompiledKernels, count: _Counter) -> Iterator[d
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
     if not kernels.m or not is_emitted(kernels, partitions):
         return
-    programs = dynamics(kernels, partitions, "emitted", q, kernels.p0).programs
-    files = dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
+    written = dynamics(kernels, partitions, "emitted", q, kernels.p0).written
+    programs, files = written.programs, written.files
     files = files | runtime_files(*RUNTIME_HEADERS, *HEADERS)
     prefix, zd = identifier(kernels.name), np.ones(len(partitions.velocity.independent))
     for kind, program in (("newton", programs.newton), ("acceleration", programs.acceleration)):

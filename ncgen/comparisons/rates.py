@@ -54,7 +54,7 @@ def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
     zd = np.full(len(partitions.velocity.independent), SPEED)
     _, parts, programs = emitted_parts(kernels)
     refined = dynamics_in_c(kernels, partitions, "refined", q, kernels.p0)
-    programs[REFINED] = refined.programs.acceleration
+    programs[REFINED] = refined.written.programs.acceleration
     parts[REFINED] = Call(refined._dynamics.acceleration, programs[REFINED].size, (kernels, refined))
     runs: dict[str, Run] = {
         name: runner(0.0, q, zd, kernels.p0, [parts[at] for at in positions], parts[velocity] if velocity else None)
@@ -83,7 +83,7 @@ def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call]
     partitions = choose_partitions(kernels, q, independent=kernels.model.chosen_independent)
     emitted = dynamics_in_c(kernels, partitions, "emitted", q, kernels.p0)
     programs = {"phi": kernels.programs.programs["phi"]}
-    programs |= {name: getattr(emitted.programs, name) for name in ("newton", "acceleration")}
+    programs |= {name: getattr(emitted.written.programs, name) for name in ("newton", "acceleration")}
     functions = {"phi": kernels.function("phi")}
     functions |= {name: getattr(emitted._dynamics, name) for name in ("newton", "acceleration")}
     return q, {name: Call(functions[name], program.size, (kernels, emitted)) for name, program in programs.items()}, programs

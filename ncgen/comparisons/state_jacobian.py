@@ -75,7 +75,7 @@ class StateJacobian:
 
     def exact(self) -> np.ndarray:
         """By differences over 1e-15 with 50 digits, good to 1e-28, rounded."""
-        programs = dynamics_in_c(self.kernels, self.partitions, "emitted", self.q, self.kernels.p0).programs
+        programs = dynamics_in_c(self.kernels, self.partitions, "emitted", self.q, self.kernels.p0).written.programs
         with mpmath.workdps(DIGITS):
             h = mpmath.mpf(10) ** -15
             y = [mpmath.mpf(float(x)) for x in self.y]

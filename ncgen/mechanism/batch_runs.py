@@ -10,16 +10,14 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
-from ncgen.emit.c.files import dynamics_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import LANES, aligned, load, pointer, thread_count
-from ncgen.mechanism.library import STATUS, CompiledKernels
+from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
+from ncgen.mechanism.written import Written
 from ncgen.methods.table import INTEGRATORS, number_in_c
-from ncgen.program.programs import Split
-from ncgen.program.sampling import Sample
 from ncgen.toolchain.abi import InC, declared, runtime_abi
 
 SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", *RUNTIME_HEADERS)
@@ -60,22 +58,19 @@ class _BatchListener(Listener):
 class LaneDynamics:
     """The state derivative of one choice of independent coordinates, for many states at a time."""
 
-    def __init__(self, kernels: CompiledKernels, split: Split, samples: Sequence[Sample]) -> None:
-        from ncgen.program.dynamics import assemble_dynamics
-
-        equations = kernels.programs.equations
-        programs = assemble_dynamics(equations, split, samples, kernels.column_sizes)
-        files = dynamics_files(programs, equations, kernels.row_sizes) | runtime_files(*SOURCES)
+    def __init__(self, written: Written) -> None:
+        kernels = written.kernels
+        files = written.files | runtime_files(*SOURCES)
         getter = f"{identifier(kernels.name)}_dynamics"
         declarations = f"{declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
         self._ffi, self._library, self.has_threads = load(files, declarations, LANES, runtime_abi())
         self._dynamics = getattr(self._library, getter)()
-        self.kernels, self.split, self._samples = kernels, split, samples
+        self.kernels, self.split, self._written = kernels, written.split, written
         self._model = self._ffi.cast("const ncgen_model *", kernels.descriptor)  # its sizes are asked for, not its kernels
 
-    def __reduce__(self) -> tuple[type[LaneDynamics], tuple[CompiledKernels, Split, Sequence[Sample]]]:
+    def __reduce__(self) -> tuple[type[LaneDynamics], tuple[Written]]:
         """Pickled as what it was made of; it is compiled again, or found in the cache, where it arrives."""
-        return LaneDynamics, (self.kernels, self.split, self._samples)
+        return LaneDynamics, (self._written,)
 
     def simulate(
         self,

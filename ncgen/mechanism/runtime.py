@@ -15,7 +15,7 @@ from typing import Protocol, TypeAlias
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from ncgen.emit.c.files import dynamics_files, model_files, motion_files
+from ncgen.emit.c.files import model_files, motion_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files, runtime_names
 from ncgen.errors import NcgenError
@@ -24,6 +24,7 @@ from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
 from ncgen.mechanism.recall import Files
+from ncgen.mechanism.written import Written
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
@@ -341,18 +342,13 @@ class ConstrainedDynamics(Dynamics):
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
-    def __init__(
-        self, kernels: CompiledKernels, split: Split, samples: Sequence[Sample], number: str = "double", refine: bool = False
-    ) -> None:
-        from ncgen.program.dynamics import assemble_dynamics
-
+    def __init__(self, written: Written, number: str = "double") -> None:
+        kernels = written.kernels
         super().__init__(kernels, number)
-        equations = kernels.programs.equations
-        self.programs = assemble_dynamics(equations, split, samples, kernels.column_sizes, refine)
-        files = dynamics_files(self.programs, equations, kernels.row_sizes)
+        self.written = written
         getter = f"{identifier(kernels.name)}_dynamics"
-        _, self._emitted = _load(files, number, f"const ncgen_dynamics *{getter}(void);")
-        written = getattr(self._emitted, getter)()
+        _, self._emitted = _load(written.files, number, f"const ncgen_dynamics *{getter}(void);")
+        emitted = getattr(self._emitted, getter)()
         for name in ("newton", "acceleration"):
-            setattr(self._dynamics, name, self._ffi.cast("void *", getattr(written, name)))
-        self._describe(split, self._dynamics)  # what to fall back upon
+            setattr(self._dynamics, name, self._ffi.cast("void *", getattr(emitted, name)))
+        self._describe(written.split, self._dynamics)  # what to fall back upon

@@ -1,10 +1,11 @@
 """Which method carries a run out, where the caller leaves it open, and what comes next where it cannot go on.
 
-All coordinates with Lagrange's multipliers and DOP853 are the first choice. The matrix of the equations is sparse and is factored by
-a plan made once, so that the cost grows with the mechanism and not with the square of its freedoms; redundant rows, rolling and
-singular positions need no special case. `ncgen hard` and `ncgen bench --precision` show it beside the others. Coordinate partitioning
-is taken where all coordinates cannot serve: for a state derivative that is written out, and in number types with few digits, in which
-redundant rows cannot be told from others. Stiff mechanisms go on with Radau IIA.
+All coordinates with Lagrange's multipliers and DOP853 are the first choice. Accelerations come from a recursion over the tree of bodies
+that is written out, or from the matrix of the equations, which is sparse and is factored by a plan made once, so that the cost grows
+with the mechanism and not with the square of its freedoms; redundant rows, rolling and singular positions need no special case.
+`ncgen hard` and `ncgen bench --precision` show it beside the others. Coordinate partitioning is taken where all coordinates cannot
+serve: for a state derivative that is asked for by name, and in number types with few digits, in which redundant rows cannot be told from
+others. Stiff mechanisms go on with Radau IIA.
 """
 
 from __future__ import annotations
@@ -53,7 +54,7 @@ def _formalism(run: Run) -> tuple[Formalism, str]:
         for formalism in FORMALISMS.values():
             if options <= set(formalism.options) and (named is None or goes_with(formalism, named)):
                 return formalism, f"it has the option {sorted(options)[0]}"
-    return FORMALISMS[ALL], "all coordinates, solved sparsely, pass singular positions"
+    return FORMALISMS[ALL], "all coordinates pass singular positions"
 
 
 def _method(formalism: Formalism, integrator: str, run: Run) -> Method:

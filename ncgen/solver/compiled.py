@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from functools import partial
 from typing import TYPE_CHECKING, Any, Literal, TypeGuard, overload
 
@@ -269,12 +270,13 @@ def _made(
     """A state derivative; positions: the choice for them where it is another than for velocities."""
     from ncgen.mechanism.batch_runs import LaneDynamics
     from ncgen.mechanism.runtime import DenseDynamics, EmittedDynamics
+    from ncgen.mechanism.written import Written
 
     if form == "dense":
         return DenseDynamics(kernels, split, number, positions)
-    if form == "lanes":
-        return LaneDynamics(kernels, split, samples(kernels, q, p))
-    return EmittedDynamics(kernels, split, samples(kernels, q, p), number, refine=form == "refined")
+    around = hashlib.sha256(np.concatenate([q, p]).tobytes()).hexdigest()
+    written = Written(kernels, split, partial(samples, kernels, q.copy(), p.copy()), around, form == "refined")
+    return LaneDynamics(written) if form == "lanes" else EmittedDynamics(written, number)
 
 
 def split_of(part: Partition) -> Split:

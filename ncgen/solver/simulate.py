@@ -83,10 +83,11 @@ def simulate(
     closing: the relative residual up to which the start passes as closed; larger for overconstrained mechanisms with rounded dimensions
     points: how many instants the trajectory holds
     max_step: the longest step (s)
-    engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out and compiled
-        for this mechanism: several times faster, after a compile of a second or so), "refined" (emitted, with a step of
+    engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out for this mechanism and its
+        independent coordinates, and compiled, which takes a second or so), "refined" (emitted, with a step of
         iterative refinement, which keeps digits where the fixed order of pivots is unlucky), "python" (the reference), or
-        "auto": C where it can be; the trajectory's `engine` says which it was and why
+        "auto": C where it can be, and where the formalism is lagrange accelerations that are written out for this mechanism, if it has
+        bodies and not more than 60 joints; the trajectory's `engine` says which it was and why
     number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
         its rounding are raised to that, and the trajectory has doubles in any case
     stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
