@@ -22,7 +22,6 @@ from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
 from ncgen.solver.rank import freedom, trial_positions
 from ncgen.solver.run import EMITTED, Form
-from ncgen.solver.steppers.generalized_alpha import weights
 from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
 from ncgen.symbolic.tree import spanning_tree
@@ -212,6 +211,8 @@ def _weights(settings: dict[str, Any]) -> dict[str, float]:
     """Of generalised-α, by the names of `ncgen_options`."""
     if "rho" not in settings:
         return {}
+    from ncgen.solver.steppers.generalized_alpha import weights
+
     return dict(zip(("alpha_m", "alpha_f"), weights(settings["rho"], settings["hht"]), strict=True))
 
 

@@ -8,17 +8,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from itertools import combinations
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.spatial.transform import Rotation
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Element, Point, Spatial
 from ncgen.model.rigid import NORMAL
 from ncgen.solver.geometry import element, element_rate
+
+if TYPE_CHECKING:
+    from scipy.spatial.transform import Rotation
 
 Direction: TypeAlias = tuple[Spatial, Point | None]
 """A vector, or a point and the one that the direction begins at."""
@@ -36,6 +38,8 @@ def transformation(kernels: Kernels, body: str, q: ArrayLike, p: np.ndarray | No
 
 def rotation(kernels: Kernels, body: str, q: ArrayLike, p: np.ndarray | None = None) -> Rotation:
     """The same as a scipy Rotation (the nearest orthogonal matrix)."""
+    from scipy.spatial.transform import Rotation
+
     return Rotation.from_matrix(transformation(kernels, body, q, p))
 
 

@@ -24,6 +24,7 @@ from ncgen.solver.integrators import Pace, ode_solver, replace_state, takes_jaco
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
 from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
+from ncgen.solver.shared_tolerance import sharing
 from ncgen.solver.stop import Stop
 from ncgen.solver.task import Task
 
@@ -68,7 +69,7 @@ class _Run:
         options = {**task.tolerances.for_scipy(sizes, sizes), "max_step": task.max_step}
         if takes_jacobian(self.method.integrator, self.kernels):
             options["jac"] = self._jacobian
-        make = partial(task.tolerances.sharing(ode_solver(self.method.integrator)), self._derivative, t_bound=grid[-1], **options)
+        make = partial(sharing(ode_solver(self.method.integrator), task.tolerances.span), self._derivative, t_bound=grid[-1], **options)
         solver = self.solver = make(t0=grid[0], y0=np.concatenate([task.velocities, task.q, [0.0]]))
         self._record([solver.y])
         start, before = self.reached = solver.t, solver.y

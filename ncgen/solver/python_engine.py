@@ -21,6 +21,7 @@ from ncgen.solver.finite import on_the_way, watched
 from ncgen.solver.integrators import Pace, ode_solver, takes_jacobian
 from ncgen.solver.partition import BETTER, Partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
+from ncgen.solver.shared_tolerance import sharing
 from ncgen.solver.stop import Stop
 from ncgen.solver.task import Task
 
@@ -67,7 +68,7 @@ class _Run:
     def __init__(self, kernels: Kernels, task: Task, partitions: Partitions) -> None:
         self.kernels, self.task, self.partitions = kernels, task, partitions
         self.integrator = task.method.integrator
-        self.solver: Callable[..., OdeSolver] = task.tolerances.sharing(ode_solver(self.integrator))
+        self.solver: Callable[..., OdeSolver] = sharing(ode_solver(self.integrator), task.tolerances.span)
         self.end = task.grid[-1]
         self.stopped: float | None = None
         self.motions: list[Motion] = []

@@ -13,7 +13,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
-from ncgen.solver import compiled, full_coordinates, python_engine, steppers
+from ncgen.solver import compiled
 from ncgen.solver.alarms import doubts, looks
 from ncgen.solver.choice import IMPLICIT, Choice, choose, stiff_choice
 from ncgen.solver.given import Given, checked_kernels
@@ -211,6 +211,8 @@ class _Motion:
         return compiled.run(self.path, kernels, task, form)
 
     def _in_python(self) -> None:
+        from ncgen.solver import full_coordinates, python_engine, steppers  # and SciPy's integrators
+
         task = self._task()
         if task.method.is_stepper:
             steppers.run(self.path, self.kernels, task)

@@ -3,22 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 import numpy as np
-from scipy.integrate import RK45, OdeSolver
 
 from ncgen.solver.run import Run
-
-if TYPE_CHECKING:
-
-    class _Explicit(OdeSolver):
-        """SciPy's class of explicit methods, which it does not show."""
-
-        def _step_impl(self) -> tuple[bool, str | None]: ...
-
-        def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float: ...
-
 
 SHARED = 20.0
 """Steps that may each take the whole tolerance where rtol is promised for the whole run; more of them share it."""
@@ -28,10 +17,6 @@ NEAR_ZERO = 0.01
 
 LEAST = 10.0
 """Roundings that a relative tolerance is at least."""
-
-
-SHORTEST = 2e-15
-"""Steps below this share of the run are too short to get anywhere: ten roundings."""
 
 
 @dataclass(frozen=True)
@@ -62,39 +47,6 @@ class Tolerances:
     def for_scipy(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
         """Arguments of SciPy's solvers for a state of velocities and positions of these natural sizes, and the work."""
         return {"rtol": self.rtol, "atol": self.atol * _state(velocities, positions) if self.natural else self.atol}
-
-    def sharing(self, solver: type[OdeSolver]) -> type[OdeSolver]:
-        """An explicit SciPy solver whose steps share the tolerance, and which knows when one is `repeated`; others as they are."""
-        if not issubclass(solver, RK45.__mro__[1]):
-            return solver
-        span, explicit = self.span, cast("type[_Explicit]", solver)
-
-        class Sharing(explicit):
-            begun, taken, repeated = 0.0, 0, False
-
-            def _step_impl(self) -> tuple[bool, str | None]:
-                self.begun = self.begun if self.taken else self.t
-                self.taken += 1
-                self.repeated = False
-                try:
-                    return super()._step_impl()
-                except _TooShort:
-                    return False, self.TOO_SMALL_STEP
-
-            def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float:
-                """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
-                mean = (self.t - self.begun) / self.taken
-                error = super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
-                self.repeated = not error < 1
-                if self.repeated and abs(h) < SHORTEST * abs(self.t_bound - self.begun):
-                    raise _TooShort
-                return error
-
-        return Sharing
-
-
-class _TooShort(Exception):
-    """A step that is next to nothing beside the run is refused. SciPy compares it with the spacing of numbers, which at 0 is 5e-324."""
 
 
 def _state(velocities: np.ndarray, positions: np.ndarray) -> np.ndarray:

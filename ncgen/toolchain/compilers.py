@@ -45,6 +45,9 @@ SECONDS_PER_KILOBYTE = 1.0
 LONGEST = 6 * 3600.0
 """… but never more than this."""
 
+FEW_SOURCES = 8
+"""A compiler is given at least as many where there are several."""
+
 PROBE = {"probe.c": "int ncgen_probe(void) { return 1; }\n"}
 
 
@@ -139,8 +142,15 @@ def make_library(
     """
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
-    command = [*compiler.command, *flags, *sorted(name for name in files if name.endswith(".c")), "-o", LIBRARY, *libraries]
-    log = _run(compiler, command, folder, min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
+    patience = min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000)
+    groups = _groups({name: len(text) for name, text in files.items() if name.endswith(".c")})
+    inputs, log = [name for group in groups for name in group], ""
+    if len(groups) > 1:
+        apart = [flag for flag in flags if flag != "-shared"]
+        log = _run(compiler, [[*compiler.command, *apart, "-c", *group] for group in groups], folder, patience)
+        inputs = [str(Path(name).with_suffix(".o")) for name in inputs]
+    command = [*compiler.command, *flags, *inputs, "-o", LIBRARY, *libraries]
+    log += _run(compiler, [command], folder, patience)
     if not (folder / LIBRARY).is_file():
         raise CompileError(f"{compiler.name} reported success and wrote no library; set CC to a C compiler", log)
     if loads and (problem := unloadable(folder / LIBRARY)):
@@ -148,32 +158,51 @@ def make_library(
     return command, log
 
 
-def _run(compiler: Compiler, command: list[str], folder: Path, patience: float) -> str:
-    """What a compiler says when it is run in a folder; it and the processes that it starts are stopped when its time is up."""
+def _groups(sizes: dict[str, int]) -> list[list[str]]:
+    """Sources for as many compilers at a time as there are processors, about as much text for each; few sources go together."""
+    count = min(os.cpu_count() or 1, len(sizes) // FEW_SOURCES) or 1
+    groups: list[list[str]] = [[] for _ in range(count)]
+    for name in sorted(sizes, key=lambda name: (-sizes[name], name)):
+        min(groups, key=lambda group: sum(sizes[each] for each in group)).append(name)
+    return [sorted(group) for group in groups]
+
+
+def _run(compiler: Compiler, commands: list[list[str]], folder: Path, patience: float) -> str:
+    """What a compiler says to some commands at a time in a folder; they and the processes that they start are stopped when time is up."""
     with tempfile.TemporaryDirectory(dir=folder) as scratch:  # what a compiler that is stopped leaves behind goes with it
         environment = os.environ | {"TMPDIR": scratch, "LC_ALL": "C"}
         nothing = subprocess.DEVNULL
+        started: list[subprocess.Popen[bytes]] = []
         try:
-            process = subprocess.Popen(
-                command, cwd=folder, env=environment, start_new_session=True, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE
-            )
-        except OSError as error:
-            raise CompileError(f"{compiler.name} cannot be run: {error.strerror}; set CC to a C compiler") from error
-        try:
-            log = process.communicate(timeout=patience)[1].decode("utf-8", errors="replace")
+            for command in commands:
+                started.append(
+                    subprocess.Popen(
+                        command, cwd=folder, env=environment, start_new_session=True, stdin=nothing, stdout=nothing, stderr=subprocess.PIPE
+                    )
+                )
+            logs = [process.communicate(timeout=patience)[1].decode("utf-8", errors="replace") for process in started]
         except subprocess.TimeoutExpired:
             raise CompileError(f"{compiler.name} did not end within {patience:.3g} s and was stopped; set CC to another compiler") from None
+        except OSError as error:
+            raise CompileError(f"{compiler.name} cannot be run: {error.strerror}; set CC to a C compiler") from error
         finally:
-            _stop(process)
-    for code in (errno.ENOSPC, errno.EDQUOT):
-        if process.returncode and os.strerror(code) in log:
-            raise OSError(code, os.strerror(code), str(folder))
-    if process.returncode < 0:
-        raise CompileError(f"{compiler.name} crashed with signal {-process.returncode}; set CC to another compiler", log)
-    if process.returncode:
+            for process in started:
+                _stop(process)
+    for process, log in zip(started, logs, strict=True):
+        _judge(compiler, process.returncode, log, folder)
+    return "".join(logs)
+
+
+def _judge(compiler: Compiler, code: int, log: str, folder: Path) -> None:
+    """Raise OSError where there was no room, CompileError where a compiler did not do its work."""
+    for reason in (errno.ENOSPC, errno.EDQUOT):
+        if code and os.strerror(reason) in log:
+            raise OSError(reason, os.strerror(reason), str(folder))
+    if code < 0:
+        raise CompileError(f"{compiler.name} crashed with signal {-code}; set CC to another compiler", log)
+    if code:
         first = next((line for line in log.splitlines() if "error" in line), " ".join(log.split()))[:200]
         raise CompileError(f"{compiler.name} refused the generated C: {first}", log)
-    return log
 
 
 def _stop(process: subprocess.Popen[bytes]) -> None:

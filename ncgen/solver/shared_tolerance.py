@@ -1,0 +1,58 @@
+"""SciPy's explicit solvers with steps that share a tolerance, as those in C do."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, cast
+
+import numpy as np
+from scipy.integrate import RK45, OdeSolver
+
+if TYPE_CHECKING:
+
+    class _Explicit(OdeSolver):
+        """SciPy's class of explicit methods, which it does not show."""
+
+        def _step_impl(self) -> tuple[bool, str | None]: ...
+
+        def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float: ...
+
+
+SHORTEST = 2e-15
+"""Steps below this share of the run are too short to get anywhere: ten roundings."""
+
+
+def sharing(solver: type[OdeSolver], span: float) -> type[OdeSolver]:
+    """An explicit SciPy solver whose steps share the tolerance, and which knows when one is `repeated`; others as they are.
+
+    span: as of `Tolerances`
+    """
+    if not issubclass(solver, RK45.__mro__[1]):
+        return solver
+    explicit = cast("type[_Explicit]", solver)
+
+    class Sharing(explicit):
+        begun, taken, repeated = 0.0, 0, False
+
+        def _step_impl(self) -> tuple[bool, str | None]:
+            self.begun = self.begun if self.taken else self.t
+            self.taken += 1
+            self.repeated = False
+            try:
+                return super()._step_impl()
+            except _TooShort:
+                return False, self.TOO_SMALL_STEP
+
+        def _estimate_error_norm(self, K: np.ndarray, h: float, scale: np.ndarray) -> float:
+            """Steps that are shorter than the mean count as that, as in C: rounding does not fall with them."""
+            mean = (self.t - self.begun) / self.taken
+            error = super()._estimate_error_norm(K, h, scale) * max(1.0, span / max(abs(h), mean))
+            self.repeated = not error < 1
+            if self.repeated and abs(h) < SHORTEST * abs(self.t_bound - self.begun):
+                raise _TooShort
+            return error
+
+    return Sharing
+
+
+class _TooShort(Exception):
+    """A step that is next to nothing beside the run is refused. SciPy compares it with the spacing of numbers, which at 0 is 5e-324."""
