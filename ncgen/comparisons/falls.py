@@ -5,6 +5,8 @@ from __future__ import annotations
 import statistics
 import time
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -34,9 +36,22 @@ LONGEST = 2.0
 TIGHT = 1e-13
 
 PARTITIONED = "coordinate-partitioning"
-"""The formalism of all engines that are compared, the emitted one among them."""
 
-ENGINES = {"emitted": "emitted C", "c": "C, dense elimination", "python": "Python"}
+
+@dataclass(frozen=True)
+class Way:
+    """An engine with its formalism, and what the table calls them."""
+
+    engine: str
+    formalism: str
+    title: str
+
+
+DEFAULT = Way("auto", "lagrange", "all coordinates")
+"""What a call without arguments takes."""
+
+WAYS = (DEFAULT, Way("emitted", PARTITIONED, "emitted C"), Way("c", PARTITIONED, "C, dense elimination"))
+IN_PYTHON = Way("python", PARTITIONED, "Python")
 
 
 def fall_records(kernels: Kernels) -> Iterator[dict]:
@@ -47,10 +62,10 @@ def fall_records(kernels: Kernels) -> Iterator[dict]:
     duration = own_run(kernels)[0]
     if not _runs_in_c(kernels) or (reference := end_state(kernels, duration)) is None:
         return
-    for engine in ("emitted", "c"):
+    for way in WAYS:
         for integrator, setting, options in _settings(duration):
-            yield _timed(kernels, duration, reference, integrator, setting, options, engine, REPEATS)
-    yield _timed(kernels, duration, reference, "dopri5", "rtol 1e-06", _tolerances(1e-6), "python", 1)
+            yield _timed(kernels, duration, reference, integrator, setting, options, way, REPEATS)
+    yield _timed(kernels, duration, reference, "dopri5", "rtol 1e-06", _tolerances(1e-6), IN_PYTHON, 1)
     yield from _student(kernels, duration, reference)
 
 
@@ -100,15 +115,15 @@ def _timed(
     integrator: str,
     setting: str,
     options: Mapping[str, Any],
-    engine: str,
+    way: Way,
     repeats: int,
 ) -> dict:
-    record = {"case": "simulation", "tool": f"{integrator}, {ENGINES[engine]}", "setting": setting}
+    record = {"case": "simulation", "tool": f"{integrator}, {way.title}", "setting": setting}
     try:
-        run, seconds, totals = _repeated(kernels, duration, integrator, options, engine, repeats)
+        run, seconds, totals = _repeated(kernels, duration, integrator, options, way, repeats)
     except NcgenError as error:
         return record | {"error": None, "seconds": None, "stopped": str(error)}
-    if engine != "python" and run.engine.startswith("python"):
+    if way != IN_PYTHON and run.engine.startswith("python"):
         return record | {"error": None, "seconds": None, "stopped": run.engine}
     counts = run.statistics
     return record | {
@@ -122,16 +137,19 @@ def _timed(
 
 
 def _repeated(
-    kernels: Kernels, duration: float, integrator: str, options: Mapping[str, Any], engine: str, repeats: int
+    kernels: Kernels, duration: float, integrator: str, options: Mapping[str, Any], way: Way, repeats: int
 ) -> tuple[Trajectory, list[float], list[float]]:
     """The last of at least one run, and the seconds of each: of the run, and of the whole call."""
     seconds, totals = [], []
-    options = {**options, **own_run(kernels)[1]}
-    if engine != "python":
-        simulate(kernels, duration, formalism=PARTITIONED, integrator=integrator, engine=engine, points=2, **options)  # compiles
+    call = partial(
+        simulate, kernels, duration, formalism=way.formalism, integrator=integrator, engine=way.engine, points=2, **options,
+        **own_run(kernels)[1],
+    )  # fmt: skip
+    if way != IN_PYTHON:
+        call()  # compiles
     while True:
         start = time.perf_counter()
-        run = simulate(kernels, duration, formalism=PARTITIONED, integrator=integrator, engine=engine, points=2, **options)
+        run = call()
         totals.append(time.perf_counter() - start)
         seconds.append(run.statistics.seconds)
         if len(seconds) >= repeats or sum(totals) >= LONGEST:

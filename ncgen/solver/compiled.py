@@ -156,7 +156,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
     method, grid, number, p = task.method, task.grid, task.number, task.p
     dynamics = all_coordinates(kernels, number, form)
     q, qd, work, times = task.q, task.velocities, 0.0, grid
-    if dynamics.singular_mass:
+    if dynamics.singular_mass and not dynamics.is_emitted:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
         accelerations_by("lagrange").motion(kernels, q, qd, float(grid[0]), p, {})
     settings = method.options

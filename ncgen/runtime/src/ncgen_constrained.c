@@ -317,7 +317,7 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     const int n = r->n;
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
-    w->is_factored = !w->motion || w->by_matrix || r->careful || !by_recursion(r, t, yd);
+    w->is_factored = !w->motion || w->by_matrix || !by_recursion(r, t, yd);
     if (!w->is_factored) {
         w->jacobian_is_there = 0;
         r->statistics->evaluations += 1;

@@ -138,7 +138,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
     int status = NCGEN_OK;
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
-    if (!w->motion || w->by_matrix || r->careful || !close_by_recursion(r, w, t)) {
+    if (!w->motion || w->by_matrix || !close_by_recursion(r, w, t)) {
         ncgen_copy(r->n, y, r->qd);
         ncgen_copy(r->n, y + r->n, r->q);
         status = factors_are_near ? NCGEN_OK : refresh(r, t);
