@@ -2,6 +2,7 @@
 
     python docs/renew.py            what would be run, page by page
     python docs/renew.py performance.md compare.md …
+    python docs/renew.py gallery.png    the examples' pictures in one
 
 A table is a block between fences that follows a comment with the command that prints it, such as <!-- ncgen bench robot -->. The
 command runs and what it prints takes the block's place. Numbers in sentences beside a table are the writer's to correct; the pages name
@@ -16,6 +17,7 @@ import sys
 from pathlib import Path
 
 PAGES = Path(__file__).resolve().parent
+COLUMNS = 5
 TABLE = re.compile(r"<!-- (?P<command>(?:ncgen|python) [^\n]*?) -->\n```\n(?P<output>.*?)```\n", re.DOTALL)
 
 
@@ -43,9 +45,25 @@ def shell(command: str) -> str:
     return subprocess.run(command, shell=True, check=True, stdout=subprocess.PIPE, text=True, cwd=PAGES.parent).stdout
 
 
+def gallery(path: Path) -> None:
+    """The examples' own pictures side by side."""
+    import matplotlib.pyplot as plt
+
+    folders = sorted((PAGES.parent / "examples").glob("*/"))
+    pictures = [picture for folder in folders if (picture := folder / f"{folder.name}.png").is_file()]
+    figure, places = plt.subplots(-(-len(pictures) // COLUMNS), COLUMNS, figsize=(3.3 * COLUMNS, 13.2), layout="constrained")
+    for place in places.flat:
+        place.axis("off")
+    for place, picture in zip(places.flat, pictures, strict=False):
+        place.imshow(plt.imread(picture))
+    figure.savefig(path, dpi=100)
+
+
 def main(names: list[str]) -> None:
     for page in sorted(PAGES.glob("*.md")) if not names else [PAGES / name for name in names]:
-        if names:
+        if page.suffix == ".png":
+            gallery(page)
+        elif names:
             page.write_text(renewed(page.read_text(encoding="utf-8"), shell), encoding="utf-8")
         elif found := commands(page):
             print(page.name, *(f"    {command}" for command in found), sep="\n")

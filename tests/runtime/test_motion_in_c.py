@@ -87,3 +87,25 @@ def test_it_is_compiled_once_for_all_starts_and_parameters():
     for rate in (1.0, -2.0):
         ncgen.simulate(kernels, 0.01, qd0={kernels.coordinates[0]: rate})
     assert kernels._known["constrained dynamics"] == known
+
+
+@pytest.mark.parametrize("engine", ["auto", "emitted"])
+def test_angles_at_irregular_places(engine):
+    """Their sines and cosines are taken together, by a table where their places among the coordinates follow no rule."""
+    m = ncgen.Model("irregular")
+    points = [m.point("A", (0, 0), fixed=True)]
+    before, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    for i, name in enumerate("BCD"):
+        points.append(m.point(name, (i + 1.0, 0.1 * i)))
+        body = m.body(f"link{i}", points[i : i + 2], mass=1.0, inertia=0.1)
+        if i == 1:
+            m.attach_point(body, "P", (1.5, 0.5))
+        before = m.angle(f"psi{i}", before, points[i + 1] - points[i], z) and points[i + 1] - points[i]
+    m.independent(*(m.elements[f"psi{i}"] for i in range(3)))
+    m.gravity((0, -9.81, 0))
+    kernels = ncgen.compile(m, "c")
+    places = [kernels.index[f"psi{i}"] for i in range(3)]
+    assert np.ptp(np.diff(places)) > 0
+    run = ncgen.simulate(kernels, 0.3, engine=engine, points=3)
+    matrix = ncgen.simulate(kernels, 0.3, engine="c", rtol=1e-10, points=3)
+    assert run.engine == "emitted" and apart(run, matrix) < 1e-6
