@@ -41,7 +41,7 @@ def inspect(
 ) -> None:
     """Show rows, loads, degrees of freedom, redundant rows, what was left out, and the kernels; or the health of a motion."""
     from ncgen.report.along import Recorded, health_record, show_health
-    from ncgen.report.derivative import derivative
+    from ncgen.report.derivative import derivative, motion
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.screen import show_inspection
 
@@ -54,7 +54,7 @@ def inspect(
         else:
             show_health(out, health)
         return
-    facts = {**facts_of(kernels), "derivative": derivative(kernels)}
+    facts = {**facts_of(kernels), "motion": motion(kernels), "derivative": derivative(kernels)}
     if json_output:
         print(json.dumps(facts, indent=1))
         return

@@ -2,14 +2,24 @@
 
 from __future__ import annotations
 
+from dataclasses import fields
+
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.cost import cost
-from ncgen.program.dynamics import accelerations, cheapest, closing
+from ncgen.program.dynamics import accelerations, assemble_motion, cheapest, closing
 from ncgen.program.elimination import EliminationError
 from ncgen.solver.assembly import assemble
-from ncgen.solver.compiled import samples, split_of
+from ncgen.solver.compiled import own_positions, samples, split_of
 from ncgen.solver.partition import choose_partitions
+
+
+def motion(kernels: Kernels) -> dict | None:
+    """One JSON-ready record of what a default run takes: operations of a stage ("derivative") and at the end of a step ("velocities",
+    "closing"). None where it takes accelerations from the factored matrix."""
+    found = own_positions(kernels)
+    programs = found and assemble_motion(kernels.programs.equations, *found, kernels.column_sizes)
+    return {field.name: cost(getattr(programs, field.name)).total for field in fields(programs)} if programs else None
 
 
 def derivative(kernels: Kernels) -> dict | None:

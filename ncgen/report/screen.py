@@ -31,6 +31,8 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
     if facts["tree"]:
         links = ", ".join(f"{link['body']} on {link['on']} {link['freedoms']}" for link in facts["tree"])
         console.print(f"  tree of bodies, with freedoms before loops are closed: {links}", markup=False)
+    if facts.get("motion"):
+        console.print(f"  {motion_line(facts['motion'])}", markup=False)
     if facts.get("derivative"):
         console.print(f"  {derivative_line(facts['derivative'])}", markup=False)
     console.print(kernel_table(facts, times))
@@ -39,11 +41,17 @@ def show_inspection(console: Console, facts: dict, seconds: dict[str, float] | N
         console.print(f"  seconds: {spent}", markup=False)
 
 
+def motion_line(counts: dict) -> str:
+    """What a default run takes."""
+    end = f"{counts['velocities']} for velocities, {counts['closing']} for positions"
+    return f"operations of a default run: {counts['derivative']} a stage; at the end of a step {end}"
+
+
 def derivative_line(counts: dict) -> str:
     """What the state derivative takes, the way that is taken first."""
     ways = sorted((n, name) for name, n in counts.items() if name not in ("closing", "taken"))
     told = ", ".join(f"{name} {n}" for n, name in ways)
-    return f"operations of the state derivative: {told}; of closing positions: {counts['closing']}"
+    return f"operations on independent coordinates: {told}; of closing positions: {counts['closing']}"
 
 
 def kernel_table(facts: dict, times: dict[str, float] | None) -> Table:

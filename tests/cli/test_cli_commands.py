@@ -77,6 +77,8 @@ def test_inspect_the_robot(ncgen_main, written):
     ]  # fmt: skip
     counts = facts["derivative"]
     assert counts["taken"] == "composite" and 0 < counts["closing"] < counts["composite"] < 0.7 * counts["all coordinates"]
+    motion = facts["motion"]
+    assert 0 < motion["closing"] < motion["velocities"] < motion["derivative"] < 0.8 * counts["all coordinates"]
 
 
 def test_inspect_for_people(ncgen_main):
