@@ -9,13 +9,15 @@ from ncgen.comparisons.rivals import Inputs, exact, handwritten, relative_error
 from ncgen.comparisons.rivals.articulated import rival as articulated
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
+from ncgen.methods.method import Method
 from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
 from ncgen.report.clock import Run, Spread, measure, repeated
+from ncgen.report.derivative import motion
 from ncgen.report.repeat import OPERATIONS, Call, arithmetic, runner
 from ncgen.solver.assembly import assemble
+from ncgen.solver.compiled import all_coordinates, is_emitted, is_written_out, split_of
 from ncgen.solver.compiled import dynamics as dynamics_in_c
-from ncgen.solver.compiled import is_emitted, split_of
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.partition import Partitions, choose_partitions
 
@@ -31,6 +33,9 @@ COMBINATIONS: dict[str, tuple[tuple[str, ...], str | None]] = {
 
 ARTICULATED = "articulated body, CasADi"
 """What computes the accelerations of an arm from its angles, in C that another generator writes."""
+
+STAGE = "a stage of a default run"
+"""The derivative of all coordinates, which needs no Newton step."""
 
 SPEED = 1.0
 """Independent velocities at which the derivative is measured."""
@@ -65,9 +70,14 @@ def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
     other = articulated(kernels, split_of(partitions.velocity))
     if other:
         runs[ARTICULATED] = runner(0.0, q, zd, kernels.p0, [], other[0])
+    stage = _stage(kernels, partitions, q, zd)
+    if stage:
+        runs[STAGE] = runner(0.0, q, stage[1], kernels.p0, [], stage[0])
     spent = measure(runs)
     error = _error(kernels, partitions, q, zd, parts)
     counts = _counts(programs)
+    if stage:
+        counts[STAGE], error[STAGE] = stage[2], _stage_error(kernels, partitions, q, zd, stage[0])
     if other:
         reference = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
         error[ARTICULATED] = relative_error(other[0].out, reference.qdd[partitions.velocity.independent])
@@ -75,6 +85,21 @@ def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
     ways = {"accelerations": parts["acceleration"], REFINED: parts[REFINED]}
     worst = largest_errors(kernels, q, ways, programs[REFINED])
     return [_record(name, spread, counts.get(name), rate, error.get(name), worst.get(name)) for name, spread in spent.items()]
+
+
+def _stage(kernels: CompiledKernels, partitions: Partitions, q: np.ndarray, zd: np.ndarray) -> tuple[Call, np.ndarray, int] | None:
+    """The derivative that default runs take, the velocities (n,) for it, and its operations; None where they take none."""
+    if not is_written_out(kernels, Method.of("lagrange", "dop853")):
+        return None
+    made = all_coordinates(kernels, form="emitted")
+    counts = motion(kernels)
+    here = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
+    return Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made)), here.qd, counts["derivative"] if counts else 0
+
+
+def _stage_error(kernels: CompiledKernels, partitions: Partitions, q: np.ndarray, zd: np.ndarray, call: Call) -> float:
+    here, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
+    return relative_error(call.out[kernels.n : 2 * kernels.n][part], here.qdd[part])
 
 
 def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call], dict[str, Program]]:
