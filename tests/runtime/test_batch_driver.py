@@ -123,7 +123,7 @@ def test_many_states_within_their_arrays(model, lanes, tmp_path):
     """Rows shorter and longer than the lanes are many, full blocks and such that are not, in place and elsewhere."""
     kernels = ncgen.compile(ncgen.load(model), backend="c")
     q = assemble(kernels, kernels.q0)
-    programs = dynamics(kernels, choose_partitions(kernels, q), "emitted", q, kernels.p0).programs
+    programs = dynamics(kernels, choose_partitions(kernels, q), "emitted", q, kernels.p0).written.programs
     files = model_files(kernels.programs) | dynamics_files(programs, kernels.programs.equations, kernels.row_sizes)
     files |= runtime_files(*HEADERS, *KERNELS, *SOURCES)
     files["main.c"] = DRIVER.replace("@", model) % {

@@ -301,13 +301,14 @@ static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
 /* Which way the next step goes: all of its stages the same, since off the constraints, where they are, the two differ. */
 static int choose_way(ncgen_run *r, ncgen_scalar t)
 {
-    const ncgen_scalar soon_bad = R(3.0);
+    const ncgen_scalar soon_bad = R(3.0), usual = R(1.5);
     ncgen_constrained *w = r->constrained;
     if (w->is_factored) {
         w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
         w->growth = w->emitted[r->n];
     }
     w->by_matrix = !(w->growth < soon_bad);
+    r->settles_stages = !(w->growth < usual);
     return NCGEN_OK;
 }
 

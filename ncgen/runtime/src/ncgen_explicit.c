@@ -72,7 +72,7 @@ static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, nc
     for (int s = 1; s <= last; ++s) {
         advance(r, w, h, s, method->a[s], w->new_y);
         int status = ncgen_listen(r, t + method->c[s] * h);
-        if (status == NCGEN_OK && (s == last || w->repeated) && r->settle)
+        if (status == NCGEN_OK && (s == last || (w->repeated && r->settles_stages)) && r->settle)
             status = settle(r, w, t + method->c[s] * h, s == last);
         if (status == NCGEN_OK)
             status = r->derivative(r, t + method->c[s] * h, w->new_y, slope(r, w, s));

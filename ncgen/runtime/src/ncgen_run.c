@@ -54,6 +54,7 @@ static void describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamic
     r->slopes = NULL;
     r->settle = NULL;
     r->accept = NULL;
+    r->settles_stages = 1;
     r->careful = r->rows = 0;
     r->patience = options->patience > 1 ? options->patience : 1;
 }

@@ -39,6 +39,7 @@ struct ncgen_run {
     struct ncgen_partitioning *partitioning;
     struct ncgen_constrained *constrained;
     long patience;                  /* steps until the watch is called; -1: it has ended the run */
+    int settles_stages;             /* those of a repeated step are brought onto the constraints, too: it may be near a singular position */
     int careful;                    /* the step is repeated: emitted eliminations give way to those with row exchanges */
     struct ncgen_slopes *slopes;
 
