@@ -15,7 +15,7 @@ from ncgen.model.elements import Angle, Combination, Component, Point, Spatial
 from ncgen.program.blocks import Program
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
-from ncgen.program.rates import NoRecursion, moving
+from ncgen.program.rates import NoRecursion, check_seen, moving
 from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.space import Space, Vector
 from ncgen.symbolic.numbering import Terms
@@ -45,6 +45,7 @@ def assemble_closed_positions(
 
     Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
     """
+    check_seen(equations, samples)
     tree = spanning_tree(equations.model)
     hinges = hinges_of(equations, tree, split)
     lines = Lines(equations)

@@ -20,7 +20,6 @@ from ncgen.program.space import Vector
 CONSTANT = 1e-12
 """What differs less than this between samples, over its size, is the same in all; and what is smaller is 0."""
 
-
 LIGHTEST = 1e-2
 """An element without mass counts as one with this share of the heaviest one's."""
 

@@ -36,7 +36,7 @@ from ncgen.program.elimination import (
 from ncgen.program.joint_rates import measured_rates
 from ncgen.program.lines import Lines
 from ncgen.program.programs import ENERGIES, Split
-from ncgen.program.rates import NoRecursion, Rates, Row
+from ncgen.program.rates import NoRecursion, Rates, Row, check_seen
 from ncgen.program.sampling import Sample
 from ncgen.program.tree_motion import Loads, TreeVelocity
 from ncgen.symbolic.equations import build_equations
@@ -95,6 +95,7 @@ class Recursion:
     def __init__(self, equations: Terms, split: Split | None, samples: Sequence[Sample], sizes: np.ndarray) -> None:
         if len(samples) < FEWEST:
             raise NoRecursion("too few positions to see what vanishes")
+        check_seen(equations, samples)
         self.model, self.tree = equations.model, spanning_tree(equations.model)
         self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
         self.graph = self.lines.graph

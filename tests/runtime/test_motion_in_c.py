@@ -109,3 +109,20 @@ def test_angles_at_irregular_places(engine):
     run = ncgen.simulate(kernels, 0.3, engine=engine, points=3)
     matrix = ncgen.simulate(kernels, 0.3, engine="c", rtol=1e-10, points=3)
     assert run.engine == "emitted" and apart(run, matrix) < 1e-6
+
+
+def test_what_cannot_be_seen_with_other_parameters_is_not_written_out():
+    """Of three parallel cranks one has a parameter for its length; with another one nothing closes, so nobody knows what depends on it."""
+    m = ncgen.Model("parallel")
+    length = m.parameter("length", 1.0, "m")
+    ends = []
+    for i in range(3):
+        A, B = m.point(f"A{i}", (float(i), 0.0), fixed=True), m.point(f"B{i}", (float(i), length if i == 2 else 1.0))
+        m.body(f"crank{i}", [A, B], mass=1.0, inertia=0.1)
+        ends.append(B)
+    m.body("coupler", ends[:2], mass=1.0, inertia=0.1)
+    m.body("second", ends[1:], mass=1.0, inertia=0.1)
+    m.distance(ends[0], ends[2])
+    m.gravity((0, -9.81, 0))
+    kernels = ncgen.compile(m, "c")
+    assert ncgen.simulate(kernels, 0.01, qd0={"B0.x": 0.1}).engine == "c"
