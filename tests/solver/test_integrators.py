@@ -12,7 +12,7 @@ from scipy.special import ellipj, ellipk
 import ncgen
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.methods.table import INTEGRATORS, find_integrator, other_names
-from ncgen.solver.tolerances import Tolerances
+from ncgen.solver.shared_tolerance import sharing
 
 ERROR = {"rk4": 1e-8, "trapezoidal": 1e-6}
 ERROR |= {"rk23": 1e-5, "adams": 1e-5, "bdf": 1e-5, "lsoda": 1e-5, "radau": 1e-7, "dopri5": 1e-7, "dop853": 1e-7}
@@ -214,8 +214,7 @@ def test_hopeless_steps_are_given_up_as_soon_at_zero_as_later(solver):
             calls.append(t)
             return np.array([1e9 * np.sin(1e9 * len(calls))])
 
-        tolerances = Tolerances(1e-8, 1e-10, natural=False, span=0.0)
-        steps = tolerances.sharing(solver)(noise, start, np.zeros(1), start + 1.0, rtol=1e-8, atol=1e-10)
+        steps = sharing(solver, 0.0)(noise, start, np.zeros(1), start + 1.0, rtol=1e-8, atol=1e-10)
         assert "step size" in steps.step() and steps.status == "failed"
         counts.append(len(calls))
     assert counts[0] < 1.5 * counts[1]
