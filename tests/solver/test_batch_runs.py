@@ -56,6 +56,18 @@ def test_robot_falls_as_alone(robot, threads):
         assert_as_alone(robot, batch, i, run)
 
 
+def test_positions_that_close_at_once():
+    """An arm's positions follow from its angles without a residual to look at; its motion is that of one arm, and right."""
+    arm = ncgen.compile(ncgen.load("arm"), "c")
+    zd0 = np.random.default_rng(0).uniform(-1, 1, (3, 7))
+    batch = ncgen.simulate_batch(arm, 0.3, zd0=zd0, rtol=1e-8, points=3)
+    names = batch.independent
+    for i, rates in enumerate(zd0):
+        start = dict(zip(names, rates.tolist(), strict=True))
+        matrix = ncgen.simulate(arm, 0.3, zd0=start, rtol=1e-11, points=3, engine="c", formalism="lagrange", integrator="dop853")
+        assert batch.q[i] == pytest.approx(matrix.q, abs=1e-6)
+
+
 @pytest.mark.parametrize("options", [
     {"rtol": 1e-7, "atol": 1e-9},
     {"integrator": "dop853", "rtol": 1e-9, "atol": 1e-11},

@@ -193,13 +193,12 @@ static ncgen_mask close_position(run *r, ncgen_real t, ncgen_mask open)
         if (d->newton(t, r->q, r->p, r->step) != NCGEN_OK)
             break;
         const ncgen_real size = residual(r);
-        const ncgen_mask closed = open & (size <= r->options->tolerance);
-        solved |= closed;
         if (iteration == 0)
             r->senseless |= open & ~(size == size);
-        open &= ~closed & (size < broken_down);
+        open &= size < broken_down;
         for (int i = 0; i < d->n_dependent; ++i)
             r->q[d->dependent[i]] += (ncgen_real)((ncgen_mask)r->step[i] & open);
+        /* As with one state a step is taken even where the guess is good: what closes at once says that phi is 0. */
         const ncgen_mask near = open & (size <= nearly_converged);
         solved |= near;
         open &= ~near;
