@@ -70,36 +70,31 @@ def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
     other = articulated(kernels, split_of(partitions.velocity))
     if other:
         runs[ARTICULATED] = runner(0.0, q, zd, kernels.p0, [], other[0])
-    stage = _stage(kernels, partitions, q, zd)
+    here, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
+    stage = _stage(kernels)
     if stage:
-        runs[STAGE] = runner(0.0, q, stage[1], kernels.p0, [], stage[0])
+        runs[STAGE] = runner(0.0, q, here.qd, kernels.p0, [], stage[0])
     spent = measure(runs)
     error = _error(kernels, partitions, q, zd, parts)
     counts = _counts(programs)
     if stage:
-        counts[STAGE], error[STAGE] = stage[2], _stage_error(kernels, partitions, q, zd, stage[0])
+        counts[STAGE] = stage[1]
+        error[STAGE] = relative_error(stage[0].out[kernels.n :][part], here.qdd[part])
     if other:
-        reference = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
-        error[ARTICULATED] = relative_error(other[0].out, reference.qdd[partitions.velocity.independent])
+        error[ARTICULATED] = relative_error(other[0].out, here.qdd[part])
         counts[ARTICULATED] = other[1]
     ways = {"accelerations": parts["acceleration"], REFINED: parts[REFINED]}
     worst = largest_errors(kernels, q, ways, programs[REFINED])
     return [_record(name, spread, counts.get(name), rate, error.get(name), worst.get(name)) for name, spread in spent.items()]
 
 
-def _stage(kernels: CompiledKernels, partitions: Partitions, q: np.ndarray, zd: np.ndarray) -> tuple[Call, np.ndarray, int] | None:
-    """The derivative that default runs take, the velocities (n,) for it, and its operations; None where they take none."""
-    if not is_written_out(kernels, Method.of("lagrange", "dop853")):
+def _stage(kernels: CompiledKernels) -> tuple[Call, int] | None:
+    """The derivative that default runs take, and its operations; None where they take none."""
+    counts = motion(kernels)
+    if counts is None or not is_written_out(kernels, Method.of("lagrange", "dop853")):
         return None
     made = all_coordinates(kernels, form="emitted")
-    counts = motion(kernels)
-    here = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0)
-    return Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made)), here.qd, counts["derivative"] if counts else 0
-
-
-def _stage_error(kernels: CompiledKernels, partitions: Partitions, q: np.ndarray, zd: np.ndarray, call: Call) -> float:
-    here, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
-    return relative_error(call.out[kernels.n : 2 * kernels.n][part], here.qdd[part])
+    return Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, (kernels, made)), counts["derivative"]
 
 
 def emitted_parts(kernels: CompiledKernels) -> tuple[np.ndarray, dict[str, Call], dict[str, Program]]:

@@ -10,10 +10,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ncgen.model.elements import Point, Spatial
-from ncgen.program.assemble import KERNELS
-from ncgen.program.elimination import solve_positive
-from ncgen.program.lines import Lines
+from ncgen.model.elements import Spatial
+from ncgen.program.elimination import Matrix, solve_positive
 from ncgen.program.rates import Rates
 from ncgen.program.space import Vector
 
@@ -24,21 +22,22 @@ LIGHTEST = 1e-2
 """An element without mass counts as one with this share of the heaviest one's."""
 
 
-def measured_rates(rates: Rates) -> list[int]:
-    """Nodes of the free rates."""
+def measured_rates(rates: Rates, masses: Matrix) -> list[int]:
+    """Nodes of the free rates; masses: M of all coordinates, as nodes."""
     own = {k: rates.graph.load("qd", c) for c, k in rates.own.items()}
-    joints = _Joints(rates)
+    joints = _Joints(rates, masses)
     return [own[k] if k in own else joints.rate(k) for k in rates.free]
 
 
 class _Joints:
     """Links whose twists are measured, each when it is first asked for."""
 
-    def __init__(self, rates: Rates) -> None:
+    def __init__(self, rates: Rates, masses: Matrix) -> None:
         self.rates, self.place, self.space, self.graph = rates, rates.place, rates.place.space, rates.graph
         self.link = {k: number for number, own in enumerate(self.place.own) for k in own}
+        self.masses = masses
         self.known: dict[int, list[int]] = {}
-        self.masses = Lines(rates.equations, rates.graph).matrix(KERNELS["mass"])
+        self.twists: dict[int | None, tuple[Vector, Vector]] = {None: (self.space.zero, self.space.zero)}
 
     def rate(self, k: int) -> int:
         number = self.link[k]
@@ -51,14 +50,11 @@ class _Joints:
         return self.known[number]
 
     def _twist(self, number: int | None) -> tuple[Vector, Vector]:
-        if number is None:
-            return self.space.zero, self.space.zero
-        turning, along = self._twist(self.place.tree.links[number].parent)
-        for k, rate in zip(self.place.own[number], self._of(number), strict=True):
-            column = self.place.columns[k]
-            turning = self.space.add(turning, self.space.times(rate, column.axis))
-            along = self.space.add(along, self.space.times(rate, column.along))
-        return turning, along
+        """Of a link, None for the ground."""
+        if number is not None and number not in self.twists:
+            before = self._twist(self.place.tree.links[number].parent)
+            self.twists[number] = self.place.turned(before, zip(self._of(number), self.place.own[number], strict=True))
+        return self.twists[number]
 
     def _measured(self, number: int) -> list[int]:
         own, link = self.place.own[number], self.place.tree.links[number]
@@ -96,11 +92,8 @@ class _Joints:
 
     def _beside(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""
-        space = self.space
-        turning, along = self._twist(self.place.tree.links[number].parent)
-        turned = space.cross(turning, self.place.lever(element, number))
-        carried = space.add(along, turned) if isinstance(element, Point) else turned
-        return space.sub(self._velocity(element), carried)
+        twist = self._twist(self.place.tree.links[number].parent)
+        return self.space.sub(self._velocity(element), self.place.carried(element, number, twist))
 
     def _velocity(self, element: Spatial) -> Vector:
         equations = self.rates.equations

@@ -17,13 +17,11 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.elimination import times
-from ncgen.program.lines import Lines
 from ncgen.program.recursion import Column, Recursion
 from ncgen.program.sampling import Sample
-from ncgen.program.tree_motion import Loads, TreeVelocity
+from ncgen.program.tree_motion import Loads
 from ncgen.symbolic.numbering import Terms
 
 STATE = ("t", "q", "qd", "p")
@@ -35,42 +33,31 @@ ORDINARY = 0.2
 def assemble_motions(equations: Terms, samples: Sequence[Sample], sizes: np.ndarray) -> tuple[dict[str, Program], Program]:
     """`derivative` by every recursion that applies, and `velocities`. Arguments and errors as for `assemble_recursions`."""
     work = Recursion(equations, None, samples, sizes)
-    return {name: _derivative(work, zdd) for name, zdd in work.ways()}, _velocities(work, equations)
+    return {name: _derivative(work, zdd) for name, zdd in work.ways()}, _velocities(work)
 
 
 def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
-    changes = _rates(work, work.bias, zdd)
-    moved = work.velocity.accelerations(changes)
-    own = work.rates.own
-    qdd = [changes[own[c]] if c in own else work.along(moved, c) for c in range(len(work.lines.rates))]
+    changes = work.spread(zdd, work.bias)
+    qdd = work.over_coordinates(changes, work.velocity.accelerations(changes))
     return work.lines.program("derivative", STATE, [*work.lines.rates, *qdd, work.power(zdd), _growth(work)])
 
 
-def _velocities(work: Recursion, equations: Terms) -> Program:
-    graph, own = work.graph, work.rates.own
-    nearest = work.solve(_momentum(work, equations))
-    changes = _rates(work, {}, nearest)
-    moved = TreeVelocity(work.rates.place, changes[: work.joints]).velocity
-    rates = [graph.add(rate, changes[own[c]] if c in own else work.along(moved, c)) for c, rate in enumerate(work.lines.rates)]
+def _velocities(work: Recursion) -> Program:
+    changes, place = work.spread(work.solve(_momentum(work)), {}), work.rates.place
+    twists = place.twists(changes)
+    moved = {element: place.carried(element, link, twists[link]) for element, link in work.tree.home.items()}
+    more = work.over_coordinates(changes, moved)
+    rates = [work.graph.add(rate, change) for rate, change in zip(work.lines.rates, more, strict=True)]
     return work.lines.program("velocities", STATE, [*rates, _growth(work)])
 
 
-def _rates(work: Recursion, particular: Column, free: Sequence[int]) -> list[int]:
-    """All rates x = R free + particular."""
-    x = [particular.get(k, work.zero) for k in range(work.rates.count)]
-    for node, column in zip(free, work.R, strict=True):
-        for k, share in column.items():
-            x[k] = work.graph.add(x[k], work.graph.mul(share, node))
-    return x
-
-
-def _momentum(work: Recursion, equations: Terms) -> Column:
+def _momentum(work: Recursion) -> Column:
     """{rate: node} of Tᵀ M (q̇ given − q̇)."""
     graph, rates = work.graph, work.rates
     rest = {c: graph.sub(graph.load("qd", c), rate) for c, rate in enumerate(work.lines.rates)}
     loads: Loads = {}
     found: Column = {}
-    for c, node in sorted(times(graph, Lines(equations, graph).matrix(KERNELS["mass"]), rest).items()):
+    for c, node in sorted(times(graph, work.masses, rest).items()):
         if c in rates.where:
             rates.load(loads, c, node)
         else:

@@ -107,11 +107,22 @@ class Recursion:
         self.rows = self.rates.kept(rows)
         self._factor()
         self.R = [self._independent(k) for k in self.rates.free]
-        self.speeds = [self.graph.load("zd", k) for k in range(len(self.R))] if split else measured_rates(self.rates)
+        self.speeds = self._speeds(split)
         self.nu = self.lines.vector(KERNELS["nu"])
         self.velocity = self._move()
         self.bias = self.particular(self._right_sides())
         self.loads = self._loads()
+
+    def _speeds(self, split: Split | None) -> list[int]:
+        """Of the free rates, as they are given."""
+        if split is None:
+            return measured_rates(self.rates, self.masses)
+        return [self.graph.load("zd", k) for k in range(len(self.R))]
+
+    @cached_property
+    def masses(self) -> Matrix:
+        """M of all coordinates, those of the tree's bodies included."""
+        return Lines(self.rates.equations, self.graph).matrix(KERNELS["mass"])
 
     @property
     def joints(self) -> int:
@@ -156,18 +167,24 @@ class Recursion:
 
     def _move(self) -> TreeVelocity:
         """x = R ż + S ν, and with it all velocities."""
-        graph, rates = self.graph, self.rates
         driven = {i: self.nu[row.source] for i, row in enumerate(self.rows) if isinstance(row.source, int) and row.source in self.nu}
-        x = [self.zero] * rates.count
-        for k, node in self.particular(driven).items():
-            x[k] = node
-        for speed, column in zip(self.speeds, self.R, strict=True):
-            for k, node in column.items():
-                x[k] = graph.add(x[k], graph.mul(node, speed))
-        velocity = TreeVelocity(rates.place, x[: self.joints])
-        for c in range(len(rates.equations.free)):
-            self.lines.rates[c] = x[rates.own[c]] if c in rates.own else self.along(velocity.velocity, c)
+        x = self.spread(self.speeds, self.particular(driven))
+        velocity = TreeVelocity(self.rates.place, x[: self.joints])
+        self.lines.rates[:] = self.over_coordinates(x, velocity.velocity)
         return velocity
+
+    def spread(self, free: Sequence[int], particular: Column) -> list[int]:
+        """All rates, R free + particular."""
+        x = [particular.get(k, self.zero) for k in range(self.rates.count)]
+        for node, column in zip(free, self.R, strict=True):
+            for k, share in column.items():
+                x[k] = self.graph.add(x[k], self.graph.mul(share, node))
+        return x
+
+    def over_coordinates(self, rates: Sequence[int], vectors: dict) -> list[int]:
+        """What rates and a vector for every element say of each coordinate."""
+        own = self.rates.own
+        return [rates[own[c]] if c in own else self.along(vectors, c) for c in range(len(self.rates.equations.free))]
 
     def along(self, vectors: dict, c: int) -> int:
         """What a vector for every element says of a coordinate."""

@@ -7,7 +7,7 @@ is a point of the tree, taken as if it stood still, so that a mechanism far from
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -70,6 +70,29 @@ class TreePlace:
         space, lever = self.space, self.lever(element, link)
         turned = {k: space.cross(self.columns[k].axis, lever) for k in self.path[link]}
         return {k: space.add(self.columns[k].along, v) if isinstance(element, Point) else v for k, v in turned.items()}
+
+    def twists(self, rates: Sequence[int]) -> list[tuple[Vector, Vector]]:
+        """(ω, v) of every link where the joints have these rates, or (ω̇, v̇) where the rates change like this."""
+        space = self.space
+        found: list[tuple[Vector, Vector]] = []
+        for number, link in enumerate(self.tree.links):
+            before = found[link.parent] if link.parent is not None else (space.zero, space.zero)
+            found.append(self.turned(before, ((rates[k], k) for k in self.own[number])))
+        return found
+
+    def turned(self, twist: tuple[Vector, Vector], rates: Iterable[tuple[int, int]]) -> tuple[Vector, Vector]:
+        """A twist with that of some screws added; rates: (rate, number of the screw)."""
+        turning, along = twist
+        for rate, k in rates:
+            turning = self.space.add(turning, self.space.times(rate, self.columns[k].axis))
+            along = self.space.add(along, self.space.times(rate, self.columns[k].along))
+        return turning, along
+
+    def carried(self, element: Spatial, link: int, twist: tuple[Vector, Vector]) -> Vector:
+        """The velocity of an element that moves with a link of this twist."""
+        turning, along = twist
+        turned = self.space.cross(turning, self.lever(element, link))
+        return self.space.add(along, turned) if isinstance(element, Point) else turned
 
     def inward(self, loads: Loads, needed: Loads) -> dict[int, int]:
         """{rate: node} of what forces and moments on links do at rate 1, each with all those beyond it.
@@ -164,7 +187,7 @@ class TreeVelocity:
         self.changes.append((change, lift))
         for element, home in place.tree.home.items():
             if home == number:
-                self.velocity.setdefault(element, self._velocity(element, number))
+                self.velocity.setdefault(element, place.carried(element, number, self.twists[number]))
 
     def _axis_rate(self, screw: Screw, turning: Vector) -> Vector:
         """u̇ of an axis that turns with the parent: of its elements' velocities where they are known."""
@@ -173,30 +196,18 @@ class TreeVelocity:
             return place.combined(screw.axis, self.velocity)
         return place.space.cross(turning, place.combined(screw.axis))
 
-    def _velocity(self, element: Spatial, link: int) -> Vector:
-        turning, along = self.twists[link]
-        turned = self.place.space.cross(turning, self.place.lever(element, link))
-        return self.place.space.add(along, turned) if isinstance(element, Point) else turned
-
     def bias_with(self, element: Spatial, link: int) -> Vector:
         """The acceleration that an element has where it moves with a link, without accelerations of the joints."""
         return self._acceleration(element, link, *self.changes[link])
 
     def accelerations(self, rates: Sequence[int]) -> dict[Spatial, Vector]:
         """{element: acceleration} where the joints' rates change like this."""
-        place, space = self.place, self.place.space
-        moving: list[tuple[Vector, Vector]] = []
-        for number, link in enumerate(place.tree.links):
-            turning, along = moving[link.parent] if link.parent is not None else (space.zero, space.zero)
-            for k in place.own[number]:
-                turning = space.add(turning, space.times(rates[k], place.columns[k].axis))
-                along = space.add(along, space.times(rates[k], place.columns[k].along))
-            moving.append((turning, along))
+        space = self.place.space
         whole = [
             (space.add(change, turning), space.add(lift, along))
-            for (change, lift), (turning, along) in zip(self.changes, moving, strict=True)
+            for (change, lift), (turning, along) in zip(self.changes, self.place.twists(rates), strict=True)
         ]
-        return {element: self._acceleration(element, link, *whole[link]) for element, link in place.tree.home.items()}
+        return {element: self._acceleration(element, link, *whole[link]) for element, link in self.place.tree.home.items()}
 
     def _acceleration(self, element: Spatial, link: int, change: Vector, lift: Vector) -> Vector:
         """Of an element that moves with a link whose twist changes by (change, lift)."""
