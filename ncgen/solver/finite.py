@@ -116,12 +116,11 @@ def watched(kernels: Kernels) -> Kernels:
 
 def check_instant(kernels: Kernels, q: np.ndarray, qd: np.ndarray | None = None, t: float = 0.0, p: np.ndarray | None = None) -> None:
     """Raise DomainError with the owner of the first term that is not a number at an instant; without q̇ of positions alone."""
-    kernels = watched(kernels)
     for kernel in INSTANT:
-        if WATCHED[kernel][1] is POSITION:
-            getattr(kernels, kernel)(q, t, p)
-        elif qd is not None:
-            getattr(kernels, kernel)(q, qd, t, p)
+        if WATCHED[kernel][1] is VELOCITY and qd is None:
+            continue
+        if not is_finite(kernels.values(kernel, t, q, qd, p)):  # plain numbers: a sparse matrix takes longer to make than to look at
+            raise refusal(kernels, kernel, q=q, qd=qd, t=t, p=p)
 
 
 def on_the_way(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float, tried: float, p: np.ndarray | None = None) -> DomainError | None:

@@ -58,13 +58,12 @@ def measured_angles(kernels: Kernels, q: ArrayLike, p: np.ndarray | None = None)
     """The angles between their elements as they stand at q (…, n), in (−π, π], whatever their coordinates say, in the order of `angles`."""
     weights, fixed = _arms(kernels, p)
     arms = (weights @ np.asarray(q).T).T + fixed
-    a, b, n = np.moveaxis(arms.reshape(*arms.shape[:-1], -1, 3, 3), -2, 0)
-    n = n / np.linalg.norm(n, axis=-1, keepdims=True)
-
-    def dot(x: np.ndarray, y: np.ndarray) -> np.ndarray:
-        return np.einsum("...j,...j->...", x, y)
-
-    return np.arctan2(dot(np.cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n))
+    arms = arms.reshape(*arms.shape[:-1], -1, 3, 3)
+    products = arms @ arms.swapaxes(-1, -2)  # of a, b and the axis n, of any length
+    ab, an, bn, nn = products[..., 0, 1], products[..., 0, 2], products[..., 1, 2], products[..., 2, 2]
+    with np.errstate(invalid="ignore"):  # a state that is no number has no angles; whoever asks is told elsewhere
+        volume = np.linalg.det(arms)
+    return np.arctan2(np.sqrt(nn) * volume, nn * ab - an * bn)
 
 
 def _arms(kernels: Kernels, p: np.ndarray | None) -> tuple[csr_array, np.ndarray]:

@@ -125,14 +125,21 @@ def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progres
     except KeyboardInterrupt as stopped:
         if len(motion.path.q) < 2:
             raise
-        raise Interrupted(motion.trajectory(np.isin(times, run.times), time.perf_counter() - clock)) from stopped
-    found = motion.trajectory(np.isin(times, run.times), time.perf_counter() - clock)
-    seen = motion.trajectory(np.isin(times, np.append(extra, times[[0, -1]])), 0.0) if len(extra) else found
+        raise Interrupted(motion.trajectory(_where(times, run.times), time.perf_counter() - clock)) from stopped
+    found = motion.trajectory(_where(times, run.times), time.perf_counter() - clock)
+    seen = motion.trajectory(_where(times, np.append(extra, times[[0, -1]])), 0.0) if len(extra) else found
     if choice.method.is_constrained and (here := freedom(kernels, start.q, run.initial.t, start.p)).is_singular:
         _warn(singular_message(kernels, here))
     for doubt in doubts(seen, motion.tolerances.rtol, choice.method):
         _warn(f"{kernels.name}: {doubt}")
     return found
+
+
+def _where(times: np.ndarray, some: np.ndarray) -> np.ndarray:
+    """A mask of sorted times: where some of them stand."""
+    mask = np.zeros(len(times), dtype=bool)
+    mask[np.searchsorted(times, some)] = True
+    return mask
 
 
 @dataclass
