@@ -32,6 +32,7 @@ _HOMES = {
     "gradient": "ncgen.solver.sensitivity",
     "equilibrium": "ncgen.solver.statics",
     "linearise": "ncgen.solver.linearise",
+    "joint_space": "ncgen.solver.joint_space",
     "inspect": "ncgen.report.inspection",
     "NcgenError": "ncgen.errors",
     "ModelError": "ncgen.errors",
@@ -61,6 +62,7 @@ __all__ = [
     "gradient",
     "inspect",
     "inverse_dynamics",
+    "joint_space",
     "linearise",
     "load",
     "move",
@@ -80,6 +82,7 @@ if TYPE_CHECKING:
     from ncgen.solver.assembly import assemble
     from ncgen.solver.batch import accelerations_batch, simulate_batch
     from ncgen.solver.inverse_dynamics import inverse_dynamics
+    from ncgen.solver.joint_space import joint_space
     from ncgen.solver.linearise import linearise
     from ncgen.solver.position import move, solve_position, sweep
     from ncgen.solver.rank import freedom

@@ -7,19 +7,23 @@ from typing import Annotated
 
 import typer
 
-from ncgen.cli.terminal import ModelName, err, out, progress
+from ncgen.cli.terminal import Floating, ModelName, err, out, progress
 from ncgen.errors import ModelError
 from ncgen.exchange.export import targets
 
 
-def check(file: Annotated[Path, typer.Argument(help="a TOML model file")]) -> None:
-    """Report everything that is wrong with a model file, with line numbers."""
+def check(file: Annotated[Path, typer.Argument(help="a TOML model file, or a robot's .urdf or .sdf file")]) -> None:
+    """Report everything that is wrong with a model file, with line numbers; of a robot's file the first problem."""
     from ncgen.compiler import generate as sources_of
+    from ncgen.exchange import robots
     from ncgen.exchange.toml_reader import problems_of_run, read_toml
 
-    model, problems = read_toml(file)
-    if model is not None:
-        problems = problems or problems_of_run(file, model)
+    if file.suffix in robots.SUFFIXES:
+        model, problems = robots.load_robot(file), []
+    else:
+        model, problems = read_toml(file)
+        if model is not None:
+            problems = problems or problems_of_run(file, model)
     for problem in problems:
         err.print(problem.of(file), markup=False)
     if model is None or problems:
@@ -31,13 +35,14 @@ def check(file: Annotated[Path, typer.Argument(help="a TOML model file")]) -> No
 def convert(
     model: ModelName,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="file to write [default: print]")] = None,
+    floating: Floating = None,
 ) -> None:
     """Write a model as a TOML file."""
     from ncgen.emit.sources import write_text
     from ncgen.exchange.examples import load
     from ncgen.exchange.toml_writer import to_toml
 
-    text = to_toml(load(model))
+    text = to_toml(load(model, floating=floating))
     if output is None:
         print(text, end="")
     else:
@@ -48,12 +53,13 @@ def export(
     model: ModelName,
     to: Annotated[str, typer.Option(help=", ".join(targets()))],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
+    floating: Floating = None,
 ) -> None:
     """Write a mechanism for use without Python: a folder that builds and runs by its own README."""
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export as written
 
-    loaded = load(model)
+    loaded = load(model, floating=floating)
     with progress(f"exporting {loaded.name}", None):
         paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"))
     for path in paths:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from ncgen.cli.terminal import Backend, Emission, Json, ModelName, err, out, progress
+from ncgen.cli.terminal import Backend, Emission, Floating, Json, ModelName, err, out, progress
 from ncgen.errors import Interrupted, ModelError
 
 if TYPE_CHECKING:
@@ -36,6 +36,7 @@ def inspect(
     model: ModelName,
     along: Annotated[Path | None, typer.Option(help="a trajectory.npz: show how healthy that motion is")] = None,
     json_output: Json = False,
+    floating: Floating = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
 ) -> None:
@@ -46,7 +47,7 @@ def inspect(
     from ncgen.report.screen import show_inspection
 
     recorded = None if along is None else Recorded.read(along)
-    kernels, _, seconds = _compiled(model, backend, emission)
+    kernels, _, seconds = _compiled(model, floating, backend, emission)
     if recorded is not None:
         health = recorded.health(kernels)
         if json_output:
@@ -69,13 +70,14 @@ def inspect(
 def generate(
     model: ModelName,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the sources [default: generated/MODEL]")] = None,
+    floating: Floating = None,
     emission: Emission = "auto",
 ) -> None:
     """Write the C and NumPy sources of a model."""
     from ncgen.compiler import generate as sources_of
     from ncgen.exchange.examples import load
 
-    loaded = load(model)
+    loaded = load(model, floating=floating)
     folder = output or Path("generated") / loaded.name
     for path in sources_of(loaded, emission).write(folder):
         out.print(str(path), markup=False)
@@ -89,6 +91,7 @@ def run(
     atol: Annotated[float | None, typer.Option(help="absolute tolerance [default: 1e-10]")] = None,
     points: Annotated[int | None, typer.Option(help="instants in the trajectory [default: 101]")] = None,
     velocity: Annotated[list[str] | None, typer.Option(help="initial velocity, as psi1=2.5; may be repeated")] = None,
+    floating: Floating = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-output]")] = None,
@@ -105,7 +108,7 @@ def run(
     from ncgen.solver.simulate import simulate
 
     given = dict(duration=duration, integrator=integrator, rtol=rtol, atol=atol, points=points, zd0=_velocities(velocity))
-    kernels, sources, seconds = _compiled(model, backend, emission, lambda loaded: check_simulation(loaded, **given))
+    kernels, sources, seconds = _compiled(model, floating, backend, emission, lambda loaded: check_simulation(loaded, **given))
     found = freedom(kernels)
     if not json_output:
         show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
@@ -130,7 +133,7 @@ def run(
 
 
 def _compiled(
-    name: str, backend: str, emission: str, check: Callable[[Model], object] | None = None
+    name: str, floating: bool | None, backend: str, emission: str, check: Callable[[Model], object] | None = None
 ) -> tuple[Kernels, Sources, dict[str, float]]:
     """Kernels, sources and the seconds of every stage, with the stages shown while they run.
 
@@ -142,7 +145,7 @@ def _compiled(
     check_words(backend, emission)
     timings = Timings()
     with progress(f"generating and compiling {name}", None):
-        model = timings.stage("model", load, name)
+        model = timings.stage("model", lambda: load(name, floating=floating))
         if check:
             check(model)
         sources = sources_of(model, emission, timings)

@@ -1,4 +1,4 @@
-"""Models by name or by file: the examples that ncgen ships, and files of the user's own in Python or TOML."""
+"""Models by name or by file: the examples that ncgen ships, files of the user's own in Python or TOML, and robots."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from types import CodeType, ModuleType
 from typing import TypeVar
 
 from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
+from ncgen.exchange import robots
 from ncgen.exchange.text import is_file
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
@@ -22,16 +23,22 @@ from ncgen.resources import folder
 Result = TypeVar("Result")
 
 
-def load(name: str | Path) -> Model:
-    """The model of an example, of a TOML file, or of a Python file that has a function `build()` returning a model.
+def load(name: str | Path, *, floating: bool | None = None) -> Model:
+    """The model of an example, of a TOML file, of a robot's file (URDF, SDF), or of a Python file that has a function `build()` returning
+    a model.
 
+    floating: a robot's root is a free body (True) or part of the ground (False); None for what its file says
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
+    path = Path(name)
+    if path.suffix in robots.SUFFIXES and is_file(path):
+        return robots.load_robot(path, floating)
+    if floating is not None:
+        raise ModelError(f"{path.name}: floating is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says what is fixed")
     if _is_example(name):
         if str(name) not in example_names():
             raise _no_such(name)
         return _checked(example_module(name))
-    path = Path(name)
     if not is_file(path):
         raise _no_such(name)
     return load_toml(path) if path.suffix == ".toml" else _checked(_import(path))
@@ -60,7 +67,7 @@ def example_text(name: str) -> str:
 
 def _is_example(name: str | Path) -> bool:
     text = str(name)
-    return "/" not in text and "\\" not in text and not text.endswith((".py", ".toml"))
+    return "/" not in text and "\\" not in text and not text.endswith((".py", ".toml", *robots.SUFFIXES))
 
 
 class _Reader(SourceFileLoader):
@@ -78,7 +85,9 @@ def _no_such(name: str | Path) -> ModelError:
 
 def _import(path: Path) -> ModuleType:
     if path.suffix != ".py":
-        raise ModelError(f"{path}: not a model; give a .toml file, a .py file with a function build(), or the name of an example")
+        raise ModelError(
+            f"{path}: not a model; give a .toml, .urdf, .sdf or .py file, the last with a function build(), or an example's name"
+        )
     path = path.resolve()
     name = f"ncgen_model_{path.parent.name}_{path.stem}"
     loader = _Reader(name, str(path))

@@ -26,6 +26,7 @@ class Contents:
     branches: {angle: the run-time weights of its "paper" row}
     chosen_independent: names of coordinates
     facts: how the model was told
+    left_out: what a robot's file says beside all this, in words
     """
 
     name: str
@@ -46,6 +47,7 @@ class Contents:
     drawing: Drawing
     simulation_options: dict[str, object]
     facts: list[Fact]
+    left_out: tuple[str, ...]
     _related: Claims
     _telling: bool
 

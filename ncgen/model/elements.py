@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 AXES = "xyz"
 
+ROUNDING = 4 * np.finfo(float).eps
+"""Share of what is added up by which weights that cancel may miss 0."""
+
 Direction: TypeAlias = "Spatial | Combination"
 """In signatures: a vector, a segment such as `r4 - r2`, or a combination of them with numbers."""
 
@@ -207,7 +210,8 @@ class Combination:
         terms = dict((element, weight) for weight, element in self.terms)
         for weight, element in as_combination(other).terms:
             terms[element] = terms[element] + weight if element in terms else weight
-        return Combination(tuple((weight, element) for element, weight in terms.items()))
+        kept = {element: weight for element, weight in terms.items() if not (is_number(weight) and weight == 0.0)}
+        return Combination(tuple((weight, element) for element, weight in (kept or terms).items()))
 
     def __sub__(self, other: Direction) -> Combination:
         return self + (-as_combination(other))
@@ -244,7 +248,7 @@ class Combination:
     def is_direction(self) -> bool:
         """True if the points' weights cancel, so that the combination does not depend on the origin."""
         weights = [weight for weight, element in self.terms if isinstance(element, Point)]
-        return all(map(is_number, weights)) and sum(weights) == 0.0
+        return all(map(is_number, weights)) and abs(sum(weights)) <= ROUNDING * sum(map(abs, weights))
 
     def __repr__(self) -> str:
         return f"direction {self}"

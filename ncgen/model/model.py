@@ -73,6 +73,7 @@ class Model(Joints, Loads):
         self.ground = Body("ground", rigid=False, frame=Frame(Owner("body", "ground")))
         self._related = {}
         self.facts = []
+        self.left_out = ()
         self._telling = False
 
     def __repr__(self) -> str:

@@ -13,13 +13,15 @@ Source: Featherstone, Rigid Body Dynamics Algorithms (2008), section 6.2; in glo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from ncgen.errors import SingularError
 from ncgen.model.elements import Component
+from ncgen.program.elimination import Matrix
 from ncgen.program.space import PLACES, Space, Tensor, Vector
-from ncgen.symbolic.inertia import Exact, StandardInertia
+from ncgen.program.tree_motion import Loads, TreePlace, TreeVelocity
+from ncgen.symbolic.inertia import Exact, StandardInertia, standard_inertia
 
 
 @dataclass(frozen=True)
@@ -89,3 +91,54 @@ def _form(space: Space, form: tuple[tuple[float, tuple[Component, ...]], ...], n
         x, y, z = map(node, components)
         vectors.append(space.times(space.graph.const(weight), (x, y, z)))
     return space.sum(vectors)
+
+
+def inertias_of(place: TreePlace) -> list[Inertia | None]:
+    """Of every link about its reference point, None of links without mass."""
+    links, lines = place.tree.links, place.lines
+    parameters = lines.equations.model.parameters
+    return [
+        inertia_of(standard_inertia(link.body, parameters), place.space, place.node, lines.value, place.reference[number])
+        if link.body.inertia
+        else None
+        for number, link in enumerate(links)
+    ]
+
+
+def mass_matrix(place: TreePlace, inertias: Sequence[Inertia | None]) -> Matrix:
+    """Both triangles of the mass matrix over the joints' rates: the momentum of all that a joint carries, against the screws of those that
+    carry it."""
+    space, links = place.space, place.tree.links
+    composite = [own or nothing(space) for own in inertias]
+    H: Matrix = {}
+    for number in reversed(range(len(links))):
+        for k in place.own[number]:
+            linear, angular = composite[number].momentum(space, place.columns[k].axis, place.columns[k].along)
+            for j in (j for j in place.path[number] if j <= k):
+                other = place.columns[j]
+                H[k, j] = H[j, k] = space.graph.add(space.dot(other.axis, angular), space.dot(other.along, linear))
+        if (parent := links[number].parent) is not None:
+            composite[parent] = composite[parent].plus(space, composite[number])
+    return H
+
+
+def needed_loads(
+    place: TreePlace,
+    velocity: TreeVelocity,
+    inertias: Sequence[Inertia | None],
+    gravity: Vector,
+    accelerations: Sequence[int] | None = None,
+) -> Loads:
+    """Force and moment that every link with mass needs against inertia and gravity.
+
+    accelerations: of the joints' rates; None for what is needed without them
+    """
+    space = place.space
+    more = place.twists(accelerations) if accelerations is not None else [(space.zero, space.zero)] * len(inertias)
+    found: Loads = {}
+    for number, (body, (turned, moved)) in enumerate(zip(inertias, more, strict=True)):
+        if body is not None:
+            (turning, along), (change, lift) = velocity.twists[number], velocity.changes[number]
+            lift = space.add(space.sub(lift, gravity), space.cross(turning, along))
+            found[number] = body.load(space, turning, space.add(lift, moved), space.add(change, turned))
+    return found

@@ -21,7 +21,7 @@ from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
 from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.space import Vector
-from ncgen.program.tree_motion import Loads, TreePlace
+from ncgen.program.tree_motion import Loads, TreePlace, add_force
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import Tree
 
@@ -125,15 +125,7 @@ class Rates:
 
     def load(self, loads: Loads, c: int, node: int) -> None:
         """Add a generalised force along a coordinate to force and moment on its link."""
-        space = self.place.space
-        element, axis = self.where[c]
-        link = self.tree.home[element]
-        zero = self.graph.const(0.0)
-        x, y, z = (node if k == axis else zero for k in range(3))
-        force, moment = loads.get(link, (space.zero, space.zero))
-        if isinstance(element, Point):
-            force = space.add(force, (x, y, z))
-        loads[link] = (force, space.add(moment, space.cross(self.place.lever(element, link), (x, y, z))))
+        add_force(self.place, loads, *self.where[c], node)
 
     def _carried(self, element: Spatial, link: int) -> list[Row]:
         """An element that a link shares with another one that carries it, or that is held, moves as that one says; and where a

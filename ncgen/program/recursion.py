@@ -20,7 +20,7 @@ import numpy as np
 from ncgen.program import articulated
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
-from ncgen.program.composite import Inertia, inertia_of, massless, nothing
+from ncgen.program.composite import Inertia, inertias_of, mass_matrix, massless, needed_loads
 from ncgen.program.elimination import (
     Factors,
     Matrix,
@@ -40,7 +40,6 @@ from ncgen.program.rates import NoRecursion, Rates, Row, check_seen
 from ncgen.program.sampling import Sample
 from ncgen.program.tree_motion import Loads, TreeVelocity
 from ncgen.symbolic.equations import build_equations
-from ncgen.symbolic.inertia import standard_inertia
 from ncgen.symbolic.numbering import Terms
 from ncgen.symbolic.tree import spanning_tree
 
@@ -212,23 +211,12 @@ class Recursion:
 
     def _loads(self) -> _Loads:
         """Inertias, and the forces of the rates: applied ones less what bodies need without accelerations of the joints."""
-        space, links = self.rates.place.space, self.tree.links
-        loads, right = self._applied()
-        gravity = [self.lines.value(g) for g in self.model.gravity_field]
-        own = [self._inertia(number) if link.body.inertia else None for number, link in enumerate(links)]
-        needed: Loads = {}
-        for number in reversed(range(len(links))):
-            if (body := own[number]) is not None:
-                (turning, along), (change, lift) = self.velocity.twists[number], self.velocity.changes[number]
-                lift = space.add(space.sub(lift, (gravity[0], gravity[1], gravity[2])), space.cross(turning, along))
-                needed[number] = body.load(space, turning, lift, change)
-        right |= self.rates.place.inward(loads, needed)
-        return _Loads(own, right, self.lines.matrix(KERNELS["mass"]))
-
-    def _inertia(self, number: int) -> Inertia:
         place = self.rates.place
-        standard = standard_inertia(self.tree.links[number].body, self.model.parameters)
-        return inertia_of(standard, place.space, place.node, self.lines.value, place.reference[number])
+        loads, right = self._applied()
+        x, y, z = map(self.lines.value, self.model.gravity_field)
+        own = inertias_of(place)
+        right |= place.inward(loads, needed_loads(place, self.velocity, own, (x, y, z)))
+        return _Loads(own, right, self.lines.matrix(KERNELS["mass"]))
 
     def _applied(self) -> tuple[Loads, Column]:
         """Force and moment on every link, and forces along coordinates of no link, of all that is not inertia of the tree."""
@@ -243,17 +231,7 @@ class Recursion:
 
     def _mass_matrix(self) -> tuple[Matrix, Column]:
         """H, both triangles, and the forces of the rates with those of masses of no link."""
-        place, space, links = self.rates.place, self.rates.place.space, self.tree.links
-        composite = [own or nothing(space) for own in self.loads.own]
-        H: Matrix = {}
-        for number in reversed(range(len(links))):
-            for k in place.own[number]:
-                linear, angular = composite[number].momentum(space, place.columns[k].axis, place.columns[k].along)
-                for j in (j for j in place.path[number] if j <= k):
-                    other = place.columns[j]
-                    H[k, j] = H[j, k] = self.graph.add(space.dot(other.axis, angular), space.dot(other.along, linear))
-            if (parent := links[number].parent) is not None:
-                composite[parent] = composite[parent].plus(space, composite[number])
+        H = mass_matrix(self.rates.place, self.loads.own)
         right = dict(self.loads.force)
         for (a, b), mass in sorted(self.loads.mass.items()):
             self._add_mass(H, right, a, b, mass)

@@ -143,6 +143,17 @@ def _joint_point(link: Link) -> Point:
     return next((screw.point for screw in link.screws if screw.point is not None), link.body.points[0])
 
 
+def add_force(place: TreePlace, loads: Loads, element: Spatial, axis: int, node: int) -> None:
+    """Add a force along one coordinate of an element to force and moment on its link."""
+    space, link = place.space, place.tree.home[element]
+    zero = space.graph.const(0.0)
+    x, y, z = (node if k == axis else zero for k in range(3))
+    force, moment = loads.get(link, (space.zero, space.zero))
+    if isinstance(element, Point):
+        force = space.add(force, (x, y, z))
+    loads[link] = (force, space.add(moment, space.cross(place.lever(element, link), (x, y, z))))
+
+
 class TreeVelocity:
     """Twists and velocities for rates of the joints, and accelerations that there are without accelerations of the joints.
 

@@ -31,7 +31,7 @@ def inspect(kernels: Kernels, found: Freedom | None = None) -> dict:
         "redundant": [_redundant(kernels, r) for r in found.redundant],
         "singular": found.is_singular,
         "measured": sum(row.measured for row in kernels.rows),
-        "omitted": list(kernels.programs.omitted),
+        "omitted": [*(f"{what}: not modelled" for what in model.left_out), *kernels.programs.omitted],
         "initial": {e.name: float(e.initial[0]) for e in model.elements.values() if isinstance(e, Angle)},
         "kernels": _kernels(kernels.programs),
         "tree": _tree(spanning_tree(model)),

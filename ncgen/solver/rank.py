@@ -26,6 +26,9 @@ POSITIONS = 6
 DISTANCE = 0.1
 """How far the trial positions are from the given one, relative to the mechanism's size."""
 
+BADLY = 1e-4
+"""Share of the least singular value of all rows below which that of the kept ones asks for others."""
+
 REMEMBERED = 16
 """How much of what was found for positions, such as degrees of freedom, is kept with the kernels."""
 
@@ -177,10 +180,12 @@ def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedo
     ranks = [numerical_rank(j) for j in jacobians]
     rank = max(ranks)
     general = [j for j, r in zip(jacobians, ranks, strict=True) if r == rank]
-    kept, dependent = _independent_rows(general)
+    kept = _independent_rows(general)
     if len(kept) != rank:  # rows at the edge of independence, which the order of exclusion decides
         kept = best_rows(general[-1], rank).tolist()
-        dependent = [row for row in range(m) if row not in kept]
+    elif _represents_badly(general[0], kept):
+        kept = best_rows(general[0], rank).tolist()
+    dependent = [row for row in range(m) if row not in set(kept)]
     scale = kernels.row_sizes
     redundant = tuple(_implication(general[-1] * largest, row, kept, scale) for row in dependent)
     vanishing = _extra_motions(kernels, q, t, p, rank, largest) if ranks[0] < rank else np.zeros((kernels.n, 0))
@@ -194,19 +199,25 @@ def _largest_rows(jacobians: list[np.ndarray]) -> np.ndarray:
     return np.where(norms > 0, norms, 1.0)[:, None]
 
 
-def _independent_rows(jacobians: list[np.ndarray]) -> tuple[list[int], list[int]]:
+def _represents_badly(jacobian: np.ndarray, kept: list[int]) -> bool:
+    """True if rows, of which there are as many as the rank, are much nearer to being dependent than all rows together."""
+    least = (np.linalg.svd(rows, compute_uv=False)[len(kept) - 1] for rows in (jacobian[kept], jacobian))
+    return len(kept) > 0 and next(least) < BADLY * next(least)
+
+
+def _independent_rows(jacobians: list[np.ndarray]) -> list[int]:
     """Rows in their own order, each kept if it is independent of those kept before in some position, which is then asked on.
 
     Positions in which a kept row depends on those before are asked no more, so that all kept rows are independent together.
     """
     bases = [(j, np.zeros((0, j.shape[1]))) for j in jacobians]
-    kept, dependent = [], []
+    kept: list[int] = []
     for row in range(jacobians[0].shape[0]):
         rests = [(j, basis, _rest(j[row], basis)) for j, basis in bases]
         new = [(j, np.vstack([basis, rest / size])) for j, basis, rest in rests if (size := np.linalg.norm(rest)) > 1e-8]
         bases = new or bases
-        (kept if new else dependent).append(row)
-    return kept, dependent
+        kept += [row] if new else []
+    return kept
 
 
 def _rest(row: np.ndarray, basis: np.ndarray) -> np.ndarray:

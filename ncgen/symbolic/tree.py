@@ -1,8 +1,8 @@
 """The bodies of a mechanism as a tree: which one carries which, and how each can move beside the one that carries it.
 
 What two bodies share tells their freedoms: a point 3, a point and a direction 1, a direction 4, two directions 3, nothing 6; in the
-plane a point 1, a direction 2, nothing 3. A spanning tree takes the joints with the fewest freedoms first. Whatever it does not
-use, elements shared across it and rows of the user's, closes loops.
+plane a point 1, a direction 2, nothing 3. On a direction that they share a slider has 1 of the 4, a cylindrical joint 2. A spanning tree
+takes the joints with the fewest freedoms first. Whatever it does not use, elements shared across it and rows of the user's, closes loops.
 Source: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody Systems (1994), chapter 8.
 """
 
@@ -23,6 +23,10 @@ PARALLEL = 1e-6
 
 AXES = tuple(as_combination(Constant.of(name, tuple(row))) for name, row in zip("xyz", np.eye(3).tolist(), strict=True))
 """Directions that do not turn."""
+
+
+SLIDING = {"prismatic": False, "cylindrical": True}
+"""Joints along a shared direction, and whether they turn about it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,11 +68,11 @@ class Tree:
 
 def spanning_tree(model: Model) -> Tree:
     """The tree of a model's bodies."""
-    waiting = [body for body in model.bodies.values() if _is_solid(body)]
+    waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], _sliding(model)
     loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
     links: list[Link] = []
     best: dict[Body, tuple[int | None, tuple[Screw, ...]]] = {
-        body: (None, _joint(body, [e for e in body.elements if e.fixed])) for body in waiting
+        body: (None, _joint(body, [e for e in body.elements if e.fixed], sliding.get(frozenset({body, model.ground})))) for body in waiting
     }
     while waiting:
         body = min(waiting, key=lambda b: len(best[b][1]))
@@ -77,7 +81,7 @@ def spanning_tree(model: Model) -> Tree:
         mine = set(body.elements)
         for other in waiting:
             shared = [e for e in other.elements if e in mine]
-            if shared and len(screws := _joint(other, shared)) < len(best[other][1]):
+            if shared and len(screws := _joint(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
                 best[other] = (len(links) - 1, screws)
     home: dict[Spatial, int] = {}
     for number, link in enumerate(links):
@@ -92,8 +96,29 @@ def _is_solid(body: Body) -> bool:
     return bool(body.points) and len(_across(body, body.elements)) >= (1 if body.frame.planar else 2)
 
 
-def _joint(body: Body, shared: Sequence[Spatial]) -> tuple[Screw, ...]:
-    """How a body can move where these elements of it are held."""
+@dataclass(frozen=True, eq=False)
+class Slide:
+    """What rows say of two bodies that share a direction: one slides along it, on a line through both points; and may turn about it."""
+
+    points: tuple[Point, ...]
+    turns: bool
+
+
+def _sliding(model: Model) -> dict[frozenset[Body], Slide]:
+    """{two bodies: how one slides along the other}, of the model's sliders and cylindrical joints."""
+    bodies = {**model.bodies, model.ground.name: model.ground}
+    found: dict[frozenset[Body], Slide] = {}
+    for row in model.rows:
+        kind, _, names = row.owner.name.partition(" ")
+        if row.owner.kind == "joint" and kind in SLIDING and isinstance(along := row.arguments.get("a"), Combination):
+            pair = frozenset(bodies[name] for name in names.split("-"))
+            known = found.setdefault(pair, Slide(tuple(e for e in along.elements if isinstance(e, Point)), True))
+            found[pair] = Slide(known.points, known.turns and SLIDING[kind])
+    return found
+
+
+def _joint(body: Body, shared: Sequence[Spatial], slide: Slide | None) -> tuple[Screw, ...]:
+    """How a body can move where these elements of it are held; slide: what rows say besides."""
     held = next((e for e in shared if isinstance(e, Point)), None)
     point = held or body.points[0]
     directions = _across(body, shared)
@@ -101,6 +126,9 @@ def _joint(body: Body, shared: Sequence[Spatial]) -> tuple[Screw, ...]:
         turns, axes = ([] if directions else [as_combination(NORMAL)]), AXES[:2]
     else:
         turns, axes = ([] if len(directions) > 1 else directions or list(AXES)), AXES
+    if slide and held is None and len(directions) == 1:
+        point = next((e for e in slide.points if e in body.elements), point)
+        turns, axes = (turns if slide.turns else []), directions
     moves = [] if held else [Screw(axis) for axis in axes]
     return (*moves, *(Screw(axis, point) for axis in turns))
 

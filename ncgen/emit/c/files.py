@@ -59,6 +59,13 @@ def motion_files(programs: MotionPrograms, equations: Terms) -> dict[str, str]:
     return {f"{prefix}_motion.c": render("c/motion.c.jinja", model=equations.model, **program_records(parts, prefix, "motion"))}
 
 
+def function_files(programs: Iterable[Program], equations: Terms, kind: str) -> dict[str, str]:
+    """{file name: text}: programs as functions by their own names. kind: a word for the file and its tables."""
+    prefix = identifier(equations.model.name)
+    records = program_records(programs, prefix, kind)
+    return {f"{prefix}_{kind}.c": render("c/functions.c.jinja", model=equations.model, kind=kind, **records)}
+
+
 def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text}: the tangent kernels."""
     prefix = identifier(equations.model.name)

@@ -12,6 +12,9 @@ from ncgen.emit.naming import identifier
 from ncgen.emit.numpy.spelling import NumPy
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from ncgen.program.blocks import Program
     from ncgen.program.programs import Programs
     from ncgen.program.tangents import TangentPrograms
     from ncgen.symbolic.numbering import Terms
@@ -43,3 +46,9 @@ def tangent_files(programs: TangentPrograms, equations: Terms) -> dict[str, str]
     records = NumPy().records(programs.programs.values())
     text = render("numpy/tangents.py.jinja", model=equations.model, **records, width=WIDTH)
     return {f"{identifier(equations.model.name)}_{programs.kind}.py": text}
+
+
+def function_files(programs: Iterable[Program], equations: Terms, kind: str) -> dict[str, str]:
+    """{file name: text}: programs as functions by their own names. kind: a word for the file."""
+    text = render("numpy/functions.py.jinja", model=equations.model, kind=kind, **NumPy().records(programs), width=WIDTH)
+    return {f"{identifier(equations.model.name)}_{kind}.py": text}

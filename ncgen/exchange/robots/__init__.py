@@ -1,0 +1,36 @@
+"""Robots from files: links and joints are read into a `Robot`, and that becomes a model in natural coordinates.
+
+A format is a module with a function from the file's root element to a `Robot`; the root's tag tells which one it is.
+"""
+
+from __future__ import annotations
+
+from importlib import import_module
+from pathlib import Path
+
+from ncgen.exchange.robots.markup import read_markup
+from ncgen.exchange.robots.robot import Robot
+from ncgen.model import Model
+
+SUFFIXES = (".urdf", ".sdf")
+
+FORMATS = {"robot": "urdf", "sdf": "sdf"}
+"""{tag of the root element: module}."""
+
+
+def read_robot(path: Path) -> Robot:
+    """The robot of a file, its joints ordered from the root outward. Raises ModelError with file and line."""
+    root = read_markup(path)
+    if root.tag not in FORMATS:
+        root.refuse(f"<{root.tag}> begins no robot; a file begins with {' or '.join(f'<{tag}>' for tag in FORMATS)}")
+    return import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").robot_of(root)
+
+
+def load_robot(path: Path, floating: bool | None = None) -> Model:
+    """The model of a robot's file. floating: the root is a free body; None for what the file says.
+
+    Raises ModelError with file and line.
+    """
+    from ncgen.exchange.robots.natural import model_of
+
+    return model_of(read_robot(path), floating)

@@ -1,0 +1,237 @@
+"""Which points and vectors a robot's bodies are described by: as few as there can be.
+
+A hinge is a point on its axis and the axis' direction, both shared by the two bodies that it joins. Where axes of a body meet the point
+is one, where they are parallel the direction is. A body whose elements do not tell all of its directions gets unit vectors of its own,
+so that it has an affine basis (García de Jalón & Bayo 1994, section 2.2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint, Robot
+
+SAME = 1e-9
+"""Points nearer than this, over the robot's size, are one; directions whose sine is smaller are parallel."""
+
+SAME_IN_LOOPS = 1e-5
+"""The sine of directions where loops are closed: axes that are parallel but for a file's last digits would lock them."""
+
+ASIDE = 0.1
+"""How far along its axis, over the robot's size, a hinge's point goes out of the way of another one."""
+
+WELL = 0.2
+"""A basis whose least singular value is smaller, directions having length 1, gets another vector."""
+
+
+@dataclass(eq=False)
+class Place:
+    """A point (m), or a direction of length 1, where all coordinates are 0."""
+
+    name: str
+    value: np.ndarray
+    is_point: bool
+
+
+@dataclass(eq=False)
+class Solid:
+    """A body and what describes it."""
+
+    name: str
+    places: list[Place] = field(default_factory=list)
+
+    @property
+    def points(self) -> list[Place]:
+        return [place for place in self.places if place.is_point]
+
+    @property
+    def vectors(self) -> list[Place]:
+        return [place for place in self.places if not place.is_point]
+
+    def take(self, place: Place) -> Place:
+        """Have a place, if it is not there yet."""
+        if place not in self.places:
+            self.places.append(place)
+        return place
+
+    def directions(self) -> np.ndarray:
+        """Of its vectors and from its first point to the others, of length 1, as rows."""
+        segments = [p.value - self.points[0].value for p in self.points[1:]]
+        return np.array([d / np.linalg.norm(d) for d in (*segments, *(v.value for v in self.vectors))]).reshape(-1, 3)
+
+
+@dataclass(eq=False)
+class Hold:
+    """A joint and its places: start on the parent, end on the child, the same one where they are shared; axis with its sign.
+
+    closes: it closes a loop
+    """
+
+    joint: Joint
+    parent: Solid
+    child: Solid
+    start: Place | None = None
+    end: Place | None = None
+    axis: Place | None = None
+    sign: float = 1.0
+    second: Place | None = None
+    closes: bool = False
+
+
+@dataclass(eq=False)
+class Layout:
+    """ground: what rests, empty where the root moves; solids by link; holds in the order of the joints; frames: of the links."""
+
+    ground: Solid
+    solids: dict[str, Solid]
+    holds: list[Hold]
+    frames: dict[str, Placement]
+
+
+def lay_out(robot: Robot, floating: bool) -> Layout:
+    """Places of a robot without fixed joints. floating: its root moves freely."""
+    return _Layer(robot, floating).layout()
+
+
+class _Layer:
+    def __init__(self, robot: Robot, floating: bool) -> None:
+        self.robot, self.floating = robot, floating
+        self.frames = {robot.root: Placement()}
+        for joint in robot.joints:
+            self.frames[joint.child] = self.frames[joint.parent] @ joint.placement
+        origins = np.array([frame.position for frame in self.frames.values()])
+        self.places = {joint: self.frames[joint.child] for joint in robot.joints} | {loop: loop.placement for loop in robot.loops}
+        self.size = float(np.ptp(origins, axis=0).max()) or 1.0
+        self.near, self.parallel = SAME * self.size, SAME_IN_LOOPS if robot.loops else SAME
+        self.solids = {name: Solid(name) for name in self.frames}
+        self.holds: list[Hold] = []
+
+    def layout(self) -> Layout:
+        for joint in (*self.robot.joints, *self.robot.loops):
+            self.holds.append(self._hold(joint))
+        root = self.solids[self.robot.root]
+        ground = Solid("ground") if self.floating else self.solids.pop(self.robot.root)
+        for name, solid in self.solids.items():
+            self._complete(solid, self._heart(name))
+        return Layout(ground if self.floating else root, self.solids, self.holds, self.frames)
+
+    # -- joints --------------------------------------------------------------------------------
+
+    def _hold(self, joint: Joint) -> Hold:
+        hold = Hold(joint, self.solids[joint.parent], self.solids[joint.child], closes=joint in self.robot.loops)
+        getattr(self, f"_{joint.kind}")(hold)
+        return hold
+
+    def _revolute(self, hold: Hold) -> None:
+        self._share_axis(hold)
+        hold.start = hold.end = self._shared_point(hold)
+
+    def _spherical(self, hold: Hold) -> None:
+        origin = self._origin(hold.joint)
+        points = (*hold.parent.points, *hold.child.points)
+        known = next((p for p in points if np.linalg.norm(p.value - origin) < self.near), None)
+        hold.start = hold.end = hold.child.take(hold.parent.take(known or self._point(hold, "r", origin)))
+
+    def _universal(self, hold: Hold) -> None:
+        self._spherical(hold)
+        hold.axis, hold.sign = self._parallel(hold.parent, self._axis(hold.joint), hold, "u")
+        assert hold.joint.second is not None, "a universal joint with one axis"
+        hold.second = hold.child.take(Place(f"v_{hold.joint.name}", self._directed(hold.joint, hold.joint.second), False))
+
+    def _prismatic(self, hold: Hold) -> None:
+        self._share_axis(hold)
+        hold.start = (hold.parent.points or [hold.parent.take(self._point(hold, "r", self._origin(hold.joint)))])[0]
+        hold.end = hold.child.take(self._point(hold, "s", hold.start.value))
+
+    _planar = _screw = _prismatic
+
+    def _floating(self, hold: Hold) -> None:
+        """Nothing is shared."""
+
+    _fixed = _floating
+
+    def _share_axis(self, hold: Hold) -> None:
+        hold.axis, hold.sign = self._parallel(hold.parent, self._axis(hold.joint), hold, "u")
+        hold.child.take(hold.axis)
+
+    def _parallel(self, solid: Solid, direction: np.ndarray, hold: Hold, prefix: str) -> tuple[Place, float]:
+        """A vector of a body along a direction, and its sign: one that is there, or a new one."""
+        for vector in (*solid.vectors, *hold.child.vectors):
+            if np.linalg.norm(np.cross(vector.value, direction)) < self.parallel:
+                return solid.take(vector), float(np.sign(vector.value @ direction))
+        return solid.take(Place(f"{prefix}_{hold.joint.name}", direction, False)), 1.0
+
+    def _shared_point(self, hold: Hold) -> Place:
+        """A point on a hinge's axis: one of the parent's, else where the next axis meets it, else the joint's origin.
+
+        Where the parent itself hangs on this axis the point is another one: sharing both would join the child to the parent's parent, too.
+        """
+        origin, axis = self._origin(hold.joint), self._axis(hold.joint)
+        taken = next((h.start for h in self.holds if h.child is hold.parent and h.axis is hold.axis), None)
+        for point in (*hold.parent.points, *hold.child.points):
+            if point is not taken and np.linalg.norm(np.cross(point.value - origin, axis)) < self.near:
+                return hold.child.take(hold.parent.take(point))
+        if taken and np.linalg.norm(taken.value - origin) < self.near:
+            return hold.child.take(hold.parent.take(self._point(hold, "r", origin + ASIDE * self.size * axis)))
+        meetings = (self._meeting(origin, axis, self._origin(j), self._axis(j)) for j in self._hinges_of(hold.child))
+        place = min((m for m in meetings if m is not None), key=lambda m: float(np.linalg.norm(m - origin)), default=origin)
+        return hold.child.take(hold.parent.take(self._point(hold, "r", place)))
+
+    def _hinges_of(self, solid: Solid) -> Iterable[Joint]:
+        return (joint for joint in self.robot.joints if joint.parent == solid.name and joint.kind == "revolute")
+
+    def _meeting(self, a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarray | None:
+        """Where two lines meet; None where they are parallel, or pass each other."""
+        across = np.cross(u, v)
+        if np.linalg.norm(across) < WELL or abs((b - a) @ across) > self.near * np.linalg.norm(across):
+            return None
+        return a + np.cross(b - a, v) @ across / (across @ across) * u
+
+    # -- frames --------------------------------------------------------------------------------
+
+    def _origin(self, joint: Joint) -> np.ndarray:
+        return self.places[joint].position
+
+    def _axis(self, joint: Joint) -> np.ndarray:
+        return self._directed(joint, joint.axis)
+
+    def _directed(self, joint: Joint, direction: np.ndarray) -> np.ndarray:
+        """A direction of a joint's frame in the global one; what is 0 but for rounding is 0."""
+        found = self.places[joint].along(direction)
+        found = np.where(np.abs(found) < 1e-15, 0.0, found)
+        return found / np.linalg.norm(found)
+
+    def _point(self, hold: Hold, prefix: str, place: np.ndarray) -> Place:
+        return Place(f"{prefix}_{hold.joint.name}", np.where(np.abs(place) < 1e-3 * self.near, 0.0, place), True)
+
+    # -- bodies --------------------------------------------------------------------------------
+
+    def _heart(self, name: str) -> np.ndarray:
+        """The centre of mass of a link, or its origin."""
+        mass = self.robot.links[name].mass
+        return self.frames[name].at(mass.com) if mass else self.frames[name].position
+
+    def _complete(self, solid: Solid, heart: np.ndarray) -> None:
+        """A point, and directions that span space."""
+        if not solid.points:
+            solid.take(Place(f"r_{solid.name}", heart, True))
+        while (rows := solid.directions()).shape[0] < 3 or np.linalg.svd(rows, compute_uv=False)[-1] < WELL:
+            number = len(solid.vectors) + 1
+            solid.take(Place(f"e{number}_{solid.name}", _missing(rows, self.frames[solid.name]), False))
+
+
+def _missing(rows: np.ndarray, frame: Placement) -> np.ndarray:
+    """The direction that some span least; of the body's frame where any will do."""
+    if len(rows) == 0:
+        return frame.rotation[:, 0]
+    _, sizes, directions = np.linalg.svd(rows)
+    if len(rows) >= 2 and sizes[1] > WELL:
+        return directions[2]
+    held = directions[0]
+    axis = frame.rotation[:, int(np.argmin(np.abs(frame.rotation.T @ held)))]
+    across = axis - (axis @ held) * held
+    return across / np.linalg.norm(across)

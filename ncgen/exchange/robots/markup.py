@@ -1,0 +1,136 @@
+"""XML as a tree of elements that know their lines. Nothing in a file is fetched or expanded: entities and document types are refused."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import NoReturn
+from xml.parsers import expat
+
+from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, shortened, shown
+from ncgen.exchange.text import text_of
+
+DEEPEST = 100
+"""Elements inside each other."""
+
+
+@dataclass(eq=False)
+class Markup:
+    """An element of a file. where: the file's name, for messages."""
+
+    tag: str
+    attributes: dict[str, str]
+    line: int
+    where: str
+    children: list[Markup] = field(default_factory=list)
+    text: str = ""
+
+    def all(self, tag: str) -> list[Markup]:
+        """Its children of a kind."""
+        return [child for child in self.children if child.tag == tag]
+
+    def first(self, tag: str) -> Markup | None:
+        """Its first child of a kind, or None."""
+        return next(iter(self.all(tag)), None)
+
+    def only(self, tag: str) -> Markup:
+        """Its first child of a kind. Raises ModelError where there is none."""
+        found = self.first(tag)
+        return found if found is not None else self.refuse(f"<{self.tag}> has no <{tag}>; give it one")
+
+    def walk(self) -> Iterator[Markup]:
+        """The element and all that is in it."""
+        yield self
+        for child in self.children:
+            yield from child.walk()
+
+    def name(self, attribute: str = "name") -> str:
+        """An attribute that must be there and not be empty."""
+        found = self.attributes.get(attribute, "").strip()
+        return found or self.refuse(f'<{self.tag}> has no {attribute}; write <{self.tag} {attribute}="…">')
+
+    def number(self, attribute: str, default: float | None = None) -> float:
+        """A number in an attribute; without a default it must be there."""
+        text = self.attributes.get(attribute)
+        if text is None and default is not None:
+            return default
+        return self._number(self.name(attribute), attribute)
+
+    def numbers(self, attribute: str, count: int, default: tuple[float, ...]) -> tuple[float, ...]:
+        """So many numbers in an attribute, or the default."""
+        text = self.attributes.get(attribute)
+        return default if text is None else self._split(text, count, attribute)
+
+    def content(self, count: int) -> tuple[float, ...]:
+        """So many numbers in the element's text."""
+        return self._split(self.text, count, f"<{self.tag}>")
+
+    def refuse(self, problem: str) -> NoReturn:
+        """Raise ModelError with the element's place."""
+        place = f"{shortened(self.where, SHOWN)}, line {self.line}: "
+        raise ModelError(place + shortened(problem, LONGEST_LINE - len(place)))
+
+    def _split(self, text: str, count: int, what: str) -> tuple[float, ...]:
+        parts = text.split()
+        if len(parts) != count:
+            self.refuse(f"{what}: {count} numbers are needed, {shown(text)} is given")
+        return tuple(self._number(part, what) for part in parts)
+
+    def _number(self, text: str, what: str) -> float:
+        try:
+            value = float(text)
+        except ValueError:
+            self.refuse(f"{what}: {shown(text)} is no number")
+        if not abs(value) < 1e300:
+            self.refuse(f"{what}: {shown(text)} is not finite; give a number")
+        return value
+
+
+def read_markup(path: Path) -> Markup:
+    """The root element of a file. Raises ModelError with the line of what is no XML, or what this reader does not take."""
+    parser = expat.ParserCreate()
+    reader = _Reader(path.name, parser)
+    try:
+        parser.Parse(text_of(path), True)
+    except expat.ExpatError as error:
+        raise _problem(path.name, error.lineno, f"no XML: {expat.ErrorString(error.code)}; correct it there or before") from None
+    return reader.root.children[0]
+
+
+def _problem(where: str, line: int, text: str) -> ModelError:
+    place = f"{shortened(where, SHOWN)}, line {line}: "
+    return ModelError(place + shortened(text, LONGEST_LINE - len(place)))
+
+
+class _Reader:
+    """What the parser calls."""
+
+    def __init__(self, where: str, parser: expat.XMLParserType) -> None:
+        self.where, self.parser = where, parser
+        self.root = Markup("", {}, 1, where)
+        self.open = [self.root]
+        parser.StartElementHandler, parser.EndElementHandler = self._start, self._end
+        parser.CharacterDataHandler, parser.StartDoctypeDeclHandler = self._text, self._document_type
+        parser.buffer_text = True
+
+    def _start(self, tag: str, attributes: dict[str, str]) -> None:
+        line = self.parser.CurrentLineNumber
+        if tag.startswith("xacro:"):
+            name = shown(self.where.removesuffix(".xacro"))
+            raise _problem(self.where, line, f"<{tag}> is a macro of xacro; expand it first: xacro {shown(self.where)} > {name}")
+        if len(self.open) > DEEPEST:
+            raise _problem(self.where, line, f"elements are more than {DEEPEST} deep in each other; a robot needs no such depth")
+        element = Markup(tag, attributes, line, self.where)
+        self.open[-1].children.append(element)
+        self.open.append(element)
+
+    def _end(self, tag: str) -> None:
+        self.open.pop()
+
+    def _text(self, text: str) -> None:
+        self.open[-1].text += text
+
+    def _document_type(self, *declared: object) -> None:
+        line = self.parser.CurrentLineNumber
+        raise _problem(self.where, line, "document types and entities are not read; remove <!DOCTYPE …> and write out what it stands for")

@@ -1,0 +1,182 @@
+"""A robot as a model: joints become shared points and vectors, and their coordinates carry the names and signs of the file."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.layout import Hold, Layout, Place, Solid, lay_out
+from ncgen.exchange.robots.robot import Mass, Robot, together
+from ncgen.model import Model
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
+
+DURATION = 1.0
+"""Of a run that says nothing else (s)."""
+
+NOTHING = 1e-15
+"""Moments of inertia below this share of the mass (m²) are rounding of whoever wrote the file."""
+
+
+def model_of(robot: Robot, floating: bool | None = None) -> Model:
+    """The model of a robot whose joints are ordered, with all joint coordinates at 0.
+
+    floating: the root is a free body instead of part of the ground; None for what the robot's file says
+    Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is said.
+    """
+    return _Builder(together(robot), robot.floats if floating is None else floating).build()
+
+
+class _Builder:
+    def __init__(self, robot: Robot, floating: bool) -> None:
+        self.robot, self.floating = robot, floating
+        self.layout: Layout = lay_out(robot, floating)
+        self.model = Model(word(robot.name, "robot"))
+        self.names: dict[str, str] = {}
+        self.elements: dict[Place, Spatial] = {}
+        self.bodies: dict[Solid, Body] = {self.layout.ground: self.model.ground}
+        self.coordinates: dict[str, Relative] = {}
+
+    def build(self) -> Model:
+        model = self.model
+        self._elements()
+        for solid in self.layout.solids.values():
+            self._body(solid)
+        for hold in self.layout.holds:
+            self._join(hold)
+        for hold in self.layout.holds:
+            self._follow(hold)
+        self._draw()
+        free = [c for hold in self.layout.holds if (c := self.coordinates.get(hold.joint.name)) and not hold.joint.mimic]
+        if not self.floating and not self.robot.loops and all(hold.joint.kind in ("revolute", "prismatic") for hold in self.layout.holds):
+            model.independent(*free)
+        model.gravity(self.robot.gravity)
+        model.simulation(duration=DURATION)
+        model.left_out = self.robot.omitted
+        return model
+
+    def _elements(self) -> None:
+        fixed = set(self.layout.ground.places)
+        for solid in (self.layout.ground, *self.layout.solids.values()):
+            for place in solid.places:
+                if place not in self.elements:
+                    make = self.model.point if place.is_point else self.model.vector
+                    self.elements[place] = make(self._free(place.name), place.value.tolist(), fixed=place in fixed)
+
+    def _free(self, name: str) -> str:
+        """A name that nothing has yet."""
+        wish = found = word(name, "joint")
+        number = 2
+        while self.model.bearer(found) is not None or found in self.names.values():
+            found, number = f"{wish}_{number}", number + 1
+        return found
+
+    def _body(self, solid: Solid) -> None:
+        link, frame = self.robot.links[solid.name], self.layout.frames[solid.name]
+        mass = link.mass.seen_from(frame) if link.mass else None
+        elements = [self.elements[place] for place in solid.places]
+        points = [e for e in elements if isinstance(e, Point)]
+        vectors = [e for e in elements if isinstance(e, Vector)]
+        name = word(solid.name, "link")
+        try:
+            if mass is None:
+                self.bodies[solid] = self.model.body(name, points, vectors)
+            else:
+                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), _tensor(mass).tolist())
+        except ModelError as error:
+            raise ModelError(f"{link.where}: {error}") from None
+
+    # -- joints --------------------------------------------------------------------------------
+
+    def _join(self, hold: Hold) -> None:
+        a, b, joint = self.bodies[hold.parent], self.bodies[hold.child], hold.joint
+        if joint.kind == "revolute" and (not hold.closes or joint.damping or joint.stiffness):
+            self.coordinates[joint.name] = self._angle(hold, a, b)
+        elif joint.kind == "prismatic":
+            start, end, axis = self._point(hold.start), self._point(hold.end), self._vector(hold.axis)
+            self.model.prismatic(a, b, start, end, axis)
+            if not hold.closes:
+                self.coordinates[joint.name] = self.model.slide(self._free(joint.name), start, end, hold.sign * axis)
+        elif joint.kind == "planar":
+            self.model.planar(a, b, self._point(hold.start), self._point(hold.end), self._vector(hold.axis))
+        elif joint.kind == "universal":
+            self.model.universal(a, b, self._point(hold.start), self._vector(hold.axis), self._vector(hold.second))
+        elif joint.kind == "screw":
+            axis = self._vector(hold.axis)
+            angle, _ = self.model.screw(
+                a, b, self._point(hold.start), self._point(hold.end), axis, hold.sign * joint.pitch, self._free(joint.name)
+            )
+            self.coordinates[joint.name] = angle
+        elif joint.kind == "fixed":
+            self.model.rigid(a, b)
+        if (joint.damping or joint.stiffness) and (coordinate := self.coordinates.get(joint.name)):
+            self.model.torsion_spring(coordinate, joint.stiffness, joint.damping, joint.rest, label=f"spring of {coordinate.name}")
+
+    def _angle(self, hold: Hold, a: Body, b: Body) -> Relative:
+        """A hinge's angle, measured from a direction of the parent to one of the child which are the same at 0."""
+        axis = self._vector(hold.axis)
+        across = _across(axis.initial, [place.value for solid in (hold.child, hold.parent) for place in solid.vectors])
+        start, end = (self._direction(body, across) for body in (a, b))
+        return self.model.angle(self._free(hold.joint.name), start, end, hold.sign * axis)
+
+    def _direction(self, body: Body, direction: np.ndarray) -> Spatial | Combination:
+        found = self.model.direction_of(body, direction, "across")
+        return found.elements[0] if len(found.terms) == 1 and found.terms[0][0] == 1.0 else found
+
+    def _follow(self, hold: Hold) -> None:
+        """The row of a joint that follows another one."""
+        joint, mimic = hold.joint, hold.joint.mimic
+        if mimic is None:
+            return
+        own, other = self.coordinates.get(joint.name), self.coordinates.get(mimic.joint)
+        if own is None or other is None:
+            what = f"joint {joint.name} is no hinge or slider" if own is None else f"there is no joint {shown(mimic.joint)} that moves"
+            raise ModelError(f"{joint.where}: joint {joint.name}: {what}, so one cannot mimic the other")
+        if own is other:
+            raise ModelError(f"{joint.where}: joint {joint.name} mimics itself; name another joint")
+        self.model.constrain(own.symbol - mimic.factor * other.symbol - mimic.offset, f"{own.name} follows {other.name}")
+
+    def _draw(self) -> None:
+        """Every body from the joint that carries it to the others, and the axes of the joints."""
+        carried = {hold.child: hold.end for hold in self.layout.holds if hold.end and not hold.closes}
+        for solid in self.layout.solids.values():
+            first = carried.get(solid) or solid.points[0]
+            for place in solid.points:
+                if place is not first:
+                    self.model.line(self._point(first), self._point(place))
+        for hold in self.layout.holds:
+            if hold.axis and hold.end:
+                self.model.arrow(self._point(hold.end), self._vector(hold.axis))
+
+    def _point(self, place: Place | None) -> Point:
+        assert place is not None
+        found = self.elements[place]
+        assert isinstance(found, Point)
+        return found
+
+    def _vector(self, place: Place | None) -> Vector:
+        assert place is not None
+        found = self.elements[place]
+        assert isinstance(found, Vector)
+        return found
+
+
+def word(name: str, what: str) -> str:
+    """A name that a model can have: other signs become _, and a letter comes first."""
+    kept = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name)
+    return kept if kept[:1].isalpha() else f"{what}_{kept}"
+
+
+def _tensor(mass: Mass) -> np.ndarray:
+    tensor = (mass.tensor + mass.tensor.T) / 2
+    return np.where(np.abs(tensor) < NOTHING * mass.mass, 0.0, tensor)
+
+
+def _across(axis: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
+    """A direction perpendicular to an axis: one of those that are known, if there is one."""
+    for direction in known:
+        if abs(direction @ axis) < 1e-12:
+            return direction
+    helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
+    across = np.cross(axis, helper)
+    return across / np.linalg.norm(across)

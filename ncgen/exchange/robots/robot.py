@@ -1,0 +1,175 @@
+"""A robot as its file says it: links with inertia, and joints between them.
+
+Every format is read into this, and what natural coordinates make of it (`ncgen.exchange.robots.natural`) knows no format.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.placement import Placement
+
+KINDS = ("fixed", "revolute", "prismatic", "spherical", "planar", "floating", "universal", "screw")
+"""How a joint can move; a continuous one is revolute."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mass:
+    """mass (kg), com (3,) (m) and tensor about it (3, 3) (kg m²), in the axes of a frame."""
+
+    mass: float
+    com: np.ndarray
+    tensor: np.ndarray
+
+    def seen_from(self, frame: Placement) -> Mass:
+        """The same, where its own frame stands in another one like this."""
+        return Mass(self.mass, frame.at(self.com), frame.rotation @ self.tensor @ frame.rotation.T)
+
+    def plus(self, other: Mass) -> Mass:
+        """Both together."""
+        total = self.mass + other.mass
+        com = (self.mass * self.com + other.mass * other.com) / total if total > 0 else self.com
+        return Mass(total, com, self.tensor_about(com) + other.tensor_about(com))
+
+    def tensor_about(self, point: np.ndarray) -> np.ndarray:
+        """Steiner's tensor about another point."""
+        d = self.com - point
+        return self.tensor + self.mass * (d @ d * np.eye(3) - np.outer(d, d))
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """mass: None for a link without inertia; where: its place in the file, for messages."""
+
+    name: str
+    mass: Mass | None
+    where: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Mimic:
+    """The joint that another one follows: coordinate = factor · other + offset (rad or m)."""
+
+    joint: str
+    factor: float = 1.0
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Joint:
+    """A joint between two links.
+
+    placement: of its frame in the parent's, where all coordinates are 0; the child's frame coincides with it there. Of a joint that closes
+        a loop it is in the root's frame.
+    axis (3,): a unit vector in the joint's frame; second (3,): the other axis of a universal joint
+    damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
+    """
+
+    name: str
+    kind: str
+    parent: str
+    child: str
+    placement: Placement = field(default_factory=Placement)
+    axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
+    second: np.ndarray | None = None
+    damping: float = 0.0
+    stiffness: float = 0.0
+    rest: float = 0.0
+    pitch: float = 0.0
+    mimic: Mimic | None = None
+    where: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Robot:
+    """links by name; joints: each with one parent and one child, a tree; loops: joints besides, which close it
+    gravity: m/s²; floats: whether the root is a free body; omitted: what the file says and a model does not, in words
+    """
+
+    name: str
+    links: dict[str, Link]
+    joints: tuple[Joint, ...]
+    loops: tuple[Joint, ...] = ()
+    gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
+    floats: bool = False
+    omitted: tuple[str, ...] = ()
+
+    def ordered(self) -> Robot:
+        """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""
+        carried = self._carried()
+        roots = [name for name in self.links if name not in carried]
+        if not roots:
+            raise self._refused(self.joints[0].where, f"every link hangs on another: joint {self.joints[0].name} is in a circle; cut it")
+        root, *others = roots
+        if others:
+            raise self._refused(
+                self.links[others[0]].where, f"links {root} and {others[0]} both hang on nothing; join them, a robot has one root"
+            )
+        children: dict[str, list[Joint]] = {name: [] for name in self.links}
+        for joint in self.joints:
+            children[joint.parent].append(joint)
+        order, waiting = [], list(reversed(children[root]))
+        while waiting:
+            order.append(joint := waiting.pop())
+            waiting += reversed(children[joint.child])
+        if len(order) < len(self.joints):
+            left = next(joint for joint in self.joints if joint not in set(order))
+            raise self._refused(left.where, f"joint {left.name}: its links {left.parent} and {left.child} are in a circle; cut it")
+        return replace(self, joints=tuple(order))
+
+    @property
+    def root(self) -> str:
+        """The link that hangs on no other."""
+        carried = {joint.child for joint in self.joints}
+        return next(name for name in self.links if name not in carried)
+
+    def _carried(self) -> dict[str, Joint]:
+        """{link: the joint that carries it}, with all names looked up."""
+        carried: dict[str, Joint] = {}
+        for joint in self.joints:
+            for name in (joint.parent, joint.child):
+                if name not in self.links:
+                    raise self._refused(joint.where, f"joint {joint.name}: there is no link {shown(name)}")
+            if joint.child in carried:
+                other = carried[joint.child].name
+                raise self._refused(joint.where, f"joint {joint.name}: link {joint.child} hangs on joint {other} already; a tree has one")
+            carried[joint.child] = joint
+        return carried
+
+    @staticmethod
+    def _refused(where: str, problem: str) -> ModelError:
+        return ModelError(f"{where}: {problem}" if where else problem)
+
+
+def unique(things: Iterable[Link | Joint], what: str) -> None:
+    """Refuse two of the same name."""
+    known: set[str] = set()
+    for thing in things:
+        if thing.name in known:
+            raise ModelError(f"{thing.where}: there are two {what}s {shown(thing.name)}; rename one")
+        known.add(thing.name)
+
+
+def together(robot: Robot) -> Robot:
+    """The robot without fixed joints, and with their children in their parents. Joints must be ordered."""
+    home: dict[str, tuple[str, Placement]] = {robot.root: (robot.root, Placement())}
+    masses = {name: link.mass for name, link in robot.links.items()}
+    joints = []
+    for joint in robot.joints:
+        body, place = home[joint.parent]
+        here = place @ joint.placement
+        if joint.kind != "fixed":
+            home[joint.child] = joint.child, Placement()
+            joints.append(replace(joint, parent=body, placement=here))
+            continue
+        home[joint.child] = body, here
+        own, more = masses[body], masses.pop(joint.child)
+        if more is not None:
+            masses[body] = more.seen_from(here) if own is None else own.plus(more.seen_from(here))
+    links = {name: replace(robot.links[name], mass=mass) for name, mass in masses.items()}
+    loops = tuple(replace(loop, parent=home[loop.parent][0], child=home[loop.child][0]) for loop in robot.loops)
+    return replace(robot, links=links, joints=tuple(joints), loops=loops)

@@ -1,0 +1,208 @@
+"""Robots from SDF, the format of Gazebo (sdformat.org), one model a file; joints may close loops.
+
+Links, joints and frames say where they are in the model, or in one another (`relative_to`). A joint whose child is carried already closes a
+loop. Without a joint to the world the robot is a free body.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from ncgen.errors import shown
+from ncgen.exchange.robots.markup import Markup
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, unique
+
+KINDS = {
+    "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "spherical",
+    "universal": "universal", "screw": "screw",
+}  # fmt: skip
+"""Joint types of the format, and what they are here."""
+
+OMITTED = {
+    "limit": "limits of joints", "collision": "collision shapes", "visual": "visual shapes", "sensor": "sensors", "plugin": "plugins",
+    "light": "lights",
+}  # fmt: skip
+"""What is not modelled: tags, and words for them."""
+
+WORLD, MODEL = "world", "__model__"
+
+CIRCLE = "is placed relative to itself"
+
+
+def robot_of(root: Markup) -> Robot:
+    """The robot of a file's root element. Raises ModelError with file and line."""
+    world = root.first("world") or root
+    models = world.all("model")
+    if len(models) != 1:
+        root.refuse(f"{len(models)} models; a robot's file has one")
+    (model,) = models
+    for tag, what in (("include", "included files are not read"), ("model", "nested models are not read")):
+        if found := model.first(tag):
+            found.refuse(f"{what}; write its links and joints out")
+    return _Reader(root, world, model).robot()
+
+
+class _Reader:
+    def __init__(self, root: Markup, world: Markup, model: Markup) -> None:
+        self.root, self.world, self.model = root, world, model
+        self.version = tuple(int(part) for part in root.attributes.get("version", "1.7").split(".") if part.isdigit())
+        self.named = {each.name(): each for each in (*model.all("link"), *model.all("joint"), *model.all("frame"))}
+        self.known: dict[str, Placement] = {MODEL: Placement()}
+        self.waiting: list[str] = []
+
+    def robot(self) -> Robot:
+        links = [self._link(each) for each in self.model.all("link")]
+        joints = [self._joint(each) for each in self.model.all("joint")]
+        if not links:
+            self.model.refuse("<model> has no <link>; give it one")
+        unique(links, "link")
+        unique(joints, "joint")
+        static = self.model.first("static")
+        hangs = any(joint.parent == WORLD for joint in joints)
+        floats = not hangs and not (static is not None and static.text.strip() in ("1", "true"))
+        if hangs:
+            links.insert(0, Link(WORLD, None))
+        gravity = self.world.first("gravity")
+        field = gravity.content(3) if gravity is not None else (0.0, 0.0, -9.81)
+        return self._tree(links, joints, (field[0], field[1], field[2]), floats)
+
+    def _tree(self, links: list[Link], joints: list[Joint], gravity: tuple[float, float, float], floats: bool) -> Robot:
+        """The first joint of every link carries it; placements become those of the children's frames in the parents'."""
+        tree: list[Joint] = []
+        carried: set[str] = set()
+        for joint in joints:
+            if joint.child not in carried and joint.child != WORLD:
+                carried.add(joint.child)
+                tree.append(joint)
+        loops = [joint for joint in joints if joint not in tree]
+        frames = {link.name: self._place(link.name) for link in links} | {joint.child: joint.placement for joint in tree}
+        named = {link.name: self._moved(link, frames[link.name]) for link in links}
+        placed = [replace(joint, placement=frames[joint.parent].inverse() @ joint.placement) for joint in tree]
+        robot = Robot(self.model.name(), named, tuple(placed), gravity=gravity, floats=floats, omitted=self._omitted()).ordered()
+        back = frames[robot.root].inverse()
+        return replace(robot, loops=tuple(replace(loop, placement=back @ loop.placement) for loop in loops))
+
+    def _moved(self, link: Link, frame: Placement) -> Link:
+        """The link with its mass seen from the frame that it has here."""
+        return link if link.mass is None else replace(link, mass=link.mass.seen_from(frame.inverse() @ self._place(link.name)))
+
+    def _omitted(self) -> tuple[str, ...]:
+        counts = Counter(each.tag for each in self.model.walk() if each.tag in OMITTED)
+        friction = sum(each.content(1) != (0.0,) for d in self._dynamics() for each in d.all("friction"))
+        said = [f"{OMITTED[tag]} ({count})" for tag, count in counts.items()]
+        return (*said, f"friction of joints ({friction})") if friction else tuple(said)
+
+    def _dynamics(self) -> Iterable[Markup]:
+        return (each for each in self.model.walk() if each.tag == "dynamics")
+
+    # -- where things are ----------------------------------------------------------------------
+
+    def _place(self, name: str) -> Placement:
+        """A link, joint or frame in the model, all coordinates at 0."""
+        if name == WORLD:
+            return self.known[MODEL]
+        if name not in self.known:
+            each = self.named[name]
+            if name in self.waiting:
+                each.refuse(f"{each.tag} {name} {CIRCLE}, by way of {', '.join(shown(n) for n in self.waiting[:3])}")
+            self.waiting.append(name)
+            self.known[name] = self._read(each)
+            self.waiting.pop()
+        return self.known[name]
+
+    def _read(self, each: Markup) -> Placement:
+        pose = each.first("pose")
+        default = {"joint": lambda: each.only("child").text.strip(), "frame": lambda: each.attributes.get("attached_to") or MODEL}
+        base = (pose.attributes.get("relative_to") if pose else None) or default.get(each.tag, lambda: MODEL)()
+        if base not in self.named and base not in (MODEL, WORLD):
+            each.refuse(f"{each.tag} {each.name()}: there is no link, joint or frame {shown(base)}")
+        return self._place(base) @ _pose(pose)
+
+    # -- links and joints ----------------------------------------------------------------------
+
+    def _link(self, each: Markup) -> Link:
+        inertial = each.first("inertial")
+        return Link(each.name(), None if inertial is None else _mass(inertial), f"{each.where}, line {each.line}")
+
+    def _joint(self, each: Markup) -> Joint:
+        """With its own placement in the model in place of that in its parent."""
+        name, kind = each.name(), each.name("type")
+        if kind not in KINDS:
+            each.refuse(f"joint {name}: the type {shown(kind)} is not read; known are {', '.join(KINDS)}")
+        ends = {tag: each.only(tag).text.strip() for tag in ("parent", "child")}
+        for tag, link in ends.items():
+            if link != WORLD and (link not in self.named or self.named[link].tag != "link"):
+                each.refuse(f"joint {name}: its {tag} {shown(link)} is no link of this model")
+        axis, second = each.first("axis"), each.first("axis2")
+        pitch = each.first("screw_thread_pitch")
+        dynamics = axis.first("dynamics") if axis else None
+        return Joint(
+            name,
+            KINDS[kind],
+            ends["parent"],
+            ends["child"],
+            self._place(name),
+            self._axis(each, axis) if kind not in ("fixed", "ball") else np.array([0.0, 0.0, 1.0]),
+            self._axis(each, second) if kind == "universal" else None,
+            damping=_number(dynamics, "damping"),
+            stiffness=_number(dynamics, "spring_stiffness"),
+            rest=_number(dynamics, "spring_reference"),
+            pitch=pitch.content(1)[0] if pitch else 0.0,
+            where=f"{each.where}, line {each.line}",
+        )
+
+    def _axis(self, joint: Markup, axis: Markup | None) -> np.ndarray:
+        """In the joint's frame."""
+        if axis is None:
+            joint.refuse(f"joint {joint.name()}: it has no axis; give it one")
+        element = axis.only("xyz")
+        found = np.array(element.content(3))
+        length = float(np.linalg.norm(found))
+        if not length > 0:
+            element.refuse(f"joint {joint.name()}: its axis is 0 0 0; give a direction")
+        base = element.attributes.get("expressed_in")
+        if base is not None and base not in self.named and base != MODEL:
+            element.refuse(f"joint {joint.name()}: there is no link, joint or frame {shown(base)}")
+        flag = axis.first("use_parent_model_frame")
+        if self.version <= (1, 4) or (flag is not None and flag.text.strip() in ("1", "true")):
+            base = MODEL
+        turned = found if base is None else self._place(joint.name()).inverse().along(self._place(base).along(found))
+        return turned / length
+
+
+def _pose(pose: Markup | None) -> Placement:
+    if pose is None or not pose.text.strip():
+        return Placement()
+    if pose.attributes.get("rotation_format", "euler_rpy") != "euler_rpy" or pose.attributes.get("degrees", "0") not in ("0", "false"):
+        pose.refuse("poses are read as x y z roll pitch yaw in m and rad; write it so")
+    numbers = pose.content(6)
+    return Placement.of_rpy(numbers[:3], numbers[3:])
+
+
+def _mass(inertial: Markup) -> Mass | None:
+    """None where nothing of it is more than 0. Without a number the mass is 1 kg and the tensor that of SDF's default."""
+    mass, inertia = inertial.first("mass"), inertial.first("inertia")
+    kilograms = mass.content(1)[0] if mass is not None else 1.0
+    if kilograms < 0:
+        inertial.refuse(f"the mass is {kilograms:g} kg; give a positive number")
+    xx, yy, zz, xy, xz, yz = (
+        _number(inertia, name, default) for name, default in zip(ENTRIES, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0), strict=True)
+    )
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if kilograms == 0 and not tensor.any():
+        return None
+    return Mass(kilograms, np.zeros(3), tensor).seen_from(_pose(inertial.first("pose")))
+
+
+ENTRIES = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}
+"""Of a tensor of inertia, with the format's defaults (kg m²)."""
+
+
+def _number(inside: Markup | None, tag: str, default: float = 0.0) -> float:
+    found = inside.first(tag) if inside is not None else None
+    return default if found is None else found.content(1)[0]

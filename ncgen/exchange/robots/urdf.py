@@ -1,0 +1,107 @@
+"""Robots from URDF, the unified robot description format of ROS (wiki.ros.org/urdf/XML).
+
+Read are links' inertias and all joints. Limits, friction, safety controllers, transmissions, sensors and collisions are listed as
+omitted; what is seen (`<visual>`) is not needed for motion.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from pathlib import Path
+
+import numpy as np
+
+from ncgen.exchange.robots.markup import Markup
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
+
+KINDS = {
+    "fixed": "fixed",
+    "revolute": "revolute",
+    "continuous": "revolute",
+    "prismatic": "prismatic",
+    "planar": "planar",
+    "floating": "floating",
+}
+"""Joint types of the format, and what they are here."""
+
+OMITTED = {
+    "transmission": "transmissions", "gazebo": "extensions for Gazebo", "ros2_control": "settings of ros2_control",
+    "limit": "limits of joints", "safety_controller": "safety controllers", "calibration": "calibrations",
+    "collision": "collision shapes", "visual": "visual shapes", "sensor": "sensors", "contact": "contact coefficients",
+}  # fmt: skip
+"""What is not modelled: tags, and words for them."""
+
+
+def robot_of(root: Markup) -> Robot:
+    """The robot of a file's root element. Raises ModelError with file and line."""
+    links = [_link(each) for each in root.all("link")]
+    joints = [_joint(each) for each in root.all("joint")]
+    if not links:
+        root.refuse("<robot> has no <link>; give it one")
+    unique(links, "link")
+    unique(joints, "joint")
+    name = root.attributes.get("name") or Path(root.where).stem
+    return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=_omitted(root)).ordered()
+
+
+def _omitted(root: Markup) -> tuple[str, ...]:
+    counts = Counter(each.tag for each in root.walk() if each.tag in OMITTED)
+    friction = sum(each.number("friction", 0.0) != 0.0 for each in root.walk() if each.tag == "dynamics")
+    said = [f"{OMITTED[tag]} ({count})" for tag, count in counts.items()]
+    return (*said, f"friction of joints ({friction})") if friction else tuple(said)
+
+
+def _where(each: Markup) -> str:
+    return f"{each.where}, line {each.line}"
+
+
+def _pose(each: Markup) -> Placement:
+    origin = each.first("origin")
+    zeros = (0.0, 0.0, 0.0)
+    return Placement() if origin is None else Placement.of_rpy(origin.numbers("xyz", 3, zeros), origin.numbers("rpy", 3, zeros))
+
+
+def _link(each: Markup) -> Link:
+    inertial = each.first("inertial")
+    return Link(each.name(), None if inertial is None else _mass(inertial), _where(each))
+
+
+def _mass(inertial: Markup) -> Mass | None:
+    """None where nothing of it is more than 0."""
+    element = inertial.first("inertia")
+    mass = inertial.only("mass").number("value")
+    if mass < 0:
+        inertial.refuse(f"the mass is {mass:g} kg; give a positive number")
+    xx, yy, zz, xy, xz, yz = (element.number(name, 0.0) if element else 0.0 for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    if mass == 0 and not tensor.any():
+        return None
+    return Mass(mass, np.zeros(3), tensor).seen_from(_pose(inertial))
+
+
+def _joint(each: Markup) -> Joint:
+    kind = each.name("type")
+    if kind not in KINDS:
+        each.refuse(f"joint {each.name()}: there is no type {kind}; known are {', '.join(KINDS)}")
+    dynamics, mimic = each.first("dynamics"), each.first("mimic")
+    return Joint(
+        each.name(),
+        KINDS[kind],
+        each.only("parent").name("link"),
+        each.only("child").name("link"),
+        _pose(each),
+        _axis(each) if kind not in ("fixed", "floating") else np.array([1.0, 0.0, 0.0]),
+        damping=dynamics.number("damping", 0.0) if dynamics else 0.0,
+        mimic=Mimic(mimic.name("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)) if mimic else None,
+        where=_where(each),
+    )
+
+
+def _axis(joint: Markup) -> np.ndarray:
+    element = joint.first("axis")
+    axis = np.array((1.0, 0.0, 0.0) if element is None else element.numbers("xyz", 3, (1.0, 0.0, 0.0)))
+    length = float(np.linalg.norm(axis))
+    if not length > 0:
+        joint.refuse(f"joint {joint.name()}: its axis is 0 0 0; give a direction")
+    return axis / length

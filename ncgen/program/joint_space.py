@@ -1,0 +1,115 @@
+"""A tree of bodies over the rates of its joints: the programs that robotics calls the basics.
+
+    joint_screws(t, q, p)         -> for every rate its axis and its velocity at the origin (6 numbers a rate)
+    joint_mass(t, q, p)           -> the mass matrix H over the rates, its lower triangle row by row
+    joint_inverse(t, q, v, a, p)  -> the forces that rates v and accelerations a need against inertia and gravity
+    joint_loads(t, q, v, p)       -> the forces along the rates of springs, dampers and applied forces
+
+All are those of the tree before loops are closed (`ncgen.symbolic.tree`), by composite inertias and the recursive Newton-Euler
+algorithm in global axes (`ncgen.program.composite`). Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5 and 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ncgen.program.assemble import KERNELS
+from ncgen.program.blocks import Program
+from ncgen.program.composite import inertias_of, mass_matrix, needed_loads
+from ncgen.program.lines import Lines
+from ncgen.program.rates import moving
+from ncgen.program.space import Vector
+from ncgen.program.tree_motion import Loads, TreePlace, TreeVelocity, add_force
+from ncgen.program.verify import verify
+from ncgen.symbolic.equations import build_equations
+from ncgen.symbolic.numbering import Terms
+from ncgen.symbolic.tree import spanning_tree
+
+POSITION = ("t", "q", "p")
+
+Followed = Mapping[int, tuple[int, float]]
+"""{coordinate: (rate, share)} of relative coordinates that follow a joint: the coordinate's rate is `share` times that of the screw, and
+it is the coordinate's that the programs take and give."""
+
+
+def assemble_joint_space(equations: Terms, followed: Followed) -> dict[str, Program]:
+    """The four programs by name; every coordinate must be that of an element of the tree, or followed."""
+    tree = spanning_tree(equations.model)
+    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE}
+    n, count = len(equations.free), tree.freedoms
+    for program in programs.values():
+        verify(program, {"t": 1, "q": n, "v": count, "a": count, "p": len(equations.parameters)})
+    return programs
+
+
+class _Basics:
+    """Screws and inertias in a graph of their own; one program is made of each."""
+
+    def __init__(self, equations: Terms, followed: Followed) -> None:
+        self.model, self.followed = equations.model, followed
+        self.tree = spanning_tree(self.model)
+        self.lines = Lines(build_equations(self.model, massless=[link.body for link in self.tree.links]))
+        self.graph, self.place = self.lines.graph, TreePlace(self.lines, self.tree)
+        self.space, self.count = self.place.space, self.tree.freedoms
+        shares = {k: share for k, share in followed.values()}
+        self.scale = [self.graph.const(1.0 / shares.get(k, 1.0)) for k in range(self.count)]
+
+    def program(self, name: str, inputs: tuple[str, ...], outputs: list[int]) -> Program:
+        return self.lines.program(f"joint_{name}", inputs, outputs)
+
+    def rates(self, array: str = "v") -> list[int]:
+        """Of the screws, or how they change."""
+        return [self.graph.mul(scale, self.graph.load(array, k)) for k, scale in enumerate(self.scale)]
+
+    def scaled(self, k: int, node: int) -> int:
+        """What goes with the rate of screw k, for the rate that is given in its place."""
+        return self.graph.mul(self.scale[k], node)
+
+    def screws(self) -> Program:
+        outputs: list[int] = []
+        for number, own in enumerate(self.place.own):
+            for k in own:
+                axis, along = self.place.columns[k].axis, self.place.columns[k].along
+                outputs += [self.scaled(k, node) for node in (*axis, *self._at_origin(axis, along, number))]
+        return self.program("screws", POSITION, outputs)
+
+    def _at_origin(self, axis: Vector, along: Vector, link: int) -> Vector:
+        """The velocity of a screw at the origin, from that at the reference point."""
+        return self.space.add(along, self.space.cross(self.place.reference[link], axis))
+
+    def mass(self) -> Program:
+        H, zero = mass_matrix(self.place, inertias_of(self.place)), self.graph.const(0.0)
+        lower = ((i, j) for i in range(self.count) for j in range(i + 1))
+        return self.program("mass", POSITION, [self.scaled(i, self.scaled(j, H.get((i, j), zero))) for i, j in lower])
+
+    def inverse(self) -> Program:
+        x, y, z = map(self.lines.value, self.model.gravity_field)
+        velocity = TreeVelocity(self.place, self.rates())
+        needed = needed_loads(self.place, velocity, inertias_of(self.place), (x, y, z), self.rates("a"))
+        return self.program("inverse", ("t", "q", "v", "a", "p"), self._negative(self.place.inward({}, needed)))
+
+    def loads(self) -> Program:
+        where, rates = moving(self.lines.equations, self.tree), self.rates()
+        velocity = TreeVelocity(self.place, rates)
+        for c in range(len(self.lines.rates)):
+            if c in where:
+                element, axis = where[c]
+                self.lines.rates[c] = velocity.velocity[element][axis]
+            else:
+                self.lines.rates[c] = self.graph.load("v", self.followed[c][0])
+        loads: Loads = {}
+        along: dict[int, list[int]] = {}
+        for c, node in sorted(self.lines.vector(KERNELS["force"]).items()):
+            if c in where:
+                add_force(self.place, loads, *where[c], node)
+            else:
+                along.setdefault(self.followed[c][0], []).append(node)
+        found = {k: self.scaled(k, node) for k, node in self.place.inward(loads, {}).items()}
+        outputs = [self.graph.sum([*along.get(k, []), *([found[k]] if k in found else [])]) for k in range(self.count)]
+        return self.program("loads", ("t", "q", "v", "p"), outputs)
+
+    def _negative(self, found: dict[int, int]) -> list[int]:
+        return [self.scaled(k, self.graph.neg(found[k])) if k in found else self.graph.const(0.0) for k in range(self.count)]
+
+
+MADE = (_Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads)
