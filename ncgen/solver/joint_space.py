@@ -11,7 +11,7 @@ Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -21,7 +21,7 @@ from numpy.typing import ArrayLike
 from ncgen.errors import ModelError
 from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.elements import Point, Relative, Spatial
+from ncgen.model.elements import AXES, Point, Relative, Spatial
 from ncgen.solver import given
 from ncgen.symbolic.tree import Link, Tree, spanning_tree
 
@@ -34,8 +34,6 @@ INPUTS = {
 
 SAME = 1e-9
 """By which the share of a joint in a coordinate's rate may differ from 1, −1 or 0 and still be that."""
-
-MOVES, TURNS = ("vx", "vy", "vz"), ("wx", "wy", "wz")
 
 
 def joint_space(kernels: Kernels) -> JointSpace:
@@ -68,26 +66,28 @@ class JointSpace:
     # -- positions -----------------------------------------------------------------------------
 
     def position(self, values: Mapping[str, float] | None = None, base: tuple[ArrayLike, ArrayLike] | None = None) -> np.ndarray:
-        """Natural coordinates (n_q,) where joints have these values (m, rad); those not named keep their initial ones.
+        """Natural coordinates (n_q,) where joints have these values (m, rad), by the names of their rates; others keep their initial ones.
 
+        A joint without a coordinate has as its value how far it has turned or slid since the initial position.
         base: displacement of the one body that moves freely from where it is initially: rotation (3, 3) about the origin, and
             translation (3,) in m
-        Raises ModelError for what is no joint's coordinate, or for a base where no body, or more than one, moves freely.
+        Raises ModelError for what is no joint, or for a base where no body, or more than one, moves freely.
         """
         kernels, values = self.kernels, dict(values or {})
         for name in values:
-            given.known_name(name, self.coordinates, "values")
+            given.known_name(name, self.rates, "values", "joint")
+        numbers = {name: given.finite(value, f"values: {name}") for name, value in values.items()}
         q = np.array(kernels.q0)
-        turn = {k: values.get(kernels.coordinates[c], q[c]) - q[c] for c, (k, _) in self.followed.items()}
-        moved = self._displacements(turn, base)
+        start = {name: q[kernels.index[name]] for name in self.coordinates}
+        moved = self._displacements([numbers.get(name, start.get(name, 0.0)) - start.get(name, 0.0) for name in self.rates], base)
         for c, (element, axis) in self._where.items():
             rotation, shift = moved[self.tree.home[element]]
             q[c] = (rotation @ element.initial + (shift if isinstance(element, Point) else 0.0))[axis]
-        for name, value in values.items():
-            q[kernels.index[name]] = value
+        for name in start:
+            q[kernels.index[name]] = numbers.get(name, start[name])
         return q
 
-    def _displacements(self, turn: Mapping[int, float], base: tuple[ArrayLike, ArrayLike] | None) -> list[tuple[np.ndarray, np.ndarray]]:
+    def _displacements(self, values: Sequence[float], base: tuple[ArrayLike, ArrayLike] | None) -> list[tuple[np.ndarray, np.ndarray]]:
         """Rotation and translation of every link from its initial place: the product of exponentials of the joints' screws."""
         free = [number for number, link in enumerate(self.tree.links) if len(link.screws) == 6]
         if base is not None and len(free) != 1:
@@ -99,7 +99,7 @@ class JointSpace:
             if base is not None and number in free:
                 rotation, shift = np.asarray(base[0], dtype=float), np.asarray(base[1], dtype=float)
             for k in own:
-                more, move = _exponential(screws[k], turn.get(k, 0.0))
+                more, move = _exponential(screws[k], values[k])
                 rotation, shift = rotation @ more, shift + rotation @ move
             found.append((rotation, shift))
         return found
@@ -113,7 +113,7 @@ class JointSpace:
 
     def velocities(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
         """Rates of all natural coordinates (…, n_q) for rates v (…, n) of the joints."""
-        q, v = self._array(q), np.asarray(v, dtype=float)
+        q, v = self._array(q), self._over_rates(v, "v")
         twists = self._twists(self.screws(q), v)
         found = np.empty(np.broadcast_shapes(q.shape[:-1], v.shape[:-1]) + q.shape[-1:])
         for c, (element, axis) in self._where.items():
@@ -162,9 +162,7 @@ class JointSpace:
 
         Springs, dampers and other forces of the model are not in them: `loads`.
         """
-        rest = np.zeros(self.n)
-        v, a = (rest if x is None else np.asarray(x, dtype=float) for x in (v, a))
-        return self._functions("joint_inverse", 0.0, self._array(q), v, a, self.kernels.p0)
+        return self._functions("joint_inverse", 0.0, self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a"), self.kernels.p0)
 
     def gravity(self, q: ArrayLike) -> np.ndarray:
         """The forces that hold the mechanism against gravity (…, n)."""
@@ -176,13 +174,12 @@ class JointSpace:
 
     def loads(self, q: ArrayLike, v: ArrayLike | None = None) -> np.ndarray:
         """What springs, dampers and other forces of the model do along the joints (…, n)."""
-        rest = np.zeros(self.n)
-        return self._functions("joint_loads", 0.0, self._array(q), rest if v is None else np.asarray(v, dtype=float), self.kernels.p0)
+        return self._functions("joint_loads", 0.0, self._array(q), self._over_rates(v, "v"), self.kernels.p0)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None) -> np.ndarray:
         """Accelerations of the joints (n,) with forces along them beside those of the model (n,; None: zero)."""
         q = self._array(q)
-        right = self.loads(q, v) - self.inverse_dynamics(q, v) + (0.0 if forces is None else np.asarray(forces, dtype=float))
+        right = self.loads(q, v) - self.inverse_dynamics(q, v) + self._over_rates(forces, "forces")
         return scipy.linalg.solve(self.mass_matrix(q), right, assume_a="pos")
 
     # -- helpers -------------------------------------------------------------------------------
@@ -199,9 +196,16 @@ class JointSpace:
         return self._functions(name, 0.0, self._array(q), self.kernels.p0)
 
     def _array(self, q: ArrayLike) -> np.ndarray:
-        found = np.asarray(q, dtype=float)
-        if found.shape[-1:] != (self.kernels.n,):
-            raise ModelError(f"q: its last axis has {found.shape[-1:] or 0} numbers, {self.kernels.name} has {self.kernels.n} coordinates")
+        return self._checked(q, self.kernels.n, "q", "coordinates")
+
+    def _over_rates(self, values: ArrayLike | None, name: str) -> np.ndarray:
+        """Numbers over the rates; zero for None."""
+        return np.zeros(self.n) if values is None else self._checked(values, self.n, name, "rates")
+
+    def _checked(self, values: ArrayLike, count: int, name: str, what: str) -> np.ndarray:
+        found = np.asarray(values, dtype=float)
+        if found.shape[-1:] != (count,):
+            raise ModelError(f"{name}: its shape is {found.shape}, and {self.kernels.name} has {count} {what}; give (…, {count})")
         return found
 
     @cached_property
@@ -336,12 +340,13 @@ def _ranges(links: Iterable[Link]) -> list[range]:
 
 
 def _names(kernels: Kernels, tree: Tree, followed: Mapping[int, tuple[int, float]]) -> tuple[str, ...]:
-    """Of all rates: of their coordinate, else of the body and what it does."""
+    """Of all rates: of their coordinate, else of the body with v or w and a global axis, or with the word for what it does."""
     coordinates = {k: kernels.coordinates[c] for c, (k, _) in followed.items()}
     names: list[str] = []
     for link in tree.links:
-        moves, turns = iter(MOVES), iter(TURNS)
         for screw in link.screws:
-            word = next(moves if screw.point is None else turns)
-            names.append(coordinates.get(len(names), f"{link.body.name}.{word}"))
+            along = [axis for axis, x in zip(AXES, screw.axis.initial, strict=True) if x == 1.0] if screw.is_constant else []
+            letter, word = ("v", "slide") if screw.point is None else ("w", "turn")
+            name = coordinates.get(len(names), f"{link.body.name}.{letter + along[0] if along else word}")
+            names.append(name)
     return tuple(names)

@@ -100,11 +100,13 @@ def lay_out(robot: Robot, floating: bool) -> Layout:
 class _Layer:
     def __init__(self, robot: Robot, floating: bool) -> None:
         self.robot, self.floating = robot, floating
-        self.frames = {robot.root: Placement()}
+        self.frames = {robot.root: robot.base}
         for joint in robot.joints:
             self.frames[joint.child] = self.frames[joint.parent] @ joint.placement
         origins = np.array([frame.position for frame in self.frames.values()])
-        self.places = {joint: self.frames[joint.child] for joint in robot.joints} | {loop: loop.placement for loop in robot.loops}
+        self.places = {joint: self.frames[joint.child] for joint in robot.joints} | {
+            loop: robot.base @ loop.placement for loop in robot.loops
+        }
         self.size = float(np.ptp(origins, axis=0).max()) or 1.0
         self.near, self.parallel = SAME * self.size, SAME_IN_LOOPS if robot.loops else SAME
         self.solids = {name: Solid(name) for name in self.frames}

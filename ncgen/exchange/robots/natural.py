@@ -116,10 +116,14 @@ class _Builder:
         """A hinge's angle, measured from a direction of the parent to one of the child which are the same at 0."""
         axis = self._vector(hold.axis)
         across = _across(axis.initial, [place.value for solid in (hold.child, hold.parent) for place in solid.vectors])
-        start, end = (self._direction(body, across) for body in (a, b))
+        start, end = (self._direction(body, across, hold) for body in (a, b))
         return self.model.angle(self._free(hold.joint.name), start, end, hold.sign * axis)
 
-    def _direction(self, body: Body, direction: np.ndarray) -> Spatial | Combination:
+    def _direction(self, body: Body, direction: np.ndarray, hold: Hold) -> Spatial | Combination:
+        """A direction of a body; on the ground one of its vectors, or a new one."""
+        if body is self.model.ground:
+            known = (self._vector(place) for place in self.layout.ground.vectors if np.array_equal(place.value, direction))
+            return next(known, None) or self.model.vector(self._free(f"e_{hold.joint.name}"), direction.tolist(), fixed=True)
         found = self.model.direction_of(body, direction, "across")
         return found.elements[0] if len(found.terms) == 1 and found.terms[0][0] == 1.0 else found
 

@@ -87,13 +87,16 @@ class Joint:
 @dataclass(frozen=True, eq=False)
 class Robot:
     """links by name; joints: each with one parent and one child, a tree; loops: joints besides, which close it
-    gravity: m/s²; floats: whether the root is a free body; omitted: what the file says and a model does not, in words
+
+    base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
+    omitted: what the file says and a model does not, in words
     """
 
     name: str
     links: dict[str, Link]
     joints: tuple[Joint, ...]
     loops: tuple[Joint, ...] = ()
+    base: Placement = field(default_factory=Placement)
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     floats: bool = False
     omitted: tuple[str, ...] = ()

@@ -53,6 +53,7 @@ class _Reader:
         self.version = tuple(int(part) for part in root.attributes.get("version", "1.7").split(".") if part.isdigit())
         self.named = {each.name(): each for each in (*model.all("link"), *model.all("joint"), *model.all("frame"))}
         self.known: dict[str, Placement] = {MODEL: Placement()}
+        self.stands = _pose(model.first("pose"))
         self.waiting: list[str] = []
 
     def robot(self) -> Robot:
@@ -84,8 +85,9 @@ class _Reader:
         named = {link.name: self._moved(link, frames[link.name]) for link in links}
         placed = [replace(joint, placement=frames[joint.parent].inverse() @ joint.placement) for joint in tree]
         robot = Robot(self.model.name(), named, tuple(placed), gravity=gravity, floats=floats, omitted=self._omitted()).ordered()
-        back = frames[robot.root].inverse()
-        return replace(robot, loops=tuple(replace(loop, placement=back @ loop.placement) for loop in loops))
+        base = frames[robot.root]
+        closing = (replace(loop, placement=base.inverse() @ loop.placement) for loop in loops)
+        return replace(robot, base=self.stands @ base, loops=tuple(closing))
 
     def _moved(self, link: Link, frame: Placement) -> Link:
         """The link with its mass seen from the frame that it has here."""

@@ -1,0 +1,122 @@
+"""Joint space: mass matrix, forces, inverse and forward dynamics and Jacobians, beside Pinocchio and beside natural coordinates."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen.errors import ModelError
+
+HERE = Path(__file__).parent
+STATES = json.loads((HERE / "crane.json").read_text())["states"]
+"""What Pinocchio says (by_pinocchio.py)."""
+
+
+@pytest.fixture(scope="module", params=["numpy", "c"])
+def cranes(request):
+    """{floating: joint space} of the crane."""
+    return {
+        floating: ncgen.joint_space(ncgen.compile(ncgen.load(HERE / "crane.urdf", floating=floating), request.param))
+        for floating in (False, True)
+    }
+
+
+def placed(space, record):
+    """The position of a record, and the order of its rates."""
+    base = (record["turn"], record["shift"]) if record["floating"] else None
+    names = [name for name in space.rates if "." in name] + record["joints"]
+    return space.position(record["values"], base), np.array([names.index(name) for name in space.rates])
+
+
+def close(found, expected):
+    expected = np.asarray(expected)
+    np.testing.assert_allclose(found, expected, rtol=0, atol=1e-12 * (1 + np.max(np.abs(expected))))
+
+
+@pytest.mark.parametrize("record", STATES)
+def test_everything_equals_pinocchio(cranes, record):
+    space = cranes[record["floating"]]
+    q, order = placed(space, record)
+    v, a, forces = (np.array(record[name])[order] for name in ("v", "a", "forces"))
+    close(space.kernels.phi(q), np.zeros(space.kernels.m))
+    close(space.mass_matrix(q), np.array(record["mass"])[np.ix_(order, order)])
+    close(space.gravity(q), np.array(record["gravity"])[order])
+    close(space.inverse_dynamics(q, v), np.array(record["bias"])[order])
+    close(space.coriolis(q, v), (np.array(record["bias"]) - record["gravity"])[order])
+    close(space.inverse_dynamics(q, v, a), np.array(record["inverse"])[order])
+    # forces of the model's own, here the damping of a joint, are beside those of Pinocchio
+    close(space.forward_dynamics(q, v, forces - space.loads(q, v)), np.array(record["forward"])[order])
+    damping = np.zeros(space.n)
+    damping[space.rates.index("roll")] = -0.7 * v[space.rates.index("roll")]
+    close(space.loads(q, v), damping)
+
+
+@pytest.mark.parametrize("record", STATES)
+def test_jacobian_of_a_frame_equals_pinocchio(cranes, record):
+    space = cranes[record["floating"]]
+    q, order = placed(space, record)
+    close(q[[space.kernels.index[f"r_swing.{axis}"] for axis in "xyz"]], record["place"])
+    jacobian = space.jacobian("r_swing", q, body="hook")
+    close(jacobian, np.array(record["jacobian"])[:, order])
+    local = space.jacobian("r_swing", q, body="hook", local=True)
+    for half in (slice(0, 3), slice(3, 6)):
+        turn = local[half] @ np.linalg.pinv(jacobian[half])
+        close(turn @ jacobian[half], local[half])
+    close(np.linalg.norm(local, axis=0), np.linalg.norm(jacobian, axis=0))
+
+
+@pytest.mark.parametrize("name", ["arm", "robot", "doublependulum"])
+def test_mass_and_forces_are_those_of_natural_coordinates(name):
+    """M over the joints is Tᵀ M T with q̇ = T v, and T's columns are what velocities gives; loops are refused."""
+    kernels = ncgen.compile(ncgen.load(name), "numpy")
+    if name == "robot":
+        with pytest.raises(ModelError, match="robot: joint space is that of an open tree, and row"):
+            ncgen.joint_space(kernels)
+        return
+    space = ncgen.joint_space(kernels)
+    rng = np.random.default_rng(3)
+    q = space.position(dict(zip(space.rates, rng.uniform(-2, 2, space.n), strict=True)))
+    T = space.velocities(q, np.eye(space.n)).T
+    assert np.max(np.abs(kernels.phi(q) / kernels.row_sizes)) < 1e-13
+    assert np.max(np.abs(kernels.jacobian(q) @ T)) < 1e-12
+    close(space.mass_matrix(q), T.T @ kernels.mass_matrix(q) @ T)
+    close(space.loads(q) - space.gravity(q), T.T @ kernels.force(q, np.zeros(kernels.n)))
+    v = rng.normal(size=space.n)
+    partial = ncgen.simulate(kernels, 1e-3, q0=q, qd0=space.velocities(q, v), points=2, rtol=1e-12)
+    moved = np.linalg.lstsq(space.velocities(partial.q[-1], np.eye(space.n)).T, partial.qd[-1], rcond=None)[0]
+    middle = space.forward_dynamics(q, v)
+    np.testing.assert_allclose((moved - v) / 1e-3, middle, rtol=0, atol=2e-2 * np.max(np.abs(middle)))
+
+
+def test_many_states_at_a_time():
+    space = ncgen.joint_space(ncgen.compile(ncgen.load("arm"), "numpy"))
+    rng = np.random.default_rng(5)
+    states = np.array([space.position(dict(zip(space.coordinates, rng.uniform(-1, 1, 7), strict=True))) for _ in range(6)]).reshape(
+        2, 3, -1
+    )
+    v = rng.normal(size=(2, 3, 7))
+    together = space.mass_matrix(states), space.inverse_dynamics(states, v), space.jacobian("r7", states)
+    for i, j in np.ndindex(2, 3):
+        close(together[0][i, j], space.mass_matrix(states[i, j]))
+        close(together[1][i, j], space.inverse_dynamics(states[i, j], v[i, j]))
+        close(together[2][i, j], space.jacobian("r7", states[i, j]))
+
+
+@pytest.mark.parametrize(
+    ("ask", "said"),
+    [
+        (lambda s: s.position({"elbow": 1.0}), "values: the mechanism has no joint elbow; it has psi1"),
+        (lambda s: s.position(base=(np.eye(3), np.zeros(3))), "arm: base given, but 0 bodies move freely; it needs one"),
+        (lambda s: s.mass_matrix(np.zeros(3)), "q: its shape is (3,), and arm has 49 coordinates; give (…, 49)"),
+        (lambda s: s.jacobian("tip", s.kernels.q0), "point: there is no tip; the points are r0, r1"),
+        (lambda s: s.jacobian("r1", s.kernels.q0, body="link7"), "point r1: body link7 does not have it"),
+        (lambda s: s.inverse_dynamics(s.kernels.q0, np.zeros(3)), "v: its shape is (3,), and arm has 7 rates; give (…, 7)"),
+    ],
+)
+def test_what_is_refused(ask, said):
+    space = ncgen.joint_space(ncgen.compile(ncgen.load("arm"), "numpy"))
+    with pytest.raises(ModelError) as refused:
+        ask(space)
+    assert said in str(refused.value)

@@ -1,0 +1,232 @@
+"""Robots from URDF and SDF: what becomes of links and joints, loops and mimics, and what is said about files that are wrong."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ncgen
+from ncgen import Model
+from ncgen.errors import ModelError
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.toml_reader import load_toml
+from ncgen.exchange.toml_writer import to_toml
+from ncgen.symbolic.tree import spanning_tree
+
+HERE = Path(__file__).parent
+
+TWO = """<robot name="two">
+<link name="a"/>
+<link name="b"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+<link name="c"><inertial><mass value="1"/><inertia ixx="1" iyy="1" izz="1"/></inertial></link>
+<joint name="one" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint>
+<joint name="two" type="revolute"><parent link="b"/><child link="c"/><origin xyz="1 0 0"/><axis xyz="0 1 0"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture
+def write(tmp_path):
+    def file(text, name="two.urdf"):
+        path = tmp_path / name
+        path.write_text(text, encoding="utf-8")
+        return path
+
+    return file
+
+
+def test_neighbours_share_points_and_axes():
+    """Two hinges that meet have one point; parallel ones one direction; every body has what spans space."""
+    model = ncgen.load(HERE / "crane.urdf")
+    jib, swivel = model.bodies["jib"], model.bodies["swivel"]
+    assert {e.name for e in jib.elements} & {e.name for e in swivel.elements} == {"r_roll", "u_luff"}
+    assert [len(link.screws) for link in spanning_tree(model).links] == [1] * 6
+    for body in model.bodies.values():
+        base = body.points[0]
+        rows = [v.initial for v in body.vectors] + [p.initial - base.initial for p in body.points[1:]]
+        assert np.linalg.matrix_rank(rows, tol=1e-3) == 3
+
+
+def test_coordinates_have_the_names_and_zeros_of_the_file():
+    model = ncgen.load(HERE / "crane.urdf")
+    kernels = ncgen.compile(model, "numpy")
+    names = ["slew", "roll", "luff", "travel", "swing", "balance"]
+    assert [name for name in kernels.coordinates if name in names] == names
+    assert np.max(np.abs(kernels.q0[[kernels.index[name] for name in names]])) < 1e-15
+    assert ncgen.freedom(kernels).dof == 6
+    assert model.left_out == ("limits of joints (4)", "friction of joints (1)")
+
+
+def test_a_floating_base_is_a_body_more():
+    fixed, floating = (ncgen.load(HERE / "crane.urdf", floating=free) for free in (False, True))
+    assert set(floating.bodies) - set(fixed.bodies) == {"base"}
+    assert ncgen.freedom(ncgen.compile(floating, "numpy")).dof == 12
+
+
+def test_a_pendulum_falls_as_it_should(write):
+    """ψ̈ = m g l cos ψ / (I + m l²) of a bar that hangs on a hinge about y, from the horizontal."""
+    text = """<robot name="bar"><link name="a"/>
+    <link name="b"><inertial><origin xyz="0.5 0 0"/><mass value="2"/><inertia ixx="0.01" iyy="0.3" izz="0.3"/></inertial></link>
+    <joint name="hinge" type="continuous"><parent link="a"/><child link="b"/><axis xyz="0 1 0"/></joint></robot>"""
+    kernels = ncgen.compile(ncgen.load(write(text)), "numpy")
+    space = ncgen.joint_space(kernels)
+    for psi in (0.0, 0.7, -1.1):
+        expected = 2 * 9.81 * 0.5 * np.cos(psi) / (0.3 + 2 * 0.25)
+        assert space.forward_dynamics(space.position({"hinge": psi})) == pytest.approx([expected], rel=1e-13)
+
+
+def test_a_closed_loop_of_sdf_moves_as_the_same_one_by_hand():
+    read = ncgen.load(HERE / "fourbar.sdf")
+    kernels = ncgen.compile(read, "numpy")
+    assert ncgen.freedom(kernels).dof == 1
+    assert read.left_out == ()
+
+    m = Model("byhand")
+    c, s = np.cos(np.pi / 3), np.sin(np.pi / 3)
+    A, D = m.point("A", (0, 1), fixed=True), m.point("D", (3, 1), fixed=True)
+    B, C = m.point("B", (c, 1 + s)), m.point("C", (2.5, 3))
+    away = (
+        np.array([c, s]) + np.array([c - 0.1 * s, s + 0.1 * c]) + (0, 1)
+    )  # of the coupler's centre of mass, its frame turned like the crank's
+    m.body("crank", [A, B], mass=1.2, com=(c / 2, 1 + s / 2), inertia=0.1)
+    m.body("coupler", [B, C], mass=2.0, com=tuple(away), inertia=0.7)
+    m.body("rocker", [D, C], mass=1.5, com=(2.75, 2), inertia=0.4)
+    m.gravity((0, -9.81, 0))
+    motor = m.angle("motor", m.vector("ahead", (1, 0), fixed=True), B - A, m.vector("up", (0, 0, 1), fixed=True))
+    m.torsion_spring(motor, damping=0.2)
+    hand = ncgen.compile(m, "numpy")
+
+    theirs, ours = ncgen.simulate(hand, 1.0, rtol=1e-10), ncgen.simulate(kernels, 1.0, rtol=1e-10)
+    turned = theirs.q[:, hand.index["motor"]] - np.pi / 3
+    assert np.ptp(turned) > 1.0
+    np.testing.assert_allclose(ours.q[:, kernels.index["motor"]], turned, rtol=0, atol=2e-8)
+
+
+def test_a_mimic_follows(write):
+    text = TWO.replace("</joint>\n</robot>", '<mimic joint="one" multiplier="-2" offset="0"/></joint>\n</robot>')
+    kernels = ncgen.compile(ncgen.load(write(text)), "numpy")
+    assert ncgen.freedom(kernels).dof == 1
+    run = ncgen.simulate(kernels, 0.5)
+    one, two = (run.q[:, kernels.index[name]] for name in ("one", "two"))
+    assert np.ptp(one) > 0.1
+    np.testing.assert_allclose(two, -2 * one, atol=1e-12)
+
+
+def test_hinges_on_one_axis_hang_one_after_the_other(write):
+    """The second of two bodies that turn about one line hangs on the first, not on what carries both."""
+    text = TWO.replace('<origin xyz="1 0 0"/>', "")
+    model = ncgen.load(write(text))
+    tree = spanning_tree(model)
+    assert [link.parent for link in tree.links] == [None, 0]
+    assert ncgen.joint_space(ncgen.compile(model, "numpy")).rates == ("one", "two")
+
+
+def test_it_comes_back_from_a_model_file(tmp_path):
+    model = ncgen.load(HERE / "crane.urdf")
+    path = tmp_path / "crane.toml"
+    path.write_text(to_toml(model), encoding="utf-8")
+    mine, again = (ncgen.compile(m, "numpy") for m in (model, load_toml(path)))
+    assert again.coordinates == mine.coordinates
+    q = mine.q0 + 0.1 * np.sin(np.arange(mine.n))
+    np.testing.assert_array_equal(again.phi(q), mine.phi(q))
+
+
+def test_placements():
+    """Roll, pitch and yaw are about fixed axes, in this order; a quaternion is the same rotation."""
+    roll, pitch, yaw = 0.3, -1.1, 2.0
+    place = Placement.of_rpy((1.0, 2.0, 3.0), (roll, pitch, yaw))
+    from scipy.spatial.transform import Rotation
+
+    rotation = Rotation.from_euler("xyz", (roll, pitch, yaw))
+    np.testing.assert_allclose(place.rotation, rotation.as_matrix(), atol=1e-15)
+    x, y, z, w = rotation.as_quat()
+    np.testing.assert_allclose(Placement.of_quaternion(np.zeros(3), np.array([w, x, y, z])).rotation, place.rotation, atol=1e-15)
+    back = place.inverse() @ place
+    np.testing.assert_allclose(back.rotation, np.eye(3), atol=1e-15)
+    np.testing.assert_allclose(back.position, 0.0, atol=1e-15)
+
+
+ENTITY = '<?xml version="1.0"?>\n<!DOCTYPE robot [<!ENTITY a "x">]>\n<robot name="&a;"/>'
+
+BAD = [
+    ("", "two.urdf, line 1: no XML: no element found"),
+    ("<robot name='r'>\n<link name='a'>\n</robot>", "two.urdf, line 3: no XML: mismatched tag"),
+    (ENTITY, "two.urdf, line 2: document types and entities are not read"),
+    ("<html/>", "two.urdf, line 1: <html> begins no robot"),
+    ("<robot name='r'/>", "two.urdf, line 1: <robot> has no <link>"),
+    ("<robot name='r'>\n<xacro:arm/></robot>", "two.urdf, line 2: "),
+    ("<robot xmlns:xacro='x'>\n<xacro:arm/></robot>", "two.urdf, line 2: <xacro:arm> is a macro of xacro; expand it first: xacro"),
+    ("<robot>" + 200 * "<a>" + 200 * "</a>" + "</robot>", "elements are more than 100 deep in each other"),
+    (TWO.replace('type="revolute"', 'type="rubber"', 1), "two.urdf, line 5: joint one: there is no type rubber; known are fixed, revolute"),
+    (TWO.replace('name="two" type', 'name="one" type'), "two.urdf, line 6: there are two joints 'one'; rename one"),
+    (TWO.replace('name="c"', 'name="b"'), "two.urdf, line 4: there are two links 'b'; rename one"),
+    (TWO.replace('<child link="c"/>', '<child link="d"/>'), "two.urdf, line 6: joint two: there is no link 'd'"),
+    (TWO.replace('<child link="c"/>', '<child link="b"/>'), "two.urdf, line 6: joint two: link b hangs on joint one already"),
+    (TWO.replace('<child link="c"/>', '<child link="a"/>'), "two.urdf, line 5: joint one: its links a and b are in a circle; cut it"),
+    (TWO.replace('<parent link="a"/>', '<parent link="c"/>').replace('<link name="a"/>', ""), "every link hangs on another: joint one is"),
+    (TWO.replace('<parent link="a"/>', '<parent link="c"/>'), "two.urdf, line 5: joint one: its links c and b are in a circle; cut it"),
+    (TWO.replace('<link name="a"/>', '<link name="a"/><link name="e"/>'), "links a and e both hang on nothing"),
+    (TWO.replace('xyz="0 1 0"', 'xyz="0 0 0"', 1), "two.urdf, line 5: joint one: its axis is 0 0 0; give a direction"),
+    (TWO.replace('xyz="0 1 0"', 'xyz="0 1"', 1), "two.urdf, line 5: xyz: 3 numbers are needed, '0 1' is given"),
+    (TWO.replace('value="1"', 'value="nan"', 1), "two.urdf, line 3: value: 'nan' is not finite; give a number"),
+    (TWO.replace('value="1"', 'value="one"', 1), "two.urdf, line 3: value: 'one' is no number"),
+    (TWO.replace('value="1"', 'value="-1"', 1), "two.urdf, line 3: the mass is -1 kg; give a positive number"),
+    (TWO.replace('<mass value="1"/>', "", 1), "two.urdf, line 3: <inertial> has no <mass>; give it one"),
+    (TWO.replace('izz="1"', 'izz="3"', 1), "two.urdf, line 3: body b: no body has principal moments of inertia 1, 1, 3 kg m2"),
+    (TWO.replace("</joint>\n</robot>", '<mimic joint="two"/></joint></robot>'), "two.urdf, line 6: joint two mimics itself; name another"),
+    (TWO.replace("</joint>\n</robot>", '<mimic joint="x"/></joint></robot>'), "joint two: there is no joint 'x' that moves"),
+]
+
+
+@pytest.mark.parametrize(("text", "said"), BAD)
+def test_what_is_wrong_is_told_with_its_line(write, text, said):
+    if said.endswith("line 2: "):
+        said = "two.urdf, line 2: "
+    with pytest.raises(ModelError) as refused:
+        ncgen.load(write(text))
+    assert said in str(refused.value)
+    assert len(str(refused.value)) <= 300 and "\n" not in str(refused.value)
+
+
+SDF = '<sdf version="1.7"><model name="m">{}</model></sdf>'
+LINKS = '<link name="a"/><link name="b"><pose>1 0 0 0 0 0</pose></link>'
+JOINT = '<joint name="j" type="{}"><parent>a</parent><child>b</child>{}</joint>'
+
+BAD_SDF = [
+    ('<sdf version="1.7"/>', "0 models; a robot's file has one"),
+    (SDF.format(""), "<model> has no <link>"),
+    (SDF.format("<include/>"), "included files are not read; write its links and joints out"),
+    (SDF.format(LINKS + JOINT.format("gearbox", "")), "joint j: the type 'gearbox' is not read; known are fixed, revolute"),
+    (SDF.format(LINKS + JOINT.format("revolute", "")), "joint j: it has no axis; give it one"),
+    (SDF.format(LINKS + JOINT.format("revolute", "<axis><xyz>0 0 0</xyz></axis>")), "joint j: its axis is 0 0 0"),
+    (SDF.format('<link name="a"/>' + JOINT.format("ball", "")), "joint j: its child 'b' is no link of this model"),
+    (SDF.format('<link name="a"><pose>1 2 3</pose></link>'), "<pose>: 6 numbers are needed, '1 2 3' is given"),
+    (SDF.format('<link name="a"><pose relative_to="c"/></link>'), "link a: there is no link, joint or frame 'c'"),
+    (
+        SDF.format('<link name="a"><pose relative_to="b"/></link><link name="b"><pose relative_to="a"/></link>'),
+        "link a is placed relative to itself, by way of 'a', 'b'",
+    ),
+]
+
+
+@pytest.mark.parametrize(("text", "said"), BAD_SDF)
+def test_what_is_wrong_with_sdf_is_told(write, text, said):
+    with pytest.raises(ModelError) as refused:
+        ncgen.load(write(text, "m.sdf"))
+    assert said in str(refused.value)
+    assert str(refused.value).startswith("m.sdf, line 1: ")
+
+
+def test_a_large_file_is_not_read(write):
+    with pytest.raises(ModelError, match="a model file has at most 4000000 bytes"):
+        ncgen.load(write(TWO + " " * 4_000_000))
+
+
+def test_floating_is_for_robots(write):
+    with pytest.raises(ModelError, match=r"floating is for a robot's file \(.urdf, .sdf\); a model says what is fixed"):
+        ncgen.load("pendulum", floating=True)
+
+
+def test_a_file_that_is_not_there():
+    with pytest.raises(ModelError, match=r"nothing\.urdf: there is no such file or example"):
+        ncgen.load("nothing.urdf")
