@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
     from ncgen.model.facts import Fact
-    from ncgen.model.forces import Callback, Couple, Force, Load, Potential
+    from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row
     from ncgen.model.values import Parameter, Value
@@ -40,6 +40,7 @@ class Contents:
     forces: list[Force | Couple]
     potentials: list[Potential]
     springs: list[Load]
+    rotors: list[Rotor]
     callbacks: list[Callback]
     gravity_field: tuple[Value, ...]
     branches: dict[str, tuple[Parameter, ...]]

@@ -162,3 +162,11 @@ class Potential:
 
     label: str
     expression: Scalar
+
+
+@dataclass(frozen=True)
+class Rotor:
+    """Inertia that goes with a relative coordinate."""
+
+    coordinate: Relative
+    inertia: Value

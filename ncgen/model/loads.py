@@ -14,7 +14,7 @@ from ncgen.model.bodies import Body
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
-from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Spring, TorsionSpring
+from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor, Spring, TorsionSpring
 from ncgen.model.values import Expression, Expressions, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:
@@ -107,6 +107,15 @@ class Loads(Coordinates):
         label = label or f"spring of {angle.name}"
         free = angle.components[0].value if free_angle is None else free_angle
         return self._pulling(TorsionSpring(label, angle, stiffness, damping, free, _tension(law)))
+
+    @fact
+    def rotor(self, coordinate: Relative, inertia: Value) -> Rotor:
+        """What turns with a relative angle, such as a motor's armature: its moment of inertia (kg m²; along a distance its mass, kg), times
+        the square of the gear's ratio. Its own turning has no other effect."""
+        if not self._number(inertia, f"rotor of {coordinate.name}") >= 0:
+            raise ModelError(f"rotor of {coordinate.name}: its inertia is {shown(inertia)}; give a positive number")
+        self.rotors.append(Rotor(coordinate, inertia))
+        return self.rotors[-1]
 
     @fact
     def callback(self, function: F) -> F:

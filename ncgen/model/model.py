@@ -64,6 +64,7 @@ class Model(Joints, Loads):
         self.forces = []
         self.potentials = []
         self.springs = []
+        self.rotors = []
         self.callbacks = []
         self.gravity_field = (0.0, 0.0, 0.0)
         self.branches = {}

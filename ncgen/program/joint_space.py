@@ -12,10 +12,12 @@ algorithm in global axes (`ncgen.program.composite`). Source: Featherstone, Rigi
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.composite import inertias_of, mass_matrix, needed_loads
+from ncgen.program.elimination import Matrix
 from ncgen.program.lines import Lines
 from ncgen.program.rates import moving
 from ncgen.program.space import Vector
@@ -79,6 +81,8 @@ class _Basics:
 
     def mass(self) -> Program:
         H, zero = mass_matrix(self.place, inertias_of(self.place)), self.graph.const(0.0)
+        for (a, b), node in self.rotors.items():
+            H[a, b] = self.graph.add(H[a, b], node) if (a, b) in H else node
         lower = ((i, j) for i in range(self.count) for j in range(i + 1))
         return self.program("mass", POSITION, [self.scaled(i, self.scaled(j, H.get((i, j), zero))) for i, j in lower])
 
@@ -86,7 +90,11 @@ class _Basics:
         x, y, z = map(self.lines.value, self.model.gravity_field)
         velocity = TreeVelocity(self.place, self.rates())
         needed = needed_loads(self.place, velocity, inertias_of(self.place), (x, y, z), self.rates("a"))
-        return self.program("inverse", ("t", "q", "v", "a", "p"), self._negative(self.place.inward({}, needed)))
+        found = {k: self.graph.neg(node) for k, node in self.place.inward({}, needed).items()}
+        for (a, b), node in self.rotors.items():
+            found[a] = self.graph.add(found.get(a, self.graph.const(0.0)), self.graph.mul(node, self.rates("a")[b]))
+        outputs = [self.scaled(k, found[k]) if k in found else self.graph.const(0.0) for k in range(self.count)]
+        return self.program("inverse", ("t", "q", "v", "a", "p"), outputs)
 
     def loads(self) -> Program:
         where, rates = moving(self.lines.equations, self.tree), self.rates()
@@ -108,8 +116,15 @@ class _Basics:
         outputs = [self.graph.sum([*along.get(k, []), *([found[k]] if k in found else [])]) for k in range(self.count)]
         return self.program("loads", ("t", "q", "v", "p"), outputs)
 
-    def _negative(self, found: dict[int, int]) -> list[int]:
-        return [self.scaled(k, self.graph.neg(found[k])) if k in found else self.graph.const(0.0) for k in range(self.count)]
+    @cached_property
+    def rotors(self) -> Matrix:
+        """Inertia of relative coordinates over the screws' rates."""
+        shares = {c: (k, self.graph.const(share)) for c, (k, share) in self.followed.items()}
+        found: Matrix = {}
+        for (a, b), node in self.lines.matrix(KERNELS["mass"]).items():
+            (i, first), (j, second) = shares[a], shares[b]
+            found[i, j] = self.graph.mul(node, self.graph.mul(first, second))
+        return found
 
 
 MADE = (_Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads)

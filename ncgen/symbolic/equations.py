@@ -20,7 +20,7 @@ from ncgen.model.bodies import Body
 from ncgen.model.catalogue import RowType
 from ncgen.model.elements import Combination, Component, rate_name
 from ncgen.model.expressions import symbols_in
-from ncgen.model.forces import Couple, Force, Load, Potential
+from ncgen.model.forces import Couple, Force, Load, Potential, Rotor
 from ncgen.model.names import LAW
 from ncgen.model.rows import Owner, Row, describe
 from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, told
@@ -84,7 +84,7 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
         rows = [term for term in rows if term.owner == owner]
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
     released = _released(model, owner)
-    masses, forces = _inertia_terms(model, bodies, released)
+    masses, forces = _inertia_terms(model, bodies, released, model.rotors if owner is None else ())
     for force in model.forces:
         if owner in (None, _bearer(model, force)):
             forces.append(_load(model, force) if isinstance(force, Load) else _force(model, force, released))
@@ -227,8 +227,10 @@ def _potential(model: Model, potential: Potential) -> Term:
 # -- inertia and gravity ------------------------------------------------------------------------
 
 
-def _inertia_terms(model: Model, bodies: Sequence[Body], released: Collection[Component]) -> tuple[list[Term], list[Term]]:
-    """Mass and weight of the bodies, constant parts added up in exact arithmetic before they are rounded."""
+def _inertia_terms(
+    model: Model, bodies: Sequence[Body], released: Collection[Component], rotors: Sequence[Rotor]
+) -> tuple[list[Term], list[Term]]:
+    """Mass and weight of the bodies, and inertia of rotors, constant parts added up in exact arithmetic before they are rounded."""
     order = {component: i for i, component in enumerate(model.components)}
     mass: dict[tuple[Component, Component], Amount] = defaultdict(Fraction)
     weight: dict[Component, Amount] = defaultdict(Fraction)
@@ -242,6 +244,9 @@ def _inertia_terms(model: Model, bodies: Sequence[Body], released: Collection[Co
         _add_weight(weight, standard, model.gravity_field)
         if standard.crossed:
             varying += _cross_product_terms(body, standard, model.gravity_field)
+    for rotor in rotors:
+        (own,) = rotor.coordinate.components
+        mass[own, own] += Fraction(float(rotor.inertia)) if is_number(rotor.inertia) else as_sympy(rotor.inertia)
     owner = Owner("body", bodies[0].name) if len(bodies) == 1 else Owner("model", model.name)
     # M is symmetric: a pair stands once, in the order of q.
     pairs = {pair: m for pair, m in mass.items() if m != 0 and order[pair[0]] <= order[pair[1]]}

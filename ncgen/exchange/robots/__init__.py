@@ -12,9 +12,9 @@ from ncgen.exchange.robots.markup import read_markup
 from ncgen.exchange.robots.robot import Robot
 from ncgen.model import Model
 
-SUFFIXES = (".urdf", ".sdf")
+SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
 
-FORMATS = {"robot": "urdf", "sdf": "sdf"}
+FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""
 
 
@@ -23,7 +23,7 @@ def read_robot(path: Path) -> Robot:
     root = read_markup(path)
     if root.tag not in FORMATS:
         root.refuse(f"<{root.tag}> begins no robot; a file begins with {' or '.join(f'<{tag}>' for tag in FORMATS)}")
-    return import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").robot_of(root)
+    return import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").robot_of(root, path)
 
 
 def load_robot(path: Path, floating: bool | None = None) -> Model:

@@ -109,6 +109,8 @@ class _Builder:
             self.coordinates[joint.name] = angle
         elif joint.kind == "fixed":
             self.model.rigid(a, b)
+        if joint.armature and (coordinate := self.coordinates.get(joint.name)):
+            self.model.rotor(coordinate, joint.armature)
         if (joint.damping or joint.stiffness) and (coordinate := self.coordinates.get(joint.name)):
             self.model.torsion_spring(coordinate, joint.stiffness, joint.damping, joint.rest, label=f"spring of {coordinate.name}")
 

@@ -5,7 +5,7 @@ Every format is read into this, and what natural coordinates make of it (`ncgen.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -66,6 +66,7 @@ class Joint:
     placement: of its frame in the parent's, where all coordinates are 0; the child's frame coincides with it there. Of a joint that closes
         a loop it is in the root's frame.
     axis (3,): a unit vector in the joint's frame; second (3,): the other axis of a universal joint
+    armature: of a rotor that turns with the coordinate (kg m²; kg along a distance), ratio of the gear squared in it
     damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
     """
 
@@ -76,6 +77,7 @@ class Joint:
     placement: Placement = field(default_factory=Placement)
     axis: np.ndarray = field(default_factory=lambda: np.array([0.0, 0.0, 1.0]))
     second: np.ndarray | None = None
+    armature: float = 0.0
     damping: float = 0.0
     stiffness: float = 0.0
     rest: float = 0.0
@@ -146,6 +148,25 @@ class Robot:
     @staticmethod
     def _refused(where: str, problem: str) -> ModelError:
         return ModelError(f"{where}: {problem}" if where else problem)
+
+
+def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
+    """A robot, ordered, whose file says where things are in the world instead of in each other.
+
+    robot: with joints' placements in the world, its masses in frames of the file's own; places: {link: that frame in the world}
+    """
+    frames = {**places, **{joint.child: joint.placement for joint in robot.joints}}
+
+    def moved(link: Link) -> Link:
+        seen = frames[link.name].inverse() @ places[link.name]
+        return link if link.mass is None else replace(link, mass=link.mass.seen_from(seen))
+
+    links = {name: moved(link) for name, link in robot.links.items()}
+    joints = (replace(joint, placement=frames[joint.parent].inverse() @ joint.placement) for joint in robot.joints)
+    found = replace(robot, links=links, joints=tuple(joints)).ordered()
+    base = frames[found.root]
+    loops = (replace(loop, placement=base.inverse() @ loop.placement) for loop in robot.loops)
+    return replace(found, base=base, loops=tuple(loops))
 
 
 def unique(things: Iterable[Link | Joint], what: str) -> None:

@@ -9,13 +9,14 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 
 from ncgen.errors import shown
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, unique
+from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung, unique
 
 KINDS = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "spherical",
@@ -34,8 +35,8 @@ WORLD, MODEL = "world", "__model__"
 CIRCLE = "is placed relative to itself"
 
 
-def robot_of(root: Markup) -> Robot:
-    """The robot of a file's root element. Raises ModelError with file and line."""
+def robot_of(root: Markup, path: Path) -> Robot:
+    """The robot of a file, from its root element. Raises ModelError with file and line."""
     world = root.first("world") or root
     models = world.all("model")
     if len(models) != 1:
@@ -73,25 +74,18 @@ class _Reader:
         return self._tree(links, joints, (field[0], field[1], field[2]), floats)
 
     def _tree(self, links: list[Link], joints: list[Joint], gravity: tuple[float, float, float], floats: bool) -> Robot:
-        """The first joint of every link carries it; placements become those of the children's frames in the parents'."""
+        """The first joint of every link carries it, others close loops."""
         tree: list[Joint] = []
         carried: set[str] = set()
         for joint in joints:
             if joint.child not in carried and joint.child != WORLD:
                 carried.add(joint.child)
                 tree.append(joint)
-        loops = [joint for joint in joints if joint not in tree]
-        frames = {link.name: self._place(link.name) for link in links} | {joint.child: joint.placement for joint in tree}
-        named = {link.name: self._moved(link, frames[link.name]) for link in links}
-        placed = [replace(joint, placement=frames[joint.parent].inverse() @ joint.placement) for joint in tree]
-        robot = Robot(self.model.name(), named, tuple(placed), gravity=gravity, floats=floats, omitted=self._omitted()).ordered()
-        base = frames[robot.root]
-        closing = (replace(loop, placement=base.inverse() @ loop.placement) for loop in loops)
-        return replace(robot, base=self.stands @ base, loops=tuple(closing))
-
-    def _moved(self, link: Link, frame: Placement) -> Link:
-        """The link with its mass seen from the frame that it has here."""
-        return link if link.mass is None else replace(link, mass=link.mass.seen_from(frame.inverse() @ self._place(link.name)))
+        loops = tuple(joint for joint in joints if joint not in tree)
+        named = {link.name: link for link in links}
+        robot = Robot(self.model.name(), named, tuple(tree), loops, gravity=gravity, floats=floats, omitted=self._omitted())
+        found = hung(robot, {name: self._place(name) for name in named})
+        return replace(found, base=self.stands @ found.base)
 
     def _omitted(self) -> tuple[str, ...]:
         counts = Counter(each.tag for each in self.model.walk() if each.tag in OMITTED)

@@ -33,15 +33,15 @@ OMITTED = {
 """What is not modelled: tags, and words for them."""
 
 
-def robot_of(root: Markup) -> Robot:
-    """The robot of a file's root element. Raises ModelError with file and line."""
+def robot_of(root: Markup, path: Path) -> Robot:
+    """The robot of a file, from its root element. Raises ModelError with file and line."""
     links = [_link(each) for each in root.all("link")]
     joints = [_joint(each) for each in root.all("joint")]
     if not links:
         root.refuse("<robot> has no <link>; give it one")
     unique(links, "link")
     unique(joints, "joint")
-    name = root.attributes.get("name") or Path(root.where).stem
+    name = root.attributes.get("name") or path.stem
     return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=_omitted(root)).ordered()
 
 

@@ -1,0 +1,151 @@
+"""Robots from MJCF, the format of MuJoCo, which reads and compiles them itself (`pip install 'ncgen[robots]'`).
+
+A body with several joints becomes a chain of bodies without mass. Connections, welds and couplings of joints (`<equality>`) close loops;
+armatures are rotors. Coordinates are 0 in the position that the file describes.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, NcgenError, shortened
+from ncgen.exchange.robots.markup import Markup
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, hung
+
+if TYPE_CHECKING:
+    Compiled = Any  # mujoco.MjModel, of a package that need not be there
+
+WORLD = "world"
+
+KINDS = ("floating", "spherical", "prismatic", "revolute")
+"""By MuJoCo's numbers of joint types."""
+
+CONNECT, WELD, COUPLING = 0, 1, 2
+"""MuJoCo's numbers of equalities."""
+
+NO_GRAVITY = 1 << 7
+"""MuJoCo's flag for gravity that is switched off."""
+
+BODY = 1
+"""MuJoCo's number of the objects that connections may be told by."""
+
+
+def robot_of(root: Markup, path: Path) -> Robot:
+    """The robot of a file. Raises ModelError with what MuJoCo says of it, NcgenError without MuJoCo."""
+    try:
+        import mujoco
+    except ImportError:
+        raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'") from None
+    try:
+        compiled = mujoco.MjModel.from_xml_path(str(path))
+    except (ValueError, mujoco.FatalError) as error:
+        place = f"{shortened(path.name, SHOWN)}: "
+        raise ModelError(place + shortened(" ".join(str(error).split()), LONGEST_LINE - len(place))) from None
+    return _Reader(compiled, root, path).robot()
+
+
+class _Reader:
+    def __init__(self, compiled: Compiled, root: Markup, path: Path) -> None:
+        self.m, self.where = compiled, path.name
+        self.name = root.attributes.get("model") or path.stem
+        self.bodies = [WORLD, *(compiled.body(i).name or f"body{i}" for i in range(1, compiled.nbody))]
+        self.places: dict[str, Placement] = {WORLD: Placement()}
+        self.links: dict[str, Link] = {WORLD: Link(WORLD, None)}
+        self.joints: list[Joint] = []
+        self.joint_names: list[str] = [compiled.joint(j).name or f"joint{j}" for j in range(compiled.njnt)]
+
+    def robot(self) -> Robot:
+        for i in range(1, self.m.nbody):
+            self._body(i)
+        loops, followers = self._equalities()
+        joints = tuple(replace(joint, mimic=followers.get(joint.name)) for joint in self.joints)
+        off = self.m.opt.disableflags & NO_GRAVITY
+        x, y, z = (0.0, 0.0, 0.0) if off else map(float, self.m.opt.gravity)
+        robot = Robot(self.name, self.links, joints, tuple(loops), gravity=(x, y, z), omitted=self._omitted())
+        return hung(robot, self.places)
+
+    def _body(self, i: int) -> None:
+        m = self.m
+        name, parent = self.bodies[i], self.bodies[m.body_parentid[i]]
+        place = self.places[parent] @ Placement.of_quaternion(m.body_pos[i], m.body_quat[i])
+        own = range(m.body_jntadr[i], m.body_jntadr[i] + m.body_jntnum[i])
+        for count, j in enumerate(own, 1):
+            last = count == len(own)
+            child = name if last else f"{name}.{self.joint_names[j]}"
+            if not last:
+                self.places[child], self.links[child] = place, Link(child, None, self.where)
+            self.joints.append(self._joint(j, parent, child, place))
+            parent = child
+        if not own:
+            self.joints.append(Joint(f"{name}.fixed", "fixed", parent, name, place, where=self.where))
+        self.places[name], self.links[name] = place, Link(name, self._mass(i), self.where)
+
+    def _mass(self, i: int) -> Mass | None:
+        m = self.m
+        if not (m.body_mass[i] > 0 or m.body_inertia[i].any()):
+            return None
+        inner = Placement.of_quaternion(m.body_ipos[i], m.body_iquat[i])
+        return Mass(float(m.body_mass[i]), np.zeros(3), np.diag(m.body_inertia[i])).seen_from(inner)
+
+    def _joint(self, j: int, parent: str, child: str, place: Placement) -> Joint:
+        """Placed in the world."""
+        m = self.m
+        kind, dof = KINDS[m.jnt_type[j]], m.jnt_dofadr[j]
+        joint = Joint(self.joint_names[j], kind, parent, child, place @ Placement(position=np.array(m.jnt_pos[j])), where=self.where)
+        if kind in ("floating", "spherical"):
+            return replace(joint, placement=place) if kind == "floating" else joint
+        spring = float(m.qpos_spring[m.jnt_qposadr[j]] - m.qpos0[m.jnt_qposadr[j]])
+        return replace(
+            joint,
+            axis=np.array(m.jnt_axis[j]) / np.linalg.norm(m.jnt_axis[j]),
+            armature=float(m.dof_armature[dof]),
+            damping=float(m.dof_damping[dof]),
+            stiffness=float(m.jnt_stiffness[j]),
+            rest=spring,
+        )
+
+    def _equalities(self) -> tuple[list[Joint], dict[str, Mimic]]:
+        """Joints that close loops, and who follows whom."""
+        m, loops, followers = self.m, [], {}
+        for e in range(m.neq):
+            name, kind = m.equality(e).name or f"equality{e}", int(m.eq_type[e])
+            first, second, data = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), m.eq_data[e]
+            if not m.eq_active0[e]:
+                continue
+            if kind in (CONNECT, WELD) and int(m.eq_objtype[e]) == BODY:
+                anchor = np.array(data[:3]) if kind == CONNECT else np.zeros(3)
+                a, b = self.bodies[first], self.bodies[second]
+                place = self.places[a] @ Placement(position=anchor)
+                loops.append(Joint(name, "spherical" if kind == CONNECT else "fixed", a, b, place, where=self.where))
+            elif kind == COUPLING and second >= 0 and not np.any(data[2:5]):
+                followers[self.joint_names[first]] = Mimic(self.joint_names[second], float(data[1]), float(data[0]))
+            else:
+                raise ModelError(f"{self.where}: equality {name} is of a kind that is not read; connect and weld bodies, or couple joints")
+        return loops, followers
+
+    def _omitted(self) -> tuple[str, ...]:
+        m = self.m
+        several = [joint for joint in range(m.njnt) if m.jnt_type[joint] < 2]
+        springs = sum(m.dof_armature[m.jnt_dofadr[j]] != 0 or m.dof_damping[m.jnt_dofadr[j]] != 0 for j in several)
+        counts = {
+            "actuators": m.nu,
+            "tendons": m.ntendon,
+            "shapes": m.ngeom,
+            "sensors": m.nsensor,
+            "limits of joints": int(np.sum(m.jnt_limited)),
+            "bodies whose weight is compensated": int(np.sum(np.asarray(m.body_gravcomp) != 0)),
+            "forces of a fluid": int(m.opt.density > 0 or m.opt.viscosity > 0),
+            "friction of joints": int(np.sum(np.asarray(m.dof_frictionloss) != 0)),
+            "armature or damping of free and ball joints": int(springs),
+            "reference values of joints, whose coordinates begin at 0 here": int(np.sum(self._references() != 0)),
+        }
+        return tuple(f"{what} ({count})" for what, count in counts.items() if count)
+
+    def _references(self) -> np.ndarray:
+        m = self.m
+        return np.array([m.qpos0[m.jnt_qposadr[j]] for j in range(m.njnt) if m.jnt_type[j] >= 2])
