@@ -2,10 +2,10 @@
 
     python tests/robots/compare_files.py FOLDER …
 
-It prints a line for every file below the folders: rates, coordinates, seconds until ready, operations of an inverse dynamics, and the largest
-error over 20 random states of mass matrix, gravity, Coriolis terms and forward dynamics (URDF), or of mass matrix, bias and passive forces
-(MJCF), each over 1 + the largest entry; or the reason why a file is refused. Joints that mimic others move by themselves here, as they do in
-Pinocchio. The packages example-robot-data, gymnasium and dm_control have such folders.
+It prints a line for every file below the folders: rates, coordinates, seconds until ready, operations of an inverse dynamics, and the
+largest error over 20 random states of mass matrix, gravity, Coriolis terms and forward dynamics (URDF), or of mass matrix, bias and
+passive forces (MJCF), each over 1 + the largest entry; or the reason why a file is refused. Joints that mimic others move by themselves
+here, as they do in Pinocchio. The packages example-robot-data, gymnasium and dm_control have such folders.
 """
 
 import sys

@@ -81,7 +81,7 @@ TENDON = '<tendon><fixed name="t"><joint joint="spin" coef="1"/></fixed></tendon
         (
             "<actuator>",
             f"{TENDON}<actuator>",
-            "equality equality0 is of a kind that is not read; connect and weld bodies, or couple joints",
+            "equality equality0 is of a kind that is not read; connect and weld",
         ),
     ],
 )

@@ -7,8 +7,9 @@ armatures are rotors. Coordinates are 0 in the position that the file describes.
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -17,8 +18,8 @@ from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, hung
 
-if TYPE_CHECKING:
-    Compiled = Any  # mujoco.MjModel, of a package that need not be there
+Compiled: TypeAlias = Any
+"""mujoco.MjModel, of a package that need not be there."""
 
 WORLD = "world"
 
@@ -38,7 +39,7 @@ BODY = 1
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file. Raises ModelError with what MuJoCo says of it, NcgenError without MuJoCo."""
     try:
-        import mujoco
+        mujoco: Any = import_module("mujoco")
     except ImportError:
         raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'") from None
     try:
