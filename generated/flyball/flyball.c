@@ -47,15 +47,15 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real sin_turn = sine[0];
         const ncgen_real cos_turn = cosine[0];
         phi[3] = e_x * sin_turn - e_y * cos_turn;
-        /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
+        /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
         const ncgen_real x1 = R(0.050000000000000044) * e_x;
         const ncgen_real H1_x = q[6];
         phi[4] = H1_x - x1;
-        /* row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
+        /* row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
         const ncgen_real x2 = R(0.050000000000000044) * e_y;
         const ncgen_real H1_y = q[7];
         phi[5] = H1_y - x2;
-        /* row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
+        /* row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
         const ncgen_real H1_z = q[8];
         phi[6] = H1_z - R(1.0);
         /* row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
@@ -94,13 +94,13 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real sin_alpha1 = sine[1];
         const ncgen_real x8 = (e_x * x5 + e_y * x6) * sin_alpha1 + (f_y * (e_x * x7) - f_x * (e_y * x7)) * cos_alpha1;
         phi[15] = -x8;
-        /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
+        /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_x = q[19];
         phi[16] = x1 + H2_x;
-        /* row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
+        /* row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_y = q[20];
         phi[17] = x2 + H2_y;
-        /* row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
+        /* row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_z = q[21];
         phi[18] = H2_z - R(1.0);
         /* row 20: combination K2.x (body slider): (e - c a x b).x = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0 */
@@ -941,21 +941,21 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x2 = R(2.0) * dturn;
         const ncgen_real x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2);
         constraints[128] = x3 - cos_turn * (e_y * x1);
-        /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
+        /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
         const ncgen_real x4 = R(0.050000000000000044) * e_x;
         const ncgen_real H1_x = q[6];
         constraints[4] = H1_x - x4;
         constraints[39] = NCGEN_SPLAT(-R(0.050000000000000044));
         constraints[40] = NCGEN_SPLAT(R(1.0));
         constraints[129] = NCGEN_SPLAT(R(0.0));
-        /* row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
+        /* row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
         const ncgen_real x5 = R(0.050000000000000044) * e_y;
         const ncgen_real H1_y = q[7];
         constraints[5] = H1_y - x5;
         constraints[41] = NCGEN_SPLAT(-R(0.050000000000000044));
         constraints[42] = NCGEN_SPLAT(R(1.0));
         constraints[130] = NCGEN_SPLAT(R(0.0));
-        /* row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0 */
+        /* row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
         const ncgen_real H1_z = q[8];
         constraints[6] = H1_z - R(1.0);
         constraints[43] = NCGEN_SPLAT(R(1.0));
@@ -1072,19 +1072,19 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x32 = cos_alpha1 * ((e_x * x13 + e_y * x14 + x8 * de_x + x9 * de_y) * x31);
         const ncgen_real x33 = x31 * (f_y * x27 - (f_x * x26 + x19 * df_x) + x18 * df_y);
         constraints[140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x20 * x29);
-        /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
+        /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_x = q[19];
         constraints[16] = x4 + H2_x;
         constraints[82] = NCGEN_SPLAT(R(0.050000000000000044));
         constraints[83] = NCGEN_SPLAT(R(1.0));
         constraints[141] = NCGEN_SPLAT(R(0.0));
-        /* row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
+        /* row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_y = q[20];
         constraints[17] = x5 + H2_y;
         constraints[84] = NCGEN_SPLAT(R(0.050000000000000044));
         constraints[85] = NCGEN_SPLAT(R(1.0));
         constraints[142] = NCGEN_SPLAT(R(0.0));
-        /* row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0 */
+        /* row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_z = q[21];
         constraints[18] = H2_z - R(1.0);
         constraints[86] = NCGEN_SPLAT(R(1.0));
@@ -1305,7 +1305,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "eb965409b3f58c7a",
+        .fingerprint = "7d0a4f7c31787fba",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

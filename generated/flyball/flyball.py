@@ -145,15 +145,15 @@ def phi(t, q, p):
     sin_turn = sine[..., 0]
     cos_turn = cosine[..., 0]
     phi[..., 3] = e_x * sin_turn - e_y * cos_turn
-    # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
     x1 = 0.050000000000000044 * e_x
     H1_x = q[..., 6]
     phi[..., 4] = H1_x - x1
-    # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
     x2 = 0.050000000000000044 * e_y
     H1_y = q[..., 7]
     phi[..., 5] = H1_y - x2
-    # row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    # row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
     H1_z = q[..., 8]
     phi[..., 6] = H1_z - 1.0
     # row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
@@ -192,13 +192,13 @@ def phi(t, q, p):
     sin_alpha1 = sine[..., 1]
     x8 = (e_x * x5 + e_y * x6) * sin_alpha1 + (f_y * (e_x * x7) - f_x * (e_y * x7)) * cos_alpha1
     phi[..., 15] = -x8
-    # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_x = q[..., 19]
     phi[..., 16] = x1 + H2_x
-    # row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    # row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_y = q[..., 20]
     phi[..., 17] = x2 + H2_y
-    # row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    # row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_z = q[..., 21]
     phi[..., 18] = H2_z - 1.0
     # row 20: combination K2.x (body slider): (e - c a x b).x = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
@@ -996,21 +996,21 @@ def constraints(t, q, qd, p):
     x2 = 2.0 * dturn
     x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
     constraints[..., 128] = x3 - cos_turn * (e_y * x1)
-    # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
     x4 = 0.050000000000000044 * e_x
     H1_x = q[..., 6]
     constraints[..., 4] = H1_x - x4
     constraints[..., 39] = -0.050000000000000044
     constraints[..., 40] = 1.0
     constraints[..., 129] = 0.0
-    # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
     x5 = 0.050000000000000044 * e_y
     H1_y = q[..., 7]
     constraints[..., 5] = H1_y - x5
     constraints[..., 41] = -0.050000000000000044
     constraints[..., 42] = 1.0
     constraints[..., 130] = 0.0
-    # row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1+0*O-T-0.05*e, a = H1+0*O-T-0.05*e, b = H1+0*O-T-0.05*e, c = 0
+    # row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
     H1_z = q[..., 8]
     constraints[..., 6] = H1_z - 1.0
     constraints[..., 43] = 1.0
@@ -1127,19 +1127,19 @@ def constraints(t, q, qd, p):
     x32 = cos_alpha1 * ((e_x * x13 + e_y * x14 + x8 * de_x + x9 * de_y) * x31)
     x33 = x31 * (f_y * x27 - (f_x * x26 + x19 * df_x) + x18 * df_y)
     constraints[..., 140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x20 * x29)
-    # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_x = q[..., 19]
     constraints[..., 16] = x4 + H2_x
     constraints[..., 82] = 0.050000000000000044
     constraints[..., 83] = 1.0
     constraints[..., 141] = 0.0
-    # row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    # row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_y = q[..., 20]
     constraints[..., 17] = x5 + H2_y
     constraints[..., 84] = 0.050000000000000044
     constraints[..., 85] = 1.0
     constraints[..., 142] = 0.0
-    # row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2+0*O-T+0.05*e, a = H2+0*O-T+0.05*e, b = H2+0*O-T+0.05*e, c = 0
+    # row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_z = q[..., 21]
     constraints[..., 18] = H2_z - 1.0
     constraints[..., 86] = 1.0

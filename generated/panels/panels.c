@@ -33,10 +33,10 @@ int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real A_y = q[3];
         const ncgen_real x2 = H_y - A_y;
         phi[0] = R(0.625) * (x1 * x1 + x2 * x2 - R(0.6400000000000001));
-        /* row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
+        /* row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1-A, a = z, b = A-H, c = 1 */
         const ncgen_real K1_x = q[4];
         phi[1] = K1_x - A_x - x2;
-        /* row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
+        /* row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1-A, a = z, b = A-H, c = 1 */
         const ncgen_real K1_y = q[5];
         phi[2] = x1 + (K1_y - A_y);
         /* row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1 */
@@ -53,10 +53,10 @@ int panels_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         /* row 7: combination K3.y (body hub): (e - c a x b).y = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1 */
         const ncgen_real K3_y = q[9];
         phi[6] = A_y + (K3_y - x4) - x1;
-        /* row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
+        /* row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4-A, a = z, b = A-H, c = -1 */
         const ncgen_real K4_x = q[10];
         phi[7] = x2 + (K4_x - A_x);
-        /* row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
+        /* row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4-A, a = z, b = A-H, c = -1 */
         const ncgen_real K4_y = q[11];
         phi[8] = K4_y - A_y - x1;
         /* row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8 */
@@ -573,7 +573,7 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         const ncgen_real dA_y = qd[3];
         const ncgen_real x6 = dH_y - dA_y;
         constraints[110] = -(R(1.25) * (x5 * x5 + x6 * x6));
-        /* row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
+        /* row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1-A, a = z, b = A-H, c = 1 */
         const ncgen_real K1_x = q[4];
         constraints[1] = K1_x - A_x - x2;
         constraints[24] = NCGEN_SPLAT(-R(1.0));
@@ -581,7 +581,7 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         constraints[26] = NCGEN_SPLAT(R(1.0));
         constraints[27] = NCGEN_SPLAT(R(1.0));
         constraints[111] = NCGEN_SPLAT(R(0.0));
-        /* row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1 */
+        /* row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1-A, a = z, b = A-H, c = 1 */
         const ncgen_real K1_y = q[5];
         constraints[2] = x1 + (K1_y - A_y);
         constraints[28] = NCGEN_SPLAT(R(1.0));
@@ -627,7 +627,7 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         constraints[50] = NCGEN_SPLAT(R(1.0));
         constraints[51] = NCGEN_SPLAT(R(1.0));
         constraints[116] = NCGEN_SPLAT(R(0.0));
-        /* row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
+        /* row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4-A, a = z, b = A-H, c = -1 */
         const ncgen_real K4_x = q[10];
         constraints[7] = x2 + (K4_x - A_x);
         constraints[52] = NCGEN_SPLAT(R(1.0));
@@ -635,7 +635,7 @@ int panels_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const n
         constraints[54] = NCGEN_SPLAT(-R(1.0));
         constraints[55] = NCGEN_SPLAT(R(1.0));
         constraints[117] = NCGEN_SPLAT(R(0.0));
-        /* row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1 */
+        /* row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4-A, a = z, b = A-H, c = -1 */
         const ncgen_real K4_y = q[11];
         constraints[8] = K4_y - A_y - x1;
         constraints[56] = NCGEN_SPLAT(-R(1.0));
@@ -932,7 +932,7 @@ const ncgen_model *panels_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "panels",
-        .fingerprint = "dc209754d82af38b",
+        .fingerprint = "607e6d93deaa10e5",
         .n_coordinates = 24,
         .n_rows = 20,
         .n_parameters = 0,

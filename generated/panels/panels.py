@@ -113,10 +113,10 @@ def phi(t, q, p):
     A_y = q[..., 3]
     x2 = H_y - A_y
     phi[..., 0] = 0.625 * (x1 * x1 + x2 * x2 - 0.6400000000000001)
-    # row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
+    # row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1-A, a = z, b = A-H, c = 1
     K1_x = q[..., 4]
     phi[..., 1] = K1_x - A_x - x2
-    # row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
+    # row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1-A, a = z, b = A-H, c = 1
     K1_y = q[..., 5]
     phi[..., 2] = x1 + (K1_y - A_y)
     # row 4: combination K2.x (body hub): (e - c a x b).x = 0 with e = K2-2*H+A, a = z, b = A-H, c = 1
@@ -133,10 +133,10 @@ def phi(t, q, p):
     # row 7: combination K3.y (body hub): (e - c a x b).y = 0 with e = K3-2*H+A, a = z, b = A-H, c = -1
     K3_y = q[..., 9]
     phi[..., 6] = A_y + (K3_y - x4) - x1
-    # row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
+    # row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4-A, a = z, b = A-H, c = -1
     K4_x = q[..., 10]
     phi[..., 7] = x2 + (K4_x - A_x)
-    # row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
+    # row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4-A, a = z, b = A-H, c = -1
     K4_y = q[..., 11]
     phi[..., 8] = K4_y - A_y - x1
     # row 10: 1000 distance A-P0 (body yoke): |a|^2 - L^2 = 0 with a = A-P0, L = 0.8
@@ -618,7 +618,7 @@ def constraints(t, q, qd, p):
     dA_y = qd[..., 3]
     x6 = dH_y - dA_y
     constraints[..., 110] = -(1.25 * (x5 * x5 + x6 * x6))
-    # row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
+    # row 2: combination K1.x (body hub): (e - c a x b).x = 0 with e = K1-A, a = z, b = A-H, c = 1
     K1_x = q[..., 4]
     constraints[..., 1] = K1_x - A_x - x2
     constraints[..., 24] = -1.0
@@ -626,7 +626,7 @@ def constraints(t, q, qd, p):
     constraints[..., 26] = 1.0
     constraints[..., 27] = 1.0
     constraints[..., 111] = 0.0
-    # row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1+0*H-A, a = z, b = A-H, c = 1
+    # row 3: combination K1.y (body hub): (e - c a x b).y = 0 with e = K1-A, a = z, b = A-H, c = 1
     K1_y = q[..., 5]
     constraints[..., 2] = x1 + (K1_y - A_y)
     constraints[..., 28] = 1.0
@@ -672,7 +672,7 @@ def constraints(t, q, qd, p):
     constraints[..., 50] = 1.0
     constraints[..., 51] = 1.0
     constraints[..., 116] = 0.0
-    # row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
+    # row 8: combination K4.x (body hub): (e - c a x b).x = 0 with e = K4-A, a = z, b = A-H, c = -1
     K4_x = q[..., 10]
     constraints[..., 7] = x2 + (K4_x - A_x)
     constraints[..., 52] = 1.0
@@ -680,7 +680,7 @@ def constraints(t, q, qd, p):
     constraints[..., 54] = -1.0
     constraints[..., 55] = 1.0
     constraints[..., 117] = 0.0
-    # row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4+0*H-A, a = z, b = A-H, c = -1
+    # row 9: combination K4.y (body hub): (e - c a x b).y = 0 with e = K4-A, a = z, b = A-H, c = -1
     K4_y = q[..., 11]
     constraints[..., 8] = K4_y - A_y - x1
     constraints[..., 56] = -1.0

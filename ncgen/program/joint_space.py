@@ -1,5 +1,6 @@
 """A tree of bodies over the rates of its joints: the programs that robotics calls the basics.
 
+    joint_position(t, x, p)       -> q: the natural coordinates where the joints have values x, turned or slid from the initial position
     joint_screws(t, q, p)         -> for every rate its axis and its velocity at the origin (6 numbers a rate)
     joint_mass(t, q, p)           -> the mass matrix H over the rates, its lower triangle row by row
     joint_inverse(t, q, v, a, p)  -> the forces that rates v and accelerations a need against inertia and gravity
@@ -11,9 +12,12 @@ algorithm in global axes (`ncgen.program.composite`). Source: Featherstone, Rigi
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from functools import cached_property
+from typing import TypeAlias
 
+from ncgen.model.elements import Point, Spatial
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.composite import inertias_of, mass_matrix, needed_loads
@@ -25,9 +29,15 @@ from ncgen.program.tree_motion import Loads, TreePlace, TreeVelocity, add_force
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.tree import spanning_tree
+from ncgen.symbolic.tree import Screw, spanning_tree
 
 POSITION = ("t", "q", "p")
+
+UNIT = 1e-14
+"""By which the length of an axis may miss 1."""
+
+Frame: TypeAlias = tuple[Vector, Vector, Vector]
+"""Nodes of a rotation's columns."""
 
 Followed = Mapping[int, tuple[int, float]]
 """{coordinate: (rate, share)} of relative coordinates that follow a joint: the coordinate's rate is `share` times that of the screw, and
@@ -35,12 +45,12 @@ it is the coordinate's that the programs take and give."""
 
 
 def assemble_joint_space(equations: Terms, followed: Followed) -> dict[str, Program]:
-    """The four programs by name; every coordinate must be that of an element of the tree, or followed."""
+    """The programs by name; every coordinate must be that of an element of the tree, or followed."""
     tree = spanning_tree(equations.model)
     programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE}
     n, count = len(equations.free), tree.freedoms
     for program in programs.values():
-        verify(program, {"t": 1, "q": n, "v": count, "a": count, "p": len(equations.parameters)})
+        verify(program, {"t": 1, "q": n, "x": count, "v": count, "a": count, "p": len(equations.parameters)})
     return programs
 
 
@@ -66,6 +76,66 @@ class _Basics:
     def scaled(self, k: int, node: int) -> int:
         """What goes with the rate of screw k, for the rate that is given in its place."""
         return self.graph.mul(self.scale[k], node)
+
+    def position(self) -> Program:
+        """By exponentials of the screws of the initial position, one after the other from the ground outward."""
+        where = moving(self.lines.equations, self.tree)
+        moved: list[tuple[Frame, Vector]] = []
+        for number, link in enumerate(self.tree.links):
+            turn, shift = moved[link.parent] if link.parent is not None else (self.unturned, self.space.zero)
+            for screw, k in zip(link.screws, self.place.own[number], strict=True):
+                more, along = self._exponential(screw, self._displacement(k))
+                shift = self.space.add(shift, self._turned(turn, along))
+                first, second, third = (self._turned(turn, column) for column in more)
+                turn = (first, second, third)
+            moved.append((turn, shift))
+        outputs = [self.graph.load("x", self.followed[c][0]) if c in self.followed else -1 for c in range(len(self.lines.equations.free))]
+        for c, (element, axis) in where.items():
+            turn, shift = moved[self.tree.home[element]]
+            place = self._turned(turn, self._initial(element))
+            outputs[c] = (self.space.add(place, shift) if isinstance(element, Point) else place)[axis]
+        return self.program("position", ("t", "x", "p"), outputs)
+
+    @cached_property
+    def unturned(self) -> Frame:
+        return self.space.constant((1, 0, 0)), self.space.constant((0, 1, 0)), self.space.constant((0, 0, 1))
+
+    def _displacement(self, k: int) -> int:
+        """How far a screw has gone since the initial position."""
+        own = next((c for c, (rate, _) in self.followed.items() if rate == k), None)
+        start = self.graph.const(0.0) if own is None else self.lines.value(self.lines.equations.free[own].value)
+        return self.graph.mul(self.scale[k], self.graph.sub(self.graph.load("x", k), start))
+
+    def _exponential(self, screw: Screw, value: int) -> tuple[Frame, Vector]:
+        """Rotation, as columns, and translation: 1 + sin φ û× + (1 − cos φ) û× û×, about the screw's point."""
+        space, graph = self.space, self.graph
+        axis = space.sum(space.times(self.lines.value(w), self._initial(e)) for w, e in screw.axis.terms)
+        if screw.point is None:
+            return self.unturned, space.times(value, axis)
+        size = graph.call("sqrt", space.dot(axis, axis)) if graph.value(space.dot(axis, axis)) is None else self._length(axis)
+        unit, angle = space.times(graph.div(graph.const(1.0), size), axis), graph.mul(size, value)
+        s, c = graph.call("sin", angle), graph.call("cos", angle)
+        rest = graph.sub(graph.const(1.0), c)
+
+        def turned(v: Vector) -> Vector:
+            across = space.cross(unit, v)
+            return space.sum((v, space.times(s, across), space.times(rest, space.cross(unit, across))))
+
+        x, y, z = map(turned, self.unturned)
+        point = self._initial(screw.point)
+        return (x, y, z), space.sub(point, turned(point))
+
+    def _length(self, axis: Vector) -> int:
+        """Of an axis of numbers; one that is 1 to rounding is."""
+        size = math.sqrt(sum((self.graph.value(node) or 0.0) ** 2 for node in axis))
+        return self.graph.const(1.0 if abs(size - 1.0) < UNIT else size)
+
+    def _turned(self, turn: Frame, v: Vector) -> Vector:
+        return self.space.sum(self.space.times(x, column) for x, column in zip(v, turn, strict=True))
+
+    def _initial(self, element: Spatial) -> Vector:
+        x, y, z = (self.lines.value(component.value) for component in element.components)
+        return x, y, z
 
     def screws(self) -> Program:
         outputs: list[int] = []
@@ -127,4 +197,4 @@ class _Basics:
         return found
 
 
-MADE = (_Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads)
+MADE = (_Basics.position, _Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads)

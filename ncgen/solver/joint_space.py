@@ -11,7 +11,7 @@ Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 
 import numpy as np
@@ -26,11 +26,13 @@ from ncgen.solver import given
 from ncgen.symbolic.tree import Link, Tree, spanning_tree
 
 INPUTS = {
+    "joint_position": ("t", "x", "p"),
     "joint_screws": ("t", "q", "p"),
     "joint_mass": ("t", "q", "p"),
     "joint_inverse": ("t", "q", "v", "a", "p"),
     "joint_loads": ("t", "q", "v", "p"),
 }
+"""The programs of `ncgen.program.joint_space`, and what they take."""
 
 SAME = 1e-9
 """By which the share of a joint in a coordinate's rate may differ from 1, −1 or 0 and still be that."""
@@ -76,32 +78,34 @@ class JointSpace:
         kernels, values = self.kernels, dict(values or {})
         for name in values:
             given.known_name(name, self.rates, "values", "joint")
-        numbers = {name: given.finite(value, f"values: {name}") for name, value in values.items()}
-        q = np.array(kernels.q0)
-        start = {name: q[kernels.index[name]] for name in self.coordinates}
-        moved = self._displacements([numbers.get(name, start.get(name, 0.0)) - start.get(name, 0.0) for name in self.rates], base)
-        for c, (element, axis) in self._where.items():
-            rotation, shift = moved[self.tree.home[element]]
-            q[c] = (rotation @ element.initial + (shift if isinstance(element, Point) else 0.0))[axis]
-        for name in start:
-            q[kernels.index[name]] = numbers.get(name, start[name])
-        return q
+        wanted = self.values(kernels.q0)
+        for name, value in values.items():
+            wanted[self.rates.index(name)] = given.finite(value, f"values: {name}")
+        q = self._functions("joint_position", 0.0, wanted, kernels.p0)
+        return q if base is None else self._displaced(q, *base)
 
-    def _displacements(self, values: Sequence[float], base: tuple[ArrayLike, ArrayLike] | None) -> list[tuple[np.ndarray, np.ndarray]]:
-        """Rotation and translation of every link from its initial place: the product of exponentials of the joints' screws."""
-        free = [number for number, link in enumerate(self.tree.links) if len(link.screws) == 6]
-        if base is not None and len(free) != 1:
+    def values(self, q: ArrayLike) -> np.ndarray:
+        """Values of the joints that have a coordinate (…, n), 0 for the others."""
+        q = self._array(q)
+        found = np.zeros((*q.shape[:-1], self.n))
+        for c, (k, _) in self.followed.items():
+            found[..., k] = q[..., c]
+        return found
+
+    def _displaced(self, q: np.ndarray, rotation: ArrayLike, shift: ArrayLike) -> np.ndarray:
+        """The one body that moves freely, and all that it carries, turned about the origin and shifted."""
+        links = self.tree.links
+        free = [number for number, link in enumerate(links) if len(link.screws) == 6]
+        if len(free) != 1:
             raise ModelError(f"{self.kernels.name}: base given, but {len(free)} bodies move freely; it needs one")
-        screws = self.screws(self.kernels.q0)
-        found: list[tuple[np.ndarray, np.ndarray]] = []
-        for number, (link, own) in enumerate(zip(self.tree.links, self._own, strict=True)):
-            rotation, shift = found[link.parent] if link.parent is not None else (np.eye(3), np.zeros(3))
-            if base is not None and number in free:
-                rotation, shift = np.asarray(base[0], dtype=float), np.asarray(base[1], dtype=float)
-            for k in own:
-                more, move = _exponential(screws[k], values[k])
-                rotation, shift = rotation @ more, shift + rotation @ move
-            found.append((rotation, shift))
+        rotation, shift = np.asarray(rotation, dtype=float), np.asarray(shift, dtype=float)
+        carried = set(free)
+        for number, link in enumerate(links):
+            carried |= {number} if link.parent in carried else set()
+        found = q.copy()
+        for c, (element, axis) in self._where.items():
+            if self.tree.home[element] in carried:
+                found[c] = (rotation @ self._vector(element, q) + (shift if isinstance(element, Point) else 0.0))[axis]
         return found
 
     # -- velocities ----------------------------------------------------------------------------
@@ -172,14 +176,14 @@ class JointSpace:
         """The forces that rates v need without accelerations and gravity (…, n): Coriolis' and centrifugal ones."""
         return self.inverse_dynamics(q, v) - self.gravity(q)
 
-    def loads(self, q: ArrayLike, v: ArrayLike | None = None) -> np.ndarray:
-        """What springs, dampers and other forces of the model do along the joints (…, n)."""
-        return self._functions("joint_loads", 0.0, self._array(q), self._over_rates(v, "v"), self.kernels.p0)
+    def loads(self, q: ArrayLike, v: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
+        """What springs, dampers and other forces of the model do along the joints (…, n), at a time t (s)."""
+        return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.kernels.p0)
 
-    def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None) -> np.ndarray:
+    def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
         """Accelerations of the joints (n,) with forces along them beside those of the model (n,; None: zero)."""
         q = self._array(q)
-        right = self.loads(q, v) - self.inverse_dynamics(q, v) + self._over_rates(forces, "forces")
+        right = self.loads(q, v, t) - self.inverse_dynamics(q, v) + self._over_rates(forces, "forces")
         return scipy.linalg.solve(self.mass_matrix(q), right, assume_a="pos")
 
     # -- helpers -------------------------------------------------------------------------------
@@ -188,8 +192,9 @@ class JointSpace:
     def _functions(self) -> Functions:
         from ncgen.program.joint_space import assemble_joint_space
 
-        sizes = {"joint_screws": 6 * self.n, "joint_mass": self.n * (self.n + 1) // 2, "joint_inverse": self.n, "joint_loads": self.n}
-        equations = self.kernels.programs.equations
+        n, equations = self.n, self.kernels.programs.equations
+        sizes = {"position": self.kernels.n, "screws": 6 * n, "mass": n * (n + 1) // 2, "inverse": n, "loads": n}
+        sizes = {f"joint_{name}": size for name, size in sizes.items()}
         return functions(self.kernels, "joint_space", INPUTS, sizes, lambda: assemble_joint_space(equations, self.followed))
 
     def _of(self, name: str, q: ArrayLike) -> np.ndarray:
@@ -302,23 +307,6 @@ def _carried(twist: np.ndarray, place: np.ndarray, is_point: bool) -> np.ndarray
     """The velocity of a point or vector that moves with a twist (…, 6)."""
     turned = np.cross(twist[..., :3], place)
     return twist[..., 3:] + turned if is_point else turned
-
-
-def _exponential(screw: np.ndarray, value: float) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and translation by a screw (ω, v at the origin) of pitch 0, or by a translation.
-
-    The axis may have any length: a joint's rate is then that of the screw, and its angle the rate's integral times that length.
-    """
-    axis, along = screw[:3], screw[3:]
-    size = float(np.linalg.norm(axis))
-    if size == 0.0:
-        return np.eye(3), value * along
-    x, y, z = axis / size
-    skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    angle = value * size
-    rotation = np.eye(3) + np.sin(angle) * skew + (1 - np.cos(angle)) * skew @ skew
-    point = np.cross(axis, along) / size**2
-    return rotation, point - rotation @ point
 
 
 def _moving(kernels: Kernels, tree: Tree) -> dict[int, tuple[Spatial, int]]:

@@ -74,6 +74,7 @@ def calls(s) -> dict[str, dict]:
         "gravity": {"field": (0, 0, -9.81)},
         "force": {"point": s.A, "vector": (1, 2, 3), "label": "mine"},
         "torque": {"coordinate": s.psi, "expression": 1.0, "label": "mine"},
+        "rotor": {"coordinate": s.psi, "inertia": 0.1},
         "couple": {"body": s.rod, "vector": (1, 2, 3), "label": "mine"},
         "potential": {"expression": s.A.x**2, "label": "mine"},
         "spring": {"start": s.A, "end": s.B, "stiffness": 1.0, "damping": 2.0, "free_length": 1.0, "law": None, "label": "mine"},

@@ -1,7 +1,7 @@
 """Exports: a folder that builds and runs where Python is not.
 
 A target is a module `NAME_target` here, found by its name, with a function `files(package)`: {path in the folder: text or bytes}, of a
-`Package`; templates/package/NAME holds its templates.
+`Package`, or, where it does without the mechanism's motion, `files_of(model)`; templates/package/NAME holds its templates.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 from ncgen.errors import ModelError
 
 if TYPE_CHECKING:
+    from ncgen.exchange.export.package import Package
     from ncgen.model import Model
 
 END = "_target"
@@ -22,6 +23,12 @@ END = "_target"
 def targets() -> tuple[str, ...]:
     """The names of all targets."""
     return tuple(sorted(found.name.removesuffix(END) for found in iter_modules(__path__) if found.name.endswith(END)))
+
+
+def _package(model: Model) -> Package:
+    from ncgen.exchange.export.package import package
+
+    return package(model)
 
 
 def export(model: Model, to: str, folder: Path | str) -> list[Path]:
@@ -35,8 +42,8 @@ def export(model: Model, to: str, folder: Path | str) -> list[Path]:
     if to not in targets():
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
     from ncgen.emit.sources import write_bytes
-    from ncgen.exchange.export.package import package
 
-    files = import_module(f"{__name__}.{to}{END}").files(package(model))
+    target = import_module(f"{__name__}.{to}{END}")
+    files = target.files_of(model) if hasattr(target, "files_of") else target.files(_package(model))
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
     return [write_bytes(Path(folder) / name, data) for name, data in contents.items()]

@@ -6,6 +6,7 @@ armatures are rotors. Coordinates are 0 in the position that the file describes.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -42,11 +43,18 @@ def robot_of(root: Markup, path: Path) -> Robot:
         mujoco: Any = import_module("mujoco")
     except ImportError:
         raise NcgenError(f"{path.name}: MJCF is read by MuJoCo, which is missing; run pip install 'ncgen[robots]'") from None
+    said: list[str] = []
+    before = mujoco.get_mju_user_warning()
+    mujoco.set_mju_user_warning(said.append)  # else it writes a file where Python happens to run
     try:
         compiled = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as error:
         place = f"{shortened(path.name, SHOWN)}: "
         raise ModelError(place + shortened(" ".join(str(error).split()), LONGEST_LINE - len(place))) from None
+    finally:
+        mujoco.set_mju_user_warning(before)
+    for text in said:
+        warnings.warn(f"{path.name}: {shortened(' '.join(text.split()))}", stacklevel=2)
     return _Reader(compiled, root, path).robot()
 
 
