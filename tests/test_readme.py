@@ -25,6 +25,16 @@ def test_links_and_pictures_exist():
                 assert (page.parent / target).exists(), f"{page}: {target}"
 
 
+def test_the_program_of_the_robots_page_runs(monkeypatch):
+    """Joint space as docs/robots.md shows it: without the forces that hold it the crane falls, with them only its damped joint knows."""
+    monkeypatch.chdir(ROOT)
+    page = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
+    names: dict = {}
+    exec(re.search(r"```python\n(.*?)```", page, re.S)[1], names)
+    assert names["J"].shape == (6, 6) and names["M"].shape == (6, 6)
+    assert abs(names["a"]).max() < 1e-12
+
+
 def test_programs_of_the_paper_page_run(capsys):
     """The scripts of docs/paper.md run, and print the facts that the page states."""
     page = (ROOT / "docs" / "paper.md").read_text(encoding="utf-8")
