@@ -15,11 +15,11 @@ from ncgen.model.elements import Angle, Combination, Component, Point, Spatial
 from ncgen.program.blocks import Program
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
-from ncgen.program.rates import NoRecursion, check_seen, moving
+from ncgen.program.rates import NoRecursion, check_seen
 from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.space import Space, Vector
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.tree import Link, Tree, spanning_tree
+from ncgen.symbolic.tree import Link, Tree, moving, spanning_tree
 
 SAME = 1e-9
 """Natural sizes by which positions may differ from those of samples, and cosines from 0."""

@@ -23,13 +23,12 @@ from ncgen.program.blocks import Program
 from ncgen.program.composite import inertias_of, mass_matrix, needed_loads
 from ncgen.program.elimination import Matrix
 from ncgen.program.lines import Lines
-from ncgen.program.rates import moving
 from ncgen.program.space import Vector
 from ncgen.program.tree_motion import Loads, TreePlace, TreeVelocity, add_force
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.tree import Screw, spanning_tree
+from ncgen.symbolic.tree import Screw, moving, spanning_tree
 
 POSITION = ("t", "q", "p")
 

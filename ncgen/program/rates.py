@@ -23,7 +23,7 @@ from ncgen.program.sampling import Sample, Sampling
 from ncgen.program.space import Vector
 from ncgen.program.tree_motion import Loads, TreePlace, add_force
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.tree import Tree
+from ncgen.symbolic.tree import Tree, moving
 
 VANISHING = 1e-11
 """An entry below this share of its row, in its natural sizes, is 0 by the way bodies move."""
@@ -198,13 +198,3 @@ class Rates:
             if len(dependent) and (not values[-1] > WELL * values[0] or np.linalg.matrix_rank(matrix, tol=10 * WELL) > len(dependent)):
                 raise NoRecursion("the tree does not move as the rows allow")
         return [rows[i] for i in taken]
-
-
-def moving(equations: Terms, tree: Tree) -> dict[int, tuple[Spatial, int]]:
-    """{coordinate: (element, axis)} of the coordinates that move with a link."""
-    return {
-        equations.index[component]: (element, axis)
-        for element in tree.home
-        for axis, component in enumerate(element.components)
-        if equations.moves(component)
-    }

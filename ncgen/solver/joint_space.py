@@ -11,19 +11,22 @@ Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cached_property
 
 import numpy as np
 import scipy.linalg
 from numpy.typing import ArrayLike
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
-from ncgen.model.elements import AXES, Point, Relative, Spatial
+from ncgen.model.elements import Point, Spatial
+from ncgen.model.values import Value, evaluate
 from ncgen.solver import given
-from ncgen.symbolic.tree import Link, Tree, spanning_tree
+from ncgen.solver.frames import transformation
+from ncgen.solver.joint_names import carried, followed_by, names_of
+from ncgen.symbolic.tree import moving, spanning_tree
 
 INPUTS = {
     "joint_position": ("t", "x", "p"),
@@ -33,9 +36,6 @@ INPUTS = {
     "joint_loads": ("t", "q", "v", "p"),
 }
 """The programs of `ncgen.program.joint_space`, and what they take."""
-
-SAME = 1e-9
-"""By which the share of a joint in a coordinate's rate may differ from 1, −1 or 0 and still be that."""
 
 
 def joint_space(kernels: Kernels) -> JointSpace:
@@ -51,14 +51,15 @@ class JointSpace:
 
     rates: their names; coordinates: names of the joints that have one; n: how many rates there are
     Positions q are ncgen's natural coordinates (n_q,), consistent, as `position` gives them; with NumPy kernels leading axes are batches,
-    with compiled ones states of a batch go through one after the other. Forces are N along what slides, N m along what turns.
+    with compiled ones states of a batch go through one after the other. Parameters have their defaults. Forces are N along what slides,
+    N m along what turns.
     """
 
     def __init__(self, kernels: Kernels) -> None:
         self.kernels, self.tree = kernels, spanning_tree(kernels.model)
         self._check()
-        self.followed = _followed(kernels, self.tree)
-        self.rates = _names(kernels, self.tree, self.followed)
+        self.followed = followed_by(kernels, self.tree)
+        self.rates = names_of(kernels, self.tree, self.followed)
         self.n = len(self.rates)
         self.coordinates = tuple(kernels.coordinates[c] for c in self.followed)
 
@@ -75,14 +76,20 @@ class JointSpace:
             translation (3,) in m
         Raises ModelError for what is no joint, or for a base where no body, or more than one, moves freely.
         """
-        kernels, values = self.kernels, dict(values or {})
-        for name in values:
-            given.known_name(name, self.rates, "values", "joint")
-        wanted = self.values(kernels.q0)
-        for name, value in values.items():
-            wanted[self.rates.index(name)] = given.finite(value, f"values: {name}")
-        q = self._functions("joint_position", 0.0, wanted, kernels.p0)
+        q = self.placed(self._joint_values(values, "values"))
         return q if base is None else self._displaced(q, *base)
+
+    def placed(self, x: np.ndarray) -> np.ndarray:
+        """The same for values of all joints in their order (…, n)."""
+        return self._functions("joint_position", 0.0, x, self.kernels.p0)
+
+    def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
+        """Values of all joints (n,): those given by name, else the initial ones."""
+        found = self.values(self.kernels.q0)
+        for name, value in (values or {}).items():
+            given.known_name(name, self.rates, what, "joint")
+            found[self.rates.index(name)] = given.finite(value, f"{what}: {name}")
+        return found
 
     def values(self, q: ArrayLike) -> np.ndarray:
         """Values of the joints that have a coordinate (…, n), 0 for the others."""
@@ -99,14 +106,49 @@ class JointSpace:
         if len(free) != 1:
             raise ModelError(f"{self.kernels.name}: base given, but {len(free)} bodies move freely; it needs one")
         rotation, shift = np.asarray(rotation, dtype=float), np.asarray(shift, dtype=float)
-        carried = set(free)
+        together = set(free)
         for number, link in enumerate(links):
-            carried |= {number} if link.parent in carried else set()
+            together |= {number} if link.parent in together else set()
         found = q.copy()
         for c, (element, axis) in self._where.items():
-            if self.tree.home[element] in carried:
-                found[c] = (rotation @ self._vector(element, q) + (shift if isinstance(element, Point) else 0.0))[axis]
+            if self.tree.home[element] in together:
+                found[c] = (rotation @ self.element(element, q) + (shift if isinstance(element, Point) else 0.0))[axis]
         return found
+
+    def inverse_kinematics(
+        self,
+        point: str,
+        place: ArrayLike,
+        rotation: ArrayLike | None = None,
+        body: str | None = None,
+        start: Mapping[str, float] | None = None,
+    ) -> dict[str, float]:
+        """Values of the joints that bring a point to a place (3,) in m, by least squares from a start, and from some beside it.
+
+        rotation: what the body shall have turned by since the initial position (3, 3); None for any
+        body: the one that the point is taken with, by default that nearest to the ground
+        start: values of joints to begin with, others are those of the initial position
+        Raises ConvergenceError with what is left where the point cannot get there, or not from this start.
+        """
+        from ncgen.solver.inverse_kinematics import values_for
+
+        return values_for(self, point, place, rotation, body, self._joint_values(start, "start"))
+
+    def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
+        """Of all bodies that move (…, 3), in m."""
+        q = self._array(q)
+        total, moment = 0.0, np.zeros((*q.shape[:-1], 3))
+        for body in (link.body for link in self.tree.links if link.body.inertia):
+            mass, com = self._numbers(body.own_inertia.mass), np.array([self._numbers(x) for x in body.own_inertia.com])
+            base = body.points[0]
+            turned = transformation(self.kernels, body.name, q) @ (com - base.initial)
+            total, moment = total + mass, moment + mass * (self.element(base, q) + turned)
+        if not total > 0:
+            raise ModelError(f"{self.kernels.name}: nothing has mass; give a body one")
+        return moment / total
+
+    def _numbers(self, value: Value) -> float:
+        return evaluate(value, self.kernels.model.parameters, "inertia")
 
     # -- velocities ----------------------------------------------------------------------------
 
@@ -122,7 +164,7 @@ class JointSpace:
         found = np.empty(np.broadcast_shapes(q.shape[:-1], v.shape[:-1]) + q.shape[-1:])
         for c, (element, axis) in self._where.items():
             twist = twists[self.tree.home[element]]
-            found[..., c] = _carried(twist, self._vector(element, q), isinstance(element, Point))[..., axis]
+            found[..., c] = carried(twist, self.element(element, q), isinstance(element, Point))[..., axis]
         for c, (k, _) in self.followed.items():
             found[..., c] = v[..., k]
         return found
@@ -137,17 +179,15 @@ class JointSpace:
         point: the name of a point of the model; body: by default the one nearest to the ground that has it
         local: along axes that turn with the body and are the global ones initially
         """
-        q, element, link = self._array(q), self._point(point), self._link(point, body)
+        q, element, link = self._array(q), self.point(point), self.link(point, body)
         screws, path = self.screws(q), self._paths[link]
-        place = self._vector(element, q)[..., None, :]
+        place = self.element(element, q)[..., None, :]
         found = np.zeros((*q.shape[:-1], 6, self.n))
         turning, along = screws[..., path, :3], screws[..., path, 3:]
         found[..., :3, path] = np.swapaxes(along + np.cross(turning, place), -1, -2)
         found[..., 3:, path] = np.swapaxes(turning, -1, -2)
         if not local:
             return found
-        from ncgen.solver.frames import transformation
-
         back = np.swapaxes(transformation(self.kernels, self.tree.links[link].body.name, q), -1, -2)
         return np.concatenate([back @ found[..., :3, :], back @ found[..., 3:, :]], axis=-2)
 
@@ -181,10 +221,16 @@ class JointSpace:
         return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.kernels.p0)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
-        """Accelerations of the joints (n,) with forces along them beside those of the model (n,; None: zero)."""
+        """Accelerations of the joints (n,) with forces along them beside those of the model (n,; None: zero).
+
+        Raises SingularError where a joint moves nothing that has inertia.
+        """
         q = self._array(q)
         right = self.loads(q, v, t) - self.inverse_dynamics(q, v) + self._over_rates(forces, "forces")
-        return scipy.linalg.solve(self.mass_matrix(q), right, assume_a="pos")
+        try:
+            return scipy.linalg.solve(self.mass_matrix(q), right, assume_a="pos")
+        except np.linalg.LinAlgError:
+            raise SingularError(f"{self.kernels.name}: a joint moves nothing that has inertia; give its bodies mass") from None
 
     # -- helpers -------------------------------------------------------------------------------
 
@@ -216,35 +262,27 @@ class JointSpace:
     @cached_property
     def _where(self) -> dict[int, tuple[Spatial, int]]:
         """{coordinate: (element, axis)} of what moves with a link."""
-        return _moving(self.kernels, self.tree)
-
-    @cached_property
-    def _own(self) -> list[range]:
-        return _ranges(self.tree.links)
+        return moving(self.kernels.programs.equations, self.tree)
 
     @cached_property
     def _paths(self) -> list[list[int]]:
-        """For every link the rates that move it."""
-        found: list[list[int]] = []
-        for link, own in zip(self.tree.links, self._own, strict=True):
-            found.append([*(found[link.parent] if link.parent is not None else []), *own])
-        return found
+        return self.tree.paths
 
-    def _vector(self, element: Spatial, q: np.ndarray) -> np.ndarray:
+    def element(self, element: Spatial, q: np.ndarray) -> np.ndarray:
         index = self.kernels.index
         parts = [np.broadcast_to(c.initial, q.shape[:-1]) if c.fixed else q[..., index[c.name]] for c in element.components]
         return np.stack(parts, axis=-1)
 
-    def _point(self, name: str) -> Point:
+    def point(self, name: str) -> Point:
         found = self.kernels.model.elements.get(name)
         if not isinstance(found, Point):
             points = [e.name for e in self.kernels.model.elements.values() if isinstance(e, Point)]
             raise ModelError(f"point: there is no {name}; the points are {', '.join(points)}")
         return found
 
-    def _link(self, point: str, body: str | None) -> int:
+    def link(self, point: str, body: str | None) -> int:
         """The number of the link that a point is taken with."""
-        element = self._point(point)
+        element = self.point(point)
         for number, link in enumerate(self.tree.links):
             if element in link.body.elements and body in (None, link.body.name):
                 return number
@@ -254,87 +292,3 @@ class JointSpace:
         name, tree = self.kernels.name, self.tree
         if tree.loose:
             raise ModelError(f"{name}: joint space needs bodies that tell their rotation; {tree.loose[0].name} does not")
-
-
-def _followed(kernels: Kernels, tree: Tree) -> dict[int, tuple[int, float]]:
-    """{relative coordinate: (rate, its share)}, seen in what each screw does to the rows at the start.
-
-    Raises ModelError where a coordinate follows no single joint, or where a row holds joints together.
-    """
-    where = _moving(kernels, tree)
-    relative = {kernels.index[e.name] for e in kernels.model.elements.values() if isinstance(e, Relative) and e.name in kernels.index}
-    if others := [kernels.coordinates[c] for c in range(kernels.n) if c not in where and c not in relative]:
-        raise ModelError(f"{kernels.name}: joint space needs one tree of bodies; {others[0]} belongs to none")
-    moved = _columns(kernels, tree, where)
-    jacobian = kernels.jacobian(kernels.q0)
-    own = sorted(relative)
-    # Rows over relative coordinates and rates: each relative coordinate has one row of its own, the others must vanish.
-    over_rates, over_own = jacobian @ moved, jacobian[:, own]
-    shares = -np.linalg.lstsq(over_own, over_rates, rcond=None)[0] if own else np.zeros((0, moved.shape[1]))
-    left = np.abs(over_rates + over_own @ shares) / kernels.row_sizes[:, None]
-    if left.size and left.max() > 1e-6:
-        row = kernels.rows[int(np.argmax(left.max(axis=1)))]
-        raise ModelError(f"{kernels.name}: joint space is that of an open tree, and row {row.label} ({row.owner}) closes a loop")
-    found = {}
-    for c, share in zip(own, shares, strict=True):
-        k = int(np.argmax(np.abs(share)))
-        if np.max(np.abs(np.delete(share, k)), initial=0.0) > SAME * abs(share[k]):
-            raise ModelError(f"{kernels.name}: joint space needs coordinates of single joints; {kernels.coordinates[c]} is that of none")
-        found[c] = k, float(np.sign(share[k])) if abs(abs(share[k]) - 1.0) < SAME else float(share[k])
-    return found
-
-
-def _columns(kernels: Kernels, tree: Tree, where: Mapping[int, tuple[Spatial, int]]) -> np.ndarray:
-    """What every rate does to the coordinates of elements at the start, shape (n_q, rates)."""
-    found = np.zeros((kernels.n, tree.freedoms))
-    paths: list[list[int]] = []
-    screws = [_screw(screw) for link in tree.links for screw in link.screws]
-    for link, own in zip(tree.links, _ranges(tree.links), strict=True):
-        paths.append([*(paths[link.parent] if link.parent is not None else []), *own])
-    for c, (element, axis) in where.items():
-        for k in paths[tree.home[element]]:
-            found[c, k] = _carried(screws[k], element.initial, isinstance(element, Point))[axis]
-    return found
-
-
-def _screw(screw) -> np.ndarray:
-    """(ω, v at the origin) of a joint's freedom at the start."""
-    axis = screw.axis.initial
-    return np.concatenate([np.zeros(3), axis]) if screw.point is None else np.concatenate([axis, np.cross(screw.point.initial, axis)])
-
-
-def _carried(twist: np.ndarray, place: np.ndarray, is_point: bool) -> np.ndarray:
-    """The velocity of a point or vector that moves with a twist (…, 6)."""
-    turned = np.cross(twist[..., :3], place)
-    return twist[..., 3:] + turned if is_point else turned
-
-
-def _moving(kernels: Kernels, tree: Tree) -> dict[int, tuple[Spatial, int]]:
-    return {
-        kernels.index[component.name]: (element, axis)
-        for element in tree.home
-        for axis, component in enumerate(element.components)
-        if not component.fixed
-    }
-
-
-def _ranges(links: Iterable[Link]) -> list[range]:
-    """The rates of every link's joint."""
-    found, first = [], 0
-    for link in links:
-        found.append(range(first, first + len(link.screws)))
-        first += len(link.screws)
-    return found
-
-
-def _names(kernels: Kernels, tree: Tree, followed: Mapping[int, tuple[int, float]]) -> tuple[str, ...]:
-    """Of all rates: of their coordinate, else of the body with v or w and a global axis, or with the word for what it does."""
-    coordinates = {k: kernels.coordinates[c] for c, (k, _) in followed.items()}
-    names: list[str] = []
-    for link in tree.links:
-        for screw in link.screws:
-            along = [axis for axis, x in zip(AXES, screw.axis.initial, strict=True) if x == 1.0] if screw.is_constant else []
-            letter, word = ("v", "slide") if screw.point is None else ("w", "turn")
-            name = coordinates.get(len(names), f"{link.body.name}.{letter + along[0] if along else word}")
-            names.append(name)
-    return tuple(names)

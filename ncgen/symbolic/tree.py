@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import accumulate, pairwise
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from ncgen.model import Model
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
 from ncgen.model.rigid import NORMAL
+from ncgen.symbolic.numbering import Numbering
 
 PARALLEL = 1e-6
 """Sine of the angle below which two directions are one."""
@@ -65,6 +67,20 @@ class Tree:
         """Of the tree, before loops are closed."""
         return sum(len(link.screws) for link in self.links)
 
+    @property
+    def rates(self) -> list[range]:
+        """For every link the numbers of its joint's rates."""
+        ends = list(accumulate((len(link.screws) for link in self.links), initial=0))
+        return [range(first, last) for first, last in pairwise(ends)]
+
+    @property
+    def paths(self) -> list[list[int]]:
+        """For every link the numbers of all rates that move it."""
+        found: list[list[int]] = []
+        for link, own in zip(self.links, self.rates, strict=True):
+            found.append([*(found[link.parent] if link.parent is not None else []), *own])
+        return found
+
 
 def spanning_tree(model: Model) -> Tree:
     """The tree of a model's bodies."""
@@ -89,6 +105,16 @@ def spanning_tree(model: Model) -> Tree:
             if not element.fixed:
                 home.setdefault(element, number)
     return Tree(tuple(links), loose, home)
+
+
+def moving(numbering: Numbering, tree: Tree) -> dict[int, tuple[Spatial, int]]:
+    """{coordinate: (element, axis)} of the coordinates that move with a link."""
+    return {
+        numbering.index[component]: (element, axis)
+        for element in tree.home
+        for axis, component in enumerate(element.components)
+        if numbering.moves(component)
+    }
 
 
 def _is_solid(body: Body) -> bool:

@@ -90,6 +90,7 @@ def beside_pinocchio(file: Path, space) -> Worst:
 def beside_mujoco(file: Path, space) -> Worst:
     import mujoco
 
+    mujoco.set_mju_user_warning(print)  # else it writes a file where Python happens to run
     model, rng, worst = mujoco.MjModel.from_xml_path(str(file)), np.random.default_rng(0), Worst()
     model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
     data = mujoco.MjData(model)

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.errors import ModelError
+from ncgen.errors import ConvergenceError, ModelError, SingularError
+from ncgen.solver.frames import transformation
 
 HERE = Path(__file__).parent
 STATES = json.loads((HERE / "crane.json").read_text())["states"]
@@ -88,6 +89,44 @@ def test_mass_and_forces_are_those_of_natural_coordinates(name):
     moved = np.linalg.lstsq(space.velocities(partial.q[-1], np.eye(space.n)).T, partial.qd[-1], rcond=None)[0]
     middle = space.forward_dynamics(q, v)
     np.testing.assert_allclose((moved - v) / 1e-3, middle, rtol=0, atol=2e-2 * np.max(np.abs(middle)))
+
+
+def test_inverse_kinematics_reaches_what_can_be_reached(cranes):
+    """A place and a rotation that some joint values give are found again, from other values; a place far away is refused."""
+    space = cranes[False]
+    wanted = space.position({"slew": 0.5, "roll": 0.2, "luff": -0.4, "travel": 0.15, "swing": 0.3})
+    place = wanted[[space.kernels.index[f"r_swing.{axis}"] for axis in "xyz"]]
+    found = space.position(space.inverse_kinematics("r_swing", place))
+    close(found[[space.kernels.index[f"r_swing.{axis}"] for axis in "xyz"]], place)
+    turn = transformation(space.kernels, "trolley", wanted)
+    both = space.position(space.inverse_kinematics("r_swing", place, turn, "trolley", start={"slew": 0.3}))
+    close(both[[space.kernels.index[f"r_swing.{axis}"] for axis in "xyz"]], place)
+    close(transformation(space.kernels, "trolley", both), turn)
+    with pytest.raises(ConvergenceError, match=r"crane: r_roll does not get there, [\d.]+ m are left; begin elsewhere"):
+        space.inverse_kinematics("r_roll", (5.0, 0.0, 0.0))
+
+
+def test_the_centre_of_mass_is_what_weight_says(cranes):
+    """V = −m g · c for gravity along the axes, one after the other, with the whole mass by hand."""
+    model = ncgen.load(HERE / "crane.urdf")
+    space = cranes[False]
+    q = space.position({"slew": 0.7, "luff": 0.3, "travel": 0.2, "balance": -0.5})
+    mass = 3 + 2 + 0.4 + 1.5 + 0.8 + 4
+    heights = []
+    for axis in np.eye(3):
+        model.gravity(tuple(-axis))
+        heights.append(ncgen.compile(model, "numpy").energy(q, np.zeros(len(q)))[1] / mass)
+    close(space.centre_of_mass(q), heights)
+
+
+def test_a_joint_that_moves_nothing_is_told(tmp_path):
+    """The hook without its inertia: its swing has no acceleration."""
+    text = (HERE / "crane.urdf").read_text().replace('<mass value="0.8"/>', '<mass value="0"/>')
+    text = text.replace('<inertia ixx="0.006" ixy="0" ixz="0" iyy="0.006" iyz="0" izz="0.0004"/>', '<inertia ixx="0" iyy="0" izz="0"/>')
+    (tmp_path / "crane.urdf").write_text(text)
+    space = ncgen.joint_space(ncgen.compile(ncgen.load(tmp_path / "crane.urdf"), "numpy"))
+    with pytest.raises(SingularError, match="crane: a joint moves nothing that has inertia; give its bodies mass"):
+        space.forward_dynamics(space.kernels.q0)
 
 
 def test_many_states_at_a_time():
