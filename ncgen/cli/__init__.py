@@ -1,6 +1,6 @@
 """The command line: list, run, generate, inspect, bench, compare, hard, check, convert, export, cache.
 
-MODEL is the name of an example, or a path to a .toml or .py file. Messages go to standard error in one line; results go
+MODEL is the name of an example, or a path to a .toml, .py, .urdf, .sdf or .xml file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
 """
 

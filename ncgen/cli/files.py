@@ -12,7 +12,7 @@ from ncgen.errors import ModelError
 from ncgen.exchange.export import targets
 
 
-def check(file: Annotated[Path, typer.Argument(help="a TOML model file, or a robot's .urdf or .sdf file")]) -> None:
+def check(file: Annotated[Path, typer.Argument(help="a TOML model file, or a robot's .urdf, .sdf or .xml file")]) -> None:
     """Report everything that is wrong with a model file, with line numbers; of a robot's file the first problem."""
     from ncgen.compiler import generate as sources_of
     from ncgen.exchange import robots

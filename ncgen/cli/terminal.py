@@ -17,7 +17,7 @@ from ncgen.errors import ModelError
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
-ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml, .py, .urdf or .sdf file")]
+ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml, .py, .urdf, .sdf or .xml file")]
 Floating = Annotated[
     bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
 ]

@@ -24,8 +24,8 @@ Result = TypeVar("Result")
 
 
 def load(name: str | Path, *, floating: bool | None = None) -> Model:
-    """The model of an example, of a TOML file, of a robot's file (URDF, SDF), or of a Python file that has a function `build()` returning
-    a model.
+    """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
+    returning a model.
 
     floating: a robot's root is a free body (True) or part of the ground (False); None for what its file says
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
@@ -86,7 +86,7 @@ def _no_such(name: str | Path) -> ModelError:
 def _import(path: Path) -> ModuleType:
     if path.suffix != ".py":
         raise ModelError(
-            f"{path}: not a model; give a .toml, .urdf, .sdf or .py file, the last with a function build(), or an example's name"
+            f"{path}: not a model; give a .toml, .urdf, .sdf, .xml or .py file, the last with a function build(), or an example's name"
         )
     path = path.resolve()
     name = f"ncgen_model_{path.parent.name}_{path.stem}"
