@@ -4,10 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ncgen.errors import ModelError
+from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, shortened
 
 LARGEST = 4_000_000
 """Bytes of a model file."""
+
+
+def placed(name: str, line: int | None, message: str) -> str:
+    """What is wrong with a file, in one line, with its name and where it has one the line."""
+    place = shortened(name, SHOWN) + (": " if line is None else f", line {line}: ")
+    return place + shortened(message, LONGEST_LINE - len(place))
 
 
 def is_file(path: Path) -> bool:

@@ -20,10 +20,10 @@ from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
-from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, UnknownName, shortened
+from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
 from ncgen.exchange.arguments import convert
 from ncgen.exchange.layout import Table, layout
-from ncgen.exchange.text import text_of
+from ncgen.exchange.text import placed, text_of
 from ncgen.exchange.words import head, is_required, signature_of, suggestion, words
 from ncgen.model import Model
 from ncgen.model.names import normal
@@ -41,8 +41,7 @@ class Problem:
 
     def of(self, path: Path) -> str:
         """The problem in one line, with its place."""
-        place = f"{shortened(path.name, SHOWN)}, line {self.line}: "
-        return place + shortened(self.message, LONGEST_LINE - len(place))
+        return placed(path.name, self.line, self.message)
 
 
 def load_toml(path: Path) -> Model:

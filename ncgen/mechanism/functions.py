@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -18,7 +17,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.program.blocks import Program
 from ncgen.toolchain.abi import abi
-from ncgen.toolchain.loader import load
+from ncgen.toolchain.loader import executed, load
 
 Made = Callable[[], Mapping[str, Program]]
 
@@ -49,9 +48,7 @@ class NumPyFunctions(Functions):
 
     def __init__(self, kernels: Kernels, kind: str, sizes: Mapping[str, int], make: Made) -> None:
         super().__init__(sizes)
-        ((name, text),) = in_numpy.function_files(make().values(), kernels.programs.equations, kind).items()
-        self._functions: dict[str, Any] = {"__name__": name.removesuffix(".py")}
-        exec(compile(text, name, "exec"), self._functions)  # our own output, never the user's text
+        self._functions = executed(in_numpy.function_files(make().values(), kernels.programs.equations, kind))
 
     def __call__(self, name: str, t: float, *arrays: np.ndarray) -> np.ndarray:
         with np.errstate(all="ignore"):  # as in C, what is no number says so by itself

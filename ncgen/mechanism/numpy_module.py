@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +12,7 @@ from ncgen.mechanism.batch import NumPyBatch
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.tangents import NumPyTangents
 from ncgen.program.programs import Programs
+from ncgen.toolchain.loader import executed
 
 
 class NumPyKernels(Kernels):
@@ -23,9 +23,7 @@ class NumPyKernels(Kernels):
 
     def __init__(self, sources: Sources) -> None:
         super().__init__(sources.programs)
-        ((name, text),) = sources.numpy.items()
-        namespace: dict[str, Any] = {"__name__": name.removesuffix(".py")}
-        exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
+        namespace = executed(sources.numpy)
         self._functions: dict[str, Callable[..., np.ndarray]] = {kernel: namespace[kernel] for kernel in sources.programs.programs}
 
     @classmethod

@@ -20,7 +20,7 @@ from ncgen.errors import NcgenError
 from ncgen.program.blocks import Program
 from ncgen.program.programs import Programs
 from ncgen.toolchain.abi import InC, abi
-from ncgen.toolchain.loader import load
+from ncgen.toolchain.loader import executed, load
 
 if TYPE_CHECKING:
     from ncgen.program.tangents import TangentPrograms
@@ -69,10 +69,7 @@ class NumPyTangents(Tangents):
 
     @cached_property
     def _functions(self) -> dict[str, Any]:
-        ((name, text),) = in_numpy.tangent_files(self.programs, self.equations).items()
-        namespace: dict[str, Any] = {"__name__": name.removesuffix(".py")}
-        exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
-        return namespace
+        return executed(in_numpy.tangent_files(self.programs, self.equations))
 
     def _call(self, name: str, program: Program, inputs: list[Any]) -> np.ndarray:
         with np.errstate(all="ignore"):  # as in C, what is no number says so by itself

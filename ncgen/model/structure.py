@@ -222,13 +222,13 @@ class Structure(Coordinates):
         if body.frame.planar and abs(numbers[2]) < 1e-12:
             return as_combination(self.attach_vector_in_plane(body, direction, wish))
         if len(body.frame.directions) < 3 or body.frame.is_parametric or not all(map(is_number, direction)):
-            return as_combination(self.attach_vector(body, self._free_name(f"{body.name}.{wish}"), direction))
+            return as_combination(self.attach_vector(body, self.free_name(f"{body.name}.{wish}"), direction))
         weights = np.linalg.solve(body.frame.matrix(), numbers)
         parts = [other * float(weight) for weight, other in zip(weights, body.frame.directions, strict=True) if abs(weight) > 1e-14]
         return sum(parts[1:], parts[0])
 
     def attach_vector_in_plane(self, body: Body, direction: Scalars, wish: str) -> Vector:
-        vector = self.vector(self._free_name(f"{body.name}.{wish}"), (direction[0], direction[1], 0.0), fixed="z")
+        vector = self.vector(self.free_name(f"{body.name}.{wish}"), (direction[0], direction[1], 0.0), fixed="z")
         self.extend(body, vector)
         return vector
 
@@ -237,7 +237,7 @@ class Structure(Coordinates):
         values = np.asarray(values)
         return np.array([self._number(x, "") for x in values.flat]).reshape(values.shape)
 
-    def _free_name(self, wish: str) -> str:
+    def free_name(self, wish: str) -> str:
         name, number = wish, 2
         while self.bearer(name) is not None:
             name, number = f"{wish}_{number}", number + 1

@@ -111,7 +111,7 @@ class _Basics:
         axis = space.sum(space.times(self.lines.value(w), self._initial(e)) for w, e in screw.axis.terms)
         if screw.point is None:
             return self.unturned, space.times(value, axis)
-        size = graph.call("sqrt", space.dot(axis, axis)) if graph.value(space.dot(axis, axis)) is None else self._length(axis)
+        size = self._length(axis)
         unit, angle = space.times(graph.div(graph.const(1.0), size), axis), graph.mul(size, value)
         s, c = graph.call("sin", angle), graph.call("cos", angle)
         rest = graph.sub(graph.const(1.0), c)
@@ -125,9 +125,12 @@ class _Basics:
         return (x, y, z), space.sub(point, turned(point))
 
     def _length(self, axis: Vector) -> int:
-        """Of an axis of numbers; one that is 1 to rounding is."""
-        size = math.sqrt(sum((self.graph.value(node) or 0.0) ** 2 for node in axis))
-        return self.graph.const(1.0 if abs(size - 1.0) < UNIT else size)
+        """Of an axis; one that is 1 to rounding is."""
+        squared = self.space.dot(axis, axis)
+        number = self.graph.value(squared)
+        if number is None:
+            return self.graph.call("sqrt", squared)
+        return self.graph.const(1.0 if abs(math.sqrt(number) - 1.0) < UNIT else math.sqrt(number))
 
     def _turned(self, turn: Frame, v: Vector) -> Vector:
         return self.space.sum(self.space.times(x, column) for x, column in zip(v, turn, strict=True))

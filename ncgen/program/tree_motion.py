@@ -34,14 +34,8 @@ class TreePlace:
     def __init__(self, lines: Lines, tree: Tree) -> None:
         self.lines, self.tree, self.space = lines, tree, Space(lines.graph)
         self.reference = self._references()
-        self.columns: list[Column] = []
-        self.own: list[range] = []
-        self.path: list[list[int]] = []
-        for number, link in enumerate(tree.links):
-            first = len(self.columns)
-            self.columns += [self._column(screw, number) for screw in link.screws]
-            self.own.append(range(first, len(self.columns)))
-            self.path.append([*(self.path[link.parent] if link.parent is not None else []), *self.own[number]])
+        self.own, self.path = tree.rates, tree.paths
+        self.columns = [self._column(screw, number) for number, link in enumerate(tree.links) for screw in link.screws]
 
     def node(self, component: Component) -> int:
         """A coordinate, or the value of a fixed component."""

@@ -1,8 +1,10 @@
-"""From sources in C to functions that Python calls: the one way in."""
+"""From sources in C or NumPy to functions that Python calls: the one way in."""
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
+from typing import Any
 
 from cffi import FFI
 
@@ -10,6 +12,14 @@ from ncgen.errors import NcgenError
 from ncgen.toolchain.abi import InC, Interface
 from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS
+
+
+def executed(files: Mapping[str, str]) -> dict[str, Any]:
+    """The names of a module of NumPy that was generated, {file name: text} of one file."""
+    ((name, text),) = files.items()
+    namespace: dict[str, Any] = {"__name__": name.removesuffix(".py")}
+    exec(compile(text, name, "exec"), namespace)  # our own output, never the user's text
+    return namespace
 
 
 def load(files: dict[str, str], declarations: str, base: FFI, flags: tuple[str, ...] = FLAGS) -> tuple[Interface, InC]:

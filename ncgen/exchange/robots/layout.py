@@ -140,7 +140,7 @@ class _Layer:
 
     def _universal(self, hold: Hold) -> None:
         self._spherical(hold)
-        hold.axis, hold.sign = self._parallel(hold.parent, self._axis(hold.joint), hold, "u")
+        hold.axis, hold.sign = self._parallel(hold)
         assert hold.joint.second is not None, "a universal joint with one axis"
         hold.second = hold.child.take(Place(f"v_{hold.joint.name}", self._directed(hold.joint, hold.joint.second), False))
 
@@ -157,15 +157,16 @@ class _Layer:
     _fixed = _floating
 
     def _share_axis(self, hold: Hold) -> None:
-        hold.axis, hold.sign = self._parallel(hold.parent, self._axis(hold.joint), hold, "u")
+        hold.axis, hold.sign = self._parallel(hold)
         hold.child.take(hold.axis)
 
-    def _parallel(self, solid: Solid, direction: np.ndarray, hold: Hold, prefix: str) -> tuple[Place, float]:
-        """A vector of a body along a direction, and its sign: one that is there, or a new one."""
-        for vector in (*solid.vectors, *hold.child.vectors):
+    def _parallel(self, hold: Hold) -> tuple[Place, float]:
+        """A vector of the parent along a joint's axis, and its sign: one that it or the child has, or a new one."""
+        direction = self._axis(hold.joint)
+        for vector in (*hold.parent.vectors, *hold.child.vectors):
             if np.linalg.norm(np.cross(vector.value, direction)) < self.parallel:
-                return solid.take(vector), float(np.sign(vector.value @ direction))
-        return solid.take(Place(f"{prefix}_{hold.joint.name}", direction, False)), 1.0
+                return hold.parent.take(vector), float(np.sign(vector.value @ direction))
+        return hold.parent.take(Place(f"u_{hold.joint.name}", direction, False)), 1.0
 
     def _shared_point(self, hold: Hold) -> Place:
         """A point on a hinge's axis: one of the parent's, else where the next axis meets it, else the joint's origin.

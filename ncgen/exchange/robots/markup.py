@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
 from xml.parsers import expat
 
-from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, shortened, shown
-from ncgen.exchange.text import text_of
+import numpy as np
+
+from ncgen.errors import ModelError, shown
+from ncgen.exchange.text import placed, text_of
 
 DEEPEST = 100
 """Elements inside each other."""
@@ -66,10 +69,25 @@ class Markup:
         """So many numbers in the element's text."""
         return self._split(self.text, count, f"<{self.tag}>")
 
+    def unit(self, values: Sequence[float], joint: str) -> np.ndarray:
+        """The axis of a joint (3,) with length 1."""
+        length = float(np.linalg.norm(values))
+        return np.array(values) / length if length > 0 else self.refuse(f"joint {joint}: its axis is 0 0 0; give a direction")
+
+    def counted(self, words: Mapping[str, str], friction: int) -> tuple[str, ...]:
+        """How many elements there are of some kinds, in words, and joints with friction. words: {tag: what they are}"""
+        counts = Counter(words[each.tag] for each in self.walk() if each.tag in words)
+        said = tuple(f"{what} ({count})" for what, count in counts.items())
+        return (*said, f"friction of joints ({friction})") if friction else said
+
+    @property
+    def place(self) -> str:
+        """File and line."""
+        return f"{self.where}, line {self.line}"
+
     def refuse(self, problem: str) -> NoReturn:
         """Raise ModelError with the element's place."""
-        place = f"{shortened(self.where, SHOWN)}, line {self.line}: "
-        raise ModelError(place + shortened(problem, LONGEST_LINE - len(place)))
+        raise ModelError(placed(self.where, self.line, problem))
 
     def _split(self, text: str, count: int, what: str) -> tuple[float, ...]:
         parts = text.split()
@@ -94,13 +112,8 @@ def read_markup(path: Path) -> Markup:
     try:
         parser.Parse(text_of(path), True)
     except expat.ExpatError as error:
-        raise _problem(path.name, error.lineno, f"no XML: {expat.ErrorString(error.code)}; correct it there or before") from None
+        raise ModelError(placed(path.name, error.lineno, f"no XML: {expat.ErrorString(error.code)}; correct it there or before")) from None
     return reader.root.children[0]
-
-
-def _problem(where: str, line: int, text: str) -> ModelError:
-    place = f"{shortened(where, SHOWN)}, line {line}: "
-    return ModelError(place + shortened(text, LONGEST_LINE - len(place)))
 
 
 class _Reader:
@@ -115,13 +128,12 @@ class _Reader:
         parser.buffer_text = True
 
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
-        line = self.parser.CurrentLineNumber
+        element = Markup(tag, attributes, self.parser.CurrentLineNumber, self.where)
         if tag.startswith("xacro:"):
             name = shown(self.where.removesuffix(".xacro"))
-            raise _problem(self.where, line, f"<{tag}> is a macro of xacro; expand it first: xacro {shown(self.where)} > {name}")
+            element.refuse(f"<{tag}> is a macro of xacro; expand it first: xacro {shown(self.where)} > {name}")
         if len(self.open) > DEEPEST:
-            raise _problem(self.where, line, f"elements are more than {DEEPEST} deep in each other; a robot needs no such depth")
-        element = Markup(tag, attributes, line, self.where)
+            element.refuse(f"elements are more than {DEEPEST} deep in each other; a robot needs no such depth")
         self.open[-1].children.append(element)
         self.open.append(element)
 
@@ -132,5 +144,5 @@ class _Reader:
         self.open[-1].text += text
 
     def _document_type(self, *declared: object) -> None:
-        line = self.parser.CurrentLineNumber
-        raise _problem(self.where, line, "document types and entities are not read; remove <!DOCTYPE …> and write out what it stands for")
+        what = "document types and entities are not read; remove <!DOCTYPE …> and write out what it stands for"
+        raise ModelError(placed(self.where, self.parser.CurrentLineNumber, what))

@@ -14,10 +14,11 @@ from typing import Any, TypeAlias
 
 import numpy as np
 
-from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, NcgenError, shortened
+from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, hung
+from ncgen.exchange.text import placed
 
 Compiled: TypeAlias = Any
 """mujoco.MjModel, of a package that need not be there."""
@@ -49,12 +50,11 @@ def robot_of(root: Markup, path: Path) -> Robot:
     try:
         compiled = mujoco.MjModel.from_xml_path(str(path))
     except (ValueError, mujoco.FatalError) as error:
-        place = f"{shortened(path.name, SHOWN)}: "
-        raise ModelError(place + shortened(" ".join(str(error).split()), LONGEST_LINE - len(place))) from None
+        raise ModelError(placed(path.name, None, " ".join(str(error).split()))) from None
     finally:
         mujoco.set_mju_user_warning(before)
     for text in said:
-        warnings.warn(f"{path.name}: {shortened(' '.join(text.split()))}", stacklevel=2)
+        warnings.warn(placed(path.name, None, " ".join(text.split())), stacklevel=2)
     return _Reader(compiled, root, path).robot()
 
 
@@ -96,10 +96,7 @@ class _Reader:
 
     def _mass(self, i: int) -> Mass | None:
         m = self.m
-        if not (m.body_mass[i] > 0 or m.body_inertia[i].any()):
-            return None
-        inner = Placement.of_quaternion(m.body_ipos[i], m.body_iquat[i])
-        return Mass(float(m.body_mass[i]), np.zeros(3), np.diag(m.body_inertia[i])).seen_from(inner)
+        return Mass.of(float(m.body_mass[i]), (*m.body_inertia[i], 0.0, 0.0, 0.0), Placement.of_quaternion(m.body_ipos[i], m.body_iquat[i]))
 
     def _joint(self, j: int, parent: str, child: str, place: Placement) -> Joint:
         """Placed in the world."""

@@ -32,7 +32,6 @@ class _Builder:
         self.robot, self.floating = robot, floating
         self.layout: Layout = lay_out(robot, floating)
         self.model = Model(word(robot.name, "robot"))
-        self.names: dict[str, str] = {}
         self.elements: dict[Place, Spatial] = {}
         self.bodies: dict[Solid, Body] = {self.layout.ground: self.model.ground}
         self.coordinates: dict[str, Relative] = {}
@@ -65,11 +64,7 @@ class _Builder:
 
     def _free(self, name: str) -> str:
         """A name that nothing has yet."""
-        wish = found = word(name, "joint")
-        number = 2
-        while self.model.bearer(found) is not None or found in self.names.values():
-            found, number = f"{wish}_{number}", number + 1
-        return found
+        return self.model.free_name(word(name, "joint"))
 
     def _body(self, solid: Solid) -> None:
         link, frame = self.robot.links[solid.name], self.layout.frames[solid.name]

@@ -25,6 +25,13 @@ class Mass:
     com: np.ndarray
     tensor: np.ndarray
 
+    @classmethod
+    def of(cls, mass: float, moments: Iterable[float], frame: Placement) -> Mass | None:
+        """From the mass and the moments xx, yy, zz, xy, xz, yz about the origin of a frame; None where nothing of it is more than 0."""
+        xx, yy, zz, xy, xz, yz = moments
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        return cls(mass, np.zeros(3), tensor).seen_from(frame) if mass > 0 or tensor.any() else None
+
     def seen_from(self, frame: Placement) -> Mass:
         """The same, where its own frame stands in another one like this."""
         return Mass(self.mass, frame.at(self.com), frame.rotation @ self.tensor @ frame.rotation.T)

@@ -6,8 +6,6 @@ loop. Without a joint to the world the robot is a free body.
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
@@ -31,8 +29,6 @@ OMITTED = {
 """What is not modelled: tags, and words for them."""
 
 WORLD, MODEL = "world", "__model__"
-
-CIRCLE = "is placed relative to itself"
 
 
 def robot_of(root: Markup, path: Path) -> Robot:
@@ -88,13 +84,8 @@ class _Reader:
         return replace(found, base=self.stands @ found.base)
 
     def _omitted(self) -> tuple[str, ...]:
-        counts = Counter(each.tag for each in self.model.walk() if each.tag in OMITTED)
-        friction = sum(each.content(1) != (0.0,) for d in self._dynamics() for each in d.all("friction"))
-        said = [f"{OMITTED[tag]} ({count})" for tag, count in counts.items()]
-        return (*said, f"friction of joints ({friction})") if friction else tuple(said)
-
-    def _dynamics(self) -> Iterable[Markup]:
-        return (each for each in self.model.walk() if each.tag == "dynamics")
+        dynamics = (each for each in self.model.walk() if each.tag == "dynamics")
+        return self.model.counted(OMITTED, sum(_number(each, "friction") != 0.0 for each in dynamics))
 
     # -- where things are ----------------------------------------------------------------------
 
@@ -105,7 +96,7 @@ class _Reader:
         if name not in self.known:
             each = self.named[name]
             if name in self.waiting:
-                each.refuse(f"{each.tag} {name} {CIRCLE}, by way of {', '.join(shown(n) for n in self.waiting[:3])}")
+                each.refuse(f"{each.tag} {name} is placed relative to itself, by way of {', '.join(shown(n) for n in self.waiting[:3])}")
             self.waiting.append(name)
             self.known[name] = self._read(each)
             self.waiting.pop()
@@ -123,7 +114,7 @@ class _Reader:
 
     def _link(self, each: Markup) -> Link:
         inertial = each.first("inertial")
-        return Link(each.name(), None if inertial is None else _mass(inertial), f"{each.where}, line {each.line}")
+        return Link(each.name(), None if inertial is None else _mass(inertial), each.place)
 
     def _joint(self, each: Markup) -> Joint:
         """With its own placement in the model in place of that in its parent."""
@@ -149,7 +140,7 @@ class _Reader:
             stiffness=_number(dynamics, "spring_stiffness"),
             rest=_number(dynamics, "spring_reference"),
             pitch=pitch.content(1)[0] if pitch else 0.0,
-            where=f"{each.where}, line {each.line}",
+            where=each.place,
         )
 
     def _axis(self, joint: Markup, axis: Markup | None) -> np.ndarray:
@@ -157,18 +148,14 @@ class _Reader:
         if axis is None:
             joint.refuse(f"joint {joint.name()}: it has no axis; give it one")
         element = axis.only("xyz")
-        found = np.array(element.content(3))
-        length = float(np.linalg.norm(found))
-        if not length > 0:
-            element.refuse(f"joint {joint.name()}: its axis is 0 0 0; give a direction")
+        found = element.unit(element.content(3), joint.name())
         base = element.attributes.get("expressed_in")
         if base is not None and base not in self.named and base != MODEL:
             element.refuse(f"joint {joint.name()}: there is no link, joint or frame {shown(base)}")
         flag = axis.first("use_parent_model_frame")
         if self.version <= (1, 4) or (flag is not None and flag.text.strip() in ("1", "true")):
             base = MODEL
-        turned = found if base is None else self._place(joint.name()).inverse().along(self._place(base).along(found))
-        return turned / length
+        return found if base is None else self._place(joint.name()).inverse().along(self._place(base).along(found))
 
 
 def _pose(pose: Markup | None) -> Placement:
@@ -186,13 +173,7 @@ def _mass(inertial: Markup) -> Mass | None:
     kilograms = mass.content(1)[0] if mass is not None else 1.0
     if kilograms < 0:
         inertial.refuse(f"the mass is {kilograms:g} kg; give a positive number")
-    xx, yy, zz, xy, xz, yz = (
-        _number(inertia, name, default) for name, default in zip(ENTRIES, (1.0, 1.0, 1.0, 0.0, 0.0, 0.0), strict=True)
-    )
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if kilograms == 0 and not tensor.any():
-        return None
-    return Mass(kilograms, np.zeros(3), tensor).seen_from(_pose(inertial.first("pose")))
+    return Mass.of(kilograms, (_number(inertia, *entry) for entry in ENTRIES.items()), _pose(inertial.first("pose")))
 
 
 ENTRIES = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.0}

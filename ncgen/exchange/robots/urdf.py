@@ -6,7 +6,6 @@ omitted; what is seen (`<visual>`) is not needed for motion.
 
 from __future__ import annotations
 
-from collections import Counter
 from pathlib import Path
 
 import numpy as np
@@ -42,18 +41,8 @@ def robot_of(root: Markup, path: Path) -> Robot:
     unique(links, "link")
     unique(joints, "joint")
     name = root.attributes.get("name") or path.stem
-    return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=_omitted(root)).ordered()
-
-
-def _omitted(root: Markup) -> tuple[str, ...]:
-    counts = Counter(each.tag for each in root.walk() if each.tag in OMITTED)
     friction = sum(each.number("friction", 0.0) != 0.0 for each in root.walk() if each.tag == "dynamics")
-    said = [f"{OMITTED[tag]} ({count})" for tag, count in counts.items()]
-    return (*said, f"friction of joints ({friction})") if friction else tuple(said)
-
-
-def _where(each: Markup) -> str:
-    return f"{each.where}, line {each.line}"
+    return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=root.counted(OMITTED, friction)).ordered()
 
 
 def _pose(each: Markup) -> Placement:
@@ -64,7 +53,7 @@ def _pose(each: Markup) -> Placement:
 
 def _link(each: Markup) -> Link:
     inertial = each.first("inertial")
-    return Link(each.name(), None if inertial is None else _mass(inertial), _where(each))
+    return Link(each.name(), None if inertial is None else _mass(inertial), each.place)
 
 
 def _mass(inertial: Markup) -> Mass | None:
@@ -73,11 +62,8 @@ def _mass(inertial: Markup) -> Mass | None:
     mass = inertial.only("mass").number("value")
     if mass < 0:
         inertial.refuse(f"the mass is {mass:g} kg; give a positive number")
-    xx, yy, zz, xy, xz, yz = (element.number(name, 0.0) if element else 0.0 for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
-    tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
-    if mass == 0 and not tensor.any():
-        return None
-    return Mass(mass, np.zeros(3), tensor).seen_from(_pose(inertial))
+    moments = (element.number(name, 0.0) if element else 0.0 for name in ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"))
+    return Mass.of(mass, moments, _pose(inertial))
 
 
 def _joint(each: Markup) -> Joint:
@@ -94,14 +80,10 @@ def _joint(each: Markup) -> Joint:
         _axis(each) if kind not in ("fixed", "floating") else np.array([1.0, 0.0, 0.0]),
         damping=dynamics.number("damping", 0.0) if dynamics else 0.0,
         mimic=Mimic(mimic.name("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)) if mimic else None,
-        where=_where(each),
+        where=each.place,
     )
 
 
 def _axis(joint: Markup) -> np.ndarray:
     element = joint.first("axis")
-    axis = np.array((1.0, 0.0, 0.0) if element is None else element.numbers("xyz", 3, (1.0, 0.0, 0.0)))
-    length = float(np.linalg.norm(axis))
-    if not length > 0:
-        joint.refuse(f"joint {joint.name()}: its axis is 0 0 0; give a direction")
-    return axis / length
+    return joint.unit((1.0, 0.0, 0.0) if element is None else element.numbers("xyz", 3, (1.0, 0.0, 0.0)), joint.name())
