@@ -20,6 +20,7 @@ _HOMES = {
     "generate": "ncgen.compiler",
     "compile": "ncgen.compiler",
     "simulate": "ncgen.solver.simulate",
+    "start": "ncgen.solver.simulation",
     "simulate_batch": "ncgen.solver.batch",
     "accelerations_batch": "ncgen.solver.batch",
     "assemble": "ncgen.solver.assembly",
@@ -70,6 +71,7 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "solve_position",
+    "start",
     "sweep",
 ]
 
@@ -88,6 +90,7 @@ if TYPE_CHECKING:
     from ncgen.solver.rank import freedom
     from ncgen.solver.sensitivity import gradient, sensitivities
     from ncgen.solver.simulate import simulate
+    from ncgen.solver.simulation import start
     from ncgen.solver.statics import equilibrium
 else:  # type checkers would take this for a promise of any name at all
 

@@ -96,7 +96,7 @@ def _number(model: Model | None, raw: object) -> int | float:
 
 def _value(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of parameters."""
-    return _expression_of(raw, _there(model).parameters)
+    return _expression_of(raw, _there(model).numbers)
 
 
 def _values(model: Model | None, raw: object) -> list[int | float | Expr]:
@@ -113,7 +113,7 @@ def _tensor(model: Model | None, raw: object) -> object:
 def _expression(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of everything that moves."""
     model = _there(model)
-    return _expression_of(raw, {TIME, *model.parameters, *(c.name for c in model.components)} if isinstance(raw, str) else ())
+    return _expression_of(raw, {TIME, *model.numbers, *(c.name for c in model.components)} if isinstance(raw, str) else ())
 
 
 def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
@@ -121,7 +121,7 @@ def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
 
 
 def _law(model: Model | None, raw: object) -> int | float | Expr:
-    return _expression_of(raw, {*LAW, TIME, *_there(model).parameters})
+    return _expression_of(raw, {*LAW, TIME, *_there(model).numbers})
 
 
 def _expression_of(raw: object, known: Collection[str]) -> int | float | Expr:
@@ -173,6 +173,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "Values": _values,
     "Tensor": _tensor,
     "Expression": _expression,
+    "Driven": _expression,
     "Expressions": _expressions,
     "Law": _law,
     "Direction": _direction,

@@ -261,6 +261,8 @@ class _Reader:
         function = dotted(node.func)
         if function == "rate" and len(node.args) == 1:
             inner = dotted(node.args[0])
+            if isinstance(node.args[0], ast.Call) and dotted(node.args[0].func) == "rate":  # of a rate: an acceleration
+                return sympy.Symbol(rate_name(str(self._call(node.args[0]))), real=True)
             if inner is None or inner not in self.known:
                 part = shortened(_source(node, self.text), SHOWN)
                 raise UnknownName(f"{quoted(self.text)}: {part}: there is no coordinate of that name", inner or "")

@@ -48,7 +48,7 @@ class _Writer:
     """Turns facts into tables; what it writes, the reader accepts."""
 
     def __init__(self, model: Model) -> None:
-        self.known = {TIME, *LAW, *model.parameters} | {c.name for c in model.components}
+        self.known = {TIME, *LAW, *model.numbers} | {c.name for c in model.components}
 
     def table(self, word: str, arguments: dict, once: bool) -> str:
         if word in NOT_IN_FILES:

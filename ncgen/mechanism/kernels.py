@@ -8,8 +8,9 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable
+from copy import copy
 from functools import cached_property
-from typing import Any, TypeGuard, TypeVar
+from typing import Any, TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -32,12 +33,15 @@ FLOAT = np.dtype(float)
 
 Found = TypeVar("Found")
 
+Drive: TypeAlias = Callable[[Any, np.ndarray], np.ndarray]
+"""(time, p) -> p with the inputs of that time."""
+
 
 class Kernels(ABC):
     """The kernels of one mechanism.
 
     q, qd: free coordinates (m, rad) and velocities, shape (n,), in the order of `coordinates`; t: time (s)
-    p: parameters (n_p,) in the order of `parameters`; None means their defaults
+    p: parameters (n_p,) in the order of `parameters`, of which the last ones are the `inputs`; None means their defaults
     Kernels that the mechanism does not need return zeros.
     q0, p0, row_sizes, column_sizes and holonomic are the mechanism's own; copy them to change them.
     """
@@ -45,6 +49,7 @@ class Kernels(ABC):
     backend: str
     _batch: type[Batch]
     _tangents: type[Tangents]
+    _drive: Drive | None = None
     batches = False
     """True if leading axes and complex numbers are allowed."""
 
@@ -56,9 +61,10 @@ class Kernels(ABC):
         self.index = {name: i for i, name in enumerate(self.coordinates)}
         """{coordinate name: position in q}."""
         self.rows: tuple[Row, ...] = tuple(self.model.rows)
-        self.parameters: tuple[str, ...] = tuple(self.model.parameters)
+        self.parameters: tuple[str, ...] = tuple(self.model.numbers)
+        self.inputs: tuple[str, ...] = tuple(self.model.inputs)
         self.q0 = constant(np.array([c.initial for c in programs.equations.free]))
-        self.p0 = constant(np.array([evaluate(v, self.model.parameters, v.name) for v in self.model.parameters.values()]))
+        self.p0 = constant(np.array([evaluate(v, self.model.numbers, v.name) for v in self.model.numbers.values()]))
         self.phi_q_pattern = programs.phi_q
         self.mass_pattern = programs.mass
         self._known: dict[str, dict[Hashable, Any]] = {}
@@ -73,15 +79,25 @@ class Kernels(ABC):
     def __repr__(self) -> str:
         return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
 
-    def __reduce__(self) -> tuple[Callable[[Programs], Kernels], tuple[Programs]]:
+    def __reduce__(self) -> tuple[Callable[..., Kernels], tuple[object, ...]]:
         """Pickled as programs; the library is built where they arrive, or found in the cache."""
-        return self._of, (self.programs,)
+        return (self._of, (self.programs,)) if self._drive is None else (_driven, (self._of, self.programs, self._drive))
 
     def __copy__(self) -> Kernels:
         """Other kernels on the same library."""
         other = object.__new__(type(self))
         vars(other).update(vars(self))
         return other
+
+    def driven_by(self, drive: Drive) -> Kernels:
+        """Other kernels on the same library whose inputs are those of the time that they are called with; drive(t, p) puts them into p."""
+        other = copy(self)
+        other._drive = drive
+        return other
+
+    def present(self, t: float, p: np.ndarray) -> np.ndarray:
+        """Parameters p (n_p,) with the inputs of a time (s), where something drives them."""
+        return p if self._drive is None else self._drive(t, p)
 
     def remember(self, what: str, key: Hashable, find: Callable[[], Found], most: int | None = None) -> Found:
         """What `find` finds, found once for a key and kept with the kernels under the name `what`.
@@ -307,6 +323,8 @@ class Kernels(ABC):
         for array, size in sizes.items():
             if array in given and not _is_plain(given[array], size):
                 given[array] = self._checked(given[array], size, name, array, "of them")
+        if self._drive is not None:
+            given["p"] = self._drive(given["t"], given["p"])
         tangents = self.parameter_tangents if name.endswith("_p") else self.tangents
         return tangents.programs.patterns[name], tangents.values(name, given)
 
@@ -335,6 +353,8 @@ class Kernels(ABC):
             p = self.p0
         elif not _is_plain(p, len(self.p0)):
             p = self._checked(p, len(self.p0), kernel, "p", "parameters")
+        if self._drive is not None:
+            p = self._drive(t, p)
         return self._call(kernel, t, q, qd, p, program.size)
 
     @abstractmethod
@@ -361,6 +381,11 @@ class Kernels(ABC):
         dense = np.zeros((*np.shape(values)[:-1], pattern.shape[0] * pattern.shape[1]), dtype=values.dtype)
         dense[..., pattern.flat] = values
         return dense.reshape(*np.shape(values)[:-1], *pattern.shape)
+
+
+def _driven(make: Callable[[Programs], Kernels], programs: Programs, drive: Drive) -> Kernels:
+    """Kernels as they were pickled while something drove them."""
+    return make(programs).driven_by(drive)
 
 
 def _is_plain(array: object, size: int) -> TypeGuard[np.ndarray]:

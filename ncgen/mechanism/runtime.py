@@ -20,6 +20,7 @@ from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files, runtime_names
 from ncgen.errors import NcgenError
 from ncgen.mechanism import recall
+from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
@@ -43,7 +44,8 @@ def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interf
 @cache
 def _runtime(number: str) -> tuple[Interface, InC]:
     """The runtime, the same for all mechanisms."""
-    return _load(runtime_files(*runtime_names()), number, declared("ncgen_runtime.h", "functions"))
+    functions = "".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h"))
+    return _load(runtime_files(*runtime_names()), number, functions)
 
 
 def _model(kernels: CompiledKernels, number: str) -> tuple[InC, CompiledKernels | InC]:
@@ -169,6 +171,7 @@ class Dynamics:
         newton: bool = False,
         sizes: ArrayLike | None = None,
         progress: Callable[[float], None] | None = None,
+        inputs: Sequence[Pieces | Function | None] = (),
         **options: InC,
     ) -> Outcome:
         """Run over the times (s) of a grid (first one is the start).
@@ -180,6 +183,7 @@ class Dynamics:
         sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
         progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
             that of Ctrl-C, ends the run; `Outcome.completed` raises it again
+        inputs: one an input of the mechanism: a table, a function of time, or None; () where all keep their values in p
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
@@ -195,6 +199,10 @@ class Dynamics:
         listener = Listener(progress, n + self.kernels.m)
         context = ffi.new_handle(listener)
         settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
+        driver = Driver(inputs, self.number) if any(inputs) else None
+        if driver:
+            signals = driver.signals(self._library.ncgen_piecewise_inputs)
+            settings.signals = signals
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
             settings.event = stop
@@ -204,8 +212,8 @@ class Dynamics:
             self._dynamics.tangents = ffi.NULL
         work, integers = self._space(settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
-        inputs = [np.ascontiguousarray(a, dtype=dtype) for a in (p, q, velocities)]
-        pointers = [ffi.from_buffer(self.number.array, a) for a in (*inputs, times, out_q, out_qd, out_work, work)]
+        start = [np.ascontiguousarray(a, dtype=dtype) for a in (p, q, velocities)]
+        pointers = [ffi.from_buffer(self.number.array, a) for a in (*start, times, out_q, out_qd, out_work, work)]
         status = self._library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             ffi.from_buffer("int[]", integers),
@@ -232,7 +240,7 @@ class Dynamics:
             fallbacks=s.fallbacks,
             tried=float(s.tried),
             stiff=s.stiff,
-            raised=listener.raised,
+            raised=listener.raised or (driver.raised if driver else None),
         )
 
     def jacobian(
@@ -326,6 +334,17 @@ class ConstrainedDynamics(Dynamics):
             _, self._motion = _load(files, self.number.name, f"const ncgen_motion *{getter}(void);")
             self._dynamics.motion = self._ffi.cast("const ncgen_motion *", getattr(self._motion, getter)())
         return bool(files)
+
+    @property
+    def interface(self) -> tuple[Interface, InC]:
+        """The runtime, and what passes arguments to it."""
+        return self._ffi, self._library
+
+    def described(self, rank: int) -> tuple[InC, InC]:
+        """The model, and its dynamics, in a struct of their own where rows are redundant; rank: of Φ_q."""
+        described = self._ffi.new("ncgen_dynamics *", self._dynamics[0])
+        described.n_dependent = rank
+        return self._model, described
 
     def simulate(
         self, method: str, times: ArrayLike, q: ArrayLike, velocities: ArrayLike, p: ArrayLike, *, rank: int = 0, **options: InC

@@ -93,6 +93,7 @@ def own_direction(model: Contents, thing: object, where: str) -> Combination:
 def value(model: Contents, given: object, where: str) -> Value:
     """A number, or a parameter or an expression of parameters of this model that is a number at their defaults."""
     found = as_value(given, where)
+    _refuse_inputs(model, found, where)
     if isinstance(found, Parameter) and model.parameters.get(found.name) is not found:
         raise ModelError(f"{where}: parameter {found.name} belongs to another model; use this model's own")
     evaluate(found, model.parameters, where)
@@ -100,6 +101,21 @@ def value(model: Contents, given: object, where: str) -> Value:
         (symbol,) = symbols_in(found)
         return model.parameters[symbol.name]
     return given if type(given) is int else found  # an integer stays one, in model files and in expressions
+
+
+def _refuse_inputs(model: Contents, found: object, where: str) -> None:
+    """Raise ModelError where a value mentions an input: its rates would be needed there, or work would be done that nobody counts."""
+    names = {found.name} if isinstance(found, Parameter) else {s.name for s in symbols_in(found)} if is_symbolic(found) else set()
+    if driven := [name for name in model.inputs if name in names]:
+        remedy = "use a parameter here"
+        raise ModelError(f"{where}: {driven[0]} is an input, which stands in forces, torques, couples and outputs only; {remedy}")
+
+
+def _still(model: Contents, given: object, where: str) -> Scalar:
+    """An expression without inputs."""
+    found = expression(given, where)
+    _refuse_inputs(model, found, where)
+    return found
 
 
 def sequence(given: object, where: str, what: str) -> tuple[object, ...]:
@@ -121,12 +137,13 @@ def expression(given: object, where: str) -> Scalar:
 
 def _law(model: Contents, given: object, where: str) -> Expression:
     """A tension as an expression of the symbols x and v, or as a function of both that returns one."""
-    if taken := [name for name in LAW if name in model.parameters]:
-        raise ModelError(f"{where}: the model has a parameter {taken[0]}, which a law calls {LAW[taken[0]]}; rename the parameter")
+    if taken := [name for name in LAW if name in model.numbers]:
+        raise ModelError(f"{where}: the model has {model.numbers[taken[0]]!r}, which a law calls {LAW[taken[0]]}; rename it")
     import sympy
 
     told = given(*sympy.symbols(" ".join(LAW), real=True)) if callable(given) else given
     found = expression(told, where)
+    _refuse_inputs(model, found, where)
     return given if is_number(given) else sympy.sympify(found)
 
 
@@ -223,7 +240,8 @@ READERS: dict[str, Reader[object]] = {
     "Value": value,
     "Values": _values,
     "Law": _law,
-    "Expression": lambda model, given, where: expression(given, where),
+    "Expression": _still,
+    "Driven": lambda model, given, where: expression(given, where),
     "str": _text,
     "bool": _truth,
     "bool | str": _held,

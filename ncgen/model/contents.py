@@ -12,15 +12,17 @@ if TYPE_CHECKING:
     from ncgen.model.elements import Component, Element
     from ncgen.model.facts import Fact
     from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor
+    from ncgen.model.outputs import Output
     from ncgen.model.rigid import Claims
     from ncgen.model.rows import Row
-    from ncgen.model.values import Parameter, Value
+    from ncgen.model.values import Input, Parameter, Value
 
 
 class Contents:
     """What was said about a mechanism, by name or in the order in which it was said.
 
-    elements, parameters, bodies: by name; ground: the body that does not move
+    elements, parameters, inputs, bodies: by name; ground: the body that does not move
+    outputs: by their labels
     rows: in the order of Φ
     gravity_field: three values
     branches: {angle: the run-time weights of its "paper" row}
@@ -34,6 +36,8 @@ class Contents:
     form: str
     elements: dict[str, Element]
     parameters: dict[str, Parameter]
+    inputs: dict[str, Input]
+    outputs: dict[str, Output]
     bodies: dict[str, Body]
     ground: Body
     rows: list[Row]
@@ -57,9 +61,14 @@ class Contents:
         """All scalar coordinates in the order of q, free and fixed."""
         return [component for element in self.elements.values() for component in element.components]
 
+    @property
+    def numbers(self) -> dict[str, Parameter]:
+        """What the kernels read from `p`, by name: parameters, then inputs."""
+        return {**self.parameters, **self.inputs}
+
     def bearer(self, word: str) -> Element | Parameter | Component | None:
         """What has this name: an element, a parameter, or a coordinate of an element; None if nothing has."""
-        found = self.elements.get(word) or self.parameters.get(word)
+        found = self.elements.get(word) or self.numbers.get(word)
         owner, _, axis = word.rpartition(".")
         if found is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
             return getattr(self.elements[owner], axis)

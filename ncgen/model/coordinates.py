@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, shown
 from ncgen.model import measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import own_direction
@@ -16,8 +16,9 @@ from ncgen.model.contents import Contents
 from ncgen.model.elements import AXES, Angle, Combination, Component, Direction, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.names import LAW, check_scalar
+from ncgen.model.outputs import Output
 from ncgen.model.rows import SIX_DIGITS, UNIT_LENGTH, Row
-from ncgen.model.values import Number, Parameter, Value, Values, evaluate, is_number, mentioned, vanishes
+from ncgen.model.values import Driven, Input, Number, Parameter, Value, Values, as_sympy, evaluate, is_number, mentioned, vanishes
 
 if TYPE_CHECKING:
     import sympy
@@ -44,6 +45,27 @@ class Coordinates(Contents):
         parameter = Parameter(name, float(default), unit)
         self.parameters[name] = parameter
         return parameter
+
+    @fact
+    def input(self, name: str, unit: str = "", default: Number = 0.0) -> Input:
+        """A number that is given at every instant of a motion, such as a motor's torque, for use in forces, torques and couples.
+
+        default: its value where nobody drives it. In `p` inputs follow the parameters, each at the value that it keeps.
+        """
+        self._claim(name, "input")
+        self.inputs[name] = Input(name, float(default), unit)
+        return self.inputs[name]
+
+    @fact
+    def output(self, label: str, expression: Driven, unit: str = "") -> Output:
+        """A number to look at: an expression of coordinates, rates (`psi.rate`), accelerations (`psi.acceleration`), m.time, parameters
+        and inputs. Its label is what trajectories and exports call it."""
+        if label in self.outputs:
+            raise ModelError(f"output {label}: there is one of that label already; choose another")
+        if not label.strip() or not label.isprintable():
+            raise ModelError(f"output {shown(label)}: give it a label of printable letters")
+        self.outputs[label] = Output(label, as_sympy(expression), unit)
+        return self.outputs[label]
 
     @fact
     def point(self, name: str, position: Values, fixed: bool | str = False) -> Point:
@@ -164,8 +186,8 @@ class Coordinates(Contents):
                 raise ModelError(
                     f"{what} {name}: the name {'' if word == name else word + ' '}is already used for {bearer!r}; choose another"
                 )
-        if name in LAW and what == "parameter" and any(spring.law is not None for spring in self.springs):
-            raise ModelError(f"parameter {name}: in the law of a spring that is the name of {LAW[name]}; choose another")
+        if name in LAW and what in ("parameter", "input") and any(spring.law is not None for spring in self.springs):
+            raise ModelError(f"{what} {name}: in the law of a spring that is the name of {LAW[name]}; choose another")
 
     def _spatial(self, kind: type[S], name: str, position: Values, fixed: bool | str) -> S:
         what = kind.__name__.lower()

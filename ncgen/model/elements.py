@@ -50,6 +50,13 @@ class Component(Symbolic):
 
         return sympy.Symbol(rate_name(self.name), real=True)
 
+    @property
+    def acceleration(self) -> sympy.Symbol:
+        """The sympy symbol of this coordinate's acceleration, for outputs."""
+        import sympy
+
+        return sympy.Symbol(rate_name(rate_name(self.name)), real=True)
+
 
 def rate_name(coordinate: str) -> str:
     """The name of a coordinate's velocity, e.g. `rate(psi1)`."""
@@ -166,6 +173,11 @@ class Relative(Symbolic, Element):
     def rate(self) -> sympy.Symbol:
         """The sympy symbol of the coordinate's velocity."""
         return self.components[0].rate
+
+    @property
+    def acceleration(self) -> sympy.Symbol:
+        """The sympy symbol of the coordinate's acceleration, for outputs."""
+        return self.components[0].acceleration
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Component, Point, Relative, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.forces import Callback, Couple, Force, Load, Potential, Rotor, Spring, TorsionSpring
-from ncgen.model.values import Expression, Expressions, Value, Values, as_sympy, is_number
+from ncgen.model.values import Driven, Expression, Expressions, Value, Values, as_sympy, is_number
 
 if TYPE_CHECKING:
     import sympy
@@ -39,12 +39,12 @@ class Loads(Coordinates):
 
     @fact
     def force(self, point: Point, vector: Expressions, label: str | None = None) -> Force:
-        """A force (N) on a point: three numbers or expressions of m.time, coordinates, rates and parameters."""
+        """A force (N) on a point: three numbers or expressions of m.time, coordinates, rates, parameters and inputs."""
         label = label or f"force on {point.name}"
         return self._apply(label, zip(point.components, _three(vector, label), strict=True))
 
     @fact
-    def torque(self, coordinate: Relative, expression: Expression, label: str | None = None) -> Force:
+    def torque(self, coordinate: Relative, expression: Driven, label: str | None = None) -> Force:
         """A couple (N m) along a relative angle, or a force (N) along a relative distance, such as a motor's."""
         return self._apply(label or f"torque on {coordinate.name}", [(coordinate.components[0], expression)])
 

@@ -59,6 +59,8 @@ class Model(Joints, Loads):
         self.form = check_form(form)
         self.elements = {}
         self.parameters = {}
+        self.inputs = {}
+        self.outputs = {}
         self.bodies = {}
         self.rows = []
         self.forces = []

@@ -39,6 +39,9 @@ Values: TypeAlias = "Sequence[Value] | np.ndarray"
 Expression: TypeAlias = "Value | Symbolic"
 """In signatures: a number, or an expression of coordinates, rates, time and parameters."""
 
+Driven: TypeAlias = "Value | Symbolic"
+"""In signatures: the same, in which inputs may stand, too."""
+
 Expressions: TypeAlias = "Sequence[Expression] | np.ndarray | sympy.MatrixBase"
 """In signatures: three of them."""
 
@@ -119,6 +122,14 @@ class Parameter(Symbolic):
 
     def __repr__(self) -> str:
         return f"parameter {self.name}"
+
+
+@dataclass(frozen=True)
+class Input(Parameter):
+    """A force, torque or signal that whoever drives the mechanism gives at every instant; `default` where nobody does."""
+
+    def __repr__(self) -> str:
+        return f"input {self.name}"
 
 
 def is_number(value: object) -> TypeIs[Number]:

@@ -170,7 +170,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
         rank=freedom(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step, progress=Progress(task.progress),
-        stop_when_stiff=int(task.stop_when_stiff), **_weights(settings),
+        stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, **_weights(settings),
         **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
@@ -292,7 +292,7 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
 
     found = [Sample(0.0, x, p) for x in trial_positions(kernels, q, 0.0, p)]
     generator = np.random.default_rng(1)
-    for _ in range(OTHERS if kernels.model.parameters or np.any(kernels.nu(q, 0.0, p)) else 0):
+    for _ in range(OTHERS if kernels.parameters or np.any(kernels.nu(q, 0.0, p)) else 0):
         other = p + ASIDE * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
         t = float(ASIDE * generator.uniform())
         try:
@@ -327,7 +327,8 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Form) -> str | N
             here = dynamics(kernels, partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
             done = here.simulate(
                 method.integrator.name, times, q, zd, p, max_step=task.max_step, event=task.stop, tolerance=closeness(number),
-                growth=growth, progress=progress, stop_when_stiff=int(task.stop_when_stiff), **_in_c(task.tolerances, kernels, partitions),
+                growth=growth, progress=progress, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
+                **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)

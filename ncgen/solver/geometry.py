@@ -24,7 +24,7 @@ def component(kernels: Kernels, c: Component, q: ArrayLike, p: np.ndarray | None
 
 def parameters_at(kernels: Kernels, p: np.ndarray | None) -> dict[str, Parameter]:
     """The model's parameters with the numbers of p for their defaults."""
-    known = kernels.model.parameters
+    known = kernels.model.numbers
     return known if p is None else {k: replace(v, default=float(x)) for (k, v), x in zip(known.items(), p, strict=True)}
 
 

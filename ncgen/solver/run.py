@@ -37,6 +37,7 @@ from ncgen.model.values import evaluate
 from ncgen.solver import given
 from ncgen.solver.given import ECHOED, Given, Outline, checked_kernels, finite, known_name, names_of, offer, parameters, position
 from ncgen.solver.position import CONSISTENT
+from ncgen.solver.signals import Signal, Signals, signals_of
 from ncgen.solver.stop import Stop, stop_at
 
 ENGINES = (AUTO, "c", "emitted", "refined", "python")
@@ -126,7 +127,7 @@ class Run:
 
     formalism, integrator: entries of `ncgen.methods.table`, None where the choice is ncgen's; options: as given
     times (points,): the grid (s); rtol, atol: atol None for a hundredth of rtol in natural sizes; max_step: s, or inf
-    stop: where to end before, or None; engine, number: as of `simulate`
+    stop: where to end before, or None; signals: what drives the mechanism, or None; engine, number: as of `simulate`
     """
 
     initial: Initial
@@ -140,6 +141,7 @@ class Run:
     stop: Stop | None = None
     engine: str = AUTO
     number: str = "double"
+    signals: Signals | None = None
 
     @classmethod
     def asked(
@@ -157,6 +159,7 @@ class Run:
         number: str = "double",
         options: dict[str, Any] | None = None,
         stop: Mapping[str, Any] | None = None,
+        inputs: Mapping[str, Signal] | None = None,
         progress: Callable[[float], None] | None = None,
         **initial: Unpack[InitialArguments],
     ) -> Run:
@@ -180,6 +183,7 @@ class Run:
             stop_at(known, stop),
             chosen(engine, "engine", ENGINES),
             chosen(number, "number", NUMBERS),
+            signals_of(known, inputs, start.p),
         )
         run._check_steps()
         run._check_engine()
@@ -249,7 +253,7 @@ class _Plan:
 
     @property
     def parameters(self) -> tuple[str, ...]:
-        return tuple(self.model.parameters)
+        return tuple(self.model.numbers)
 
     @property
     def index(self) -> dict[str, int]:
@@ -267,7 +271,7 @@ class _Plan:
 def outline(subject: Kernels | Model) -> Outline:
     """Names, sizes and defaults of a mechanism: the kernels themselves, or as much of a model. Raises ModelError for anything else."""
     if isinstance(subject, Model):
-        values = [evaluate(v, subject.parameters, v.name) for v in subject.parameters.values()]
+        values = [evaluate(v, subject.numbers, v.name) for v in subject.numbers.values()]
         return _Plan(subject, tuple(c for c in subject.components if not c.fixed), np.array(values, dtype=float))
     return checked_kernels(subject)
 

@@ -22,6 +22,8 @@ from ncgen.solver.path import Path
 from ncgen.solver.position import CONSISTENT
 from ncgen.solver.rank import freedom
 from ncgen.solver.run import EMITTED, Form, Run
+from ncgen.solver.segments import in_segments
+from ncgen.solver.signals import Signal, driven
 from ncgen.solver.start import Start, begin
 from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
@@ -44,6 +46,7 @@ def simulate(
     qd0: Given | None = None,
     z: str | Iterable[str] | None = None,
     p: Given | None = None,
+    inputs: Mapping[str, Signal] | None = None,
     t0: float = 0.0,
     closing: float = CONSISTENT,
     points: int = 101,
@@ -80,6 +83,9 @@ def simulate(
         array; what the constraints do not allow is projected, with a warning
     z: names of the independent coordinates (default: the model's choice, else found by pivoting)
     p: parameters as an array or {name: value} (default: the model's)
+    inputs: {name: signal} for the model's inputs: a number; a function of time (s) that returns one; or a table (times, values) or
+        (times, values, hold), where hold is "zero" (the value before holds), "linear" (the default) or "cubic" (a spline). Before and after
+        a table its ends hold. Those not named keep their values in p. Steps end where a table jumps or has a corner
     closing: the relative residual up to which the start passes as closed; larger for overconstrained mechanisms with rounded dimensions
     points: how many instants the trajectory holds
     max_step: the longest step (s)
@@ -102,8 +108,9 @@ def simulate(
     run = Run.asked(
         checked_kernels(kernels), duration, formalism=formalism, integrator=integrator, rtol=rtol, atol=atol, points=points,
         max_step=max_step, engine=engine, number=number, options=options, stop=stop, progress=progress, q0=q0, zd0=zd0, qd0=qd0, z=z,
-        p=p, t0=t0, closing=closing,
+        p=p, t0=t0, closing=closing, inputs=inputs,
     )  # fmt: skip
+    kernels = driven(kernels, run.signals)
     choice = choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
     if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MANY:
@@ -221,12 +228,8 @@ class _Motion:
         from ncgen.solver import full_coordinates, python_engine, steppers  # and SciPy's integrators
 
         task = self._task()
-        if task.method.is_stepper:
-            steppers.run(self.path, self.kernels, task)
-        elif task.method.is_constrained:
-            full_coordinates.run(self.path, self.kernels, task)
-        else:
-            python_engine.run(self.path, self.kernels, task)
+        ordinary = full_coordinates.run if task.method.is_constrained else python_engine.run
+        in_segments(steppers.run if task.method.is_stepper else ordinary, self.path, self.kernels, task)
 
     def _task(self) -> Task:
         """What is asked of an engine."""
@@ -234,8 +237,9 @@ class _Motion:
         velocities = start.qd if method.is_constrained else self._rates()
         gives_way = stiff_choice(run, self.choice) is not None
         return Task(
-            method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way
-        )
+            method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
+            run.signals,
+        )  # fmt: skip
 
     def _rates(self) -> np.ndarray:
         """Velocities of the independent coordinates at the start."""

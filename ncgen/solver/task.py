@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ncgen.mechanism.driving import Function, Pieces
 from ncgen.methods.method import Method
+from ncgen.solver.signals import Signals
 from ncgen.solver.stop import Stop
 from ncgen.solver.tolerances import Tolerances
 
@@ -22,6 +24,7 @@ class Task:
     number: C's type; stop: where to end before
     progress: called now and then with the time reached. What is raised meanwhile ends the run and is raised, the path holding what was
         reached
+    signals: what drives the mechanism, if anything does
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -36,3 +39,9 @@ class Task:
     stop: Stop | None = None
     progress: Callable[[float], None] | None = None
     stop_when_stiff: bool = False
+    signals: Signals | None = None
+
+    @property
+    def driven(self) -> tuple[Pieces | Function | None, ...]:
+        """What C is given for every input, () where nothing drives the mechanism."""
+        return self.signals.functions if self.signals else ()

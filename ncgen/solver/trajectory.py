@@ -22,6 +22,7 @@ from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.energy import drift, energies
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.given import echo, offer
+from ncgen.solver.outputs import outputs_of, uses_accelerations
 from ncgen.solver.partition import Partitions, choose_partitions, determined, other_partitions, quality
 
 if TYPE_CHECKING:
@@ -142,7 +143,9 @@ class Trajectory:
         return self.kernels.coordinates
 
     def __getitem__(self, name: str) -> np.ndarray:
-        """One free coordinate, or `rate(name)`, over time, shape (K,). Raises ModelError for an unknown name."""
+        """One free coordinate, `rate(name)`, an output or an input over time, shape (K,). Raises ModelError for an unknown name."""
+        if isinstance(name, str) and name not in self and (name in self.model.outputs or name in self.kernels.inputs):
+            return self.outputs[name] if name in self.model.outputs else self.inputs[name]
         if not isinstance(name, str):
             raise ModelError(
                 f"{self.name}: a coordinate is asked for by its name, not by {echo(name)}; instants are rows of run.t, run.q, run.qd"
@@ -172,6 +175,19 @@ class Trajectory:
     def keys(self) -> tuple[str, ...]:
         """The names of the free coordinates, so that `dict(run)` has all histories by name."""
         return self.coordinates
+
+    @cached_property
+    def outputs(self) -> dict[str, np.ndarray]:
+        """{label: (K,)} of the model's outputs over time."""
+        qdd = self.qdd if uses_accelerations(self.model) else np.zeros_like(self.q)
+        found = outputs_of(self.kernels, self.t, self.q, self.qd, qdd, self.p)
+        return dict(zip(self.model.outputs, found.T, strict=True))
+
+    @property
+    def inputs(self) -> dict[str, np.ndarray]:
+        """{name: (K,)} of the model's inputs over time."""
+        p = np.array([self.kernels.present(float(t), self.p) for t in self.t])
+        return {name: p[:, self.kernels.parameters.index(name)] for name in self.kernels.inputs}
 
     def point(self, name: str) -> np.ndarray:
         """Positions (m) of a point, shape (K, 3). Raises ModelError where there is no such point."""

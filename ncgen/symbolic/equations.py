@@ -156,12 +156,12 @@ def _names(model: Model, expression: Scalar | sympy.Tuple, where: str) -> tuple[
     """The coordinates (by themselves or by their rates) and parameters an expression mentions, in model order."""
     mentioned = {s.name for s in symbols_in(sympy.sympify(expression))}
     coordinates = [c for c in model.components if c.name in mentioned or rate_name(c.name) in mentioned]
-    parameters = [p for p in model.parameters.values() if p.name in mentioned]
+    parameters = [p for p in model.numbers.values() if p.name in mentioned]
     known = {TIME.name} | {p.name for p in parameters} | {n for c in coordinates for n in (c.name, rate_name(c.name))}
     if mentioned - known:
         name = sorted(mentioned - known)[0]
         raise ModelError(
-            f"{where}: {shortened(name, SHOWN)} is neither a coordinate, a rate, a parameter nor m.time; correct the expression"
+            f"{where}: {shortened(name, SHOWN)} is neither a coordinate, a rate, a parameter, an input nor m.time; correct the expression"
         )
     return coordinates, parameters
 

@@ -37,7 +37,8 @@ class Numbering:
 
     @cached_property
     def parameters(self) -> list[Parameter]:
-        return list(self.model.parameters.values())
+        """What stands in the kernels' p: parameters, then inputs."""
+        return list(self.model.numbers.values())
 
 
 class Terms(Numbering):

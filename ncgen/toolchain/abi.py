@@ -38,7 +38,17 @@ NUMBERS = {
 
 STRUCTS = {
     "ncgen.h": ("ncgen_model", "ncgen_tangents", "ncgen_parameter_tangents"),
-    "ncgen_runtime.h": ("ncgen_dynamics", "ncgen_elimination", "ncgen_event", "ncgen_motion", "ncgen_options", "ncgen_statistics"),
+    "ncgen_runtime.h": (
+        "ncgen_dynamics",
+        "ncgen_elimination",
+        "ncgen_event",
+        "ncgen_motion",
+        "ncgen_options",
+        "ncgen_piecewise",
+        "ncgen_signals",
+        "ncgen_statistics",
+    ),  # fmt: skip
+    "ncgen_driven.h": ("ncgen_driven", "ncgen_moment"),
 }
 
 
@@ -62,15 +72,17 @@ def abi(number: str = "double") -> FFI:
 
 @cache
 def runtime_abi(number: str = "double") -> FFI:
-    """The types of ncgen.h and ncgen_runtime.h."""
+    """The types of ncgen.h, ncgen_runtime.h and ncgen_driven.h."""
     ffi = FFI()
     ffi.include(abi(number))
-    ffi.cdef(declared("ncgen_runtime.h"))
-    return _completed(ffi, "ncgen_runtime.h")
+    headers = ("ncgen_runtime.h", "ncgen_driven.h")
+    for file in headers:
+        ffi.cdef(declared(file))
+    return _completed(ffi, *headers)
 
 
-def _completed(ffi: FFI, file: str) -> FFI:
+def _completed(ffi: FFI, *files: str) -> FFI:
     """Structs are completed here: otherwise they are completed by, and die with, the first library that uses them."""
-    for name in STRUCTS[file]:
+    for name in (name for file in files for name in STRUCTS[file]):
         ffi.sizeof(name)
     return ffi

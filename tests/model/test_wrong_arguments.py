@@ -38,6 +38,8 @@ def calls(s) -> dict[str, dict]:
     joint = {"a": s.rod, "b": s.arm}
     return {
         "parameter": {"name": "new", "default": 1.0, "unit": "m"},
+        "input": {"name": "new", "unit": "N m", "default": 1.0},
+        "output": {"label": "height", "expression": s.A.x, "unit": "m"},
         "point": {"name": "new", "position": (1, 2, 3), "fixed": "z"},
         "vector": {"name": "new", "direction": (0, 0.6, 0.8), "fixed": False},
         "angle": {"name": "new", "start": s.u, "end": s.w, "axis": s.v, "form": "sine", "lengths": (1, 1, 1), "initial": 1.5},
@@ -122,6 +124,7 @@ WRONG = {
     "Value": NO_NUMBERS,
     "Values": NO_VECTORS,
     "Expression": [*(x for x in NO_NUMBERS if not isinstance(x, sympy.Symbol)), (1, 2), np.ones(3)],
+    "Driven": [*(x for x in NO_NUMBERS if not isinstance(x, sympy.Symbol)), (1, 2), np.ones(3)],
     "Number": NO_NUMBERS,
     "str": [None, 5, True, [], b"new", 2.5, object()],
     "bool": ["yes", 1, 0.0, [], object(), None],

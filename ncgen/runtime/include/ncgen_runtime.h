@@ -86,6 +86,29 @@ typedef struct ncgen_event {
     ncgen_velocity_kernel *function; /* one number */
 } ncgen_event;
 
+/* The inputs of a mechanism at time t, inside a step that began at the time `from`: a value that jumps at the start of a step is the
+ * one after the jump, at its end the one before. Anything but NCGEN_OK refuses the step. */
+typedef int ncgen_inputs(void *context, ncgen_scalar from, ncgen_scalar t, ncgen_real *values);
+
+/* What drives a run; without it inputs keep the values that p has. */
+typedef struct ncgen_signals {
+    ncgen_inputs *inputs;
+    void *context;
+    int n_breaks;               /* where inputs jump or have a corner: steps with error control end there */
+    const ncgen_scalar *breaks; /* ascending */
+} ncgen_signals;
+
+/* Inputs as polynomials of time: from knot k to the next one c[0] + c[1] s + c[2] s^2 + c[3] s^3 with s = t - knots[k] and
+ * c = coefficients + 4 k; input i has the knots start[i] .. start[i + 1] - 1, ascending, and goes on beyond the last one. */
+typedef struct ncgen_piecewise {
+    int count;
+    const int *start;
+    const ncgen_scalar *knots;
+    const ncgen_scalar *coefficients;
+    ncgen_inputs *others; /* NULL, or asked before for those without knots */
+    void *context;        /* of others */
+} ncgen_piecewise;
+
 /* What a run returns besides: its watch has ended it; it was found stiff and asked to stop then; its steps became too short, or too
  * many. */
 enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_SHORT = 8 };
@@ -117,6 +140,8 @@ typedef struct ncgen_options {
     void *context;          /* of the watch */
     long patience;          /* steps that are tried before the first call of the watch, at least 1 */
     int stop_when_stiff;    /* 1: dopri5 and dop853 end with NCGEN_STIFF where an implicit method would serve better */
+    const ncgen_signals *signals; /* NULL: inputs keep their values */
+    ncgen_scalar first_step; /* of explicit methods with error control; 0: they find one */
 } ncgen_options;
 
 typedef struct ncgen_statistics {
@@ -135,6 +160,7 @@ typedef struct ncgen_statistics {
     long fallbacks;   /* accelerations with row exchanges, since an emitted elimination divided by zero or a step was repeated */
     ncgen_scalar tried; /* time of the last stage or iteration: how far a step went that did not succeed */
     long stiff;       /* how often dopri5 or dop853 found that stability, not the error, holds the step down */
+    ncgen_scalar next_step; /* what an explicit method with error control would try next; 0: it has not begun */
 } ncgen_statistics;
 
 /* end cdef */
@@ -163,6 +189,9 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
 int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options,
                             ncgen_scalar t, const ncgen_real *p, const ncgen_real *q, const ncgen_real *velocities,
                             ncgen_real *jacobian, ncgen_real *workspace, int *integers);
+
+/* The ncgen_inputs of an ncgen_piecewise, which is its context. */
+int ncgen_piecewise_inputs(void *context, ncgen_scalar from, ncgen_scalar t, ncgen_real *values);
 
 /* end functions */
 

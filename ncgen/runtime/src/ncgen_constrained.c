@@ -4,7 +4,7 @@
  * lagrange and the inverse of a penalty else: the augmented Lagrangian removes its effect by iteration, penalty leaves it
  * in. Where M is singular lagrange goes the same way, since M + Phi_q' Phi_q / E is positive definite all the same.
  */
-#include "ncgen_constrained.h"
+#include "ncgen_dense.h"
 #include "ncgen_method.h"
 
 enum { REFINEMENT_LIMIT = 20 };
@@ -127,10 +127,31 @@ static void set_diagonal(ncgen_run *r, ncgen_constrained *w)
 
 /* Accelerations ------------------------------------------------------------------------------------------------ */
 
+/* M and Phi_q at r->q, with sizes and diagonal of the matrix, which most runs by an emitted motion never need. */
+static int prepare(ncgen_run *r, ncgen_scalar t)
+{
+    ncgen_constrained *w = r->constrained;
+    int status = r->model->mass ? r->model->mass(t, r->q, r->p, w->kkt.values) : NCGEN_OK;
+    if (status == NCGEN_OK)
+        status = ncgen_constrained_phi_q(r, t);
+    if (status != NCGEN_OK)
+        return status;
+    find_sizes(r, w);
+    for (int i = 0; i < r->m; ++i)
+        w->let_go[i] = 0;
+    if (w->redundant)
+        ncgen_choose_rows(r, w);
+    set_diagonal(r, w);
+    w->is_prepared = 1;
+    return NCGEN_OK;
+}
+
 /* M, unless it is constant and known. */
 static int find_mass(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_model *model = r->model;
+    if (!r->constrained->is_prepared)
+        return prepare(r, t);
     return model->mass && !model->mass_is_constant ? model->mass(t, r->q, r->p, r->constrained->kkt.values) : NCGEN_OK;
 }
 
@@ -244,6 +265,8 @@ static int find_equations(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
     w->jacobian_is_there = 0;
     if (status == NCGEN_OK && model->nu)
         status = model->nu(t, r->q, r->p, w->nu);
+    if (status == NCGEN_OK)
+        status = ncgen_read_inputs(r, t);
     if (status == NCGEN_OK && model->force)
         status = model->force(t, r->q, r->qd, r->p, w->right);
     if (status == NCGEN_OK)
@@ -288,6 +311,8 @@ static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
+    if (ncgen_read_inputs(r, t) != NCGEN_OK)
+        return 0; /* the same is found again, and told, on the way by the matrix */
     w->motion->derivative(t, r->q, r->qd, r->p, w->emitted);
     w->growth = w->emitted[2 * n + 1];
     if (ncgen_is_badly_ordered(w->growth))
@@ -335,7 +360,7 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
 
 void ncgen_constrained_rows(ncgen_run *r)
 {
-    if (!r->constrained->redundant)
+    if (!r->constrained->redundant || !r->constrained->is_prepared)
         return;
     ncgen_choose_rows(r, r->constrained);
     set_diagonal(r, r->constrained);
@@ -356,20 +381,10 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     w->is_factored = 1;
     w->by_matrix = 0;
     r->accept = w->motion ? choose_way : NULL;
+    w->is_prepared = 0;
     for (int i = 0; i < n; ++i)
         w->right[i] = 0;
     for (int i = 0; i < r->m; ++i)
         w->nu[i] = 0;
-    int status = r->model->mass ? r->model->mass(t, r->q, r->p, w->kkt.values) : NCGEN_OK;
-    if (status == NCGEN_OK)
-        status = ncgen_constrained_phi_q(r, t);
-    if (status != NCGEN_OK)
-        return status;
-    find_sizes(r, w);
-    for (int i = 0; i < r->m; ++i)
-        w->let_go[i] = 0;
-    if (w->redundant)
-        ncgen_choose_rows(r, w);
-    set_diagonal(r, w);
-    return NCGEN_OK;
+    return w->motion ? NCGEN_OK : prepare(r, t);
 }

@@ -14,6 +14,7 @@ typedef struct ncgen_constrained {
     ncgen_real *apart;                         /* n: a position, and how far another one is from it */
     ncgen_real growth;                         /* of its elimination, where it was called last */
     int by_matrix;                             /* this step goes without it */
+    int is_prepared;                           /* are sizes and diagonal of the matrix known? */
     int is_factored;                           /* the factors are those of the state that was looked at last */
     int kept;                                  /* solution and factors are those of the last step's end */
     ncgen_real *right, *solution, *residual;   /* n + m: forces and rows; qdd and lam */
@@ -48,9 +49,5 @@ ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *row
 ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x);
 int ncgen_constrained_is_dense(const ncgen_run *r);
 int ncgen_is_badly_ordered(ncgen_real growth); /* of an emitted elimination */
-
-/* ncgen_dense.c: accelerations by QR; and which of redundant rows are farthest from dependent, in w->let_go. */
-void ncgen_choose_rows(ncgen_run *r, ncgen_constrained *w);
-int ncgen_dense_accelerations(ncgen_run *r, ncgen_constrained *w);
 
 #endif

@@ -54,6 +54,9 @@ int ncgen_find_forces(ncgen_run *r, ncgen_correction *c, ncgen_scalar t)
 {
     for (int i = 0; i < r->n; ++i)
         c->rest[i] = 0;
+    const int status = ncgen_read_inputs(r, t);
+    if (status != NCGEN_OK)
+        return status;
     return r->model->force ? r->model->force(t, r->q, r->qd, r->p, c->rest) : NCGEN_OK;
 }
 

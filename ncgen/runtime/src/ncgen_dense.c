@@ -6,7 +6,7 @@
  *                       far as the solution goes, since N has orthonormal columns and N N' = I - Phi_q+ Phi_q
  * Coordinates and rows are measured in their natural sizes throughout.
  */
-#include "ncgen_constrained.h"
+#include "ncgen_dense.h"
 
 /* A matrix by columns, with its reflections below the diagonal. */
 typedef struct orthogonal {

@@ -58,7 +58,8 @@ int ncgen_energy_momentum(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, 
 static int find_energy(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real energy[3])
 {
     energy[0] = energy[1] = energy[2] = 0;
-    return r->model->energy ? r->model->energy(t, q, qd, r->p, energy) : NCGEN_OK;
+    const int status = ncgen_read_inputs(r, t);
+    return status == NCGEN_OK && r->model->energy ? r->model->energy(t, q, qd, r->p, energy) : status;
 }
 
 /* Gonzalez' discrete gradient. Phi_q and Q in the middle, r->q and r->qd, are in c->left and c->rest; what is added to them
@@ -115,7 +116,7 @@ static int end_midpoint(ncgen_run *r, ncgen_stepping *w, const ncgen_correction 
         r->qd[i] = (r->y[i] + w->new_y[i]) / 2;
         r->q[i] = r->y[r->n + i] + h / 2 * r->qd[i];
     }
-    int status = r->model->energy ? r->model->energy(t + h / 2, r->q, r->qd, r->p, energy) : NCGEN_OK;
+    int status = find_energy(r, t + h / 2, r->q, r->qd, energy);
     if (status == NCGEN_OK && r->model->nu) {
         status = r->model->nu(t + h / 2, r->q, r->p, nu);
         energy[2] -= ncgen_dot(r->m, nu, r->slopes->lam);

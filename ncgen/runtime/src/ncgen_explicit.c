@@ -245,19 +245,42 @@ static int is_stiff(const ncgen_run *r, ncgen_stepping *w, const tableau *method
     return 0;
 }
 
+/* Where the next step has to end at the latest: at a break of the inputs, or at the end. */
+static ncgen_scalar next_break(const ncgen_run *r, ncgen_scalar t, ncgen_scalar end)
+{
+    const ncgen_signals *signals = r->options->signals;
+    int low = 0, high = signals ? signals->n_breaks : 0; /* the first one after t is at low .. high */
+    while (low < high) {
+        const int middle = low + (high - low) / 2;
+        if (signals->breaks[middle] > t)
+            high = middle;
+        else
+            low = middle + 1;
+    }
+    return signals && low < signals->n_breaks && signals->breaks[low] < end ? signals->breaks[low] : end;
+}
+
+/* The slope at the start of a step whose inputs are not those of the last step's end. */
+static int begin_anew(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t)
+{
+    return r->driven ? r->derivative(r, t, r->y, slope(r, w, 0)) : NCGEN_OK;
+}
+
 static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
 {
     const ncgen_scalar end = r->times[r->n_times - 1];
     const ncgen_scalar power = -1 / (ncgen_scalar)(method->order + 1);
-    ncgen_scalar t = r->times[0];
-    ncgen_scalar h = ncgen_first_step(r, w, method->order, t, end - t);
+    ncgen_scalar t = r->times[0], goal = end;
+    ncgen_scalar h = r->options->first_step > 0 ? r->options->first_step : ncgen_first_step(r, w, method->order, t, end - t);
     int repeats = 0, rejected = 0, stiff = 0, trouble = NCGEN_SHORT;
     while (t < end) {
         if (r->options->max_step > 0 && h > r->options->max_step)
             h = r->options->max_step;
-        const int last = t + h >= end;
+        goal = next_break(r, t, end);
+        const ncgen_scalar wanted = h;
+        const int last = t + h >= goal;
         if (last)
-            h = end - t;
+            h = goal - t;
         if (!(t + h > t))
             return trouble;
         w->repeated = repeats || rejected;
@@ -289,18 +312,21 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         if (repeats == 0 && rejected == 0)
             trouble = NCGEN_SHORT; /* what was wrong is behind */
         repeats = rejected = 0;
-        const ncgen_scalar t_new = last ? end : t + h;
+        const ncgen_scalar t_new = last ? goal : t + h;
         stiff = is_stiff(r, w, method, h);
         r->statistics->stiff += stiff;
         status = finish_step(r, w, method, t, t_new);
         if (status != NCGEN_OK || r->statistics->stopped)
             return status;
         t = t_new;
+        h = last && factor >= 1 && h * factor < wanted ? wanted : h * factor; /* what cut it short is behind */
+        r->statistics->next_step = h;
+        if (t < end && last && (status = begin_anew(r, w, t)) != NCGEN_OK)
+            return status;
         if (t < end && ncgen_creeps(r, w, t))
             return NCGEN_SHORT;
         if (stiff && t < end && r->options->stop_when_stiff)
             return NCGEN_STIFF;
-        h *= factor;
     }
     return NCGEN_OK;
 }
@@ -321,6 +347,8 @@ static int run_fixed(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             int status = trial_step(r, w, method, t, t_new - t);
             if (status == NCGEN_OK)
                 status = finish_step(r, w, method, t, t_new);
+            if (status == NCGEN_OK && !(last && row + 1 == r->n_times))
+                status = begin_anew(r, w, t_new);
             if (status != NCGEN_OK || r->statistics->stopped)
                 return status;
         }

@@ -141,6 +141,7 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
         trouble = write_inside(r, w, t, h, 1 - on_the_grid);
     if (trouble != NCGEN_OK)
         return trouble;
+    r->from = t_new;
     ncgen_copy(r->n, r->start_q, r->q);
     ncgen_copy(r->n, r->start_qd, r->qd);
     ncgen_copy(r->ny, w->new_y, r->y);

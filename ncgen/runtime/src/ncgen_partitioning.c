@@ -236,6 +236,9 @@ static int is_emitted(const ncgen_run *r)
 static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
 {
     const ncgen_partitioning *w = r->partitioning;
+    const int known = ncgen_read_inputs(r, t);
+    if (known != NCGEN_OK)
+        return known;
     if (is_emitted(r)) {
         const int status = r->dynamics->acceleration(t, r->q, zd, r->p, w->out);
         if (!w->lu || (status == NCGEN_OK && w->out[r->n + r->nz + 1] < broken_down))

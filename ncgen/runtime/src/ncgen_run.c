@@ -19,11 +19,7 @@ typedef struct parts {
 /* The parts of a run and its workspace; with an empty space this only counts. */
 static int lay_out(ncgen_run *r, parts *w)
 {
-    r->n = r->model->n_coordinates;
-    r->m = r->model->n_rows;
-    r->nz = r->dynamics->n_independent;
-    r->start_q = ncgen_take(&r->space, r->n);
-    r->start_qd = ncgen_take(&r->space, r->n);
+    ncgen_state_layout(r);
     if (r->options->formalism == NCGEN_COORDINATE_PARTITIONING)
         ncgen_partitioning_layout(r, &w->partitioning);
     else
@@ -40,40 +36,11 @@ static int lay_out(ncgen_run *r, parts *w)
     return NCGEN_OK;
 }
 
-/* A run without workspace. */
-static void describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
-{
-    r->model = model;
-    r->dynamics = dynamics;
-    r->options = options;
-    r->space.base = NULL;
-    r->space.used = 0;
-    r->integers = NULL;
-    r->partitioning = NULL;
-    r->constrained = NULL;
-    r->slopes = NULL;
-    r->settle = NULL;
-    r->accept = NULL;
-    r->settles_stages = 1;
-    r->careful = r->rows = 0;
-    r->patience = options->patience > 1 ? options->patience : 1;
-}
-
-static void clear_statistics(ncgen_statistics *s, ncgen_scalar t)
-{
-    s->steps = s->rejected = s->repeated = s->evaluations = s->newton_steps = 0;
-    s->factorisations = s->perturbed = s->refinements = s->jacobians = s->fallbacks = 0;
-    s->stopped = 0;
-    s->stiff = 0;
-    s->largest_projection = 0;
-    s->t = s->tried = t;
-}
-
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     parts w;
     ncgen_run r;
-    describe(&r, model, dynamics, options);
+    ncgen_describe(&r, model, dynamics, options);
     lay_out(&r, &w);
     return r.space.used;
 }
@@ -91,10 +58,7 @@ static int is_ascending(int n_times, const ncgen_scalar *times)
 static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *velocities)
 {
     lay_out(r, w);
-    r->rounding = 1;
-    for (volatile ncgen_scalar more = 2; more > 1; more = 1 + r->rounding / 2)
-        r->rounding /= 2;
-    r->start_t = r->times[0];
+    ncgen_begin(r);
     for (int i = 0; i < r->n; ++i) {
         r->start_q[i] = q[i];
         r->start_qd[i] = 0;
@@ -117,8 +81,7 @@ int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dyna
     parts w;
     ncgen_statistics statistics;
     ncgen_run r;
-    clear_statistics(&statistics, t);
-    describe(&r, model, dynamics, options);
+    ncgen_describe(&r, model, dynamics, options);
     r.p = p;
     r.statistics = &statistics;
     r.space.base = workspace;
@@ -141,8 +104,7 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
         return NCGEN_ARGUMENT;
     parts w;
     ncgen_run r;
-    clear_statistics(statistics, times[0]);
-    describe(&r, model, dynamics, options);
+    ncgen_describe(&r, model, dynamics, options);
     r.p = p;
     r.statistics = statistics;
     r.space.base = workspace;

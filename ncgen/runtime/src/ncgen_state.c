@@ -27,9 +27,11 @@ void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_re
 
 void ncgen_write_row(ncgen_run *r, ncgen_real work)
 {
-    ncgen_copy(r->n, r->q, r->out_q + (size_t)r->rows * (size_t)r->n);
-    ncgen_copy(r->n, r->qd, r->out_qd + (size_t)r->rows * (size_t)r->n);
-    r->out_work[r->rows] = work;
+    if (r->out_q) {
+        ncgen_copy(r->n, r->q, r->out_q + (size_t)r->rows * (size_t)r->n);
+        ncgen_copy(r->n, r->qd, r->out_qd + (size_t)r->rows * (size_t)r->n);
+        r->out_work[r->rows] = work;
+    }
     r->rows += 1;
 }
 
@@ -41,6 +43,59 @@ void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work)
     r->start_work = work;
     r->start_t = t;
     r->statistics->t = t;
+}
+
+void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
+{
+    r->model = model;
+    r->dynamics = dynamics;
+    r->options = options;
+    r->n = model->n_coordinates;
+    r->m = model->n_rows;
+    r->nz = dynamics->n_independent;
+    r->space.base = NULL;
+    r->space.used = 0;
+    r->integers = NULL;
+    r->partitioning = NULL;
+    r->constrained = NULL;
+    r->slopes = NULL;
+    r->settle = NULL;
+    r->accept = NULL;
+    r->settles_stages = 1;
+    r->careful = r->rows = 0;
+    r->patience = options->patience > 1 ? options->patience : 1;
+}
+
+void ncgen_state_layout(ncgen_run *r)
+{
+    r->start_q = ncgen_take(&r->space, r->n);
+    r->start_qd = ncgen_take(&r->space, r->n);
+    r->driven = r->options->signals && r->model->n_inputs > 0 ? ncgen_take(&r->space, r->model->n_parameters) : NULL;
+}
+
+void ncgen_begin(ncgen_run *r)
+{
+    ncgen_statistics *s = r->statistics;
+    s->steps = s->rejected = s->repeated = s->evaluations = s->newton_steps = 0;
+    s->factorisations = s->perturbed = s->refinements = s->jacobians = s->fallbacks = s->stiff = 0;
+    s->stopped = 0;
+    s->largest_projection = s->next_step = 0;
+    s->t = s->tried = r->start_t = r->from = r->times[0];
+    r->rounding = 1;
+    for (volatile ncgen_scalar more = 2; more > 1; more = 1 + r->rounding / 2)
+        r->rounding /= 2;
+    if (r->driven) {
+        ncgen_copy(r->model->n_parameters, r->p, r->driven);
+        r->p = r->driven;
+    }
+}
+
+int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t)
+{
+    const ncgen_signals *signals = r->options->signals;
+    if (!r->driven)
+        return NCGEN_OK;
+    return signals->inputs(signals->context, r->from, t, r->driven + r->model->n_parameters - r->model->n_inputs);
 }
 
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)

@@ -15,6 +15,8 @@ struct ncgen_run {
     const ncgen_dynamics *dynamics;
     const ncgen_options *options;
     const ncgen_real *p;
+    ncgen_real *driven;             /* the same in memory of the run's own, where signals change the last of them; else NULL */
+    ncgen_scalar from;              /* where the present step began */
     ncgen_statistics *statistics;
     int n, m, nz, ny;
     int weighed;                    /* components of y that the error estimate looks at, work being the last of them */
@@ -50,7 +52,12 @@ struct ncgen_run {
     int rows;
 };
 
+/* A run without workspace; its state once that is known, or is being counted; and its first instant. */
+void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
+void ncgen_state_layout(ncgen_run *r);
+void ncgen_begin(ncgen_run *r);
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y);
+int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t); /* what drives the run, before forces at time t */
 void ncgen_keep_state(ncgen_run *r, ncgen_scalar t, ncgen_real work);
 ncgen_scalar ncgen_step_count(const ncgen_run *r, ncgen_scalar span); /* 0: more than can be counted */
 int ncgen_listen(ncgen_run *r, ncgen_scalar t);       /* before whatever takes long, at time t; NCGEN_INTERRUPTED ends the run */

@@ -1,0 +1,89 @@
+"""What drives a mechanism while it moves, as C reads it: tables there, functions of Python by a call."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache
+from types import TracebackType
+
+import numpy as np
+
+from ncgen.toolchain.abi import InC, Interface, Number, runtime_abi
+
+
+@dataclass(frozen=True, eq=False)
+class Pieces:
+    """An input as polynomials from knot to knot.
+
+    knots (K,): s, ascending; coefficients (K, 4): of 1, s, s² and s³ with s = t − knot
+    The first value holds before the first knot, the last polynomial after the last one.
+    """
+
+    knots: np.ndarray
+    coefficients: np.ndarray
+
+    def __call__(self, t: float, begun: float | None = None) -> float:
+        """The value at a time (s) inside a step that began at another one; at a jump the one after it."""
+        begun = t if begun is None else begun
+        k = max(int(np.searchsorted(self.knots, begun, side="right")) - 1, 0)
+        s = 0.0 if begun < self.knots[k] and t < self.knots[k] else t - self.knots[k]
+        c = self.coefficients[k]
+        return float(((c[3] * s + c[2]) * s + c[1]) * s + c[0])
+
+
+Function = Callable[[float], float]
+
+
+class Driver:
+    """The signals of one run in C.
+
+    told: one of the two kinds an input, None for one that keeps its value in p
+    raised: what a function raised, or None
+    """
+
+    def __init__(self, told: Sequence[Pieces | Function | None], number: Number) -> None:
+        self._ffi: Interface = runtime_abi(number.name)
+        self.raised: BaseException | None = None
+        self.functions = {i: each for i, each in enumerate(told) if callable(each) and not isinstance(each, Pieces)}
+        pieces = [each if isinstance(each, Pieces) else None for each in told]
+        self._arrays = [
+            np.cumsum([0, *(len(each.knots) if each else 0 for each in pieces)]).astype(np.intc),
+            np.concatenate([np.empty(0), *(each.knots for each in pieces if each)]).astype(number.dtype),
+            np.concatenate([np.empty((0, 4)), *(each.coefficients for each in pieces if each)]).astype(number.dtype),
+            np.unique(np.concatenate([np.empty(0), *(each.knots for each in pieces if each)])).astype(number.dtype),
+        ]
+        start, knots, coefficients, breaks = (
+            self._ffi.from_buffer("int[]" if a.dtype == np.intc else number.array, a) for a in self._arrays
+        )
+        self._handle = self._ffi.new_handle(self)
+        self._piecewise: InC = self._ffi.new("ncgen_piecewise *", {"count": len(told), "start": start, "knots": knots})
+        self._piecewise.coefficients = coefficients
+        if self.functions:
+            self._piecewise.others, self._piecewise.context = _asked(number.name), self._handle
+        self.breaks, self.n_breaks = breaks, len(self._arrays[3])
+
+    def signals(self, function: InC) -> InC:
+        """The struct for a run; function: `ncgen_piecewise_inputs` of the runtime."""
+        told = {"inputs": function, "context": self._piecewise, "n_breaks": self.n_breaks, "breaks": self.breaks}
+        return self._ffi.new("ncgen_signals *", told)
+
+
+@cache
+def _asked(number: str) -> InC:
+    """The function that C calls, whose context is the handle of a `Driver`; one serves all runs of a number type."""
+    ffi: Interface = runtime_abi(number)
+
+    def ask(context: InC, begun: InC, t: InC, values: InC) -> int:
+        for i, function in ffi.from_handle(context).functions.items():
+            values[i] = function(float(t))
+        return 0
+
+    def keep(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
+        ffi.from_handle(traceback.tb_frame.f_locals["context"]).raised = raised
+
+    return ffi.callback("ncgen_inputs *", ask, error=INTERRUPTED, onerror=keep)
+
+
+INTERRUPTED = 6
+"""NCGEN_INTERRUPTED: ends a run at its last accepted state."""

@@ -1,0 +1,63 @@
+/* ncgen_driven.h: a motion that goes on from call to call, as whoever drives a mechanism needs it: a controller, a co-simulation.
+ *
+ * It is that of ncgen_simulate with the formalism lagrange and an explicit method, which options->method names. Between two calls
+ * everything may change: p with its inputs, the state, the method. The workspace keeps nothing.
+ */
+#ifndef NCGEN_DRIVEN_H
+#define NCGEN_DRIVEN_H
+
+#include "ncgen_runtime.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* begin cdef */
+
+/* A mechanism and how it moves; workspace: as many numbers as ncgen_driven_workspace tells; integers: 4 n_coordinates + 3 n_rows. */
+typedef struct ncgen_driven {
+    const ncgen_model *model;
+    const ncgen_dynamics *dynamics;
+    const ncgen_options *options;
+    ncgen_real *workspace;
+    int *integers;
+} ncgen_driven;
+
+/* Where it is. */
+typedef struct ncgen_moment {
+    ncgen_scalar t;  /* s */
+    ncgen_scalar h;  /* with error control: the step that is tried next (s); 0: one is found */
+    ncgen_real work; /* of drivers and forces without a potential since the start (J) */
+    ncgen_real power; /* theirs now (W), and the accelerations: with the p of the call that found them */
+    ncgen_real *q;   /* n_coordinates each */
+    ncgen_real *qd;
+    ncgen_real *qdd;
+} ncgen_moment;
+
+/* end cdef */
+/* begin functions */
+
+/* Reads model, dynamics and options. */
+size_t ncgen_driven_workspace(const ncgen_driven *d);
+
+/* On to the time t_end > moment->t: with error control by as many steps as that takes, else by equal steps of at most
+ * options->max_step. Where it fails the moment stays as it was. */
+int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end, ncgen_statistics *statistics);
+
+/* After a change of t, q, qd or p: q and qd onto the constraints, by the smallest change in the sense of kinetic energy, and qdd and
+ * power as they follow. Where it fails the moment stays as it was. */
+int ncgen_settle_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment);
+
+/* The same, for integrators outside, where q is on the constraints: it is left as it is. */
+int ncgen_evaluate_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment);
+
+/* Multipliers of the rows (n_rows): M qdd + phi_q' lam = force. */
+int ncgen_multipliers(const ncgen_driven *d, const ncgen_real *p, const ncgen_moment *moment, ncgen_real *lam);
+
+/* end functions */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

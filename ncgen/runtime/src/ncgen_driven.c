@@ -1,0 +1,132 @@
+/* ncgen_driven.c: a motion that goes on from call to call: a run that is begun anew every time, which costs next to nothing. */
+#include "ncgen_driven.h"
+#include "ncgen_constrained.h"
+#include "ncgen_explicit.h"
+#include "ncgen_method.h"
+#include "ncgen_projection.h"
+
+typedef struct parts {
+    ncgen_constrained constrained;
+    ncgen_stepping stepping;
+} parts;
+
+/* With an empty space this only counts. */
+static void lay_out(ncgen_run *r, parts *w)
+{
+    ncgen_state_layout(r);
+    ncgen_constrained_layout(r, &w->constrained);
+    r->y = ncgen_take(&r->space, r->ny);
+    ncgen_explicit_layout(r, &w->stepping);
+}
+
+size_t ncgen_driven_workspace(const ncgen_driven *d)
+{
+    parts w;
+    ncgen_run r;
+    ncgen_describe(&r, d->model, d->dynamics, d->options);
+    lay_out(&r, &w);
+    return r.space.used;
+}
+
+/* Everything ready for a run over these times from a moment; NCGEN_ARGUMENT unless it is one of the kind that is meant here. */
+static int begin(ncgen_run *r, parts *w, const ncgen_driven *d, const ncgen_options *options, const ncgen_real *p,
+                 const ncgen_moment *moment, int n_times, const ncgen_scalar *times, ncgen_statistics *statistics)
+{
+    if (options->formalism != NCGEN_LAGRANGE || ncgen_is_stepper(options) || ncgen_is_implicit(options) ||
+        !ncgen_is_possible(d->model, d->dynamics, options))
+        return NCGEN_ARGUMENT;
+    ncgen_describe(r, d->model, d->dynamics, options);
+    r->p = p;
+    r->statistics = statistics;
+    r->space.base = d->workspace;
+    r->integers = d->integers;
+    r->n_times = n_times;
+    r->times = times;
+    r->out_q = r->out_qd = r->out_work = NULL;
+    lay_out(r, w);
+    ncgen_begin(r);
+    ncgen_copy(r->n, moment->q, r->start_q);
+    r->settle = options->project ? ncgen_settle : NULL;
+    r->state = ncgen_projected_state;
+    return ncgen_constrained_begin(r, moment->qd);
+}
+
+/* The moment as a state and its slope have it. */
+static void keep(const ncgen_run *r, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *slope, ncgen_moment *moment)
+{
+    ncgen_copy(r->n, q, moment->q);
+    ncgen_copy(r->n, qd, moment->qd);
+    ncgen_copy(r->n, slope, moment->qdd);
+    moment->power = slope[2 * r->n];
+}
+
+int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end, ncgen_statistics *statistics)
+{
+    const ncgen_scalar times[2] = {moment->t, t_end};
+    ncgen_options options = *d->options;
+    parts w;
+    ncgen_run r;
+    if (!(t_end > moment->t))
+        return NCGEN_ARGUMENT;
+    options.first_step = moment->h;
+    int status = begin(&r, &w, d, &options, p, moment, 2, times, statistics);
+    if (status == NCGEN_OK)
+        status = ncgen_explicit(&r, &w.stepping);
+    if (status != NCGEN_OK)
+        return status;
+    moment->t = t_end;
+    moment->h = statistics->next_step;
+    moment->work += r.start_work;
+    keep(&r, r.start_q, r.start_qd, w.stepping.slopes, moment);
+    return NCGEN_OK;
+}
+
+/* The slope of the state in r->y, and the moment as both have it; the slope's velocities are those that the joints allow. */
+static int evaluate(ncgen_run *r, parts *w, ncgen_moment *moment)
+{
+    ncgen_real *slope = w->stepping.slopes;
+    const int status = r->derivative(r, moment->t, r->y, slope);
+    if (status != NCGEN_OK)
+        return status;
+    if (!ncgen_is_finite(r->ny, slope))
+        return NCGEN_SINGULAR;
+    keep(r, r->y + r->n, slope + r->n, slope, moment);
+    return NCGEN_OK;
+}
+
+int ncgen_evaluate_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment)
+{
+    parts w;
+    ncgen_run r;
+    ncgen_statistics statistics;
+    const int status = begin(&r, &w, d, d->options, p, moment, 1, &moment->t, &statistics);
+    return status == NCGEN_OK ? evaluate(&r, &w, moment) : status;
+}
+
+int ncgen_settle_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment)
+{
+    parts w;
+    ncgen_run r;
+    ncgen_statistics statistics;
+    int status = begin(&r, &w, d, d->options, p, moment, 1, &moment->t, &statistics);
+    if (status == NCGEN_OK)
+        status = ncgen_settle(&r, moment->t, r.y, 1);
+    return status == NCGEN_OK ? evaluate(&r, &w, moment) : status;
+}
+
+int ncgen_multipliers(const ncgen_driven *d, const ncgen_real *p, const ncgen_moment *moment, ncgen_real *lam)
+{
+    parts w;
+    ncgen_run r;
+    ncgen_statistics statistics;
+    int status = begin(&r, &w, d, d->options, p, moment, 1, &moment->t, &statistics);
+    if (status != NCGEN_OK)
+        return status;
+    ncgen_copy(r.n, moment->qd, r.qd);
+    status = ncgen_constrained_accelerations(&r, moment->t);
+    if (status == NCGEN_OK && !ncgen_is_finite(r.m, w.constrained.solution + r.n))
+        status = NCGEN_SINGULAR;
+    if (status == NCGEN_OK)
+        ncgen_copy(r.m, w.constrained.solution + r.n, lam);
+    return status;
+}

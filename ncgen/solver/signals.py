@@ -1,0 +1,129 @@
+"""What drives a mechanism while it moves: its inputs as functions of time, or as tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Literal, TypeAlias
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from ncgen.errors import DomainError, ModelError
+from ncgen.mechanism.driving import Function, Pieces
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.given import Outline, echo, finite, known_name, several
+
+Hold: TypeAlias = Literal["zero", "linear", "cubic"]
+
+HOLDS: tuple[Hold, ...] = ("zero", "linear", "cubic")
+"""Between the instants of a table: the value before holds; straight lines; a cubic spline."""
+
+Signal: TypeAlias = "float | Callable[[float], float] | tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, Hold]"
+"""An input over time, as `simulate` takes it."""
+
+FEWEST = 2
+"""Instants of a table."""
+
+
+@dataclass(frozen=True, eq=False)
+class Signals:
+    """The inputs of one run.
+
+    told: one an input in their order, None for one that keeps its value
+    begun: of tables the piece of this time (s) goes on, whatever time is asked for; None for the piece of the time itself
+    """
+
+    name: str
+    names: tuple[str, ...]
+    told: tuple[Pieces | Function | None, ...]
+    begun: float | None = None
+
+    def begun_at(self, t: float) -> Signals:
+        """The same inside a step that began at a time (s)."""
+        return replace(self, begun=t)
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """Where tables jump or have corners (s), ascending."""
+        return np.unique(np.concatenate([np.empty(0), *(s.knots for s in self.told if isinstance(s, Pieces))]))
+
+    def __call__(self, t: float, p: np.ndarray) -> np.ndarray:
+        """Parameters p (n_p,) with the inputs of a time in their places. Raises DomainError naming one that is no number."""
+        p = np.array(p)
+        first = len(p) - len(self.told)
+        for i, signal in enumerate(self.told):
+            if signal is not None:
+                value = signal(t, self.begun) if isinstance(signal, Pieces) else signal(t)
+                p[first + i] = self._checked(i, value, t)
+        return p
+
+    def _checked(self, i: int, value: object, t: float) -> float:
+        try:
+            number = float(value)  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            number = math.nan
+        if not math.isfinite(number):
+            said = f"the input {self.names[i]} is {echo(value)} at t = {t:.6g} s"
+            raise DomainError(f"{self.name}: {said}; its function must give a finite number")
+        return number
+
+    @property
+    def functions(self) -> tuple[Pieces | Function | None, ...]:
+        """As C asks for them: functions of Python are checked."""
+        return tuple(s if s is None or isinstance(s, Pieces) else self._watched(i, s) for i, s in enumerate(self.told))
+
+    def _watched(self, i: int, function: Function) -> Function:
+        return lambda t: self._checked(i, function(t), t)
+
+
+def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndarray) -> Signals | None:
+    """What drives a run, None where nothing changes with time; inputs that are numbers are put into p (n_p,).
+
+    Raises ModelError for an unknown input, and for what is neither a number, a function nor a table.
+    """
+    names = tuple(kernels.model.inputs)
+    if inputs is None:
+        return None
+    if not isinstance(inputs, Mapping):
+        raise ModelError(f"inputs: {echo(inputs)} given; give {{name: number, function of time, or (times, values)}}")
+    told: list[Pieces | Function | None] = [None] * len(names)
+    for name, signal in inputs.items():
+        place = names.index(known_name(name, names, "inputs", "input"))
+        if callable(signal):
+            told[place] = signal
+        elif isinstance(signal, (tuple, list)):
+            told[place] = _table(signal, f"inputs: {name}")
+        else:
+            p[len(p) - len(names) + place] = finite(signal, f"inputs: {name}")
+    return Signals(kernels.name, names, tuple(told)) if any(told) else None
+
+
+def driven(kernels: Kernels, signals: Signals | None) -> Kernels:
+    """The same kernels, which read their inputs from signals."""
+    return kernels.driven_by(signals) if signals else kernels
+
+
+def _table(given: Sequence[object], where: str) -> Pieces:
+    """A table as polynomials. Raises ModelError unless its instants are two or more, ascending, each with a value."""
+    if len(given) not in (2, 3):
+        raise ModelError(f"{where}: {len(given)} things given; give (times, values) or (times, values, hold)")
+    times, values = several(given[0], f"{where}, times"), several(given[1], f"{where}, values")  # type: ignore[arg-type]
+    hold = given[2] if len(given) == 3 else "linear"
+    if hold not in HOLDS:
+        raise ModelError(f"{where}: hold {echo(hold)} is unknown; choose one of {', '.join(HOLDS)}")
+    if len(times) != len(values) or len(times) < FEWEST:
+        raise ModelError(f"{where}: {len(times)} times and {len(values)} values; give as many of both, {FEWEST} or more")
+    if not np.all(np.diff(times) > 0):
+        k = int(np.argmin(np.diff(times) > 0))
+        raise ModelError(f"{where}: time {k + 1} is {times[k + 1]:.6g} s after {times[k]:.6g} s; times must ascend")
+    coefficients = np.zeros((len(times), 4))
+    coefficients[:, 0] = values
+    if hold == "linear":
+        coefficients[:-1, 1] = np.diff(values) / np.diff(times)
+    elif hold == "cubic":
+        from scipy.interpolate import CubicSpline
+
+        coefficients[:-1] = CubicSpline(times, values).c[::-1].T
+    return Pieces(times, coefficients)
