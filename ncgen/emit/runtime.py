@@ -9,6 +9,7 @@ All files of a library end in one folder, where they include each other by name.
 
 from __future__ import annotations
 
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -34,6 +35,21 @@ def runtime_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*sources, *RUNTIME_HEADERS, *HEADERS, *PRINTED)))
 
 
+def needed_by(source: str) -> tuple[str, ...]:
+    """A source of the library, the headers that it includes, the sources of these, and so on: all that it needs to work alone."""
+    found: dict[str, None] = {}
+    waiting = [source]
+    while waiting:
+        name = waiting.pop()
+        if name in found:
+            continue
+        found[name] = None
+        headers = re.findall(r'^#include "([^"]+)"', runtime_text(name), flags=re.MULTILINE)
+        bodies = [f"{header[:-2]}.c" for header in headers]
+        waiting += [*headers, *(body for body in bodies if (FOLDER / "src" / body).is_file())]
+    return tuple(sorted(found, key=lambda name: (name.endswith(".c"), name)))
+
+
 def runtime_files(*names: str) -> dict[str, str]:
     """{file name: text} of files of the library."""
     return {name: runtime_text(name) for name in names}
@@ -46,6 +62,11 @@ def runtime_text(name: str) -> str:
         return render(f"c/{name}.jinja", **_methods())
     places = [FOLDER / part / name for part in ("include", "src", "lanes")]
     return next((place for place in places if place.is_file()), places[0]).read_text(encoding="utf-8")
+
+
+def widest_tableau() -> int:
+    """Slopes that the largest of the explicit methods keeps."""
+    return _methods()["width"]
 
 
 @cache

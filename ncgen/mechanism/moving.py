@@ -75,6 +75,11 @@ class Moving:
         self._moment.h = value
 
     @property
+    def workspace(self) -> int:
+        """Numbers that C works in."""
+        return len(self._workspace)
+
+    @property
     def steps(self) -> int:
         return self._statistics.steps
 

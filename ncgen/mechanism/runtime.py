@@ -10,26 +10,23 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
-from typing import Protocol, TypeAlias
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
 
-from ncgen.emit.c.files import model_files, motion_files
+from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files, runtime_names
 from ncgen.errors import NcgenError
-from ncgen.mechanism import recall
 from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
-from ncgen.mechanism.recall import Files
-from ncgen.mechanism.written import Written
+from ncgen.mechanism.written import Seen, Written, motion_source
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
-from ncgen.program.sampling import Sample
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load
@@ -122,10 +119,6 @@ class Outcome:
         if self.status == "interrupted":
             raise self.raised or KeyboardInterrupt()
         return self
-
-
-Seen: TypeAlias = tuple[Split, Sequence[Sample]]
-"""Independent coordinates, and typical positions."""
 
 
 class Dynamics:
@@ -320,17 +313,9 @@ class ConstrainedDynamics(Dynamics):
 
     def _take_motion(self, seen: Callable[[], Seen | None]) -> bool:
         """The emitted motion, if there is one: whether there is."""
-        kernels, equations = self.kernels, self.kernels.programs.equations
-
-        def made() -> Files:
-            from ncgen.program.dynamics import assemble_motion
-
-            found = seen()
-            programs = assemble_motion(equations, *found, kernels.column_sizes) if found else None
-            return motion_files(programs, equations) if programs else {}
-
-        if files := recall.derived(kernels.programs, "motion", made):
-            getter = f"{identifier(kernels.name)}_motion"
+        kernels = self.kernels
+        if files := motion_source(kernels, seen):
+            getter = f"{identifier(kernels.name)}_recursion"
             _, self._motion = _load(files, self.number.name, f"const ncgen_motion *{getter}(void);")
             self._dynamics.motion = self._ffi.cast("const ncgen_motion *", getattr(self._motion, getter)())
         return bool(files)

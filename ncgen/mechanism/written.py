@@ -1,14 +1,15 @@
-"""A state derivative on independent coordinates as C source, made now or found in the cache."""
+"""State derivatives as C source, made now or found in the cache."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeAlias
 
-from ncgen.emit.c.files import dynamics_files
+from ncgen.emit.c.files import dynamics_files, motion_files
 from ncgen.mechanism import recall
+from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.recall import Files
 from ncgen.program.programs import Split
@@ -17,10 +18,32 @@ from ncgen.program.sampling import Sample
 if TYPE_CHECKING:
     from ncgen.program.dynamics import DynamicsPrograms
 
+Seen: TypeAlias = tuple[Split, Sequence[Sample]]
+"""Independent coordinates, and typical positions."""
+
+
+def motion_source(kernels: Kernels, seen: Callable[[], Seen | None]) -> Files:
+    """{file name: text} of the motion of all coordinates by recursion; {} where there is none.
+
+    seen: called for independent coordinates of the positions, and typical positions, None where there are none
+    """
+    equations = kernels.programs.equations
+
+    def made() -> Files:
+        from ncgen.program.dynamics import assemble_motion
+
+        found = seen()
+        programs = assemble_motion(equations, *found, kernels.column_sizes) if found else None
+        return motion_files(programs, equations) if programs else {}
+
+    return recall.derived(kernels.programs, "motion", made)
+
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """seen: called for typical positions, where they are needed; around: tells these positions from others; refine: as of
+    """A state derivative on independent coordinates.
+
+    seen: called for typical positions, where they are needed; around: tells these positions from others; refine: as of
     `assemble_dynamics`"""
 
     kernels: CompiledKernels

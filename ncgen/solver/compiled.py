@@ -29,7 +29,8 @@ from ncgen.symbolic.tree import spanning_tree
 if TYPE_CHECKING:
     from ncgen.mechanism.batch_runs import LaneDynamics
     from ncgen.mechanism.library import CompiledKernels
-    from ncgen.mechanism.runtime import ConstrainedDynamics, DenseDynamics, EmittedDynamics, Outcome, Seen
+    from ncgen.mechanism.runtime import ConstrainedDynamics, DenseDynamics, EmittedDynamics, Outcome
+    from ncgen.mechanism.written import Seen
     from ncgen.program.sampling import Sample
 
 MOST_RATES = 60

@@ -28,7 +28,7 @@ except mechanism.MotionError as error:
 assert np.array_equal(motion.q, kept) and said
 assert not [name for name in sys.modules if name.split(".")[0] in ("ncgen", "scipy", "sympy")]
 q = np.array(json.loads(sys.argv[1]))
-steps = [*motion.q, *motion.qd, *motion.qdd, *motion.lam, *motion.energies()]
+steps = [*motion.q, *motion.qd, *motion.qdd, *motion.energies(), *motion.lam]
 print(json.dumps({"steps": steps, "phi": mechanism.phi(0.0, q, mechanism.DEFAULTS).tolist()}))
 """
 
@@ -51,13 +51,15 @@ STATE = r"""
 int main(void)
 {
     @_state s;
-    double p[100], e[2];
+    double p[100], e[2], lam[100];
     @_defaults(p);
     if (@_start(&s, p)) return 1;
     for (int i = 0; i < 20; ++i) if (@_step(&s, p, 1e-3)) return 2;
     for (int i = 0; i < (int)(sizeof s / sizeof s.t) - 4; ++i) printf("%.17g\n", s.q[i]);
     @_energies(&s, p, &e[0], &e[1]);
     printf("%.17g\n%.17g\n", e[0], e[1]);
+    if (@_multipliers(&s, p, lam)) return 3;
+    for (int i = 0; i < @_model()->n_rows; ++i) printf("%.17g\n", lam[i]);
     return 0;
 }
 """
@@ -65,7 +67,7 @@ int main(void)
 
 @pytest.mark.parametrize("name", [*MODELS[:1], *MODELS[2:]])
 def test_numpy_steps_are_those_of_c(fresh, name):
-    """Another elimination, other rounding, the same steps to 1e-9 of their size."""
+    """Other eliminations and projections, the same motion to 1e-9 of its size."""
     native = fresh(name)
     (native / "examples/main.c").write_text(STATE.replace("@", name))
     expected = np.array(shell("make -s CFLAGS=-O0 && ./main", native).split(), dtype=float)
@@ -77,7 +79,7 @@ import gc
 import numpy as np
 import @ as mechanism
 motion, other = mechanism.Motion(), mechanism.Motion()
-places = {name: getattr(motion, name) for name in ("q", "qd", "qdd", "lam", "p")}
+places = {name: getattr(motion, name) for name in ("q", "qd", "qdd", "p")}
 
 # What is assigned is copied into its place, and enters.
 motion.q = [float(x) for x in motion.q]

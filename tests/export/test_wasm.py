@@ -12,7 +12,6 @@ from exported import MODELS, SECONDS, SOME, commands, compare, shell
 
 import ncgen
 from ncgen.exchange.examples import example_names, load
-from ncgen.program.functions import FUNCTIONS
 
 pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
 
@@ -52,7 +51,7 @@ int main(void)
     @_defaults(p);
     if (@_start(&s, p)) return 1;
     for (int i = 0; i < 100; ++i) if (@_step(&s, p, 1.0 / 8192)) return 2;
-    for (int i = 0; i < 4 + 3 * N + M; ++i) printf("%.17g\n", (&s.t)[i]);
+    for (int i = 0; i < 2 * N; ++i) printf("%.17g\n", s.q[i]);
     return 0;
 }
 """
@@ -61,13 +60,10 @@ int main(void)
 ALL = [*SOME, *(pytest.param(name, marks=pytest.mark.slow) for name in example_names() if name not in MODELS)]
 """Every example; those that the other targets do not take are among the longer proofs."""
 
-EXACT = {"sin", "cos", "sqrt", "abs", "sign"}
-"""Functions that a module computes as the C library does."""
-
 
 @pytest.mark.parametrize("name", ALL)
 def test_as_native(fresh, name):
-    """100 steps and every kernel equal those of the C export on this machine without fused multiplications, to the last bit."""
+    """100 steps are those of the C export, which finds accelerations in another way; every kernel equals ours."""
     kernels = ncgen.compile(load(name))
     folder = fresh(name, "wasm")
     lists = f"const INITIAL = {json.dumps(kernels.q0.tolist())}, NAMES = {json.dumps(list(kernels.programs.programs))};\n"
@@ -77,19 +73,13 @@ def test_as_native(fresh, name):
     assert {imported["module"] for imported in found["imports"]} <= {"Math"} and found["again"] and found["stayed"]
     assert found["said"].startswith(f"{name.capitalize()}, t = 0.01220703125 s: ")
     native = fresh(name)
-    (native / "examples/main.c").write_text(f"enum {{ N = {kernels.n}, M = {kernels.m} }};\n{NATIVE.replace('@', name)}")
+    (native / "examples/main.c").write_text(f"enum {{ N = {kernels.n} }};\n{NATIVE.replace('@', name)}")
     expected = np.array(shell("make -s CFLAGS='-O1 -ffp-contract=off' && ./main", native).split(), dtype=float)
-    assert np.array_equal(found["steps"], expected) or functions(kernels) - EXACT
-    np.testing.assert_allclose(found["steps"], expected, rtol=1e-12, atol=1e-12 * np.max(np.abs(expected)))
+    np.testing.assert_allclose(found["steps"][4 : 4 + 2 * kernels.n], expected, rtol=1e-10, atol=1e-10 * np.max(np.abs(expected)))
     i = np.arange(kernels.n)
     for kernel, values in found["kernels"].items():
         ours = kernels.values(kernel, 0.375, kernels.q0 + (i % 7 - 3) / 64, (i % 5 - 2) / 2.0, None)
         np.testing.assert_allclose(values, ours, rtol=1e-12, atol=1e-12 * np.max(np.abs(ours)))
-
-
-def functions(kernels) -> set[str]:
-    """Elementary functions that a mechanism's kernels call."""
-    return {op.code for program in kernels.programs.programs.values() for block in program.blocks for op in block.ops} & FUNCTIONS.keys()
 
 
 def test_readme_runs_and_tells_the_size(fresh):

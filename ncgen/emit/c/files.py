@@ -56,7 +56,7 @@ def motion_files(programs: MotionPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text}: the motion of all coordinates, for the runtime to integrate."""
     prefix = identifier(equations.model.name)
     parts = (programs.derivative, programs.velocities, programs.closing)
-    return {f"{prefix}_motion.c": render("c/motion.c.jinja", model=equations.model, **program_records(parts, prefix, "motion"))}
+    return {f"{prefix}_recursion.c": render("c/recursion.c.jinja", model=equations.model, **program_records(parts, prefix, "recursion"))}
 
 
 def function_files(programs: Iterable[Program], equations: Terms, kind: str) -> dict[str, str]:

@@ -48,5 +48,8 @@ def single_header(package: Package) -> str:
         return re.sub(r'^#include "([^"]+)"\n', inserted, code[name], flags=re.MULTILINE)
 
     headers = "".join(flat(name) for name in package.public if name not in included and not included.add(name))
-    bodies = "\n".join(flat(name) + "\n#undef R\n" for name in code if name.endswith(".c"))
+    # The runtime's R and that of generated code are two macros.
+    runtime = [name for name in code if name.endswith(".c") and name.startswith(f"{package.prefix}_ncgen_")]
+    own = [name for name in code if name.endswith(".c") and name not in runtime]
+    bodies = "\n".join([*map(flat, runtime), *(f"#undef R\n{flat(name)}" for name in own), "#undef R\n"])
     return render("package/c/single.h.jinja", **package.records, headers=headers, bodies=bodies)

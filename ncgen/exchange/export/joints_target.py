@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from ncgen import __version__
 from ncgen.compiler import compile
 from ncgen.emit.c.files import program_records
@@ -11,7 +9,7 @@ from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
-from ncgen.exchange.export.package import renamed
+from ncgen.exchange.export.package import labels, renamed
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.elements import Point
@@ -40,7 +38,7 @@ def files_of(model: Model) -> dict[str, str]:
         **program_records(programs.values(), prefix, "joints"),
         "version": __version__,
         "model": model,
-        "joints": [{"name": name, "label": label} for name, label in zip(space.rates, _labels(space.rates), strict=True)],
+        "joints": [{"name": joint.text, "label": joint.label} for joint in labels(space.rates)],
         "points": _points(kernels),
         "coordinates": kernels.n,
         "defaults": [number(float(value)) for value in kernels.p0],
@@ -59,16 +57,5 @@ def files_of(model: Model) -> dict[str, str]:
 def _points(kernels: Kernels) -> list[dict[str, object]]:
     """Points that move in all directions, and where their first coordinate stands."""
     points = [e for e in kernels.model.elements.values() if isinstance(e, Point) and not any(c.fixed for c in e.components)]
-    labels = _labels([e.name for e in points])
-    return [{"name": e.name, "label": label, "place": kernels.index[e.x.name]} for e, label in zip(points, labels, strict=True)]
-
-
-def _labels(names: Sequence[str]) -> list[str]:
-    """Names of constants in C, all of them different."""
-    found: list[str] = []
-    for name in names:
-        wish = label = identifier(name).upper()
-        while label in found:
-            label = f"{wish}_{len(found)}"
-        found.append(label)
-    return found
+    places = labels([e.name for e in points])
+    return [{"name": e.name, "label": c.label, "place": kernels.index[e.x.name]} for e, c in zip(points, places, strict=True)]

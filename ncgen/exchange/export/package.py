@@ -7,6 +7,7 @@ ROBOT_NCGEN_OK, ncgen.h becomes robot_ncgen.h. So two exported mechanisms live i
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,15 +19,20 @@ from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
-from ncgen.emit.runtime import HEADERS, runtime_files
+from ncgen.emit.runtime import HEADERS, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.properties import is_conservative, is_definite
+from ncgen.mechanism.written import motion_source
 from ncgen.model import Model
 from ncgen.program.blocks import Program
 from ncgen.program.cost import cost
 from ncgen.program.full_loads import assemble_loads
 from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, assemble_full_tangents
+from ncgen.program.outputs import assemble_outputs
+from ncgen.program.quasidefinite import Elimination, plan
+from ncgen.solver.compiled import own_positions
 from ncgen.solver.rank import freedom, trial_positions
 from ncgen.solver.run import Run, check_options, simulation_of
 from ncgen.solver.start import begin
@@ -35,7 +41,13 @@ PUBLIC = ("ncgen.h",)
 """Headers of ncgen that an embedder reads; the others stay beside the sources."""
 
 NEWTON_STEPS = 4
-"""Newton steps by which a step of fixed length may close the loops at its end."""
+"""Newton steps by which a step of fixed length may close the loops at its end, where the language has no runtime of ncgen's."""
+
+REFINEMENTS, POSITIONS, VELOCITIES = 20, 12, 3
+"""The most turns of the runtime's loops: ncgen_constrained.c and ncgen_projection.c."""
+
+RUNTIME = "ncgen_driven.c"
+"""The file of the runtime that exports in C move by; what it needs comes along."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +55,12 @@ class Package:
     """A mechanism ready to be written for a target.
 
     q, qd: where it starts, consistent; duration: s; dof: degrees of freedom
-    tangents, loads: of the programs, and joint loads with their tangent, where a target has them
+    full: the programs that find all at once, where a target has no runtime of ncgen's, or needs derivatives; tangents, loads: of these
+        programs, and joint loads with their tangent
     """
 
     sources: Sources
     kernels: Kernels
-    programs: FullMotion
     sizes: Sizes
     q: np.ndarray
     qd: np.ndarray
@@ -56,6 +68,10 @@ class Package:
     dof: int
     tangents: FullMotion | None = None
     loads: tuple[Program, ...] = ()
+
+    @cached_property
+    def full(self) -> FullMotion:
+        return assemble_full_motion(self.sources.programs.equations, self.sizes, self.kernels.holonomic)
 
     def with_tangents(self) -> Package:
         """The same with the tangents of its motion, and with joint loads."""
@@ -70,10 +86,38 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        files = self.sources.c | runtime_files(*HEADERS)
-        records = self.records | {name: [number(x) for x in self.records[name]] for name in ("start", "speeds", "row_sizes")}
+        files = self.sources.c | self.recursion | runtime_files(*HEADERS, *needed_by(RUNTIME))
+        records = self.records | self._described
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}
         return {renamed(name, self.prefix): renamed(text, self.prefix) for name, text in files.items()}
+
+    @cached_property
+    def recursion(self) -> dict[str, str]:
+        """{file name: text} of the accelerations over the tree of bodies; {} where the matrix of the equations gives them."""
+        return motion_source(self.kernels, lambda: own_positions(self.kernels))
+
+    @cached_property
+    def _order(self) -> Elimination:
+        """In which the matrix of the equations is eliminated."""
+        kernels = self.kernels
+        return plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=not is_definite(kernels))
+
+    @property
+    def _described(self) -> dict[str, object]:
+        """What the runtime is told of the mechanism."""
+        kernels, order = self.kernels, self._order
+        rank = freedom(kernels, self.q).rank
+        arrays = {"start": self.q, "speeds": self.qd, "row_sizes": kernels.row_sizes, "column_sizes": kernels.column_sizes}
+        return {
+            **{name: [number(float(x)) for x in values] for name, values in arrays.items()},
+            "elimination": {"size": order.size, "nonzeros": order.nonzeros, "tables": [(a, getattr(order, a)) for a in Elimination.ARRAYS]},
+            "nonzeros": kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros,
+            "rank": rank,
+            "redundant": rank < kernels.m,
+            "singular_mass": not is_definite(kernels),
+            "conservative": is_conservative(kernels),
+            "widest": widest_tableau(),
+        }
 
     @property
     def public(self) -> tuple[str, ...]:
@@ -86,7 +130,6 @@ class Package:
         """What the templates of all targets are filled with."""
         programs = self.sources.programs
         operations = {name: cost(program).total for name, program in programs.programs.items()}
-        closing, motion = (cost(program).total for program in (self.programs.closing, self.programs.motion))
         return {
             "version": __version__,
             "model": self.kernels.model,
@@ -101,11 +144,16 @@ class Package:
             "row_sizes": self.kernels.row_sizes.tolist(),
             "duration": self.duration,
             "operations": operations,
+            **self._costs(operations),
             "newton_steps": NEWTON_STEPS,
-            "closing": closing,
-            "motion": motion,
-            "step": 5 * motion + NEWTON_STEPS * closing,
-            "numbers": 4 + 3 * self.kernels.n + self.kernels.m,
+            "numbers": 4 + 3 * self.kernels.n,
+            "inputs": self.kernels.inputs,
+            "outputs": list(self.kernels.model.outputs.values()),
+            "indices": [
+                ("q", labels(self.kernels.coordinates)),
+                ("p", labels(self.kernels.parameters)),
+                ("output", labels(tuple(self.kernels.model.outputs))),
+            ],
             "kernel_shapes": [
                 {"name": name, "inputs": program.inputs, "size": program.size} for name, program in programs.programs.items()
             ],
@@ -113,9 +161,28 @@ class Package:
             **program_records(self._motion_programs(), self.prefix, "motion"),
         }
 
+    def _costs(self, kernels: dict[str, int]) -> dict[str, object]:
+        """Operations of a step in C: as a rule, and at most, with every loop of the runtime taken to its end."""
+        told = re.findall(r"^/\* (\w+): (\d+) operations", "\n".join(self.recursion.values()), flags=re.MULTILINE)
+        found = {name: int(count) for name, count in told}
+        order = self._order
+        below = np.diff(order.column_start)
+        factor, solve = int(np.sum(below * (below + 3))), 4 * order.nonzeros + order.size
+        matrix = sum(kernels.get(name, 0) for name in ("mass", "phi_q", "nu", "gamma", "force", "energy")) + factor + solve
+        closing = kernels.get("phi", 0) + solve
+        usual = 5 * matrix + 3 * closing
+        most = 5 * (matrix + REFINEMENTS * 2 * solve) + POSITIONS * (closing + matrix) + VELOCITIES * 2 * solve
+        if found:
+            usual = 5 * found["derivative"] + 2 * (found["newton"] + found["velocities"])
+            most += 5 * found["derivative"] + 2 * POSITIONS * found["newton"] + VELOCITIES * found["velocities"]
+        return {"recursion": found, "by_matrix": matrix, "usual": usual, "most": most}
+
     def _motion_programs(self) -> list[Program]:
-        pairs = [pair for pair in (self.programs, self.tangents) if pair]
-        return [*(program for pair in pairs for program in (pair.closing, pair.motion)), *self.loads]
+        """What stands beside the kernels as functions."""
+        pairs = [self.full, self.tangents] if self.tangents else []
+        own = [program for pair in pairs for program in (pair.closing, pair.motion)]
+        outputs = [replace(assemble_outputs(self.sources.programs.equations), name="outputs_of")] if self.kernels.model.outputs else []
+        return [*own, *self.loads, *outputs]
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""
@@ -134,8 +201,7 @@ def package(model: Model) -> Package:
     sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
         raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
-    programs = assemble_full_motion(sources.programs.equations, sizes, kernels.holonomic)
-    return Package(sources, kernels, programs, sizes, start.q, start.qd, run.duration, freedom(kernels).dof)
+    return Package(sources, kernels, sizes, start.q, start.qd, run.duration, freedom(kernels).dof)
 
 
 def _simulation(kernels: Kernels) -> Run:
@@ -157,6 +223,25 @@ def _refusal(model: Model) -> str | None:
     if model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"
     return None
+
+
+@dataclass(frozen=True)
+class Label:
+    """What a number is called in C, and the user's words for it."""
+
+    label: str
+    text: str
+
+
+def labels(names: Sequence[str]) -> list[Label]:
+    """Names of constants in C, all of them different."""
+    found: dict[str, str] = {}
+    for name in names:
+        wish = label = identifier(name).upper()
+        while label in found:
+            label = f"{wish}_{len(found)}"
+        found[label] = name
+    return [Label(label, name) for label, name in found.items()]
 
 
 def renamed(text: str, prefix: str) -> str:

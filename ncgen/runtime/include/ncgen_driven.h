@@ -12,6 +12,12 @@
 extern "C" {
 #endif
 
+/* As much workspace as the functions below need at most, for arrays whose length the compiler has to know: n coordinates, m rows,
+ * nonzeros of mass and phi_q together, those of the elimination's factor, whether rows are redundant, and the width of the method's
+ * tableau. */
+#define NCGEN_DRIVEN_WORKSPACE(n, m, nonzeros, factor, redundant, width) \
+    (17 * (n) + 14 * (m) + 2 + (3 + (width)) * (2 * (n) + 1) + (nonzeros) + (factor) + (redundant) * ((n) * (m) + 4 * ((n) + (m))))
+
 /* begin cdef */
 
 /* A mechanism and how it moves; workspace: as many numbers as ncgen_driven_workspace tells; integers: 4 n_coordinates + 3 n_rows. */
@@ -37,7 +43,7 @@ typedef struct ncgen_moment {
 /* end cdef */
 /* begin functions */
 
-/* Reads model, dynamics and options. */
+/* Numbers of workspace; reads model, dynamics and options. */
 size_t ncgen_driven_workspace(const ncgen_driven *d);
 
 /* On to the time t_end > moment->t: with error control by as many steps as that takes, else by equal steps of at most

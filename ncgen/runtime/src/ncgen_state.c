@@ -82,8 +82,12 @@ void ncgen_begin(ncgen_run *r)
     s->largest_projection = s->next_step = 0;
     s->t = s->tried = r->start_t = r->from = r->times[0];
     r->rounding = 1;
-    for (volatile ncgen_scalar more = 2; more > 1; more = 1 + r->rounding / 2)
+    for (;;) {
+        const volatile ncgen_scalar more = 1 + r->rounding / 2;
+        if (!(more > 1))
+            break;
         r->rounding /= 2;
+    }
     if (r->driven) {
         ncgen_copy(r->model->n_parameters, r->p, r->driven);
         r->p = r->driven;

@@ -1,0 +1,37 @@
+"""A motion that goes on from call to call in C: its workspace fits the arrays that exports give it."""
+
+from __future__ import annotations
+
+import pytest
+
+import ncgen
+from ncgen.emit.runtime import runtime_text, widest_tableau
+from ncgen.exchange.examples import example_names
+from ncgen.mechanism.moving import Moving
+from ncgen.methods.method import Method
+from ncgen.solver import compiled
+from ncgen.solver.rank import freedom
+
+
+def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int) -> int:
+    """NCGEN_DRIVEN_WORKSPACE, read from the header."""
+    text = runtime_text("ncgen_driven.h").split("#define NCGEN_DRIVEN_WORKSPACE")[1]
+    formula = text[text.index("\\") + 1 : text.index("\n\n")]
+    return eval(formula, {}, {"n": n, "m": m, "nonzeros": nonzeros, "factor": factor, "redundant": redundant, "width": width})
+
+
+@pytest.mark.parametrize("name", example_names())
+@pytest.mark.parametrize("method", ["dop853", "rk4"])
+def test_workspace(name, method):
+    kernels = ncgen.compile(ncgen.load(name))
+    if compiled.refusal(kernels, Method.of("lagrange", method), "c", "double"):
+        pytest.skip("it does not run in C")
+    for form in ("dense", "emitted"):
+        dynamics = compiled.all_coordinates(kernels, form=form)
+        rank = freedom(kernels).rank
+        moving = Moving(dynamics, method, rank, 1e-8, 1e-10, None, 1e-12)
+        nonzeros = kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros
+        bound = most(kernels.n, kernels.m, nonzeros, dynamics.plan.nonzeros, int(rank < kernels.m), widest_tableau())
+        assert moving.workspace <= bound
+        if form == "emitted" and method == "dop853" and dynamics.is_emitted:
+            assert moving.workspace == bound  # nothing is given away where all of it is used
