@@ -16,7 +16,7 @@ from ncgen.solver.rank import freedom
 def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int) -> int:
     """NCGEN_DRIVEN_WORKSPACE, read from the header."""
     text = runtime_text("ncgen_driven.h").split("#define NCGEN_DRIVEN_WORKSPACE")[1]
-    formula = text[text.index("\\") + 1 : text.index("\n\n")]
+    formula = text[text.index("\\") + 1 : text.index("\n\n")].strip()
     return eval(formula, {}, {"n": n, "m": m, "nonzeros": nonzeros, "factor": factor, "redundant": redundant, "width": width})
 
 
