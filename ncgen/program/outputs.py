@@ -1,4 +1,8 @@
-"""The outputs of a mechanism as one program: outputs(t, q, qd, qdd, p) -> one number an output, in the model's order."""
+"""The outputs of a mechanism as a program and its tangent, one number an output, in the model's order.
+
+outputs(t, q, qd, qdd, p)                -> the outputs
+outputs_tangent(t, q, qd, qdd, p, seed)  -> how they change with seed = [dq; dq̇; dq̈; dp]
+"""
 
 from __future__ import annotations
 
@@ -12,6 +16,7 @@ from ncgen.model.outputs import Output
 from ncgen.model.values import as_sympy, is_number
 from ncgen.program.assemble import told_of
 from ncgen.program.blocks import Program
+from ncgen.program.derivatives import tangent
 from ncgen.program.lines import Lines
 from ncgen.program.lower import lower_value
 from ncgen.program.verify import verify
@@ -20,14 +25,19 @@ from ncgen.symbolic.numbering import Terms
 INPUTS = ("t", "q", "qd", "qdd", "p")
 
 
-def assemble_outputs(equations: Terms) -> Program:
-    """The program of all outputs. Raises ModelError where one mentions what the model does not have."""
+def assemble_outputs(equations: Terms) -> tuple[Program, Program]:
+    """Both programs. Raises ModelError where an output mentions what the model does not have."""
     lines = Lines(equations)
     nodes = [_node(lines, output) for output in equations.model.outputs.values()]
     program = lines.program("outputs", INPUTS, nodes)
-    n = len(equations.free)
-    verify(program, {"t": 1, "q": n, "qd": n, "qdd": n, "p": len(equations.parameters)})
-    return program
+    sizes = {"t": 1, **dict.fromkeys(("q", "qd", "qdd"), len(equations.free)), "p": len(equations.parameters)}
+    moved = [(array, k) for array in INPUTS[1:] for k in range(sizes[array])]
+    along = {lines.graph.load(*leaf): lines.graph.load("seed", k) for k, leaf in enumerate(moved)}
+    found = tangent(lines.graph, nodes, along)
+    slope = lines.program("outputs_tangent", (*INPUTS, "seed"), [found.get(node, lines.graph.const(0.0)) for node in nodes])
+    for each in (program, slope):
+        verify(each, sizes | {"seed": len(moved)})
+    return program, slope
 
 
 def _node(lines: Lines, output: Output) -> int:

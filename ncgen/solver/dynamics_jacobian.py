@@ -42,6 +42,15 @@ def acceleration_jacobians(
     return change[:, : kernels.n], change[:, kernels.n :]
 
 
+def input_accelerations(kernels: Kernels, now: Motion, p: np.ndarray, rows: np.ndarray) -> np.ndarray:
+    """∂q̈/∂u by the inputs, (n, inputs): they stand in forces alone, so that [M Φ_qᵀ; Φ_q 0] [dq̈; dλ] = [Q_u; 0] du. rows: those in use."""
+    columns, sizes, count = kernels.column_sizes, kernels.row_sizes[rows], len(kernels.inputs)
+    mass, unit = scaled_mass(kernels, now.q, now.t, p)
+    system = KKT(mass, kernels.jacobian(now.q, now.t, p)[rows] * columns / sizes[:, None], kernels)
+    balance = kernels.balance_p(now.q, now.qd, now.qdd, now.lam, now.t, p).toarray()[:, len(p) - count :]
+    return columns[:, None] * system.solve(-columns[:, None] * balance / unit, np.zeros((len(rows), count)))[0]
+
+
 def rate_slope(kernels: Kernels, now: Motion, p: np.ndarray | None = None) -> np.ndarray:
     """∂(Φ_q q̇ − ν)/∂q, (m, n): half of ∂Φ̈/∂q̇ for equations of position, whose Φ̈ is quadratic in q̇."""
     slope = kernels.phidd_qd(now.q, now.qd, now.t, p).toarray() / 2

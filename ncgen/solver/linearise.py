@@ -1,25 +1,32 @@
-"""Small motions beside a motion: the state matrix on independent coordinates, its eigenvalues and mode shapes."""
+"""Small motions beside a motion: the state matrix on independent coordinates, its eigenvalues and mode shapes; what inputs do to them and
+outputs see of them."""
 
 from __future__ import annotations
 
 import warnings
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.coordinate_partitioning import motion_at
-from ncgen.solver.dynamics_jacobian import independent_motions, partitioned_jacobian
+from ncgen.model.elements import rate_name
+from ncgen.solver.coordinate_partitioning import Motion, motion_at
+from ncgen.solver.dynamics_jacobian import acceleration_jacobians, independent_motions, input_accelerations, partitioned_jacobian
 from ncgen.solver.finite import watched
 from ncgen.solver.given import Given, checked_kernels
-from ncgen.solver.partition import choose_partitions
+from ncgen.solver.outputs import output_slopes
+from ncgen.solver.partition import Partitions, choose_partitions
 from ncgen.solver.position import solve_position
 from ncgen.solver.run import Initial
 from ncgen.solver.start import given_velocity
 from ncgen.solver.steady import drift
+
+if TYPE_CHECKING:
+    from scipy.signal import StateSpace
 
 ZERO = 1e-6
 """Eigenvalues below this, relative to the mechanism's rates, are zeros: places, headings and speeds that nothing holds."""
@@ -32,9 +39,10 @@ UNSTEADY = (
 
 @dataclass(frozen=True, eq=False)
 class Linearisation:
-    """ẋ = A x for x = [δz; δż], beside a position and velocity.
+    """ẋ = A x + B δu, δy = C x + D δu for x = [δz; δż], beside a position and velocity.
 
     matrix: A (positions + velocities)²; positions, velocities: names of the independent coordinates and velocities
+    B, C, D: by the model's inputs u and its outputs y, whose names are `inputs` and `outputs`
     shapes: δq = shapes δx (n, len(x)), over all `coordinates`
     steady: True beside an equilibrium, or a motion that a symmetry of the mechanism carries along (a wheel that rolls, a top that
         precesses): A is then that of a frame that moves along, in which nothing but small motions is left, and constant. Else A is
@@ -47,6 +55,31 @@ class Linearisation:
     coordinates: tuple[str, ...]
     shapes: np.ndarray
     steady: bool = True
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
+    B: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    C: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    D: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def A(self) -> np.ndarray:
+        """The same as `matrix`."""
+        return self.matrix
+
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of x: independent coordinates, then rates."""
+        return (*self.positions, *map(rate_name, self.velocities))
+
+    def state_space(self) -> StateSpace:
+        """As scipy.signal takes it: `scipy.signal.bode(found.state_space())`, poles, zeros, steps. Raises ModelError without inputs or
+        outputs."""
+        for kind, names in (("input", self.inputs), ("output", self.outputs)):
+            if not names:
+                raise ModelError(f"a state space has inputs and outputs: the model has no {kind}; declare it with m.{kind}")
+        from scipy.signal import StateSpace
+
+        return StateSpace(self.matrix, self.B, self.C, self.D)
 
     @cached_property
     def _pairs(self) -> tuple[np.ndarray, np.ndarray]:
@@ -108,6 +141,7 @@ def linearise(
     """Linearise at a position (default: the initial one) and a velocity (n,) (default: rest), which the constraints allow.
 
     z: names of the independent coordinates (default: the model's, else found by pivoting)
+    p: parameters, and inputs at the values about which they change
     Beside a motion that is not `steady` the matrix is that of this instant, with a warning. Exact, from the tangent kernels.
     q: numbers (n,) in m and rad, in the order of the coordinates, or {name: number}; qd likewise, per second, and p (n_p,); t: s
     Raises SingularError at a singular position, ModelError where a force of a Python function has no derivative and for what cannot be
@@ -132,4 +166,22 @@ def linearise(
     order = np.roll(np.arange(len(swapped)), len(positions))
     shapes = np.hstack([independent_motions(kernels, partitions, now, p)[0], np.zeros((kernels.n, len(velocities)))])
     names = partitions.position.names(kernels), partitions.velocity.names(kernels)
-    return Linearisation(swapped[np.ix_(order, order)], *names, kernels.coordinates, shapes, moving is not None)
+    ports = kernels.inputs, tuple(kernels.model.outputs), *_ports(kernels, partitions, now, p)
+    return Linearisation(swapped[np.ix_(order, order)], *names, kernels.coordinates, shapes, moving is not None, *ports)
+
+
+def _ports(kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """B, C and D: inputs push, and outputs see positions, velocities, accelerations and inputs."""
+    n, count, velocities = kernels.n, len(kernels.inputs), partitions.velocity.independent
+    pushed = input_accelerations(kernels, now, p, partitions.velocity.rows) if count else np.zeros((n, 0))
+    B = np.vstack([np.zeros((len(partitions.position.independent), count)), pushed[velocities]])
+    if not kernels.model.outputs:
+        return B, np.zeros((0, len(B))), np.zeros((0, count))
+    q_by_z, qd_by_zd, qd_by_z = independent_motions(kernels, partitions, now, p)
+    by_q, by_qd = acceleration_jacobians(kernels, now, p, partitions.velocity.rows)
+    dq = np.hstack([q_by_z, np.zeros((n, len(velocities)))])
+    dqd = np.hstack([qd_by_z, qd_by_zd])
+    moved = np.vstack([dq, dqd, by_q @ dq + by_qd @ dqd, np.zeros((len(p), len(B)))])
+    driven = np.vstack([np.zeros((2 * n, count)), pushed, np.eye(len(p))[:, len(p) - count :]])
+    C, D = (output_slopes(kernels, now.t, (now.q, now.qd, now.qdd), p, each.T) for each in (moved, driven))
+    return B, C, D

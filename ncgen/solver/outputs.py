@@ -12,8 +12,8 @@ from ncgen.model import Model
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import is_symbolic, symbols_in
 
-INPUTS = {"outputs": ("t", "q", "qd", "qdd", "p")}
-"""The program of `ncgen.program.outputs`, and what it takes."""
+INPUTS = {"outputs": ("t", "q", "qd", "qdd", "p"), "outputs_tangent": ("t", "q", "qd", "qdd", "p", "seed")}
+"""The programs of `ncgen.program.outputs`, and what they take."""
 
 
 def outputs_of(
@@ -26,6 +26,13 @@ def outputs_of(
     return np.array(found).reshape(len(found), len(kernels.model.outputs))
 
 
+def output_slopes(kernels: Kernels, t: float, state: Sequence[np.ndarray], p: np.ndarray, directions: np.ndarray) -> np.ndarray:
+    """How the outputs change along directions (k, 3 n + n_p) of q, q̇, q̈ and p at state = (q, q̇, q̈): (outputs, k)."""
+    function = _function(kernels)
+    found = [function("outputs_tangent", t, *state, p, np.ascontiguousarray(seed)) for seed in directions]
+    return np.array(found).reshape(len(directions), len(kernels.model.outputs)).T
+
+
 def _function(kernels: Kernels) -> Functions:
     return kernels.remember("outputs", (), lambda: _made(kernels))
 
@@ -33,8 +40,10 @@ def _function(kernels: Kernels) -> Functions:
 def _made(kernels: Kernels) -> Functions:
     from ncgen.program.outputs import assemble_outputs
 
-    sizes = {"outputs": len(kernels.model.outputs)}
-    return functions(kernels, "outputs", INPUTS, sizes, lambda: {"outputs": assemble_outputs(kernels.programs.equations)})
+    sizes = dict.fromkeys(INPUTS, len(kernels.model.outputs))
+    return functions(
+        kernels, "outputs", INPUTS, sizes, lambda: dict(zip(INPUTS, assemble_outputs(kernels.programs.equations), strict=True))
+    )
 
 
 def uses_accelerations(model: Model) -> bool:

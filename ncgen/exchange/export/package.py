@@ -181,7 +181,7 @@ class Package:
         """What stands beside the kernels as functions."""
         pairs = [self.full, self.tangents] if self.tangents else []
         own = [program for pair in pairs for program in (pair.closing, pair.motion)]
-        outputs = [replace(assemble_outputs(self.sources.programs.equations), name="outputs_of")] if self.kernels.model.outputs else []
+        outputs = [replace(assemble_outputs(self.sources.programs.equations)[0], name="outputs_of")] if self.kernels.model.outputs else []
         return [*own, *self.loads, *outputs]
 
     def unit(self, coordinate: str) -> str:
