@@ -102,6 +102,7 @@ typedef struct ncgen_model {
     ncgen_velocity_kernel *force;  /* n_coordinates: applied and velocity-dependent forces */
     ncgen_velocity_kernel *energy; /* 3: kinetic and potential energy (J), power of other forces (W) */
     ncgen_velocity_kernel *constraints; /* phi, then the values of phi_q, then gamma: quicker than one by one */
+    int n_inputs; /* the last of p: forces that change with time as whoever drives the mechanism says */
 } ncgen_model;
 
 /* Kernels that take accelerations qdd, and multipliers lam of the rows, too. */

@@ -12,7 +12,7 @@ import platform
 import sys
 import uuid
 import zipfile
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from ncgen.emit.environment import render
@@ -20,6 +20,7 @@ from ncgen.errors import NcgenError
 from ncgen.exchange.export.package import Package, renamed
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Spatial, Vector
+from ncgen.model.values import Input, Parameter
 from ncgen.program.full_loads import loaded_elements
 from ncgen.toolchain.cache import compiled
 
@@ -29,6 +30,7 @@ FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibili
 BASE_UNITS = {
     "s": 's="1"', "m": 'm="1"', "m/s": 'm="1" s="-1"', "m/s2": 'm="1" s="-2"', "rad": 'rad="1"', "rad/s": 'rad="1" s="-1"',
     "rad/s2": 'rad="1" s="-2"', "1": "", "1/s": 's="-1"', "1/s2": 's="-2"', "J": 'kg="1" m="2" s="-2"',
+    "kg": 'kg="1"', "kg m2": 'kg="1" m="2"', "N/m": 'kg="1" s="-2"', "N s/m": 'kg="1" s="-1"', "N m": 'kg="1" m="2" s="-2"',
     "N": 'kg="1" m="1" s="-2"', "N.m": 'kg="1" m="2" s="-2"', "W": 'kg="1" m="2" s="-3"',
 }  # fmt: skip
 
@@ -120,15 +122,24 @@ def _groups(package: Package) -> list[Group]:
         "POTENTIAL": ("potential energy", [Variable("potential", "J", "potential energy")]),
         "LAM": ("multipliers", [Variable(f"multiplier({i})", "", f"multiplier of row {i}: {r.label} ({r.owner})") for i, r in rows]),
         "LOAD": ("joint loads", [v for load in loaded_elements(package.sources.programs.equations) for v in _load(*load)]),
-        "P": ("parameters", [
-            Variable(p.name, p.unit, f"parameter {p.name}", "parameter", "tunable", "exact", float(x)) for p, x in parameters
-        ]),
+        "OUTPUT": ("outputs of the model", [Variable(o.label, o.unit, f"output {o.label}") for o in kernels.model.outputs.values()]),
+        "P": ("parameters, then inputs", [_given(p, float(x)) for p, x in parameters]),
     }  # fmt: skip
+    taken = [v.name for name, (_, variables) in lists.items() if name != "OUTPUT" for v in variables]
+    what, outputs = lists["OUTPUT"]
+    lists["OUTPUT"] = what, [replace(v, name=f"output({v.name})") if v.name in taken else v for v in outputs]
     groups, first = [], 0
     for name, (what, variables) in lists.items():
         groups.append(Group(name, what, first, variables))
         first += len(variables)
     return groups
+
+
+def _given(parameter: Parameter, default: float) -> Variable:
+    """What the unit is given: a number for long, or at every instant."""
+    if isinstance(parameter, Input):
+        return Variable(parameter.name, parameter.unit, f"input {parameter.name}", "input", "continuous", None, default)
+    return Variable(parameter.name, parameter.unit, f"parameter {parameter.name}", "parameter", "tunable", "exact", default)
 
 
 def _load(body: Body, element: Spatial) -> list[Variable]:

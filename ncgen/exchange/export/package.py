@@ -181,8 +181,15 @@ class Package:
         """What stands beside the kernels as functions."""
         pairs = [self.full, self.tangents] if self.tangents else []
         own = [program for pair in pairs for program in (pair.closing, pair.motion)]
-        outputs = [replace(assemble_outputs(self.sources.programs.equations)[0], name="outputs_of")] if self.kernels.model.outputs else []
-        return [*own, *self.loads, *outputs]
+        return [*own, *self.loads, *(self._outputs if self.tangents else self._outputs[:1])]
+
+    @cached_property
+    def _outputs(self) -> list[Program]:
+        """What the model's outputs are, and how they change; [] without any."""
+        if not self.kernels.model.outputs:
+            return []
+        found = assemble_outputs(self.sources.programs.equations)
+        return [replace(program, name=name) for program, name in zip(found, ("outputs_of", "outputs_slope"), strict=True)]
 
     def unit(self, coordinate: str) -> str:
         """Unit of a free coordinate: m, rad, or 1 for a component of a unit vector."""
