@@ -3,12 +3,13 @@
 The state space of `ncgen.linearise` with the input held over a step gives the gains of a linear-quadratic regulator. They hold the pole
 upright from 0.3 rad, though the mechanism is not linear; `ncgen.start` moves it from millisecond to millisecond.
 
-    python examples/cartpole/controller.py [--plot FILE]
+    python examples/cartpole/controller.py [--time] [--plot FILE]
 """
 
 from __future__ import annotations
 
 import sys
+import time
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -53,6 +54,19 @@ def balance(kernels: Kernels, lean: float = LEAN, integrator: str = "auto") -> d
     return dict(zip(("t", "F", *names), np.array(rows).T, strict=True))
 
 
+def cost(kernels: Kernels, integrator: str) -> tuple[float, int]:
+    """Microseconds of a step of 1 ms with an input, the best of 20 seconds of motion, and how many state derivatives it takes."""
+    sim = ncgen.start(kernels, integrator=integrator)
+    began, best = sim.state, np.inf
+    for _ in range(20):
+        sim.reset(began)
+        clock = time.perf_counter()
+        for _ in range(1000):
+            sim.step(PERIOD, F=0.5)
+        best = min(best, time.perf_counter() - clock)
+    return 1e3 * best, sim.evaluations
+
+
 def plot(found: dict[str, np.ndarray], file: str) -> None:
     import matplotlib
 
@@ -75,5 +89,9 @@ if __name__ == "__main__":
     for t in (0.0, 0.5, 1.0, 2.0, SECONDS - PERIOD):
         k = round(t / PERIOD)
         print(f"t = {t:5.3f} s  phi = {found['phi'][k]:9.6f} rad  s = {found['s'][k]:9.6f} m  F = {found['F'][k]:9.4f} N")
+    if "--time" in sys.argv:
+        for integrator in ("auto", "dopri5", "rk4"):
+            microseconds, evaluations = cost(kernels, integrator)
+            print(f"{integrator:7s} {microseconds:6.2f} µs a step, of {evaluations} state derivatives")
     if "--plot" in sys.argv:
         plot(found, sys.argv[sys.argv.index("--plot") + 1])

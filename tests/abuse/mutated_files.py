@@ -274,6 +274,7 @@ def _argument(chance, kind: str, names: dict[str, list[str]]) -> str:
         "Values": [f"[{value}, 0, 1]", f"[{value}, 0]", "[0, 0, 1]", f"[{value}, {value}, {value}]", "[1, 0, 0]"],
         "Tensor": [value, "[1, 1, 1]", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[[{value}, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[{value}, 1, 1]"],
         "Expression": [moving],
+        "Driven": [moving],
         "Expressions": [f"[{number}, {moving}, 0]", f"[{value}, 0, 1]"],
         "Law": ['"2*x - v"', moving, value],
         "Point": [f'"{one}"'],

@@ -71,11 +71,37 @@ int main(void)
 """
 
 
+IN_CPP = r"""
+#include <cstdio>
+#include "cartpole.hpp"
+int main()
+{
+    cartpole::mechanism m;
+    auto &q = m.state.q, &qd = m.state.qd;
+    for (int i = 0; i < 1000; ++i) {
+        m.p[CARTPOLE_P_F] = 19.8 * q[CARTPOLE_Q_S] - 94.8 * q[CARTPOLE_Q_PHI] + 18.8 * qd[CARTPOLE_Q_S] - 21.0 * qd[CARTPOLE_Q_PHI];
+        m.step(1e-3);
+    }
+    std::printf("%.17g %.17g %.17g %.17g %.17g\n", q[CARTPOLE_Q_S], q[CARTPOLE_Q_PHI], qd[CARTPOLE_Q_S], qd[CARTPOLE_Q_PHI],
+        m.outputs()[CARTPOLE_OUTPUT_TIP_HEIGHT]);
+    const auto kept = m.state.t;
+    try {
+        m.advance(-1.0);
+        return 1;
+    } catch (const std::runtime_error &) {
+        return m.state.t != kept || m.multipliers().size() != CARTPOLE_N_ROWS || !(m.energies()[0] >= 0);
+    }
+}
+"""
+
+
 def test_in_c_and_cpp(folder, expected):
     place = folder("c")
     (place / "examples/main.c").write_text(IN_C)
     check(list(map(float, shell("make -s main && ./main", place).split())), expected)
-    shell("g++ -x c++ -std=c++17 -O1 -Iinclude examples/main.c -x none libcartpole.a -o cpp", place)
+    (place / "main.cpp").write_text(IN_CPP)
+    flags = "-Wall -Wextra -Wpedantic -Wconversion -Wshadow -Werror"
+    shell(f"g++ -std=c++11 -O1 {flags} -Iinclude main.cpp libcartpole.a -o cpp", place)
     check(list(map(float, shell("./cpp", place).split())), expected)
 
 

@@ -22,6 +22,7 @@ def files(package: Package) -> dict[str, str]:
         f"{prefix}.pc.in": filled("package.pc.in"),
         f"{prefix}Config.cmake.in": filled("Config.cmake.in"),
         **sources,
+        f"include/{prefix}.hpp": filled("motion.hpp"),
         f"single/{prefix}_single.h": single_header(package),
         "examples/main.c": filled("main.c"),
         "examples/realtime.c": filled("realtime.c"),
