@@ -13,7 +13,6 @@ import time
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
-from scipy.signal import cont2discrete
 
 import ncgen
 from ncgen.mechanism.kernels import Kernels
@@ -32,8 +31,8 @@ SECONDS = 4.0
 
 def gains(kernels: Kernels) -> np.ndarray:
     """F = −gains · [s, phi, rate(s), rate(phi)] in N: the regulator with the input held for a period."""
-    found = ncgen.linearise(kernels)
-    A, B, *_ = cont2discrete((found.A, found.B, found.C, found.D), PERIOD)
+    held = ncgen.linearise(kernels).state_space().to_discrete(PERIOD)
+    A, B = np.asarray(held.A), np.asarray(held.B)
     X = solve_discrete_are(A, B, COSTS, [[0.05]])
     return np.linalg.solve(B.T @ X @ B + 0.05, B.T @ X @ A)[0]
 
