@@ -12,7 +12,7 @@ import sys
 import time
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are
 
 import ncgen
 from ncgen.mechanism.kernels import Kernels
@@ -31,8 +31,10 @@ SECONDS = 4.0
 
 def gains(kernels: Kernels) -> np.ndarray:
     """F = −gains · [s, phi, rate(s), rate(phi)] in N: the regulator with the input held for a period."""
-    held = ncgen.linearise(kernels).state_space().to_discrete(PERIOD)
-    A, B = np.asarray(held.A), np.asarray(held.B)
+    near = ncgen.linearise(kernels)
+    n = len(near.A)
+    held = expm(PERIOD * np.vstack([np.hstack([near.A, near.B]), np.zeros((1, n + 1))]))
+    A, B = held[:n, :n], held[:n, n:]
     X = solve_discrete_are(A, B, COSTS, [[0.05]])
     return np.linalg.solve(B.T @ X @ B + 0.05, B.T @ X @ A)[0]
 
