@@ -2,7 +2,7 @@
 
     2*L + 0.1        -k*(psi - psi0) - c*rate(psi)        sin(omega*t)        B.x**2
 
-Numbers, names, + - * / **, parentheses, the functions of ncgen.program.functions, and rate(…). A text that
+Numbers, names, + - * / **, parentheses, the functions of ncgen.program.functions, min and max of two, and rate(…). A text that
 is anything else is refused with the part that is not understood.
 
 The size of what a text says is measured on its syntax tree, before anything is computed: sympy keeps exact numbers
@@ -22,6 +22,7 @@ from typing import TYPE_CHECKING
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS, check_expression
+from ncgen.model.kinks import CHOICES, without_kinks
 from ncgen.program.functions import FUNCTIONS
 
 if TYPE_CHECKING:
@@ -152,6 +153,9 @@ class _Measure:
             return self._chain(node, level)
         if isinstance(node, ast.Call) and (name := dotted(node.func)) in FUNCTIONS:
             return self._call(node, name, [self.size(a, level + 1) for a in node.args])
+        if isinstance(node, ast.Call) and dotted(node.func) in CHOICES:
+            inner = [self.size(a, level + 3) for a in node.args]  # each stands there three times: by itself and in two weights
+            return Size(None, 3 * sum(s.digits for s in inner), 3 * sum(s.growth for s in inner), _functions(inner) | {"sign"})
         return Size(CONSTANTS.get(dotted(node) or ""), 1)  # a name, or what is refused when it is read
 
     def _chain(self, node: ast.BinOp, level: int) -> Size:
@@ -267,9 +271,13 @@ class _Reader:
                 part = shortened(_source(node, self.text), SHOWN)
                 raise UnknownName(f"{quoted(self.text)}: {part}: there is no coordinate of that name", inner or "")
             return sympy.Symbol(rate_name(inner), real=True)
+        if function in CHOICES and len(node.args) == 2:
+            return without_kinks(getattr(sympy, CHOICES[function])(*map(self.read, node.args)), quoted(self.text))
         if function not in FUNCTIONS or len(node.args) != FUNCTIONS[function].arity:
             part = shortened(_source(node.func, self.text), SHOWN)
-            raise ModelError(f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {', '.join(FUNCTIONS)}, rate")
+            raise ModelError(
+                f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {', '.join((*FUNCTIONS, *CHOICES))}, rate"
+            )
         return getattr(sympy, FUNCTIONS[function].sympy)(*map(self.read, node.args))
 
     def _name(self, name: str) -> Expr:

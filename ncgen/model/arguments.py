@@ -16,6 +16,7 @@ from ncgen.errors import SHOWN, ModelError, UnknownName, shortened, shown
 from ncgen.model.bodies import Body
 from ncgen.model.elements import AXES, Combination, Component, Constant, Element, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.expressions import check_expression, is_symbolic, symbols_in
+from ncgen.model.kinks import without_kinks
 from ncgen.model.names import LAW, check_name, normal
 from ncgen.model.rows import Owner
 from ncgen.model.values import LARGEST, Expression, Parameter, Scalar, Value, as_sympy, as_value, evaluate, is_number
@@ -132,7 +133,7 @@ def expression(given: object, where: str) -> Scalar:
         if not is_number(found):
             raise ModelError(f"{where}: {shown(given)} is not an expression; give a number, or one of coordinates, m.time and parameters")
         return as_value(found, where)
-    return check_expression(found, where)
+    return without_kinks(check_expression(found, where), where)
 
 
 def _law(model: Contents, given: object, where: str) -> Expression:

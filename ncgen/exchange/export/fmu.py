@@ -76,7 +76,7 @@ def fmu(package: Package, version: int) -> bytes:
         "groups": groups,
         "end": len(variables),
         "variables": variables,
-        "outputs": [i for i, v in enumerate(variables) if v.causality == "output"],
+        "output_places": [i for i, v in enumerate(variables) if v.causality == "output"],
         "derivatives": [i for i, v in enumerate(variables) if v.derivative is not None],
         "initial_unknowns": [i for i, v in enumerate(variables) if v.initial in ("approx", "calculated")],
         "units_used": {v.unit: BASE_UNITS.get(v.unit) for v in variables if v.unit},
