@@ -89,8 +89,13 @@ class Kernels(ABC):
         vars(other).update(vars(self))
         return other
 
-    def driven_by(self, drive: Drive) -> Kernels:
-        """Other kernels on the same library whose inputs are those of the time that they are called with; drive(t, p) puts them into p."""
+    def driven_by(self, drive: Drive | None) -> Kernels:
+        """Other kernels on the same library whose inputs are those of the time that they are called with; drive(t, p) puts them into p.
+
+        None for kernels that read their inputs where p has them, as all do at first.
+        """
+        if drive is self._drive:
+            return self
         other = copy(self)
         other._drive = drive
         return other

@@ -13,7 +13,6 @@ import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.path import Path
-from ncgen.solver.signals import driven
 from ncgen.solver.task import Task
 
 Engine: TypeAlias = Callable[[Path, Kernels, Task], None]
@@ -38,7 +37,7 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> Non
         times = np.unique(np.concatenate([[start], grid[(grid > start) & (grid < end)], [end]]))
         here = replace(task, grid=times, q=q, velocities=velocities)
         try:
-            engine(part, driven(kernels, task.signals.begun_at(float(start))), here)
+            engine(part, kernels.driven_by(task.signals.begun_at(float(start))), here)
         finally:
             _take_over(path, part, times, grid, work)
         if part.stopped is not None:

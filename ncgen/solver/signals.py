@@ -12,7 +12,6 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import DomainError, ModelError
 from ncgen.mechanism.driving import Function, Pieces
-from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.given import Outline, echo, finite, known_name, several
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
@@ -98,11 +97,6 @@ def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndar
         else:
             p[len(p) - len(names) + place] = finite(signal, f"inputs: {name}")
     return Signals(kernels.name, names, tuple(told)) if any(told) else None
-
-
-def driven(kernels: Kernels, signals: Signals | None) -> Kernels:
-    """The same kernels, which read their inputs from signals."""
-    return kernels.driven_by(signals) if signals else kernels
 
 
 def _table(given: Sequence[object], where: str) -> Pieces:

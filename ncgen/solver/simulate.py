@@ -23,7 +23,7 @@ from ncgen.solver.position import CONSISTENT
 from ncgen.solver.rank import freedom
 from ncgen.solver.run import EMITTED, Form, Run
 from ncgen.solver.segments import in_segments
-from ncgen.solver.signals import Signal, driven
+from ncgen.solver.signals import Signal
 from ncgen.solver.start import Start, begin
 from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
@@ -110,7 +110,7 @@ def simulate(
         max_step=max_step, engine=engine, number=number, options=options, stop=stop, progress=progress, q0=q0, zd0=zd0, qd0=qd0, z=z,
         p=p, t0=t0, closing=closing, inputs=inputs,
     )  # fmt: skip
-    kernels = driven(kernels, run.signals)
+    kernels = kernels.driven_by(run.signals)
     choice = choose(run)
     start = begin(kernels, run.initial, partitioned=not choice.method.is_constrained)
     if not choice.method.is_constrained and (freedom := kernels.n - kernels.m) > MANY:

@@ -63,7 +63,9 @@ def start(
     initial: where it starts, as of `simulate`: q0, zd0, qd0, z, p, t0, closing
     Raises ModelError where the mechanism cannot move in C alone, and what `simulate` raises of a start.
     """
-    return Simulation(checked_kernels(kernels), integrator, positive(rtol, "rtol"), atol, inputs or {}, Initial.asked(kernels, **initial))
+    return Simulation(
+        checked_kernels(kernels).driven_by(None), integrator, positive(rtol, "rtol"), atol, inputs or {}, Initial.asked(kernels, **initial)
+    )
 
 
 class Simulation:

@@ -119,6 +119,18 @@ def test_a_driven_run_travels(slider):
     assert np.array_equal(arrived.qdd, run.qdd)
 
 
+def test_kernels_of_a_driven_run_begin_without_its_signals(slider):
+    """What one run was driven by drives no other one."""
+    run = ncgen.simulate(slider, 0.5, inputs={"F": lambda t: 5.0})
+    again = ncgen.simulate(run.kernels, 0.5, points=3)
+    assert np.max(np.abs(again["s"])) < 1e-15
+    assert np.array_equal(again["F"], np.zeros(3))
+    sim = ncgen.start(run.kernels)
+    sim.step(0.1)
+    assert abs(sim["s"]) < 1e-15
+    assert sim.outputs["pull"] == pytest.approx(0.0, abs=1e-12)
+
+
 def test_joint_loads_feel_the_input(slider):
     """The couple along the slide is no load of a joint, so nothing else pulls on the block along x."""
     run = ncgen.simulate(slider, 0.5, inputs={"F": lambda t: 5.0 + t}, points=3)
