@@ -112,7 +112,7 @@ s, phi = (cartpole.COORDINATES.index(name) for name in ("s", "phi"))
 for _ in range(1000):
     motion.p = [19.8 * motion.q[s] - 94.8 * motion.q[phi] + 18.8 * motion.qd[s] - 21.0 * motion.qd[phi]]
     motion.step(1e-3)
-print(motion.q[s], motion.q[phi], motion.qd[s], motion.qd[phi], motion.q[cartpole.COORDINATES.index("B.y")])
+print(motion.q[s], motion.q[phi], motion.qd[s], motion.qd[phi], motion.outputs["tip height"])
 """
 
 
@@ -130,12 +130,12 @@ IN_JAVASCRIPT = """
 import { readFile } from "node:fs/promises";
 import { Cartpole } from "./cartpole.js";
 const m = await Cartpole.load(await readFile("cartpole.wasm"));
-const [s, phi, y] = ["s", "phi", "B.y"].map((name) => NAMES.indexOf(name));
+const [s, phi] = ["s", "phi"].map((name) => NAMES.indexOf(name));
 for (let i = 0; i < 1000; ++i) {
   m.p[0] = 19.8 * m.q[s] - 94.8 * m.q[phi] + 18.8 * m.qd[s] - 21.0 * m.qd[phi];
   m.step(1e-3);
 }
-console.log(JSON.stringify([m.q[s], m.q[phi], m.qd[s], m.qd[phi], m.q[y]]));
+console.log(JSON.stringify([m.q[s], m.q[phi], m.qd[s], m.qd[phi], m.outputs()["tip height"]]));
 """
 
 

@@ -181,10 +181,10 @@ class Package:
         """What stands beside the kernels as functions."""
         pairs = [self.full, self.tangents] if self.tangents else []
         own = [program for pair in pairs for program in (pair.closing, pair.motion)]
-        return [*own, *self.loads, *(self._outputs if self.tangents else self._outputs[:1])]
+        return [*own, *self.loads, *(self.outputs if self.tangents else self.outputs[:1])]
 
     @cached_property
-    def _outputs(self) -> list[Program]:
+    def outputs(self) -> list[Program]:
         """What the model's outputs are, and how they change; [] without any."""
         if not self.kernels.model.outputs:
             return []

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from ncgen.emit.environment import render
+from ncgen.emit.numpy.files import function_files
 from ncgen.exchange.export.package import Package
 from ncgen.toolchain.abi import marked
 
@@ -32,6 +33,7 @@ def python_files(package: Package, compiled: bool) -> dict[str, str]:
     }
     if not compiled:
         (kernels,) = package.sources.numpy.values()
-        return files | {f"{name}/kernels.py": kernels}
+        seen = function_files(package.outputs[:1], package.sources.programs.equations, "outputs").values() if package.outputs else ()
+        return files | {f"{name}/kernels.py": kernels, **{f"{name}/outputs.py": text for text in seen}}
     sources = {f"src/{file}": text for file, text in package.c.items()}
     return files | {file: filled(file) for file in ("setup.py", "interface.py")} | sources

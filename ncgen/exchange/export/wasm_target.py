@@ -10,7 +10,7 @@ from ncgen.exchange.export.package import Package
 def files(package: Package) -> dict[str, str | bytes]:
     """{file name: contents}."""
     prefix, programs = package.prefix, package.sources.programs.programs
-    motion = (package.full.closing, package.full.motion)
+    motion = (package.full.closing, package.full.motion, *package.outputs[:1])
     binary = module([*programs.values(), *motion], prefix)
     records = package.records | {
         "title": prefix[0].upper() + prefix[1:],
