@@ -23,10 +23,10 @@ const bytes = readFileSync("%.wasm");
 const m = await @.load(bytes);
 const imports = WebAssembly.Module.imports(await WebAssembly.compile(bytes));
 const kept = m.state;
-for (let i = 0; i < 100; ++i) m.step(1 / 8192);
+for (let i = 0; i < 100; ++i) m.step(1 / 65536);
 const moved = m.state;
 m.state = kept;
-for (let i = 0; i < 100; ++i) m.step(1 / 8192);
+for (let i = 0; i < 100; ++i) m.step(1 / 65536);
 const again = m.state.every((x, i) => x === moved[i]);
 let said = "";
 try { m.step(1e8); } catch (error) { said = error.message; }
@@ -50,7 +50,7 @@ int main(void)
     double p[100];
     @_defaults(p);
     if (@_start(&s, p)) return 1;
-    for (int i = 0; i < 100; ++i) if (@_step(&s, p, 1.0 / 8192)) return 2;
+    for (int i = 0; i < 100; ++i) if (@_step(&s, p, 1.0 / 65536)) return 2;
     for (int i = 0; i < 2 * N; ++i) printf("%.17g\n", s.q[i]);
     return 0;
 }
@@ -71,7 +71,7 @@ def test_as_native(fresh, name):
     (folder / "use.mjs").write_text(lists + script)
     found = json.loads(shell("node use.mjs", folder))
     assert {imported["module"] for imported in found["imports"]} <= {"Math"} and found["again"] and found["stayed"]
-    assert found["said"].startswith(f"{name.capitalize()}, t = 0.01220703125 s: ")
+    assert found["said"].startswith(f"{name.capitalize()}, t = 0.00152587890625 s: ")
     native = fresh(name)
     (native / "examples/main.c").write_text(f"enum {{ N = {kernels.n} }};\n{NATIVE.replace('@', name)}")
     expected = np.array(shell("make -s CFLAGS='-O1 -ffp-contract=off' && ./main", native).split(), dtype=float)
