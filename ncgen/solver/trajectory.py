@@ -254,23 +254,29 @@ class Trajectory:
     # -- files ---------------------------------------------------------------------------------
 
     def to_npz(self, path: str | os.PathLike[str]) -> Path:
-        """Write all arrays and names as a NumPy archive; returns the path. Raises NcgenError if it cannot."""
+        """Write all arrays and names as a NumPy archive, inputs and outputs (K, …) of a model that has them too; returns the path. Raises
+        NcgenError if it cannot."""
         from ncgen.emit.sources import write_bytes
 
         buffer = io.BytesIO()
+        ports = {"inputs": self.inputs, "outputs": self.outputs}
+        told: dict[str, Any] = {kind: np.array([*values.values()]).T for kind, values in ports.items() if values}
+        told |= {f"{kind[:-1]}_names": np.array([*values], dtype=str) for kind, values in ports.items() if values}
         np.savez(
             buffer, t=self.t, q=self.q, qd=self.qd, qdd=self.qdd, lam=self.lam, work=self.work, p=self.p,
             coordinates=np.array(self.coordinates, dtype=str), parameters=np.array(self.kernels.parameters, dtype=str),
             rows=np.array([r.label for r in self.model.rows], dtype=str), independent=np.array(self.independent, dtype=str),
+            **told,
         )  # fmt: skip
         return write_bytes(_path(path), buffer.getvalue())
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
-        """Write t, coordinates and velocities with a header line, every digit; returns the path."""
+        """Write t, coordinates, velocities, inputs and outputs with a header line, every digit; returns the path."""
         from ncgen.emit.sources import write_text
 
-        header = ",".join(["t", *self.coordinates, *(f"rate({c})" for c in self.coordinates)])
-        table = np.column_stack([self.t, self.q, self.qd])
+        ports = self.inputs | self.outputs
+        header = ",".join(["t", *self.coordinates, *(f"rate({c})" for c in self.coordinates), *map(_cell, ports)])
+        table = np.column_stack([self.t, self.q, self.qd, *ports.values()])
         lines = [header] + [",".join(map(repr, row)) for row in table.tolist()]
         return write_text(_path(path), "\n".join(lines) + "\n")
 
@@ -304,3 +310,8 @@ def _path(path: str | os.PathLike[str]) -> Path:
     if not str(path):
         raise NcgenError("an empty path was given; name a file")
     return Path(path)
+
+
+def _cell(label: str) -> str:
+    """A label as a cell of a table: in quotes where a comma or a quote would end it."""
+    return '"' + label.replace('"', '""') + '"' if set(label) & set(',"') else label

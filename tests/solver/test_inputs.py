@@ -131,6 +131,18 @@ def test_kernels_of_a_driven_run_begin_without_its_signals(slider):
     assert sim.outputs["pull"] == pytest.approx(0.0, abs=1e-12)
 
 
+def test_files_keep_inputs_and_outputs(slider, tmp_path):
+    run = ncgen.simulate(slider, 0.5, inputs={"F": lambda t: 5.0 + t}, points=4)
+    kept = np.load(run.to_npz(tmp_path / "run.npz"))
+    assert kept["input_names"].tolist() == ["F"]
+    assert kept["output_names"].tolist() == ["place", "pull"]
+    assert np.array_equal(kept["inputs"][:, 0], run["F"])
+    assert np.array_equal(kept["outputs"][:, 1], run["pull"])
+    text = run.to_csv(tmp_path / "run.csv").read_text().splitlines()
+    assert text[0].split(",")[-3:] == ["F", "place", "pull"]
+    assert float(text[-1].split(",")[-3]) == run["F"][-1]
+
+
 def test_joint_loads_feel_the_input(slider):
     """The couple along the slide is no load of a joint, so nothing else pulls on the block along x."""
     run = ncgen.simulate(slider, 0.5, inputs={"F": lambda t: 5.0 + t}, points=3)
