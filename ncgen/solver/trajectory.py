@@ -179,6 +179,8 @@ class Trajectory:
     @cached_property
     def outputs(self) -> dict[str, np.ndarray]:
         """{label: (K,)} of the model's outputs over time."""
+        if not self.model.outputs:
+            return {}
         qdd = self.qdd if uses_accelerations(self.model) else np.zeros_like(self.q)
         found = outputs_of(self.kernels, self.t, self.q, self.qd, qdd, self.p)
         return dict(zip(self.model.outputs, found.T, strict=True))
