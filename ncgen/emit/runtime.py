@@ -64,6 +64,14 @@ def runtime_text(name: str) -> str:
     return next((place for place in places if place.is_file()), places[0]).read_text(encoding="utf-8")
 
 
+def constant_of(source: str, name: str) -> int:
+    """A whole number that a source of the library names in an enum, such as the last turn of a loop. Raises KeyError where it has none."""
+    found = re.search(rf"\b{name} = (\d+)", runtime_text(source))
+    if not found:
+        raise KeyError(name)
+    return int(found[1])
+
+
 def widest_tableau() -> int:
     """Slopes that the largest of the explicit methods keeps."""
     return _methods()["width"]

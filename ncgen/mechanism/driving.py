@@ -9,6 +9,7 @@ from types import TracebackType
 
 import numpy as np
 
+from ncgen.mechanism.library import STATUS
 from ncgen.toolchain.abi import InC, Interface, Number, runtime_abi
 
 
@@ -82,8 +83,4 @@ def _asked(number: str) -> InC:
     def keep(kind: type[BaseException], raised: BaseException, traceback: TracebackType) -> None:
         ffi.from_handle(traceback.tb_frame.f_locals["context"]).raised = raised
 
-    return ffi.callback("ncgen_inputs *", ask, error=INTERRUPTED, onerror=keep)
-
-
-INTERRUPTED = 6
-"""NCGEN_INTERRUPTED: ends a run at its last accepted state."""
+    return ffi.callback("ncgen_inputs *", ask, error=STATUS.index("interrupted"), onerror=keep)

@@ -64,7 +64,7 @@ class Kernels(ABC):
         self.parameters: tuple[str, ...] = tuple(self.model.numbers)
         self.inputs: tuple[str, ...] = tuple(self.model.inputs)
         self.q0 = constant(np.array([c.initial for c in programs.equations.free]))
-        self.p0 = constant(np.array([evaluate(v, self.model.numbers, v.name) for v in self.model.numbers.values()]))
+        self.p0 = constant(np.array([number.default for number in self.model.numbers.values()], dtype=float))
         self.phi_q_pattern = programs.phi_q
         self.mass_pattern = programs.mass
         self._known: dict[str, dict[Hashable, Any]] = {}

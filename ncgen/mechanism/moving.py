@@ -17,7 +17,7 @@ class Moving:
 
     q, qd, qdd (n,): position, velocities and accelerations (m, rad, and per second); p (n_p,): parameters and inputs; all but qdd may be
         written to
-    t: s; work: J; steps, evaluations: of the last call of `go_on`
+    t: s; work: J; evaluations: of the last call of `go_on`
     """
 
     def __init__(
@@ -78,10 +78,6 @@ class Moving:
     def workspace(self) -> int:
         """Numbers that C works in."""
         return len(self._workspace)
-
-    @property
-    def steps(self) -> int:
-        return self._statistics.steps
 
     @property
     def evaluations(self) -> int:

@@ -68,7 +68,7 @@ class Contents:
 
     def bearer(self, word: str) -> Element | Parameter | Component | None:
         """What has this name: an element, a parameter, or a coordinate of an element; None if nothing has."""
-        found = self.elements.get(word) or self.numbers.get(word)
+        found = self.elements.get(word) or self.parameters.get(word) or self.inputs.get(word)
         owner, _, axis = word.rpartition(".")
         if found is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
             return getattr(self.elements[owner], axis)

@@ -63,6 +63,11 @@ def rate_name(coordinate: str) -> str:
     return f"rate({coordinate})"
 
 
+def coordinate_of(name: str) -> str:
+    """The coordinate that a name speaks of: itself, or the one of `rate(name)`."""
+    return name[5:-1] if name.startswith("rate(") and name.endswith(")") else name
+
+
 class Element:
     """What points, vectors and angles share: a name and one or three components.
 

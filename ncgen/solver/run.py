@@ -33,7 +33,6 @@ from ncgen.methods.table import (
 )
 from ncgen.model import Model
 from ncgen.model.elements import Component
-from ncgen.model.values import evaluate
 from ncgen.solver import given
 from ncgen.solver.given import ECHOED, Given, Outline, checked_kernels, finite, known_name, names_of, offer, parameters, position
 from ncgen.solver.position import CONSISTENT
@@ -271,7 +270,7 @@ class _Plan:
 def outline(subject: Kernels | Model) -> Outline:
     """Names, sizes and defaults of a mechanism: the kernels themselves, or as much of a model. Raises ModelError for anything else."""
     if isinstance(subject, Model):
-        values = [evaluate(v, subject.numbers, v.name) for v in subject.numbers.values()]
+        values = [number.default for number in subject.numbers.values()]
         return _Plan(subject, tuple(c for c in subject.components if not c.fixed), np.array(values, dtype=float))
     return checked_kernels(subject)
 

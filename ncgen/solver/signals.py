@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, get_args
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -16,7 +16,7 @@ from ncgen.solver.given import Outline, echo, finite, known_name, several
 
 Hold: TypeAlias = Literal["zero", "linear", "cubic"]
 
-HOLDS: tuple[Hold, ...] = ("zero", "linear", "cubic")
+HOLDS: tuple[Hold, ...] = get_args(Hold)
 """Between the instants of a table: the value before holds; straight lines; a cubic spline."""
 
 Signal: TypeAlias = "float | Callable[[float], float] | tuple[ArrayLike, ArrayLike] | tuple[ArrayLike, ArrayLike, Hold]"

@@ -19,6 +19,7 @@ from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO, INTEGRATORS, find_integrator
+from ncgen.model.elements import coordinate_of
 from ncgen.solver import compiled
 from ncgen.solver.choice import ALL, EXPLICIT
 from ncgen.solver.finite import on_the_way
@@ -27,7 +28,7 @@ from ncgen.solver.outputs import outputs_of, uses_accelerations
 from ncgen.solver.rank import freedom
 from ncgen.solver.run import Initial, InitialArguments
 from ncgen.solver.start import begin
-from ncgen.solver.tolerances import NEAR_ZERO
+from ncgen.solver.tolerances import NEAR_ZERO, Tolerances
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,8 +88,8 @@ class Simulation:
         form = "emitted" if compiled.is_written_out(kernels, method) else "dense"
         here = begin(kernels, at, partitioned=False)
         rank = freedom(kernels, here.q, at.t, here.p).rank
-        sizes = np.concatenate([kernels.column_sizes, kernels.column_sizes, [1.0]]) if atol is None else None
         least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
+        sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
         from ncgen.mechanism.moving import Moving
 
         dynamics = compiled.all_coordinates(kernels, form=form)
@@ -197,8 +198,8 @@ class Simulation:
         index = self.kernels.index
         if name in index:
             return float(self.q[index[name]])
-        if isinstance(name, str) and name.startswith("rate(") and name[5:-1] in index:
-            return float(self.qd[index[name[5:-1]]])
+        if isinstance(name, str) and coordinate_of(name) in index:
+            return float(self.qd[index[coordinate_of(name)]])
         if name in self._places:
             return float(self._now.p[self._places[name]])
         if name in self.kernels.model.outputs:

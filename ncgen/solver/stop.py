@@ -11,6 +11,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.methods.table import is_real
+from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import Outline
 
 State = TypeVar("State", bound=tuple[Any, ...])
@@ -62,7 +63,7 @@ def stop_at(kernels: Outline, wanted: Mapping[str, Any] | None) -> Stop | None:
     if not isinstance(wanted, dict) or len(wanted) != 1:
         raise ModelError(f'stop: {wanted!r} given; it is one coordinate and its value, {{"{kernels.coordinates[0]}": 0.0}}')
     ((name, condition),) = wanted.items()
-    inner = name[5:-1] if str(name).startswith("rate(") and name.endswith(")") else name
+    inner = coordinate_of(name) if isinstance(name, str) else name
     if inner not in kernels.index:
         raise ModelError(f"stop at {name}: {kernels.name} has no free coordinate {inner}; it has {', '.join(kernels.coordinates)}")
     value, direction = condition if isinstance(condition, (tuple, list)) and len(condition) == 2 else (condition, "either")

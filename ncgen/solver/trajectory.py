@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.errors import ModelError, NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
-from ncgen.model.elements import Element, Point, Vector
+from ncgen.model.elements import Element, Point, Vector, coordinate_of
 from ncgen.solver import frames, geometry
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
@@ -150,7 +150,7 @@ class Trajectory:
             raise ModelError(
                 f"{self.name}: a coordinate is asked for by its name, not by {echo(name)}; instants are rows of run.t, run.q, run.qd"
             )
-        inner = _coordinate(name)
+        inner = coordinate_of(name)
         if isinstance(thing := self.model.elements.get(inner), (Point, Vector)):
             kind = type(thing).__name__.lower()
             raise ModelError(
@@ -162,7 +162,7 @@ class Trajectory:
 
     def __contains__(self, name: object) -> bool:
         """Whether a free coordinate, or `rate(name)` of one, has that name."""
-        return isinstance(name, str) and _coordinate(name) in self.kernels.index
+        return isinstance(name, str) and coordinate_of(name) in self.kernels.index
 
     def __iter__(self) -> Iterator[str]:
         """The names of the free coordinates."""
@@ -301,11 +301,6 @@ class Trajectory:
         from importlib import import_module
 
         return import_module("ncgen.view.player").write_player(self, _path(path))
-
-
-def _coordinate(name: str) -> str:
-    """The coordinate that a name speaks of: itself, or the one of `rate(name)`."""
-    return name[5:-1] if name.startswith("rate(") and name.endswith(")") else name
 
 
 def _path(path: str | os.PathLike[str]) -> Path:

@@ -11,7 +11,6 @@ from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.emit.spelling import Record
-from ncgen.model.values import evaluate
 from ncgen.program.blocks import Program
 
 if TYPE_CHECKING:
@@ -95,7 +94,7 @@ def _model_records(programs: Programs, prefix: str) -> Record:
         "rows": [{"number": i + 1, "row": row} for i, row in enumerate(model.rows)],
         "parameters": parameters,
         "inputs": len(model.inputs),
-        "defaults": [number(evaluate(p, model.numbers, p.name)) for p in parameters],
+        "defaults": [number(p.default) for p in parameters],
         "phi_q": programs.phi_q,
         "mass": programs.mass,
         "mass_is_constant": "mass" in programs.programs and programs.programs["mass"].is_constant,

@@ -19,7 +19,7 @@ from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier
-from ncgen.emit.runtime import HEADERS, needed_by, runtime_files, widest_tableau
+from ncgen.emit.runtime import HEADERS, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
@@ -42,9 +42,6 @@ PUBLIC = ("ncgen.h",)
 
 NEWTON_STEPS = 4
 """Newton steps by which a step of fixed length may close the loops at its end, where the language has no runtime of ncgen's."""
-
-REFINEMENTS, POSITIONS, VELOCITIES = 20, 12, 3
-"""The most turns of the runtime's loops: ncgen_constrained.c and ncgen_projection.c."""
 
 RUNTIME = "ncgen_driven.c"
 """The file of the runtime that exports in C move by; what it needs comes along."""
@@ -171,10 +168,12 @@ class Package:
         matrix = sum(kernels.get(name, 0) for name in ("mass", "phi_q", "nu", "gamma", "force", "energy")) + factor + solve
         closing = kernels.get("phi", 0) + solve
         usual = 5 * matrix + 3 * closing
-        most = 5 * (matrix + REFINEMENTS * 2 * solve) + POSITIONS * (closing + matrix) + VELOCITIES * 2 * solve
+        refinements = constant_of("ncgen_constrained.c", "REFINEMENT_LIMIT")
+        positions, velocities = (constant_of("ncgen_projection.c", f"{kind}_LIMIT") for kind in ("POSITION", "VELOCITY"))
+        most = 5 * (matrix + refinements * 2 * solve) + positions * (closing + matrix) + velocities * 2 * solve
         if found:
             usual = 5 * found["derivative"] + 2 * (found["newton"] + found["velocities"])
-            most += 5 * found["derivative"] + 2 * POSITIONS * found["newton"] + VELOCITIES * found["velocities"]
+            most += 5 * found["derivative"] + 2 * positions * found["newton"] + velocities * found["velocities"]
         return {"recursion": found, "by_matrix": matrix, "usual": usual, "most": most}
 
     def _motion_programs(self) -> list[Program]:
