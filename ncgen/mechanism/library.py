@@ -24,7 +24,7 @@ from ncgen.toolchain.loader import opened
 if TYPE_CHECKING:
     from ncgen.mechanism.direct import Direct
 
-STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted", "stiff", "short")
+STATUS = ("ok", "not converged", "singular", "pivot", "domain", "argument", "interrupted", "stiff", "short", "full")
 
 
 class CompiledKernels(Kernels):

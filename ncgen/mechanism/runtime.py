@@ -9,8 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
-from typing import Protocol
+from functools import cache, cached_property
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike
@@ -23,6 +23,7 @@ from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
+from ncgen.mechanism.recall import Files
 from ncgen.mechanism.written import Seen, Written, motion_source
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
@@ -41,7 +42,7 @@ def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interf
 @cache
 def _runtime(number: str) -> tuple[Interface, InC]:
     """The runtime, the same for all mechanisms."""
-    functions = "".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h"))
+    functions = "".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h"))
     return _load(runtime_files(*runtime_names()), number, functions)
 
 
@@ -309,6 +310,7 @@ class ConstrainedDynamics(Dynamics):
         self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
         self._dynamics.elimination = self._elimination
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
+        self._seen = seen
         self.is_emitted = seen is not None and self._take_motion(seen)
 
     def _take_motion(self, seen: Callable[[], Seen | None]) -> bool:
@@ -319,6 +321,18 @@ class ConstrainedDynamics(Dynamics):
             _, self._motion = _load(files, self.number.name, f"const ncgen_motion *{getter}(void);")
             self._dynamics.motion = self._ffi.cast("const ncgen_motion *", getattr(self._motion, getter)())
         return bool(files)
+
+    def differentiated_source(self, kind: Literal["tangent", "adjoint"]) -> Files:
+        """{file name: text} of the emitted motion along a direction or transposed. Only where `is_emitted`."""
+        assert self._seen is not None, "nothing has been written out"
+        return motion_source(self.kernels, self._seen, kind)
+
+    @cached_property
+    def transposed(self) -> InC:
+        """The emitted motion's ncgen_seeded_motion, transposed; compiled when first asked for."""
+        getter = f"{identifier(self.kernels.name)}_adjoint"
+        _, self._adjoint = _load(self.differentiated_source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
+        return self._ffi.cast("const ncgen_seeded_motion *", getattr(self._adjoint, getter)())
 
     @property
     def interface(self) -> tuple[Interface, InC]:

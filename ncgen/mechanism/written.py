@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias
 
-from ncgen.emit.c.files import dynamics_files, motion_files
+from ncgen.emit.c.files import dynamics_files, motion_files, seeded_files
 from ncgen.mechanism import recall
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
@@ -16,27 +16,38 @@ from ncgen.program.programs import Split
 from ncgen.program.sampling import Sample
 
 if TYPE_CHECKING:
-    from ncgen.program.dynamics import DynamicsPrograms
+    from ncgen.program.dynamics import DynamicsPrograms, MotionPrograms
 
 Seen: TypeAlias = tuple[Split, Sequence[Sample]]
 """Independent coordinates, and typical positions."""
 
 
-def motion_source(kernels: Kernels, seen: Callable[[], Seen | None]) -> Files:
-    """{file name: text} of the motion of all coordinates by recursion; {} where there is none.
+def motion_source(kernels: Kernels, seen: Callable[[], Seen | None], kind: Literal["motion", "tangent", "adjoint"] = "motion") -> Files:
+    """{file name: text} of the motion of all coordinates by recursion, or of its derivatives; {} where there is none.
 
     seen: called for independent coordinates of the positions, and typical positions, None where there are none
     """
     equations = kernels.programs.equations
 
-    def made() -> Files:
+    def assembled() -> MotionPrograms | None:
         from ncgen.program.dynamics import assemble_motion
 
         found = seen()
-        programs = assemble_motion(equations, *found, kernels.column_sizes) if found else None
-        return motion_files(programs, equations) if programs else {}
+        return assemble_motion(equations, *found, kernels.column_sizes) if found else None
 
-    return recall.derived(kernels.programs, "motion", made)
+    def made() -> Files:
+        from ncgen.program.dynamics import differentiated
+
+        programs = kernels.remember("motion programs", (), assembled)
+        if programs is None:
+            return {}
+        return (
+            motion_files(programs, equations)
+            if kind == "motion"
+            else seeded_files(differentiated(programs, equations, kind), equations, kind)
+        )
+
+    return recall.derived(kernels.programs, kind, made)
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,7 +6,7 @@ outputs; the reverse sweep finds the gradient of one output by everything it dep
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Mapping
 
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Graph
@@ -14,16 +14,24 @@ from ncgen.program.graph import Graph
 
 def gradient(graph: Graph, output: int, variables: Collection[int]) -> dict[int, int]:
     """{variable: node of ∂output/∂variable} by one reverse sweep; structural zeros stay out."""
-    active = _active(graph, [output], variables)
-    adjoints: dict[int, int] = {output: graph.const(1.0)}
+    return adjoints(graph, {output: graph.const(1.0)}, variables)
+
+
+def adjoints(graph: Graph, weights: Mapping[int, int], variables: Collection[int]) -> dict[int, int]:
+    """{variable: node of ∂(Σ weight · output)/∂variable} by one reverse sweep at constant weights; structural zeros stay out.
+
+    weights: {output: node of its weight}
+    """
+    active = _active(graph, weights, variables)
+    found = dict(weights)
     for node in reversed(active):
-        if node not in adjoints or not graph.ops[node].args:
+        if node not in found or not graph.ops[node].args:
             continue
         for argument, slope in zip(graph.ops[node].args, slopes(graph, node), strict=True):
             if argument in active:
-                share = graph.mul(adjoints[node], slope())
-                adjoints[argument] = graph.add(adjoints[argument], share) if argument in adjoints else share
-    return {v: adjoints[v] for v in variables if v in adjoints and graph.value(adjoints[v]) != 0.0}
+                share = graph.mul(found[node], slope())
+                found[argument] = graph.add(found[argument], share) if argument in found else share
+    return {v: found[v] for v in variables if v in found and graph.value(found[v]) != 0.0}
 
 
 def tangent(graph: Graph, outputs: Collection[int], direction: dict[int, int]) -> dict[int, int]:

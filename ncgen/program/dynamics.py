@@ -25,6 +25,7 @@ from ncgen.program.blocks import Program
 from ncgen.program.closed_positions import assemble_closed_positions
 from ncgen.program.composite import massless
 from ncgen.program.cost import cost
+from ncgen.program.differentiated import adjoint_of, tangent_of
 from ncgen.program.elimination import (
     EliminationError,
     Factors,
@@ -116,6 +117,14 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     for program in (found.derivative, found.velocities, found.closing):
         verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters)})
     return found
+
+
+def differentiated(programs: MotionPrograms, equations: Terms, kind: str) -> MotionPrograms:
+    """A motion's programs, power and growth left out, along a direction (kind "tangent") or transposed ("adjoint")."""
+    made, n = {"tangent": tangent_of, "adjoint": adjoint_of}[kind], len(equations.free)
+    return MotionPrograms(
+        made(programs.derivative, equations, 2 * n), made(programs.velocities, equations, n), made(programs.closing, equations, n)
+    )
 
 
 def cheapest(programs: dict[str, Program]) -> str:

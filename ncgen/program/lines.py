@@ -82,9 +82,12 @@ class Lines:
 
     def program(self, name: str, inputs: tuple[str, ...], outputs: Sequence[int]) -> Program:
         """A program that writes these nodes one after the other."""
-        stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
-        block = passes.finish(Straight(tuple(self.graph.ops), stores, self._names()))
-        return cut(share_angles(Program(name, inputs, name, len(outputs), (block,))))
+        return line(self.graph, name, inputs, outputs, self.equations)
 
-    def _names(self) -> dict[int, str]:
-        return {k: load_name(*op.input, self.equations) for k, op in enumerate(self.graph.ops) if op.code == "load"}
+
+def line(graph: Graph, name: str, inputs: tuple[str, ...], outputs: Sequence[int], equations: Terms) -> Program:
+    """A program in one straight line that writes nodes of a graph one after the other."""
+    names = {k: load_name(*op.input, equations) for k, op in enumerate(graph.ops) if op.code == "load"}
+    stores = tuple(Store(name, k, node) for k, node in enumerate(outputs))
+    block = passes.finish(Straight(tuple(graph.ops), stores, names))
+    return cut(share_angles(Program(name, inputs, name, len(outputs), (block,))))

@@ -1,40 +1,27 @@
 """Exact derivatives of a motion with respect to parameters and initial state: forward and adjoint.
 
-The motion is the classical Runge-Kutta method's on independent coordinates, y = [ż; z], and what is differentiated is
-that very computation, through the solution of the position problem by the implicit function theorem:
-
-    dq = R dz − S Φ_p dp          dq̇ = R dż − S (½ Φ̈_q̇ dq + Φ̇_p dp)
-    [M Φ_qᵀ; Φ_q 0] [dq̈; dλ] = −[K dq + C dq̇ + b_p dp; Φ̈_q dq + Φ̈_q̇ dq̇ + Φ̈_p dp]
-
-The forward sweep carries all directions along with the motion. The adjoint sweep goes back through the stages once,
+Where the mechanism's motion is written out the steps of the run in C are differentiated (`taped_motion`), else those of a run in
+Python (`partitioned_motion`). Forward all directions are carried along with the motion; the adjoint sweep goes back through it once,
 whatever the number of parameters.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Unpack
 
 import numpy as np
-from scipy.linalg import cho_factor, cho_solve
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.coordinate_partitioning import Start, dependent_position, motion_at
+from ncgen.methods.method import Method
+from ncgen.methods.table import INTEGRATORS
+from ncgen.solver.compiled import checked_compiled, is_written_out
 from ncgen.solver.given import checked_kernels
-from ncgen.solver.partition import Kinematics, determined, kinematics, quality
+from ncgen.solver.partitioned_motion import PartitionedMotion
 from ncgen.solver.run import Initial, InitialArguments, count, positive
-from ncgen.solver.start import begin
-
-WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
-NODES = (0.0, 0.5, 0.5, 1.0)
-"""The classical Runge-Kutta method: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ w_i k_i."""
-
-TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")
-
-POOR = 1e-5
-"""Quality of a partition below which a motion on it has no digits left to differentiate."""
+from ncgen.solver.taped_motion import TapedMotion
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,186 +47,54 @@ class Gradient:
     slopes: dict[str, float]
 
 
-def sensitivities(kernels: Kernels, duration: float, steps: int, **start: Unpack[InitialArguments]) -> Sensitivities:
+def sensitivities(
+    kernels: Kernels, duration: float, steps: int, integrator: str = "rk4", **start: Unpack[InitialArguments]
+) -> Sensitivities:
     """Derivatives of the whole motion, carried along with it.
 
-    steps: Runge-Kutta steps of equal length; the motion is given at all K = steps + 1 instants
+    steps: of equal length; the motion is given at all K = steps + 1 instants
+    integrator: an explicit Runge-Kutta method, as of `simulate`
     start: q0, zd0 or qd0, z, p, t0, as for `simulate`; derivatives by a parameter are taken at the same z of the start, unless the model's
         own initial position has parameters and no q0 is given: then z starts where they put it
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
-    motion = _Motion(kernels, duration, steps, **start)
-    count, nz = len(motion.p) + 2 * motion.nz, motion.nz
-    dp = np.eye(len(motion.p), count)
-    dy = np.zeros((2 * nz, count))
-    dy[nz:, len(motion.p) : len(motion.p) + nz] = np.eye(nz)
-    dy[:nz, len(motion.p) + nz :] = np.eye(nz)
-    dy[nz:, : len(motion.p)] = motion.z_by_p
-    q_by, qd_by = [], []
-    for stages, h in motion.forward():
-        slopes, total = np.zeros_like(dy), np.zeros_like(dy)
-        for stage, node, weight in zip(stages, NODES, WEIGHTS, strict=True):
-            slopes, dq, dqd = stage.forward(dy + node * h * slopes, dp)
-            total += weight * slopes
-            if node == 0.0:
-                q_by.append(dq)
-                qd_by.append(dqd)
-        dy = dy + h * total
-    _, dq, dqd = motion.last.forward(dy, dp)
-    q_by, qd_by = np.array([*q_by, dq]), np.array([*qd_by, dqd])
-    return Sensitivities(motion.t, np.array(motion.q), np.array(motion.qd), q_by, qd_by, motion.names)
+    motion = _motion(kernels, duration, steps, integrator, **start)
+    q_by, qd_by = motion.forward()
+    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, motion.names)
 
 
 def gradient(
-    kernels: Kernels, duration: float, steps: int, objective: Callable[[np.ndarray, np.ndarray], tuple], **start: Unpack[InitialArguments]
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    objective: Callable[[np.ndarray, np.ndarray], tuple],
+    integrator: str = "rk4",
+    **start: Unpack[InitialArguments],
 ) -> Gradient:
     """The gradient of one number that depends on a motion, by one sweep back through it.
 
     objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
         None stands for a derivative that is zero
-    steps, start: as for `sensitivities`, with the same errors
+    steps, integrator, start: as for `sensitivities`, with the same errors
     """
-    motion = _Motion(kernels, duration, steps, **start)
-    history = list(motion.forward())
-    value, by_q, by_qd = objective(np.array(motion.q), np.array(motion.qd))
-    by_q, by_qd = (np.zeros((steps + 1, kernels.n)) if a is None else np.asarray(a, dtype=float) for a in (by_q, by_qd))
-    adjoint, p_bar = motion.last.backward(np.zeros(2 * motion.nz), by_q[-1], by_qd[-1])
-    nothing = np.zeros(kernels.n)
-    for k, (stages, h) in reversed(list(enumerate(history))):
-        later = np.zeros_like(adjoint)
-        total = adjoint.copy()
-        for i in reversed(range(4)):
-            seen = (by_q[k], by_qd[k]) if i == 0 else (nothing, nothing)
-            ahead = h * NODES[i + 1] * later if i < 3 else 0.0
-            later, by_p = stages[i].backward(h * WEIGHTS[i] * adjoint + ahead, *seen)
-            total += later
-            p_bar = p_bar + by_p
-        adjoint = total
-    slopes = np.concatenate([p_bar + motion.z_by_p.T @ adjoint[motion.nz :], adjoint[motion.nz :], adjoint[: motion.nz]])
-    return Gradient(float(value), dict(zip(motion.names, slopes.tolist(), strict=True)))
+    motion = _motion(kernels, duration, steps, integrator, **start)
+    value, *slopes = objective(motion.q, motion.qd)
+    by_q, by_qd = (np.zeros_like(motion.q) if a is None else np.asarray(a, dtype=float) for a in slopes)
+    return Gradient(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)))
 
 
-class _Motion:
-    """A motion with fixed steps, every stage kept for the derivative's sake."""
-
-    def __init__(self, kernels: Kernels, duration: float, steps: int, **start: Unpack[InitialArguments]) -> None:
-        length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
-        initial = Initial.asked(checked_kernels(kernels), **start)
-        _check(kernels)
-        begun = begin(kernels, initial, partitioned=True)
-        self.kernels, self.p = kernels, begun.p
-        self.t = initial.t + length * np.arange(steps + 1) / steps
-        self.h = length / steps
-        self.partition = determined(begun.partitions).position
-        self.nz = len(self.partition.independent)
-        # Where z starts follows the parameters only if the model's own position does.
-        self.z_by_p = (kernels.start_p(self.p) if start.get("q0") is None else np.zeros((kernels.n, len(self.p))))[
-            self.partition.independent
-        ]
-        names = self.partition.names(kernels)
-        self.names = (*kernels.parameters, *names, *(f"rate({name})" for name in names))
-        self.y0 = np.concatenate([begun.rates, begun.q[self.partition.independent]])
-        self.q0 = begun.q
-        self.q: list[np.ndarray] = []
-        self.qd: list[np.ndarray] = []
-
-    def forward(self) -> Iterator[tuple[list[_Stage], float]]:
-        """(the four stages, h) of every step; `last` is the instant at the end."""
-        y, guess = self.y0, Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
-        for t in self.t[:-1]:
-            stages, slope = [], np.zeros_like(y)
-            for node in NODES:
-                stage = _Stage(self, guess, t + node * self.h, y + node * self.h * slope)
-                stages.append(stage)
-                slope = stage.slope
-            self._keep(stages[0])
-            guess = Start(t, stages[0].q, stages[0].qd, self.p)
-            y = y + self.h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
-            yield stages, self.h
-        self.last = _Stage(self, guess, self.t[-1], y)
-        self._keep(self.last)
-
-    def _keep(self, stage: _Stage) -> None:
-        if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < POOR:
-            names = ", ".join(self.partition.names(self.kernels))
-            raise ModelError(
-                f"{names} do not determine the motion any more at t = {stage.t:.6g} s; choose other independent coordinates (z)"
-            )
-        self.q.append(stage.q)
-        self.qd.append(stage.qd)
-
-
-class _Stage:
-    """The state derivative at one instant, f(y) = [z̈; ż], with what its derivative needs: that from `_linearise` on."""
-
-    frame: Kinematics
-    mass: np.ndarray
-    reduced: tuple[np.ndarray, bool] | None
-    stiffness: np.ndarray
-    damping: np.ndarray
-    phidd_q: np.ndarray
-    phidd_qd: np.ndarray
-    phi_p: np.ndarray
-    phid_p: np.ndarray
-    phidd_p: np.ndarray
-    balance_p: np.ndarray
-
-    def __init__(self, motion: _Motion, guess: Start, t: float, y: np.ndarray) -> None:
-        kernels, partition, nz = motion.kernels, motion.partition, motion.nz
-        self.kernels, self.partition, self.nz, self.t, self.p = kernels, partition, nz, t, motion.p
-        self.q, _ = dependent_position(kernels, partition, guess, t, y[nz:])
-        now = motion_at(kernels, partition, t, self.q, y[:nz], motion.p)
-        self.qd, self.qdd, self.lam = now.qd, now.qdd, now.lam
-        self.slope = np.concatenate([now.qdd[partition.independent], y[:nz]])
-
-    def _linearise(self) -> None:
-        """The factors and the tangents, when they are first needed."""
-        if hasattr(self, "frame"):
-            return
-        kernels, q, qd, qdd, t, p = self.kernels, self.q, self.qd, self.qdd, self.t, self.p
-        self.frame = kinematics(kernels, self.partition, q, t, p)
-        self.mass = kernels.mass_matrix(q, t, p)
-        R = self.frame.R
-        self.reduced = cho_factor(R.T @ self.mass @ R) if self.nz else None
-        given = {"t": t, "q": q, "qd": qd, "qdd": qdd, "lam": self.lam, "p": p}
-        for name in TANGENTS:
-            setattr(self, name, kernels.dense_tangent(name, **given))
-
-    def forward(self, dy: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """(df, dq, dq̇) along directions dy (2 nz, columns) and dp (parameters, columns)."""
-        self._linearise()
-        R, nz = self.frame.R, self.nz
-        dq = R @ dy[nz:] - self._particular(self.phi_p @ dp)
-        dqd = R @ dy[:nz] - self._particular(0.5 * (self.phidd_qd @ dq) + self.phid_p @ dp)
-        force = -(self.stiffness @ dq + self.damping @ dqd + self.balance_p @ dp)
-        bias = -self._particular(self.phidd_q @ dq + self.phidd_qd @ dqd + self.phidd_p @ dp)
-        dzdd = self._reduced(R.T @ (force - self.mass @ bias))
-        return np.vstack([dzdd, dy[:nz]]), dq, dqd
-
-    def backward(self, f_bar: np.ndarray, q_bar: np.ndarray, qd_bar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(ȳ, p̄) of adjoints of f, of q and of q̇: the transpose of `forward`."""
-        self._linearise()
-        R, nz, rows = self.frame.R, self.nz, self.kernels.m
-        force_bar = R @ self._reduced(f_bar[:nz])
-        balance = -self.mass @ force_bar
-        rows_bar = self.frame.multipliers(balance, rows)
-        q_bar = q_bar - self.stiffness.T @ force_bar - self.phidd_q.T @ rows_bar
-        qd_bar = qd_bar - self.damping.T @ force_bar - self.phidd_qd.T @ rows_bar
-        p_bar = -(self.balance_p.T @ force_bar) - self.phidd_p.T @ rows_bar
-        rates_bar = self.frame.multipliers(qd_bar, rows)
-        q_bar = q_bar - 0.5 * (self.phidd_qd.T @ rates_bar)
-        p_bar = p_bar - self.phid_p.T @ rates_bar - self.phi_p.T @ self.frame.multipliers(q_bar, rows)
-        return np.concatenate([R.T @ qd_bar + f_bar[nz:], R.T @ q_bar]), p_bar
-
-    def _particular(self, right: np.ndarray) -> np.ndarray:
-        return np.array([self.frame.particular(column) for column in right.T]).T.reshape(len(self.q), right.shape[1])
-
-    def _reduced(self, right: np.ndarray) -> np.ndarray:
-        return right if self.reduced is None else cho_solve(self.reduced, right)
-
-
-def _check(kernels: Kernels) -> None:
-    if kernels.model.callbacks:
-        raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
-    if len(kernels.holonomic) != kernels.m:
-        raise ModelError(f"{kernels.name}: motions with rolling conditions are not differentiated")
+def _motion(
+    kernels: Kernels, duration: float, steps: int, integrator: str, **start: Unpack[InitialArguments]
+) -> TapedMotion | PartitionedMotion:
+    length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
+    explicit = [name for name, entry in INTEGRATORS.items() if entry.tableau]
+    if integrator not in explicit:
+        raise ModelError(f"integrator: {integrator!r} given; derivatives go through steps of {', '.join(explicit)}")
+    initial = Initial.asked(checked_kernels(kernels), **start)
+    times = initial.t + length * np.arange(steps + 1) / steps
+    follows = start.get("q0") is None
+    if is_written_out(kernels, Method.of("lagrange", integrator)):
+        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator)
+    if integrator != "rk4":
+        raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
+    return PartitionedMotion(kernels, initial, times, follows)

@@ -47,7 +47,9 @@ STRUCTS = {
         "ncgen_piecewise",
         "ncgen_signals",
         "ncgen_statistics",
+        "ncgen_tape",
     ),  # fmt: skip
+    "ncgen_differentiated.h": ("ncgen_seeded_motion", "ncgen_taped"),
     "ncgen_driven.h": ("ncgen_driven", "ncgen_moment"),
 }
 
@@ -72,10 +74,10 @@ def abi(number: str = "double") -> FFI:
 
 @cache
 def runtime_abi(number: str = "double") -> FFI:
-    """The types of ncgen.h, ncgen_runtime.h and ncgen_driven.h."""
+    """The types of ncgen.h and of the runtime's headers."""
     ffi = FFI()
     ffi.include(abi(number))
-    headers = ("ncgen_runtime.h", "ncgen_driven.h")
+    headers = [file for file in STRUCTS if file != "ncgen.h"]
     for file in headers:
         ffi.cdef(declared(file))
     return _completed(ffi, *headers)

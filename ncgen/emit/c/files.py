@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 IS_READ = True
 WIDTH = 100
 
+DIFFERENTIATED = {"tangent": "along a direction", "adjoint": "transposed"}
+
 
 def model_files(programs: Programs) -> dict[str, str]:
     """{file name: text}: the model's source and header, and the headers they include."""
@@ -56,6 +58,14 @@ def motion_files(programs: MotionPrograms, equations: Terms) -> dict[str, str]:
     prefix = identifier(equations.model.name)
     parts = (programs.derivative, programs.velocities, programs.closing)
     return {f"{prefix}_recursion.c": render("c/recursion.c.jinja", model=equations.model, **program_records(parts, prefix, "recursion"))}
+
+
+def seeded_files(programs: MotionPrograms, equations: Terms, kind: str) -> dict[str, str]:
+    """{file name: text}: a motion differentiated. kind: "tangent" or "adjoint"."""
+    prefix = identifier(equations.model.name)
+    parts = (programs.derivative, programs.velocities, programs.closing)
+    records = {"model": equations.model, "kind": kind, "told": DIFFERENTIATED[kind], **program_records(parts, prefix, kind)}
+    return {f"{prefix}_{kind}.c": render("c/seeded.c.jinja", **records)}
 
 
 def function_files(programs: Iterable[Program], equations: Terms, kind: str) -> dict[str, str]:

@@ -110,18 +110,30 @@ typedef struct ncgen_piecewise {
 } ncgen_piecewise;
 
 /* What a run returns besides: its watch has ended it; it was found stiff and asked to stop then; its steps became too short, or too
- * many. */
-enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_SHORT = 8 };
+ * many; its tape has no more room. */
+enum { NCGEN_INTERRUPTED = 6, NCGEN_STIFF = 7, NCGEN_SHORT = 8, NCGEN_FULL = 9 };
 
 /* Who listens to a long run: called now and then with the time reached, on the caller's own thread. Returns how many steps
  * may be tried before the next call, 0 to end the run at the last accepted state. Every stage of a step and every iteration
  * in it counts as one, since a large mechanism takes long for each. */
 typedef long ncgen_watch(void *context, ncgen_scalar t);
 
+/* What a run by an emitted motion with an explicit method leaves behind for its derivatives (ncgen_differentiated.h): when its steps
+ * began and ended, and for every step the states of its stages, q and qd, the last of them as the step left it; then q as it was closed,
+ * before it was moved along the constraints. After the last step follows the state where it ended. */
+typedef struct ncgen_tape {
+    long room;           /* in steps */
+    long steps;          /* how many there are */
+    ncgen_scalar *times; /* room + 1 */
+    ncgen_real *states;  /* (room x (2 stages of the method + 3) + 2) x n_coordinates */
+    long other;          /* the first step, counted from 1, that went by the matrix, or whose stages were brought onto the constraints,
+                          * too: there is no derivative of that; 0: none did */
+} ncgen_tape;
+
 typedef struct ncgen_options {
     int method;
-    ncgen_scalar rtol;      /* with error control: error of a step, relative and absolute */
-    ncgen_scalar atol;
+    ncgen_scalar rtol;      /* with error control: error of a step, relative and absolute; both 0: there is none, as of methods with a */
+    ncgen_scalar atol;      /* fixed step */
     const ncgen_scalar *sizes; /* what atol is multiplied by, one a velocity, position and the work that are integrated; NULL: 1 */
     ncgen_scalar span;      /* explicit methods with error control: a step of length h may have h / span of the tolerance; 0: all */
     ncgen_scalar max_step;  /* with error control: longest step, 0 for none; others: the step */
@@ -142,6 +154,7 @@ typedef struct ncgen_options {
     int stop_when_stiff;    /* 1: dopri5 and dop853 end with NCGEN_STIFF where an implicit method would serve better */
     const ncgen_signals *signals; /* NULL: inputs keep their values */
     ncgen_scalar first_step; /* of explicit methods with error control; 0: they find one */
+    ncgen_tape *tape;       /* NULL: the run leaves nothing behind */
 } ncgen_options;
 
 typedef struct ncgen_statistics {

@@ -40,6 +40,7 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     if (w->motion) {
         w->emitted = ncgen_take(space, 2 * r->n + r->m + 2);
         w->apart = ncgen_take(space, r->n);
+        w->closed = r->options->tape ? ncgen_take(space, r->n) : NULL;
     }
     w->corner = ncgen_take(space, r->m);
     w->reduced = ncgen_take(space, r->m);
@@ -300,10 +301,16 @@ int ncgen_constrained_power(ncgen_run *r, ncgen_scalar t, ncgen_real *power)
     return NCGEN_OK;
 }
 
-/* A digit is lost from here on. */
-int ncgen_is_badly_ordered(ncgen_real growth)
+/* From the limit on a digit is lost; where a tape is written that is put up with, since the matrix leaves nothing to differentiate,
+ * until three are. */
+ncgen_scalar ncgen_tolerated(const ncgen_run *r, ncgen_scalar limit)
 {
-    return !(growth < R(10.0));
+    return r->options->tape ? limit * R(1.0e6) : limit;
+}
+
+int ncgen_is_badly_ordered(const ncgen_run *r, ncgen_real growth)
+{
+    return !(growth < ncgen_tolerated(r, R(10.0)));
 }
 
 /* The state derivative by the emitted recursion; 0 where its order of elimination is a bad one. */
@@ -315,7 +322,7 @@ static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
         return 0; /* the same is found again, and told, on the way by the matrix */
     w->motion->derivative(t, r->q, r->qd, r->p, w->emitted);
     w->growth = w->emitted[2 * n + 1];
-    if (ncgen_is_badly_ordered(w->growth))
+    if (ncgen_is_badly_ordered(r, w->growth))
         return 0;
     ncgen_copy(n, w->emitted, yd + n);
     ncgen_copy(n, w->emitted + n, yd);
@@ -332,7 +339,7 @@ static int choose_way(ncgen_run *r, ncgen_scalar t)
         w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
         w->growth = w->emitted[r->n];
     }
-    w->by_matrix = !(w->growth < soon_bad);
+    w->by_matrix = !(w->growth < ncgen_tolerated(r, soon_bad));
     r->settles_stages = !(w->growth < usual);
     return NCGEN_OK;
 }

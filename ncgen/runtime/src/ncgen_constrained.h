@@ -12,6 +12,7 @@ typedef struct ncgen_constrained {
     const ncgen_motion *motion;                /* emitted, or NULL */
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
     ncgen_real *apart;                         /* n: a position, and how far another one is from it */
+    ncgen_real *closed;                        /* n: for a tape, where closing brought the last state, before it was moved on */
     ncgen_real growth;                         /* of its elimination, where it was called last */
     int by_matrix;                             /* this step goes without it */
     int is_prepared;                           /* are sizes and diagonal of the matrix known? */
@@ -48,6 +49,7 @@ void ncgen_constrained_rows(ncgen_run *r);                         /* which of r
 ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows);
 ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x);
 int ncgen_constrained_is_dense(const ncgen_run *r);
-int ncgen_is_badly_ordered(ncgen_real growth); /* of an emitted elimination */
+ncgen_scalar ncgen_tolerated(const ncgen_run *r, ncgen_scalar limit); /* how much worse than usual things may be, for a limit without a tape */
+int ncgen_is_badly_ordered(const ncgen_run *r, ncgen_real growth); /* of an emitted elimination */
 
 #endif

@@ -1,5 +1,6 @@
 /* ncgen_explicit.c: explicit Runge-Kutta methods: with error control and dense output, or with a fixed step. */
 #include "ncgen_explicit.h"
+#include "ncgen_constrained.h"
 #include "ncgen_tableaus.h"
 
 enum {
@@ -62,17 +63,55 @@ static int settle(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, int is_end)
     return status;
 }
 
+/* Where the tape has a stage of the step under way. */
+static ncgen_real *on_tape(const ncgen_run *r, const tableau *method, int stage)
+{
+    const ncgen_tape *tape = r->options->tape;
+    return tape->states + ((size_t)tape->steps * (size_t)(2 * method->stages + 3) + 2 * (size_t)stage) * (size_t)r->n;
+}
+
+static void tape_stage(const ncgen_run *r, const tableau *method, int stage, const ncgen_real *y)
+{
+    ncgen_real *state = on_tape(r, method, stage);
+    ncgen_copy(r->n, y + r->n, state);
+    ncgen_copy(r->n, y, state + r->n);
+}
+
+/* The step under way has come to its end. */
+static void tape_step(const ncgen_run *r, const tableau *method, ncgen_scalar t, ncgen_scalar t_new, const ncgen_real *y_new)
+{
+    ncgen_tape *tape = r->options->tape;
+    ncgen_copy(r->n, r->constrained->closed, on_tape(r, method, method->stages + 1));
+    if (r->statistics->factorisations > 0 && !tape->other)
+        tape->other = tape->steps + 1;
+    tape->times[tape->steps] = t;
+    tape->times[tape->steps += 1] = t_new;
+    tape_stage(r, method, 0, y_new);
+}
+
 /* One trial step: new_y, and the slope there. NCGEN_DOMAIN if these are no numbers.
  *
  * Once it is repeated its stages are settled as well as its end: beside a singular position the accelerations of a state that is
  * off the constraints by a truncation error are wrong by that error over the distance, and no step is short enough to pass. */
 static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h)
 {
-    const int last = method->stages;
+    const int last = method->stages, settles = w->repeated && r->settles_stages;
+    ncgen_tape *tape = r->options->tape;
+    if (tape && !(r->constrained && r->constrained->closed))
+        return NCGEN_ARGUMENT;
+    if (tape && tape->steps == tape->room)
+        return NCGEN_FULL;
+    if (tape) {
+        if (settles && !tape->other)
+            tape->other = tape->steps + 1;
+        tape_stage(r, method, 0, r->y);
+    }
     for (int s = 1; s <= last; ++s) {
         advance(r, w, h, s, method->a[s], w->new_y);
+        if (tape)
+            tape_stage(r, method, s, w->new_y);
         int status = ncgen_listen(r, t + method->c[s] * h);
-        if (status == NCGEN_OK && (s == last || (w->repeated && r->settles_stages)) && r->settle)
+        if (status == NCGEN_OK && (s == last || settles) && r->settle)
             status = settle(r, w, t + method->c[s] * h, s == last);
         if (status == NCGEN_OK)
             status = r->derivative(r, t + method->c[s] * h, w->new_y, slope(r, w, s));
@@ -184,6 +223,8 @@ static int interpolate(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_sc
 
 static int finish_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar t_new)
 {
+    if (r->options->tape)
+        tape_step(r, method, t, t_new, w->new_y);
     const int status = ncgen_grid_step(r, w, t, t_new);
     ncgen_copy(r->ny, slope(r, w, method->stages), slope(r, w, 0));
     return status;
@@ -285,7 +326,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             return trouble;
         w->repeated = repeats || rejected;
         int status = trial_step(r, w, method, t, h);
-        if (status == NCGEN_INTERRUPTED)
+        if (status == NCGEN_INTERRUPTED || status == NCGEN_FULL)
             return status;
         const ncgen_real error = status == NCGEN_OK ? error_of(r, w, method, h) / share(r, h) : 0;
         if (status != NCGEN_OK || !(error < R(1.0e30))) {
@@ -369,5 +410,6 @@ int ncgen_explicit(ncgen_run *r, ncgen_stepping *w)
         status = ncgen_grid_begin(r, w);
     if (status != NCGEN_OK)
         return status;
-    return method->n_errors == 0 ? run_fixed(r, w, method) : run_adaptive(r, w, method);
+    const int is_fixed = method->n_errors == 0 || !(r->options->rtol > 0 || r->options->atol > 0);
+    return is_fixed ? run_fixed(r, w, method) : run_adaptive(r, w, method);
 }

@@ -90,7 +90,7 @@ static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar
         w->motion->closing(t, r->q, r->p, w->emitted);
         r->statistics->newton_steps += 1;
         const ncgen_real moved = ncgen_constrained_size(r, w->emitted), violation = ncgen_constrained_violation(r, w->emitted + r->n);
-        if (!(moved < too_far) || (violation > 0 && moved > 10 * violation + nothing))
+        if (!(moved < too_far) || (violation > 0 && moved > ncgen_tolerated(r, R(10.0)) * violation + nothing))
             return 0;
         for (int i = 0; i < r->n; ++i)
             r->q[i] += w->emitted[i];
@@ -108,7 +108,7 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
     for (int i = 0; i < n; ++i)
         w->apart[i] -= r->q[i];
     w->motion->velocities(t, r->q, w->apart, r->p, moved);
-    const int is_bad = ncgen_is_badly_ordered(moved[n]);
+    const int is_bad = ncgen_is_badly_ordered(r, moved[n]);
     if (r->model->nu) {
         for (int i = 0; i < n; ++i)
             w->apart[i] = 0;
@@ -124,7 +124,11 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
 static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
 {
     ncgen_copy(r->n, r->q, w->apart);
-    if (!close_position(r, w, t) || !approach(r, w, t))
+    if (!close_position(r, w, t))
+        return 0;
+    if (w->closed)
+        ncgen_copy(r->n, r->q, w->closed);
+    if (!approach(r, w, t))
         return 0;
     w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
     ncgen_copy(r->n, w->emitted, r->qd);

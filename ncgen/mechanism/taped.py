@@ -1,0 +1,102 @@
+"""Runs in C that leave a tape behind, and what the tape tells: how a motion changes with its start and its parameters."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.emit.naming import identifier
+from ncgen.emit.runtime import HEADERS, PRINTED, RUNTIME_HEADERS, runtime_files
+from ncgen.mechanism.batch import LANES, aligned
+from ncgen.mechanism.library import CompiledKernels
+from ncgen.mechanism.moving import ANY_STEP
+from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
+from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
+from ncgen.toolchain.loader import load
+
+IN_LANES = ("ncgen_lanes.h", "ncgen_directions.h", "ncgen_directions.c", "ncgen_vectors.h")
+
+
+class Taped:
+    """A run over the times of a grid, (K,) s, by an emitted motion and an explicit method, one step from each to the next.
+
+    q, qd (n,), p (n_p,): where it starts, and the parameters; options: members of `ncgen_options`
+    outcome: as of `Dynamics.simulate`; the derivatives are there where that is "ok" and nothing is `not_differentiable`
+    """
+
+    def __init__(
+        self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray, **options: InC
+    ) -> None:
+        self._dynamics, self._kernels = dynamics, dynamics.kernels
+        self._ffi, self._library = dynamics.interface
+        n, steps, stages = self._kernels.n, len(times) - 1, INTEGRATORS[method].coefficients.stages
+        self._times, self._states, self._p = np.empty(steps + 1), np.empty((steps * (2 * stages + 3) + 2) * n), np.array(p, dtype=float)
+        tape = {"room": steps, "times": self._real(self._times), "states": self._real(self._states)}
+        self._tape = self._ffi.new("ncgen_tape *", tape)
+        run = {"is_driven": "nu" in self._kernels.programs.programs, "method": number_in_c(INTEGRATORS[method])}
+        run |= {"n_coordinates": n, "n_parameters": len(self._p), "p": self._real(self._p), "tape": self._tape}
+        self._run = self._ffi.new("ncgen_taped *", run)
+        options |= {"formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1, "rtol": 0.0, "atol": 0.0, "max_step": ANY_STEP}
+        self.outcome: Outcome = dynamics.simulate(method, times, q, qd, self._p, tape=self._tape, **options)
+
+    @property
+    def not_differentiable(self) -> float | None:
+        """When (s) the first step began that went otherwise, beside a singular position; None where there is none."""
+        return float(self._times[self._tape.other - 1]) if self._tape.other else None
+
+    def at_start(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """At the start: how a step of Newton's method changes with p, (n, n_p), and how the velocities that the joints allow change with q
+        and p, (n, n) and (n, n_p)."""
+        n = self._kernels.n
+        q, qd = self._states[:n], self._states[n : 2 * n]
+        velocities = self._rows(self._dynamics.transposed.velocities, 2 * n, q, qd)
+        return self._rows(self._dynamics.transposed.closing, n, q)[:, n:], velocities[:, :n], velocities[:, 2 * n :]
+
+    def _rows(self, transposed: InC, state: int, *arrays: np.ndarray) -> np.ndarray:
+        """The Jacobian of a part at the start, row by row; state: numbers that it reads besides p."""
+        found = np.empty((self._kernels.n, state + len(self._p)))
+        for row, weights in zip(found, np.eye(len(found)), strict=True):
+            transposed(self._times[0], *(self._real(a) for a in (*arrays, self._p, weights, row)))
+        return found
+
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How a number changes with q and q̇ at the start, (n,) each, and with p, (n_p,), from how it does with q and q̇ at all times,
+        (K, n) each."""
+        n = self._kernels.n
+        weights, slopes = np.hstack([by_q, by_qd]).astype(float, order="C"), np.empty(2 * n + len(self._p))
+        work = np.empty(self._library.ncgen_adjoint_workspace(self._run))
+        self._library.ncgen_adjoint(self._run, self._dynamics.transposed, self._real(weights), self._real(slopes), self._real(work))
+        return slopes[:n], slopes[n : 2 * n], slopes[2 * n :]
+
+    def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Changes of q and q̇ at all times, (K, n, D) each, with those of both at the start, (n, D), and of p, (n_p, D)."""
+        n, columns = self._kernels.n, dp.shape[1]
+        seeds = np.vstack([dq, dqd, dp]).astype(float, order="C")
+        changes = np.empty((len(self._times), 2 * n, columns))
+        lanes = self._kernels.remember("directions", (), lambda: _Directions(self._kernels, self._dynamics))
+        lanes(self._run, self._times, self._states, seeds, changes)
+        return changes[:, :n], changes[:, n:]
+
+    def _real(self, array: np.ndarray) -> InC:
+        return self._ffi.from_buffer("double[]", array)
+
+
+class _Directions:
+    """The emitted motion along directions, a direction a lane of a vector."""
+
+    def __init__(self, kernels: CompiledKernels, dynamics: ConstrainedDynamics) -> None:
+        files = dynamics.differentiated_source("tangent") | runtime_files(*IN_LANES, *RUNTIME_HEADERS, *HEADERS, *PRINTED)
+        getter = f"{identifier(kernels.name)}_tangent"
+        declarations = f"{declared('ncgen_directions.h', 'functions')} const void *{getter}(void);"
+        self._ffi: Interface
+        self._ffi, self._library = load(files, declarations, runtime_abi(), LANES)
+        self._motion = getattr(self._library, getter)()
+
+    def __call__(self, run: InC, times: np.ndarray, states: np.ndarray, seeds: np.ndarray, changes: np.ndarray) -> None:
+        sizes = run.n_coordinates, run.n_parameters
+        work = aligned(self._library.ncgen_directions_workspace(*sizes, run.method))
+        arrays = [self._ffi.from_buffer("double[]", a) for a in (times, states, seeds, changes, work)]
+        p = self._ffi.cast("double *", run.p)
+        self._library.ncgen_directions(
+            self._motion, *sizes, run.is_driven, run.method, p, len(times) - 1, *arrays[:2], seeds.shape[1], *arrays[2:]
+        )

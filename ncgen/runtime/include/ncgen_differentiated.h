@@ -1,0 +1,59 @@
+/* ncgen_differentiated.h: how a run by an emitted motion changes with where it starts and with its parameters.
+ *
+ * What is differentiated are the steps that were taken, as the run's tape (ncgen_tape) has them: stages, closing, the way along the
+ * constraints and velocities, each by an emitted program; the lengths of steps are held.
+ */
+#ifndef NCGEN_DIFFERENTIATED_H
+#define NCGEN_DIFFERENTIATED_H
+
+#include "ncgen_runtime.h"
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+/* begin cdef */
+
+typedef int ncgen_seeded_position_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *p, const ncgen_real *seed,
+                                         ncgen_real *out);
+typedef int ncgen_seeded_velocity_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p,
+                                         const ncgen_real *seed, ncgen_real *out);
+
+/* The parts of an ncgen_motion, differentiated. Along a direction: from changes of q, qd (closing has none) and p to those of what the
+ * part writes, [qd, qdd], qd and dq. Transposed: from weights of these to how their sum changes with q, qd and p. */
+typedef struct ncgen_seeded_motion {
+    ncgen_seeded_velocity_kernel *derivative;
+    ncgen_seeded_velocity_kernel *velocities;
+    ncgen_seeded_position_kernel *closing;
+} ncgen_seeded_motion;
+
+/* A run that was taped, with the tableau that its method names. */
+typedef struct ncgen_taped {
+    int n_coordinates;
+    int n_parameters;
+    int is_driven; /* 1: rows depend on time, so velocities are not 0 where nothing else moves */
+    int method;
+    const ncgen_real *p;
+    const ncgen_tape *tape;
+} ncgen_taped;
+
+/* end cdef */
+/* begin functions */
+
+/* Numbers of workspace of ncgen_adjoint. */
+size_t ncgen_adjoint_workspace(const ncgen_taped *run);
+
+/* How a number changes with the start and with p, by one sweep back through all steps.
+ *
+ * weights: how it depends on [q, qd] where steps begin and end, steps + 1 rows of 2 n_coordinates
+ * slopes: by q and qd at the start, then by p: 2 n_coordinates + n_parameters */
+void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *slopes,
+                   ncgen_real *workspace);
+
+/* end functions */
+
+#ifdef __cplusplus
+}
+#endif
+
+#endif

@@ -1,0 +1,177 @@
+/* ncgen_directions.c: a run that was taped, differentiated along directions, a direction a lane; steps as in ncgen_adjoint.c. */
+#include "ncgen_directions.h"
+#include "ncgen_vectors.h"
+#include "ncgen_tableaus.h"
+
+typedef struct sweep {
+    const ncgen_seeded_motion *motion;
+    int n, n_parameters, is_driven;
+    const tableau *method;
+    ncgen_real *p;      /* n_parameters, the same in all lanes */
+    ncgen_real *at;     /* 2 n: a state, the same in all lanes */
+    ncgen_real *seed;   /* 2 n + n_parameters: changes of a state and of p; p stays at its end */
+    ncgen_real *brief; /* n + n_parameters: the same where a program takes no qd */
+    ncgen_real *state;  /* 2 n: changes where the step begins, then where it ends */
+    ncgen_real *slopes; /* 2 n for every stage */
+    ncgen_real *found;  /* 2 n: what a program writes */
+} sweep;
+
+static ncgen_real *take(ncgen_space *space, int count)
+{
+    ncgen_real *const start = space->base ? space->base + space->used : NULL;
+    space->used += (size_t)count;
+    return start;
+}
+
+static void lay_out(sweep *s, int n, int n_parameters, int method, ncgen_space *space)
+{
+    s->n = n;
+    s->n_parameters = n_parameters;
+    s->method = &tableaus[method];
+    s->p = take(space, n_parameters);
+    s->at = take(space, 2 * n);
+    s->seed = take(space, 2 * n + n_parameters);
+    s->brief = take(space, n + n_parameters);
+    s->state = take(space, 2 * n);
+    s->slopes = take(space, 2 * n * s->method->stages);
+    s->found = take(space, 2 * n);
+}
+
+size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int method)
+{
+    sweep s;
+    ncgen_space space = {NULL, 0};
+    lay_out(&s, n_coordinates, n_parameters, method, &space);
+    return space.used * sizeof(ncgen_real) / sizeof(double);
+}
+
+static void spread(int count, const double *x, ncgen_real *lanes)
+{
+    const ncgen_real zero = {0};
+    for (int i = 0; i < count; ++i)
+        lanes[i] = zero + x[i];
+}
+
+/* found = the change of velocities; s->seed holds those of q and qd. */
+static void velocities(const sweep *s, double t)
+{
+    const ncgen_real zero = {0};
+    s->motion->velocities(zero + t, s->at, s->at + s->n, s->p, s->seed, s->found);
+}
+
+/* The change of q in s->seed, and of q + dq. */
+static void close(const sweep *s, double t)
+{
+    const ncgen_real zero = {0};
+    for (int i = 0; i < s->n; ++i)
+        s->brief[i] = s->seed[i];
+    s->motion->closing(zero + t, s->at, s->p, s->brief, s->found);
+    for (int i = 0; i < s->n; ++i)
+        s->seed[i] += s->found[i];
+}
+
+/* From changes in s->state where a step left off, at left [q, qd], to those where it ended: closed and end are positions. */
+static void settle(const sweep *s, double t, const double *left, const double *closed, const double *end)
+{
+    const int n = s->n;
+    ncgen_real *moved = s->slopes; /* n: the stages are behind */
+    spread(n, closed, s->at);
+    for (int i = 0; i < n; ++i)
+        s->seed[i] = s->state[i];
+    close(s, t);
+    for (int i = 0; i < n; ++i) {
+        moved[i] = s->seed[i];
+        s->seed[n + i] = s->state[i] - s->seed[i];
+        s->at[n + i] = (ncgen_real){0} + (left[i] - closed[i]);
+    }
+    velocities(s, t);
+    for (int i = 0; i < n; ++i)
+        moved[i] += s->found[i];
+    if (s->is_driven) {
+        for (int i = 0; i < n; ++i)
+            s->seed[n + i] = s->at[n + i] = (ncgen_real){0};
+        velocities(s, t);
+        for (int i = 0; i < n; ++i)
+            moved[i] -= s->found[i];
+    }
+    spread(n, end, s->at);
+    spread(n, left + n, s->at + n);
+    for (int i = 0; i < n; ++i)
+        s->seed[i] = moved[i];
+    close(s, t);
+    for (int i = 0; i < n; ++i) {
+        s->seed[n + i] = s->state[n + i];
+        s->state[i] = s->seed[i];
+    }
+    velocities(s, t);
+    for (int i = 0; i < n; ++i)
+        s->state[n + i] = s->found[i];
+}
+
+/* From changes in s->state where a step begins to those where it leaves off. */
+static void stages(const sweep *s, double t, double h, const double *states)
+{
+    const int size = 2 * s->n, last = s->method->stages;
+    const ncgen_real zero = {0};
+    for (int j = 0; j <= last; ++j) {
+        for (int i = 0; i < size; ++i)
+            s->seed[i] = s->state[i];
+        for (int k = 0; k < j; ++k) {
+            const double weight = h * s->method->a[j][k];
+            if (!(weight < 0 || weight > 0))
+                continue;
+            for (int i = 0; i < size; ++i)
+                s->seed[i] += weight * s->slopes[k * size + i];
+        }
+        if (j == last)
+            break;
+        spread(size, states + j * size, s->at);
+        s->motion->derivative(zero + (t + s->method->c[j] * h), s->at, s->at + s->n, s->p, s->seed, s->slopes + j * size);
+    }
+    for (int i = 0; i < size; ++i)
+        s->state[i] = s->seed[i];
+}
+
+/* Rows of `count` directions from the first one on into lanes, and back; lanes beyond the last direction are 0. */
+static void read_rows(int rows, long count, long first, const double *from, ncgen_real *lanes)
+{
+    for (int i = 0; i < rows; ++i) {
+        lanes[i] = (ncgen_real){0};
+        for (long lane = 0; lane < NCGEN_LANES && first + lane < count; ++lane)
+            lanes[i][lane] = from[i * count + first + lane];
+    }
+}
+
+static void write_rows(int rows, long count, long first, const ncgen_real *lanes, double *to)
+{
+    for (int i = 0; i < rows; ++i)
+        for (long lane = 0; lane < NCGEN_LANES && first + lane < count; ++lane)
+            to[i * count + first + lane] = lanes[i][lane];
+}
+
+void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int is_driven, int method, const double *p,
+                      long steps, const double *times, const double *states, long count, const double *seeds, double *changes,
+                      double *workspace)
+{
+    const int size = 2 * n_coordinates;
+    sweep s;
+    ncgen_space space = {(ncgen_real *)workspace, 0};
+    lay_out(&s, n_coordinates, n_parameters, method, &space);
+    s.motion = motion;
+    s.is_driven = is_driven;
+    spread(n_parameters, p, s.p);
+    for (long first = 0; first < count; first += NCGEN_LANES) {
+        read_rows(size, count, first, seeds, s.state);
+        read_rows(n_parameters, count, first, seeds + size * count, s.seed + size);
+        for (int i = 0; i < n_parameters; ++i)
+            s.brief[s.n + i] = s.seed[size + i];
+        write_rows(size, count, first, s.state, changes);
+        for (long k = 0; k < steps; ++k) {
+            const double *step = states + (size_t)k * (size_t)(2 * s.method->stages + 3) * (size_t)s.n;
+            const double *left = step + size * s.method->stages, *closed = left + size, *next = closed + s.n;
+            stages(&s, times[k], times[k + 1] - times[k], step);
+            settle(&s, times[k + 1], left, closed, next);
+            write_rows(size, count, first, s.state, changes + (size_t)(k + 1) * (size_t)size * (size_t)count);
+        }
+    }
+}

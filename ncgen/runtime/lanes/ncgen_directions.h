@@ -1,0 +1,26 @@
+/* ncgen_directions.h: how a run that was taped changes along many directions, NCGEN_LANES of them at a time.
+ *
+ * Needs an emitted motion along a direction and this source compiled with ncgen_lanes.h in front.
+ */
+#ifndef NCGEN_DIRECTIONS_H
+#define NCGEN_DIRECTIONS_H
+
+#include "ncgen_differentiated.h"
+
+/* begin functions */
+
+/* Numbers of workspace, which begins at a multiple of 64 bytes. */
+size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int method);
+
+/* Changes of q and qd along the directions where steps begin and end.
+ *
+ * motion: an ncgen_seeded_motion of lanes; is_driven, method, p: as of an ncgen_taped; steps, times, states: as of its tape
+ * seeds: 2 n_coordinates + n_parameters rows, changes of q and qd at the start and of p, of `count` directions each
+ * changes: steps + 1 times 2 n_coordinates rows of `count` directions */
+void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int is_driven, int method, const double *p,
+                      long steps, const double *times, const double *states, long count, const double *seeds, double *changes,
+                      double *workspace);
+
+/* end functions */
+
+#endif

@@ -1,0 +1,130 @@
+/* ncgen_adjoint.c: one sweep back through a run that was taped: the transposed derivative of every step, the last one first.
+ *
+ * A step is Y_j = x + h sum a_ji f(Y_i), then x' = x + h sum b_j f(Y_j), closed to c, moved along the constraints to where it is nearest
+ * to x', closed again, and at last velocities. Where Newton's method has arrived, one step of it has the derivative of all of them.
+ */
+#include "ncgen_differentiated.h"
+#include "ncgen_vectors.h"
+#include "ncgen_tableaus.h"
+
+typedef struct sweep {
+    const ncgen_taped *run;
+    const ncgen_seeded_motion *transposed;
+    int n;
+    ncgen_real *state;  /* 2 n: how the number changes with [q, qd] */
+    ncgen_real *p;      /* n_parameters: with p */
+    ncgen_real *stages; /* 2 n each: with f of the stages */
+    ncgen_real *moved;  /* n: with how far the position was moved along the constraints */
+    ncgen_real *apart;  /* n: how far it had been from where it was closed */
+    ncgen_real *found;  /* 2 n + n_parameters: what a program writes */
+} sweep;
+
+static void lay_out(sweep *s, const ncgen_taped *run, ncgen_space *space)
+{
+    s->run = run;
+    s->n = run->n_coordinates;
+    s->stages = ncgen_take(space, tableaus[run->method].stages * 2 * s->n);
+    s->moved = ncgen_take(space, s->n);
+    s->apart = ncgen_take(space, s->n);
+    s->found = ncgen_take(space, 2 * s->n + run->n_parameters);
+}
+
+size_t ncgen_adjoint_workspace(const ncgen_taped *run)
+{
+    sweep s;
+    ncgen_space space = {NULL, 0};
+    lay_out(&s, run, &space);
+    return space.used;
+}
+
+static void add(int count, const ncgen_real *more, ncgen_real *sum)
+{
+    for (int i = 0; i < count; ++i)
+        sum[i] += more[i];
+}
+
+/* back through q + dq, with the weights in s->state */
+static void close_back(sweep *s, ncgen_scalar t, const ncgen_real *q)
+{
+    s->transposed->closing(t, q, s->run->p, s->state, s->found);
+    add(s->n, s->found, s->state);
+    add(s->run->n_parameters, s->found + s->n, s->p);
+}
+
+/* Back through velocities; what they say of q and p is added, what they say of the velocities given stays in s->found + n. */
+static void velocities_back(sweep *s, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *weights)
+{
+    s->transposed->velocities(t, q, qd, s->run->p, weights, s->found);
+    add(s->n, s->found, s->state);
+    add(s->run->n_parameters, s->found + 2 * s->n, s->p);
+}
+
+/* Back through what brings the end of a step onto the constraints: left [q, qd], closed and end are positions. */
+static void settle_back(sweep *s, ncgen_scalar t, const ncgen_real *left, const ncgen_real *closed, const ncgen_real *end)
+{
+    const int n = s->n;
+    velocities_back(s, t, end, left + n, s->state + n);
+    ncgen_copy(n, s->found + n, s->state + n);
+    close_back(s, t, end);
+    ncgen_copy(n, s->state, s->moved);
+    if (s->run->is_driven) {
+        for (int i = 0; i < n; ++i) {
+            s->apart[i] = 0;
+            s->moved[i] = -s->moved[i];
+        }
+        velocities_back(s, t, closed, s->apart, s->moved);
+        for (int i = 0; i < n; ++i)
+            s->moved[i] = -s->moved[i];
+    }
+    for (int i = 0; i < n; ++i)
+        s->apart[i] = left[i] - closed[i];
+    velocities_back(s, t, closed, s->apart, s->moved);
+    ncgen_copy(n, s->found + n, s->moved); /* with what it was apart */
+    for (int i = 0; i < n; ++i)
+        s->state[i] -= s->moved[i];
+    close_back(s, t, closed);
+    add(n, s->moved, s->state);
+}
+
+/* Back through the stages of a step from t on. */
+static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_real *states)
+{
+    const tableau *method = &tableaus[s->run->method];
+    const int n = s->n, last = method->stages;
+    for (int j = 0; j < last; ++j)
+        for (int i = 0; i < 2 * n; ++i)
+            s->stages[j * 2 * n + i] = h * method->a[last][j] * s->state[i];
+    for (int j = last - 1; j >= 0; --j) {
+        const ncgen_real *at = states + j * 2 * n;
+        s->transposed->derivative(t + method->c[j] * h, at, at + n, s->run->p, s->stages + j * 2 * n, s->found);
+        add(2 * n, s->found, s->state);
+        add(s->run->n_parameters, s->found + 2 * n, s->p);
+        for (int k = 0; k < j; ++k)
+            for (int i = 0; i < 2 * n; ++i)
+                s->stages[k * 2 * n + i] += h * method->a[j][k] * s->found[i];
+    }
+}
+
+void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *slopes,
+                   ncgen_real *workspace)
+{
+    const ncgen_tape *tape = run->tape;
+    const int n = run->n_coordinates, last = tableaus[run->method].stages;
+    const size_t length = (size_t)(2 * last + 3) * (size_t)n;
+    ncgen_space space = {workspace, 0};
+    sweep s;
+    lay_out(&s, run, &space);
+    s.transposed = transposed;
+    s.state = slopes;
+    s.p = slopes + 2 * n;
+    for (int i = 0; i < 2 * n + run->n_parameters; ++i)
+        slopes[i] = 0;
+    for (long k = tape->steps - 1; k >= 0; --k) {
+        const ncgen_scalar t = tape->times[k], t_new = tape->times[k + 1];
+        const ncgen_real *states = tape->states + (size_t)k * length, *left = states + 2 * last * n;
+        add(2 * n, weights + (size_t)(k + 1) * 2 * (size_t)n, s.state);
+        settle_back(&s, t_new, left, left + 2 * n, states + length);
+        stages_back(&s, t, t_new - t, states);
+    }
+    add(2 * n, weights, s.state);
+}

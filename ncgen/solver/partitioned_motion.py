@@ -1,0 +1,212 @@
+"""A motion on independent coordinates with its derivatives, in Python: for kernels of NumPy, and where no motion is written out.
+
+The motion is the classical Runge-Kutta method's, y = [ż; z], and what is differentiated is that very computation, through the solution
+of the position problem by the implicit function theorem:
+
+    dq = R dz − S Φ_p dp          dq̇ = R dż − S (½ Φ̈_q̇ dq + Φ̇_p dp)
+    [M Φ_qᵀ; Φ_q 0] [dq̈; dλ] = −[K dq + C dq̇ + b_p dp; Φ̈_q dq + Φ̈_q̇ dq̇ + Φ̈_p dp]
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.linalg import cho_factor, cho_solve
+
+from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.coordinate_partitioning import Start, dependent_position, motion_at
+from ncgen.solver.partition import Kinematics, determined, kinematics, quality
+from ncgen.solver.run import Initial
+from ncgen.solver.start import begin
+
+WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
+NODES = (0.0, 0.5, 0.5, 1.0)
+"""The classical Runge-Kutta method: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ w_i k_i."""
+
+TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")
+
+POOR = 1e-5
+"""Quality of a partition below which a motion on it has no digits left to differentiate."""
+
+
+class PartitionedMotion:
+    """A motion over equal steps, every stage kept for the derivative's sake.
+
+    t (K,); q, qd (K, n), there once `forward` or `steps` has gone through; names: of the columns of derivatives: parameters, z, rate(z)
+    z_by_p: where z starts, by the parameters
+    """
+
+    def __init__(self, kernels: Kernels, initial: Initial, times: np.ndarray, start_follows: bool) -> None:
+        """start_follows: whether the position at the start is the model's own, which may change with parameters."""
+        _check(kernels)
+        begun = begin(kernels, initial, partitioned=True)
+        self.kernels, self.p, self.t = kernels, begun.p, times
+        self.h = (times[-1] - times[0]) / (len(times) - 1)
+        self.partition = determined(begun.partitions).position
+        independent = self.partition.independent
+        self.nz = len(independent)
+        by_p = kernels.start_p(self.p) if start_follows else np.zeros((kernels.n, len(self.p)))
+        self.z_by_p = by_p[independent]
+        names = self.partition.names(kernels)
+        self.names = (*kernels.parameters, *names, *(f"rate({name})" for name in names))
+        self.y0 = np.concatenate([begun.rates, begun.q[independent]])
+        self.q0 = begun.q
+        self._q: list[np.ndarray] = []
+        self._qd: list[np.ndarray] = []
+        self._history: list[list[_Stage]] | None = None
+
+    @property
+    def q(self) -> np.ndarray:
+        return np.array(self._stages and self._q)
+
+    @property
+    def qd(self) -> np.ndarray:
+        return np.array(self._stages and self._qd)
+
+    @property
+    def _stages(self) -> list[list[_Stage]]:
+        """Those of every step, found once."""
+        if self._history is None:
+            self._history = list(self._steps())
+        return self._history
+
+    def forward(self) -> tuple[np.ndarray, np.ndarray]:
+        """Derivatives of q and q̇ at all instants, (K, n, columns) each."""
+        count, nz, parameters = len(self.names), self.nz, len(self.p)
+        dp = np.eye(parameters, count)
+        dy = np.zeros((2 * nz, count))
+        dy[nz:, parameters : parameters + nz] = np.eye(nz)
+        dy[:nz, parameters + nz :] = np.eye(nz)
+        dy[nz:, :parameters] = self.z_by_p
+        q_by, qd_by = [], []
+        for stages in self._stages:
+            slopes, total = np.zeros_like(dy), np.zeros_like(dy)
+            for stage, node, weight in zip(stages, NODES, WEIGHTS, strict=True):
+                slopes, dq, dqd = stage.forward(dy + node * self.h * slopes, dp)
+                total += weight * slopes
+                if node == 0.0:
+                    q_by.append(dq)
+                    qd_by.append(dqd)
+            dy = dy + self.h * total
+        _, dq, dqd = self._last.forward(dy, dp)
+        return np.array([*q_by, dq]), np.array([*qd_by, dqd])
+
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
+        """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
+        adjoint, p_bar = self._last.backward(np.zeros(2 * self.nz), by_q[-1], by_qd[-1])
+        nothing, h = np.zeros(self.kernels.n), self.h
+        for k, stages in reversed(list(enumerate(self._stages))):
+            later = np.zeros_like(adjoint)
+            total = adjoint.copy()
+            for i in reversed(range(4)):
+                seen = (by_q[k], by_qd[k]) if i == 0 else (nothing, nothing)
+                ahead = h * NODES[i + 1] * later if i < 3 else 0.0
+                later, by_p = stages[i].backward(h * WEIGHTS[i] * adjoint + ahead, *seen)
+                total += later
+                p_bar = p_bar + by_p
+            adjoint = total
+        z, zd = adjoint[self.nz :], adjoint[: self.nz]
+        return np.concatenate([p_bar + self.z_by_p.T @ z, z, zd])
+
+    def _steps(self) -> Iterator[list[_Stage]]:
+        """The four stages of every step; `_last` is the instant at the end."""
+        y, guess = self.y0, Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
+        for t in self.t[:-1]:
+            stages, slope = [], np.zeros_like(y)
+            for node in NODES:
+                stage = _Stage(self, guess, t + node * self.h, y + node * self.h * slope)
+                stages.append(stage)
+                slope = stage.slope
+            self._keep(stages[0])
+            guess = Start(t, stages[0].q, stages[0].qd, self.p)
+            y = y + self.h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
+            yield stages
+        self._last = _Stage(self, guess, self.t[-1], y)
+        self._keep(self._last)
+
+    def _keep(self, stage: _Stage) -> None:
+        if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < POOR:
+            names = ", ".join(self.partition.names(self.kernels))
+            raise ModelError(
+                f"{names} do not determine the motion any more at t = {stage.t:.6g} s; choose other independent coordinates (z)"
+            )
+        self._q.append(stage.q)
+        self._qd.append(stage.qd)
+
+
+class _Stage:
+    """The state derivative at one instant, f(y) = [z̈; ż], with what its derivative needs: that from `_linearise` on."""
+
+    frame: Kinematics
+    mass: np.ndarray
+    reduced: tuple[np.ndarray, bool] | None
+    stiffness: np.ndarray
+    damping: np.ndarray
+    phidd_q: np.ndarray
+    phidd_qd: np.ndarray
+    phi_p: np.ndarray
+    phid_p: np.ndarray
+    phidd_p: np.ndarray
+    balance_p: np.ndarray
+
+    def __init__(self, motion: PartitionedMotion, guess: Start, t: float, y: np.ndarray) -> None:
+        kernels, partition, nz = motion.kernels, motion.partition, motion.nz
+        self.kernels, self.partition, self.nz, self.t, self.p = kernels, partition, nz, t, motion.p
+        self.q, _ = dependent_position(kernels, partition, guess, t, y[nz:])
+        now = motion_at(kernels, partition, t, self.q, y[:nz], motion.p)
+        self.qd, self.qdd, self.lam = now.qd, now.qdd, now.lam
+        self.slope = np.concatenate([now.qdd[partition.independent], y[:nz]])
+
+    def _linearise(self) -> None:
+        """The factors and the tangents, when they are first needed."""
+        if hasattr(self, "frame"):
+            return
+        kernels, q, qd, qdd, t, p = self.kernels, self.q, self.qd, self.qdd, self.t, self.p
+        self.frame = kinematics(kernels, self.partition, q, t, p)
+        self.mass = kernels.mass_matrix(q, t, p)
+        R = self.frame.R
+        self.reduced = cho_factor(R.T @ self.mass @ R) if self.nz else None
+        given = {"t": t, "q": q, "qd": qd, "qdd": qdd, "lam": self.lam, "p": p}
+        for name in TANGENTS:
+            setattr(self, name, kernels.dense_tangent(name, **given))
+
+    def forward(self, dy: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """(df, dq, dq̇) along directions dy (2 nz, columns) and dp (parameters, columns)."""
+        self._linearise()
+        R, nz = self.frame.R, self.nz
+        dq = R @ dy[nz:] - self._particular(self.phi_p @ dp)
+        dqd = R @ dy[:nz] - self._particular(0.5 * (self.phidd_qd @ dq) + self.phid_p @ dp)
+        force = -(self.stiffness @ dq + self.damping @ dqd + self.balance_p @ dp)
+        bias = -self._particular(self.phidd_q @ dq + self.phidd_qd @ dqd + self.phidd_p @ dp)
+        dzdd = self._reduced(R.T @ (force - self.mass @ bias))
+        return np.vstack([dzdd, dy[:nz]]), dq, dqd
+
+    def backward(self, f_bar: np.ndarray, q_bar: np.ndarray, qd_bar: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(ȳ, p̄) of adjoints of f, of q and of q̇: the transpose of `forward`."""
+        self._linearise()
+        R, nz, rows = self.frame.R, self.nz, self.kernels.m
+        force_bar = R @ self._reduced(f_bar[:nz])
+        balance = -self.mass @ force_bar
+        rows_bar = self.frame.multipliers(balance, rows)
+        q_bar = q_bar - self.stiffness.T @ force_bar - self.phidd_q.T @ rows_bar
+        qd_bar = qd_bar - self.damping.T @ force_bar - self.phidd_qd.T @ rows_bar
+        p_bar = -(self.balance_p.T @ force_bar) - self.phidd_p.T @ rows_bar
+        rates_bar = self.frame.multipliers(qd_bar, rows)
+        q_bar = q_bar - 0.5 * (self.phidd_qd.T @ rates_bar)
+        p_bar = p_bar - self.phid_p.T @ rates_bar - self.phi_p.T @ self.frame.multipliers(q_bar, rows)
+        return np.concatenate([R.T @ qd_bar + f_bar[nz:], R.T @ q_bar]), p_bar
+
+    def _particular(self, right: np.ndarray) -> np.ndarray:
+        return np.array([self.frame.particular(column) for column in right.T]).T.reshape(len(self.q), right.shape[1])
+
+    def _reduced(self, right: np.ndarray) -> np.ndarray:
+        return right if self.reduced is None else cho_solve(self.reduced, right)
+
+
+def _check(kernels: Kernels) -> None:
+    if kernels.model.callbacks:
+        raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
+    if len(kernels.holonomic) != kernels.m:
+        raise ModelError(f"{kernels.name}: motions with rolling conditions are not differentiated")
