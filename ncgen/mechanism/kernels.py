@@ -201,6 +201,8 @@ class Kernels(ABC):
             raise NcgenError(f"{self.name}.{program.name}: p has shape {p.shape}; the model has {len(self.p0)} parameters")
         functions = {name: getattr(np, function.numpy) for name, function in FUNCTIONS.items()}
         columns = evaluate_program(program, {"p": np.moveaxis(p, -1, 0)}, functions)
+        if p.ndim == 1:
+            return np.array(columns, dtype=p.dtype).reshape(shape)
         values = np.stack(np.broadcast_arrays(*columns, p[..., 0])[:-1], axis=-1)
         return values.reshape(*p.shape[:-1], *shape)
 

@@ -322,6 +322,18 @@ class ConstrainedDynamics(Dynamics):
             self._dynamics.motion = self._ffi.cast("const ncgen_motion *", getattr(self._motion, getter)())
         return bool(files)
 
+    @property
+    def prepared(self) -> int:
+        """How many numbers of the emitted motion depend on parameters alone."""
+        return self._dynamics.motion.n_prepared if self.is_emitted else 0
+
+    def with_prepared(self, p: np.ndarray) -> np.ndarray:
+        """p and what is prepared of it, as the parts of the emitted motion read it."""
+        whole = np.concatenate([p, np.empty(self.prepared)])
+        if self.prepared:
+            self._dynamics.motion.prepare(*(self._ffi.from_buffer(self.number.array, a) for a in (whole, whole[len(p) :])))
+        return whole
+
     def differentiated_source(self, kind: Literal["tangent", "adjoint"]) -> Files:
         """{file name: text} of the emitted motion along a direction or transposed. Only where `is_emitted`."""
         assert self._seen is not None, "nothing has been written out"

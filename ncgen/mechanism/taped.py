@@ -30,40 +30,52 @@ class Taped:
         self._dynamics, self._kernels = dynamics, dynamics.kernels
         self._ffi, self._library = dynamics.interface
         n, steps, stages = self._kernels.n, len(times) - 1, INTEGRATORS[method].coefficients.stages
-        self._times, self._states, self._p = np.empty(steps + 1), np.empty((steps * (2 * stages + 3) + 2) * n), np.array(p, dtype=float)
+        self._times, self._states = np.empty(steps + 1), np.empty((steps * (2 * stages + 3) + 2) * n)
+        self._p, self._parameters = dynamics.with_prepared(p), len(p)
         tape = {"room": steps, "times": self._real(self._times), "states": self._real(self._states)}
         self._tape = self._ffi.new("ncgen_tape *", tape)
         run = {"is_driven": "nu" in self._kernels.programs.programs, "method": number_in_c(INTEGRATORS[method])}
-        run |= {"n_coordinates": n, "n_parameters": len(self._p), "p": self._real(self._p), "tape": self._tape}
+        run |= {"n_coordinates": n, "n_parameters": len(p), "n_prepared": dynamics.prepared, "p": self._real(self._p), "tape": self._tape}
         self._run = self._ffi.new("ncgen_taped *", run)
         options |= {"formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1, "rtol": 0.0, "atol": 0.0, "max_step": ANY_STEP}
-        self.outcome: Outcome = dynamics.simulate(method, times, q, qd, self._p, tape=self._tape, **options)
+        self.outcome: Outcome = dynamics.simulate(method, times, q, qd, p, tape=self._tape, **options)
 
     @property
     def not_differentiable(self) -> float | None:
         """When (s) the first step began that went otherwise, beside a singular position; None where there is none."""
         return float(self._times[self._tape.other - 1]) if self._tape.other else None
 
-    def at_start(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """At the start: how a step of Newton's method changes with p, (n, n_p), and how the velocities that the joints allow change with q
-        and p, (n, n) and (n, n_p)."""
+    def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How a sum with these weights (n,) of the velocities that the joints allow at the start changes with q, (n,), and p, (n_p,)."""
         n = self._kernels.n
-        q, qd = self._states[:n], self._states[n : 2 * n]
-        velocities = self._rows(self._dynamics.transposed.velocities, 2 * n, q, qd)
-        return self._rows(self._dynamics.transposed.closing, n, q)[:, n:], velocities[:, :n], velocities[:, 2 * n :]
+        slopes = self._back(self._dynamics.transposed.velocities, weights, self._states[:n], self._states[n : 2 * n])
+        return slopes[:n], self._by_parameters(slopes[2 * n :])
 
-    def _rows(self, transposed: InC, state: int, *arrays: np.ndarray) -> np.ndarray:
-        """The Jacobian of a part at the start, row by row; state: numbers that it reads besides p."""
-        found = np.empty((self._kernels.n, state + len(self._p)))
-        for row, weights in zip(found, np.eye(len(found)), strict=True):
-            transposed(self._times[0], *(self._real(a) for a in (*arrays, self._p, weights, row)))
+    def closing_back(self, weights: np.ndarray) -> np.ndarray:
+        """How a sum with these weights (n,) of a step of Newton's method at the start changes with p, (n_p,)."""
+        n = self._kernels.n
+        return self._by_parameters(self._back(self._dynamics.transposed.closing, weights, self._states[:n])[n:])
+
+    def _back(self, transposed: InC, weights: np.ndarray, *state: np.ndarray) -> np.ndarray:
+        """What a transposed part says at the start; state: what it reads besides time and p."""
+        found = np.empty(sum(map(len, state)) + len(self._p))
+        transposed(self._times[0], *(self._real(a) for a in (*state, self._p, np.ascontiguousarray(weights), found)))
         return found
+
+    def _by_parameters(self, slopes: np.ndarray) -> np.ndarray:
+        """Slopes (n_p,) by parameters from those by parameters and what is prepared of them."""
+        own, prepared = slopes[: self._parameters].copy(), slopes[self._parameters :]
+        if len(prepared):
+            more = np.empty_like(own)
+            self._dynamics.transposed.prepare(*(self._real(a) for a in (self._p, np.ascontiguousarray(prepared), more)))
+            own += more
+        return own
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """How a number changes with q and q̇ at the start, (n,) each, and with p, (n_p,), from how it does with q and q̇ at all times,
         (K, n) each."""
         n = self._kernels.n
-        weights, slopes = np.hstack([by_q, by_qd]).astype(float, order="C"), np.empty(2 * n + len(self._p))
+        weights, slopes = np.hstack([by_q, by_qd]).astype(float, order="C"), np.empty(2 * n + self._parameters)
         work = np.empty(self._library.ncgen_adjoint_workspace(self._run))
         self._library.ncgen_adjoint(self._run, self._dynamics.transposed, self._real(weights), self._real(slopes), self._real(work))
         return slopes[:n], slopes[n : 2 * n], slopes[2 * n :]
@@ -93,7 +105,7 @@ class _Directions:
         self._motion = getattr(self._library, getter)()
 
     def __call__(self, run: InC, times: np.ndarray, states: np.ndarray, seeds: np.ndarray, changes: np.ndarray) -> None:
-        sizes = run.n_coordinates, run.n_parameters
+        sizes = run.n_coordinates, run.n_parameters, run.n_prepared
         work = aligned(self._library.ncgen_directions_workspace(*sizes, run.method))
         arrays = [self._ffi.from_buffer("double[]", a) for a in (times, states, seeds, changes, work)]
         p = self._ffi.cast("double *", run.p)

@@ -65,6 +65,10 @@ class Symbolic:
 
         return sympy.Symbol(self.name, real=True)
 
+    def _sympy_(self) -> sympy.Symbol:
+        """So that functions of sympy take it as it is: sympy.cos(parameter)."""
+        return self.symbol
+
     def __add__(self, other: Expression) -> sympy.Expr:
         return self.symbol + as_sympy(other)
 

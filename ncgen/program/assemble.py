@@ -449,7 +449,7 @@ def load_name(array: str, index: int, equations: Terms) -> str:
     """What a reader calls an input: the coordinate, its velocity with a d in front, or the parameter."""
     if array == "q" or array in MARKS:
         return MARKS.get(array, "") + equations.free[index].name
-    if array == "p":
+    if array == "p" and index < len(equations.parameters):
         return equations.parameters[index].name
     return "t" if array == "t" else f"{array}{index}"
 

@@ -23,21 +23,21 @@ from ncgen.symbolic.numbering import Terms
 SEED, BAR = "seed", "bar"
 
 
-def tangent_of(program: Program, equations: Terms, outputs: int) -> Program:
-    """f_tangent of the first outputs of a straight line."""
-    graph, nodes = written_out(program)
-    moved = _moved(graph, program, equations)
+def tangent_of(program: Program, equations: Terms, outputs: int, prepared: int = 0) -> Program:
+    """f_tangent of the first outputs of a straight line. prepared: how many numbers follow the parameters in p"""
+    graph, sizes = Graph(), _sizes(program, equations, prepared)
+    nodes, moved = written_out(program, graph), _loads(graph, sizes)
     found = tangent(graph, nodes[:outputs], {node: graph.load(SEED, k) for k, node in enumerate(moved)})
     changes = [found.get(node, graph.const(0.0)) for node in nodes[:outputs]]
     made = line(graph, f"{program.name}_tangent", (*program.inputs, SEED), changes, equations)
-    verify(made, {"t": 1, **_sizes(equations), SEED: len(moved)})
+    verify(made, {"t": 1, **sizes, SEED: len(moved)})
     return made
 
 
-def adjoint_of(program: Program, equations: Terms, outputs: int) -> Program:
-    """f_adjoint of the first outputs of a straight line."""
-    graph, nodes = written_out(program)
-    moved = _moved(graph, program, equations)
+def adjoint_of(program: Program, equations: Terms, outputs: int, prepared: int = 0) -> Program:
+    """f_adjoint of the first outputs of a straight line. prepared: how many numbers follow the parameters in p"""
+    graph, sizes = Graph(), _sizes(program, equations, prepared)
+    nodes, moved = written_out(program, graph), _loads(graph, sizes)
     weights: dict[int, int] = {}
     for k, node in enumerate(nodes[:outputs]):
         bar = graph.load(BAR, k)
@@ -45,13 +45,12 @@ def adjoint_of(program: Program, equations: Terms, outputs: int) -> Program:
     found = adjoints(graph, weights, moved)
     slopes = [found.get(node, graph.const(0.0)) for node in moved]
     made = line(graph, f"{program.name}_adjoint", (*program.inputs, BAR), slopes, equations)
-    verify(made, {"t": 1, **_sizes(equations), BAR: outputs})
+    verify(made, {"t": 1, **sizes, BAR: outputs})
     return made
 
 
-def written_out(program: Program) -> tuple[Graph, list[int]]:
-    """A straight line, cut or not, as one graph that reads its inputs alone, and the nodes of its outputs."""
-    graph = Graph()
+def written_out(program: Program, graph: Graph) -> list[int]:
+    """A straight line, cut or not, in a graph where it reads its inputs alone: the nodes of its outputs."""
     known = {(array, k): graph.call(name, graph.load("q", q)) for name, array in SHARED.items() for k, q in enumerate(program.angles)}
     outputs = [graph.const(0.0)] * program.size
     for block in program.blocks:
@@ -62,7 +61,7 @@ def written_out(program: Program) -> tuple[Graph, list[int]]:
                 known[KEPT, store.index] = nodes[store.node]
             else:
                 outputs[store.index] = nodes[store.node]
-    return graph, outputs
+    return outputs
 
 
 def _nodes(graph: Graph, block: Block, known: Mapping[tuple[str, int], int]) -> list[int]:
@@ -76,12 +75,12 @@ def _nodes(graph: Graph, block: Block, known: Mapping[tuple[str, int], int]) -> 
     return nodes
 
 
-def _sizes(equations: Terms) -> dict[str, int]:
+def _sizes(program: Program, equations: Terms, prepared: int) -> dict[str, int]:
+    """Lengths of all arrays that a program reads."""
     n = len(equations.free)
-    return {"q": n, "qd": n, "qdd": n, "p": len(equations.parameters)}
+    lengths = {"q": n, "qd": n, "qdd": n, "p": len(equations.parameters) + prepared}
+    return {array: lengths[array] for array in program.inputs if array != "t"}
 
 
-def _moved(graph: Graph, program: Program, equations: Terms) -> list[int]:
-    """Loads of all that a program reads but time."""
-    sizes = _sizes(equations)
-    return [graph.load(array, k) for array in program.inputs if array != "t" for k in range(sizes[array])]
+def _loads(graph: Graph, sizes: Mapping[str, int]) -> list[int]:
+    return [graph.load(array, k) for array, size in sizes.items() for k in range(size)]

@@ -41,6 +41,7 @@ from ncgen.program.elimination import (
 from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.motion import assemble_motions
+from ncgen.program.prepared import take_out
 from ncgen.program.programs import ENERGIES, Split
 from ncgen.program.rates import NoRecursion
 from ncgen.program.recursion import assemble_recursions
@@ -66,11 +67,25 @@ class DynamicsPrograms:
 
 @dataclass(frozen=True)
 class MotionPrograms:
-    """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ]."""
+    """derivative gives [q̇ (n), q̈ (n), power, growth], velocities [q̇ (n), growth], q̇ as the joints allow, closing [Δq (n), Φ].
+
+    prepare: gives what depends on parameters alone, which the others read behind p; None where nothing does
+    """
 
     derivative: Program
     velocities: Program
     closing: Program
+    prepare: Program | None = None
+
+    @property
+    def prepared(self) -> int:
+        """How many numbers follow the parameters in p."""
+        return self.prepare.size if self.prepare else 0
+
+    @property
+    def all(self) -> tuple[Program, ...]:
+        parts = (self.derivative, self.velocities, self.closing)
+        return (*parts, self.prepare) if self.prepare else parts
 
 
 def assemble_dynamics(equations: Terms, split: Split, samples: Sequence[Sample], sizes: Sizes, refine: bool = False) -> DynamicsPrograms:
@@ -111,19 +126,24 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
     try:
         ways, velocities = assemble_motions(equations, samples, np.asarray(sizes))
         n = len(equations.free)
-        found = MotionPrograms(ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
+        parts = (ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
     except (NoRecursion, EliminationError, SingularError):
         return None
-    for program in (found.derivative, found.velocities, found.closing):
-        verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters)})
+    prepare, parts = take_out(parts, equations)
+    found = MotionPrograms(*parts, prepare)
+    for program in found.all:
+        verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters) + found.prepared})
     return found
 
 
 def differentiated(programs: MotionPrograms, equations: Terms, kind: str) -> MotionPrograms:
     """A motion's programs, power and growth left out, along a direction (kind "tangent") or transposed ("adjoint")."""
-    made, n = {"tangent": tangent_of, "adjoint": adjoint_of}[kind], len(equations.free)
+    made, n, more = {"tangent": tangent_of, "adjoint": adjoint_of}[kind], len(equations.free), programs.prepared
     return MotionPrograms(
-        made(programs.derivative, equations, 2 * n), made(programs.velocities, equations, n), made(programs.closing, equations, n)
+        made(programs.derivative, equations, 2 * n, more),
+        made(programs.velocities, equations, n, more),
+        made(programs.closing, equations, n, more),
+        made(programs.prepare, equations, more) if programs.prepare else None,
     )
 
 

@@ -31,5 +31,6 @@ def _node(graph: Graph, value: Value, parameters: dict[str, int]) -> int:
 
 
 def _program(name: str, graph: Graph, nodes: list[int]) -> Program:
-    stores = tuple(Store(name, k, node) for k, node in enumerate(nodes))
+    """What is not written is 0: most derivatives are."""
+    stores = tuple(Store(name, k, node) for k, node in enumerate(nodes) if graph.value(node) != 0.0)
     return Program(name, ("p",), name, len(nodes), (passes.finish(Straight(tuple(graph.ops), stores)),))

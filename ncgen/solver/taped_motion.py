@@ -18,7 +18,7 @@ from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.taped import Taped
 from ncgen.solver.compiled import all_coordinates, closeness
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.partition import Partition, determined, kinematics
+from ncgen.solver.partition import determined, kinematics
 from ncgen.solver.rank import freedom
 from ncgen.solver.run import Initial
 from ncgen.solver.start import begin
@@ -62,37 +62,42 @@ class TapedMotion:
 
     def forward(self) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of q and q̇ at all instants, (K, n, columns) each."""
-        dq, dqd = self._start_by
-        return self._run.forward(dq, dqd, np.eye(len(self.p), len(self.names)))
+        n = self.kernels.n
+        by_start = np.array([np.concatenate(self._start_back(weights)) for weights in np.eye(2 * n)])
+        return self._run.forward(by_start[:n], by_start[n:], np.eye(len(self.p), len(self.names)))
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
         """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
-        q_bar, qd_bar, p_bar = self._run.backward(by_q, by_qd)
-        dq, dqd = self._start_by
-        slopes = dq.T @ q_bar + dqd.T @ qd_bar
-        slopes[: len(p_bar)] += p_bar
-        return slopes
+        *by_state, by_p = self._run.backward(by_q, by_qd)
+        by_start, by_z, by_rates = self._start_back(np.concatenate(by_state))
+        return np.concatenate([by_p + by_start, by_z, by_rates])
+
+    def _start_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How a sum with these weights (2 n,) of q and q̇ at the start changes with p, z and ż: the transpose of what stands above."""
+        n, position, velocity = self.kernels.n, self._partitions.position, self._partitions.velocity
+        allowed_positions, allowed_velocities = self._allowed
+        by_rates = allowed_velocities.T @ weights[n:]
+        rest = weights[n:].copy()
+        rest[velocity.independent] -= by_rates
+        by_q, by_p = self._run.velocities_back(rest)
+        by_q = by_q + weights[:n]
+        by_z = allowed_positions.T @ by_q
+        by_q[position.independent] -= by_z
+        by_p = by_p + self._run.closing_back(by_q)
+        if self._follows:
+            by_p += self._start_p[position.independent].T @ by_z
+        return by_p, by_z, by_rates
 
     @cached_property
-    def _start_by(self) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of q and q̇ at the start, (n, columns) each."""
-        kernels, begun, parameters = self.kernels, self._begun, len(self.p)
-        position, velocity = self._partitions.position, self._partitions.velocity
-        closing_p, allowed_q, allowed_p = self._run.at_start()
-        dp = np.eye(parameters, len(self.names))
-        dz = np.zeros((len(position.independent), len(self.names)))
-        dz[:, parameters : parameters + len(dz)] = np.eye(len(dz))
-        if self._follows:
-            dz += kernels.start_p(begun.p)[position.independent] @ dp
-        dzd = np.zeros((len(velocity.independent), len(self.names)))
-        dzd[:, parameters + len(dz) :] = np.eye(len(dzd))
-        dq = self._with_independent(position, closing_p @ dp, dz)
-        return dq, self._with_independent(velocity, allowed_q @ dq + allowed_p @ dp, dzd)
+    def _start_p(self) -> np.ndarray:
+        return self.kernels.start_p(self.p)
 
-    def _with_independent(self, part: Partition, change: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """A change that the constraints ask for, and what they allow besides, so that independent ones change as wanted."""
-        R = kinematics(self.kernels, part, self._begun.q, self.t[0], self.p).R
-        return change + R @ (wanted - change[part.independent])
+    @cached_property
+    def _allowed(self) -> tuple[np.ndarray, np.ndarray]:
+        """R of positions and of velocities at the start."""
+        parts = self._partitions.position, self._partitions.velocity
+        first, second = (kinematics(self.kernels, part, self._begun.q, self.t[0], self.p).R for part in parts)
+        return first, second
 
     def _check(self) -> None:
         """Raises DomainError, ConvergenceError or ModelError where the run did not arrive, or not by steps that have derivatives."""

@@ -13,11 +13,11 @@ from ncgen.solver import compiled
 from ncgen.solver.rank import freedom
 
 
-def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int) -> int:
+def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int, own_p: int) -> int:
     """NCGEN_DRIVEN_WORKSPACE, read from the header."""
     text = runtime_text("ncgen_driven.h").split("#define NCGEN_DRIVEN_WORKSPACE")[1]
     formula = text[text.index("\\") + 1 : text.index("\n\n")].strip()
-    return eval(formula, {}, {"n": n, "m": m, "nonzeros": nonzeros, "factor": factor, "redundant": redundant, "width": width})
+    return eval(formula, {}, locals())
 
 
 @pytest.mark.parametrize("name", example_names())
@@ -30,8 +30,10 @@ def test_workspace(name, method):
         dynamics = compiled.all_coordinates(kernels, form=form)
         rank = freedom(kernels).rank
         moving = Moving(dynamics, method, rank, 1e-8, 1e-10, None, 1e-12)
+        prepared = dynamics.prepared
+        own_p = len(kernels.p0) + prepared if prepared else 0
         nonzeros = kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros
-        bound = most(kernels.n, kernels.m, nonzeros, dynamics.plan.nonzeros, int(rank < kernels.m), widest_tableau())
+        bound = most(kernels.n, kernels.m, nonzeros, dynamics.plan.nonzeros, int(rank < kernels.m), widest_tableau(), own_p)
         assert moving.workspace <= bound
         if form == "emitted" and method == "dop853" and dynamics.is_emitted:
             assert moving.workspace == bound  # nothing is given away where all of it is used

@@ -56,15 +56,14 @@ def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iter
 def motion_files(programs: MotionPrograms, equations: Terms) -> dict[str, str]:
     """{file name: text}: the motion of all coordinates, for the runtime to integrate."""
     prefix = identifier(equations.model.name)
-    parts = (programs.derivative, programs.velocities, programs.closing)
-    return {f"{prefix}_recursion.c": render("c/recursion.c.jinja", model=equations.model, **program_records(parts, prefix, "recursion"))}
+    records = {"model": equations.model, "prepared": programs.prepared, **program_records(programs.all, prefix, "recursion")}
+    return {f"{prefix}_recursion.{end}": render(f"c/recursion.{end}.jinja", **records) for end in "ch"}
 
 
 def seeded_files(programs: MotionPrograms, equations: Terms, kind: str) -> dict[str, str]:
     """{file name: text}: a motion differentiated. kind: "tangent" or "adjoint"."""
     prefix = identifier(equations.model.name)
-    parts = (programs.derivative, programs.velocities, programs.closing)
-    records = {"model": equations.model, "kind": kind, "told": DIFFERENTIATED[kind], **program_records(parts, prefix, kind)}
+    records = {"model": equations.model, "kind": kind, "told": DIFFERENTIATED[kind], **program_records(programs.all, prefix, kind)}
     return {f"{prefix}_{kind}.c": render("c/seeded.c.jinja", **records)}
 
 

@@ -18,22 +18,26 @@ typedef int ncgen_seeded_position_kernel(ncgen_real t, const ncgen_real *q, cons
                                          ncgen_real *out);
 typedef int ncgen_seeded_velocity_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *p,
                                          const ncgen_real *seed, ncgen_real *out);
+typedef int ncgen_seeded_prepare_kernel(const ncgen_real *p, const ncgen_real *seed, ncgen_real *out);
 
 /* The parts of an ncgen_motion, differentiated. Along a direction: from changes of q, qd (closing has none) and p to those of what the
- * part writes, [qd, qdd], qd and dq. Transposed: from weights of these to how their sum changes with q, qd and p. */
+ * part writes, [qd, qdd], qd and dq. Transposed: from weights of these to how their sum changes with q, qd and p. What is prepared
+ * belongs to p. */
 typedef struct ncgen_seeded_motion {
     ncgen_seeded_velocity_kernel *derivative;
     ncgen_seeded_velocity_kernel *velocities;
     ncgen_seeded_position_kernel *closing;
+    ncgen_seeded_prepare_kernel *prepare; /* NULL where nothing is prepared */
 } ncgen_seeded_motion;
 
 /* A run that was taped, with the tableau that its method names. */
 typedef struct ncgen_taped {
     int n_coordinates;
     int n_parameters;
+    int n_prepared;
     int is_driven; /* 1: rows depend on time, so velocities are not 0 where nothing else moves */
     int method;
-    const ncgen_real *p;
+    const ncgen_real *p; /* with what is prepared behind it */
     const ncgen_tape *tape;
 } ncgen_taped;
 

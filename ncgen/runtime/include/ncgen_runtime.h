@@ -50,12 +50,18 @@ typedef struct ncgen_partition {
     const int *rows;        /* n_dependent kept rows */
 } ncgen_partition;
 
+/* What depends on parameters alone, inputs not among them. */
+typedef int ncgen_prepare_kernel(const ncgen_real *p, ncgen_real *out);
+
 /* The motion of all coordinates, emitted for one mechanism with its eliminations written out. Where growth, how much worse their order
- * is than usual, is large, the matrix [M Phi_q'; Phi_q -E] is factored instead. */
+ * is than usual, is large, the matrix [M Phi_q'; Phi_q -E] is factored instead. What is prepared follows the parameters in the p that
+ * the other functions read. */
 typedef struct ncgen_motion {
     ncgen_velocity_kernel *derivative; /* qd as the joints allow, and qdd (n_coordinates each), power, growth */
     ncgen_velocity_kernel *velocities; /* the nearest qd that the joints allow, in the sense of kinetic energy, growth */
     ncgen_position_kernel *closing;    /* a Newton step: dq (n_coordinates), phi (n_rows), which is 0 where it closes at once */
+    ncgen_prepare_kernel *prepare;     /* n_prepared numbers; NULL: none */
+    int n_prepared;
 } ncgen_motion;
 
 typedef struct ncgen_dynamics {

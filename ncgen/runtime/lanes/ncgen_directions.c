@@ -5,12 +5,12 @@
 
 typedef struct sweep {
     const ncgen_seeded_motion *motion;
-    int n, n_parameters, is_driven;
+    int n, n_p, is_driven; /* n_p: parameters with what is prepared */
     const tableau *method;
-    ncgen_real *p;      /* n_parameters, the same in all lanes */
+    ncgen_real *p;      /* n_p, the same in all lanes */
     ncgen_real *at;     /* 2 n: a state, the same in all lanes */
-    ncgen_real *seed;   /* 2 n + n_parameters: changes of a state and of p; p stays at its end */
-    ncgen_real *brief; /* n + n_parameters: the same where a program takes no qd */
+    ncgen_real *seed;   /* 2 n + n_p: changes of a state and of p; p stays at its end */
+    ncgen_real *brief;  /* n + n_p: the same where a program takes no qd */
     ncgen_real *state;  /* 2 n: changes where the step begins, then where it ends */
     ncgen_real *slopes; /* 2 n for every stage */
     ncgen_real *found;  /* 2 n: what a program writes */
@@ -23,25 +23,25 @@ static ncgen_real *take(ncgen_space *space, int count)
     return start;
 }
 
-static void lay_out(sweep *s, int n, int n_parameters, int method, ncgen_space *space)
+static void lay_out(sweep *s, int n, int n_p, int method, ncgen_space *space)
 {
     s->n = n;
-    s->n_parameters = n_parameters;
+    s->n_p = n_p;
     s->method = &tableaus[method];
-    s->p = take(space, n_parameters);
+    s->p = take(space, n_p);
     s->at = take(space, 2 * n);
-    s->seed = take(space, 2 * n + n_parameters);
-    s->brief = take(space, n + n_parameters);
+    s->seed = take(space, 2 * n + n_p);
+    s->brief = take(space, n + n_p);
     s->state = take(space, 2 * n);
     s->slopes = take(space, 2 * n * s->method->stages);
     s->found = take(space, 2 * n);
 }
 
-size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int method)
+size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int n_prepared, int method)
 {
     sweep s;
     ncgen_space space = {NULL, 0};
-    lay_out(&s, n_coordinates, n_parameters, method, &space);
+    lay_out(&s, n_coordinates, n_parameters + n_prepared, method, &space);
     return space.used * sizeof(ncgen_real) / sizeof(double);
 }
 
@@ -149,21 +149,23 @@ static void write_rows(int rows, long count, long first, const ncgen_real *lanes
             to[i * count + first + lane] = lanes[i][lane];
 }
 
-void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int is_driven, int method, const double *p,
-                      long steps, const double *times, const double *states, long count, const double *seeds, double *changes,
-                      double *workspace)
+void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int is_driven, int method,
+                      const double *p, long steps, const double *times, const double *states, long count, const double *seeds,
+                      double *changes, double *workspace)
 {
     const int size = 2 * n_coordinates;
     sweep s;
     ncgen_space space = {(ncgen_real *)workspace, 0};
-    lay_out(&s, n_coordinates, n_parameters, method, &space);
+    lay_out(&s, n_coordinates, n_parameters + n_prepared, method, &space);
     s.motion = motion;
     s.is_driven = is_driven;
-    spread(n_parameters, p, s.p);
+    spread(s.n_p, p, s.p);
     for (long first = 0; first < count; first += NCGEN_LANES) {
         read_rows(size, count, first, seeds, s.state);
         read_rows(n_parameters, count, first, seeds + size * count, s.seed + size);
-        for (int i = 0; i < n_parameters; ++i)
+        if (s.motion->prepare)
+            s.motion->prepare(s.p, s.seed + size, s.seed + size + n_parameters);
+        for (int i = 0; i < s.n_p; ++i)
             s.brief[s.n + i] = s.seed[size + i];
         write_rows(size, count, first, s.state, changes);
         for (long k = 0; k < steps; ++k) {

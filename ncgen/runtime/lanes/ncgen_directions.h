@@ -10,16 +10,16 @@
 /* begin functions */
 
 /* Numbers of workspace, which begins at a multiple of 64 bytes. */
-size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int method);
+size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int n_prepared, int method);
 
 /* Changes of q and qd along the directions where steps begin and end.
  *
- * motion: an ncgen_seeded_motion of lanes; is_driven, method, p: as of an ncgen_taped; steps, times, states: as of its tape
+ * motion: an ncgen_seeded_motion of lanes; from n_coordinates to p: as of an ncgen_taped; steps, times, states: as of its tape
  * seeds: 2 n_coordinates + n_parameters rows, changes of q and qd at the start and of p, of `count` directions each
  * changes: steps + 1 times 2 n_coordinates rows of `count` directions */
-void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int is_driven, int method, const double *p,
-                      long steps, const double *times, const double *states, long count, const double *seeds, double *changes,
-                      double *workspace);
+void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int is_driven, int method,
+                      const double *p, long steps, const double *times, const double *states, long count, const double *seeds,
+                      double *changes, double *workspace);
 
 /* end functions */
 

@@ -10,23 +10,25 @@
 typedef struct sweep {
     const ncgen_taped *run;
     const ncgen_seeded_motion *transposed;
-    int n;
+    int n, n_p;         /* coordinates; parameters with what is prepared */
     ncgen_real *state;  /* 2 n: how the number changes with [q, qd] */
-    ncgen_real *p;      /* n_parameters: with p */
+    ncgen_real *p;      /* n_p: with p */
     ncgen_real *stages; /* 2 n each: with f of the stages */
     ncgen_real *moved;  /* n: with how far the position was moved along the constraints */
     ncgen_real *apart;  /* n: how far it had been from where it was closed */
-    ncgen_real *found;  /* 2 n + n_parameters: what a program writes */
+    ncgen_real *found;  /* 2 n + n_p: what a program writes */
 } sweep;
 
 static void lay_out(sweep *s, const ncgen_taped *run, ncgen_space *space)
 {
     s->run = run;
     s->n = run->n_coordinates;
+    s->n_p = run->n_parameters + run->n_prepared;
+    s->p = ncgen_take(space, s->n_p);
     s->stages = ncgen_take(space, tableaus[run->method].stages * 2 * s->n);
     s->moved = ncgen_take(space, s->n);
     s->apart = ncgen_take(space, s->n);
-    s->found = ncgen_take(space, 2 * s->n + run->n_parameters);
+    s->found = ncgen_take(space, 2 * s->n + s->n_p);
 }
 
 size_t ncgen_adjoint_workspace(const ncgen_taped *run)
@@ -48,7 +50,7 @@ static void close_back(sweep *s, ncgen_scalar t, const ncgen_real *q)
 {
     s->transposed->closing(t, q, s->run->p, s->state, s->found);
     add(s->n, s->found, s->state);
-    add(s->run->n_parameters, s->found + s->n, s->p);
+    add(s->n_p, s->found + s->n, s->p);
 }
 
 /* Back through velocities; what they say of q and p is added, what they say of the velocities given stays in s->found + n. */
@@ -56,7 +58,7 @@ static void velocities_back(sweep *s, ncgen_scalar t, const ncgen_real *q, const
 {
     s->transposed->velocities(t, q, qd, s->run->p, weights, s->found);
     add(s->n, s->found, s->state);
-    add(s->run->n_parameters, s->found + 2 * s->n, s->p);
+    add(s->n_p, s->found + 2 * s->n, s->p);
 }
 
 /* Back through what brings the end of a step onto the constraints: left [q, qd], closed and end are positions. */
@@ -98,7 +100,7 @@ static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_re
         const ncgen_real *at = states + j * 2 * n;
         s->transposed->derivative(t + method->c[j] * h, at, at + n, s->run->p, s->stages + j * 2 * n, s->found);
         add(2 * n, s->found, s->state);
-        add(s->run->n_parameters, s->found + 2 * n, s->p);
+        add(s->n_p, s->found + 2 * n, s->p);
         for (int k = 0; k < j; ++k)
             for (int i = 0; i < 2 * n; ++i)
                 s->stages[k * 2 * n + i] += h * method->a[j][k] * s->found[i];
@@ -116,9 +118,10 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
     lay_out(&s, run, &space);
     s.transposed = transposed;
     s.state = slopes;
-    s.p = slopes + 2 * n;
-    for (int i = 0; i < 2 * n + run->n_parameters; ++i)
-        slopes[i] = 0;
+    for (int i = 0; i < 2 * n; ++i)
+        s.state[i] = 0;
+    for (int i = 0; i < s.n_p; ++i)
+        s.p[i] = 0;
     for (long k = tape->steps - 1; k >= 0; --k) {
         const ncgen_scalar t = tape->times[k], t_new = tape->times[k + 1];
         const ncgen_real *states = tape->states + (size_t)k * length, *left = states + 2 * last * n;
@@ -127,4 +130,9 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
         stages_back(&s, t, t_new - t, states);
     }
     add(2 * n, weights, s.state);
+    if (transposed->prepare) {
+        transposed->prepare(run->p, s.p + run->n_parameters, s.found);
+        add(run->n_parameters, s.found, s.p);
+    }
+    ncgen_copy(run->n_parameters, s.p, slopes + 2 * n);
 }

@@ -304,7 +304,7 @@ static ncgen_scalar next_break(const ncgen_run *r, ncgen_scalar t, ncgen_scalar 
 /* The slope at the start of a step whose inputs are not those of the last step's end. */
 static int begin_anew(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t)
 {
-    return r->driven ? r->derivative(r, t, r->y, slope(r, w, 0)) : NCGEN_OK;
+    return r->is_driven ? r->derivative(r, t, r->y, slope(r, w, 0)) : NCGEN_OK;
 }
 
 static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)

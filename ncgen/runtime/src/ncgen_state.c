@@ -70,7 +70,9 @@ void ncgen_state_layout(ncgen_run *r)
 {
     r->start_q = ncgen_take(&r->space, r->n);
     r->start_qd = ncgen_take(&r->space, r->n);
-    r->driven = r->options->signals && r->model->n_inputs > 0 ? ncgen_take(&r->space, r->model->n_parameters) : NULL;
+    r->is_driven = r->options->signals && r->model->n_inputs > 0;
+    const int prepared = r->dynamics->motion ? r->dynamics->motion->n_prepared : 0;
+    r->own_p = r->is_driven || prepared ? ncgen_take(&r->space, r->model->n_parameters + prepared) : NULL;
 }
 
 void ncgen_begin(ncgen_run *r)
@@ -88,18 +90,20 @@ void ncgen_begin(ncgen_run *r)
             break;
         r->rounding /= 2;
     }
-    if (r->driven) {
-        ncgen_copy(r->model->n_parameters, r->p, r->driven);
-        r->p = r->driven;
+    if (r->own_p) {
+        ncgen_copy(r->model->n_parameters, r->p, r->own_p);
+        r->p = r->own_p;
     }
+    if (r->own_p && r->dynamics->motion && r->dynamics->motion->prepare)
+        r->dynamics->motion->prepare(r->p, r->own_p + r->model->n_parameters);
 }
 
 int ncgen_read_inputs(ncgen_run *r, ncgen_scalar t)
 {
     const ncgen_signals *signals = r->options->signals;
-    if (!r->driven)
+    if (!r->is_driven)
         return NCGEN_OK;
-    return signals->inputs(signals->context, r->from, t, r->driven + r->model->n_parameters - r->model->n_inputs);
+    return signals->inputs(signals->context, r->from, t, r->own_p + r->model->n_parameters - r->model->n_inputs);
 }
 
 int ncgen_accept(ncgen_run *r, ncgen_scalar t, const ncgen_real *y)

@@ -15,7 +15,9 @@ struct ncgen_run {
     const ncgen_dynamics *dynamics;
     const ncgen_options *options;
     const ncgen_real *p;
-    ncgen_real *driven;             /* the same in memory of the run's own, where signals change the last of them; else NULL */
+    ncgen_real *own_p;              /* the same in memory of the run's own, where signals change the last of them, or what is prepared
+                                     * follows; else NULL */
+    int is_driven;                  /* do signals change them? */
     ncgen_scalar from;              /* where the present step began */
     ncgen_statistics *statistics;
     int n, m, nz, ny;
