@@ -19,6 +19,7 @@ def bench(
     model: ModelName,
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
     instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
+    gradients: Annotated[bool, typer.Option("--gradients", help="derivatives of a motion by inertial data, beside differences")] = False,
     growth: Annotated[bool, typer.Option("--growth", help="of the chain: generation and compilation of 100 to 5000 links")] = False,
     peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
     limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
@@ -28,7 +29,7 @@ def bench(
 ) -> None:
     """Measure generated code beside hand-written code: times with their errors."""
     from ncgen.comparisons.bench import bench as measurements
-    from ncgen.comparisons.bench import show
+    from ncgen.comparisons.bench import gradient_section, show
     from ncgen.exchange.examples import load
 
     writable("--html", html)
@@ -45,9 +46,10 @@ def bench(
     if precision or html or plot:
         _precision(load(model), html, plot, json_output)
         return
+    sections = gradient_section(load(model)) if gradients else measurements(load(model))
     records = []
     with progress(f"measuring {model}", 3.0) as advance:
-        for done, (title, found) in enumerate(measurements(load(model)), 1):
+        for done, (title, found) in enumerate(sections, 1):
             records += found
             advance(done)
             if not json_output:

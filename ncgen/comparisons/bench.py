@@ -10,6 +10,7 @@ from rich.text import Text
 from ncgen.comparisons.batches import RUNS, STATES, batch_records
 from ncgen.comparisons.falls import fall_records
 from ncgen.comparisons.generation import generation_records
+from ncgen.comparisons.gradients import STEPS, gradient_records
 from ncgen.comparisons.rates import arithmetic_rate, derivative_records
 from ncgen.comparisons.rivals import KERNELS, Inputs, exact, relative_error, rivals
 from ncgen.compiler import compile
@@ -36,6 +37,12 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
     yield "generation and compilation, seconds", generation_records(model.name) if model.name in example_names() else []
     title = f"batch of {STATES:,} states, of {RUNS:,} simulations: ns a state, gain over one at a time, relative difference"
     yield title, list(batch_records(kernels))
+
+
+def gradient_section(model: Model) -> Iterator[tuple[str, list[dict]]]:
+    """(title, records) of derivatives of a whole motion."""
+    title = f"derivatives of a motion of {model.name} with {STEPS} steps of rk4 by inertial data: ms, error relative to the largest"
+    yield title, list(gradient_records(model))
 
 
 def kernel_records(model: Model, rate: float) -> list[dict]:
@@ -72,6 +79,7 @@ def show(console: Console, title: str, records: list[dict]) -> None:
     if not records:
         return
     tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows, "generation": generation_rows}
+    tables["gradients"] = _gradient_rows
     console.print(Text(title, style="bold"))
     for line in aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
         console.print(line, markup=False)
@@ -129,6 +137,14 @@ def _batch_rows(records: list[dict]) -> list[tuple[str, ...]]:
         what = LETTERS[r["what"]] if r["what"] in LETTERS else r["what"]
         tool = r["tool"] + " (chosen)" * r.get("chosen", False)
         rows.append((what, tool, f"{1e9 * r['seconds']:.0f}", _quartiles(r), f"{r['ratio']:.2f}", _error(r["error"])))
+    return rows
+
+
+def _gradient_rows(records: list[dict]) -> list[tuple[str, ...]]:
+    rows: list[tuple[str, ...]] = [("", "ms", "quartiles", "ratio", "error")]
+    for r in records:
+        quartiles = f"{1e3 * r['low']:.2f}-{1e3 * r['high']:.2f}"
+        rows.append((r["tool"], f"{1e3 * r['seconds']:.2f}", quartiles, f"{r['ratio']:.2f}", _error(r["error"])))
     return rows
 
 

@@ -129,8 +129,8 @@ def assemble_motion(equations: Terms, split: Split, samples: Sequence[Sample], s
         parts = (ways[cheapest(ways)], velocities, closing(equations, split, samples, sizes, range(n)))
     except (NoRecursion, EliminationError, SingularError):
         return None
-    prepare, parts = take_out(parts, equations)
-    found = MotionPrograms(*parts, prepare)
+    prepare, (derivative, velocities, closed) = take_out(parts, equations)
+    found = MotionPrograms(derivative, velocities, closed, prepare)
     for program in found.all:
         verify(program, {"t": 1, "q": n, "qd": n, "p": len(equations.parameters) + found.prepared})
     return found

@@ -58,7 +58,7 @@ def sensitivities(
         own initial position has parameters and no q0 is given: then z starts where they put it
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
-    motion = _motion(kernels, duration, steps, integrator, **start)
+    motion = motion_of(kernels, duration, steps, integrator, **start)
     q_by, qd_by = motion.forward()
     return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, motion.names)
 
@@ -77,15 +77,16 @@ def gradient(
         None stands for a derivative that is zero
     steps, integrator, start: as for `sensitivities`, with the same errors
     """
-    motion = _motion(kernels, duration, steps, integrator, **start)
+    motion = motion_of(kernels, duration, steps, integrator, **start)
     value, *slopes = objective(motion.q, motion.qd)
     by_q, by_qd = (np.zeros_like(motion.q) if a is None else np.asarray(a, dtype=float) for a in slopes)
     return Gradient(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)))
 
 
-def _motion(
+def motion_of(
     kernels: Kernels, duration: float, steps: int, integrator: str, **start: Unpack[InitialArguments]
 ) -> TapedMotion | PartitionedMotion:
+    """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
     length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
     explicit = [name for name, entry in INTEGRATORS.items() if entry.tableau]
     if integrator not in explicit:

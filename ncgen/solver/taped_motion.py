@@ -62,9 +62,13 @@ class TapedMotion:
 
     def forward(self) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of q and q̇ at all instants, (K, n, columns) each."""
-        n = self.kernels.n
-        by_start = np.array([np.concatenate(self._start_back(weights)) for weights in np.eye(2 * n)])
-        return self._run.forward(by_start[:n], by_start[n:], np.eye(len(self.p), len(self.names)))
+        return self.along(np.eye(len(self.names)))
+
+    def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D); those by z and its rates may be left out."""
+        n, count = self.kernels.n, len(directions)
+        by_start = np.array([np.concatenate(self._start_back(weights))[:count] for weights in np.eye(2 * n)]) @ directions
+        return self._run.forward(by_start[:n], by_start[n:], directions[: len(self.p)])
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
         """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
