@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import scipy.linalg
@@ -66,7 +67,8 @@ def _projector(A: np.ndarray, values: np.ndarray) -> np.ndarray:
     T₁₁ Y − Y T₂₂ = T₁₂."""
     sized, scale = scipy.linalg.matrix_balance(A, permute=False, separate=True)
     reach = 2 * TOGETHER * np.linalg.norm(sized, 2)
-    T, Q, count = scipy.linalg.schur(sized.astype(complex), output="complex", sort=lambda x: bool(np.min(np.abs(values - x)) <= reach))
+    ordered: Any = scipy.linalg.schur(sized.astype(complex), output="complex", sort=lambda x: bool(np.min(np.abs(values - x)) <= reach))
+    T, Q, count = ordered
     top = np.zeros_like(T)
     top[:count, :count] = np.eye(count)
     if 0 < count < len(A):
@@ -103,6 +105,9 @@ def zeros_of(A: np.ndarray, b: np.ndarray, c: np.ndarray, d: float) -> np.ndarra
         return np.zeros(0, dtype=complex)
     shift = np.zeros((count + 1, count + 1))
     shift[:count, :count] = np.eye(count)
-    above, below = scipy.linalg.eigvals(np.block([[A, b[:, None]], [c[None], np.array([[d]])]]), shift, homogeneous_eigvals=True)
+    pencil: Any = scipy.linalg.eigvals(
+        np.block([[A, b[:, None]], [c[None], np.array([[d]])]]), shift, homogeneous_eigvals=True
+    )  # two arrays
+    above, below = pencil
     nearest = np.argsort(np.arctan2(np.abs(above), np.abs(below)))[:finite]
     return np.sort_complex(above[nearest] / below[nearest])
