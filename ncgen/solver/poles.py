@@ -65,7 +65,7 @@ def poles_of(A: np.ndarray, values: np.ndarray, names: Sequence[str]) -> tuple[P
 def _projector(A: np.ndarray, values: np.ndarray) -> np.ndarray:
     """Onto the directions of these eigenvalues along those of all others: of A = Q T Qᴴ with them first, Q [1 Y; 0 0] Qᴴ where
     T₁₁ Y − Y T₂₂ = T₁₂."""
-    sized, scale = scipy.linalg.matrix_balance(A, permute=False, separate=True)
+    sized = scipy.linalg.matrix_balance(A, permute=False)[0]
     reach = 2 * TOGETHER * np.linalg.norm(sized, 2)
     ordered: Any = scipy.linalg.schur(sized.astype(complex), output="complex", sort=lambda x: bool(np.min(np.abs(values - x)) <= reach))
     T, Q, count = ordered
