@@ -21,7 +21,7 @@ pytestmark = [
     pytest.mark.filterwarnings("ignore:.*singular"),
 ]
 
-LARGE = ("arm", "robot", "excavator")
+LARGE = ("arm", "robot")
 
 STRICT = "CFLAGS=-O1 -ffp-contract=off -Wall -Wextra -Wpedantic -Werror"
 
@@ -127,7 +127,7 @@ def differences(function, arguments: list, by: int, h: float) -> list:
     return found
 
 
-@pytest.mark.parametrize("name", ["rods", "cartpole", "fourbar", pytest.param("excavator", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("name", ["rods", "cartpole", "fourbar"])
 @pytest.mark.parametrize("what", ["dynamics", "outputs"])
 def test_derivatives_are_those_of_the_functions(name, what, tmp_path):
     """Jacobian, gradient and second derivatives beside differences of order 8, which round to 1e-9."""
