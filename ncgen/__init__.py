@@ -21,6 +21,7 @@ _HOMES = {
     "compile": "ncgen.compiler",
     "simulate": "ncgen.solver.simulate",
     "start": "ncgen.solver.simulation",
+    "start_batch": "ncgen.solver.simulations",
     "simulate_batch": "ncgen.solver.batch",
     "accelerations_batch": "ncgen.solver.batch",
     "assemble": "ncgen.solver.assembly",
@@ -72,6 +73,7 @@ __all__ = [
     "simulate_batch",
     "solve_position",
     "start",
+    "start_batch",
     "sweep",
 ]
 
@@ -91,6 +93,7 @@ if TYPE_CHECKING:
     from ncgen.solver.sensitivity import gradient, sensitivities
     from ncgen.solver.simulate import simulate
     from ncgen.solver.simulation import start
+    from ncgen.solver.simulations import start_batch
     from ncgen.solver.statics import equilibrium
 else:  # type checkers would take this for a promise of any name at all
 

@@ -2,14 +2,48 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.runtime import ConstrainedDynamics
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
+from ncgen.toolchain.abi import InC
 
 ANY_STEP = 1e30
 """s; a longest step that is none."""
+
+
+class Stepping:
+    """How a mechanism moves in C, with a workspace of its own: for one thread at a time."""
+
+    def __init__(
+        self, dynamics: ConstrainedDynamics, method: str, rank: int, rtol: float, atol: float, sizes: np.ndarray | None, tolerance: float
+    ) -> None:
+        """method: an explicit one of `ncgen.methods.table`; rank: of Φ_q; sizes (2 n + 1,): what atol is multiplied by; tolerance: of
+        the position problem."""
+        self.kernels, self.number, self._dynamics = dynamics.kernels, dynamics.number, dynamics  # which keeps its library
+        self.ffi, self.library = ffi, library = dynamics.interface
+        self._sizes = None if sizes is None else np.ascontiguousarray(sizes, dtype=self.number.dtype)
+        self._options = ffi.new("ncgen_options *", {
+            "method": number_in_c(INTEGRATORS[method]), "formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1,
+            "rtol": rtol, "atol": atol, "tolerance": tolerance, "max_step": ANY_STEP,
+        })  # fmt: skip
+        if self._sizes is not None:
+            self._options.sizes = self.pointer(self._sizes)
+        model, described = dynamics.described(rank)
+        self._described = described  # lives as long
+        self.driven = ffi.new("ncgen_driven *", {"model": model, "dynamics": described, "options": self._options})
+        self.workspace = np.empty(library.ncgen_driven_workspace(self.driven), self.number.dtype)
+        self._integers = np.empty(4 * self.kernels.n + 3 * self.kernels.m, np.intc)
+        self.driven.workspace = self.pointer(self.workspace)
+        self.driven.integers = ffi.from_buffer("int[]", self._integers)
+        self.statistics = ffi.new("ncgen_statistics *")
+
+    def pointer(self, array: np.ndarray) -> InC:
+        return self.ffi.from_buffer(self.number.array, array)
 
 
 class Moving:
@@ -20,34 +54,13 @@ class Moving:
     t: s; work: J; evaluations: of the last call of `go_on`
     """
 
-    def __init__(
-        self, dynamics: ConstrainedDynamics, method: str, rank: int, rtol: float, atol: float, sizes: np.ndarray | None, tolerance: float
-    ) -> None:
-        """method: an explicit one of `ncgen.methods.table`; rank: of Φ_q; sizes (2 n + 1,): what atol is multiplied by; tolerance: of
-        the position problem."""
-        kernels, self._dynamics = dynamics.kernels, dynamics  # which keeps its library
-        ffi, library = dynamics.interface
-        self._real = dynamics.number.array
-        self._sizes = None if sizes is None else np.ascontiguousarray(sizes, dtype=dynamics.number.dtype)
-        self._options = ffi.new("ncgen_options *", {
-            "method": number_in_c(INTEGRATORS[method]), "formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1,
-            "rtol": rtol, "atol": atol, "tolerance": tolerance, "max_step": ANY_STEP,
-        })  # fmt: skip
-        if self._sizes is not None:
-            self._options.sizes = ffi.from_buffer(self._real, self._sizes)
-        model, described = dynamics.described(rank)
-        self._described = described  # lives as long
-        self._driven = ffi.new("ncgen_driven *", {"model": model, "dynamics": described, "options": self._options})
-        self._workspace = np.empty(library.ncgen_driven_workspace(self._driven), dynamics.number.dtype)
-        self._integers = np.empty(4 * kernels.n + 3 * kernels.m, np.intc)
-        self._driven.workspace = ffi.from_buffer(self._real, self._workspace)
-        self._driven.integers = ffi.from_buffer("int[]", self._integers)
-        n, dtype = kernels.n, dynamics.number.dtype
+    def __init__(self, stepping: Stepping) -> None:
+        self._stepping, self._ffi, self._library = stepping, stepping.ffi, stepping.library
+        n, dtype, kernels = stepping.kernels.n, stepping.number.dtype, stepping.kernels
         self.q, self.qd, self.qdd, self.p = (np.zeros(size, dtype) for size in (n, n, n, len(kernels.p0)))
-        self._moment = ffi.new("ncgen_moment *", {name: ffi.from_buffer(self._real, getattr(self, name)) for name in ("q", "qd", "qdd")})
-        self._p = ffi.from_buffer(self._real, self.p)
-        self._statistics, self._ffi, self._library = ffi.new("ncgen_statistics *"), ffi, library
-        self._go_on = library.ncgen_go_on
+        self._moment = self._ffi.new("ncgen_moment *", {name: stepping.pointer(getattr(self, name)) for name in ("q", "qd", "qdd")})
+        self._p, self._driven, self._statistics = stepping.pointer(self.p), stepping.driven, stepping.statistics
+        self._go_on = self._library.ncgen_go_on
 
     @property
     def t(self) -> float:
@@ -77,7 +90,7 @@ class Moving:
     @property
     def workspace(self) -> int:
         """Numbers that C works in."""
-        return len(self._workspace)
+        return len(self._stepping.workspace)
 
     @property
     def evaluations(self) -> int:
@@ -92,5 +105,67 @@ class Moving:
         return STATUS[self._library.ncgen_settle_moment(self._driven, self._p, self._moment)]
 
     def evaluate(self) -> str:
-        """Accelerations with the present p into qdd: "ok", or why there are none."""
-        return STATUS[self._library.ncgen_evaluate_moment(self._driven, self._p, self._moment)]
+        """Accelerations with the present p into qdd: "ok", or why there are none. Velocities stay as they are, to the last bit."""
+        kept = self.qd.copy()
+        status = STATUS[self._library.ncgen_evaluate_moment(self._driven, self._p, self._moment)]
+        self.qd[:] = kept
+        return status
+
+
+MOMENT = [("t", float), ("next_step", float), ("work", float), ("power", float), ("q", np.intp), ("qd", np.intp), ("qdd", np.intp)]
+"""`ncgen_moment` as NumPy sees it, for numbers that are doubles."""
+
+
+class MovingRows:
+    """Many of them in rows of arrays, which go on together: q, qd, qdd (N, n), p (N, n_p), t, work and next_step (N,).
+
+    steppings: one for every thread; they share the rows
+    """
+
+    def __init__(self, steppings: Sequence[Stepping], count: int) -> None:
+        self._steppings = steppings
+        first = steppings[0]
+        kernels, ffi = first.kernels, first.ffi
+        self.q, self.qd, self.qdd = (np.zeros((count, kernels.n)) for _ in range(3))
+        self.p = np.zeros((count, len(kernels.p0)))
+        self.statuses = np.zeros(count, np.intc)
+        self._moments = ffi.new("ncgen_moment[]", count)
+        seen = np.frombuffer(ffi.buffer(self._moments), dtype=MOMENT)
+        for name in ("q", "qd", "qdd"):
+            rows = getattr(self, name)
+            seen[name] = rows.ctypes.data + np.arange(count) * rows.strides[0]
+        self.t, self.work, self.next_step = seen["t"], seen["work"], seen["next_step"]
+        ends = np.linspace(0, count, len(steppings) + 1).astype(int)
+        self._parts = [part for part in zip(steppings, ends[:-1].tolist(), ends[1:].tolist(), strict=True) if part[1] < part[2]]
+        self._pool = ThreadPoolExecutor(len(self._parts)) if len(self._parts) > 1 else None
+
+    def go_on(self, h: float) -> bool:
+        """All rows on by h seconds; whether all of them could. `statuses` has the numbers of `STATUS`; who could not stays where it was."""
+        if self._pool is None:
+            for part in self._parts:
+                self._share(h, *part)
+        else:
+            list(self._pool.map(lambda part: self._share(h, *part), self._parts))
+        return not self.statuses.any()
+
+    def _share(self, h: float, stepping: Stepping, first: int, last: int) -> None:
+        """Some of the rows, by one call of C."""
+        p = stepping.pointer(self.p[first:last])
+        statuses = stepping.ffi.from_buffer("int[]", self.statuses[first:last])
+        moments = self._moments + first
+        stepping.library.ncgen_go_on_each(stepping.driven, last - first, self.p.shape[1], p, moments, h, statuses, stepping.statistics)
+
+    def settle(self, row: int) -> str:
+        """One row's position and velocities onto the constraints: "ok", or why not."""
+        return self._one("ncgen_settle_moment", row)
+
+    def evaluate(self, row: int) -> str:
+        """One row's accelerations into qdd: "ok", or why there are none. Its velocities stay as they are, to the last bit."""
+        kept = self.qd[row].copy()
+        status = self._one("ncgen_evaluate_moment", row)
+        self.qd[row] = kept
+        return status
+
+    def _one(self, function: str, row: int) -> str:
+        first = self._steppings[0]
+        return STATUS[getattr(first.library, function)(first.driven, first.pointer(self.p[row : row + 1]), self._moments + row)]

@@ -10,6 +10,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
@@ -17,9 +18,10 @@ from ncgen.model.elements import rate_name
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.dynamics_jacobian import acceleration_jacobians, independent_motions, input_accelerations, partitioned_jacobian
 from ncgen.solver.finite import watched
-from ncgen.solver.given import Given, checked_kernels
+from ncgen.solver.given import Given, checked_kernels, known_name, several
 from ncgen.solver.outputs import output_slopes
 from ncgen.solver.partition import Partitions, choose_partitions
+from ncgen.solver.poles import Pole, poles_of, response_of, zeros_of
 from ncgen.solver.position import solve_position
 from ncgen.solver.run import Initial
 from ncgen.solver.start import given_velocity
@@ -71,15 +73,40 @@ class Linearisation:
         """Names of x: independent coordinates, then rates."""
         return (*self.positions, *map(rate_name, self.velocities))
 
+    @cached_property
+    def poles(self) -> tuple[Pole, ...]:
+        """Poles by frequency, of each pair one, with the names of the coordinates that move in it and their shares."""
+        return poles_of(self.matrix, self.eigenvalues, (*self.positions, *self.velocities))
+
+    def frequency_response(self, w: ArrayLike) -> np.ndarray:
+        """Amplitudes of the outputs, complex, for inputs of amplitude 1 at angular frequencies w (K,) in rad/s: (K, outputs, inputs).
+
+        Raises ModelError without inputs or outputs, for what are no frequencies, and at a pole.
+        """
+        self._check_ports()
+        return response_of(self.matrix, self.B, self.C, self.D, several(w, "w"))
+
+    def zeros(self, output: str | None = None, input: str | None = None) -> np.ndarray:
+        """Zeros (1/s) of an output by an input, by their names; those of the first ones where none is named."""
+        self._check_ports()
+        for name, known, what in ((output, self.outputs, "output"), (input, self.inputs, "input")):
+            if name is not None:
+                known_name(name, known, "zeros", what)
+        i, j = self.outputs.index(output or self.outputs[0]), self.inputs.index(input or self.inputs[0])
+        return zeros_of(self.matrix, self.B[:, j], self.C[i], float(self.D[i, j]))
+
     def state_space(self) -> StateSpace:
         """As scipy.signal takes it: `scipy.signal.bode(found.state_space())`, poles, zeros, steps. Raises ModelError without inputs or
         outputs."""
-        for kind, names in (("input", self.inputs), ("output", self.outputs)):
-            if not names:
-                raise ModelError(f"a state space has inputs and outputs: the model has no {kind}; declare it with m.{kind}")
+        self._check_ports()
         from scipy.signal import StateSpace
 
         return StateSpace(self.matrix, self.B, self.C, self.D)
+
+    def _check_ports(self) -> None:
+        for kind, names in (("input", self.inputs), ("output", self.outputs)):
+            if not names:
+                raise ModelError(f"a state space has inputs and outputs: the model has no {kind}; declare it with m.{kind}")
 
     @cached_property
     def _pairs(self) -> tuple[np.ndarray, np.ndarray]:

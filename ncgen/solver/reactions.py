@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.model.elements import Element, Vector
+from ncgen.model.elements import Element, Point, Vector
 from ncgen.solver import geometry
 from ncgen.solver.given import offer
 from ncgen.solver.sharing import Share, find_shared, kernels_of
@@ -56,6 +56,54 @@ class Reactions:
         """Joint moment (N m) on a body through one of its unit vectors, shape (K, 3)."""
         thing = self._element(body, vector)
         return np.cross(geometry.element(self.run.kernels, thing, self.run.q, self.run.p), self._load(body, thing))
+
+    def wrench(self, body: str, about: str, beside: str | None = None) -> tuple[np.ndarray, np.ndarray]:
+        """Force (N) and moment (N m) about a named point of joint loads on a body, global axes, (K, 3) each.
+
+        about: any point of the model; beside: the body on the other side of the joint, or "ground"; None for all joints of the body
+        Raises ModelError where both share nothing, or something with a third body, whose load cannot be told from theirs.
+        """
+        run, elements = self.run, self._shared(body, beside)
+        place = geometry.element(run.kernels, self._point(about), run.q, run.p)
+        force, moment = np.zeros_like(place), np.zeros_like(place)
+        for element in elements:
+            if isinstance(element, Vector):
+                moment += self.moment(body, element.name)
+            else:
+                load = self.force(body, element.name)
+                force += load
+                moment += np.cross(geometry.element(run.kernels, element, run.q, run.p) - place, load)
+        return force, moment
+
+    def _shared(self, body: str, beside: str | None) -> list[Element]:
+        """What a body shares with another one; all of its elements without one."""
+        if body not in self.loads:
+            raise ModelError(f"there is no body {body}; {offer(body, tuple(self.loads), 'the bodies are')}")
+        mine: list[Element] = list(self.run.model.bodies[body].elements)
+        if beside is None:
+            return mine
+        bodies, ground = self.run.model.bodies, self.run.model.ground.name
+        if beside not in (ground, *bodies):
+            raise ModelError(f"beside: there is no body {beside}; {offer(beside, (ground, *bodies), 'the bodies are')}")
+        theirs = [e for e in mine if (e.fixed if beside == ground else e in bodies[beside].elements)]
+        if not theirs:
+            raise ModelError(f"body {body} shares no point and no vector with {beside}")
+        for element in theirs:
+            others = [name for name, other in bodies.items() if name not in (body, beside) and element in other.elements]
+            others += [ground] if element.fixed and beside != ground else []
+            if others:
+                raise ModelError(
+                    f"{element.name} joins {body} and {beside} with {others[0]}, too, so the wrench between two of them is not known; "
+                    "leave beside out for that of all joints"
+                )
+        return theirs
+
+    def _point(self, name: str) -> Point:
+        found = self.run.model.elements.get(name)
+        if not isinstance(found, Point):
+            points = tuple(e.name for e in self.run.model.elements.values() if isinstance(e, Point))
+            raise ModelError(f"about: there is no point {name}; {offer(name, points, 'the points are')}")
+        return found
 
     def _load(self, body: str, element: Element) -> np.ndarray:
         return np.stack([self.loads[body][c.name] for c in element.components], axis=-1)

@@ -9,9 +9,9 @@ A step is one call of C. It finds out nothing about the mechanism that is not kn
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Unpack
+from typing import TYPE_CHECKING, Unpack
 
 import numpy as np
 
@@ -27,8 +27,11 @@ from ncgen.solver.given import checked_kernels, finite, known_name, offer, posit
 from ncgen.solver.outputs import outputs_of, uses_accelerations
 from ncgen.solver.rank import freedom
 from ncgen.solver.run import Initial, InitialArguments
-from ncgen.solver.start import begin
+from ncgen.solver.start import Start, begin
 from ncgen.solver.tolerances import NEAR_ZERO, Tolerances
+
+if TYPE_CHECKING:
+    from ncgen.mechanism.moving import Stepping
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,20 +83,11 @@ class Simulation:
     def __init__(
         self, kernels: Kernels, integrator: str, rtol: float, atol: float | None, inputs: Mapping[str, float], at: Initial
     ) -> None:
-        self.kernels, self.integrator = kernels, _explicit(integrator)
-        method = Method.of(ALL, self.integrator)
-        if refused := compiled.refusal(kernels, method, "c", "double"):
-            raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
-        kernels = compiled.checked_compiled(kernels)
-        form = "emitted" if compiled.is_written_out(kernels, method) else "dense"
-        here = begin(kernels, at, partitioned=False)
-        rank = freedom(kernels, here.q, at.t, here.p).rank
-        least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
-        sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
+        self.kernels, self.integrator = kernels, explicit(integrator)
         from ncgen.mechanism.moving import Moving
 
-        dynamics = compiled.all_coordinates(kernels, form=form)
-        self._now = Moving(dynamics, self.integrator, rank, rtol, least, sizes, compiled.closeness("double"))
+        stepping, here = prepared(kernels, self.integrator, rtol, atol, at)
+        self._now = Moving(stepping())
         self.q, self.qd = self._now.q, self._now.qd
         self._places = {name: kernels.parameters.index(name) for name in kernels.inputs}
         self._now.t, self.q[:], self.qd[:], self._now.p[:] = at.t, here.q, here.qd, here.p
@@ -207,7 +201,24 @@ class Simulation:
         raise ModelError(f"{self.kernels.name} has no coordinate, rate, input or output {name!r}; {offer(name, tuple(index))}")
 
 
-def _explicit(integrator: str) -> str:
+def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None, at: Initial) -> tuple[Callable[[], Stepping], Start]:
+    """What makes a way to step, one for every thread, and where motions start. Raises ModelError where C cannot move the mechanism."""
+    method = Method.of(ALL, integrator)
+    if refused := compiled.refusal(kernels, method, "c", "double"):
+        raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
+    kernels = compiled.checked_compiled(kernels)
+    form = "emitted" if compiled.is_written_out(kernels, method) else "dense"
+    here = begin(kernels, at, partitioned=False)
+    rank = freedom(kernels, here.q, at.t, here.p).rank
+    least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
+    sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
+    from ncgen.mechanism.moving import Stepping
+
+    dynamics = compiled.all_coordinates(kernels, form=form)
+    return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double")), here
+
+
+def explicit(integrator: str) -> str:
     """The name of an explicit integrator in C. Raises ModelError for another one."""
     if isinstance(integrator, str) and integrator == AUTO:
         return EXPLICIT

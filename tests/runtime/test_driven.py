@@ -7,7 +7,7 @@ import pytest
 import ncgen
 from ncgen.emit.runtime import runtime_text, widest_tableau
 from ncgen.exchange.examples import example_names
-from ncgen.mechanism.moving import Moving
+from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.solver import compiled
 from ncgen.solver.rank import freedom
@@ -29,7 +29,7 @@ def test_workspace(name, method):
     for form in ("dense", "emitted"):
         dynamics = compiled.all_coordinates(kernels, form=form)
         rank = freedom(kernels).rank
-        moving = Moving(dynamics, method, rank, 1e-8, 1e-10, None, 1e-12)
+        moving = Moving(Stepping(dynamics, method, rank, 1e-8, 1e-10, None, 1e-12))
         prepared = dynamics.prepared
         own_p = len(kernels.p0) + prepared if prepared else 0
         nonzeros = kernels.mass_pattern.nonzeros + kernels.phi_q_pattern.nonzeros

@@ -47,6 +47,65 @@ def test_newton_and_euler(request, tree, name, body):
     assert moment == pytest.approx(expected_moment, abs=1e-9 * np.max(np.abs(expected_force)))
 
 
+@pytest.mark.parametrize(("body", "about"), [("body3", "r1"), ("body5", "r8"), ("body9", "r7")])
+def test_wrench_about_a_named_point(tree, motored, body, about):
+    """m (a − g), and d/dt (I ω) + (c − r) × m (a − g) about any point r."""
+    run = motored.run
+    instants = [tree.loads(psi, rates, acc)[int(body[4:])] for _, psi, rates, acc in six_angles(run)]
+    force, turning, centre = (np.array(part) for part in zip(*instants, strict=True))
+    found, moment = motored.wrench(body, about)
+    expected = turning + np.cross(centre - run.point(about), force)
+    assert found == pytest.approx(force, abs=1e-9 * np.max(np.abs(force)))
+    assert moment == pytest.approx(expected, abs=1e-9 * np.max(np.abs(expected)))
+
+
+def rods():
+    """Two rods hanging from the ground one below the other, let go."""
+    m = Model("rods")
+    m.gravity((0, -9.81, 0))
+    z = m.vector("z", (0, 0, 1), fixed=True)
+    O, A, B = m.point("O", (0, 0), fixed=True), m.point("A", (0.5, 0)), m.point("B", (0.9, 0.3))
+    m.body("upper", [O, A], mass=1.2)
+    m.body("lower", [A, B], mass=0.7)
+    m.angle("psi", A - O, B - A, z)
+    return m
+
+
+def test_wrench_between_two_bodies():
+    """Newton and Euler for the lower rod; what the ground does to the upper one carries both."""
+    run = ncgen.simulate(ncgen.compile(rods()), 0.4, points=5, **TIGHT)
+    loads = run.reactions()
+    index, g = run.kernels.index, np.array([0.0, -9.81, 0.0])
+
+    def middle(first: str, second: str) -> np.ndarray:
+        ends = [np.stack([run.qdd[:, index[f"{name}.{axis}"]] if f"{name}.{axis}" in index else 0 * run.t for axis in "xyz"], -1)
+                for name in (first, second)]  # fmt: skip
+        return sum(ends) / 2
+
+    lower = 0.7 * (middle("A", "B") - g)
+    force, moment = loads.wrench("lower", "A", beside="upper")
+    assert force == pytest.approx(lower, abs=1e-9)
+    assert moment == pytest.approx(0 * moment, abs=1e-12)  # a hinge that nothing drives
+    back, other = loads.wrench("upper", "B", beside="lower")
+    assert back == pytest.approx(-lower, abs=1e-9)
+    assert other == pytest.approx(np.cross(run.point("A") - run.point("B"), -lower), abs=1e-9)
+    held, _ = loads.wrench("upper", "O", beside="ground")
+    assert held == pytest.approx(lower + 1.2 * (middle("O", "A") - g), abs=1e-9)
+
+
+def test_wrenches_that_are_not_known(free):
+    for ask, said in (
+        (("body8", "r8", "body7"), "r7 joins body8 and body7 with body6, too, so the wrench between two of them is not known"),
+        (("body9", "r8", "body2"), "body body9 shares no point and no vector with body2"),
+        (("body9", "r8", "table"), "beside: there is no body table"),
+        (("body9", "nowhere"), "about: there is no point nowhere"),
+        (("table", "r8"), "there is no body table"),
+    ):
+        with pytest.raises(ModelError) as refused:
+            free.wrench(*ask)
+        assert said in str(refused.value)
+
+
 def test_force_and_its_reaction(free):
     """r8 belongs to bodies 8 and 9 alone; r7 to 6 and 7 besides, and their forces there cancel as well."""
     force = free.force("body8", "r8")

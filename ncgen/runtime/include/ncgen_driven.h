@@ -50,6 +50,11 @@ size_t ncgen_driven_workspace(const ncgen_driven *d);
  * options->max_step. Where it fails the moment stays as it was. */
 int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment, ncgen_scalar t_end, ncgen_statistics *statistics);
 
+/* The same for `count` moments one after the other, each on by h seconds with n_p numbers of p of its own, count n_p in all. statuses
+ * (count): that of every moment; one that fails stays where it was, and the others go on. statistics: of the last one. */
+void ncgen_go_on_each(const ncgen_driven *d, int count, int n_p, const ncgen_real *p, ncgen_moment *moments, ncgen_scalar h,
+    int *statuses, ncgen_statistics *statistics);
+
 /* After a change of t, q, qd or p: q and qd onto the constraints, by the smallest change in the sense of kinetic energy, and qdd and
  * power as they follow. Where it fails the moment stays as it was. */
 int ncgen_settle_moment(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment);

@@ -81,6 +81,13 @@ int ncgen_go_on(const ncgen_driven *d, const ncgen_real *p, ncgen_moment *moment
     return NCGEN_OK;
 }
 
+void ncgen_go_on_each(const ncgen_driven *d, int count, int n_p, const ncgen_real *p, ncgen_moment *moments, ncgen_scalar h,
+    int *statuses, ncgen_statistics *statistics)
+{
+    for (int k = 0; k < count; ++k)
+        statuses[k] = ncgen_go_on(d, p + (size_t)k * (size_t)n_p, moments + k, moments[k].t + h, statistics);
+}
+
 /* The slope of the state in r->y, and the moment as both have it; the slope's velocities are those that the joints allow. */
 static int evaluate(ncgen_run *r, parts *w, ncgen_moment *moment)
 {
