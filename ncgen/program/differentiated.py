@@ -11,11 +11,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ncgen.program.angles import SHARED
-from ncgen.program.blocks import Block, Program, Straight
-from ncgen.program.cut import KEPT
+from ncgen.program.blocks import Program
 from ncgen.program.derivatives import adjoints, tangent
 from ncgen.program.graph import Graph
+from ncgen.program.inlined import inlined
 from ncgen.program.lines import line
 from ncgen.program.verify import verify
 from ncgen.symbolic.numbering import Terms
@@ -24,20 +23,20 @@ SEED, BAR = "seed", "bar"
 
 
 def tangent_of(program: Program, equations: Terms, outputs: int, prepared: int = 0) -> Program:
-    """f_tangent of the first outputs of a straight line. prepared: how many numbers follow the parameters in p"""
-    graph, sizes = Graph(), _sizes(program, equations, prepared)
-    nodes, moved = written_out(program, graph), _loads(graph, sizes)
+    """f_tangent of the first outputs. prepared: how many numbers follow the parameters in p"""
+    graph, lengths = Graph(), reads(program, equations, prepared)
+    moved, nodes = written_out(graph, program, lengths)
     found = tangent(graph, nodes[:outputs], {node: graph.load(SEED, k) for k, node in enumerate(moved)})
     changes = [found.get(node, graph.const(0.0)) for node in nodes[:outputs]]
     made = line(graph, f"{program.name}_tangent", (*program.inputs, SEED), changes, equations)
-    verify(made, {"t": 1, **sizes, SEED: len(moved)})
+    verify(made, {**lengths, SEED: len(moved)})
     return made
 
 
 def adjoint_of(program: Program, equations: Terms, outputs: int, prepared: int = 0) -> Program:
-    """f_adjoint of the first outputs of a straight line. prepared: how many numbers follow the parameters in p"""
-    graph, sizes = Graph(), _sizes(program, equations, prepared)
-    nodes, moved = written_out(program, graph), _loads(graph, sizes)
+    """f_adjoint of the first outputs. prepared: how many numbers follow the parameters in p"""
+    graph, lengths = Graph(), reads(program, equations, prepared)
+    moved, nodes = written_out(graph, program, lengths)
     weights: dict[int, int] = {}
     for k, node in enumerate(nodes[:outputs]):
         bar = graph.load(BAR, k)
@@ -45,42 +44,18 @@ def adjoint_of(program: Program, equations: Terms, outputs: int, prepared: int =
     found = adjoints(graph, weights, moved)
     slopes = [found.get(node, graph.const(0.0)) for node in moved]
     made = line(graph, f"{program.name}_adjoint", (*program.inputs, BAR), slopes, equations)
-    verify(made, {"t": 1, **sizes, BAR: outputs})
+    verify(made, {**lengths, BAR: outputs})
     return made
 
 
-def written_out(program: Program, graph: Graph) -> list[int]:
-    """A straight line, cut or not, in a graph where it reads its inputs alone: the nodes of its outputs."""
-    known = {(array, k): graph.call(name, graph.load("q", q)) for name, array in SHARED.items() for k, q in enumerate(program.angles)}
-    outputs = [graph.const(0.0)] * program.size
-    for block in program.blocks:
-        assert isinstance(block, Straight), f"{program.name} is no straight line"
-        nodes = _nodes(graph, block, known)
-        for store in block.stores:
-            if store.array == KEPT:
-                known[KEPT, store.index] = nodes[store.node]
-            else:
-                outputs[store.index] = nodes[store.node]
-    return outputs
-
-
-def _nodes(graph: Graph, block: Block, known: Mapping[tuple[str, int], int]) -> list[int]:
-    """The operations of a straight block in another graph; known: nodes of what it reads from arrays in between."""
-    nodes: list[int] = []
-    for op in block.ops:
-        if op.code == "load":
-            nodes.append(known[op.input] if op.input in known else graph.load(*op.input))
-        else:
-            nodes.append(graph.const(op.value) if op.code == "const" else graph.apply(op, tuple(nodes[a] for a in op.args)))
-    return nodes
-
-
-def _sizes(program: Program, equations: Terms, prepared: int) -> dict[str, int]:
-    """Lengths of all arrays that a program reads."""
+def reads(program: Program, equations: Terms, prepared: int = 0) -> dict[str, int]:
+    """{array: length} of what a program reads."""
     n = len(equations.free)
-    lengths = {"q": n, "qd": n, "qdd": n, "p": len(equations.parameters) + prepared}
-    return {array: lengths[array] for array in program.inputs if array != "t"}
+    lengths = {"t": 1, "q": n, "qd": n, "qdd": n, "p": len(equations.parameters) + prepared}
+    return {array: lengths[array] for array in program.inputs}
 
 
-def _loads(graph: Graph, sizes: Mapping[str, int]) -> list[int]:
-    return [graph.load(array, k) for array, size in sizes.items() for k in range(size)]
+def written_out(graph: Graph, program: Program, lengths: Mapping[str, int]) -> tuple[list[int], list[int]]:
+    """A program in a graph of its own: loads of all that it reads but time, and the nodes of its outputs."""
+    inputs = {array: [graph.load(array, k) for k in range(length)] for array, length in lengths.items()}
+    return [node for array, nodes in inputs.items() if array != "t" for node in nodes], inlined(graph, program, inputs)

@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 
 from ncgen.program.blocks import Program
-from ncgen.program.differentiated import written_out
+from ncgen.program.differentiated import reads, written_out
 from ncgen.program.graph import Graph
 from ncgen.program.lines import line
 from ncgen.symbolic.numbering import Terms
@@ -20,7 +20,7 @@ from ncgen.symbolic.numbering import Terms
 def take_out(programs: Sequence[Program], equations: Terms) -> tuple[Program | None, list[Program]]:
     """`prepared`, None where there is nothing to prepare, and the straight lines that rely on it."""
     graph = Graph()
-    outputs = [written_out(program, graph) for program in programs]
+    outputs = [written_out(graph, program, reads(program, equations))[1] for program in programs]
     known = _known(graph, len(equations.parameters) - len(equations.model.inputs))
     frontier = _frontier(graph, known, [node for nodes in outputs for node in nodes])
     if not frontier:
