@@ -257,7 +257,7 @@ def test_a_body_is_pushed_while_it_moves(browser, page_of):
 
 @shown
 def test_rows_light_up(browser, page_of):
-    """Those of the body that is pointed at; and by keys."""
+    """Those of the body that is pointed at, also by keys; and what the row that is pointed at speaks of."""
     browser.open(page_of(linkage()))
     lit = "[...document.querySelectorAll('#rows li.lit b')].map((e) => e.textContent)"
     browser.mouse("mouseMoved", *(place_of(browser, "B") + place_of(browser, "C")) / 2, held=False)
@@ -268,7 +268,12 @@ def test_rows_light_up(browser, page_of):
     browser.press("n")
     browser.press("n")
     browser.press("n")
-    assert browser.value(lit) == ["distance C-D"] and nothing_said(browser)
+    assert browser.value(lit) == ["distance C-D"]
+    x, y = browser.value("(({ left, top }) => [left + 20, top + 8])(document.querySelector('#rows li').getBoundingClientRect())")
+    browser.mouse("mouseMoved", x, y, held=False)
+    points = browser.value("[...living.lit().points].map((i) => living.scene.points[i])")
+    assert points == ["B", "A"] and browser.value(lit) == []
+    assert nothing_said(browser)
 
 
 @shown
