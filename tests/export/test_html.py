@@ -102,7 +102,7 @@ def test_rows_are_told_in_the_users_words(page_of):
 
 def test_what_has_no_motion_is_refused_in_one_line(tmp_path):
     model = load("pendulum")
-    model.add_force(lambda t, q, qd: np.zeros(2)) if hasattr(model, "add_force") else model.callbacks.append(print)
+    model.callbacks.append(print)
     with pytest.raises(ModelError, match="^pendulum cannot be exported: it calls a Python function$"):
         export(model, "html", tmp_path)
     assert list(tmp_path.iterdir()) == []
