@@ -36,6 +36,7 @@ _HOMES = {
     "linearise": "ncgen.solver.linearise",
     "joint_space": "ncgen.solver.joint_space",
     "inspect": "ncgen.report.inspection",
+    "export": "ncgen.exchange.export",
     "NcgenError": "ncgen.errors",
     "ModelError": "ncgen.errors",
     "DomainError": "ncgen.errors",
@@ -59,6 +60,7 @@ __all__ = [
     "assemble",
     "compile",
     "equilibrium",
+    "export",
     "freedom",
     "generate",
     "gradient",
@@ -81,6 +83,7 @@ if TYPE_CHECKING:
     from ncgen.compiler import compile, generate
     from ncgen.errors import CompileError, ConvergenceError, DomainError, Interrupted, ModelError, NcgenError, SingularError
     from ncgen.exchange.examples import load
+    from ncgen.exchange.export import export
     from ncgen.model import Model
     from ncgen.report.inspection import inspect
     from ncgen.solver.assembly import assemble

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,18 +10,14 @@ import numpy as np
 from ncgen.emit.environment import render
 from ncgen.emit.sources import write_text
 from ncgen.errors import NcgenError
+from ncgen.view.page import drawing, rounded, script_json
 from ncgen.view.scene import Scene, scene_of
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike
-
     from ncgen.solver.trajectory import Trajectory
 
 FRAMES = 300
 """How many times are embedded at most; of longer runs, as many spread evenly by index."""
-
-DIGITS = 7
-"""Significant digits of the embedded numbers."""
 
 
 def player(run: Trajectory) -> str:
@@ -45,29 +40,13 @@ def chosen_frames(count: int) -> np.ndarray:
     return np.linspace(0, count - 1, min(count, FRAMES)).round().astype(int)
 
 
-def script_json(data: object) -> str:
-    """JSON for a script block of HTML: no text in it can end the block."""
-    return json.dumps(data, separators=(",", ":"), allow_nan=False).replace("<", "\\u003c")
-
-
 def _motion(scene: Scene) -> dict:
     """The scene as plain lists; a vector drawn at several points is stored once."""
     directions = {arrow.name: arrow.direction for arrow in scene.arrows}
-    vectors = list(directions)
-    return {
-        "name": scene.name,
-        "planar": scene.planar,
-        "bounds": _rounded(scene.bounds),
-        "arrowLength": _rounded(scene.arrow_length),
-        "t": _rounded(scene.t),
-        "points": list(scene.points),
-        "fixed": scene.fixed.tolist(),
-        "positions": _rounded(scene.positions),
-        "segments": scene.segments,
-        "springs": scene.springs,
-        "vectors": vectors,
-        "directions": _rounded(np.stack(list(directions.values()), axis=1)) if vectors else [],
-        "arrows": [[arrow.point, vectors.index(arrow.name)] for arrow in scene.arrows],
+    return drawing(scene) | {
+        "t": rounded(scene.t),
+        "positions": rounded(scene.positions),
+        "directions": rounded(np.stack(list(directions.values()), axis=1)) if directions else [],
     }
 
 
@@ -76,11 +55,4 @@ def _energy(run: Trajectory, frames: np.ndarray) -> dict | None:
     kinetic, potential, _ = np.asarray(run.energy(), dtype=float)[frames].T
     if not (np.isfinite(kinetic) & np.isfinite(potential)).all():
         raise NcgenError(f"{run.name}: the energy is not a finite number at all times; draw the run up to where it is")
-    return {"kinetic": _rounded(kinetic), "potential": _rounded(potential)} if kinetic.any() or potential.any() else None
-
-
-def _rounded(values: ArrayLike) -> list | float:
-    """Numbers of any shape as nested lists, rounded to DIGITS significant digits."""
-    values = np.asarray(values, dtype=float)
-    rounded = [float(f"{value:.{DIGITS}g}") + 0.0 for value in values.ravel()]
-    return np.reshape(rounded, values.shape).tolist()
+    return {"kinetic": rounded(kinetic), "potential": rounded(potential)} if kinetic.any() or potential.any() else None

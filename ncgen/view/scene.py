@@ -49,6 +49,7 @@ class Scene:
     fixed: which points cannot move, shape (P,)
     segments, springs: pairs of point indices
     arrows: the unit vectors, each at its point
+    bodies: the names of the bodies that have points, with the indices of these
     """
 
     name: str
@@ -59,6 +60,12 @@ class Scene:
     segments: tuple[tuple[int, int], ...]
     springs: tuple[tuple[int, int], ...]
     arrows: tuple[Arrow, ...]
+    bodies: tuple[tuple[str, tuple[int, ...]], ...] = ()
+
+    @property
+    def vectors(self) -> list[str]:
+        """The names of the vectors that are drawn, each once."""
+        return list(dict.fromkeys(arrow.name for arrow in self.arrows))
 
     @property
     def bounds(self) -> np.ndarray:
@@ -113,6 +120,7 @@ def scene_of(model_or_run: Model | Trajectory) -> Scene:
         segments=tuple((index[start], index[end]) for start, end in lines(model)),
         springs=tuple((index[start], index[end]) for start, end in springs(model)),
         arrows=tuple(Arrow(index[point], history(vector), vector.name) for point, vector in arrows(model)),
+        bodies=tuple((body.name, tuple(index[point] for point in body.points)) for body in model.bodies.values() if body.points),
     )
 
 

@@ -1,4 +1,5 @@
-"""The figures of docs/embedding.md: accuracy of exported C on the N-four-bar, size, time of the compiler and of a step.
+"""The figures of docs/embedding.md: accuracy of exported C on the N-four-bar, size, time of the compiler and of a step;
+sizes of pages.
 
     python tests/export/figures.py
 
@@ -84,6 +85,13 @@ def sizes() -> None:
             print(f"{name}, {flags}: sources {source / 1e3:.0f} kB, code {code / 1e3:.0f} kB, compiler {seconds:.1f} s, step {step:.2f} µs")
 
 
+def pages() -> None:
+    for name in ("pendulum", "nfourbar", "suspension", "robot", "quadruped"):
+        (page,) = export(load(name), "html", Path(tempfile.mkdtemp()))
+        print(f"{name}: page {page.stat().st_size / 1000:.0f} kB")
+
+
 if __name__ == "__main__":
     accuracy()
     sizes()
+    pages()

@@ -59,6 +59,7 @@ def test_the_data_are_those_of_the_run(robot_run):
     assert len(data["segments"]) == 10 and data["springs"] == []
     assert data["fixed"] == [True] + [False] * 7
     assert data["planar"] is False
+    assert data["bodies"][3] == {"name": "body5", "points": [3, 5, 4]} and len(data["bodies"]) == 8
 
 
 def test_numbers_have_seven_digits(robot_run):

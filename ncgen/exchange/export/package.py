@@ -33,6 +33,7 @@ from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, a
 from ncgen.program.outputs import assemble_outputs
 from ncgen.program.quasidefinite import Elimination, plan
 from ncgen.solver.compiled import own_positions
+from ncgen.solver.partition import determined
 from ncgen.solver.rank import freedom, trial_positions
 from ncgen.solver.run import Run, check_options, simulation_of
 from ncgen.solver.start import begin
@@ -51,7 +52,7 @@ RUNTIME = "ncgen_driven.c"
 class Package:
     """A mechanism ready to be written for a target.
 
-    q, qd: where it starts, consistent; duration: s; dof: degrees of freedom
+    q, qd: where it starts, consistent; independent: coordinates whose velocities can be chosen there; duration: s; dof: degrees of freedom
     full: the programs that find all at once, where a target has no runtime of ncgen's, or needs derivatives; tangents, loads: of these
         programs, and joint loads with their tangent
     """
@@ -61,6 +62,7 @@ class Package:
     sizes: Sizes
     q: np.ndarray
     qd: np.ndarray
+    independent: tuple[str, ...]
     duration: float
     dof: int
     tangents: FullMotion | None = None
@@ -207,7 +209,8 @@ def package(model: Model) -> Package:
     sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
         raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
-    return Package(sources, kernels, sizes, start.q, start.qd, run.duration, freedom(kernels).dof)
+    independent = determined(start.partitions).velocity.names(kernels)
+    return Package(sources, kernels, sizes, start.q, start.qd, independent, run.duration, freedom(kernels).dof)
 
 
 def _simulation(kernels: Kernels) -> Run:

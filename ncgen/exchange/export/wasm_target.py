@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 from ncgen.emit.environment import render
 from ncgen.emit.wasm.files import module
 from ncgen.exchange.export.package import Package
+from ncgen.program.blocks import Program
 
 
 def files(package: Package) -> dict[str, str | bytes]:
     """{file name: contents}."""
-    prefix, programs = package.prefix, package.sources.programs.programs
-    motion = (package.full.closing, package.full.motion, *package.outputs[:1])
-    binary = module([*programs.values(), *motion], prefix)
-    records = package.records | {
-        "title": prefix[0].upper() + prefix[1:],
-        "largest": max(program.size for program in (*programs.values(), *motion)),
-        "size": len(binary),
-    }
+    prefix = package.prefix
+    binary, records = assembled(package, package.sources.programs.programs.values(), prefix[0].upper() + prefix[1:])
 
     def filled(template: str) -> str:
         return render(f"package/wasm/{template}.jinja", **records)
@@ -28,4 +25,17 @@ def files(package: Package) -> dict[str, str | bytes]:
         f"{prefix}.js": filled("wrapper.js"),
         f"{prefix}.d.ts": filled("wrapper.d.ts"),
         "main.mjs": filled("main.mjs"),
+    }
+
+
+def assembled(package: Package, kernels: Iterable[Program], title: str) -> tuple[bytes, dict]:
+    """(bytes of the module, what its wrapper is filled with): these kernels and the motion; title: of the wrapper's class."""
+    kernels = list(kernels)
+    programs = [*kernels, package.full.closing, package.full.motion, *package.outputs[:1]]
+    binary = module(programs, package.prefix)
+    return binary, package.records | {
+        "title": title,
+        "kernel_shapes": [{"name": program.name, "inputs": program.inputs, "size": program.size} for program in kernels],
+        "largest": max(program.size for program in programs),
+        "size": len(binary),
     }
