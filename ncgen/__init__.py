@@ -35,6 +35,8 @@ _HOMES = {
     "linearise": "ncgen.solver.linearise",
     "joint_space": "ncgen.solver.joint_space",
     "inspect": "ncgen.report.inspection",
+    "study": "ncgen.studies.running",
+    "read": "ncgen.studies.reading",
     "NcgenError": "ncgen.errors",
     "ModelError": "ncgen.errors",
     "DomainError": "ncgen.errors",
@@ -67,11 +69,13 @@ __all__ = [
     "linearise",
     "load",
     "move",
+    "read",
     "sensitivities",
     "simulate",
     "simulate_batch",
     "solve_position",
     "start",
+    "study",
     "sweep",
 ]
 
@@ -92,6 +96,8 @@ if TYPE_CHECKING:
     from ncgen.solver.simulate import simulate
     from ncgen.solver.simulation import start
     from ncgen.solver.statics import equilibrium
+    from ncgen.studies.reading import read
+    from ncgen.studies.running import study
 else:  # type checkers would take this for a promise of any name at all
 
     def __getattr__(name: str) -> object:
