@@ -364,7 +364,7 @@ def echo(value: object) -> str:
     return text if len(text) <= ECHOED else f"{text[: ECHOED - 1]}…"
 
 
-def _grid(start: float, length: float, points: object, n: int) -> np.ndarray:
+def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
     """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be told apart."""
     given = None if points is None or np.ndim(points) == 0 else several(points, "points")
     size = count(points, "points", 2, "a trajectory has at least 2") if given is None else len(given)
