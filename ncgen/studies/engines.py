@@ -11,7 +11,7 @@ import pickle
 import signal
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import ExitStack, contextmanager, suppress
 from typing import Any, Protocol
@@ -38,7 +38,7 @@ Progress = Callable[[float], None]
 class Engine(Protocol):
     """Computes chunks (first, count) that `next_chunk` gives, None when there are no more, and yields parts with seconds."""
 
-    def parts(self, next_chunk: Callable[[], tuple[int, int] | None], progress: Progress) -> Iterator[tuple[Part, float]]: ...
+    def parts(self, next_chunk: Callable[[], tuple[int, int] | None], progress: Progress) -> Generator[tuple[Part, float], None, None]: ...
 
 
 class Here:
@@ -47,7 +47,7 @@ class Here:
     def __init__(self, bench: Bench, threads: int | None) -> None:
         self.bench, self.threads = bench, threads
 
-    def parts(self, next_chunk: Callable[[], tuple[int, int] | None], progress: Progress) -> Iterator[tuple[Part, float]]:
+    def parts(self, next_chunk: Callable[[], tuple[int, int] | None], progress: Progress) -> Generator[tuple[Part, float], None, None]:
         while chunk := next_chunk():
             clock = time.perf_counter()
             yield self.bench.part(*chunk, self.threads, lambda share, count=chunk[1]: progress(share * count)), time.perf_counter() - clock
@@ -63,7 +63,7 @@ class Workers:
         self.study, self.make, self.size, self.threads = pickle.dumps(study), make, size, threads
         self.digest = study.digest
 
-    def parts(self, next_chunk: Callable[[], tuple[int, int] | None], progress: Progress) -> Iterator[tuple[Part, float]]:
+    def parts(self, next_chunk: Callable[[], tuple[int, int] | None], progress: Progress) -> Generator[tuple[Part, float], None, None]:
         again: list[tuple[int, int]] = []
         lost = 0
         while True:
@@ -114,7 +114,6 @@ def _is_lost(error: BaseException) -> bool:
 
 _benches: dict[str, Bench] = {}
 _first = threading.Lock()
-_stop: Any = None
 
 
 def compute(digest: str, study: bytes, first: int, count: int, threads: int = 1) -> tuple[Part, float]:
@@ -124,18 +123,11 @@ def compute(digest: str, study: bytes, first: int, count: int, threads: int = 1)
             _benches.clear()
             _benches[digest] = Bench(pickle.loads(study))
     clock = time.perf_counter()
-    return _benches[digest].part(first, count, threads, None if _stop is None else _heed), time.perf_counter() - clock
+    return _benches[digest].part(first, count, threads), time.perf_counter() - clock
 
 
-def _heed(share: float) -> None:
-    if _stop.is_set():
-        raise CancelledError()
-
-
-def _prepare(stop: Any) -> None:
-    """A process of a pool: Ctrl-C is its parent's, who tells it by the event, and it ends with that parent."""
-    global _stop
-    _stop = stop
+def _prepare() -> None:
+    """A process of a pool: Ctrl-C is its parent's, and it ends with that parent."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
@@ -154,16 +146,17 @@ def _end_with_parent() -> None:
 
 @contextmanager
 def processes(count: int) -> Iterator[Executor]:
-    """Processes of this machine, which end soon where the study does."""
-    from multiprocessing import get_context
+    """Processes of this machine, which end at once where the study does: they have nothing to lose."""
+    from multiprocessing import active_children, get_context
 
-    context = get_context("spawn")  # a fork would inherit threads that are no more
-    stop = context.Event()
-    executor = ProcessPoolExecutor(count, context, _prepare, (stop,))
+    others = active_children()
+    executor = ProcessPoolExecutor(count, get_context("spawn"), _prepare)  # a fork would inherit threads that are no more
     try:
         yield executor
     except BaseException:
-        stop.set()
+        for child in active_children():
+            if child not in others:
+                child.kill()
         raise
     finally:
         executor.shutdown(wait=True, cancel_futures=True)

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Executor
-from contextlib import ExitStack, nullcontext
+from contextlib import ExitStack, closing, nullcontext
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -82,7 +82,7 @@ def carry_out(
         parts: list[Part] = []
         keep = about.write if about else parts.append
         engine = _engine(study, bench, workers, threads, stack)
-        for part in _Work(study, missing, progress).parts(engine):
+        for part in stack.enter_context(closing(_Work(study, missing, progress).parts(engine))):
             keep(part)
     return StudyResult(about.manifest if about else manifest(study, bench.made_with), about, tuple(parts))
 
@@ -121,14 +121,15 @@ class _Work:
             self.missing.append((first + count, end))
         return first, count
 
-    def parts(self, engine: engines.Engine) -> Iterator[Part]:
+    def parts(self, engine: engines.Engine) -> Generator[Part, None, None]:
         """All parts, in the order in which they are done."""
         self.tell(0.0)
-        for part, seconds in engine.parts(self.next_chunk, self.tell):
-            self.left -= len(part)
-            self.pace.learn(len(part), seconds)
-            yield part
-            self.tell(0.0)
+        with closing(engine.parts(self.next_chunk, self.tell)) as found:
+            for part, seconds in found:
+                self.left -= len(part)
+                self.pace.learn(len(part), seconds)
+                yield part
+                self.tell(0.0)
 
     def tell(self, more: float) -> None:
         """more: variants that are done beside those that have arrived."""
