@@ -70,7 +70,7 @@ def _map(axes: Axes, name: str, values: np.ndarray, varied: Columns, shape: tupl
     (below, x), (beside, y) = ((what, numbers.reshape(shape)) for what, numbers in varied.items())
     mesh = axes.pcolormesh(x[:, 0], y[0], np.ma.masked_invalid(values.T), cmap=COLOURS, shading="nearest")
     axes.set(xlabel=below, ylabel=beside, facecolor="#eeeeee")
-    axes.figure.colorbar(mesh, ax=axes, label=name)
+    axes.figure.colorbar(mesh, ax=axes, label=name, use_gridspec=False)
 
 
 def _scatter(axes: Axes, name: str, values: np.ndarray, what: str, numbers: np.ndarray) -> None:

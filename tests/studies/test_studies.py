@@ -104,7 +104,8 @@ def test_the_digest_tells_studies_apart():
     own = digest()
     assert own == digest() and own == digest(count=8)
     others = [
-        digest(count=16), digest(seed=1), digest(keep="rate(psi)"), digest(design="halton"), digest(simulation={"rtol": 1e-9}), digest(model=fragile(), vary={"speed": {"low": 0, "high": 1}}, keep="D.x"),
+        digest(count=16), digest(seed=1), digest(keep="rate(psi)"), digest(design="halton"), digest(simulation={"rtol": 1e-9}),
+        digest(model=fragile(), vary={"speed": {"low": 0, "high": 1}}, keep="D.x"),
         digest({**SWINGS, "length": {"low": 0.8, "high": np.nextafter(1.2, 2)}}),
     ]  # fmt: skip
     assert len({own, *others}) == len(others) + 1

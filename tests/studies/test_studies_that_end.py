@@ -87,18 +87,18 @@ def test_kill_9_twenty_times(tmp_path):
     assert_same(small_study.run(str(folder), 20 * COUNT), expected)
 
 
-@pytest.mark.parametrize("workers", [0, 2])
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
 def test_ctrl_c_ends_soon(tmp_path, workers, uninterrupted):
     """Cleanly, with what was done in the folder, and no process left."""
     folder = tmp_path / "swing"
     process = start(folder, workers, count=200 * COUNT)
-    first_told(process, 1)
+    first_told(process, 65)  # the first chunk is written
     pressed = time.perf_counter()
     process.send_signal(signal.SIGINT)
     said, _ = process.communicate(timeout=20)
     spent = time.perf_counter() - pressed
     assert process.returncode == 3 and "KeyboardInterrupt" in said
-    assert spent < 5.0  # a quarter of a second on a machine that has nothing else to do, and Python's own end
+    assert spent < 5.0  # with Python's own end, on a machine that does other things too
     found = ncgen.read(folder)
     assert 0 < len(found) < 200 * COUNT and found.ok.all()
 
@@ -122,12 +122,28 @@ def test_processes_and_lost_ones(tmp_path, uninterrupted):
     def kill_one(done: int, *_: object) -> None:
         children = [int(x) for x in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
         workers = [c for c in children if "spawn_main" in Path(f"/proc/{c}/cmdline").read_text()]
-        if done and len(killed) < 2 and workers and (not killed or done > COUNT // 3):
+        if done and not killed and workers:
             killed.append(workers[0])
             os.kill(workers[0], signal.SIGKILL)
 
     assert_same(small_study.run(str(tmp_path / "swing"), COUNT, 2, progress=kill_one), uninterrupted)
     assert killed
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_that_loses_workers(uninterrupted):
+    """As with processes; the scheduler hands lost chunks out again."""
+    distributed = pytest.importorskip("distributed")
+    expected, killed = small_study.run(None, 20 * COUNT), []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+
+        def kill_one(done: int, *_: object) -> None:
+            if len(killed) < 3 and done > 5 * COUNT * (1 + len(killed)):
+                killed.append(next(iter(cluster.workers.values())).process.process.pid)
+                os.kill(killed[-1], signal.SIGKILL)
+
+        assert_same(small_study.run(None, 20 * COUNT, cluster.scheduler_address, progress=kill_one), expected)
+    assert len(killed) == 3
 
 
 def test_an_executor_of_ones_own(uninterrupted):
