@@ -37,6 +37,8 @@ _HOMES = {
     "joint_space": "ncgen.solver.joint_space",
     "inspect": "ncgen.report.inspection",
     "export": "ncgen.exchange.export",
+    "study": "ncgen.studies.running",
+    "read": "ncgen.studies.reading",
     "NcgenError": "ncgen.errors",
     "ModelError": "ncgen.errors",
     "DomainError": "ncgen.errors",
@@ -70,12 +72,14 @@ __all__ = [
     "linearise",
     "load",
     "move",
+    "read",
     "sensitivities",
     "simulate",
     "simulate_batch",
     "solve_position",
     "start",
     "start_batch",
+    "study",
     "sweep",
 ]
 
@@ -98,6 +102,8 @@ if TYPE_CHECKING:
     from ncgen.solver.simulation import start
     from ncgen.solver.simulations import start_batch
     from ncgen.solver.statics import equilibrium
+    from ncgen.studies.reading import read
+    from ncgen.studies.running import study
 else:  # type checkers would take this for a promise of any name at all
 
     def __getattr__(name: str) -> object:

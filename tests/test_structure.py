@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parent.parent
 PACKAGE = ROOT / "ncgen"
 LAYERS = (
     "model", "symbolic", "program", "methods", "emit", "toolchain", "mechanism", "solver", "compiler", "view", "exchange", "report",
-    "comparisons", "cli",
+    "studies", "comparisons", "cli",
 )  # fmt: skip
 FOR_ALL = {"errors", "resources", "__version__"}
 DOORS = {"__init__", "__main__"}

@@ -1,4 +1,4 @@
-"""The command line: list, run, generate, inspect, bench, compare, hard, check, convert, export, cache.
+"""The command line: list, run, study, generate, inspect, bench, compare, hard, check, convert, export, cache.
 
 MODEL is the name of an example, or a path to a .toml, .py, .urdf, .sdf or .xml file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -16,13 +16,13 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer  # noqa: E402
 
-from ncgen.cli import files, measuring, models  # noqa: E402
+from ncgen.cli import files, measuring, models, studies  # noqa: E402
 from ncgen.cli.terminal import err  # noqa: E402
 from ncgen.errors import CompileError, NcgenError  # noqa: E402
 
 app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=(__doc__ or "").partition("\n")[0])
 app.command("list")(models.list_examples)
-for command in (models.inspect, models.generate, models.run, measuring.bench, measuring.compare, measuring.hard):
+for command in (models.inspect, models.generate, models.run, studies.study, measuring.bench, measuring.compare, measuring.hard):
     app.command()(command)
 for command in (files.check, files.convert, files.export, files.cache):
     app.command()(command)

@@ -49,3 +49,21 @@ def progress(what: str, total: float | None) -> Iterator[Callable[[float], None]
     with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
         task = bar.add_task(what, total=total)
         yield lambda done: bar.update(task, completed=done)
+
+
+@contextmanager
+def timed(what: str, total: int) -> Iterator[Callable[[int, int, float | None], None]]:
+    """A bar for work whose end can be foretold: called with what is done, all, and the seconds left."""
+    columns = (TextColumn("{task.description}"), BarColumn(), TextColumn("{task.completed:.0f}"), TextColumn("{task.fields[left]}"))
+    with Progress(*columns, console=err, transient=True, disable=not err.is_terminal) as bar:
+        task = bar.add_task(what, total=total, left="")
+        yield lambda done, _, left: bar.update(task, completed=done, left="" if left is None else f"{_clock(left)} left")
+
+
+def _clock(seconds: float) -> str:
+    """Seconds as days, hours, minutes and seconds, the largest two of them."""
+    parts = [
+        (int(seconds // size) % most, unit) for size, most, unit in ((86400, 10**9, "d"), (3600, 24, "h"), (60, 60, "min"), (1, 60, "s"))
+    ]
+    first = next((k for k, (count, _) in enumerate(parts) if count), len(parts) - 1)
+    return " ".join(f"{count} {unit}" for count, unit in parts[first : first + 2])

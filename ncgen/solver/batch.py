@@ -16,7 +16,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import GROWTH, checked_compiled, dynamics, refusal, refusal_of_size
-from ncgen.solver.geometry import angles, measured_angles
+from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
 from ncgen.solver.given import checked_kernels, finite, known_name, names_of
 from ncgen.solver.partition import Partitions, choose_partitions
 from ncgen.solver.position import TOLERANCE, check_finite, check_mirror_roots
@@ -81,7 +81,7 @@ class BatchAccelerations:
     qd: np.ndarray | None
     zdd: np.ndarray
     codes: np.ndarray = field(repr=False)
-    choice: _Choice = field(repr=False)
+    choice: Choice = field(repr=False)
 
     @property
     def ok(self) -> np.ndarray:
@@ -102,7 +102,7 @@ class BatchAccelerations:
 
 
 @dataclass(frozen=True, eq=False)
-class _Choice:
+class Choice:
     """Names of the independent coordinates, the state derivative for them in lanes, and their places in q."""
 
     names: tuple[str, ...]
@@ -110,7 +110,7 @@ class _Choice:
     places: np.ndarray
 
     @classmethod
-    def at(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method) -> _Choice:
+    def at(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method) -> Choice:
         """A choice that is good at one position. Raises ModelError where lanes cannot do it, SingularError or DomainError for a
         position at which there is none."""
         check_finite(kernels, q, t, p)
@@ -121,7 +121,7 @@ class _Choice:
         return cls(partitions.velocity.names(kernels), lanes, partitions.velocity.independent)
 
     @classmethod
-    def at_first(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method) -> _Choice:
+    def at_first(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method) -> Choice:
         """A choice that is good at the first position where there is one."""
         finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
         if not len(finite):
@@ -163,7 +163,7 @@ def accelerations_batch(
     t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), _threads(threads)
     if out is not None and (z or out.choice.lanes.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.lanes.kernels.name} with its own z; leave z or out out")
-    states = _States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"), out and out.choice)
+    states = States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"), out and out.choice)
     if out is not None:
         arrays = _places(kernels, out, states)
     else:
@@ -172,7 +172,7 @@ def accelerations_batch(
     return BatchAccelerations(*arrays, codes, states.choice)
 
 
-def _places(kernels: Kernels, out: BatchAccelerations, states: _States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
+def _places(kernels: Kernels, out: BatchAccelerations, states: States) -> tuple[np.ndarray, np.ndarray | None, np.ndarray]:
     """The arrays of results of before, where C may write. Raises ModelError for others."""
     from ncgen.mechanism.arguments import place
 
@@ -188,10 +188,10 @@ def _places(kernels: Kernels, out: BatchAccelerations, states: _States) -> tuple
 
 
 @dataclass(frozen=True, eq=False)
-class _States:
+class States:
     """States as rows, of one choice of independent coordinates; faults: {state: why it has no start}, its q is NaN."""
 
-    choice: _Choice
+    choice: Choice
     q: np.ndarray
     zd: np.ndarray
     p: np.ndarray
@@ -207,9 +207,9 @@ class _States:
         t: float,
         z: tuple[str, ...],
         method: Method,
-        choice: _Choice | None = None,
+        choice: Choice | None = None,
         assembled: bool = False,
-    ) -> _States:
+    ) -> States:
         """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
         choice: of independent coordinates, a new one if not given
@@ -226,12 +226,12 @@ class _States:
         if not size:
             raise ModelError(f"{kernels.name}: a batch of no states; give at least one row")
         q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0))
-        q, faults = _closed(kernels, q, t, p) if assembled else (q, {})
+        q, faults = closed(kernels, q, t, p) if assembled else (q, {})
         if len(faults) == size:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
-        choice = choice or _Choice.at_first(kernels, q, t, p, z, method)
+        choice = choice or Choice.at_first(kernels, q, t, p, z, method)
         if rates is not None and zd is not None:
-            zd = zd[..., [kernels.index[name] for name in _all_independent(rates, choice.names)]]
+            zd = zd[..., [kernels.index[name] for name in all_independent(rates, choice.names)]]
         nz = len(choice.names)
         return cls(choice, q, _rows(kernels, "zd0", np.zeros(nz) if zd is None else zd, size, nz), p, faults)
 
@@ -249,7 +249,7 @@ def simulate_batch(
     rtol: float = 1e-8,
     atol: float | None = None,
     max_step: float = np.inf,
-    points: int = 2,
+    points: int | ArrayLike = 2,
     threads: int | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> BatchTrajectory:
@@ -273,10 +273,20 @@ def simulate_batch(
         max_step=max_step,
         progress=progress, t0=t0, z=z,
     )  # fmt: skip
-    threads, t0, method = _threads(threads), run.initial.t, _method(kernels, run)
-    states = _States.of(kernels, q0, zd0, p, t0, run.initial.z, method, assembled=True)
+    threads, method = _threads(threads), in_lanes(kernels, run)
+    states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True)
     if not np.isfinite(states.zd).all(axis=1).any():
         raise ModelError(f"{kernels.name}: zd0 has numbers that are not finite in every state; correct them")
+    return side_by_side(kernels, run, method, states, threads, progress)
+
+
+def side_by_side(
+    kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None
+) -> BatchTrajectory:
+    """The motions of states that have a choice of independent coordinates in common, each with the bits that it has in any other batch.
+
+    run: its times and tolerances; threads, progress: as of `simulate_batch`
+    """
     sizes = kernels.column_sizes[states.choice.places]
     tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
     done = states.choice.lanes.simulate(
@@ -294,24 +304,27 @@ def simulate_batch(
     alone = np.array([status not in ("ok", INTERRUPTED) for status in done.status])
     alone[[*exhausted, *states.faults]] = False
     batch = _Batch(kernels, run.times, states, done, alone, progress)
+    options = dict(
+        t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol, max_step=run.max_step
+    )
     try:
         if INTERRUPTED in done.status:
             raise done.raised or KeyboardInterrupt()
-        batch.go_on_alone(duration, dict(t0=t0, points=points, integrator=integrator, rtol=rtol, atol=atol, max_step=max_step))
+        batch.go_on_alone(run.duration, options)
     except BaseException as raised:
         vars(raised)["trajectory"] = batch.trajectory()
         raise
     return batch.trajectory()
 
 
-def _method(kernels: Kernels, run: Run) -> Method:
+def in_lanes(kernels: Kernels, run: Run) -> Method:
     """The method of a batch. Raises ModelError where the choice is left open."""
     if run.formalism is None or run.integrator is None:
-        raise ModelError(f"{kernels.name}: a batch has no choice of its own; name one of {_in_lanes()}")
+        raise ModelError(f"{kernels.name}: a batch has no choice of its own; name one of {_those_in_lanes()}")
     return Method(run.formalism, run.integrator)
 
 
-def _in_lanes() -> str:
+def _those_in_lanes() -> str:
     return ", ".join(name for name, entry in INTEGRATORS.items() if entry.in_lanes)
 
 
@@ -321,7 +334,7 @@ class _Batch:
 
     kernels: Kernels
     grid: np.ndarray
-    states: _States
+    states: States
     done: LaneOutcome
     alone: np.ndarray
     progress: Callable[[float], None] | None
@@ -348,7 +361,7 @@ class _Batch:
             self.progress(1.0)
         if warned:
             said = f"{len(warned)} of {len(left)} states simulated alone had warnings; {warned[0]}"
-            warnings.warn(f"{self.kernels.name}: {said}", stacklevel=3)
+            warnings.warn(f"{self.kernels.name}: {said}", stacklevel=4)
 
     def _simulate(self, i: int, duration: float, options: dict[str, Any]) -> str:
         """Simulate one state; its status."""
@@ -366,7 +379,7 @@ class _Batch:
 
 def _refusal(kernels: Kernels, method: Method, partitions: Partitions) -> str | None:
     if not method.integrator.in_lanes:
-        return f"{method.integrator.name} is not among {_in_lanes()}"
+        return f"{method.integrator.name} is not among {_those_in_lanes()}"
     return refusal(kernels, method, "emitted", "double") or refusal_of_size(kernels, partitions, "emitted")
 
 
@@ -404,7 +417,7 @@ def _given(kernels: Kernels, what: str, given: BatchGiven | None, names: tuple[s
     return rows
 
 
-def _all_independent(rates: Mapping, names: tuple[str, ...]) -> tuple[str, ...]:
+def all_independent(rates: Mapping, names: tuple[str, ...]) -> tuple[str, ...]:
     """Names of the independent coordinates. Raises ModelError if velocities of others are given."""
     if unknown := [name for name in rates if name not in names]:
         raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
@@ -417,7 +430,7 @@ def _rows(kernels: Kernels, name: str, array: np.ndarray, count: int, size: int)
     return np.ascontiguousarray(np.broadcast_to(array, (count, size)))
 
 
-def _closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, dict[int, str]]:
+def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, dict[int, str]]:
     """Positions that close: those that do not are assembled, one after the other. Those that have none become NaN: {state: why}."""
     with np.errstate(invalid="ignore"):
         relative = np.abs(kernels.batch.phi(q, t, p) / kernels.row_sizes)[:, kernels.holonomic]
@@ -446,9 +459,13 @@ def _assembled(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> np.n
 
 
 def _may_be_mirrored(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> np.ndarray:
-    """States some angle of which is about half a turn off its elements, measured with the parameters of the first state alone, (B,)."""
+    """States some angle of which is about half a turn off its elements, (B,)."""
     known = angles(kernels)
     if not known:
         return np.zeros(len(q), dtype=bool)
-    errors = q[:, [kernels.index[angle.name] for angle in known]] - measured_angles(kernels, q, p[0])
+    if arms_have_parameters(kernels):
+        measured = np.array([measured_angles(kernels, *state) for state in zip(q, p, strict=True)])
+    else:
+        measured = measured_angles(kernels, q, p[0])
+    errors = q[:, [kernels.index[angle.name] for angle in known]] - measured
     return np.min(np.cos(errors), axis=1) < NEAR_HALF_A_TURN

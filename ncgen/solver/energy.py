@@ -12,6 +12,9 @@ ROUNDING = 64 * np.finfo(float).eps
 REST = 1e-10
 """Speeds below this, in natural sizes a second, are rest."""
 
+NOTHING = 1e-300
+"""An energy that does no harm as a divisor where nothing has mass."""
+
 
 def energies(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> np.ndarray:
     """Kinetic and potential energy (J) and power (W) of forces without a potential, shape (K, 3), of K instants."""
@@ -25,15 +28,28 @@ def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: 
     the noise of its velocities is no drift.
     """
     found = energies(kernels, t, q, qd, p)
-    kinetic, potential = found[:, 0], found[:, 1]
+    return float(_relative(found[:, 0], found[:, 1], work, _least(kernels, t[0], q[0], p)))
+
+
+def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """`drift` of B motions, (B,): q, qd (B, K, n), work (B, K), p (B, n_p), on the same K instants."""
+    count, instants = work.shape
+    flat = q.reshape(-1, kernels.n), qd.reshape(-1, kernels.n)
+    found = kernels.batch.energy(*flat, np.tile(t, count), np.repeat(p, instants, axis=0)).reshape(count, instants, 3)
+    at_rest = np.tile(REST * kernels.column_sizes, (count, 1))
+    least = np.maximum(kernels.batch.energy(q[:, 0], at_rest, np.full(count, t[0]), p)[:, 0], NOTHING)
+    return _relative(found[..., 0], found[..., 1], work, least)
+
+
+def _relative(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, least: np.ndarray | float) -> np.ndarray:
+    """The drift along the last axis, relative to what moves, at least to `least`."""
     total = kinetic + potential - work
-    error = float(np.max(np.abs(total - total[0])))
-    if error <= ROUNDING * np.max(np.abs(kinetic) + np.abs(potential) + np.abs(work)):
-        return 0.0
-    moved = max(np.max(kinetic), np.ptp(potential), np.max(np.abs(work)))
-    return error / max(moved, _least(kernels, t[0], q[0], p))
+    error = np.max(np.abs(total - total[..., :1]), axis=-1)
+    rounding = ROUNDING * np.max(np.abs(kinetic) + np.abs(potential) + np.abs(work), axis=-1)
+    moved = np.maximum(np.maximum(np.max(kinetic, axis=-1), np.ptp(potential, axis=-1)), np.max(np.abs(work), axis=-1))
+    return np.where(error <= rounding, 0.0, error / np.maximum(moved, least))
 
 
 def _least(kernels: Kernels, t: float, q: np.ndarray, p: np.ndarray) -> float:
     """The kinetic energy of speeds that count as rest, or a number that does no harm where nothing has mass."""
-    return max(float(kernels.energy(q, REST * kernels.column_sizes, t, p)[0]), 1e-300)
+    return max(float(kernels.energy(q, REST * kernels.column_sizes, t, p)[0]), NOTHING)

@@ -11,7 +11,7 @@ from scipy.sparse import csr_array
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle, Combination, Component, Element
-from ncgen.model.values import Parameter, evaluate
+from ncgen.model.values import Parameter, evaluate, is_number
 
 
 def component(kernels: Kernels, c: Component, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
@@ -64,6 +64,13 @@ def measured_angles(kernels: Kernels, q: ArrayLike, p: np.ndarray | None = None)
     with np.errstate(invalid="ignore"):  # a state that is no number has no angles; whoever asks is told elsewhere
         volume = np.linalg.det(arms)
     return np.arctan2(np.sqrt(nn) * volume, nn * ab - an * bn)
+
+
+def arms_have_parameters(kernels: Kernels) -> bool:
+    """Whether what angles are measured between depends on the parameters."""
+    arms = [d for angle in angles(kernels) for d in (angle.start, angle.end, angle.axis)]
+    values = [v for arm in arms for weight, e in arm.terms for v in (weight, *(c.value for c in e.components if c.fixed))]
+    return not all(map(is_number, values))
 
 
 def _arms(kernels: Kernels, p: np.ndarray | None) -> tuple[csr_array, np.ndarray]:

@@ -34,7 +34,7 @@ from ncgen.methods.table import (
 from ncgen.model import Model
 from ncgen.model.elements import Component
 from ncgen.solver import given
-from ncgen.solver.given import ECHOED, Given, Outline, checked_kernels, finite, known_name, names_of, offer, parameters, position
+from ncgen.solver.given import ECHOED, Given, Outline, checked_kernels, finite, known_name, names_of, offer, parameters, position, several
 from ncgen.solver.position import CONSISTENT
 from ncgen.solver.signals import Signal, Signals, signals_of
 from ncgen.solver.stop import Stop, stop_at
@@ -152,7 +152,7 @@ class Run:
         integrator: str = AUTO,
         rtol: float = 1e-8,
         atol: float | None = None,
-        points: int = 101,
+        points: int | ArrayLike = 101,
         max_step: float = np.inf,
         engine: str = AUTO,
         number: str = "double",
@@ -171,7 +171,7 @@ class Run:
             raise ModelError(f"progress: {echo(progress)} given; it must be a function of the time reached")
         run = cls(
             start,
-            _grid(start.t, length, count(points, "points", 2, "a trajectory has at least 2"), len(known.coordinates)),
+            _grid(start.t, length, points, len(known.coordinates)),
             *pair,
             dict(options or {}),
             positive(rtol, "rtol"),
@@ -364,19 +364,33 @@ def echo(value: object) -> str:
     return text if len(text) <= ECHOED else f"{text[: ECHOED - 1]}…"
 
 
-def _grid(start: float, length: float, points: int, n: int) -> np.ndarray:
-    """Even instants. Raises ModelError where there are too many, or they cannot be told apart."""
-    if points * (3 * n + 1) > MOST_NUMBERS:
-        raise ModelError(f"points: {points} instants of {n} coordinates take {points * (3 * n + 1) * 8 / 2**30:.3g} GiB; ask for fewer")
+def _grid(start: float, length: float, points: Any, n: int) -> np.ndarray:
+    """Even instants, or those that are given. Raises ModelError where there are too many, or they cannot be told apart."""
+    given = None if points is None or np.ndim(points) == 0 else several(points, "points")
+    size = count(points, "points", 2, "a trajectory has at least 2") if given is None else len(given)
+    if size * (3 * n + 1) > MOST_NUMBERS:
+        raise ModelError(f"points: {size} instants of {n} coordinates take {size * (3 * n + 1) * 8 / 2**30:.3g} GiB; ask for fewer")
     end = start + length
     if not np.isfinite(end):
         raise ModelError(f"duration: {length:.6g} s from t0 = {start:.6g} s on is beyond all numbers; take a shorter one")
-    if length / (points - 1) < FINEST * max(abs(start), abs(end)):
+    shortest = FINEST * max(abs(start), abs(end))
+    if given is not None:
+        return _instants(given, start, end, shortest)
+    if length / (size - 1) < shortest:
         raise ModelError(
-            f"t0: {start:.6g} s with {points} points in {length:.6g} s: instants cannot be told apart in double precision; "
+            f"t0: {start:.6g} s with {size} points in {length:.6g} s: instants cannot be told apart in double precision; "
             "begin nearer to 0, or ask for fewer points"
         )
-    return np.linspace(start, end, points)
+    return np.linspace(start, end, size)
+
+
+def _instants(given: np.ndarray, start: float, end: float, shortest: float) -> np.ndarray:
+    """Given instants. Raises ModelError unless they ascend from the start of a run to its end."""
+    if len(given) < 2 or abs(given[0] - start) > shortest or abs(given[-1] - end) > shortest:
+        raise ModelError(f"points: {echo(given.tolist())} given; instants begin at t0 = {start:.6g} s and end at {end:.6g} s")
+    for k in np.flatnonzero(~(np.diff(given) >= shortest))[:1]:
+        raise ModelError(f"points: {given[k + 1]:.6g} s follows {given[k]:.6g} s; let the instants ascend")
+    return given
 
 
 def _rates(subject: Outline, given: Given | None, name: str, whole: bool) -> dict[str, float] | np.ndarray | None:

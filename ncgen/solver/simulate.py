@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
@@ -49,7 +50,7 @@ def simulate(
     inputs: Mapping[str, Signal] | None = None,
     t0: float = 0.0,
     closing: float = CONSISTENT,
-    points: int = 101,
+    points: int | ArrayLike = 101,
     max_step: float = np.inf,
     engine: str = "auto",
     number: str = "double",
@@ -57,7 +58,7 @@ def simulate(
     stop: Mapping[str, Any] | None = None,
     progress: Callable[[float], None] | None = None,
 ) -> Trajectory:
-    """Simulate a mechanism and return its trajectory on an even time grid.
+    """Simulate a mechanism and return its trajectory on a time grid.
 
     duration: s; t0: start time
     formalism: what the accelerations come from
@@ -87,7 +88,7 @@ def simulate(
         (times, values, hold), where hold is "zero" (the value before holds), "linear" (the default) or "cubic" (a spline). Before and after
         a table its ends hold. Those not named keep their values in p. Steps end where a table jumps or has a corner
     closing: the relative residual up to which the start passes as closed; larger for overconstrained mechanisms with rounded dimensions
-    points: how many instants the trajectory holds
+    points: how many even instants the trajectory holds, or the instants themselves (s), from t0 to the end
     max_step: the longest step (s)
     engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out for this mechanism and its
         independent coordinates, and compiled, which takes a second or so), "refined" (emitted, with a step of

@@ -1,0 +1,62 @@
+"""The command for many variants: study."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from ncgen.cli.terminal import PICTURES, Json, err, out, timed, writable
+
+SHOWN = 3
+"""Failures that are printed; the table has all."""
+
+
+def study(
+    file: Annotated[Path, typer.Argument(metavar="STUDY", help="a TOML file: a model, what varies, what is kept (docs/studies.md)")],
+    output: Annotated[
+        Path | None, typer.Option("--output", "-o", help="folder for the results; a study that is there goes on [default: STUDY-study]")
+    ] = None,
+    workers: Annotated[int | None, typer.Option(min=1, help="processes [default: threads of this one]")] = None,
+    cluster: Annotated[str | None, typer.Option(help="a Dask scheduler's address, or local")] = None,
+    threads: Annotated[int | None, typer.Option(min=1, help="threads, or workers of a local cluster [default: all processors]")] = None,
+    plot: Annotated[Path | None, typer.Option(help="draw what was kept: a .png or .svg file")] = None,
+    table: Annotated[Path | None, typer.Option(help="write a table: a .csv or .parquet file")] = None,
+    sobol: Annotated[str | None, typer.Option(help="print Sobol' indices of a column of a saltelli design")] = None,
+    json_output: Json = False,
+) -> None:
+    """Simulate many variants of a model, in chunks that are written while they come; go on where it ended before."""
+    from ncgen.errors import ModelError
+    from ncgen.studies.file import read_study
+    from ncgen.studies.running import carry_out
+
+    if workers and cluster:
+        raise ModelError("--workers and --cluster are both given; give one")
+    writable("--plot", plot, PICTURES)
+    writable("--table", table, (".csv", ".parquet"))
+    asked, folder = read_study(file), output or Path(f"{file.stem}-study")
+    try:
+        with timed(f"{asked.model.name}: {asked.size} variants", asked.size) as advance:
+            result = carry_out(asked, folder, cluster or workers, threads, advance)
+    except KeyboardInterrupt:
+        err.print(f"ncgen: stopped; what was done is in {folder}, and the same command goes on", markup=False)
+        raise
+    if plot is not None:
+        result.plot(plot)
+    if table is not None:
+        (result.to_csv if table.suffix.lower() == ".csv" else result.to_parquet)(table)
+    failures = result.failures
+    if json_output:
+        record = {**result.about, "folder": str(folder), "ok": int(result.ok.sum()), "failures": {str(k): v for k, v in failures.items()}}
+        print(json.dumps(record, indent=1))
+        return
+    out.print(f"{result.about['model']}: {result.ok.sum()} of {len(result)} variants arrived, in {folder}", markup=False)
+    out.print(f"  {result.about['made_with']}", markup=False)
+    for variant, sentence in list(failures.items())[:SHOWN]:
+        out.print(f"  variant {variant}: {sentence}", markup=False)
+    if len(failures) > SHOWN:
+        out.print(f"  and {len(failures) - SHOWN} more", markup=False)
+    if sobol is not None:
+        out.print(str(result.sobol(sobol)), markup=False)

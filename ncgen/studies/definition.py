@@ -1,0 +1,182 @@
+"""A study as data: a model, what varies, what is kept, and how it is simulated. It can be pickled, and has a digest."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import pickle
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import AUTO
+from ncgen.model import Model
+from ncgen.model.digest import digest
+from ncgen.model.elements import coordinate_of
+from ncgen.solver.given import echo, known_name, several
+from ncgen.solver.run import Run, check_options, outline, simulation_of
+from ncgen.studies.design import Design, Varied
+from ncgen.studies.kept import Kept, kept
+
+WHOLE = 101
+"""Instants of a run whose extremes or energy are looked at, unless `points` says something else."""
+
+NEAR = 1e-9
+"""Share of a run within which two instants are one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Study:
+    """design: the variants; kept: columns; times (K,): of histories (s); simulation: arguments of `simulate` that all have in common, but
+    for points: how many instants are looked at, or which; None where that follows from what is kept."""
+
+    model: Model
+    design: Design
+    kept: tuple[Kept, ...]
+    times: np.ndarray
+    simulation: dict[str, Any] = field(default_factory=dict)
+    points: Any = None
+
+    @classmethod
+    def of(
+        cls,
+        model: Model | Kernels,
+        vary: Varied,
+        *,
+        design: str = "grid",
+        count: int | None = None,
+        seed: int = 0,
+        keep: str | Sequence[str] = (),
+        times: Iterable[float] | None = None,
+        simulation: Mapping[str, Any] | None = None,
+    ) -> Study:
+        """From the arguments of `ncgen.study`. Raises ModelError with one sentence, before anything is generated."""
+        model = model if isinstance(model, Model) else _model_of(model)
+        options = simulation_of(model, **(simulation or {}))
+        check_options(options)
+        run, known = Run.asked(model, **options), outline(model)
+        if model.callbacks:
+            raise ModelError(f"{model.name}: a force is a Python function, which is no data; a study needs a model that can travel")
+        for name, signal in (options.get("inputs") or {}).items():
+            if callable(signal):
+                raise ModelError(f"inputs, {name}: a Python function is no data; give a number or a table of times and values")
+        columns = kept(keep, known)
+        points = options.pop("points", None)
+        instants = several(sorted(times or ()), "times")
+        if any(column.over == "history" for column in columns) != bool(len(instants)):
+            raise ModelError("times: history(…) is kept at times (s), such as times=[0.1, 0.2]; give both or neither")
+        ends = run.times[[0, -1]]
+        if len(instants) and not ends[0] <= instants[0] <= instants[-1] <= ends[1]:
+            raise ModelError(f"times: from {instants[0]:g} to {instants[-1]:g} s given; the run goes from {ends[0]:g} to {ends[1]:g} s")
+        if len(instants) and run.stop is not None:
+            raise ModelError("times: where a run may end before, it has no instants of its own; keep the end, or leave stop out")
+        study = cls(model, Design.of(vary, design, count, seed), columns, _apart(instants, ends), options, points)
+        study._check_names()
+        return study
+
+    def _check_names(self) -> None:
+        known = outline(self.model)
+        for name in self.design.names:
+            if (inner := started(name)) is not None:
+                known_name(coordinate_of(inner), known.coordinates, f"vary, {name}")
+            elif coordinate_of(name) in known.coordinates:
+                raise ModelError(f"vary, {name}: it is a coordinate, whose start varies; write start({name})")
+            else:
+                known_name(name, known.parameters, "vary", "parameter")
+        if "qd0" in self.simulation and any(coordinate_of(started(n) or "") != started(n) for n in self.design.names if started(n)):
+            raise ModelError("vary: the start of a velocity varies, and qd0 is given; give the others by zd0")
+        for name in ("q0", "zd0", "p"):
+            if self.simulation.get(name) is not None and not isinstance(self.simulation[name], Mapping) and self._varied(name):
+                raise ModelError(f"{name}: some of it varies; give the rest by name, {{name: number}}")
+
+    def _varied(self, argument: str) -> list[str]:
+        return [name for name in self.design.names if argument_of(name)[0] == argument]
+
+    @property
+    def size(self) -> int:
+        """How many variants there are."""
+        return self.design.size
+
+    @cached_property
+    def run(self) -> Run:
+        """The run that all variants have in common, on the instants that are looked at."""
+        return Run.asked(self.model, **self.simulation, points=self.grid)
+
+    @cached_property
+    def grid(self) -> np.ndarray:
+        """The instants of every run (s): those of histories, and even ones where the whole run counts."""
+        usual = WHOLE if any(column.whole for column in self.kept) else 2
+        even = Run.asked(self.model, **self.simulation, points=usual if self.points is None else self.points).times
+        inner = even[1:-1]
+        near = np.abs(inner[:, None] - self.times).min(axis=1, initial=np.inf) < NEAR * (even[-1] - even[0])
+        return np.union1d(np.concatenate([even[[0, -1]], inner[~near]]), self.times)
+
+    def options(self, row: np.ndarray) -> dict[str, Any]:
+        """Arguments of `simulate` for a variant with these numbers (names,)."""
+        found = dict(self.simulation)
+        for name, value in zip(self.design.names, row.tolist(), strict=True):
+            argument, inner = argument_of(name)
+            found[argument] = {**(found.get(argument) or {}), inner: value}
+        return found
+
+    @cached_property
+    def digest(self) -> str:
+        """What tells the study from others, 64 hexadecimal digits: equal if and only if variants and columns are."""
+        told = digest(self.model) or hashlib.sha256(pickle.dumps(self.model)).hexdigest()
+        axes = [[a.name, a.kind, [float(x).hex() for x in (*a.values, *a.ends)]] for a in self.design.axes]
+        said = [
+            told, axes, self.design.kind, self.design.count, self.design.seed, [column.word for column in self.kept],
+            [t.hex() for t in self.times.tolist()], [t.hex() for t in self.grid.tolist()], _plain(self.simulation),
+        ]  # fmt: skip
+        return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
+
+    @property
+    def left_open(self) -> bool:
+        """Whether formalism and integrator are ncgen's choice."""
+        return self.simulation.get("formalism", AUTO) == AUTO and self.simulation.get("integrator", AUTO) == AUTO
+
+
+def _apart(times: np.ndarray, ends: np.ndarray) -> np.ndarray:
+    """Instants without those that another one, or an end, stands for."""
+    near = NEAR * (ends[1] - ends[0])
+    for end in ends:
+        times = np.where(np.abs(times - end) < near, end, times)
+    return times[np.diff(times, prepend=-np.inf) > near] if len(times) else times
+
+
+def started(name: str) -> str | None:
+    """The coordinate or velocity whose start `start(…)` is; None for a parameter."""
+    return name[6:-1] if name.startswith("start(") and name.endswith(")") else None
+
+
+def argument_of(name: str) -> tuple[str, str]:
+    """The argument of `simulate` that a varied name is part of, and its name there."""
+    inner = started(name)
+    if inner is None:
+        return "p", name
+    coordinate = coordinate_of(inner)
+    return ("q0" if coordinate == inner else "zd0"), coordinate
+
+
+def _model_of(given: object) -> Model:
+    """The model of kernels. Raises ModelError for anything else."""
+    model = getattr(given, "model", None)
+    if isinstance(model, Model):
+        return model
+    raise ModelError(f"model: {echo(given)} given; a study needs an ncgen.Model, such as ncgen.load makes")
+
+
+def _plain(value: Any) -> Any:
+    """A value in what JSON has, numbers to the last bit."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, (np.ndarray, list, tuple)):
+        return [_plain(item) for item in (value.tolist() if isinstance(value, np.ndarray) else value)]
+    if isinstance(value, (bool, int, str)) or value is None:
+        return value
+    return float(value).hex()

@@ -1,0 +1,283 @@
+"""What varies: the numbers of every variant, found from its number alone.
+
+A variant is the same in every chunk, process and restart: sequences are entered at its number, random numbers come in blocks that
+have seeds of their own.
+"""
+
+from __future__ import annotations
+
+import math
+import warnings
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, TypeAlias
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.solver.given import count as whole
+from ncgen.solver.given import echo, finite, offer, positive
+
+if TYPE_CHECKING:
+    from scipy.stats.qmc import QMCEngine
+
+Varied: TypeAlias = "Mapping[str, Any]"
+"""In signatures: {name: numbers, {"low": …, "high": …} or {"mean": …, "deviation": …}}."""
+
+BLOCK = 4096
+"""Random variants that have a seed in common."""
+
+RANGE, NORMAL = ("low", "high"), ("mean", "deviation")
+WORDS = (*RANGE, "scale", "count", *NORMAL)
+SCALES = ("linear", "log")
+
+MOST = 2**52
+"""Variants that can be counted."""
+
+MOST_AT_ONCE = 50_000_000
+"""Numbers of a Latin square, which exists only as a whole."""
+
+
+@dataclass(frozen=True)
+class Axis:
+    """How one number varies: `values`, or a distribution ("linear" or "log" between `ends`, "normal" with `ends` = mean, deviation)."""
+
+    name: str
+    values: tuple[float, ...] = ()
+    kind: str = "list"
+    ends: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def of(cls, name: str, given: object) -> Axis:
+        """From what the caller says. Raises ModelError naming what varies."""
+        where = f"vary, {name}"
+        if not isinstance(given, Mapping):
+            return cls(name, _numbers(given, where))
+        if unknown := [word for word in given if word not in WORDS]:
+            raise ModelError(f"{where}: {echo(unknown[0])} is unknown; {offer(unknown[0], WORDS, 'there are')}")
+        if set(given) == set(NORMAL):
+            ends = finite(given["mean"], f"{where}: mean"), positive(given["deviation"], f"{where}: deviation")
+            return cls(name, kind="normal", ends=ends)
+        if not set(RANGE) <= set(given) or set(given) & set(NORMAL):
+            raise ModelError(f"{where}: {echo(dict(given))} given; give a list of numbers, low and high, or mean and deviation")
+        low, high = (finite(given[word], f"{where}: {word}") for word in RANGE)
+        scale = given.get("scale", SCALES[0])
+        if scale not in SCALES:
+            raise ModelError(f"{where}: scale {echo(scale)} is unknown; choose one of {', '.join(SCALES)}")
+        if not low < high or (scale == "log" and low <= 0):
+            raise ModelError(f"{where}: from {low:g} to {high:g} given; low is below high{', and above 0' if scale == 'log' else ''}")
+        axis = cls(name, kind=scale, ends=(low, high))
+        return cls(name, tuple(axis.at(np.linspace(0, 1, whole(given["count"], f"{where}: count"))).tolist())) if "count" in given else axis
+
+    def at(self, shares: np.ndarray) -> np.ndarray:
+        """The numbers below which these shares, from 0 to 1, of all variants lie; of a list each with the same probability."""
+        low, high = self.ends
+        if self.kind == "linear":
+            return low + shares * (high - low)
+        if self.kind == "log":
+            return np.exp(math.log(low) + shares * (math.log(high) - math.log(low)))
+        if self.kind == "normal":
+            from scipy.special import ndtri
+
+            return low + high * ndtri(np.clip(shares, 2.0**-53, 1 - 2.0**-53))
+        return np.array(self.values)[np.minimum((shares * len(self.values)).astype(int), len(self.values) - 1)]
+
+
+def _numbers(given: object, where: str) -> tuple[float, ...]:
+    """A list of real numbers, such that are none included: their variants will say so."""
+    try:
+        array = np.asarray(given)
+        fits = array.ndim == 1 and array.size > 0 and array.dtype.kind in "iuf"
+    except ValueError:
+        fits, array = False, np.empty(0)
+    if not fits:
+        raise ModelError(f"{where}: {echo(given)} given; give a list of numbers, low and high, or mean and deviation")
+    return tuple(array.astype(float).tolist())
+
+
+@dataclass(frozen=True)
+class Design:
+    """All variants: axes, and the kind of design, with its size and seed where it has them."""
+
+    axes: tuple[Axis, ...]
+    kind: str = "grid"
+    count: int | None = None
+    seed: int = 0
+    _engines: dict[str, Any] = field(default_factory=dict, repr=False, compare=False, hash=False)
+
+    @classmethod
+    def of(cls, vary: Varied, kind: str = "grid", count: int | None = None, seed: int = 0) -> Design:
+        """From what the caller says. Raises ModelError with one sentence."""
+        if not isinstance(vary, Mapping) or not vary:
+            raise ModelError(f"vary: {echo(vary)} given; give {{name: numbers}} for at least one parameter or start")
+        if kind not in KINDS:
+            raise ModelError(f"design {echo(kind)} is unknown; choose one of {', '.join(KINDS)}")
+        design = cls(tuple(Axis.of(str(name), given) for name, given in vary.items()), kind)
+        design._check()
+        if kind in LISTED:
+            if count is not None:
+                raise ModelError(f"count: {echo(count)} given, but a {kind} has {design.size} variants by itself; leave count out")
+            return design
+        if count is None:
+            what = "points its indices come from" if kind == "saltelli" else "variants there are"
+            raise ModelError(f"design {kind!r} needs count: how many {what}")
+        if not isinstance(seed, int) or isinstance(seed, bool) or seed < 0:
+            raise ModelError(f"seed: {echo(seed)} given; give a whole number from 0 on")
+        found = cls(design.axes, kind, whole(count, "count"), seed)
+        if kind == "saltelli" and len(found.axes) < 2:
+            raise ModelError(f"vary: {found.axes[0].name} alone varies, so all of the variance is its own; Sobol' indices need two names")
+        if kind == "saltelli" and found._points & (found._points - 1):
+            raise ModelError(f"count: {count} given; Sobol' indices need a power of 2, such as {2 ** found._points.bit_length()}")
+        if kind == "latin" and found.size * len(found.axes) > MOST_AT_ONCE:
+            raise ModelError(f"count: a Latin square of {count} variants does not fit into memory; take design='sobol'")
+        if found.size > MOST:
+            raise ModelError(f"count: {found.size:.3g} variants cannot be counted; take fewer")
+        return found
+
+    def _check(self) -> None:
+        if self.kind not in LISTED:
+            return
+        if endless := [axis.name for axis in self.axes if axis.kind != "list"]:
+            raise ModelError(f"vary, {endless[0]}: in a {self.kind} it is a list of numbers, or low, high and count")
+        if self.kind == "list" and len({len(axis.values) for axis in self.axes}) > 1:
+            sizes = ", ".join(f"{axis.name} has {len(axis.values)}" for axis in self.axes)
+            raise ModelError(f"vary: in a list all have as many numbers, one a variant; {sizes}")
+        if self.size > MOST:
+            raise ModelError(f"vary: a grid of {self.size:.3g} variants cannot be counted; take fewer")
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What varies, in order."""
+        return tuple(axis.name for axis in self.axes)
+
+    @property
+    def shape(self) -> tuple[int, ...]:
+        """Of a grid how many numbers each name has, the last varying fastest; else the number of variants."""
+        return tuple(len(axis.values) for axis in self.axes) if self.kind == "grid" else (self.size,)
+
+    @property
+    def _points(self) -> int:
+        return self.count or 0
+
+    @property
+    def size(self) -> int:
+        """How many variants there are."""
+        if self.kind == "grid":
+            return math.prod(len(axis.values) for axis in self.axes)
+        if self.kind == "list":
+            return len(self.axes[0].values)
+        return self._points * (len(self.axes) + 2 if self.kind == "saltelli" else 1)
+
+    def rows(self, first: int, count: int) -> np.ndarray:
+        """The numbers (count, names) of the variants from `first` on."""
+        if self.kind == "grid":
+            places = np.unravel_index(np.arange(first, first + count), self.shape)
+            return np.column_stack([np.array(axis.values)[place] for axis, place in zip(self.axes, places, strict=True)])
+        if self.kind == "list":
+            return np.column_stack([axis.values[first : first + count] for axis in self.axes])
+        shares = KINDS[self.kind](self, first, count)
+        return np.column_stack([axis.at(column) for axis, column in zip(self.axes, shares.T, strict=True)])
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        """Pickled as what was said; where a sequence has come to is no part of it."""
+        return Design, (self.axes, self.kind, self.count, self.seed)
+
+    # -- shares (count, names) from 0 to 1 -------------------------------------------------------------------------------------------------
+
+    def _random(self, first: int, count: int) -> np.ndarray:
+        blocks = range(first // BLOCK, (first + count - 1) // BLOCK + 1)
+        found = [np.random.default_rng([self.seed, block]).random((BLOCK, len(self.axes))) for block in blocks]
+        start = first - blocks[0] * BLOCK
+        return np.concatenate(found)[start : start + count]
+
+    @cached_property
+    def _square(self) -> np.ndarray:
+        from scipy.stats.qmc import LatinHypercube
+
+        return LatinHypercube(len(self.axes), **_seeded(LatinHypercube, self.seed)).random(self.size)
+
+    def _latin(self, first: int, count: int) -> np.ndarray:
+        return self._square[first : first + count]
+
+    def _sobol(self, first: int, count: int) -> np.ndarray:
+        from scipy.stats.qmc import Sobol
+
+        return self._sequence(Sobol, len(self.axes), first, count)
+
+    def _halton(self, first: int, count: int) -> np.ndarray:
+        from scipy.stats.qmc import Halton
+
+        return self._sequence(Halton, len(self.axes), first, count)
+
+    def _saltelli(self, first: int, count: int) -> np.ndarray:
+        """Saltelli's design: A, B, then A with one column of B, for every name: in the order of `scipy.stats.sobol_indices`."""
+        from scipy.stats.qmc import Sobol
+
+        names, found = len(self.axes), []
+        while count:
+            part, start = divmod(first, self._points)
+            size = min(count, self._points - start)
+            both = self._sequence(Sobol, 2 * names, start, size)
+            rows = both[:, names:] if part == 1 else both[:, :names].copy()
+            if part > 1:
+                rows[:, part - 2] = both[:, names + part - 2]
+            found.append(rows)
+            first, count = first + size, count - size
+        return np.concatenate(found)
+
+    def _sequence(self, kind: Callable[..., QMCEngine], width: int, first: int, count: int) -> np.ndarray:
+        """Members of a scrambled sequence; the engine stays where it is, since entering a sequence takes time."""
+        engine = self._engines.pop("engine", None)
+        if engine is None or engine.num_generated > first:
+            engine = kind(width, **_seeded(kind, self.seed))
+        if first > engine.num_generated:
+            engine.fast_forward(first - engine.num_generated)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # of a first part that is no power of 2
+            found = engine.random(count)
+        self._engines["engine"] = engine
+        return found
+
+
+def _seeded(kind: Callable[..., Any], seed: int) -> dict[str, Any]:
+    """The seed by the name that this SciPy has for it."""
+    from inspect import signature
+
+    return {"rng" if "rng" in signature(kind).parameters else "seed": np.random.default_rng(seed)}
+
+
+KINDS: dict[str, Callable[[Design, int, int], np.ndarray]] = {
+    "grid": Design.rows,
+    "list": Design.rows,
+    "random": Design._random,
+    "latin": Design._latin,
+    "sobol": Design._sobol,
+    "halton": Design._halton,
+    "saltelli": Design._saltelli,
+}
+"""{design: shares of its variants}; a grid and a list have numbers of their own."""
+
+LISTED = ("grid", "list")
+
+
+def table(path: str, text: str) -> dict[str, Sequence[float]]:
+    """What varies from the text of a CSV file: a header line of names, then a line a variant. Raises ModelError with the line."""
+    import csv
+
+    lines = [(number, line) for number, line in enumerate(csv.reader(text.splitlines()), 1) if line]
+    if len(lines) < 2:
+        raise ModelError(f"{path}: a table has a line of names and at least one line of numbers")
+    names = [name.strip() for name in lines[0][1]]
+    if len(set(names)) < len(names) or not all(names):
+        raise ModelError(f"{path}, line {lines[0][0]}: every column has a name of its own")
+    columns: list[list[float]] = [[] for _ in names]
+    for number, line in lines[1:]:
+        if len(line) != len(names):
+            raise ModelError(f"{path}, line {number}: {len(line)} numbers, {len(names)} needed")
+        for name, column, cell in zip(names, columns, line, strict=True):
+            try:
+                column.append(float(cell))
+            except ValueError:
+                raise ModelError(f"{path}, line {number}: {name}: {echo(cell)} is no number") from None
+    return dict(zip(names, columns, strict=True))

@@ -1,0 +1,226 @@
+"""What a study has found: arrays by name, failures as rows, and ways to other programs."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from importlib import import_module
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, overload
+
+import numpy as np
+
+from ncgen.errors import ModelError, NcgenError
+from ncgen.solver.given import echo, offer
+from ncgen.studies.folder import Folder
+from ncgen.studies.indices import Indices, indices
+from ncgen.studies.variants import Part
+
+if TYPE_CHECKING:
+    from types import ModuleType
+
+    from matplotlib.figure import Figure
+
+OK = "ok"
+
+
+@dataclass(frozen=True, eq=False)
+class StudyResult:
+    """The variants of a study that are done, in the order of their numbers; `result["psi2"]` is a column, (B,) or (B, times).
+
+    about: what the study was (`study.json` of its folder); folder: where it lies, or None; held: the parts, where there is no folder
+    """
+
+    about: dict[str, Any]
+    folder: Folder | None = None
+    held: tuple[Part, ...] = ()
+
+    def __repr__(self) -> str:
+        return f"<StudyResult {self.about['model']}: {len(self)} of {self.about['variants']} variants, {', '.join(self.keys())}>"
+
+    @cached_property
+    def variant(self) -> np.ndarray:
+        """Numbers of the variants, (B,), from 0."""
+        return np.concatenate([np.arange(first, end) for first, end, _ in self._spans] or [np.empty(0, dtype=int)])
+
+    @cached_property
+    def _spans(self) -> list[tuple[int, int, Any]]:
+        """(first, end, file or part), none of which overlap."""
+        if self.folder is not None:
+            return self.folder.files()
+        return [(part.first, part.first + len(part), part) for part in sorted(self.held, key=lambda part: part.first)]
+
+    def __len__(self) -> int:
+        return sum(end - first for first, end, _ in self._spans)
+
+    def keys(self) -> tuple[str, ...]:
+        """Names of all columns: what varied, `ok`, and what was kept."""
+        return (*self.names, OK, *self.about["kept"])
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self.keys())
+
+    def __contains__(self, name: object) -> bool:
+        return name in self.keys()
+
+    def __getitem__(self, name: str) -> np.ndarray:
+        """A column. Raises ModelError for one that there is not."""
+        if name not in self.keys():
+            raise ModelError(f"{self.about['model']}: the study has no column {echo(name)}; {offer(name, self.keys())}")
+        cached = vars(self).setdefault("_columns", {})
+        if name not in cached:
+            found = [self.folder.column(at, name) if self.folder else at.columns[name] for _, _, at in self._spans]
+            cached[name] = np.concatenate(found) if found else np.empty(0)
+        return cached[name]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """What varied."""
+        return tuple(self.about["names"])
+
+    @property
+    def times(self) -> np.ndarray:
+        """Instants (s) of histories."""
+        return np.array(self.about["times"])
+
+    @property
+    def ok(self) -> np.ndarray:
+        """Which variants arrived, (B,)."""
+        return self[OK]
+
+    @property
+    def complete(self) -> bool:
+        """Whether all variants are done."""
+        return len(self) == self.about["variants"]
+
+    @cached_property
+    def said(self) -> dict[int, str]:
+        """{variant: sentence} of those of which something is to be said, that they failed or a warning."""
+        found: dict[int, str] = {}
+        for _, _, at in self._spans:
+            found |= self.folder.said(at) if self.folder else at.said
+        return found
+
+    @property
+    def failures(self) -> dict[int, str]:
+        """{variant: why it did not arrive}."""
+        failed = set(self.variant[~self.ok].tolist())
+        return {variant: sentence for variant, sentence in self.said.items() if variant in failed}
+
+    # -- tables ----------------------------------------------------------------------------------------------------------------------------
+
+    def table(self) -> dict[str, np.ndarray]:
+        """{column: (B,)}, a history as a column an instant, with `variant` and `status` ("ok", or the sentence)."""
+        found: dict[str, np.ndarray] = {"variant": self.variant}
+        for name in self.keys():
+            found |= _flat(name, self[name], self.times)
+        failures = self.failures
+        found["status"] = np.array([failures.get(v, OK) for v in self.variant.tolist()], dtype=object)
+        return found
+
+    def dataframe(self) -> Any:
+        """The table as a pandas DataFrame whose index is the variant. Raises NcgenError where pandas is not installed."""
+        return _package("pandas").DataFrame(self.table()).set_index("variant")
+
+    def dataset(self) -> Any:
+        """An xarray Dataset: a complete grid has a dimension for everything that varied, all else the dimension `variant`; histories `t`.
+
+        Raises NcgenError where xarray is not installed.
+        """
+        xarray = _package("xarray")
+        if self.about["design"] == "grid" and self.complete:
+            shape, dims = tuple(self.about["shape"]), self.names
+            coords = {name: np.unravel_index(np.arange(len(self)), shape)[k] for k, name in enumerate(dims)}
+            axes = {name: self[name][np.unique(coords[name], return_index=True)[1]] for name in dims}
+        else:
+            shape, dims, axes = (len(self),), ("variant",), {"variant": self.variant}
+            axes |= {name: ("variant", self[name]) for name in self.names}
+        arrays = {}
+        for name in (OK, *self.about["kept"]):
+            values = self[name]
+            arrays[name] = ((*dims, "t")[: len(shape) + values.ndim - 1], values.reshape(*shape, *values.shape[1:]))
+        return xarray.Dataset(arrays, {**axes, **({"t": self.times} if len(self.times) else {})}, {"model": self.about["model"]})
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> Path:
+        """Write the table as a Parquet file, a part of the study at a time. Raises NcgenError where pyarrow is not installed."""
+        arrow, parquet = _package("pyarrow"), _package("pyarrow.parquet")
+        target = Path(path)
+        temporary = target.with_name(f".{target.name}.part")
+        try:
+            writer = None
+            for first, _, at in self._spans:
+                part = StudyResult(self.about, None, (self._part(first, at),))
+                batch = arrow.table({k: v.tolist() if v.dtype == object else v for k, v in part.table().items()})
+                writer = writer or parquet.ParquetWriter(temporary, batch.schema)
+                writer.write_table(batch)
+            if writer is None:
+                raise NcgenError(f"{target}: the study has no variant yet")
+            writer.close()
+            os.replace(temporary, target)
+        except OSError as error:
+            raise NcgenError(f"{target} cannot be written: {error.strerror or error}; choose another folder") from error
+        finally:
+            temporary.unlink(missing_ok=True)
+        return target
+
+    def to_csv(self, path: str | os.PathLike[str]) -> Path:
+        """Write the table with a header line, every digit; returns the path."""
+        import csv
+        import io
+
+        from ncgen.emit.sources import write_text
+
+        table, buffer = self.table(), io.StringIO()
+        writer = csv.writer(buffer, lineterminator="\n")
+        writer.writerow(table)
+        writer.writerows(zip(*(column.tolist() for column in table.values()), strict=True))
+        return write_text(Path(path), buffer.getvalue())
+
+    def _part(self, first: int, at: Any) -> Part:
+        if self.folder is None:
+            return at
+        return Part(first, {name: self.folder.column(at, name) for name in self.keys()}, self.folder.said(at))
+
+    # -- what it says ----------------------------------------------------------------------------------------------------------------------
+
+    def sobol(self, name: str) -> Indices:
+        """Sobol' indices of a column by everything that varied, of a study with design="saltelli". Raises NcgenError for another."""
+        if self.about["design"] != "saltelli":
+            raise NcgenError(f"Sobol' indices need design='saltelli'; this study is a {self.about['design']}")
+        if not self.complete:
+            raise NcgenError(f"Sobol' indices need all variants; {len(self)} of {self.about['variants']} are done, start the study again")
+        if self[name].ndim > 1:
+            raise NcgenError(f"{name}: Sobol' indices are of one number a variant; keep the value at the end, or an extreme")
+        return indices(self.names, self[name])
+
+    @overload
+    def plot(self, path: None = None, names: str | Iterable[str] | None = None) -> Figure: ...
+
+    @overload
+    def plot(self, path: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
+
+    def plot(self, path: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
+        """Columns as a figure, written to `path` if given: envelopes of histories, heat maps of a grid of two, points over what varied if
+        that is one, else parallel coordinates."""
+        view = import_module("ncgen.view.variants")
+        wanted = (names,) if isinstance(names, str) else tuple(names or self.about["kept"])
+        shape = tuple(self.about["shape"]) if self.about["design"] == "grid" and self.complete else None
+        title = f"{self.about['model']}: {len(self)} variants"
+        figure = view.picture(title, {n: self[n] for n in self.names}, {n: self[n] for n in wanted}, self.times, shape)
+        return figure if path is None else import_module("ncgen.view.figure").save(figure, path)
+
+
+def _flat(name: str, values: np.ndarray, times: np.ndarray) -> dict[str, np.ndarray]:
+    if values.ndim == 1:
+        return {name: values}
+    return {f"{name} at {t:g} s": values[:, k] for k, t in enumerate(times)}
+
+
+def _package(name: str) -> ModuleType:
+    """An optional package. Raises NcgenError that names the extra where it is not installed."""
+    try:
+        return import_module(name)
+    except ImportError as error:
+        raise NcgenError(f"{name.partition('.')[0]} is not installed; pip install 'ncgen[tables]'") from error

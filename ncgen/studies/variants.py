@@ -1,0 +1,255 @@
+"""Variants computed: side by side in lanes where method and mechanism allow it, else one at a time.
+
+What a variant gives depends on the study alone: independent coordinates and the order of elimination are chosen once, at the first
+variants that can be started, and kernels are the study's own, so nothing that was run before is remembered in them.
+"""
+
+from __future__ import annotations
+
+import warnings
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from ncgen.compiler import compile
+from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
+from ncgen.methods.method import Method
+from ncgen.methods.table import AUTO
+from ncgen.solver.batch import Choice, States, closed, in_lanes, side_by_side
+from ncgen.solver.energy import drifts
+from ncgen.solver.given import position
+from ncgen.solver.outputs import outputs_of, uses_accelerations
+from ncgen.solver.run import EMITTED, Run
+from ncgen.solver.simulate import simulate
+from ncgen.studies.definition import Study, argument_of
+from ncgen.studies.kept import Histories
+
+FIRST = 64
+"""Variants among which one is looked for that can be started, again and again as many."""
+
+TRIES = 16
+"""How often."""
+
+TELLS = 0.02
+"""The least share of variants after which somebody is told."""
+
+IN_LANES = "dopri5"
+"""What runs in lanes where the integrator is left open."""
+
+OWN = ("stop", "inputs", "qd0", "options", "closing")
+"""Arguments of `simulate` that lanes do not take."""
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Variants from `first` on: {column: values}, what was said of some of them, {variant: sentence}, and which arrived (B,)."""
+
+    first: int
+    columns: dict[str, np.ndarray]
+    said: dict[int, str] = field(default_factory=dict)
+
+    def __len__(self) -> int:
+        return len(self.columns["ok"])
+
+
+class Bench:
+    """A study ready to compute, in one process."""
+
+    def __init__(self, study: Study) -> None:
+        self.study, self.kernels = study, compile(study.model)
+        self._choice: Choice | None = None
+        self.refused = self._why_not_in_lanes()
+        if self.refused and study.simulation.get("engine", AUTO) in EMITTED:
+            raise ModelError(
+                f"engine {study.simulation['engine']!r}: variants run one at a time here ({self.refused}), and what is emitted for one "
+                "would serve the next; leave engine out"
+            )
+        self.refused = self.refused or self._choose()
+
+    @property
+    def made_with(self) -> str:
+        """How variants are computed, in words."""
+        if self.refused:
+            return f"one at a time by simulate: {self.refused}"
+        return f"{self._lanes_run[1]}, in lanes"
+
+    def part(self, first: int, count: int, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
+        """The variants from `first` on.
+
+        threads: of lanes, None for all processors; progress: called with the share of them that are done. What it raises ends the call
+        """
+        rows = self.study.design.rows(first, count)
+        found = self._alone(first, rows, progress) if self._choice is None else self._together(first, rows, threads, progress)
+        return Part(first, dict(zip(self.study.design.names, rows.T, strict=True)) | found.columns, found.said)
+
+    # -- in lanes --------------------------------------------------------------------------------------------------------------------------
+
+    def _why_not_in_lanes(self) -> str | None:
+        study, said = self.study, self.study.simulation
+        given = [name for name in OWN if said.get(name)]
+        if given:
+            return f"{given[0]} is given"
+        if said.get("engine", AUTO) not in (AUTO, "emitted") or said.get("number", "double") != "double":
+            return "engine or number is given"
+        if said.get("formalism", AUTO) not in (AUTO, "coordinate-partitioning"):
+            return f"formalism is {said['formalism']}"
+        if said.get("integrator", AUTO) == AUTO and not study.left_open:
+            return "the integrator is left open beside a formalism"
+        if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.kept):
+            return "outputs have accelerations in them"
+        try:
+            self._lanes_run = self._run_in_lanes()
+        except ModelError as error:
+            return str(error)
+        return None
+
+    def _run_in_lanes(self) -> tuple[Run, Method]:
+        said = dict(self.study.simulation, formalism="coordinate-partitioning")
+        if self.study.left_open:
+            said["integrator"] = IN_LANES
+        run = Run.asked(self.study.model, **said, points=self.study.grid)
+        method = in_lanes(self.kernels, run)
+        if not method.integrator.in_lanes:
+            raise ModelError(f"{method.integrator.name} has no lanes")
+        return run, method
+
+    def _choose(self) -> str | None:
+        """Choose independent coordinates, once for all variants; why there are none for lanes, or None."""
+        run, method = self._lanes_run
+        refused: NcgenError | None = None
+        for first in range(0, min(TRIES * FIRST, self.study.size), FIRST):
+            q, _, p = self._starts(self.study.design.rows(first, min(FIRST, self.study.size - first)))
+            q, _ = closed(self.kernels, q, run.initial.t, p)
+            try:
+                self._choice = Choice.at_first(self.kernels, q, run.initial.t, p, run.initial.z, method)
+                break
+            except (SingularError, DomainError) as error:
+                refused = error
+            except ModelError as error:
+                refused = error
+                if np.isfinite(q).all(axis=1).any():
+                    return str(error)
+        if self._choice is None:
+            return str(refused)
+        self._rates({}, 1)
+        return None
+
+    def _starts(self, rows: np.ndarray) -> tuple[np.ndarray, dict[str, np.ndarray], np.ndarray]:
+        """Positions (B, n), the varied velocities by name and parameters (B, n_p) of variants with these numbers."""
+        kernels, initial = self.kernels, self._lanes_run[0].initial
+        columns = {argument_of(name): column for name, column in zip(self.study.design.names, rows.T, strict=True)}
+        p = np.tile(initial.p, (len(rows), 1))
+        for (argument, name), column in columns.items():
+            if argument == "p":
+                p[:, kernels.parameters.index(name)] = column
+        q, given = np.array(kernels.start(p)), self.study.simulation.get("q0")
+        if isinstance(given, dict):
+            for name, value in given.items():
+                q[:, kernels.index[name]] = value
+        elif given is not None:
+            q[:] = position(kernels, given)
+        for (argument, name), column in columns.items():
+            if argument == "q0":
+                q[:, kernels.index[name]] = column
+        return q, {name: column for (argument, name), column in columns.items() if argument == "zd0"}, p
+
+    def _rates(self, varied: dict[str, np.ndarray], count: int) -> np.ndarray:
+        """Velocities (B, nz) of the independent coordinates. Raises ModelError for those of others."""
+        assert self._choice is not None
+        names, given = self._choice.names, self._lanes_run[0].initial.zd
+        found = np.zeros((count, len(names)))
+        rates = given if isinstance(given, dict) else dict(zip(names, () if given is None else given, strict=False))
+        if not isinstance(given, dict) and given is not None and len(given) != len(names):
+            raise ModelError(f"zd0: {len(given)} numbers given, {len(names)} needed for the independent coordinates {', '.join(names)}")
+        wanted = [inner for argument, inner in map(argument_of, self.study.design.names) if argument == "zd0"]
+        if unknown := [name for name in (*rates, *wanted) if name not in names]:
+            said = f"it is not independent; the independent coordinates are {', '.join(names)}"
+            raise ModelError(f"initial velocity of {unknown[0]}: {said}; others are chosen by z")
+        for name, value in {**rates, **varied}.items():
+            found[:, names.index(name)] = value
+        return found
+
+    def _together(self, first: int, rows: np.ndarray, threads: int | None, progress: Callable[[float], None] | None) -> Part:
+        assert self._choice is not None
+        (run, method), kernels = self._lanes_run, self.kernels
+        q, varied, p = self._starts(rows)
+        zd = self._rates(varied, len(rows))
+        q, faults = closed(kernels, q, run.initial.t, p)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # of those that had to go on alone: their energy is a column for whoever wants it
+            done = side_by_side(kernels, run, method, States(self._choice, q, zd, p, faults), threads, progress)
+        ok = done.ok
+        done.q[~ok], done.qd[~ok] = np.nan, np.nan
+        columns: dict[str, np.ndarray] = {"ok": ok}
+        outputs = self._outputs(run.times, done, p, ok)
+        histories = Histories(kernels.index, tuple(kernels.model.outputs), run.times, done.q, done.qd, outputs)
+        for column in self.study.kept:
+            columns[column.word] = self._column(column, histories, done, p, ok)
+        return Part(first, columns, {first + i: done.status[i] for i in np.flatnonzero(~ok).tolist()})
+
+    def _column(self, column: Any, histories: Histories, done: Any, p: np.ndarray, ok: np.ndarray) -> np.ndarray:
+        if column.over == "steps":
+            return done.steps.astype(np.int64)
+        if column.over == "time":
+            return np.where(ok, histories.t[-1], np.nan)
+        if column.over == "energy_drift":
+            found = np.full(len(ok), np.nan)
+            if ok.any():
+                found[ok] = drifts(self.kernels, histories.t, done.q[ok], done.qd[ok], done.work[ok], p[ok])
+            return found
+        return histories.column(column, self.study.times)
+
+    def _outputs(self, t: np.ndarray, done: Any, p: np.ndarray, ok: np.ndarray) -> np.ndarray:
+        """Outputs (B, K, outputs) that somebody keeps, only where they count; else none."""
+        kernels, wanted = self.kernels, [column for column in self.study.kept if column.is_output(self.study.model)]
+        found = np.full((*done.q.shape[:2], len(kernels.model.outputs) if wanted else 0), np.nan)
+        if wanted:
+            places = [len(t) - 1] if all(column.over == "end" for column in wanted) else list(range(len(t)))
+            for i in np.flatnonzero(ok):
+                q, qd = done.q[i, places], done.qd[i, places]
+                found[i, places] = outputs_of(kernels, t[places], q, qd, np.zeros_like(q), p[i])
+        return found
+
+    # -- one at a time ---------------------------------------------------------------------------------------------------------------------
+
+    def _alone(self, first: int, rows: np.ndarray, progress: Callable[[float], None] | None) -> Part:
+        study, said = self.study, {}
+        shapes = {column.word: (len(study.times),) if column.over == "history" else () for column in study.kept}
+        columns = {word: np.full((len(rows), *shape), np.nan) for word, shape in shapes.items()}
+        columns |= {column.word: np.zeros(len(rows), dtype=np.int64) for column in study.kept if column.over == "steps"}
+        ok, told = np.zeros(len(rows), dtype=bool), 0.0
+        for i, row in enumerate(rows):
+            if progress and i / len(rows) - told >= TELLS:
+                told = i / len(rows)
+                progress(told)
+            with warnings.catch_warnings(record=True) as caught:
+                warnings.simplefilter("always")
+                values = self._simulated(row, progress)
+            if isinstance(values, str):
+                said[first + i] = values
+                continue
+            ok[i] = True
+            for word, value in values.items():
+                columns[word][i] = value
+            if caught:
+                said[first + i] = str(caught[0].message)
+        return Part(first, {"ok": ok} | columns, said)
+
+    def _simulated(self, row: np.ndarray, progress: Callable[[float], None] | None) -> dict[str, Any] | str:
+        """What is kept of one variant, or why it has no motion."""
+        study, kernels = self.study, self.kernels
+        try:
+            run = simulate(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
+            outputs = np.zeros((len(run.t), 0))
+            if any(column.is_output(study.model) for column in study.kept):
+                outputs = np.column_stack([*run.outputs.values()])
+            histories = Histories(kernels.index, tuple(kernels.model.outputs), run.t, run.q[None], run.qd[None], outputs[None])
+            own = {"steps": lambda: run.statistics.steps, "time": lambda: run.t[-1]}
+            own["energy_drift"] = lambda: run.energy_drift
+            return {c.word: own[c.over]() if c.over in own else histories.column(c, study.times)[0] for c in study.kept}
+        except NcgenError as error:
+            return str(error)
+        except (ArithmeticError, np.linalg.LinAlgError) as error:
+            return f"{kernels.name}: a calculation failed ({' '.join(str(error).split())}); correct this variant"

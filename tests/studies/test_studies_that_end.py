@@ -1,0 +1,197 @@
+"""Studies that are ended: by kill -9, by Ctrl-C, by a full disk, by the loss of workers. What they had is kept, and they go on."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import resource
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import small_study
+
+import ncgen
+from ncgen.studies.folder import Folder
+
+PROGRAM = Path(small_study.__file__)
+COUNT = 1500
+
+
+@pytest.fixture(scope="module")
+def uninterrupted():
+    return small_study.run(None, COUNT)
+
+
+def start(folder: Path, workers: int = 0, limit: int | None = None, count: int = COUNT) -> subprocess.Popen:
+    def limited() -> None:
+        signal.signal(signal.SIGINT, signal.default_int_handler)
+        if limit is not None:
+            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+
+    arguments = [sys.executable, str(PROGRAM), str(folder), str(count), str(workers)]
+    return subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=limited)
+
+
+def first_told(process: subprocess.Popen, least: int) -> None:
+    """Wait until so many variants are done."""
+    assert process.stdout
+    for line in process.stdout:
+        if line.strip().isdigit() and int(line) >= least:
+            return
+    raise AssertionError("the study ended before")
+
+
+def assert_same(found, expected) -> None:
+    """All variants once, with the same bits."""
+    assert found.complete and np.array_equal(found.variant, expected.variant)
+    for name in expected.keys():
+        assert np.array_equal(found[name], expected[name]), name
+
+
+def kill_and_go_on(folder: Path, times: int, seed: int) -> int:
+    """Kill a study at random moments after its first results; how often something was left to do."""
+    wait, useful = random.Random(seed), 0
+    for _ in range(times):
+        process = start(folder)
+        first_told(process, 1 if not folder.exists() else 0)
+        time.sleep(wait.uniform(0, 0.5))
+        process.kill()
+        process.communicate()
+        useful += len(ncgen.read(folder)) < COUNT
+    return useful
+
+
+def test_kill_9(tmp_path, uninterrupted):
+    folder = tmp_path / "swing"
+    assert kill_and_go_on(folder, 3, 1) >= 1
+    assert_same(small_study.run(str(folder), COUNT), uninterrupted)
+    assert not [*folder.glob(".variants-*")]
+
+
+@pytest.mark.slow
+def test_kill_9_twenty_times(tmp_path):
+    expected = small_study.run(None, 20 * COUNT)
+    folder, wait = tmp_path / "swing", random.Random(0)
+    for _ in range(20):
+        process = start(folder, count=20 * COUNT)
+        first_told(process, 0)
+        time.sleep(wait.uniform(0, 1.5))
+        process.kill()
+        process.communicate()
+    assert_same(small_study.run(str(folder), 20 * COUNT), expected)
+
+
+@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+def test_ctrl_c_ends_soon(tmp_path, workers, uninterrupted):
+    """Cleanly, with what was done in the folder, and no process left."""
+    folder = tmp_path / "swing"
+    process = start(folder, workers, count=200 * COUNT)
+    first_told(process, 65)  # the first chunk is written
+    pressed = time.perf_counter()
+    process.send_signal(signal.SIGINT)
+    said, _ = process.communicate(timeout=20)
+    spent = time.perf_counter() - pressed
+    assert process.returncode == 3 and "KeyboardInterrupt" in said
+    assert spent < 5.0  # with Python's own end, on a machine that does other things too
+    found = ncgen.read(folder)
+    assert 0 < len(found) < 200 * COUNT and found.ok.all()
+
+
+def test_a_full_disk(tmp_path, uninterrupted):
+    """One line; what was written can be read, and the study goes on where there is room."""
+    folder = tmp_path / "swing"
+    process = start(folder, limit=8_000)
+    said, _ = process.communicate(timeout=120)
+    last = said.splitlines()[-1]
+    assert process.returncode == 3 and f"{folder} takes no more results: File too large; make room" in last and "Traceback" not in said
+    before = ncgen.read(folder)
+    assert 0 < len(before) < COUNT and not before.complete and "psi" in before.table()
+    assert_same(small_study.run(str(folder), COUNT), uninterrupted)
+
+
+def test_processes_and_lost_ones(tmp_path, uninterrupted):
+    """Workers are killed while they work: nothing is lost, nothing comes twice, and the bits are those of one process."""
+    killed: list[int] = []
+
+    def kill_one(done: int, *_: object) -> None:
+        children = [int(x) for x in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
+        workers = [c for c in children if "spawn_main" in Path(f"/proc/{c}/cmdline").read_text()]
+        if done and not killed and workers:
+            killed.append(workers[0])
+            os.kill(workers[0], signal.SIGKILL)
+
+    assert_same(small_study.run(str(tmp_path / "swing"), COUNT, 2, progress=kill_one), uninterrupted)
+    assert killed
+
+
+@pytest.mark.slow
+def test_a_dask_cluster_that_loses_workers(uninterrupted):
+    """As with processes; the scheduler hands lost chunks out again."""
+    distributed = pytest.importorskip("distributed")
+    expected, killed = small_study.run(None, 20 * COUNT), []
+    with distributed.LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None) as cluster:
+
+        def kill_one(done: int, *_: object) -> None:
+            if len(killed) < 3 and done > 5 * COUNT * (1 + len(killed)):
+                killed.append(next(iter(cluster.workers.values())).process.process.pid)
+                os.kill(killed[-1], signal.SIGKILL)
+
+        assert_same(small_study.run(None, 20 * COUNT, cluster.scheduler_address, progress=kill_one), expected)
+    assert len(killed) == 3
+
+
+def test_an_executor_of_ones_own(uninterrupted):
+    from concurrent.futures import ThreadPoolExecutor
+
+    with ThreadPoolExecutor(3) as executor:
+        assert_same(small_study.run(None, COUNT, executor), uninterrupted)
+
+
+def test_what_a_study_does_raises_where_it_is_wrong():
+    """A mistake in what is sent is no lost worker."""
+    from ncgen.studies.engines import compute
+
+    with pytest.raises(Exception, match="pickle|load"):
+        compute("none", b"no study", 0, 1)
+
+
+def test_folders_are_guarded(tmp_path):
+    """Another study's, another version's, one that is in use, one that is none, and broken files."""
+    folder = tmp_path / "swing"
+    found = small_study.run(str(folder), 100)
+    with pytest.raises(ncgen.NcgenError, match="it holds another study; give another folder"):
+        small_study.run(str(folder), 101)
+    with Folder.at(folder).held(), pytest.raises(ncgen.NcgenError, match="another process is at work in it"):
+        small_study.run(str(folder), 100)
+    file = next(folder.glob("variants-*.npz"))
+    file.write_bytes(file.read_bytes()[:100])
+    with pytest.raises(ncgen.NcgenError, match="cannot be read"):
+        ncgen.read(folder).table()
+    assert_same(small_study.run(str(folder), 100), found)
+    manifest = folder / "study.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"ncgen": "0.0.1"}))
+    with pytest.raises(ncgen.NcgenError, match="results of ncgen 0.0.1"):
+        small_study.run(str(folder), 100)
+    for text, said in (("{", "no manifest"), ("{}", "no manifest"), ("[]", "no manifest")):
+        manifest.write_text(text)
+        with pytest.raises(ncgen.NcgenError, match=said):
+            ncgen.read(folder)
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "letter.txt").write_text("dear")
+    with pytest.raises(ncgen.NcgenError, match="it is no folder of a study, and not empty"):
+        small_study.run(str(tmp_path / "other"), 100)
+    with pytest.raises(ncgen.NcgenError, match="there is no such"):
+        ncgen.read(tmp_path / "nothing")
+
+
+def test_a_trajectory_is_read_back(tmp_path):
+    kernels = ncgen.compile(small_study.swing())
+    run = ncgen.simulate(kernels, 0.5, zd0={"psi": 1.0}, points=5)
+    found = ncgen.read(run.to_npz(tmp_path / "trajectory.npz"))
+    assert np.array_equal(found.arrays["q"], run.q) and found.names["coordinates"] == run.coordinates
