@@ -27,8 +27,9 @@ def shared(tmp_path_factory) -> Path:
 def own_cache(shared):
     """Compiled libraries go to a folder of this test run, shared by its workers."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("NCGEN_CACHE_DIR", str(shared / "ncgen-cache"))
-        yield
+        folder = shared / "ncgen-cache"
+        patch.setenv("NCGEN_CACHE_DIR", str(folder))
+        yield folder
 
 
 @pytest.fixture(scope="session")
