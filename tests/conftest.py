@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+from collections.abc import Callable
+from pathlib import Path
 
 # Small matrices gain nothing from threads, and the test workers already use every core.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
@@ -13,14 +16,37 @@ import ncgen  # noqa: E402
 from ncgen.exchange.examples import example_module  # noqa: E402
 
 
-@pytest.fixture(scope="session", autouse=True)
-def own_cache(tmp_path_factory):
-    """Compiled libraries go to a folder of this test run, shared by its workers."""
+@pytest.fixture(scope="session")
+def shared(tmp_path_factory) -> Path:
+    """A folder of this test run that its workers have in common."""
     base = tmp_path_factory.getbasetemp()
-    shared = base.parent if "gw" in base.name or "popen" in base.name else base
+    return base.parent if "gw" in base.name or "popen" in base.name else base
+
+
+@pytest.fixture(scope="session", autouse=True)
+def own_cache(shared):
+    """Compiled libraries go to a folder of this test run, shared by its workers."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("NCGEN_CACHE_DIR", str(shared / "ncgen-cache"))
-        yield
+        folder = shared / "ncgen-cache"
+        patch.setenv("NCGEN_CACHE_DIR", str(folder))
+        yield folder
+
+
+@pytest.fixture(scope="session")
+def once(shared):
+    """once(name, make): a folder, to be read only, that the first worker to ask for it fills by make(folder); others wait for it."""
+
+    def get(name: str, make: Callable[[Path], object]) -> Path:
+        folder, done = shared / "once" / name, shared / "once" / f"{name}.done"
+        folder.parent.mkdir(exist_ok=True)
+        with (folder.parent / f"{name}.lock").open("w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not done.exists():
+                make(folder)
+                done.touch()
+        return folder
+
+    return get
 
 
 @pytest.fixture(scope="session")

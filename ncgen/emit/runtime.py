@@ -2,7 +2,7 @@
 
     include/   what a model's source and programs around it include
     src/       the library, one idea a file
-    lanes/     many states at once: compiled together with a model
+    lanes/     many states at once, compiled with vectors for numbers
 
 All files of a library end in one folder, where they include each other by name.
 """

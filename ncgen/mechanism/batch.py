@@ -179,8 +179,8 @@ class CompiledBatch(Batch):
     @cached_property
     def _in_lanes(self) -> _Loop:
         getter = f"{identifier(self.kernels.name)}_model"
-        ffi, library, has_threads = load(model_files(self.kernels.programs), f"const ncgen_model *{getter}(void);", self._flags, abi())
-        return _Loop(ffi, library, has_threads, getattr(library, getter)())
+        _, self._emitted = in_lanes(model_files(self.kernels.programs), f"const ncgen_model *{getter}(void);", abi(), self._flags)
+        return _Loop(*load({}, "", self._flags, abi()), getattr(self._emitted, getter)())
 
     @cached_property
     def _in_turn(self) -> _Loop:
@@ -212,8 +212,13 @@ class _Loop:
     model: InC
 
 
+def in_lanes(files: dict[str, str], declarations: str, base: FFI, flags: tuple[str, ...] = LANES) -> tuple[Interface, InC]:
+    """(interface, library) of emitted sources with vectors for numbers; other arguments as for `load`."""
+    return loaded(files | runtime_files(*HEADERS, "ncgen_lanes.h"), declarations, base, flags)
+
+
 def load(files: dict[str, str], declarations: str, flags: tuple[str, ...], base: FFI) -> tuple[Interface, InC, bool]:
-    """(interface, library, whether it has threads) of ncgen_batch.c with other sources for many states.
+    """(interface, library, whether it has threads) of ncgen_batch.c with other sources of the runtime for many states.
 
     declarations: of what the other sources have; base: the interface that knows the types in them
     """

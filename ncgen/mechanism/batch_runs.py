@@ -1,4 +1,7 @@
-"""Simulations of many states in one call: the emitted state derivative compiled with vectors for numbers."""
+"""Simulations of many states in one call: the emitted state derivative compiled with vectors for numbers.
+
+What moves them is compiled once for all mechanisms.
+"""
 
 from __future__ import annotations
 
@@ -13,7 +16,7 @@ from numpy.typing import ArrayLike
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import RUNTIME_HEADERS, runtime_files
 from ncgen.errors import NcgenError
-from ncgen.mechanism.batch import LANES, aligned, load, pointer, thread_count
+from ncgen.mechanism.batch import LANES, aligned, in_lanes, load, pointer, thread_count
 from ncgen.mechanism.library import STATUS
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.written import Written
@@ -60,11 +63,12 @@ class LaneDynamics:
 
     def __init__(self, written: Written) -> None:
         kernels = written.kernels
-        files = written.files | runtime_files(*SOURCES)
+        declarations, types = declared("ncgen_batch_run.h", "functions"), runtime_abi()
+        self._ffi, self._library, self.has_threads = load(runtime_files(*SOURCES), declarations, LANES, types)
         getter = f"{identifier(kernels.name)}_dynamics"
-        declarations = f"{declared('ncgen_batch_run.h', 'functions')} const ncgen_dynamics *{getter}(void);"
-        self._ffi, self._library, self.has_threads = load(files, declarations, LANES, runtime_abi())
-        self._dynamics = getattr(self._library, getter)()
+        files = written.files | runtime_files(*RUNTIME_HEADERS)
+        _, self._emitted = in_lanes(files, f"const ncgen_dynamics *{getter}(void);", types)
+        self._dynamics = self._ffi.cast("const ncgen_dynamics *", getattr(self._emitted, getter)())
         self.kernels, self.split, self._written = kernels, written.split, written
         self._model = self._ffi.cast("const ncgen_model *", kernels.descriptor)  # its sizes are asked for, not its kernels
 

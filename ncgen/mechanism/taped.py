@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 
 from ncgen.emit.naming import identifier
-from ncgen.emit.runtime import HEADERS, PRINTED, RUNTIME_HEADERS, runtime_files
-from ncgen.mechanism.batch import LANES, aligned
+from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
+from ncgen.mechanism.batch import aligned, in_lanes
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
-from ncgen.toolchain.loader import load
 
-IN_LANES = ("ncgen_lanes.h", "ncgen_directions.h", "ncgen_directions.c", "ncgen_vectors.h")
+SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_vectors.h")
 
 
 class Taped:
@@ -93,16 +94,21 @@ class Taped:
         return self._ffi.from_buffer("double[]", array)
 
 
+@cache
+def _sweep_in_lanes() -> tuple[Interface, InC]:
+    """What goes along directions, the same for all mechanisms."""
+    return in_lanes(runtime_files(*SWEEP, *RUNTIME_HEADERS, *PRINTED), declared("ncgen_directions.h", "functions"), runtime_abi())
+
+
 class _Directions:
     """The emitted motion along directions, a direction a lane of a vector."""
 
     def __init__(self, kernels: CompiledKernels, dynamics: ConstrainedDynamics) -> None:
-        files = dynamics.differentiated_source("tangent") | runtime_files(*IN_LANES, *RUNTIME_HEADERS, *HEADERS, *PRINTED)
+        self._ffi, self._library = _sweep_in_lanes()
         getter = f"{identifier(kernels.name)}_tangent"
-        declarations = f"{declared('ncgen_directions.h', 'functions')} const void *{getter}(void);"
-        self._ffi: Interface
-        self._ffi, self._library = load(files, declarations, runtime_abi(), LANES)
-        self._motion = getattr(self._library, getter)()
+        files = dynamics.differentiated_source("tangent") | runtime_files(*RUNTIME_HEADERS)
+        _, self._emitted = in_lanes(files, f"const void *{getter}(void);", runtime_abi())
+        self._motion = getattr(self._emitted, getter)()
 
     def __call__(self, run: InC, times: np.ndarray, states: np.ndarray, seeds: np.ndarray, changes: np.ndarray) -> None:
         sizes = run.n_coordinates, run.n_parameters, run.n_prepared

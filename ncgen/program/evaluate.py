@@ -12,7 +12,7 @@ from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Block, Program
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Op
-from ncgen.program.passes import ARITHMETIC_ON_NUMBERS, compute
+from ncgen.program.passes import ARITHMETIC_ON_NUMBERS
 
 
 def evaluate(
@@ -37,28 +37,20 @@ def evaluate(
         for run in range(block.count):
             values: list[Any] = []
             for op in block.ops:
-                values.append(_value(op, block, run, arrays, values, table, number))
+                function = table.get(op.code)
+                values.append(function(*[values[a] for a in op.args]) if function else _leaf(op, block, run, arrays, number))
             for store in block.stores:
                 index, array = store.table[run], arrays[store.array]
                 array[index] = array[index] + values[store.node] if store.accumulate else values[store.node]
     return arrays[program.output]
 
 
-def _value(
-    op: Op,
-    block: Block,
-    run: int,
-    arrays: Mapping[str, Any],
-    values: list[Any],
-    table: Mapping[str, Callable[..., Any]],
-    number: Callable[[float], Any],
-) -> Any:
+def _leaf(op: Op, block: Block, run: int, arrays: Mapping[str, Any], number: Callable[[float], Any]) -> Any:
+    """The value of an operation without arguments."""
     if op.code == "const":
         return number(op.value)
     if op.code == "load":
         array, position = op.input
         return arrays[array][position]
-    if op.code == "slot":
-        slot = block.slots[op.slot]
-        return number(slot.table[run]) if slot.array == "const" else arrays[slot.array][slot.table[run]]
-    return compute(op, [values[a] for a in op.args], table)
+    slot = block.slots[op.slot]
+    return number(slot.table[run]) if slot.array == "const" else arrays[slot.array][slot.table[run]]

@@ -200,6 +200,7 @@ def test_cache(ncgen_main, mine, monkeypatch, written):
     from ncgen.mechanism import runtime
 
     runtime._runtime.cache_clear()  # as in a new process: the runtime is looked for in this cache, too
+    monkeypatch.setattr(runtime, "FLAGS", ("-std=c99", "-O0", "-fPIC", "-shared"))  # however it is compiled
     monkeypatch.setenv("NCGEN_CACHE_DIR", "store")
     assert "0 libraries" in ncgen_main("cache").out
     for _ in range(2):
@@ -213,6 +214,7 @@ def test_cache(ncgen_main, mine, monkeypatch, written):
     assert "0 libraries" in ncgen_main("cache").out
     assert written() == {"mine.py", "store/notes.txt"}
     assert Path("store/folder").is_dir()
+    runtime._runtime.cache_clear()
 
 
 def test_help_names_every_command(ncgen_main):

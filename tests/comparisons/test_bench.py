@@ -14,8 +14,6 @@ from ncgen.report import clock
 from ncgen.solver.compiled import split_of
 from ncgen.solver.partition import choose_partitions
 
-pytestmark = pytest.mark.xdist_group("robot")
-
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):

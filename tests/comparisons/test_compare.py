@@ -23,8 +23,6 @@ from ncgen.errors import ModelError
 from ncgen.report import clock
 from ncgen.resources import folder
 
-pytestmark = pytest.mark.xdist_group("robot")
-
 
 @pytest.fixture(autouse=True)
 def quick(monkeypatch):
@@ -193,10 +191,15 @@ def test_files_that_are_no_help(robot, tmp_path):
 # -- the report ----------------------------------------------------------------------------------------------------------
 
 
-def test_the_report_asks_nobody(fourbar, tmp_path):
+@pytest.fixture(scope="module")
+def page(fourbar):
+    return fourbar.html()
+
+
+def test_the_report_asks_nobody(fourbar, page):
     """No address to load anything from; the same measurement gives the same text."""
     text = fourbar.html()
-    assert text == fourbar.html()
+    assert text == page
     assert text.count("<svg") == 5 == len(fourbar.measured)
     assert "default-src 'none'" in text
     assert not re.search(r"(src|href)=[\"'](?!#)", text)
@@ -204,10 +207,10 @@ def test_the_report_asks_nobody(fourbar, tmp_path):
 
 
 @pytest.mark.skipif(not any(map(shutil.which, ("chromium", "google-chrome"))), reason="no Chromium here to open the report with")
-def test_the_report_opens_in_a_browser(fourbar, tmp_path):
+def test_the_report_opens_in_a_browser(page, tmp_path):
     """All plots and tables are there, nothing is fetched, and the console says nothing."""
     path, log = tmp_path / "report.html", tmp_path / "net.json"
-    path.write_text(fourbar.html(), encoding="utf-8")
+    path.write_text(page, encoding="utf-8")
     browser = shutil.which("chromium") or shutil.which("google-chrome")
     options = [
         "--headless",

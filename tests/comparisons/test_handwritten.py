@@ -10,8 +10,6 @@ from ncgen.comparisons.rivals import KERNELS, Inputs, handwritten, octave
 from ncgen.comparisons.rivals.generated import compiled
 from ncgen.comparisons.rivals.handwritten import in_c
 
-pytestmark = pytest.mark.xdist_group("robot")
-
 TOLERANCE = 1e-13
 
 

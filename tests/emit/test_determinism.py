@@ -23,10 +23,15 @@ import sys, ncgen
 ncgen.generate(ncgen.load("robot")).write(sys.argv[1])
 """
 SURROUNDINGS = [
-    {"PYTHONHASHSEED": "0", "LC_ALL": "C", "TZ": "UTC"},
-    {"PYTHONHASHSEED": "1", "LC_ALL": "C.UTF-8", "TZ": "Asia/Kathmandu"},
-    {"PYTHONHASHSEED": "4242", "LC_ALL": "de_DE.UTF-8", "LANG": "de_DE.UTF-8", "TZ": "Pacific/Chatham", "PYTHONOPTIMIZE": "1"},
-    {"PYTHONHASHSEED": "random", "LC_ALL": "tr_TR.UTF-8", "LANG": "tr_TR", "TZ": "America/St_Johns", "PYTHONUTF8": "0"},
+    {"PYTHONHASHSEED": "0", "LC_ALL": "C", "TZ": "Pacific/Chatham"},
+    {
+        "PYTHONHASHSEED": "4242",
+        "LC_ALL": "tr_TR.UTF-8",
+        "LANG": "tr_TR",
+        "TZ": "America/St_Johns",
+        "PYTHONUTF8": "0",
+        "PYTHONOPTIMIZE": "1",
+    },
 ]
 
 
@@ -35,7 +40,7 @@ def digests(path: Path) -> dict[str, str]:
 
 
 def test_surroundings_do_not_matter(robot_sources, tmp_path):
-    """Four processes with other hash seeds, folders, homes, languages and time zones write what this one writes."""
+    """Processes with other hash seeds, folders, homes, languages and time zones write what this one writes, whose seed is random."""
     processes = []
     for number, changes in enumerate(SURROUNDINGS):
         home = tmp_path / f"home {number}"

@@ -29,7 +29,7 @@ MEANINGS = {
     "(x + 1)**64": (x + 1) ** 64,
     "exp(-5000*t)": sympy.exp(-5000 * t),
     " + ".join(["x"] * 990): 990 * x,
-    " + ".join(f"{k}*x**{k % 60}" for k in range(990)): sum(k * x ** (k % 60) for k in range(990)),
+    " + ".join(f"{k}*x**{k % 60}" for k in range(990)): sympy.Add(*(k * x ** (k % 60) for k in range(990))),
     "+".join(f"x/{k}" for k in range(1, 300)): sum(sympy.Rational(1, k) for k in range(1, 300)) * x,
     "-" * 20 + "x": x,
     "sin(" * 45 + "x" + ")" * 45: None,

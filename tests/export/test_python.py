@@ -66,11 +66,11 @@ int main(void)
 
 
 @pytest.mark.parametrize("name", [*MODELS[:1], *MODELS[2:]])
-def test_numpy_steps_are_those_of_c(fresh, name):
+def test_numpy_steps_are_those_of_c(fresh, built, name):
     """Other eliminations and projections, the same motion to 1e-9 of its size."""
-    native = fresh(name)
+    native = built(name)
     (native / "examples/main.c").write_text(STATE.replace("@", name))
-    expected = np.array(shell("make -s CFLAGS=-O0 && ./main", native).split(), dtype=float)
+    expected = np.array(shell("make -s && ./main", native).split(), dtype=float)
     np.testing.assert_allclose(use(fresh(name, "numpy"), name), expected, rtol=1e-9, atol=1e-9 * np.max(np.abs(expected)))
 
 

@@ -7,8 +7,6 @@ from scipy.integrate import solve_ivp
 import ncgen
 from ncgen.solver.position import residual
 
-pytestmark = pytest.mark.xdist_group("doublependulum")
-
 L1, L2, M1, M2, G = 1.0, 0.8, 1.0, 0.5, 9.81
 
 

@@ -7,8 +7,6 @@ import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.solver.position import residual
 
-pytestmark = pytest.mark.xdist_group("jansen")
-
 FREE = "MUWLKT"
 
 

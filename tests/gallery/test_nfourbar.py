@@ -9,8 +9,6 @@ import ncgen
 from ncgen.exchange.examples import example_module
 from ncgen.solver.position import residual
 
-pytestmark = pytest.mark.xdist_group("nfourbar")
-
 TABLE = Path(__file__).parents[1] / "reference" / "nfourbar.csv"
 
 

@@ -9,8 +9,6 @@ from scipy.special import ellipj, ellipk
 import ncgen
 from ncgen.solver.position import residual
 
-pytestmark = pytest.mark.xdist_group("pendulum")
-
 TABLE = Path(__file__).parents[1] / "reference" / "pendulum.csv"
 
 

@@ -13,8 +13,6 @@ import sympy
 
 import ncgen
 
-pytestmark = pytest.mark.xdist_group("users")  # the sources are made once
-
 ROUNDING = 1e-14
 
 

@@ -2,6 +2,7 @@
 
 import hashlib
 import pickle
+import shutil
 import subprocess
 import sys
 
@@ -11,12 +12,27 @@ import pytest
 import ncgen
 from ncgen import compiler
 from ncgen.mechanism import recall
+from ncgen.mechanism.runtime import prepare
+from ncgen.toolchain.cache import clear
 
 
 @pytest.fixture(autouse=True)
-def own_cache(tmp_path, monkeypatch):
-    monkeypatch.setenv("NCGEN_CACHE_DIR", str(tmp_path))
-    return tmp_path
+def cache(tmp_path, monkeypatch):
+    """An empty cache of the test's own."""
+    folder = tmp_path / "cache"
+    monkeypatch.setenv("NCGEN_CACHE_DIR", str(folder))
+    return folder
+
+
+@pytest.fixture
+def runtime(own_cache, cache):
+    """The runtime in the test's own cache, from that of all tests: it belongs to no mechanism, and takes long to compile."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("NCGEN_CACHE_DIR", str(own_cache))
+        prepare(ncgen.compile(pendulum(), "c"))
+    for record in own_cache.glob("*/build.json"):
+        if (record.parent / "ncgen_run.c").exists():
+            shutil.copytree(record.parent, cache / record.parent.name)
 
 
 def pendulum(mass=1.0):
@@ -78,10 +94,10 @@ def test_another_generator_is_another(generations, monkeypatch, package):
     assert generations == ["pendulum"] * 2
 
 
-def test_damaged_files_are_written_again(generations, own_cache):
+def test_damaged_files_are_written_again(generations, cache):
     """Cut, replaced, or another digit in a number, which would be another weight."""
     right = ncgen.compile(pendulum(), "c").force([1.0, 0.0], [0.0, 0.0])
-    (path,) = (own_cache / "programs").iterdir()
+    (path,) = (cache / "programs").iterdir()
     whole = path.read_bytes()
     weight = repr(-float(right[1])).encode()
     assert weight in whole
@@ -104,10 +120,10 @@ class Planted:
 
 
 @pytest.mark.parametrize("suffix", [".pickle", ".json"])
-def test_nothing_that_is_kept_can_run(generations, own_cache, tmp_path, suffix):
+def test_nothing_that_is_kept_can_run(generations, cache, tmp_path, suffix):
     """A pickle in the place of kept programs, with a digest or without, is not loaded."""
     ncgen.compile(pendulum(), "c")
-    (path,) = (own_cache / "programs").iterdir()
+    (path,) = (cache / "programs").iterdir()
     data = pickle.dumps(Planted(tmp_path / "touched"))
     for planted in (data, hashlib.sha256(data).hexdigest().encode() + b"\n" + data):
         path.with_suffix(suffix).write_bytes(planted)
@@ -125,21 +141,19 @@ def test_python_functions_are_called_and_not_kept(generations):
     assert generations == ["pendulum"]
 
 
-def test_clearing_the_cache_clears_these_too(own_cache):
-    from ncgen.toolchain import cache
-
+def test_clearing_the_cache_clears_these_too(cache):
     ncgen.compile(pendulum(), "c")
-    assert cache.clear() == 1 and not (own_cache / "programs").exists()
+    assert clear() == 1 and not (cache / "programs").exists()
 
 
-def test_sympy_stays_away(own_cache):
+def test_sympy_stays_away(runtime):
     """From the cache to the end of a simulation, in a process of its own."""
     text = "import sys, ncgen; k = ncgen.compile(ncgen.load('robot'), 'c'); ncgen.simulate(k, 0.01); print('sympy' in sys.modules)"
     said = [subprocess.run([sys.executable, "-c", text], capture_output=True, text=True, check=True).stdout.strip() for _ in range(2)]
     assert said == ["True", "False"]
 
 
-def test_a_run_at_the_shell_needs_no_sympy_again(own_cache, tmp_path):
+def test_a_run_at_the_shell_needs_no_sympy_again(runtime, tmp_path):
     """Sources, figures and all: what was generated once is kept for the command line, too."""
     text = f"import sys\nfrom ncgen.cli import main\nsys.argv = ['ncgen', 'run', 'pendulum', '--output', {str(tmp_path / 'out')!r}]\n"
     text += "try:\n    main()\nexcept SystemExit:\n    pass\nprint('sympy' in sys.modules, file=sys.stderr)"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from ncgen.program.blocks import Program, Store, Straight
-from ncgen.program.elimination import EliminationError, factor, solve, solve_positive, solve_transposed
+from ncgen.program.elimination import THRESHOLD, EliminationError, factor, solve, solve_positive, solve_transposed
 from ncgen.program.evaluate import evaluate
 from ncgen.program.graph import Graph
 
@@ -62,6 +62,31 @@ def test_markowitz_keeps_an_arrow_sparse():
     before = len(graph.ops)
     factor(graph, nodes, size, [{place: float(matrix[place]) for place in nodes}])
     assert len(graph.ops) - before <= 4 * size + 1
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_every_pivot_is_the_cheapest_that_is_large_enough(seed):
+    """Markowitz' price (r − 1)(c − 1) of r entries in the row and c in the column, found again on the whole matrix in every step."""
+    size, generator = 14, np.random.default_rng(seed)
+    pattern = generator.random((size, size)) < 0.2
+    pattern |= np.eye(size, dtype=bool)[generator.permutation(size)]
+    samples = [np.where(pattern, 10 ** generator.uniform(-2, 1, (size, size)), 0.0) for _ in range(2)]
+    graph = Graph()
+    nodes, _ = loaded(graph, pattern)
+    factors = factor(graph, nodes, size, [{place: float(sample[place]) for place in nodes} for sample in samples])
+    rows, columns, prices = list(range(size)), list(range(size)), []
+    for i, j in factors.pivots:
+        left = np.ix_(rows, columns)
+        price = np.outer(pattern[left].sum(axis=1) - 1, pattern[left].sum(axis=0) - 1)
+        large = [np.abs(sample[left]) > THRESHOLD * np.max(np.abs(sample[left]), axis=0) for sample in samples]
+        assert all(sample[rows.index(i), columns.index(j)] for sample in large)
+        prices.append(price[rows.index(i), columns.index(j)])
+        assert prices[-1] == np.min(price[pattern[left] & np.all(large, axis=0)])
+        pattern |= np.outer(pattern[:, j] & np.isin(range(size), rows), pattern[i] & np.isin(range(size), columns))
+        rows.remove(i), columns.remove(j)
+        for sample in samples:
+            sample[np.ix_(rows, columns)] -= np.outer(sample[rows, j], sample[i, columns]) / sample[i, j]
+    assert max(prices) > 2
 
 
 def test_small_pivots_are_avoided():

@@ -132,7 +132,7 @@ def test_many_states_within_their_arrays(model, lanes, tmp_path):
     }
     for name, text in files.items():
         (tmp_path / name).write_text(text)
-    sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g", "-O1", "-Wno-psabi")
+    sanitize = ("-fsanitize=address,undefined", "-fno-sanitize-recover=all", "-g", "-O0", "-Wno-psabi")
     sources = [name for name in files if name.endswith(".c")]
     command = ["gcc", "-std=gnu11", *sanitize, f"-DNCGEN_LANES={lanes}", "-include", "ncgen_lanes.h", *sources, "-o", "driver", "-lm"]
     built = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)

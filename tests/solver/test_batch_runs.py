@@ -77,12 +77,30 @@ def test_positions_that_close_at_once():
 def test_parameters_as_alone(driven, options):
     """Own parameters for each state: the driver turns at another speed, the spring has another stiffness."""
     p = np.column_stack([np.linspace(20, 60, COUNT), np.linspace(1, 4, COUNT)])
-    batch = ncgen.simulate_batch(driven, 0.3, p=p, t0=0.1, points=4, **options)
-    assert set(batch.status) == {"ok"}
-    for i in np.flatnonzero(~batch.alone):
-        assert_as_alone(
-            driven, batch, i, ncgen.simulate(driven, 0.3, p=p[i], t0=0.1, points=4, engine="emitted", **{"integrator": "dopri5", **options})
-        )
+    batch = ncgen.simulate_batch(driven, 0.1, p=p, t0=0.1, points=4, **options)
+    assert set(batch.status) == {"ok"} and not batch.alone.any()
+    for i in range(COUNT):
+        own = ncgen.simulate(driven, 0.1, p=p[i], t0=0.1, points=4, engine="emitted", **{"integrator": "dopri5", **options})
+        assert_as_alone(driven, batch, i, own)
+
+
+@pytest.mark.parametrize("rtol", [1e-5, 1e-9])
+def test_eighth_order_steps_as_alone(robot, rtol):
+    """Its error is estimated twice, and the first step tried: with another weight there would be another number of steps."""
+    zd0 = np.random.default_rng(2).uniform(-2, 2, (3, 6))
+    options = {"integrator": "dop853", "rtol": rtol, "atol": rtol, "points": 2}
+    batch = ncgen.simulate_batch(robot, 0.3, zd0=zd0, **options)
+    assert not batch.alone.any()
+    for i in range(3):
+        assert_as_alone(robot, batch, i, ncgen.simulate(robot, 0.3, zd0=zd0[i], engine="emitted", **options))
+
+
+def test_coordinates_without_an_order_of_elimination(driven):
+    """A run goes on with coordinates for which nothing can be written out: their elimination exchanges rows."""
+    options = {"p": [20.0, 1.0], "points": 5}
+    run = ncgen.simulate(driven, 2.0, engine="emitted", integrator="dop853", rtol=1e-4, atol=1e-4, **options)
+    exact = ncgen.simulate(driven, 2.0, engine="c", formalism="lagrange", integrator="dop853", rtol=1e-11, **options)
+    assert np.max(np.abs(run.q - exact.q)) < 1e-3
 
 
 def test_states_whose_coordinates_become_bad_go_on_alone():

@@ -75,8 +75,10 @@ def array_classes():
                 yield node.name, [ast.unparse(d) for d in node.decorator_list]
 
 
-@pytest.mark.parametrize("name, decorators", list(array_classes()))
-def test_what_holds_arrays_compares_by_identity(name, decorators):
+def test_what_holds_arrays_compares_by_identity():
     """Arrays compare element by element, so that an equality made of them raises."""
-    frozen = [d for d in decorators if d.startswith("dataclass") and "frozen=True" in d]
-    assert all("eq=False" in d for d in frozen), name
+    classes = list(array_classes())
+    compared = [
+        name for name, decorators in classes for d in decorators if d.startswith("dataclass") and "frozen=True" in d and "eq=False" not in d
+    ]
+    assert len(classes) > 30 and not compared

@@ -59,3 +59,23 @@ def test_all_coordinates_in_float(pendulum):
 def test_refused(pendulum, options, message):
     with pytest.raises(ncgen.ModelError, match=message):
         ncgen.simulate(pendulum, 1.0, **options)
+
+
+@pytest.mark.parametrize("integrator", ["dopri5", "dop853"])
+def test_a_thousand_times_larger_is_the_same_in_float(integrator):
+    """Lengths and gravity times 1024 change no digit of a motion, so no step either: atol is raised to the rounding of its lengths."""
+
+    def run(size):
+        m = ncgen.Model("scaled")
+        A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (size, 0)), m.point("C", (size, size))
+        m.body("first", [B], mass=1.0)
+        m.body("second", [C], mass=1.0)
+        m.distance(A, B)
+        m.distance(B, C)
+        m.gravity((0, -10.0 * size, 0))
+        options = {"formalism": "coordinate-partitioning", "integrator": integrator, "engine": "c", "number": "float"}
+        return ncgen.simulate(ncgen.compile(m, "c"), 0.5, rtol=1e-15, atol=1e-300, points=3, **options)
+
+    small, large = run(1.0), run(1024.0)
+    assert large.statistics.steps == small.statistics.steps
+    assert large.q / 1024 == pytest.approx(small.q, abs=1e-5)
