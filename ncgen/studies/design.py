@@ -126,7 +126,7 @@ class Design:
             raise ModelError(f"seed: {echo(seed)} given; give a whole number from 0 on")
         found = cls(design.axes, kind, whole(count, "count"), seed)
         if kind == "saltelli" and len(found.axes) < 2:
-            raise ModelError(f"vary: {found.axes[0].name} alone varies, so all of the variance is its own; Sobol' indices need two names")
+            raise ModelError(f"vary: {found.names[0]} alone varies, so all of the variance is its own; Sobol' indices need two names")
         if kind == "saltelli" and found._points & (found._points - 1):
             raise ModelError(f"count: {count} given; Sobol' indices need a power of 2, such as {2 ** found._points.bit_length()}")
         if kind == "latin" and found.size * len(found.axes) > MOST_AT_ONCE:
