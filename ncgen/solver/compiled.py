@@ -12,6 +12,7 @@ from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
+from ncgen.program.elimination import EliminationError
 from ncgen.program.programs import Split
 from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
@@ -278,7 +279,12 @@ def _made(
         return DenseDynamics(kernels, split, number, positions)
     around = hashlib.sha256(np.concatenate([q, p]).tobytes()).hexdigest()
     written = Written(kernels, split, partial(samples, kernels, q.copy(), p.copy()), around, form == "refined")
-    return LaneDynamics(written) if form == "lanes" else EmittedDynamics(written, number)
+    try:
+        return LaneDynamics(written) if form == "lanes" else EmittedDynamics(written, number)
+    except EliminationError as error:
+        raise ModelError(
+            f"{kernels.name}: no order of elimination can be written out for these coordinates: {error}; use engine='c'"
+        ) from error
 
 
 def split_of(part: Partition) -> Split:
@@ -325,7 +331,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Form) -> str | N
     try:
         while True:
             progress(t)
-            here = dynamics(kernels, partitions, form if len(seen) <= MOST_EMITTED else "dense", q, p, number)
+            here = _for_next(kernels, partitions, form, len(seen), q, p, number)
             done = here.simulate(
                 method.integrator.name, times, q, zd, p, max_step=task.max_step, event=task.stop, tolerance=closeness(number),
                 growth=growth, progress=progress, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
@@ -362,6 +368,19 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Form) -> str | N
         if path.stopped is None and (len(path.q) or begun):  # else it had not begun
             path.break_off(grid, t, q, qd, work)
         raise
+
+
+def _for_next(
+    kernels: CompiledKernels, partitions: Partitions, form: Form, number_of_choices: int, q: np.ndarray, p: np.ndarray, number: str
+) -> DenseDynamics | EmittedDynamics:
+    """The state derivative of the choice that a run goes on with: dense after many, or where a later one has no order to be written out."""
+    if number_of_choices <= MOST_EMITTED:
+        try:
+            return dynamics(kernels, partitions, form, q, p, number)
+        except ModelError:
+            if number_of_choices == 1:  # it was asked for
+                raise
+    return dynamics(kernels, partitions, "dense", q, p, number)
 
 
 def _in_c(tolerances: Tolerances, kernels: Kernels, partitions: Partitions) -> dict[str, Any]:
