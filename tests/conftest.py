@@ -17,27 +17,27 @@ from ncgen.exchange.examples import example_module  # noqa: E402
 
 
 @pytest.fixture(scope="session")
-def shared(tmp_path_factory) -> Path:
+def run_folder(tmp_path_factory) -> Path:
     """A folder of this test run that its workers have in common."""
     base = tmp_path_factory.getbasetemp()
     return base.parent if "gw" in base.name or "popen" in base.name else base
 
 
 @pytest.fixture(scope="session", autouse=True)
-def own_cache(shared):
+def own_cache(run_folder):
     """Compiled libraries go to a folder of this test run, shared by its workers."""
     with pytest.MonkeyPatch.context() as patch:
-        folder = shared / "ncgen-cache"
+        folder = run_folder / "ncgen-cache"
         patch.setenv("NCGEN_CACHE_DIR", str(folder))
         yield folder
 
 
 @pytest.fixture(scope="session")
-def once(shared):
+def once(run_folder):
     """once(name, make): a folder, to be read only, that the first worker to ask for it fills by make(folder); others wait for it."""
 
     def get(name: str, make: Callable[[Path], object]) -> Path:
-        folder, done = shared / "once" / name, shared / "once" / f"{name}.done"
+        folder, done = run_folder / "once" / name, run_folder / "once" / f"{name}.done"
         folder.parent.mkdir(exist_ok=True)
         with (folder.parent / f"{name}.lock").open("w") as lock:
             fcntl.flock(lock, fcntl.LOCK_EX)

@@ -22,7 +22,7 @@ from ncgen.solver.rank import trial_positions
 
 EXACT = ("null-space", "lagrange", "augmented-lagrangian", "udwadia-phohomsiri")
 ALL_COORDINATES = (*EXACT, "penalty")
-DURATION = {"flyball": 0.003, "andrews": 0.003, "slidercrank": 0.01, "robot": 0.05, "heavytop": 0.03}
+DURATION = {"quadruped": 0.01, "flyball": 0.003, "andrews": 0.003, "slidercrank": 0.01, "robot": 0.05, "heavytop": 0.03}
 """Seconds a motion is compared for; 0.1 where nothing stands here."""
 
 
