@@ -37,6 +37,7 @@ _HOMES = {
     "joint_space": "ncgen.solver.joint_space",
     "inspect": "ncgen.report.inspection",
     "export": "ncgen.exchange.export",
+    "jax": "ncgen.exchange.jax_functions",
     "study": "ncgen.studies.running",
     "read": "ncgen.studies.reading",
     "NcgenError": "ncgen.errors",
@@ -68,6 +69,7 @@ __all__ = [
     "gradient",
     "inspect",
     "inverse_dynamics",
+    "jax",
     "joint_space",
     "linearise",
     "load",
@@ -88,6 +90,7 @@ if TYPE_CHECKING:
     from ncgen.errors import CompileError, ConvergenceError, DomainError, Interrupted, ModelError, NcgenError, SingularError
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export
+    from ncgen.exchange.jax_functions import jax
     from ncgen.model import Model
     from ncgen.report.inspection import inspect
     from ncgen.solver.assembly import assemble
