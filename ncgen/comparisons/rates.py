@@ -73,7 +73,8 @@ def derivative_records(kernels: CompiledKernels, rate: float) -> list[dict]:
     here, part = motion_at(kernels, partitions.velocity, 0.0, q, zd, kernels.p0), partitions.velocity.independent
     stage = _stage(kernels)
     if stage:
-        runs[STAGE] = runner(0.0, q, here.qd, kernels.p0, [], stage[0])
+        given = all_coordinates(kernels, form="emitted").with_prepared(kernels.p0)
+        runs[STAGE] = runner(0.0, q, here.qd, given, [], stage[0])
     spent = measure(runs)
     error = _error(kernels, partitions, q, zd, parts)
     counts = _counts(programs)

@@ -16,10 +16,13 @@ from ncgen.solver.partition import choose_partitions
 
 def motion(kernels: Kernels) -> dict | None:
     """One JSON-ready record of what a default run takes: operations of a stage ("derivative") and at the end of a step ("velocities",
-    "closing"). None where it takes accelerations from the factored matrix."""
+    "closing"), and of what is done once ("prepare"). None where it takes accelerations from the factored matrix."""
     found = own_positions(kernels)
     programs = found and assemble_motion(kernels.programs.equations, *found, kernels.column_sizes)
-    return {field.name: cost(getattr(programs, field.name)).total for field in fields(programs)} if programs else None
+    if not programs:
+        return None
+    parts = {field.name: getattr(programs, field.name) for field in fields(programs)}
+    return {name: cost(program).total for name, program in parts.items() if program}
 
 
 def derivative(kernels: Kernels) -> dict | None:
