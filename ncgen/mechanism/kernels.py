@@ -24,7 +24,7 @@ from ncgen.model import Model
 from ncgen.model.elements import Length, Point
 from ncgen.model.rows import Row, natural_size
 from ncgen.model.values import evaluate, is_number
-from ncgen.program.blocks import Pattern, Program
+from ncgen.program.blocks import Pattern, Program, Slot
 from ncgen.program.evaluate import evaluate as evaluate_program
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.programs import Programs
@@ -122,6 +122,19 @@ class Kernels(ABC):
     @abstractmethod
     def _of(cls, programs: Programs) -> Kernels:
         """Kernels of programs."""
+
+    def of_rows(self, p: np.ndarray) -> np.ndarray:
+        """Those of the parameters p (n_p,) that Φ, Φ_q and ν read; masses do not belong to them."""
+        return p[self._read_by_rows]
+
+    @cached_property
+    def _read_by_rows(self) -> np.ndarray:
+        """Positions in p."""
+        read: set[int] = set()
+        for block in (b for name in ("phi", "phi_q", "nu") if name in self.programs.programs for b in self.programs.programs[name].blocks):
+            read.update(op.input.position for op in block.ops if op.code == "load" and op.input.array == "p")
+            read.update(place for slot in block.slots if isinstance(slot, Slot) and slot.array == "p" for place in slot.table)
+        return np.array(sorted(read), dtype=int)
 
     @property
     def n(self) -> int:

@@ -142,7 +142,9 @@ def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given |
     """
     p = given.parameters(kernels, p)
     q, t = given.position(kernels, q, p), given.finite(t, "t")
-    return kernels.remember("freedom", (q.tobytes(), float(t), p.tobytes()), lambda: _freedom(kernels, q, t, p), REMEMBERED)
+    return kernels.remember(
+        "freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), lambda: _freedom(kernels, q, t, p), REMEMBERED
+    )
 
 
 def rows_are_clearly_independent(jacobian: scipy.sparse.csr_array) -> bool:
