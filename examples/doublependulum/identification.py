@@ -14,6 +14,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 import sympy
@@ -91,7 +92,8 @@ def identify(derivatives: str) -> tuple[OptimizeResult, Experiment, float]:
     experiment.last, experiment.runs = None, 0
     begun = time.perf_counter()
     is_exact = derivatives == "exact"
-    misses, jac = (experiment.exact_misses, experiment.slopes) if is_exact else (experiment.misses, derivatives)
+    misses = experiment.exact_misses if is_exact else experiment.misses
+    jac: Any = experiment.slopes if is_exact else derivatives  # scipy takes either, and has no annotations
     found = least_squares(misses, start, jac, x_scale=start, xtol=1e-12, ftol=1e-12, gtol=1e-12)
     return found, experiment, time.perf_counter() - begun
 
