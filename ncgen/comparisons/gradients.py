@@ -5,6 +5,7 @@ from __future__ import annotations
 import pickle
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -98,7 +99,7 @@ class _Case:
             raise ModelError(f"{self.kernels.name}: its motion is not written out in C, so there is nothing to compare")
         return motion
 
-    @property
+    @cached_property
     def _weights(self) -> tuple[np.ndarray, np.ndarray]:
         by_q, by_qd = np.random.default_rng(1).standard_normal((2, STEPS + 1, self.kernels.n))
         return by_q, by_qd

@@ -18,6 +18,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import checked_kernels
 from ncgen.solver.partitioned_motion import PartitionedMotion
 from ncgen.solver.run import InitialArguments
@@ -26,9 +27,6 @@ from ncgen.solver.taped_motion import TapedMotion
 
 Array: TypeAlias = Any
 """An array of JAX, or what JAX takes for one."""
-
-INDEPENDENT = "rate("
-"""How names of initial rates begin."""
 
 
 def jax(kernels: Kernels) -> JaxFunctions:
@@ -63,8 +61,12 @@ class JaxFunctions:
 
     def rates_of(self, **start: Unpack[InitialArguments]) -> tuple[str, ...]:
         """The independent coordinates whose rates a motion takes."""
-        names = motion_of(self.kernels, 1e-9, 1, "rk4", **start).names
-        return tuple(name[len(INDEPENDENT) : -1] for name in names if name.startswith(INDEPENDENT))
+        return _rates(motion_of(self.kernels, 1e-9, 1, "rk4", **start).names)
+
+
+def _rates(names: tuple[str, ...]) -> tuple[str, ...]:
+    """The coordinates whose rates are among the names of derivatives."""
+    return tuple(coordinate for name in names if (coordinate := coordinate_of(name)) != name)
 
 
 class _Motion:
@@ -73,8 +75,7 @@ class _Motion:
     def __init__(self, kernels: Kernels, asked: tuple[float, int, str], start: dict[str, Any]) -> None:
         self.kernels, self.asked, self.start = kernels, asked, start
         self.last: tuple[bytes, TapedMotion | PartitionedMotion] | None = None
-        names = self._run(kernels.p0, None).names
-        self.rates = sum(name.startswith(INDEPENDENT) for name in names)
+        self.rates = len(_rates(self._run(kernels.p0, None).names))
 
     def function(self) -> Callable[[Array, Array], tuple[Array, Array]]:
         jax = import_module("jax")

@@ -41,11 +41,9 @@ def motion_source(kernels: Kernels, seen: Callable[[], Seen | None], kind: Liter
         programs = kernels.remember("motion programs", (), assembled)
         if programs is None:
             return {}
-        return (
-            motion_files(programs, equations)
-            if kind == "motion"
-            else seeded_files(differentiated(programs, equations, kind), equations, kind)
-        )
+        if kind == "motion":
+            return motion_files(programs, equations)
+        return seeded_files(differentiated(programs, equations, kind), equations, kind)
 
     return recall.derived(kernels.programs, kind, made)
 

@@ -72,15 +72,8 @@ def slopes(graph: Graph, node: int) -> list[Callable[[], int]]:
 
 def _active(graph: Graph, outputs: Iterable[int], variables: Collection[int]) -> dict[int, None]:
     """Operations below the outputs that depend on a variable, arguments first (an ordered set)."""
-    below: set[int] = set()
-    stack = list(outputs)
-    while stack:
-        node = stack.pop()
-        if node not in below:
-            below.add(node)
-            stack.extend(graph.ops[node].args)
     active: dict[int, None] = {}
-    for node in sorted(below):  # arguments have smaller numbers
+    for node in sorted(graph.below(outputs)):
         if node in variables or any(a in active for a in graph.ops[node].args):
             active[node] = None
     return active

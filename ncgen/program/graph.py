@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Iterable
+from collections.abc import Container, Iterable
 from typing import NamedTuple, TypeAlias
 
 from ncgen.program.functions import FUNCTIONS
@@ -82,6 +82,17 @@ class Graph:
             self._known[key] = len(self.ops)
             self.ops.append(Op(code, args, leaf))
         return self._known[key]
+
+    def below(self, nodes: Iterable[int], ends: Container[int] = ()) -> set[int]:
+        """Nodes and all that they need; what the ends need is not looked at. In the order of their numbers arguments come first."""
+        found: set[int] = set()
+        waiting = list(nodes)
+        while waiting:
+            node = waiting.pop()
+            if node not in found:
+                found.add(node)
+                waiting.extend(() if node in ends else self.ops[node].args)
+        return found
 
     # -- leaves --------------------------------------------------------------------------------
 

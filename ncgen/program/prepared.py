@@ -8,7 +8,7 @@ Inputs stand in p, too, and change all the time: what depends on them stays wher
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from ncgen.program.blocks import Program
 from ncgen.program.differentiated import reads, written_out
@@ -45,7 +45,7 @@ def _known(graph: Graph, parameters: int) -> list[bool]:
 def _frontier(graph: Graph, known: Sequence[bool], outputs: Sequence[int]) -> list[int]:
     """What is known and computed, and read by what is not known, or by nobody but a store."""
     found: set[int] = {node for node in outputs if known[node]}
-    for node in _below(graph, outputs):
+    for node in graph.below(outputs):
         if not known[node]:
             found.update(a for a in graph.ops[node].args if known[a])
     return sorted(node for node in found if graph.ops[node].args)
@@ -54,7 +54,7 @@ def _frontier(graph: Graph, known: Sequence[bool], outputs: Sequence[int]) -> li
 def _without(graph: Graph, outputs: Sequence[int], place: Mapping[int, int]) -> tuple[Graph, dict[int, int]]:
     """A graph that loads what is prepared from its place in p, and its nodes for those of the other one."""
     rest, new = Graph(), dict[int, int]()
-    for node in sorted(_below(graph, outputs, place)):  # arguments have smaller numbers
+    for node in sorted(graph.below(outputs, place)):
         op = graph.ops[node]
         if node in place:
             new[node] = rest.load("p", place[node])
@@ -63,15 +63,3 @@ def _without(graph: Graph, outputs: Sequence[int], place: Mapping[int, int]) -> 
         else:
             new[node] = rest.const(op.value) if op.code == "const" else rest.apply(op, tuple(new[a] for a in op.args))
     return rest, new
-
-
-def _below(graph: Graph, outputs: Sequence[int], ends: Collection[int] = ()) -> set[int]:
-    """Outputs and all that they need; what the ends need is not looked at."""
-    below: set[int] = set()
-    stack = list(outputs)
-    while stack:
-        node = stack.pop()
-        if node not in below:
-            below.add(node)
-            stack.extend(() if node in ends else graph.ops[node].args)
-    return below

@@ -168,7 +168,7 @@ def _reached(graph: Graph, nodes: Iterable[int], loads: Mapping[int, tuple[str, 
     """The pattern of the slopes alone, with the nodes themselves in their place."""
     known = {load: 1 << k for k, load in enumerate(loads)}
     reached: dict[int, int] = {}
-    for node in sorted(_below(graph, nodes)):
+    for node in sorted(graph.below(nodes)):
         bits = known.get(node, 0)
         for a in graph.ops[node].args:
             bits |= reached[a]
@@ -179,19 +179,7 @@ def _reached(graph: Graph, nodes: Iterable[int], loads: Mapping[int, tuple[str, 
 
 def operations(graph: Graph, nodes: Iterable[int]) -> int:
     """How many operations nodes need together."""
-    return sum(bool(graph.ops[node].args) for node in _below(graph, nodes))
-
-
-def _below(graph: Graph, nodes: Iterable[int]) -> set[int]:
-    """Nodes and all that they need."""
-    below: set[int] = set()
-    waiting = list(nodes)
-    while waiting:
-        node = waiting.pop()
-        if node not in below:
-            below.add(node)
-            waiting += graph.ops[node].args
-    return below
+    return sum(bool(graph.ops[node].args) for node in graph.below(nodes))
 
 
 def open_functions(equations: Terms, followed: Followed, joints: int) -> list[Function]:

@@ -10,8 +10,6 @@ import contextlib
 import io
 import json
 import re
-import zipfile
-import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,6 +20,7 @@ import numpy as np
 from ncgen import __version__
 from ncgen.emit.sources import write_bytes, write_text
 from ncgen.errors import NcgenError
+from ncgen.report.along import UNREADABLE as BROKEN
 from ncgen.studies.definition import Study
 from ncgen.studies.variants import Part
 
@@ -29,7 +28,7 @@ FORMAT = 1
 MANIFEST, LOCK = "study.json", ".lock"
 NAME = "variants-{:016d}-{:016d}.npz"
 FILES = re.compile(r"variants-(\d{16})-(\d{16})\.npz")
-UNREADABLE = (OSError, ValueError, KeyError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, NotImplementedError)
+UNREADABLE = (*BROKEN, OSError, KeyError)
 SAID_OF, SAID = "said_of", "said"
 """Arrays of a file beside the columns: variants of which something was said, and what."""
 
