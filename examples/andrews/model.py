@@ -4,6 +4,7 @@ Dimensions, masses, spring and torque: the multibody benchmark's problem A03, th
 IVP test set, which starts at beta0 = -0.0617138900142764.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -18,7 +19,7 @@ def build(beta0: float = -0.0620) -> Model:
     A = m.point("A", (-0.06934, -0.00227), fixed=True)
     B = m.point("B", (-0.03635, 0.03273), fixed=True)
     C = m.point("C", (0.014, 0.072), fixed=True)
-    F = m.point("F", (0.007 * np.cos(beta0), 0.007 * np.sin(beta0)))
+    F = m.point("F", (0.007 * math.cos(beta0), 0.007 * math.sin(beta0)))
     E = m.point("E", meet(F, 0.028, B, 0.035))
     G = m.point("G", meet(A, 0.040, E, 0.020))
     H = m.point("H", meet(E, 0.020, A, 0.040))
@@ -49,12 +50,17 @@ def build(beta0: float = -0.0620) -> Model:
 
 def local(start: Point, end: Point, place: Sequence[float]) -> np.ndarray:
     """A place in the frame at a point `start` whose first axis goes to the point `end`."""
-    side = (end.initial - start.initial)[:2] / np.linalg.norm(end.initial - start.initial)
+    side = (end.initial - start.initial)[:2] / distance(start, end)
     return start.initial[:2] + place[0] * side + place[1] * np.array([-side[1], side[0]])
+
+
+def distance(start: Point, end: Point) -> float:
+    """Between two points (m)."""
+    return float(np.sqrt(((end.initial - start.initial) ** 2).sum()))
 
 
 def meet(start: Point, to_start: float, end: Point, to_end: float) -> np.ndarray:
     """Where two circles about points meet, on the left of the line from `start` to `end`."""
-    d = float(np.linalg.norm(end.initial - start.initial))
+    d = distance(start, end)
     along = (to_start**2 - to_end**2 + d**2) / (2 * d)
     return local(start, end, (along, np.sqrt(to_start**2 - along**2)))

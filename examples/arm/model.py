@@ -4,6 +4,8 @@ Dimensions are ours: links of 0.3 m, each hinge at right angles to the one befor
 the middle, heavier at the base. It leans over as it starts, and falls.
 """
 
+import math
+
 import numpy as np
 
 from ncgen import Model
@@ -37,13 +39,14 @@ def build(n: int = 7) -> Model:
 
 def frame(i: int) -> np.ndarray:
     """Directions of link i (from 0) as columns: forward, sideways, along."""
-    c, s = np.cos(i * LEAN), np.sin(i * LEAN)
+    c, s = math.cos(i * LEAN), math.sin(i * LEAN)
     return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
 
 
 def step(i: int) -> np.ndarray:
     """From hinge i to the next (m)."""
-    return frame(i) @ (ASIDE / 2, ASIDE * (-1) ** i, LENGTH)
+    forward, sideways, along = frame(i).T
+    return ASIDE / 2 * forward + ASIDE * (-1) ** i * sideways + LENGTH * along
 
 
 def axis(i: int) -> np.ndarray:
@@ -57,5 +60,5 @@ def mass(i: int, n: int) -> float:
 
 def inertia(i: int, n: int) -> np.ndarray:
     """The tensor (kg m²) of link i about its middle, along the global axes."""
-    across, around = WIDTH**2 + LENGTH**2, 2 * WIDTH**2
-    return frame(i) @ np.diag([across, across, around]) @ frame(i).T * mass(i, n) / 12
+    moments = WIDTH**2 + LENGTH**2, WIDTH**2 + LENGTH**2, 2 * WIDTH**2
+    return sum(moment * np.outer(e, e) for moment, e in zip(moments, frame(i).T)) * mass(i, n) / 12

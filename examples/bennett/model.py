@@ -39,4 +39,4 @@ def hinges(corners: np.ndarray) -> np.ndarray:
 
 def slender(mass: float, along: np.ndarray) -> np.ndarray:
     """Inertia tensor (kg m²) of a thin bar."""
-    return mass / 12 * (along @ along * np.eye(3) - np.outer(along, along))
+    return mass / 12 * ((along**2).sum() * np.eye(3) - np.outer(along, along))

@@ -4,6 +4,7 @@ Dimensions are ours: uniform slender rods, a chain of 1 m and 1 kg whatever the 
 wound up as a helix about the x axis, hangs by its first point and falls.
 """
 
+import math
 from itertools import pairwise
 
 import numpy as np
@@ -30,10 +31,10 @@ def build(n: int = 10, length: float = 1.0, mass: float = 1.0) -> Model:
 
 def directions(n: int) -> np.ndarray:
     """Unit vectors along the links of the helix, shape (n, 3)."""
-    turns = TURN * np.arange(n)
-    return np.column_stack([np.full(n, np.sin(PITCH)), np.cos(PITCH) * np.cos(turns), np.cos(PITCH) * np.sin(turns)])
+    along, across = math.sin(PITCH), math.cos(PITCH)
+    return np.array([(along, across * math.cos(TURN * k), across * math.sin(TURN * k)) for k in range(n)])
 
 
 def rod(mass: float, span: np.ndarray) -> np.ndarray:
     """The inertia tensor (kg m²) of a uniform slender rod about its middle, from end to end `span` (m)."""
-    return mass / 12 * (span @ span * np.eye(3) - np.outer(span, span))
+    return mass / 12 * ((span**2).sum() * np.eye(3) - np.outer(span, span))

@@ -4,6 +4,8 @@ Dimensions: testbedCIIRC/delta-robot-public (r0 0.330, l1 0.420, l2 1.055, r3 0.
 the masses and the motors are ours; the mechanism is R. Clavel's (1988).
 """
 
+import math
+
 import numpy as np
 import sympy as sp
 
@@ -35,8 +37,8 @@ DOWN = np.array([0.0, 0.0, -1.0])
 def build(hinged: bool = True) -> Model:
     """The robot; hinged=False puts ball joints on both ends of the rods instead of parallelograms with four hinges."""
     m = Model("delta")
-    reach = BASE + ARM * np.cos(START) - PLATFORM
-    centre = DOWN * (ARM * np.sin(START) + np.sqrt(ROD**2 - reach**2))
+    reach = BASE + ARM * math.cos(START) - PLATFORM
+    centre = DOWN * (ARM * math.sin(START) + np.sqrt(ROD**2 - reach**2))
     motors, elbows = zip(*(arm(m, i, turn) for i, turn in enumerate(TURNS, 1)), strict=True)
     rods = [forearm(m, i, turn, elbow, centre) for i, (turn, elbow) in enumerate(zip(TURNS, elbows, strict=True), 1)]
     platform(m, [rod.points[1] for pair in rods for rod in pair], centre)
@@ -54,10 +56,10 @@ def build(hinged: bool = True) -> Model:
 
 def arm(m: Model, i: int, turn: float) -> tuple[Angle, list[Point]]:
     """An upper arm that turns about a fixed axis by its motor's angle, and its end with both elbows of a forearm, which it carries."""
-    out, along = np.array([np.cos(turn), np.sin(turn), 0]), np.array([-np.sin(turn), np.cos(turn), 0])
+    out, along = np.array([math.cos(turn), math.sin(turn), 0]), np.array([-math.sin(turn), math.cos(turn), 0])
     level, axis = m.vector(f"e{i}", out, fixed=True), m.vector(f"t{i}", along, fixed=True)
     A = m.point(f"A{i}", BASE * out, fixed=True)
-    E = m.point(f"E{i}", BASE * out + ARM * (np.cos(START) * out + np.sin(START) * DOWN))
+    E = m.point(f"E{i}", BASE * out + ARM * (math.cos(START) * out + math.sin(START) * DOWN))
     body = m.body(f"arm{i}", [A, E], [axis], ARM_MASS, inertia=slender(ARM_MASS, E.initial - A.initial), basis=[A, E])
     elbows = [m.attach_point(body, f"E{i}{side}", E.initial + shift * along) for side, shift in (("a", -WIDTH / 2), ("b", WIDTH / 2))]
     m.line(A, E)
@@ -67,7 +69,7 @@ def arm(m: Model, i: int, turn: float) -> tuple[Angle, list[Point]]:
 
 def forearm(m: Model, i: int, turn: float, elbow: list[Point], centre: np.ndarray) -> list[Body]:
     """Two equal rods from the elbows to the platform; elbow: the arm's end and both elbows."""
-    out = np.array([np.cos(turn), np.sin(turn), 0])
+    out = np.array([math.cos(turn), math.sin(turn), 0])
     middle, *sides = elbow
     shift = centre + PLATFORM * out - middle.initial
     return [rod(m, f"rod{i}{side}", point, f"P{i}{side}", shift) for side, point in zip("ab", sides, strict=True)]
@@ -92,7 +94,7 @@ def parallelogram(m: Model, name: str, a: Body, b: Body) -> None:
     """Two rods hinged to the elbow and to the platform: one vector stays normal to all four sides."""
     (elbow_a, corner_a), (elbow_b, corner_b) = a.points, b.points
     normal = np.cross(elbow_a.initial - elbow_b.initial, corner_a.initial - elbow_a.initial)
-    n = m.vector(name, normal / np.linalg.norm(normal))
+    n = m.vector(name, normal / np.sqrt((normal**2).sum()))
     m.extend(a, n)
     m.extend(b, n)
     m.vector_segment(n, elbow_b - elbow_a)
@@ -102,4 +104,4 @@ def parallelogram(m: Model, name: str, a: Body, b: Body) -> None:
 
 def slender(mass: float, span: np.ndarray) -> np.ndarray:
     """The inertia tensor (kg m²) of a uniform slender rod about its middle, from end to end `span` (m)."""
-    return mass / 12 * (span @ span * np.eye(3) - np.outer(span, span))
+    return mass / 12 * ((span**2).sum() * np.eye(3) - np.outer(span, span))

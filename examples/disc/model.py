@@ -3,6 +3,8 @@
 The dimensions are our own: 2 kg, radius 0.3 m.
 """
 
+import math
+
 import numpy as np
 
 from ncgen import Model
@@ -18,8 +20,8 @@ def build(lean: float = 20.0, speed: float = 1.5, steer: float = 0.5, spokes: in
     """
     m = Model("disc")
     tilt = np.radians(lean)
-    axle = np.array([0, np.cos(tilt), -np.sin(tilt)])
-    up = np.array([0, np.sin(tilt), np.cos(tilt)])
+    axle = np.array([0, math.cos(tilt), -math.sin(tilt)])
+    up = np.array([0, math.sin(tilt), math.cos(tilt)])
     C = m.point("C", RADIUS * up)
     u = m.vector("u", axle)
     v = m.vector("v", (1, 0, 0))
@@ -30,11 +32,11 @@ def build(lean: float = 20.0, speed: float = 1.5, steer: float = 0.5, spokes: in
     m.gravity((0, 0, -9.81))
 
     angles = 2 * np.pi / max(spokes, 1) * np.arange(spokes)
-    places = RADIUS * (up + np.outer(np.cos(angles), v.initial) - np.outer(np.sin(angles), up))
+    places = [RADIUS * (up + math.cos(a) * v.initial - math.sin(a) * up) for a in angles]
     rim = [m.attach_point(disc, f"P{k}", place) for k, place in enumerate(places, 1)]
     for point, following in zip(rim, rim[1:] + rim[:1]):
         m.line(C, point, following)
     m.arrow(C, u)
     # Turning at `steer` about the vertical carries the axle's tip backwards.
-    m.simulation(duration=3.0, zd0={"C.x": speed, "u.x": -steer * np.cos(tilt)})
+    m.simulation(duration=3.0, zd0={"C.x": speed, "u.x": -steer * math.cos(tilt)})
     return m

@@ -5,6 +5,7 @@ the cylinders and the bucket's linkage are hinged, the centres of mass and the c
 uniform rod's, cylinders and linkage have no mass.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -75,13 +76,13 @@ def part(m: Model, name: str, hinge: Point, end: str) -> dict[str, Point]:
 
 def place(start: np.ndarray, turn: float, offset: Sequence[float]) -> np.ndarray:
     """A point of a part (m): `offset` along and across it, from its hinge at `start`."""
-    along = np.array([np.cos(turn), np.sin(turn)])
+    along = np.array([math.cos(turn), math.sin(turn)])
     return start + offset[0] * along + offset[1] * np.array([-along[1], along[0]])
 
 
 def knee(H: np.ndarray, F: np.ndarray) -> np.ndarray:
     """The upper of the two points at a rocker's length from H and a link's length from F."""
     span = (F - H)[:2]
-    square = span @ span
+    square = (span**2).sum()
     share = (square + ROCKER**2 - LINK**2) / (2 * square)
     return H[:2] + share * span + np.sqrt(ROCKER**2 / square - share**2) * np.array([-span[1], span[0]])

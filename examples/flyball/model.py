@@ -4,6 +4,7 @@ Data: benchmark A05 of the IFToMM library of multibody problems (lim.ii.udc.es/m
 are boxes of 3000 kg/m3; each rod carries a point mass of 5 kg at its end.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -32,7 +33,7 @@ def build(stiffness: float = 8e5, damping: float = 4e4) -> Model:
     tilts = []
     for number, out in (1, 1.0), (2, -1.0):
         aside = 0.05 * out * e.initial
-        along = np.array([out * np.cos(LOW), 0, -np.sin(LOW)])
+        along = np.array([out * math.cos(LOW), 0, -math.sin(LOW)])
         H = m.attach_point(shaft, f"H{number}", T.initial + aside)
         K = m.attach_point(slider, f"K{number}", S.initial + aside)
         B = m.point(f"B{number}", H.initial + along)

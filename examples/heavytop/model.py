@@ -4,6 +4,8 @@ A thin disc of 15 kg and radius 0.25 m at the end of a massless rod of 1 m. Data
 Zlatar, Multibody System Dynamics 38 (2016) 201-225, as given in Exudyn's heavyTop.py.
 """
 
+import math
+
 import numpy as np
 
 from ncgen import Model
@@ -16,7 +18,7 @@ def build(spin: float = 150.0, precession: float = -4.61538) -> Model:
     m = Model("heavytop")
     O = m.point("O", (0, 0, 0), fixed=True)
     angles = np.radians([90, 210, 330])
-    P, Q, R = rim = [m.point(name, (RADIUS * np.cos(a), HEIGHT, RADIUS * np.sin(a))) for name, a in zip("PQR", angles)]
+    P, Q, R = rim = [m.point(name, (RADIUS * math.cos(a), HEIGHT, RADIUS * math.sin(a))) for name, a in zip("PQR", angles)]
     m.body("top", [O, P, Q, R], mass=15.0, com=(0, HEIGHT, 0), inertia=(0.234375, 0.46875, 0.234375))
     m.gravity((0, 0, -9.81))
     for point, following in zip(rim, (Q, R, P)):

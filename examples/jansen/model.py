@@ -41,7 +41,7 @@ def closed_position() -> dict[str, np.ndarray]:
 
 def corner(start: np.ndarray, to_start: float, end: np.ndarray, to_end: float) -> np.ndarray:
     """The corner of a triangle on the left of its side from start to end; to_start, to_end: the other sides' lengths."""
-    d = np.linalg.norm(end - start)
+    d = np.sqrt(((end - start) ** 2).sum())
     side = (end - start) / d
     along = (to_start**2 - to_end**2 + d**2) / (2 * d)
     return start + along * side + np.sqrt(to_start**2 - along**2) * np.array([-side[1], side[0]])

@@ -4,6 +4,8 @@ Legs after Minitaur (Kenneally, De, Koditschek 2016): two motors on one axis tur
 meet in the foot; here a third motor swings each leg sideways. Trunk, masses, control and ground are ours.
 """
 
+import math
+
 import numpy as np
 import sympy as sp
 
@@ -39,7 +41,7 @@ PERIOD = 0.5
 def build(ground: bool = True) -> Model:
     """The robot above its ground, or without it falling freely while the motors work."""
     m = Model("quadruped")
-    height = UPPER * np.cos(OPEN) + np.sqrt(LOWER**2 - (UPPER * np.sin(OPEN)) ** 2)
+    height = UPPER * math.cos(OPEN) + math.sqrt(LOWER**2 - (UPPER * math.sin(OPEN)) ** 2)
     ahead, left, up = (m.vector(name, axis) for name, axis in zip(("ahead", "left", "up"), np.eye(3), strict=True))
     middle = m.point("T", (0, 0, height))
     trunk = m.body("trunk", [middle], [ahead, left, up], TRUNK, inertia=box(TRUNK, 0.4, 0.2, 0.1))
@@ -58,13 +60,13 @@ def leg(m: Model, i: int, hip: Point, ahead: Vector, left: Vector) -> Point:
     """Leg number i at a hip point, and its foot; even legs are lifted while odd ones stand."""
     axle = m.vector(f"u{i}", (0, 1, 0))
     m.body(f"hip{i}", [hip], [ahead, axle], HIP, inertia=box(HIP, 0.08, 0.06, 0.08))
-    foot_place = hip.initial - [0, 0, UPPER * np.cos(OPEN) + np.sqrt(LOWER**2 - (UPPER * np.sin(OPEN)) ** 2)]
+    foot_place = hip.initial - [0, 0, UPPER * math.cos(OPEN) + np.sqrt(LOWER**2 - (UPPER * math.sin(OPEN)) ** 2)]
     foot = m.point(f"F{i}", foot_place)
     swing = sp.sin(2 * sp.pi * m.time / PERIOD) * (-1) ** i
     lifted = LIFT * ((swing + sp.sqrt(swing**2 + 0.01)) / 2 - 0.05)  # smooth, and next to nothing while the foot stands
     motor(m, m.angle(f"alpha{i}", left, axle, ahead), 0)
     for end, sign in (("a", 1), ("b", -1)):
-        knee = m.point(f"K{i}{end}", hip.initial + UPPER * np.array([sign * np.sin(OPEN), 0, -np.cos(OPEN)]))
+        knee = m.point(f"K{i}{end}", hip.initial + UPPER * np.array([sign * math.sin(OPEN), 0, -math.cos(OPEN)]))
         link(m, f"upper{i}{end}", hip, knee, axle, UPPER)
         link(m, f"lower{i}{end}", knee, foot, axle, LOWER)
         theta = m.angle(f"theta{i}{end}", ahead, knee - hip, axle)

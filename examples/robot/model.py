@@ -30,12 +30,12 @@ U = np.array([[0, 0, 1, 7], [0, 1, 0, 10], [1, 0, 0, 13], [1, 0, 0, 31], [0, 0, 
 
 
 def length(i: int, j: int) -> float:
-    return float(np.linalg.norm(P[i - 1, :3] - P[j - 1, :3]))
+    return float(np.sqrt(((P[i - 1, :3] - P[j - 1, :3]) ** 2).sum()))
 
 
 L12, L23, L13, L24, L35 = length(1, 2), length(2, 3), length(1, 3), length(2, 4), length(3, 5)
 L45, L56, L46, L67, L78 = length(4, 5), length(5, 6), length(4, 6), length(6, 7), length(7, 8)
-cfi = float(U[0, :3] @ (P[0, :3] - P[1, :3])) / L12
+cfi = float((U[0, :3] * (P[0, :3] - P[1, :3])).sum()) / L12
 
 # Table 3: rigid-body rows.
 RIGID = [

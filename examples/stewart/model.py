@@ -4,6 +4,8 @@ Geometry: base radius 3 m, platform radius 1 m, height 2 m, legs in pairs 2.5 an
 MathWorks demo mech_stewart_control_setup.m (2002). Legs are massless; the platform's mass and the legs' springs are ours.
 """
 
+import math
+
 import numpy as np
 
 from ncgen import Model
@@ -41,5 +43,4 @@ def build(stiffness: float = 2e5, damping: float = 4e3) -> Model:
 
 def circle(radius: float, degrees: np.ndarray, height: float) -> np.ndarray:
     """Points (m) on a horizontal circle, shape (len(degrees), 3)."""
-    turns = np.radians(degrees)
-    return np.column_stack([radius * np.cos(turns), radius * np.sin(turns), np.full(len(turns), height)])
+    return np.array([(radius * math.cos(turn), radius * math.sin(turn), height) for turn in np.radians(degrees)])

@@ -47,11 +47,11 @@ int andrews_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 4: combination D.x (body K3): (e - c a x b).x = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429 */
         const ncgen_real D_x = q[8];
         const ncgen_real x8 = D_x + R(0.01765571428571429) - R(0.5142857142857142) * E_x;
-        phi[3] = x8 - R(0.5714285714285714) * x6;
+        phi[3] = x8 - R(0.5714285714285713) * x6;
         /* row 5: combination D.y (body K3): (e - c a x b).y = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429 */
         const ncgen_real D_y = q[9];
         const ncgen_real x9 = D_y - R(0.015897428571428573) - R(0.5142857142857142) * E_y;
-        phi[4] = x9 - R(0.5714285714285714) * (E_x + R(0.03635));
+        phi[4] = x9 - R(0.5714285714285713) * (E_x + R(0.03635));
         /* row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
         const ncgen_real G_x = q[4];
         const ncgen_real x10 = E_x - G_x;
@@ -111,9 +111,9 @@ int andrews_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[6] = -(R(28.57142857142857) * (-R(0.03635) - E_x));
         phi_q[7] = -(R(28.57142857142857) * (R(0.03273) - E_y));
         phi_q[8] = NCGEN_SPLAT(-R(0.5142857142857142));
-        phi_q[9] = NCGEN_SPLAT(R(0.5714285714285714));
+        phi_q[9] = NCGEN_SPLAT(R(0.5714285714285713));
         phi_q[10] = NCGEN_SPLAT(R(1.0));
-        phi_q[11] = NCGEN_SPLAT(-R(0.5714285714285714));
+        phi_q[11] = NCGEN_SPLAT(-R(0.5714285714285713));
         phi_q[12] = NCGEN_SPLAT(-R(0.5142857142857142));
         phi_q[13] = NCGEN_SPLAT(R(1.0));
         /* row 6: 1000 distance E-G (body K4): |a|^2 - L^2 = 0 with a = E-G, L = 0.02 */
@@ -359,16 +359,16 @@ int andrews_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         /* row 4: combination D.x (body K3): (e - c a x b).x = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429 */
         const ncgen_real D_x = q[8];
         const ncgen_real x12 = D_x + R(0.01765571428571429) - R(0.5142857142857142) * E_x;
-        constraints[3] = x12 - R(0.5714285714285714) * x10;
+        constraints[3] = x12 - R(0.5714285714285713) * x10;
         constraints[18] = NCGEN_SPLAT(-R(0.5142857142857142));
-        constraints[19] = NCGEN_SPLAT(R(0.5714285714285714));
+        constraints[19] = NCGEN_SPLAT(R(0.5714285714285713));
         constraints[20] = NCGEN_SPLAT(R(1.0));
         constraints[42] = NCGEN_SPLAT(R(0.0));
         /* row 5: combination D.y (body K3): (e - c a x b).y = 0 with e = D-0.485714*B-0.514286*E, a = z, b = E-B, c = 0.571429 */
         const ncgen_real D_y = q[9];
         const ncgen_real x13 = D_y - R(0.015897428571428573) - R(0.5142857142857142) * E_y;
-        constraints[4] = x13 - R(0.5714285714285714) * (E_x + R(0.03635));
-        constraints[21] = NCGEN_SPLAT(-R(0.5714285714285714));
+        constraints[4] = x13 - R(0.5714285714285713) * (E_x + R(0.03635));
+        constraints[21] = NCGEN_SPLAT(-R(0.5714285714285713));
         constraints[22] = NCGEN_SPLAT(-R(0.5142857142857142));
         constraints[23] = NCGEN_SPLAT(R(1.0));
         constraints[43] = NCGEN_SPLAT(R(0.0));
@@ -498,7 +498,7 @@ const ncgen_model *andrews_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "andrews",
-        .fingerprint = "01d2c86d379c068a",
+        .fingerprint = "0840e7eaf2244811",
         .n_coordinates = 11,
         .n_rows = 10,
         .n_parameters = 0,

@@ -92,14 +92,14 @@ int bennett_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x24 = R(0.485071250072666) * uD_y - R(0.485071250072666) * uD_x;
         const ncgen_real x25 = x24 - R(0.727606875108999) * uD_z - R(0.45374260648651515);
         phi[13] = x25;
-        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
+        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
         const ncgen_real x26 = R(0.485071250072666) * (R(0.2) * x21 + R(0.30000000000000004) * D_z);
         const ncgen_real x27 = x26 - R(0.0970142500145332) * x18 - R(0.21828206253269974) * x18;
         const ncgen_real cos_theta1 = cosine[0];
         const ncgen_real sin_theta1 = sine[0];
         const ncgen_real x28 = (R(0.30000000000000004) * x21 - R(0.2) * D_z) * sin_theta1;
         phi[14] = R(6.052275326688023) * (x28 + x27 * cos_theta1);
-        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
+        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real x29 = R(0.26726124191242434) * (R(0.2) * x2 - R(0.30000000000000004) * x3);
         const ncgen_real x30 = x29 - R(0.10690449676496974) * x1 - R(0.24053511772118197) * x1;
         const ncgen_real cos_theta2 = cosine[1];
@@ -230,7 +230,7 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[63] = NCGEN_SPLAT(-R(0.485071250072666));
         phi_q[64] = NCGEN_SPLAT(R(0.485071250072666));
         phi_q[65] = NCGEN_SPLAT(-R(0.727606875108999));
-        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
+        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
         const ncgen_real cos_theta1 = cosine[0];
         phi_q[66] = -(R(1.9082600930253333) * cos_theta1);
         const ncgen_real sin_theta1 = sine[0];
@@ -242,7 +242,7 @@ int bennett_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x26 = x25 - R(0.0970142500145332) * x19 - R(0.21828206253269974) * x19;
         const ncgen_real x27 = cos_theta1 * (R(0.30000000000000004) * x22 - R(0.2) * D_z);
         phi_q[69] = R(6.052275326688023) * (x27 - sin_theta1 * x26);
-        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
+        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real cos_theta2 = cosine[1];
         phi_q[70] = R(2.1028002062685345) * cos_theta2;
         const ncgen_real sin_theta2 = sine[1];
@@ -314,7 +314,7 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         gamma[11] = x10;
         gamma[12] = NCGEN_SPLAT(R(0.0));
         gamma[13] = NCGEN_SPLAT(R(0.0));
-        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
+        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
         const ncgen_real x11 = R(0.485071250072666) * (R(0.30000000000000004) * dD_z - R(0.2) * dD_y);
         const ncgen_real x12 = R(0.21828206253269974) * dD_x - x11 + R(0.0970142500145332) * dD_x;
         const ncgen_real dtheta1 = qd[12];
@@ -333,7 +333,7 @@ int bennett_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real x20 = R(0.0970142500145332) * x19 + (x18 + R(0.21828206253269974) * x19);
         const ncgen_real x21 = x16 + x17 - sin_theta1 * (x13 * x12) + cos_theta1 * (x15 * x20);
         gamma[14] = R(6.052275326688023) * x21;
-        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
+        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real x22 = R(0.26726124191242434) * (R(0.30000000000000004) * dC_z - R(0.2) * dC_y);
         const ncgen_real x23 = x22 + R(0.24053511772118197) * dC_x + R(0.10690449676496974) * dC_x;
         const ncgen_real dtheta2 = qd[13];
@@ -611,7 +611,7 @@ int bennett_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[80] = NCGEN_SPLAT(R(0.485071250072666));
         constraints[81] = NCGEN_SPLAT(-R(0.727606875108999));
         constraints[103] = NCGEN_SPLAT(R(0.0));
-        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
+        /* row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1 */
         const ncgen_real x54 = R(0.485071250072666) * (R(0.2) * x48 + R(0.30000000000000004) * D_z);
         const ncgen_real x55 = R(0.0970142500145332) * x42;
         const ncgen_real x56 = R(0.21828206253269974) * x42;
@@ -637,7 +637,7 @@ int bennett_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x68 = sin_theta1 * (x58 * x66) + x67 - sin_theta1 * (x64 * x65);
         const ncgen_real x69 = R(6.052275326688023) * (x68 + cos_theta1 * (x66 * (x54 - x56 - x55)));
         constraints[104] = x69;
-        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
+        /* row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1 */
         const ncgen_real x70 = R(0.26726124191242434) * (R(0.2) * x2 - R(0.30000000000000004) * x3);
         const ncgen_real x71 = R(0.10690449676496974) * x1;
         const ncgen_real x72 = R(0.24053511772118197) * x1;
@@ -735,7 +735,7 @@ const ncgen_model *bennett_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "bennett",
-        .fingerprint = "d576f41d4a6a885c",
+        .fingerprint = "09b78f456378a6bf",
         .n_coordinates = 14,
         .n_rows = 16,
         .n_parameters = 0,

@@ -152,14 +152,14 @@ def phi(t, q, p):
     # row 14: 1003 angle uA, uD (body DA): u.v - c = 0 with u = uA, v = uD, c = 0.453743
     x21 = 0.485071250072666 * uD_y - 0.485071250072666 * uD_x - 0.727606875108999 * uD_z
     phi[..., 13] = x21 - 0.45374260648651515
-    # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
+    # row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
     x22 = 0.485071250072666 * (0.2 * x18 + 0.30000000000000004 * D_z)
     x23 = x22 - 0.0970142500145332 * x15 - 0.21828206253269974 * x15
     cos_theta1 = cosine[..., 0]
     sin_theta1 = sine[..., 0]
     x24 = (0.30000000000000004 * x18 - 0.2 * D_z) * sin_theta1 + x23 * cos_theta1
     phi[..., 14] = 6.052275326688023 * x24
-    # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
+    # row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
     x25 = 0.26726124191242434 * (0.2 * x2 - 0.30000000000000004 * x3)
     x26 = x25 - 0.10690449676496974 * x1 - 0.24053511772118197 * x1
     cos_theta2 = cosine[..., 1]
@@ -285,7 +285,7 @@ def phi_q(t, q, p):
     phi_q[..., 63] = -0.485071250072666
     phi_q[..., 64] = 0.485071250072666
     phi_q[..., 65] = -0.727606875108999
-    # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
+    # row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
     cos_theta1 = cosine[..., 0]
     phi_q[..., 66] = -(1.9082600930253333 * cos_theta1)
     sin_theta1 = sine[..., 0]
@@ -297,7 +297,7 @@ def phi_q(t, q, p):
     x26 = x25 - 0.0970142500145332 * x19 - 0.21828206253269974 * x19
     x27 = cos_theta1 * (0.30000000000000004 * x22 - 0.2 * D_z) - sin_theta1 * x26
     phi_q[..., 69] = 6.052275326688023 * x27
-    # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
+    # row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
     cos_theta2 = cosine[..., 1]
     phi_q[..., 70] = 2.1028002062685345 * cos_theta2
     sin_theta2 = sine[..., 1]
@@ -363,7 +363,7 @@ def gamma(t, q, qd, p):
     gamma[..., 11] = x9
     gamma[..., 12] = 0.0
     gamma[..., 13] = 0.0
-    # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
+    # row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
     x10 = 0.485071250072666 * (0.30000000000000004 * dD_z - 0.2 * dD_y)
     x11 = 0.21828206253269974 * dD_x - x10 + 0.0970142500145332 * dD_x
     dtheta1 = qd[..., 12]
@@ -382,7 +382,7 @@ def gamma(t, q, qd, p):
     x19 = 0.0970142500145332 * x18 + (x17 + 0.21828206253269974 * x18)
     x20 = x15 + x16 - sin_theta1 * (x12 * x11) + cos_theta1 * (x14 * x19)
     gamma[..., 14] = 6.052275326688023 * x20
-    # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
+    # row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
     x21 = 0.26726124191242434 * (0.30000000000000004 * dC_z - 0.2 * dC_y)
     x22 = x21 + 0.24053511772118197 * dC_x + 0.10690449676496974 * dC_x
     dtheta2 = qd[..., 13]
@@ -635,7 +635,7 @@ def constraints(t, q, qd, p):
     constraints[..., 80] = 0.485071250072666
     constraints[..., 81] = -0.727606875108999
     constraints[..., 103] = 0.0
-    # row 15: 1010 angle theta1 (coordinate theta1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
+    # row 15: 1010 angle theta1 (coordinate theta1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = A-D, b = B-A, n = uA, psi = theta1, ln = 1
     x49 = 0.485071250072666 * (0.2 * x44 + 0.30000000000000004 * D_z)
     x50 = 0.0970142500145332 * x38
     x51 = 0.21828206253269974 * x38
@@ -661,7 +661,7 @@ def constraints(t, q, qd, p):
     x63 = sin_theta1 * (x53 * x61) + x62 - sin_theta1 * (x59 * x60)
     x64 = 6.052275326688023 * (x63 + cos_theta1 * (x61 * (x49 - x51 - x50)))
     constraints[..., 104] = x64
-    # row 16: 1010 angle theta2 (coordinate theta2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
+    # row 16: 1010 angle theta2 (coordinate theta2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = B-A, b = C-B, n = uB, psi = theta2, ln = 1
     x65 = 0.26726124191242434 * (0.2 * x2 - 0.30000000000000004 * x3)
     x66 = 0.10690449676496974 * x1
     x67 = 0.24053511772118197 * x1

@@ -68,7 +68,7 @@ static const ncgen_scalar delta_number_3[27] = {
 };
 
 
-/* phi: 421 operations, 6 of them elementary functions */
+/* phi: 399 operations, 6 of them elementary functions */
 int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[3], cosine[3];
@@ -92,291 +92,278 @@ int delta_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         /* row 2: 1002 angle t1, E1-A1 (body arm1): u.a - L c = 0 with u = t1, a = E1-A1, L = 0.42, c = 0 */
         const ncgen_real x4 = R(2.380952380952381) * (R(0.49999999999999994) * x1 - R(0.8660254037844387) * x2);
         phi[1] = x4;
-        /* row 3: combination E1a.x (body arm1): (e - c a x b).x = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        /* row 3: combination E1a.x (body arm1): (e - c a x b).x = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
         const ncgen_real E1a_x = q[3];
-        const ncgen_real x5 = E1a_x + R(1.2691553730131524e-16) - R(1.0000000000000004) * E1_x;
-        phi[2] = x5 - R(0.040000000000000015);
-        /* row 4: combination E1a.y (body arm1): (e - c a x b).y = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        phi[2] = E1a_x - E1_x - R(0.04);
+        /* row 4: combination E1a.y (body arm1): (e - c a x b).y = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
         const ncgen_real E1a_y = q[4];
-        const ncgen_real x6 = E1a_y + R(7.327471962526032e-17) - R(1.0000000000000004) * E1_y;
-        phi[3] = x6 + R(0.06928203230275513);
-        /* row 5: combination E1a.z (body arm1): (e - c a x b).z = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        phi[3] = E1a_y - E1_y + R(0.0692820323027551);
+        /* row 5: combination E1a.z (body arm1): (e - c a x b).z = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
         const ncgen_real E1a_z = q[5];
-        phi[4] = E1a_z - R(1.0000000000000004) * E1_z;
-        /* row 6: combination E1b.x (body arm1): (e - c a x b).x = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        phi[4] = E1a_z - E1_z;
+        /* row 6: combination E1b.x (body arm1): (e - c a x b).x = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_x = q[6];
-        const ncgen_real x7 = E1b_x + R(6.345776865065762e-17) - R(1.0000000000000002) * E1_x;
-        phi[5] = x7 + R(0.03999999999999999);
-        /* row 7: combination E1b.y (body arm1): (e - c a x b).y = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        const ncgen_real x5 = E1b_x - R(3.172888432532881e-17) - R(0.9999999999999999) * E1_x;
+        phi[5] = R(0.04) + x5;
+        /* row 7: combination E1b.y (body arm1): (e - c a x b).y = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_y = q[7];
-        const ncgen_real x8 = E1b_y + R(3.663735981263016e-17) - R(1.0000000000000002) * E1_y;
-        phi[6] = x8 - R(0.06928203230275509);
-        /* row 8: combination E1b.z (body arm1): (e - c a x b).z = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        const ncgen_real x6 = E1b_y - R(1.831867990631508e-17) - R(0.9999999999999999) * E1_y;
+        phi[6] = x6 - R(0.0692820323027551);
+        /* row 8: combination E1b.z (body arm1): (e - c a x b).z = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_z = q[8];
-        phi[7] = E1b_z - R(1.0000000000000002) * E1_z;
-        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
+        phi[7] = E1b_z - R(0.9999999999999999) * E1_z;
+        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
         const ncgen_real sin_psi1 = sine[0];
-        const ncgen_real x9 = (R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2) * sin_psi1;
-        const ncgen_real x10 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        const ncgen_real x7 = (R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2) * sin_psi1;
+        const ncgen_real x8 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
         const ncgen_real cos_psi1 = cosine[0];
-        phi[8] = R(2.380952380952381) * (x10 * cos_psi1 - x9);
+        phi[8] = R(2.380952380952381) * (x8 * cos_psi1 - x7);
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real E2_x = q[10];
-        const ncgen_real x11 = -R(0.28578838324886474) - E2_x;
+        const ncgen_real x9 = -R(0.28578838324886474) - E2_x;
         const ncgen_real E2_y = q[11];
-        const ncgen_real x12 = R(0.16500000000000012) - E2_y;
+        const ncgen_real x10 = R(0.16500000000000012) - E2_y;
         const ncgen_real E2_z = q[12];
-        const ncgen_real x13 = x11 * x11 + x12 * x12 + E2_z * E2_z - R(0.17639999999999997);
-        phi[9] = R(1.1904761904761905) * x13;
+        const ncgen_real x11 = x9 * x9 + x10 * x10 + E2_z * E2_z - R(0.17639999999999997);
+        phi[9] = R(1.1904761904761905) * x11;
         /* row 11: 1002 angle t2, E2-A2 (body arm2): u.a - L c = 0 with u = t2, a = E2-A2, L = 0.42, c = 0 */
-        const ncgen_real x14 = E2_x + R(0.28578838324886474);
-        const ncgen_real x15 = R(0.8660254037844385) * x12 - R(0.5000000000000003) * x14;
-        phi[10] = R(2.380952380952381) * x15;
-        /* row 12: combination E2a.x (body arm2): (e - c a x b).x = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
+        const ncgen_real x12 = E2_x + R(0.28578838324886474);
+        const ncgen_real x13 = R(0.8660254037844385) * x10 - R(0.5000000000000003) * x12;
+        phi[10] = R(2.380952380952381) * x13;
+        /* row 12: combination E2a.x (body arm2): (e - c a x b).x = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
         const ncgen_real E2a_x = q[13];
-        const ncgen_real x16 = R(1.0000000000000002) * E2_x;
-        const ncgen_real x17 = E2a_x - R(6.345776865065761e-17) - x16 - R(0.04000000000000001);
-        phi[11] = x17;
-        /* row 13: combination E2a.y (body arm2): (e - c a x b).y = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
+        phi[11] = E2a_x - E2_x - R(0.04000000000000002);
+        /* row 13: combination E2a.y (body arm2): (e - c a x b).y = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
         const ncgen_real E2a_y = q[14];
-        const ncgen_real x18 = R(1.0000000000000002) * E2_y;
-        const ncgen_real x19 = E2a_y + R(3.663735981263019e-17) - x18 - R(0.06928203230275505);
-        phi[12] = x19;
-        /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
-        const ncgen_real x20 = R(1.0000000000000002) * E2_z;
+        phi[12] = E2a_y - E2_y - R(0.06928203230275506);
+        /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
         const ncgen_real E2a_z = q[15];
-        phi[13] = E2a_z - x20;
-        /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        phi[13] = E2a_z - E2_z;
+        /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
         const ncgen_real E2b_x = q[16];
-        const ncgen_real x21 = E2b_x - R(6.345776865065761e-17) - x16 + R(0.04000000000000005);
-        phi[14] = x21;
-        /* row 16: combination E2b.y (body arm2): (e - c a x b).y = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        phi[14] = E2b_x - E2_x + R(0.040000000000000036);
+        /* row 16: combination E2b.y (body arm2): (e - c a x b).y = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
         const ncgen_real E2b_y = q[17];
-        const ncgen_real x22 = R(3.663735981263019e-17) + E2b_y - x18 + R(0.06928203230275512);
-        phi[15] = x22;
-        /* row 17: combination E2b.z (body arm2): (e - c a x b).z = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        phi[15] = E2b_y - E2_y + R(0.06928203230275509);
+        /* row 17: combination E2b.z (body arm2): (e - c a x b).z = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
         const ncgen_real E2b_z = q[18];
-        phi[16] = E2b_z - x20;
-        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real x23 = R(0.8660254037844385) * x14 + R(0.5000000000000003) * x12;
+        phi[16] = E2b_z - E2_z;
+        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
+        const ncgen_real x14 = R(0.8660254037844385) * x12 + R(0.5000000000000003) * x10;
         const ncgen_real sin_psi2 = sine[1];
-        const ncgen_real x24 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        const ncgen_real x15 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
         const ncgen_real cos_psi2 = cosine[1];
-        phi[17] = R(2.380952380952381) * (x24 * cos_psi2 - x23 * sin_psi2);
+        phi[17] = R(2.380952380952381) * (x15 * cos_psi2 - x14 * sin_psi2);
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real E3_x = q[20];
-        const ncgen_real x25 = -R(6.062001655779399e-17) - E3_x;
+        const ncgen_real x16 = -R(6.062001655779399e-17) - E3_x;
         const ncgen_real E3_y = q[21];
-        const ncgen_real x26 = -R(0.33) - E3_y;
+        const ncgen_real x17 = -R(0.33) - E3_y;
         const ncgen_real E3_z = q[22];
-        const ncgen_real x27 = x25 * x25 + x26 * x26 + E3_z * E3_z - R(0.17639999999999997);
-        phi[18] = R(1.1904761904761905) * x27;
+        const ncgen_real x18 = x16 * x16 + x17 * x17 + E3_z * E3_z - R(0.17639999999999997);
+        phi[18] = R(1.1904761904761905) * x18;
         /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
-        const ncgen_real x28 = E3_y + R(0.33);
-        const ncgen_real x29 = E3_x + R(6.062001655779399e-17);
-        const ncgen_real x30 = R(2.380952380952381) * (x29 - R(1.8369701987210297e-16) * x28);
-        phi[19] = x30;
-        /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        const ncgen_real x19 = E3_y + R(0.33);
+        const ncgen_real x20 = E3_x + R(6.062001655779399e-17);
+        const ncgen_real x21 = R(2.380952380952381) * (x20 - R(1.8369701987210297e-16) * x19);
+        phi[19] = x21;
+        /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
         const ncgen_real E3a_x = q[23];
-        const ncgen_real x31 = E3a_x - R(2.6920695254248444e-32) - R(1.0000000000000004) * E3_x;
-        phi[20] = x31 + R(0.08000000000000018);
-        /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        phi[20] = E3a_x - E3_x + R(0.08000000000000002);
+        /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
         const ncgen_real E3a_y = q[24];
-        const ncgen_real x32 = E3a_y - R(1.4654943925052067e-16) - R(1.0000000000000004) * E3_y;
-        phi[21] = x32 - R(1.469576158976827e-17);
-        /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        phi[21] = E3a_y - E3_y - R(1.469576158976824e-17);
+        /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
         const ncgen_real E3a_z = q[25];
-        phi[22] = E3a_z - R(1.0000000000000004) * E3_z;
-        /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        phi[22] = E3a_z - E3_z;
+        /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
         const ncgen_real E3b_x = q[26];
-        const ncgen_real x33 = E3b_x - R(1.3460347627124222e-32) - R(1.0000000000000002) * E3_x;
-        phi[23] = x33 - R(0.07999999999999986);
-        /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        phi[23] = E3b_x - E3_x - R(0.07999999999999999);
+        /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
         const ncgen_real E3b_y = q[27];
-        const ncgen_real x34 = E3b_y - R(7.327471962526034e-17) - R(1.0000000000000002) * E3_y;
-        phi[24] = x34 + R(1.4695761589768212e-17);
-        /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        phi[24] = E3b_y - E3_y + R(1.4695761589768237e-17);
+        /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
         const ncgen_real E3b_z = q[28];
-        phi[25] = E3b_z - R(1.0000000000000002) * E3_z;
+        phi[25] = E3b_z - E3_z;
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
         const ncgen_real sin_psi3 = sine[2];
         const ncgen_real cos_psi3 = cosine[2];
-        const ncgen_real x35 = (E3_z + R(3.374459510989179e-32) * E3_z) * cos_psi3 - (x28 + R(1.8369701987210297e-16) * x29) * sin_psi3;
-        phi[26] = R(2.380952380952381) * x35;
+        const ncgen_real x22 = (E3_z + R(3.374459510989179e-32) * E3_z) * cos_psi3 - (x19 + R(1.8369701987210297e-16) * x20) * sin_psi3;
+        phi[26] = R(2.380952380952381) * x22;
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real P1a_x = q[30];
-        const ncgen_real x36 = E1a_x - P1a_x;
+        const ncgen_real x23 = E1a_x - P1a_x;
         const ncgen_real P1a_y = q[31];
-        const ncgen_real x37 = E1a_y - P1a_y;
+        const ncgen_real x24 = E1a_y - P1a_y;
         const ncgen_real P1a_z = q[32];
-        const ncgen_real x38 = E1a_z - P1a_z;
-        const ncgen_real x39 = R(0.47393364928909953) * (x36 * x36 + x37 * x37 + x38 * x38 - R(1.113025));
-        phi[27] = x39;
+        const ncgen_real x25 = E1a_z - P1a_z;
+        const ncgen_real x26 = R(0.47393364928909953) * (x23 * x23 + x24 * x24 + x25 * x25 - R(1.113025));
+        phi[27] = x26;
         /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
         const ncgen_real P1b_x = q[33];
-        const ncgen_real x40 = E1b_x - P1b_x;
+        const ncgen_real x27 = E1b_x - P1b_x;
         const ncgen_real P1b_y = q[34];
-        const ncgen_real x41 = E1b_y - P1b_y;
+        const ncgen_real x28 = E1b_y - P1b_y;
         const ncgen_real P1b_z = q[35];
-        const ncgen_real x42 = E1b_z - P1b_z;
-        const ncgen_real x43 = R(0.47393364928909953) * (x40 * x40 + x41 * x41 + x42 * x42 - R(1.113025));
-        phi[28] = x43;
+        const ncgen_real x29 = E1b_z - P1b_z;
+        const ncgen_real x30 = R(0.47393364928909953) * (x27 * x27 + x28 * x28 + x29 * x29 - R(1.113025));
+        phi[28] = x30;
         /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
         const ncgen_real P2a_x = q[36];
-        const ncgen_real x44 = E2a_x - P2a_x;
+        const ncgen_real x31 = E2a_x - P2a_x;
         const ncgen_real P2a_y = q[37];
-        const ncgen_real x45 = E2a_y - P2a_y;
+        const ncgen_real x32 = E2a_y - P2a_y;
         const ncgen_real P2a_z = q[38];
-        const ncgen_real x46 = E2a_z - P2a_z;
-        const ncgen_real x47 = x44 * x44 + x45 * x45 + x46 * x46 - R(1.1130250000000004);
-        phi[29] = R(0.4739336492890995) * x47;
+        const ncgen_real x33 = E2a_z - P2a_z;
+        const ncgen_real x34 = x31 * x31 + x32 * x32 + x33 * x33 - R(1.1130250000000004);
+        phi[29] = R(0.4739336492890995) * x34;
         /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
         const ncgen_real P2b_x = q[39];
-        const ncgen_real x48 = E2b_x - P2b_x;
+        const ncgen_real x35 = E2b_x - P2b_x;
         const ncgen_real P2b_y = q[40];
-        const ncgen_real x49 = E2b_y - P2b_y;
+        const ncgen_real x36 = E2b_y - P2b_y;
         const ncgen_real P2b_z = q[41];
-        const ncgen_real x50 = E2b_z - P2b_z;
-        const ncgen_real x51 = x48 * x48 + x49 * x49 + x50 * x50 - R(1.1130250000000004);
-        phi[30] = R(0.4739336492890995) * x51;
+        const ncgen_real x37 = E2b_z - P2b_z;
+        const ncgen_real x38 = x35 * x35 + x36 * x36 + x37 * x37 - R(1.1130250000000004);
+        phi[30] = R(0.4739336492890995) * x38;
         /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
         const ncgen_real P3a_x = q[42];
-        const ncgen_real x52 = E3a_x - P3a_x;
+        const ncgen_real x39 = E3a_x - P3a_x;
         const ncgen_real P3a_y = q[43];
-        const ncgen_real x53 = E3a_y - P3a_y;
+        const ncgen_real x40 = E3a_y - P3a_y;
         const ncgen_real P3a_z = q[44];
-        const ncgen_real x54 = E3a_z - P3a_z;
-        const ncgen_real x55 = R(0.47393364928909953) * (x52 * x52 + x53 * x53 + x54 * x54 - R(1.113025));
-        phi[31] = x55;
+        const ncgen_real x41 = E3a_z - P3a_z;
+        const ncgen_real x42 = x39 * x39 + x40 * x40 + x41 * x41 - R(1.1130250000000004);
+        phi[31] = R(0.4739336492890995) * x42;
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real P3b_x = q[45];
-        const ncgen_real x56 = E3b_x - P3b_x;
+        const ncgen_real x43 = E3b_x - P3b_x;
         const ncgen_real P3b_y = q[46];
-        const ncgen_real x57 = E3b_y - P3b_y;
+        const ncgen_real x44 = E3b_y - P3b_y;
         const ncgen_real P3b_z = q[47];
-        const ncgen_real x58 = E3b_z - P3b_z;
-        const ncgen_real x59 = R(0.47393364928909953) * (x56 * x56 + x57 * x57 + x58 * x58 - R(1.113025));
-        phi[32] = x59;
+        const ncgen_real x45 = E3b_z - P3b_z;
+        const ncgen_real x46 = x43 * x43 + x44 * x44 + x45 * x45 - R(1.1130250000000004);
+        phi[32] = R(0.4739336492890995) * x46;
         /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
-        const ncgen_real x60 = P1a_x - P1b_x;
-        const ncgen_real x61 = P1a_y - P1b_y;
-        const ncgen_real x62 = P1a_z - P1b_z;
-        const ncgen_real x63 = x60 * x60 + x61 * x61 + x62 * x62 - R(0.02560000000000001);
-        phi[33] = R(3.1249999999999996) * x63;
+        const ncgen_real x47 = P1a_x - P1b_x;
+        const ncgen_real x48 = P1a_y - P1b_y;
+        const ncgen_real x49 = P1a_z - P1b_z;
+        const ncgen_real x50 = x47 * x47 + x48 * x48 + x49 * x49 - R(0.02560000000000001);
+        phi[33] = R(3.1249999999999996) * x50;
         /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
-        const ncgen_real x64 = P1a_x - P2a_x;
-        const ncgen_real x65 = P1a_y - P2a_y;
-        const ncgen_real x66 = P1a_z - P2a_z;
-        const ncgen_real x67 = R(1.945142479610587) * (x64 * x64 + x65 * x65 + x66 * x66 - R(0.066075));
-        phi[34] = x67;
+        const ncgen_real x51 = P1a_x - P2a_x;
+        const ncgen_real x52 = P1a_y - P2a_y;
+        const ncgen_real x53 = P1a_z - P2a_z;
+        const ncgen_real x54 = R(1.945142479610587) * (x51 * x51 + x52 * x52 + x53 * x53 - R(0.066075));
+        phi[34] = x54;
         /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
-        const ncgen_real x68 = P2a_x - P1b_x;
-        const ncgen_real x69 = P2a_y - P1b_y;
-        const ncgen_real x70 = P2a_z - P1b_z;
-        const ncgen_real x71 = x68 * x68 + x69 * x69 + x70 * x70 - R(0.018633983848622415);
-        phi[35] = R(3.662833242076714) * x71;
+        const ncgen_real x55 = P2a_x - P1b_x;
+        const ncgen_real x56 = P2a_y - P1b_y;
+        const ncgen_real x57 = P2a_z - P1b_z;
+        const ncgen_real x58 = x55 * x55 + x56 * x56 + x57 * x57 - R(0.018633983848622415);
+        phi[35] = R(3.662833242076714) * x58;
         /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
         const ncgen_real C_x = q[48];
-        const ncgen_real x72 = P1a_x - C_x;
+        const ncgen_real x59 = P1a_x - C_x;
         const ncgen_real C_y = q[49];
-        const ncgen_real x73 = P1a_y - C_y;
+        const ncgen_real x60 = P1a_y - C_y;
         const ncgen_real C_z = q[50];
-        const ncgen_real x74 = P1a_z - C_z;
-        const ncgen_real x75 = x72 * x72 + x73 * x73 + x74 * x74 - R(0.028424999999999992);
-        phi[36] = R(2.965649129302967) * x75;
+        const ncgen_real x61 = P1a_z - C_z;
+        const ncgen_real x62 = x59 * x59 + x60 * x60 + x61 * x61 - R(0.028424999999999992);
+        phi[36] = R(2.965649129302967) * x62;
         /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
-        const ncgen_real x76 = C_x - P1b_x;
-        const ncgen_real x77 = C_y - P1b_y;
-        const ncgen_real x78 = C_z - P1b_z;
-        const ncgen_real x79 = x76 * x76 + x77 * x77 + x78 * x78 - R(0.028424999999999985);
-        phi[37] = R(2.9656491293029674) * x79;
+        const ncgen_real x63 = C_x - P1b_x;
+        const ncgen_real x64 = C_y - P1b_y;
+        const ncgen_real x65 = C_z - P1b_z;
+        const ncgen_real x66 = x63 * x63 + x64 * x64 + x65 * x65 - R(0.028424999999999985);
+        phi[37] = R(2.9656491293029674) * x66;
         /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
-        const ncgen_real x80 = C_x - P2a_x;
-        const ncgen_real x81 = C_y - P2a_y;
-        const ncgen_real x82 = C_z - P2a_z;
-        const ncgen_real x83 = x80 * x80 + x81 * x81 + x82 * x82 - R(0.028425000000000002);
-        phi[38] = R(2.9656491293029665) * x83;
+        const ncgen_real x67 = C_x - P2a_x;
+        const ncgen_real x68 = C_y - P2a_y;
+        const ncgen_real x69 = C_z - P2a_z;
+        const ncgen_real x70 = x67 * x67 + x68 * x68 + x69 * x69 - R(0.028425000000000002);
+        phi[38] = R(2.9656491293029665) * x70;
         /* row 40: combination P2b.x (body platform): (e - c a x b).x = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x84 = P2b_x - R(0.9999999999999991) * P1a_x + R(2.1721066374645472) * P1b_x;
-        phi[39] = x84 - R(2.172106637464548) * P2a_x;
+        const ncgen_real x71 = P2b_x - R(1.0000000000000009) * P1a_x + R(2.1721066374645503) * P1b_x;
+        phi[39] = x71 - R(2.1721066374645495) * P2a_x;
         /* row 41: combination P2b.y (body platform): (e - c a x b).y = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x85 = P2b_y - R(0.9999999999999991) * P1a_y + R(2.1721066374645472) * P1b_y;
-        phi[40] = x85 - R(2.172106637464548) * P2a_y;
+        const ncgen_real x72 = P2b_y - R(1.0000000000000009) * P1a_y + R(2.1721066374645503) * P1b_y;
+        phi[40] = x72 - R(2.1721066374645495) * P2a_y;
         /* row 42: combination P2b.z (body platform): (e - c a x b).z = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x86 = P2b_z - R(0.9999999999999991) * P1a_z + R(2.1721066374645472) * P1b_z;
-        phi[41] = x86 - R(2.172106637464548) * P2a_z;
+        const ncgen_real x73 = P2b_z - R(1.0000000000000009) * P1a_z + R(2.1721066374645503) * P1b_z;
+        phi[41] = x73 - R(2.1721066374645495) * P2a_z;
         /* row 43: combination P3a.x (body platform): (e - c a x b).x = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x87 = P3a_x - R(1.8531646934131842) * P1a_x + R(3.0252713308777346) * P1b_x;
-        phi[42] = x87 - R(2.17210663746455) * P2a_x;
+        const ncgen_real x74 = P3a_x - R(1.8531646934131865) * P1a_x + R(3.025271330877737) * P1b_x;
+        phi[42] = x74 - R(2.1721066374645503) * P2a_x;
         /* row 44: combination P3a.y (body platform): (e - c a x b).y = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x88 = P3a_y - R(1.8531646934131842) * P1a_y + R(3.0252713308777346) * P1b_y;
-        phi[43] = x88 - R(2.17210663746455) * P2a_y;
+        const ncgen_real x75 = P3a_y - R(1.8531646934131865) * P1a_y + R(3.025271330877737) * P1b_y;
+        phi[43] = x75 - R(2.1721066374645503) * P2a_y;
         /* row 45: combination P3a.z (body platform): (e - c a x b).z = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x89 = P3a_z - R(1.8531646934131842) * P1a_z + R(3.0252713308777346) * P1b_z;
-        phi[44] = x89 - R(2.17210663746455) * P2a_z;
+        const ncgen_real x76 = P3a_z - R(1.8531646934131865) * P1a_z + R(3.025271330877737) * P1b_z;
+        phi[44] = x76 - R(2.1721066374645503) * P2a_z;
         /* row 46: combination P3b.x (body platform): (e - c a x b).x = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x90 = P3b_x - R(1.8531646934131856) * P1a_x + R(1.853164693413187) * P1b_x;
-        phi[45] = x90 - R(1.0000000000000013) * P2a_x;
+        const ncgen_real x77 = P3b_x - R(1.8531646934131858) * P1a_x + R(1.8531646934131876) * P1b_x;
+        phi[45] = x77 - R(1.000000000000002) * P2a_x;
         /* row 47: combination P3b.y (body platform): (e - c a x b).y = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x91 = P3b_y - R(1.8531646934131856) * P1a_y + R(1.853164693413187) * P1b_y;
-        phi[46] = x91 - R(1.0000000000000013) * P2a_y;
+        const ncgen_real x78 = P3b_y - R(1.8531646934131858) * P1a_y + R(1.8531646934131876) * P1b_y;
+        phi[46] = x78 - R(1.000000000000002) * P2a_y;
         /* row 48: combination P3b.z (body platform): (e - c a x b).z = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x92 = P3b_z - R(1.8531646934131856) * P1a_z + R(1.853164693413187) * P1b_z;
-        phi[47] = x92 - R(1.0000000000000013) * P2a_z;
+        const ncgen_real x79 = P3b_z - R(1.8531646934131858) * P1a_z + R(1.8531646934131876) * P1b_z;
+        phi[47] = x79 - R(1.000000000000002) * P2a_z;
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real n1_x = q[51];
         const ncgen_real n1_y = q[52];
         const ncgen_real n1_z = q[53];
-        const ncgen_real x93 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
-        phi[48] = x93;
+        const ncgen_real x80 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
+        phi[48] = x80;
         /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x94 = R(0.9478672985781991) * (x36 * n1_x + x37 * n1_y + x38 * n1_z);
-        phi[49] = -x94;
+        const ncgen_real x81 = R(0.9478672985781991) * (x23 * n1_x + x24 * n1_y + x25 * n1_z);
+        phi[49] = -x81;
         /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        const ncgen_real x95 = R(0.9478672985781991) * (x40 * n1_x + x41 * n1_y + x42 * n1_z);
-        phi[50] = -x95;
+        const ncgen_real x82 = R(0.9478672985781991) * (x27 * n1_x + x28 * n1_y + x29 * n1_z);
+        phi[50] = -x82;
         /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
-        const ncgen_real x96 = n1_x * (E1b_x - E1a_x) + n1_y * (E1b_y - E1a_y) + n1_z * (E1b_z - E1a_z);
-        phi[51] = R(6.249999999999999) * x96;
+        const ncgen_real x83 = n1_x * (E1b_x - E1a_x) + n1_y * (E1b_y - E1a_y) + n1_z * (E1b_z - E1a_z);
+        phi[51] = R(6.249999999999999) * x83;
         /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        const ncgen_real x97 = R(6.249999999999999) * (x60 * n1_x + x61 * n1_y + x62 * n1_z);
-        phi[52] = -x97;
+        const ncgen_real x84 = R(6.249999999999999) * (x47 * n1_x + x48 * n1_y + x49 * n1_z);
+        phi[52] = -x84;
         /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
         const ncgen_real n2_x = q[54];
         const ncgen_real n2_y = q[55];
         const ncgen_real n2_z = q[56];
-        const ncgen_real x98 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
-        phi[53] = x98;
+        const ncgen_real x85 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
+        phi[53] = x85;
         /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x99 = R(0.947867298578199) * (x44 * n2_x + x45 * n2_y + x46 * n2_z);
-        phi[54] = -x99;
+        const ncgen_real x86 = R(0.947867298578199) * (x31 * n2_x + x32 * n2_y + x33 * n2_z);
+        phi[54] = -x86;
         /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        const ncgen_real x100 = R(0.947867298578199) * (x48 * n2_x + x49 * n2_y + x50 * n2_z);
-        phi[55] = -x100;
+        const ncgen_real x87 = R(0.947867298578199) * (x35 * n2_x + x36 * n2_y + x37 * n2_z);
+        phi[55] = -x87;
         /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
-        const ncgen_real x101 = n2_x * (E2b_x - E2a_x) + n2_y * (E2b_y - E2a_y) + n2_z * (E2b_z - E2a_z);
-        phi[56] = R(6.249999999999999) * x101;
+        const ncgen_real x88 = n2_x * (E2b_x - E2a_x) + n2_y * (E2b_y - E2a_y) + n2_z * (E2b_z - E2a_z);
+        phi[56] = R(6.249999999999999) * x88;
         /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
-        const ncgen_real x102 = n2_x * (P2b_x - P2a_x) + n2_y * (P2b_y - P2a_y) + n2_z * (P2b_z - P2a_z);
-        phi[57] = R(6.249999999999999) * x102;
+        const ncgen_real x89 = n2_x * (P2b_x - P2a_x) + n2_y * (P2b_y - P2a_y) + n2_z * (P2b_z - P2a_z);
+        phi[57] = R(6.249999999999999) * x89;
         /* row 59: 1001 unit n3 (body rod3a): |u|^2 - 1 = 0 with u = n3 */
         const ncgen_real n3_x = q[57];
         const ncgen_real n3_y = q[58];
         const ncgen_real n3_z = q[59];
-        const ncgen_real x103 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
-        phi[58] = x103;
+        const ncgen_real x90 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
+        phi[58] = x90;
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x104 = R(0.9478672985781991) * (x52 * n3_x + x53 * n3_y + x54 * n3_z);
-        phi[59] = -x104;
+        const ncgen_real x91 = R(0.947867298578199) * (x39 * n3_x + x40 * n3_y + x41 * n3_z);
+        phi[59] = -x91;
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        const ncgen_real x105 = R(0.9478672985781991) * (x56 * n3_x + x57 * n3_y + x58 * n3_z);
-        phi[60] = -x105;
+        const ncgen_real x92 = R(0.947867298578199) * (x43 * n3_x + x44 * n3_y + x45 * n3_z);
+        phi[60] = -x92;
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
-        const ncgen_real x106 = n3_x * (E3b_x - E3a_x) + n3_y * (E3b_y - E3a_y) + n3_z * (E3b_z - E3a_z);
-        phi[61] = R(6.25) * x106;
+        const ncgen_real x93 = n3_x * (E3b_x - E3a_x) + n3_y * (E3b_y - E3a_y) + n3_z * (E3b_z - E3a_z);
+        phi[61] = R(6.25) * x93;
         /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
-        const ncgen_real x107 = n3_x * (P3b_x - P3a_x) + n3_y * (P3b_y - P3a_y) + n3_z * (P3b_z - P3a_z);
-        phi[62] = R(6.25) * x107;
+        const ncgen_real x94 = n3_x * (P3b_x - P3a_x) + n3_y * (P3b_y - P3a_y) + n3_z * (P3b_z - P3a_z);
+        phi[62] = R(6.25) * x94;
     }
 
     return NCGEN_OK;
@@ -405,19 +392,19 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[2] = R(2.380952380952381) * E1_z;
         phi_q[3] = NCGEN_SPLAT(-R(1.1904761904761902));
         phi_q[4] = NCGEN_SPLAT(R(2.0619652471058063));
-        phi_q[5] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[5] = NCGEN_SPLAT(-R(1.0));
         phi_q[6] = NCGEN_SPLAT(R(1.0));
-        phi_q[7] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[7] = NCGEN_SPLAT(-R(1.0));
         phi_q[8] = NCGEN_SPLAT(R(1.0));
-        phi_q[9] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[9] = NCGEN_SPLAT(-R(1.0));
         phi_q[10] = NCGEN_SPLAT(R(1.0));
-        phi_q[11] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[11] = NCGEN_SPLAT(-R(0.9999999999999999));
         phi_q[12] = NCGEN_SPLAT(R(1.0));
-        phi_q[13] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[13] = NCGEN_SPLAT(-R(0.9999999999999999));
         phi_q[14] = NCGEN_SPLAT(R(1.0));
-        phi_q[15] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[15] = NCGEN_SPLAT(-R(0.9999999999999999));
         phi_q[16] = NCGEN_SPLAT(R(1.0));
-        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
+        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
         const ncgen_real sin_psi1 = sine[0];
         phi_q[17] = R(2.0619652471058063) * sin_psi1;
         phi_q[18] = R(1.1904761904761902) * sin_psi1;
@@ -437,19 +424,19 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[23] = R(2.380952380952381) * E2_z;
         phi_q[24] = NCGEN_SPLAT(-R(1.1904761904761914));
         phi_q[25] = NCGEN_SPLAT(-R(2.061965247105806));
-        phi_q[26] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[26] = NCGEN_SPLAT(-R(1.0));
         phi_q[27] = NCGEN_SPLAT(R(1.0));
-        phi_q[28] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[28] = NCGEN_SPLAT(-R(1.0));
         phi_q[29] = NCGEN_SPLAT(R(1.0));
-        phi_q[30] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[30] = NCGEN_SPLAT(-R(1.0));
         phi_q[31] = NCGEN_SPLAT(R(1.0));
-        phi_q[32] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[32] = NCGEN_SPLAT(-R(1.0));
         phi_q[33] = NCGEN_SPLAT(R(1.0));
-        phi_q[34] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[34] = NCGEN_SPLAT(-R(1.0));
         phi_q[35] = NCGEN_SPLAT(R(1.0));
-        phi_q[36] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[36] = NCGEN_SPLAT(-R(1.0));
         phi_q[37] = NCGEN_SPLAT(R(1.0));
-        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
+        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
         const ncgen_real sin_psi2 = sine[1];
         phi_q[38] = -(R(2.061965247105806) * sin_psi2);
         phi_q[39] = R(1.1904761904761914) * sin_psi2;
@@ -469,17 +456,17 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[44] = R(2.380952380952381) * E3_z;
         phi_q[45] = NCGEN_SPLAT(R(2.380952380952381));
         phi_q[46] = NCGEN_SPLAT(-R(4.373738568383404e-16));
-        phi_q[47] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[47] = NCGEN_SPLAT(-R(1.0));
         phi_q[48] = NCGEN_SPLAT(R(1.0));
-        phi_q[49] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[49] = NCGEN_SPLAT(-R(1.0));
         phi_q[50] = NCGEN_SPLAT(R(1.0));
-        phi_q[51] = NCGEN_SPLAT(-R(1.0000000000000004));
+        phi_q[51] = NCGEN_SPLAT(-R(1.0));
         phi_q[52] = NCGEN_SPLAT(R(1.0));
-        phi_q[53] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[53] = NCGEN_SPLAT(-R(1.0));
         phi_q[54] = NCGEN_SPLAT(R(1.0));
-        phi_q[55] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[55] = NCGEN_SPLAT(-R(1.0));
         phi_q[56] = NCGEN_SPLAT(R(1.0));
-        phi_q[57] = NCGEN_SPLAT(-R(1.0000000000000002));
+        phi_q[57] = NCGEN_SPLAT(-R(1.0));
         phi_q[58] = NCGEN_SPLAT(R(1.0));
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
         const ncgen_real sin_psi3 = sine[2];
@@ -569,15 +556,15 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
         const ncgen_real E3a_x = q[23];
         const ncgen_real P3a_x = q[42];
-        const ncgen_real x37 = R(0.9478672985781991) * (E3a_x - P3a_x);
+        const ncgen_real x37 = R(0.947867298578199) * (E3a_x - P3a_x);
         phi_q[87] = x37;
         const ncgen_real E3a_y = q[24];
         const ncgen_real P3a_y = q[43];
-        const ncgen_real x38 = R(0.9478672985781991) * (E3a_y - P3a_y);
+        const ncgen_real x38 = R(0.947867298578199) * (E3a_y - P3a_y);
         phi_q[88] = x38;
         const ncgen_real E3a_z = q[25];
         const ncgen_real P3a_z = q[44];
-        const ncgen_real x39 = R(0.9478672985781991) * (E3a_z - P3a_z);
+        const ncgen_real x39 = R(0.947867298578199) * (E3a_z - P3a_z);
         phi_q[89] = x39;
         const ncgen_real x40 = -x37;
         phi_q[90] = x40;
@@ -588,15 +575,15 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real E3b_x = q[26];
         const ncgen_real P3b_x = q[45];
-        const ncgen_real x43 = R(0.9478672985781991) * (E3b_x - P3b_x);
+        const ncgen_real x43 = R(0.947867298578199) * (E3b_x - P3b_x);
         phi_q[93] = x43;
         const ncgen_real E3b_y = q[27];
         const ncgen_real P3b_y = q[46];
-        const ncgen_real x44 = R(0.9478672985781991) * (E3b_y - P3b_y);
+        const ncgen_real x44 = R(0.947867298578199) * (E3b_y - P3b_y);
         phi_q[94] = x44;
         const ncgen_real E3b_z = q[28];
         const ncgen_real P3b_z = q[47];
-        const ncgen_real x45 = R(0.9478672985781991) * (E3b_z - P3b_z);
+        const ncgen_real x45 = R(0.947867298578199) * (E3b_z - P3b_z);
         phi_q[95] = x45;
         const ncgen_real x46 = -x43;
         phi_q[96] = x46;
@@ -670,41 +657,41 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[132] = x67;
         phi_q[133] = x68;
         phi_q[134] = x69;
-        phi_q[135] = NCGEN_SPLAT(-R(0.9999999999999991));
-        phi_q[136] = NCGEN_SPLAT(R(2.1721066374645472));
-        phi_q[137] = NCGEN_SPLAT(-R(2.172106637464548));
+        phi_q[135] = NCGEN_SPLAT(-R(1.0000000000000009));
+        phi_q[136] = NCGEN_SPLAT(R(2.1721066374645503));
+        phi_q[137] = NCGEN_SPLAT(-R(2.1721066374645495));
         phi_q[138] = NCGEN_SPLAT(R(1.0));
-        phi_q[139] = NCGEN_SPLAT(-R(0.9999999999999991));
-        phi_q[140] = NCGEN_SPLAT(R(2.1721066374645472));
-        phi_q[141] = NCGEN_SPLAT(-R(2.172106637464548));
+        phi_q[139] = NCGEN_SPLAT(-R(1.0000000000000009));
+        phi_q[140] = NCGEN_SPLAT(R(2.1721066374645503));
+        phi_q[141] = NCGEN_SPLAT(-R(2.1721066374645495));
         phi_q[142] = NCGEN_SPLAT(R(1.0));
-        phi_q[143] = NCGEN_SPLAT(-R(0.9999999999999991));
-        phi_q[144] = NCGEN_SPLAT(R(2.1721066374645472));
-        phi_q[145] = NCGEN_SPLAT(-R(2.172106637464548));
+        phi_q[143] = NCGEN_SPLAT(-R(1.0000000000000009));
+        phi_q[144] = NCGEN_SPLAT(R(2.1721066374645503));
+        phi_q[145] = NCGEN_SPLAT(-R(2.1721066374645495));
         phi_q[146] = NCGEN_SPLAT(R(1.0));
-        phi_q[147] = NCGEN_SPLAT(-R(1.8531646934131842));
-        phi_q[148] = NCGEN_SPLAT(R(3.0252713308777346));
-        phi_q[149] = NCGEN_SPLAT(-R(2.17210663746455));
+        phi_q[147] = NCGEN_SPLAT(-R(1.8531646934131865));
+        phi_q[148] = NCGEN_SPLAT(R(3.025271330877737));
+        phi_q[149] = NCGEN_SPLAT(-R(2.1721066374645503));
         phi_q[150] = NCGEN_SPLAT(R(1.0));
-        phi_q[151] = NCGEN_SPLAT(-R(1.8531646934131842));
-        phi_q[152] = NCGEN_SPLAT(R(3.0252713308777346));
-        phi_q[153] = NCGEN_SPLAT(-R(2.17210663746455));
+        phi_q[151] = NCGEN_SPLAT(-R(1.8531646934131865));
+        phi_q[152] = NCGEN_SPLAT(R(3.025271330877737));
+        phi_q[153] = NCGEN_SPLAT(-R(2.1721066374645503));
         phi_q[154] = NCGEN_SPLAT(R(1.0));
-        phi_q[155] = NCGEN_SPLAT(-R(1.8531646934131842));
-        phi_q[156] = NCGEN_SPLAT(R(3.0252713308777346));
-        phi_q[157] = NCGEN_SPLAT(-R(2.17210663746455));
+        phi_q[155] = NCGEN_SPLAT(-R(1.8531646934131865));
+        phi_q[156] = NCGEN_SPLAT(R(3.025271330877737));
+        phi_q[157] = NCGEN_SPLAT(-R(2.1721066374645503));
         phi_q[158] = NCGEN_SPLAT(R(1.0));
-        phi_q[159] = NCGEN_SPLAT(-R(1.8531646934131856));
-        phi_q[160] = NCGEN_SPLAT(R(1.853164693413187));
-        phi_q[161] = NCGEN_SPLAT(-R(1.0000000000000013));
+        phi_q[159] = NCGEN_SPLAT(-R(1.8531646934131858));
+        phi_q[160] = NCGEN_SPLAT(R(1.8531646934131876));
+        phi_q[161] = NCGEN_SPLAT(-R(1.000000000000002));
         phi_q[162] = NCGEN_SPLAT(R(1.0));
-        phi_q[163] = NCGEN_SPLAT(-R(1.8531646934131856));
-        phi_q[164] = NCGEN_SPLAT(R(1.853164693413187));
-        phi_q[165] = NCGEN_SPLAT(-R(1.0000000000000013));
+        phi_q[163] = NCGEN_SPLAT(-R(1.8531646934131858));
+        phi_q[164] = NCGEN_SPLAT(R(1.8531646934131876));
+        phi_q[165] = NCGEN_SPLAT(-R(1.000000000000002));
         phi_q[166] = NCGEN_SPLAT(R(1.0));
-        phi_q[167] = NCGEN_SPLAT(-R(1.8531646934131856));
-        phi_q[168] = NCGEN_SPLAT(R(1.853164693413187));
-        phi_q[169] = NCGEN_SPLAT(-R(1.0000000000000013));
+        phi_q[167] = NCGEN_SPLAT(-R(1.8531646934131858));
+        phi_q[168] = NCGEN_SPLAT(R(1.8531646934131876));
+        phi_q[169] = NCGEN_SPLAT(-R(1.000000000000002));
         phi_q[170] = NCGEN_SPLAT(R(1.0));
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real n1_x = q[51];
@@ -832,13 +819,13 @@ int delta_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real n3_z = q[59];
         phi_q[251] = n3_z;
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x94 = R(0.9478672985781991) * n3_x;
+        const ncgen_real x94 = R(0.947867298578199) * n3_x;
         const ncgen_real x95 = -x94;
         phi_q[252] = x95;
-        const ncgen_real x96 = R(0.9478672985781991) * n3_y;
+        const ncgen_real x96 = R(0.947867298578199) * n3_y;
         const ncgen_real x97 = -x96;
         phi_q[253] = x97;
-        const ncgen_real x98 = R(0.9478672985781991) * n3_z;
+        const ncgen_real x98 = R(0.947867298578199) * n3_z;
         const ncgen_real x99 = -x98;
         phi_q[254] = x99;
         phi_q[255] = x94;
@@ -913,7 +900,7 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         gamma[5] = NCGEN_SPLAT(R(0.0));
         gamma[6] = NCGEN_SPLAT(R(0.0));
         gamma[7] = NCGEN_SPLAT(R(0.0));
-        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
+        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
         const ncgen_real E1_x = q[0];
         const ncgen_real E1_y = q[1];
         const ncgen_real x2 = R(0.8660254037844387) * (E1_x - R(0.2857883832488648)) + R(0.49999999999999994) * (E1_y - R(0.16499999999999998));
@@ -941,7 +928,7 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         gamma[14] = NCGEN_SPLAT(R(0.0));
         gamma[15] = NCGEN_SPLAT(R(0.0));
         gamma[16] = NCGEN_SPLAT(R(0.0));
-        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
+        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
         const ncgen_real E2_y = q[11];
         const ncgen_real E2_x = q[10];
         const ncgen_real x10 = R(0.5000000000000003) * (E2_y - R(0.16500000000000012)) - R(0.8660254037844385) * (E2_x + R(0.28578838324886474));
@@ -1042,7 +1029,7 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dE3a_z = qd[25];
         const ncgen_real dP3a_z = qd[44];
         const ncgen_real x43 = dE3a_z - dP3a_z;
-        const ncgen_real x44 = R(0.9478672985781991) * (x41 * x41 + x42 * x42 + x43 * x43);
+        const ncgen_real x44 = R(0.947867298578199) * (x41 * x41 + x42 * x42 + x43 * x43);
         gamma[31] = -x44;
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real dE3b_x = qd[26];
@@ -1054,7 +1041,7 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dE3b_z = qd[28];
         const ncgen_real dP3b_z = qd[47];
         const ncgen_real x47 = dE3b_z - dP3b_z;
-        const ncgen_real x48 = R(0.9478672985781991) * (x45 * x45 + x46 * x46 + x47 * x47);
+        const ncgen_real x48 = R(0.947867298578199) * (x45 * x45 + x46 * x46 + x47 * x47);
         gamma[32] = -x48;
         /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
         const ncgen_real x49 = dP1a_x - dP1b_x;
@@ -1144,10 +1131,10 @@ int delta_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real dn3_z = qd[59];
         gamma[58] = -(dn3_x * dn3_x + dn3_y * dn3_y + dn3_z * dn3_z);
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x81 = R(1.8957345971563981) * (x41 * dn3_x + x42 * dn3_y + x43 * dn3_z);
+        const ncgen_real x81 = R(1.895734597156398) * (x41 * dn3_x + x42 * dn3_y + x43 * dn3_z);
         gamma[59] = x81;
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        const ncgen_real x82 = R(1.8957345971563981) * (x45 * dn3_x + x46 * dn3_y + x47 * dn3_z);
+        const ncgen_real x82 = R(1.895734597156398) * (x45 * dn3_x + x46 * dn3_y + x47 * dn3_z);
         gamma[60] = x82;
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
         const ncgen_real x83 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
@@ -1332,7 +1319,7 @@ int delta_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_r
 
     return NCGEN_OK;
 }
-/* constraints: 895 operations, 6 of them elementary functions */
+/* constraints: 873 operations, 6 of them elementary functions */
 int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[3], cosine[3];
@@ -1367,629 +1354,616 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         constraints[66] = NCGEN_SPLAT(-R(1.1904761904761902));
         constraints[67] = NCGEN_SPLAT(R(2.0619652471058063));
         constraints[352] = NCGEN_SPLAT(R(0.0));
-        /* row 3: combination E1a.x (body arm1): (e - c a x b).x = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        /* row 3: combination E1a.x (body arm1): (e - c a x b).x = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
         const ncgen_real E1a_x = q[3];
-        const ncgen_real x6 = E1a_x + R(1.2691553730131524e-16) - R(1.0000000000000004) * E1_x;
-        constraints[2] = x6 - R(0.040000000000000015);
-        constraints[68] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[2] = E1a_x - E1_x - R(0.04);
+        constraints[68] = NCGEN_SPLAT(-R(1.0));
         constraints[69] = NCGEN_SPLAT(R(1.0));
         constraints[353] = NCGEN_SPLAT(R(0.0));
-        /* row 4: combination E1a.y (body arm1): (e - c a x b).y = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        /* row 4: combination E1a.y (body arm1): (e - c a x b).y = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
         const ncgen_real E1a_y = q[4];
-        const ncgen_real x7 = E1a_y + R(7.327471962526032e-17) - R(1.0000000000000004) * E1_y;
-        constraints[3] = x7 + R(0.06928203230275513);
-        constraints[70] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[3] = E1a_y - E1_y + R(0.0692820323027551);
+        constraints[70] = NCGEN_SPLAT(-R(1.0));
         constraints[71] = NCGEN_SPLAT(R(1.0));
         constraints[354] = NCGEN_SPLAT(R(0.0));
-        /* row 5: combination E1a.z (body arm1): (e - c a x b).z = 0 with e = E1a+4.44089e-16*A1-1*E1+0.08*t1, a = E1a+4.44089e-16*A1-1*E1+0.08*t1, b = E1a+4.44089e-16*A1-1*E1+0.08*t1, c = 0 */
+        /* row 5: combination E1a.z (body arm1): (e - c a x b).z = 0 with e = E1a-E1+0.08*t1, a = E1a-E1+0.08*t1, b = E1a-E1+0.08*t1, c = 0 */
         const ncgen_real E1a_z = q[5];
-        constraints[4] = E1a_z - R(1.0000000000000004) * E1_z;
-        constraints[72] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[4] = E1a_z - E1_z;
+        constraints[72] = NCGEN_SPLAT(-R(1.0));
         constraints[73] = NCGEN_SPLAT(R(1.0));
         constraints[355] = NCGEN_SPLAT(R(0.0));
-        /* row 6: combination E1b.x (body arm1): (e - c a x b).x = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        /* row 6: combination E1b.x (body arm1): (e - c a x b).x = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_x = q[6];
-        const ncgen_real x8 = E1b_x + R(6.345776865065762e-17) - R(1.0000000000000002) * E1_x;
-        constraints[5] = x8 + R(0.03999999999999999);
-        constraints[74] = NCGEN_SPLAT(-R(1.0000000000000002));
+        const ncgen_real x6 = E1b_x - R(3.172888432532881e-17) - R(0.9999999999999999) * E1_x;
+        constraints[5] = R(0.04) + x6;
+        constraints[74] = NCGEN_SPLAT(-R(0.9999999999999999));
         constraints[75] = NCGEN_SPLAT(R(1.0));
         constraints[356] = NCGEN_SPLAT(R(0.0));
-        /* row 7: combination E1b.y (body arm1): (e - c a x b).y = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        /* row 7: combination E1b.y (body arm1): (e - c a x b).y = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_y = q[7];
-        const ncgen_real x9 = E1b_y + R(3.663735981263016e-17) - R(1.0000000000000002) * E1_y;
-        constraints[6] = x9 - R(0.06928203230275509);
-        constraints[76] = NCGEN_SPLAT(-R(1.0000000000000002));
+        const ncgen_real x7 = E1b_y - R(1.831867990631508e-17) - R(0.9999999999999999) * E1_y;
+        constraints[6] = x7 - R(0.0692820323027551);
+        constraints[76] = NCGEN_SPLAT(-R(0.9999999999999999));
         constraints[77] = NCGEN_SPLAT(R(1.0));
         constraints[357] = NCGEN_SPLAT(R(0.0));
-        /* row 8: combination E1b.z (body arm1): (e - c a x b).z = 0 with e = E1b+2.22045e-16*A1-1*E1-0.08*t1, a = E1b+2.22045e-16*A1-1*E1-0.08*t1, b = E1b+2.22045e-16*A1-1*E1-0.08*t1, c = 0 */
+        /* row 8: combination E1b.z (body arm1): (e - c a x b).z = 0 with e = E1b-1.11022e-16*A1-1*E1-0.08*t1, a = E1b-1.11022e-16*A1-1*E1-0.08*t1, b = E1b-1.11022e-16*A1-1*E1-0.08*t1, c = 0 */
         const ncgen_real E1b_z = q[8];
-        constraints[7] = E1b_z - R(1.0000000000000002) * E1_z;
-        constraints[78] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[7] = E1b_z - R(0.9999999999999999) * E1_z;
+        constraints[78] = NCGEN_SPLAT(-R(0.9999999999999999));
         constraints[79] = NCGEN_SPLAT(R(1.0));
         constraints[358] = NCGEN_SPLAT(R(0.0));
-        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
-        const ncgen_real x10 = R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2;
+        /* row 9: 1014 angle psi1 (coordinate psi1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e1, b = E1-A1, n = t1, psi = psi1, ln = 1 */
+        const ncgen_real x8 = R(0.8660254037844387) * x1 + R(0.49999999999999994) * x2;
         const ncgen_real sin_psi1 = sine[0];
-        const ncgen_real x11 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
+        const ncgen_real x9 = R(0.24999999999999994) * E1_z + R(0.7500000000000001) * E1_z;
         const ncgen_real cos_psi1 = cosine[0];
-        constraints[8] = R(2.380952380952381) * (x11 * cos_psi1 - x10 * sin_psi1);
+        constraints[8] = R(2.380952380952381) * (x9 * cos_psi1 - x8 * sin_psi1);
         constraints[80] = R(2.0619652471058063) * sin_psi1;
         constraints[81] = R(1.1904761904761902) * sin_psi1;
         constraints[82] = R(2.380952380952381) * cos_psi1;
-        const ncgen_real x12 = -(R(2.380952380952381) * (x10 * cos_psi1 + sin_psi1 * x11));
-        constraints[83] = x12;
+        const ncgen_real x10 = -(R(2.380952380952381) * (x8 * cos_psi1 + sin_psi1 * x9));
+        constraints[83] = x10;
         const ncgen_real dpsi1 = qd[9];
-        const ncgen_real x13 = dpsi1 * dpsi1;
-        const ncgen_real x14 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
-        const ncgen_real x15 = R(2.0) * dpsi1;
-        const ncgen_real x16 = R(0.24999999999999994) * dE1_z + R(0.7500000000000001) * dE1_z;
-        const ncgen_real x17 = sin_psi1 * (x15 * x16) - (sin_psi1 * (x10 * x13) + cos_psi1 * (x14 * x15));
-        constraints[359] = R(2.380952380952381) * (x17 + cos_psi1 * (x11 * x13));
+        const ncgen_real x11 = dpsi1 * dpsi1;
+        const ncgen_real x12 = R(0.8660254037844387) * dE1_x + R(0.49999999999999994) * dE1_y;
+        const ncgen_real x13 = R(2.0) * dpsi1;
+        const ncgen_real x14 = R(0.24999999999999994) * dE1_z + R(0.7500000000000001) * dE1_z;
+        const ncgen_real x15 = sin_psi1 * (x13 * x14) - (sin_psi1 * (x8 * x11) + cos_psi1 * (x12 * x13));
+        constraints[359] = R(2.380952380952381) * (x15 + cos_psi1 * (x9 * x11));
         /* row 10: 1000 distance A2-E2 (body arm2): |a|^2 - L^2 = 0 with a = A2-E2, L = 0.42 */
         const ncgen_real E2_x = q[10];
-        const ncgen_real x18 = -R(0.28578838324886474) - E2_x;
+        const ncgen_real x16 = -R(0.28578838324886474) - E2_x;
         const ncgen_real E2_y = q[11];
-        const ncgen_real x19 = R(0.16500000000000012) - E2_y;
+        const ncgen_real x17 = R(0.16500000000000012) - E2_y;
         const ncgen_real E2_z = q[12];
-        const ncgen_real x20 = x18 * x18 + x19 * x19 + E2_z * E2_z - R(0.17639999999999997);
-        constraints[9] = R(1.1904761904761905) * x20;
-        constraints[84] = -(R(2.380952380952381) * x18);
-        constraints[85] = -(R(2.380952380952381) * x19);
+        const ncgen_real x18 = x16 * x16 + x17 * x17 + E2_z * E2_z - R(0.17639999999999997);
+        constraints[9] = R(1.1904761904761905) * x18;
+        constraints[84] = -(R(2.380952380952381) * x16);
+        constraints[85] = -(R(2.380952380952381) * x17);
         constraints[86] = R(2.380952380952381) * E2_z;
         const ncgen_real dE2_x = qd[10];
         const ncgen_real dE2_y = qd[11];
         const ncgen_real dE2_z = qd[12];
-        const ncgen_real x21 = R(2.380952380952381) * (dE2_x * dE2_x + dE2_y * dE2_y + dE2_z * dE2_z);
-        constraints[360] = -x21;
+        const ncgen_real x19 = R(2.380952380952381) * (dE2_x * dE2_x + dE2_y * dE2_y + dE2_z * dE2_z);
+        constraints[360] = -x19;
         /* row 11: 1002 angle t2, E2-A2 (body arm2): u.a - L c = 0 with u = t2, a = E2-A2, L = 0.42, c = 0 */
-        const ncgen_real x22 = E2_x + R(0.28578838324886474);
-        const ncgen_real x23 = R(0.8660254037844385) * x19 - R(0.5000000000000003) * x22;
-        constraints[10] = R(2.380952380952381) * x23;
+        const ncgen_real x20 = E2_x + R(0.28578838324886474);
+        const ncgen_real x21 = R(0.8660254037844385) * x17 - R(0.5000000000000003) * x20;
+        constraints[10] = R(2.380952380952381) * x21;
         constraints[87] = NCGEN_SPLAT(-R(1.1904761904761914));
         constraints[88] = NCGEN_SPLAT(-R(2.061965247105806));
         constraints[361] = NCGEN_SPLAT(R(0.0));
-        /* row 12: combination E2a.x (body arm2): (e - c a x b).x = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
+        /* row 12: combination E2a.x (body arm2): (e - c a x b).x = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
         const ncgen_real E2a_x = q[13];
-        const ncgen_real x24 = R(1.0000000000000002) * E2_x;
-        const ncgen_real x25 = E2a_x - R(6.345776865065761e-17) - x24 - R(0.04000000000000001);
-        constraints[11] = x25;
-        constraints[89] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[11] = E2a_x - E2_x - R(0.04000000000000002);
+        constraints[89] = NCGEN_SPLAT(-R(1.0));
         constraints[90] = NCGEN_SPLAT(R(1.0));
         constraints[362] = NCGEN_SPLAT(R(0.0));
-        /* row 13: combination E2a.y (body arm2): (e - c a x b).y = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
+        /* row 13: combination E2a.y (body arm2): (e - c a x b).y = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
         const ncgen_real E2a_y = q[14];
-        const ncgen_real x26 = R(1.0000000000000002) * E2_y;
-        const ncgen_real x27 = E2a_y + R(3.663735981263019e-17) - x26 - R(0.06928203230275505);
-        constraints[12] = x27;
-        constraints[91] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[12] = E2a_y - E2_y - R(0.06928203230275506);
+        constraints[91] = NCGEN_SPLAT(-R(1.0));
         constraints[92] = NCGEN_SPLAT(R(1.0));
         constraints[363] = NCGEN_SPLAT(R(0.0));
-        /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a+2.22045e-16*A2-1*E2+0.08*t2, a = E2a+2.22045e-16*A2-1*E2+0.08*t2, b = E2a+2.22045e-16*A2-1*E2+0.08*t2, c = 0 */
-        const ncgen_real x28 = R(1.0000000000000002) * E2_z;
+        /* row 14: combination E2a.z (body arm2): (e - c a x b).z = 0 with e = E2a-E2+0.08*t2, a = E2a-E2+0.08*t2, b = E2a-E2+0.08*t2, c = 0 */
         const ncgen_real E2a_z = q[15];
-        constraints[13] = E2a_z - x28;
-        constraints[93] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[13] = E2a_z - E2_z;
+        constraints[93] = NCGEN_SPLAT(-R(1.0));
         constraints[94] = NCGEN_SPLAT(R(1.0));
         constraints[364] = NCGEN_SPLAT(R(0.0));
-        /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        /* row 15: combination E2b.x (body arm2): (e - c a x b).x = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
         const ncgen_real E2b_x = q[16];
-        const ncgen_real x29 = E2b_x - R(6.345776865065761e-17) - x24 + R(0.04000000000000005);
-        constraints[14] = x29;
-        constraints[95] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[14] = E2b_x - E2_x + R(0.040000000000000036);
+        constraints[95] = NCGEN_SPLAT(-R(1.0));
         constraints[96] = NCGEN_SPLAT(R(1.0));
         constraints[365] = NCGEN_SPLAT(R(0.0));
-        /* row 16: combination E2b.y (body arm2): (e - c a x b).y = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        /* row 16: combination E2b.y (body arm2): (e - c a x b).y = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
         const ncgen_real E2b_y = q[17];
-        const ncgen_real x30 = R(3.663735981263019e-17) + E2b_y - x26 + R(0.06928203230275512);
-        constraints[15] = x30;
-        constraints[97] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[15] = E2b_y - E2_y + R(0.06928203230275509);
+        constraints[97] = NCGEN_SPLAT(-R(1.0));
         constraints[98] = NCGEN_SPLAT(R(1.0));
         constraints[366] = NCGEN_SPLAT(R(0.0));
-        /* row 17: combination E2b.z (body arm2): (e - c a x b).z = 0 with e = E2b+2.22045e-16*A2-1*E2-0.08*t2, a = E2b+2.22045e-16*A2-1*E2-0.08*t2, b = E2b+2.22045e-16*A2-1*E2-0.08*t2, c = 0 */
+        /* row 17: combination E2b.z (body arm2): (e - c a x b).z = 0 with e = E2b-E2-0.08*t2, a = E2b-E2-0.08*t2, b = E2b-E2-0.08*t2, c = 0 */
         const ncgen_real E2b_z = q[18];
-        constraints[16] = E2b_z - x28;
-        constraints[99] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[16] = E2b_z - E2_z;
+        constraints[99] = NCGEN_SPLAT(-R(1.0));
         constraints[100] = NCGEN_SPLAT(R(1.0));
         constraints[367] = NCGEN_SPLAT(R(0.0));
-        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
-        const ncgen_real x31 = R(0.8660254037844385) * x22 + R(0.5000000000000003) * x19;
+        /* row 18: 1014 angle psi2 (coordinate psi2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e2, b = E2-A2, n = t2, psi = psi2, ln = 1 */
+        const ncgen_real x22 = R(0.8660254037844385) * x20 + R(0.5000000000000003) * x17;
         const ncgen_real sin_psi2 = sine[1];
-        const ncgen_real x32 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
+        const ncgen_real x23 = R(0.25000000000000033) * E2_z + R(0.7499999999999997) * E2_z;
         const ncgen_real cos_psi2 = cosine[1];
-        constraints[17] = R(2.380952380952381) * (x32 * cos_psi2 - x31 * sin_psi2);
+        constraints[17] = R(2.380952380952381) * (x23 * cos_psi2 - x22 * sin_psi2);
         constraints[101] = -(R(2.061965247105806) * sin_psi2);
         constraints[102] = R(1.1904761904761914) * sin_psi2;
         constraints[103] = R(2.380952380952381) * cos_psi2;
-        const ncgen_real x33 = -(R(2.380952380952381) * (x31 * cos_psi2 + sin_psi2 * x32));
-        constraints[104] = x33;
+        const ncgen_real x24 = -(R(2.380952380952381) * (x22 * cos_psi2 + sin_psi2 * x23));
+        constraints[104] = x24;
         const ncgen_real dpsi2 = qd[19];
-        const ncgen_real x34 = dpsi2 * dpsi2;
-        const ncgen_real x35 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
-        const ncgen_real x36 = R(2.0) * dpsi2;
-        const ncgen_real x37 = R(0.25000000000000033) * dE2_z + R(0.7499999999999997) * dE2_z;
-        const ncgen_real x38 = sin_psi2 * (x36 * x37) - (sin_psi2 * (x31 * x34) + cos_psi2 * (x35 * x36));
-        constraints[368] = R(2.380952380952381) * (x38 + cos_psi2 * (x32 * x34));
+        const ncgen_real x25 = dpsi2 * dpsi2;
+        const ncgen_real x26 = R(0.5000000000000003) * dE2_y - R(0.8660254037844385) * dE2_x;
+        const ncgen_real x27 = R(2.0) * dpsi2;
+        const ncgen_real x28 = R(0.25000000000000033) * dE2_z + R(0.7499999999999997) * dE2_z;
+        const ncgen_real x29 = sin_psi2 * (x27 * x28) - (sin_psi2 * (x22 * x25) + cos_psi2 * (x26 * x27));
+        constraints[368] = R(2.380952380952381) * (x29 + cos_psi2 * (x23 * x25));
         /* row 19: 1000 distance A3-E3 (body arm3): |a|^2 - L^2 = 0 with a = A3-E3, L = 0.42 */
         const ncgen_real E3_x = q[20];
-        const ncgen_real x39 = -R(6.062001655779399e-17) - E3_x;
+        const ncgen_real x30 = -R(6.062001655779399e-17) - E3_x;
         const ncgen_real E3_y = q[21];
-        const ncgen_real x40 = -R(0.33) - E3_y;
+        const ncgen_real x31 = -R(0.33) - E3_y;
         const ncgen_real E3_z = q[22];
-        const ncgen_real x41 = x39 * x39 + x40 * x40 + E3_z * E3_z - R(0.17639999999999997);
-        constraints[18] = R(1.1904761904761905) * x41;
-        constraints[105] = -(R(2.380952380952381) * x39);
-        constraints[106] = -(R(2.380952380952381) * x40);
+        const ncgen_real x32 = x30 * x30 + x31 * x31 + E3_z * E3_z - R(0.17639999999999997);
+        constraints[18] = R(1.1904761904761905) * x32;
+        constraints[105] = -(R(2.380952380952381) * x30);
+        constraints[106] = -(R(2.380952380952381) * x31);
         constraints[107] = R(2.380952380952381) * E3_z;
         const ncgen_real dE3_x = qd[20];
         const ncgen_real dE3_y = qd[21];
         const ncgen_real dE3_z = qd[22];
-        const ncgen_real x42 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
-        constraints[369] = -x42;
+        const ncgen_real x33 = R(2.380952380952381) * (dE3_x * dE3_x + dE3_y * dE3_y + dE3_z * dE3_z);
+        constraints[369] = -x33;
         /* row 20: 1002 angle t3, E3-A3 (body arm3): u.a - L c = 0 with u = t3, a = E3-A3, L = 0.42, c = 0 */
-        const ncgen_real x43 = E3_y + R(0.33);
-        const ncgen_real x44 = E3_x + R(6.062001655779399e-17);
-        const ncgen_real x45 = R(2.380952380952381) * (x44 - R(1.8369701987210297e-16) * x43);
-        constraints[19] = x45;
+        const ncgen_real x34 = E3_y + R(0.33);
+        const ncgen_real x35 = E3_x + R(6.062001655779399e-17);
+        const ncgen_real x36 = R(2.380952380952381) * (x35 - R(1.8369701987210297e-16) * x34);
+        constraints[19] = x36;
         constraints[108] = NCGEN_SPLAT(R(2.380952380952381));
         constraints[109] = NCGEN_SPLAT(-R(4.373738568383404e-16));
         constraints[370] = NCGEN_SPLAT(R(0.0));
-        /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        /* row 21: combination E3a.x (body arm3): (e - c a x b).x = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
         const ncgen_real E3a_x = q[23];
-        const ncgen_real x46 = E3a_x - R(2.6920695254248444e-32) - R(1.0000000000000004) * E3_x;
-        constraints[20] = x46 + R(0.08000000000000018);
-        constraints[110] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[20] = E3a_x - E3_x + R(0.08000000000000002);
+        constraints[110] = NCGEN_SPLAT(-R(1.0));
         constraints[111] = NCGEN_SPLAT(R(1.0));
         constraints[371] = NCGEN_SPLAT(R(0.0));
-        /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        /* row 22: combination E3a.y (body arm3): (e - c a x b).y = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
         const ncgen_real E3a_y = q[24];
-        const ncgen_real x47 = E3a_y - R(1.4654943925052067e-16) - R(1.0000000000000004) * E3_y;
-        constraints[21] = x47 - R(1.469576158976827e-17);
-        constraints[112] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[21] = E3a_y - E3_y - R(1.469576158976824e-17);
+        constraints[112] = NCGEN_SPLAT(-R(1.0));
         constraints[113] = NCGEN_SPLAT(R(1.0));
         constraints[372] = NCGEN_SPLAT(R(0.0));
-        /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a+4.44089e-16*A3-1*E3+0.08*t3, a = E3a+4.44089e-16*A3-1*E3+0.08*t3, b = E3a+4.44089e-16*A3-1*E3+0.08*t3, c = 0 */
+        /* row 23: combination E3a.z (body arm3): (e - c a x b).z = 0 with e = E3a-E3+0.08*t3, a = E3a-E3+0.08*t3, b = E3a-E3+0.08*t3, c = 0 */
         const ncgen_real E3a_z = q[25];
-        constraints[22] = E3a_z - R(1.0000000000000004) * E3_z;
-        constraints[114] = NCGEN_SPLAT(-R(1.0000000000000004));
+        constraints[22] = E3a_z - E3_z;
+        constraints[114] = NCGEN_SPLAT(-R(1.0));
         constraints[115] = NCGEN_SPLAT(R(1.0));
         constraints[373] = NCGEN_SPLAT(R(0.0));
-        /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        /* row 24: combination E3b.x (body arm3): (e - c a x b).x = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
         const ncgen_real E3b_x = q[26];
-        const ncgen_real x48 = E3b_x - R(1.3460347627124222e-32) - R(1.0000000000000002) * E3_x;
-        constraints[23] = x48 - R(0.07999999999999986);
-        constraints[116] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[23] = E3b_x - E3_x - R(0.07999999999999999);
+        constraints[116] = NCGEN_SPLAT(-R(1.0));
         constraints[117] = NCGEN_SPLAT(R(1.0));
         constraints[374] = NCGEN_SPLAT(R(0.0));
-        /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        /* row 25: combination E3b.y (body arm3): (e - c a x b).y = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
         const ncgen_real E3b_y = q[27];
-        const ncgen_real x49 = E3b_y - R(7.327471962526034e-17) - R(1.0000000000000002) * E3_y;
-        constraints[24] = x49 + R(1.4695761589768212e-17);
-        constraints[118] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[24] = E3b_y - E3_y + R(1.4695761589768237e-17);
+        constraints[118] = NCGEN_SPLAT(-R(1.0));
         constraints[119] = NCGEN_SPLAT(R(1.0));
         constraints[375] = NCGEN_SPLAT(R(0.0));
-        /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b+2.22045e-16*A3-1*E3-0.08*t3, a = E3b+2.22045e-16*A3-1*E3-0.08*t3, b = E3b+2.22045e-16*A3-1*E3-0.08*t3, c = 0 */
+        /* row 26: combination E3b.z (body arm3): (e - c a x b).z = 0 with e = E3b-E3-0.08*t3, a = E3b-E3-0.08*t3, b = E3b-E3-0.08*t3, c = 0 */
         const ncgen_real E3b_z = q[28];
-        constraints[25] = E3b_z - R(1.0000000000000002) * E3_z;
-        constraints[120] = NCGEN_SPLAT(-R(1.0000000000000002));
+        constraints[25] = E3b_z - E3_z;
+        constraints[120] = NCGEN_SPLAT(-R(1.0));
         constraints[121] = NCGEN_SPLAT(R(1.0));
         constraints[376] = NCGEN_SPLAT(R(0.0));
         /* row 27: 1014 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e3, b = E3-A3, n = t3, psi = psi3, ln = 1 */
-        const ncgen_real x50 = x43 + R(1.8369701987210297e-16) * x44;
+        const ncgen_real x37 = x34 + R(1.8369701987210297e-16) * x35;
         const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x51 = E3_z + R(3.374459510989179e-32) * E3_z;
+        const ncgen_real x38 = E3_z + R(3.374459510989179e-32) * E3_z;
         const ncgen_real cos_psi3 = cosine[2];
-        constraints[26] = R(2.380952380952381) * (x51 * cos_psi3 - x50 * sin_psi3);
+        constraints[26] = R(2.380952380952381) * (x38 * cos_psi3 - x37 * sin_psi3);
         constraints[122] = -(R(4.373738568383404e-16) * sin_psi3);
         constraints[123] = -(R(2.380952380952381) * sin_psi3);
         constraints[124] = R(2.380952380952381) * cos_psi3;
-        const ncgen_real x52 = -(R(2.380952380952381) * (x50 * cos_psi3 + sin_psi3 * x51));
-        constraints[125] = x52;
+        const ncgen_real x39 = -(R(2.380952380952381) * (x37 * cos_psi3 + sin_psi3 * x38));
+        constraints[125] = x39;
         const ncgen_real dpsi3 = qd[29];
-        const ncgen_real x53 = dpsi3 * dpsi3;
-        const ncgen_real x54 = R(2.0) * dpsi3;
-        const ncgen_real x55 = cos_psi3 * ((dE3_y + R(1.8369701987210297e-16) * dE3_x) * x54);
-        const ncgen_real x56 = sin_psi3 * (x54 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
-        const ncgen_real x57 = x55 - sin_psi3 * (x50 * x53) + x56 + cos_psi3 * (x51 * x53);
-        constraints[377] = R(2.380952380952381) * x57;
+        const ncgen_real x40 = dpsi3 * dpsi3;
+        const ncgen_real x41 = R(2.0) * dpsi3;
+        const ncgen_real x42 = cos_psi3 * ((dE3_y + R(1.8369701987210297e-16) * dE3_x) * x41);
+        const ncgen_real x43 = sin_psi3 * (x41 * (dE3_z + R(3.374459510989179e-32) * dE3_z));
+        const ncgen_real x44 = x42 - sin_psi3 * (x37 * x40) + x43 + cos_psi3 * (x38 * x40);
+        constraints[377] = R(2.380952380952381) * x44;
         /* row 28: 1000 distance E1a-P1a (body rod1a): |a|^2 - L^2 = 0 with a = E1a-P1a, L = 1.055 */
         const ncgen_real P1a_x = q[30];
-        const ncgen_real x58 = E1a_x - P1a_x;
+        const ncgen_real x45 = E1a_x - P1a_x;
         const ncgen_real P1a_y = q[31];
-        const ncgen_real x59 = E1a_y - P1a_y;
+        const ncgen_real x46 = E1a_y - P1a_y;
         const ncgen_real P1a_z = q[32];
-        const ncgen_real x60 = E1a_z - P1a_z;
-        const ncgen_real x61 = R(0.47393364928909953) * (x58 * x58 + x59 * x59 + x60 * x60 - R(1.113025));
-        constraints[27] = x61;
-        const ncgen_real x62 = R(0.9478672985781991) * x58;
-        constraints[126] = x62;
-        const ncgen_real x63 = R(0.9478672985781991) * x59;
-        constraints[127] = x63;
-        const ncgen_real x64 = R(0.9478672985781991) * x60;
-        constraints[128] = x64;
-        const ncgen_real x65 = -x62;
-        constraints[129] = x65;
-        const ncgen_real x66 = -x63;
-        constraints[130] = x66;
-        const ncgen_real x67 = -x64;
-        constraints[131] = x67;
+        const ncgen_real x47 = E1a_z - P1a_z;
+        const ncgen_real x48 = R(0.47393364928909953) * (x45 * x45 + x46 * x46 + x47 * x47 - R(1.113025));
+        constraints[27] = x48;
+        const ncgen_real x49 = R(0.9478672985781991) * x45;
+        constraints[126] = x49;
+        const ncgen_real x50 = R(0.9478672985781991) * x46;
+        constraints[127] = x50;
+        const ncgen_real x51 = R(0.9478672985781991) * x47;
+        constraints[128] = x51;
+        const ncgen_real x52 = -x49;
+        constraints[129] = x52;
+        const ncgen_real x53 = -x50;
+        constraints[130] = x53;
+        const ncgen_real x54 = -x51;
+        constraints[131] = x54;
         const ncgen_real dE1a_x = qd[3];
         const ncgen_real dP1a_x = qd[30];
-        const ncgen_real x68 = dE1a_x - dP1a_x;
+        const ncgen_real x55 = dE1a_x - dP1a_x;
         const ncgen_real dE1a_y = qd[4];
         const ncgen_real dP1a_y = qd[31];
-        const ncgen_real x69 = dE1a_y - dP1a_y;
+        const ncgen_real x56 = dE1a_y - dP1a_y;
         const ncgen_real dE1a_z = qd[5];
         const ncgen_real dP1a_z = qd[32];
-        const ncgen_real x70 = dE1a_z - dP1a_z;
-        const ncgen_real x71 = R(0.9478672985781991) * (x68 * x68 + x69 * x69 + x70 * x70);
-        constraints[378] = -x71;
+        const ncgen_real x57 = dE1a_z - dP1a_z;
+        const ncgen_real x58 = R(0.9478672985781991) * (x55 * x55 + x56 * x56 + x57 * x57);
+        constraints[378] = -x58;
         /* row 29: 1000 distance E1b-P1b (body rod1b): |a|^2 - L^2 = 0 with a = E1b-P1b, L = 1.055 */
         const ncgen_real P1b_x = q[33];
-        const ncgen_real x72 = E1b_x - P1b_x;
+        const ncgen_real x59 = E1b_x - P1b_x;
         const ncgen_real P1b_y = q[34];
-        const ncgen_real x73 = E1b_y - P1b_y;
+        const ncgen_real x60 = E1b_y - P1b_y;
         const ncgen_real P1b_z = q[35];
-        const ncgen_real x74 = E1b_z - P1b_z;
-        const ncgen_real x75 = R(0.47393364928909953) * (x72 * x72 + x73 * x73 + x74 * x74 - R(1.113025));
-        constraints[28] = x75;
-        const ncgen_real x76 = R(0.9478672985781991) * x72;
-        constraints[132] = x76;
-        const ncgen_real x77 = R(0.9478672985781991) * x73;
-        constraints[133] = x77;
-        const ncgen_real x78 = R(0.9478672985781991) * x74;
-        constraints[134] = x78;
-        const ncgen_real x79 = -x76;
-        constraints[135] = x79;
-        const ncgen_real x80 = -x77;
-        constraints[136] = x80;
-        const ncgen_real x81 = -x78;
-        constraints[137] = x81;
+        const ncgen_real x61 = E1b_z - P1b_z;
+        const ncgen_real x62 = R(0.47393364928909953) * (x59 * x59 + x60 * x60 + x61 * x61 - R(1.113025));
+        constraints[28] = x62;
+        const ncgen_real x63 = R(0.9478672985781991) * x59;
+        constraints[132] = x63;
+        const ncgen_real x64 = R(0.9478672985781991) * x60;
+        constraints[133] = x64;
+        const ncgen_real x65 = R(0.9478672985781991) * x61;
+        constraints[134] = x65;
+        const ncgen_real x66 = -x63;
+        constraints[135] = x66;
+        const ncgen_real x67 = -x64;
+        constraints[136] = x67;
+        const ncgen_real x68 = -x65;
+        constraints[137] = x68;
         const ncgen_real dE1b_x = qd[6];
         const ncgen_real dP1b_x = qd[33];
-        const ncgen_real x82 = dE1b_x - dP1b_x;
+        const ncgen_real x69 = dE1b_x - dP1b_x;
         const ncgen_real dE1b_y = qd[7];
         const ncgen_real dP1b_y = qd[34];
-        const ncgen_real x83 = dE1b_y - dP1b_y;
+        const ncgen_real x70 = dE1b_y - dP1b_y;
         const ncgen_real dE1b_z = qd[8];
         const ncgen_real dP1b_z = qd[35];
-        const ncgen_real x84 = dE1b_z - dP1b_z;
-        const ncgen_real x85 = R(0.9478672985781991) * (x82 * x82 + x83 * x83 + x84 * x84);
-        constraints[379] = -x85;
+        const ncgen_real x71 = dE1b_z - dP1b_z;
+        const ncgen_real x72 = R(0.9478672985781991) * (x69 * x69 + x70 * x70 + x71 * x71);
+        constraints[379] = -x72;
         /* row 30: 1000 distance E2a-P2a (body rod2a): |a|^2 - L^2 = 0 with a = E2a-P2a, L = 1.055 */
         const ncgen_real P2a_x = q[36];
-        const ncgen_real x86 = E2a_x - P2a_x;
+        const ncgen_real x73 = E2a_x - P2a_x;
         const ncgen_real P2a_y = q[37];
-        const ncgen_real x87 = E2a_y - P2a_y;
+        const ncgen_real x74 = E2a_y - P2a_y;
         const ncgen_real P2a_z = q[38];
-        const ncgen_real x88 = E2a_z - P2a_z;
-        const ncgen_real x89 = x86 * x86 + x87 * x87 + x88 * x88 - R(1.1130250000000004);
-        constraints[29] = R(0.4739336492890995) * x89;
-        const ncgen_real x90 = R(0.947867298578199) * x86;
-        constraints[138] = x90;
-        const ncgen_real x91 = R(0.947867298578199) * x87;
-        constraints[139] = x91;
-        const ncgen_real x92 = R(0.947867298578199) * x88;
-        constraints[140] = x92;
-        const ncgen_real x93 = -x90;
-        constraints[141] = x93;
-        const ncgen_real x94 = -x91;
-        constraints[142] = x94;
-        const ncgen_real x95 = -x92;
-        constraints[143] = x95;
+        const ncgen_real x75 = E2a_z - P2a_z;
+        const ncgen_real x76 = x73 * x73 + x74 * x74 + x75 * x75 - R(1.1130250000000004);
+        constraints[29] = R(0.4739336492890995) * x76;
+        const ncgen_real x77 = R(0.947867298578199) * x73;
+        constraints[138] = x77;
+        const ncgen_real x78 = R(0.947867298578199) * x74;
+        constraints[139] = x78;
+        const ncgen_real x79 = R(0.947867298578199) * x75;
+        constraints[140] = x79;
+        const ncgen_real x80 = -x77;
+        constraints[141] = x80;
+        const ncgen_real x81 = -x78;
+        constraints[142] = x81;
+        const ncgen_real x82 = -x79;
+        constraints[143] = x82;
         const ncgen_real dE2a_x = qd[13];
         const ncgen_real dP2a_x = qd[36];
-        const ncgen_real x96 = dE2a_x - dP2a_x;
+        const ncgen_real x83 = dE2a_x - dP2a_x;
         const ncgen_real dE2a_y = qd[14];
         const ncgen_real dP2a_y = qd[37];
-        const ncgen_real x97 = dE2a_y - dP2a_y;
+        const ncgen_real x84 = dE2a_y - dP2a_y;
         const ncgen_real dE2a_z = qd[15];
         const ncgen_real dP2a_z = qd[38];
-        const ncgen_real x98 = dE2a_z - dP2a_z;
-        const ncgen_real x99 = R(0.947867298578199) * (x96 * x96 + x97 * x97 + x98 * x98);
-        constraints[380] = -x99;
+        const ncgen_real x85 = dE2a_z - dP2a_z;
+        const ncgen_real x86 = R(0.947867298578199) * (x83 * x83 + x84 * x84 + x85 * x85);
+        constraints[380] = -x86;
         /* row 31: 1000 distance E2b-P2b (body rod2b): |a|^2 - L^2 = 0 with a = E2b-P2b, L = 1.055 */
         const ncgen_real P2b_x = q[39];
-        const ncgen_real x100 = E2b_x - P2b_x;
+        const ncgen_real x87 = E2b_x - P2b_x;
         const ncgen_real P2b_y = q[40];
-        const ncgen_real x101 = E2b_y - P2b_y;
+        const ncgen_real x88 = E2b_y - P2b_y;
         const ncgen_real P2b_z = q[41];
-        const ncgen_real x102 = E2b_z - P2b_z;
-        const ncgen_real x103 = x100 * x100 + x101 * x101 + x102 * x102 - R(1.1130250000000004);
-        constraints[30] = R(0.4739336492890995) * x103;
-        const ncgen_real x104 = R(0.947867298578199) * x100;
-        constraints[144] = x104;
-        const ncgen_real x105 = R(0.947867298578199) * x101;
-        constraints[145] = x105;
-        const ncgen_real x106 = R(0.947867298578199) * x102;
-        constraints[146] = x106;
-        const ncgen_real x107 = -x104;
-        constraints[147] = x107;
-        const ncgen_real x108 = -x105;
-        constraints[148] = x108;
-        const ncgen_real x109 = -x106;
-        constraints[149] = x109;
+        const ncgen_real x89 = E2b_z - P2b_z;
+        const ncgen_real x90 = x87 * x87 + x88 * x88 + x89 * x89 - R(1.1130250000000004);
+        constraints[30] = R(0.4739336492890995) * x90;
+        const ncgen_real x91 = R(0.947867298578199) * x87;
+        constraints[144] = x91;
+        const ncgen_real x92 = R(0.947867298578199) * x88;
+        constraints[145] = x92;
+        const ncgen_real x93 = R(0.947867298578199) * x89;
+        constraints[146] = x93;
+        const ncgen_real x94 = -x91;
+        constraints[147] = x94;
+        const ncgen_real x95 = -x92;
+        constraints[148] = x95;
+        const ncgen_real x96 = -x93;
+        constraints[149] = x96;
         const ncgen_real dE2b_x = qd[16];
         const ncgen_real dP2b_x = qd[39];
-        const ncgen_real x110 = dE2b_x - dP2b_x;
+        const ncgen_real x97 = dE2b_x - dP2b_x;
         const ncgen_real dE2b_y = qd[17];
         const ncgen_real dP2b_y = qd[40];
-        const ncgen_real x111 = dE2b_y - dP2b_y;
+        const ncgen_real x98 = dE2b_y - dP2b_y;
         const ncgen_real dE2b_z = qd[18];
         const ncgen_real dP2b_z = qd[41];
-        const ncgen_real x112 = dE2b_z - dP2b_z;
-        const ncgen_real x113 = R(0.947867298578199) * (x110 * x110 + x111 * x111 + x112 * x112);
-        constraints[381] = -x113;
+        const ncgen_real x99 = dE2b_z - dP2b_z;
+        const ncgen_real x100 = R(0.947867298578199) * (x97 * x97 + x98 * x98 + x99 * x99);
+        constraints[381] = -x100;
         /* row 32: 1000 distance E3a-P3a (body rod3a): |a|^2 - L^2 = 0 with a = E3a-P3a, L = 1.055 */
         const ncgen_real P3a_x = q[42];
-        const ncgen_real x114 = E3a_x - P3a_x;
+        const ncgen_real x101 = E3a_x - P3a_x;
         const ncgen_real P3a_y = q[43];
-        const ncgen_real x115 = E3a_y - P3a_y;
+        const ncgen_real x102 = E3a_y - P3a_y;
         const ncgen_real P3a_z = q[44];
-        const ncgen_real x116 = E3a_z - P3a_z;
-        const ncgen_real x117 = R(0.47393364928909953) * (x114 * x114 + x115 * x115 + x116 * x116 - R(1.113025));
-        constraints[31] = x117;
-        const ncgen_real x118 = R(0.9478672985781991) * x114;
-        constraints[150] = x118;
-        const ncgen_real x119 = R(0.9478672985781991) * x115;
-        constraints[151] = x119;
-        const ncgen_real x120 = R(0.9478672985781991) * x116;
-        constraints[152] = x120;
-        const ncgen_real x121 = -x118;
-        constraints[153] = x121;
-        const ncgen_real x122 = -x119;
-        constraints[154] = x122;
-        const ncgen_real x123 = -x120;
-        constraints[155] = x123;
+        const ncgen_real x103 = E3a_z - P3a_z;
+        const ncgen_real x104 = x101 * x101 + x102 * x102 + x103 * x103 - R(1.1130250000000004);
+        constraints[31] = R(0.4739336492890995) * x104;
+        const ncgen_real x105 = R(0.947867298578199) * x101;
+        constraints[150] = x105;
+        const ncgen_real x106 = R(0.947867298578199) * x102;
+        constraints[151] = x106;
+        const ncgen_real x107 = R(0.947867298578199) * x103;
+        constraints[152] = x107;
+        const ncgen_real x108 = -x105;
+        constraints[153] = x108;
+        const ncgen_real x109 = -x106;
+        constraints[154] = x109;
+        const ncgen_real x110 = -x107;
+        constraints[155] = x110;
         const ncgen_real dE3a_x = qd[23];
         const ncgen_real dP3a_x = qd[42];
-        const ncgen_real x124 = dE3a_x - dP3a_x;
+        const ncgen_real x111 = dE3a_x - dP3a_x;
         const ncgen_real dE3a_y = qd[24];
         const ncgen_real dP3a_y = qd[43];
-        const ncgen_real x125 = dE3a_y - dP3a_y;
+        const ncgen_real x112 = dE3a_y - dP3a_y;
         const ncgen_real dE3a_z = qd[25];
         const ncgen_real dP3a_z = qd[44];
-        const ncgen_real x126 = dE3a_z - dP3a_z;
-        const ncgen_real x127 = R(0.9478672985781991) * (x124 * x124 + x125 * x125 + x126 * x126);
-        constraints[382] = -x127;
+        const ncgen_real x113 = dE3a_z - dP3a_z;
+        const ncgen_real x114 = R(0.947867298578199) * (x111 * x111 + x112 * x112 + x113 * x113);
+        constraints[382] = -x114;
         /* row 33: 1000 distance E3b-P3b (body rod3b): |a|^2 - L^2 = 0 with a = E3b-P3b, L = 1.055 */
         const ncgen_real P3b_x = q[45];
-        const ncgen_real x128 = E3b_x - P3b_x;
+        const ncgen_real x115 = E3b_x - P3b_x;
         const ncgen_real P3b_y = q[46];
-        const ncgen_real x129 = E3b_y - P3b_y;
+        const ncgen_real x116 = E3b_y - P3b_y;
         const ncgen_real P3b_z = q[47];
-        const ncgen_real x130 = E3b_z - P3b_z;
-        const ncgen_real x131 = R(0.47393364928909953) * (x128 * x128 + x129 * x129 + x130 * x130 - R(1.113025));
-        constraints[32] = x131;
-        const ncgen_real x132 = R(0.9478672985781991) * x128;
-        constraints[156] = x132;
-        const ncgen_real x133 = R(0.9478672985781991) * x129;
-        constraints[157] = x133;
-        const ncgen_real x134 = R(0.9478672985781991) * x130;
-        constraints[158] = x134;
-        const ncgen_real x135 = -x132;
-        constraints[159] = x135;
-        const ncgen_real x136 = -x133;
-        constraints[160] = x136;
-        const ncgen_real x137 = -x134;
-        constraints[161] = x137;
+        const ncgen_real x117 = E3b_z - P3b_z;
+        const ncgen_real x118 = x115 * x115 + x116 * x116 + x117 * x117 - R(1.1130250000000004);
+        constraints[32] = R(0.4739336492890995) * x118;
+        const ncgen_real x119 = R(0.947867298578199) * x115;
+        constraints[156] = x119;
+        const ncgen_real x120 = R(0.947867298578199) * x116;
+        constraints[157] = x120;
+        const ncgen_real x121 = R(0.947867298578199) * x117;
+        constraints[158] = x121;
+        const ncgen_real x122 = -x119;
+        constraints[159] = x122;
+        const ncgen_real x123 = -x120;
+        constraints[160] = x123;
+        const ncgen_real x124 = -x121;
+        constraints[161] = x124;
         const ncgen_real dE3b_x = qd[26];
         const ncgen_real dP3b_x = qd[45];
-        const ncgen_real x138 = dE3b_x - dP3b_x;
+        const ncgen_real x125 = dE3b_x - dP3b_x;
         const ncgen_real dE3b_y = qd[27];
         const ncgen_real dP3b_y = qd[46];
-        const ncgen_real x139 = dE3b_y - dP3b_y;
+        const ncgen_real x126 = dE3b_y - dP3b_y;
         const ncgen_real dE3b_z = qd[28];
         const ncgen_real dP3b_z = qd[47];
-        const ncgen_real x140 = dE3b_z - dP3b_z;
-        const ncgen_real x141 = R(0.9478672985781991) * (x138 * x138 + x139 * x139 + x140 * x140);
-        constraints[383] = -x141;
+        const ncgen_real x127 = dE3b_z - dP3b_z;
+        const ncgen_real x128 = R(0.947867298578199) * (x125 * x125 + x126 * x126 + x127 * x127);
+        constraints[383] = -x128;
         /* row 34: 1000 distance P1a-P1b (body platform): |a|^2 - L^2 = 0 with a = P1a-P1b, L = 0.16 */
-        const ncgen_real x142 = P1a_x - P1b_x;
-        const ncgen_real x143 = P1a_y - P1b_y;
-        const ncgen_real x144 = P1a_z - P1b_z;
-        const ncgen_real x145 = x142 * x142 + x143 * x143 + x144 * x144 - R(0.02560000000000001);
-        constraints[33] = R(3.1249999999999996) * x145;
-        const ncgen_real x146 = R(6.249999999999999) * x142;
-        constraints[162] = x146;
-        const ncgen_real x147 = R(6.249999999999999) * x143;
-        constraints[163] = x147;
-        const ncgen_real x148 = R(6.249999999999999) * x144;
-        constraints[164] = x148;
-        const ncgen_real x149 = -x146;
-        constraints[165] = x149;
-        const ncgen_real x150 = -x147;
-        constraints[166] = x150;
-        const ncgen_real x151 = -x148;
-        constraints[167] = x151;
-        const ncgen_real x152 = dP1a_x - dP1b_x;
-        const ncgen_real x153 = dP1a_y - dP1b_y;
-        const ncgen_real x154 = dP1a_z - dP1b_z;
-        const ncgen_real x155 = R(6.249999999999999) * (x152 * x152 + x153 * x153 + x154 * x154);
-        constraints[384] = -x155;
+        const ncgen_real x129 = P1a_x - P1b_x;
+        const ncgen_real x130 = P1a_y - P1b_y;
+        const ncgen_real x131 = P1a_z - P1b_z;
+        const ncgen_real x132 = x129 * x129 + x130 * x130 + x131 * x131 - R(0.02560000000000001);
+        constraints[33] = R(3.1249999999999996) * x132;
+        const ncgen_real x133 = R(6.249999999999999) * x129;
+        constraints[162] = x133;
+        const ncgen_real x134 = R(6.249999999999999) * x130;
+        constraints[163] = x134;
+        const ncgen_real x135 = R(6.249999999999999) * x131;
+        constraints[164] = x135;
+        const ncgen_real x136 = -x133;
+        constraints[165] = x136;
+        const ncgen_real x137 = -x134;
+        constraints[166] = x137;
+        const ncgen_real x138 = -x135;
+        constraints[167] = x138;
+        const ncgen_real x139 = dP1a_x - dP1b_x;
+        const ncgen_real x140 = dP1a_y - dP1b_y;
+        const ncgen_real x141 = dP1a_z - dP1b_z;
+        const ncgen_real x142 = R(6.249999999999999) * (x139 * x139 + x140 * x140 + x141 * x141);
+        constraints[384] = -x142;
         /* row 35: 1000 distance P1a-P2a (body platform): |a|^2 - L^2 = 0 with a = P1a-P2a, L = 0.257051 */
-        const ncgen_real x156 = P1a_x - P2a_x;
-        const ncgen_real x157 = P1a_y - P2a_y;
-        const ncgen_real x158 = P1a_z - P2a_z;
-        const ncgen_real x159 = R(1.945142479610587) * (x156 * x156 + x157 * x157 + x158 * x158 - R(0.066075));
-        constraints[34] = x159;
-        const ncgen_real x160 = R(3.890284959221174) * x156;
-        constraints[168] = x160;
-        const ncgen_real x161 = R(3.890284959221174) * x157;
-        constraints[169] = x161;
-        const ncgen_real x162 = R(3.890284959221174) * x158;
-        constraints[170] = x162;
-        constraints[171] = -x160;
-        constraints[172] = -x161;
-        constraints[173] = -x162;
-        const ncgen_real x163 = dP1a_x - dP2a_x;
-        const ncgen_real x164 = dP1a_y - dP2a_y;
-        const ncgen_real x165 = dP1a_z - dP2a_z;
-        const ncgen_real x166 = R(3.890284959221174) * (x163 * x163 + x164 * x164 + x165 * x165);
-        constraints[385] = -x166;
+        const ncgen_real x143 = P1a_x - P2a_x;
+        const ncgen_real x144 = P1a_y - P2a_y;
+        const ncgen_real x145 = P1a_z - P2a_z;
+        const ncgen_real x146 = R(1.945142479610587) * (x143 * x143 + x144 * x144 + x145 * x145 - R(0.066075));
+        constraints[34] = x146;
+        const ncgen_real x147 = R(3.890284959221174) * x143;
+        constraints[168] = x147;
+        const ncgen_real x148 = R(3.890284959221174) * x144;
+        constraints[169] = x148;
+        const ncgen_real x149 = R(3.890284959221174) * x145;
+        constraints[170] = x149;
+        constraints[171] = -x147;
+        constraints[172] = -x148;
+        constraints[173] = -x149;
+        const ncgen_real x150 = dP1a_x - dP2a_x;
+        const ncgen_real x151 = dP1a_y - dP2a_y;
+        const ncgen_real x152 = dP1a_z - dP2a_z;
+        const ncgen_real x153 = R(3.890284959221174) * (x150 * x150 + x151 * x151 + x152 * x152);
+        constraints[385] = -x153;
         /* row 36: 1000 distance P2a-P1b (body platform): |a|^2 - L^2 = 0 with a = P2a-P1b, L = 0.136506 */
-        const ncgen_real x167 = P2a_x - P1b_x;
-        const ncgen_real x168 = P2a_y - P1b_y;
-        const ncgen_real x169 = P2a_z - P1b_z;
-        const ncgen_real x170 = x167 * x167 + x168 * x168 + x169 * x169 - R(0.018633983848622415);
-        constraints[35] = R(3.662833242076714) * x170;
-        const ncgen_real x171 = R(7.325666484153428) * x167;
-        constraints[174] = -x171;
-        const ncgen_real x172 = R(7.325666484153428) * x168;
-        constraints[175] = -x172;
-        const ncgen_real x173 = R(7.325666484153428) * x169;
-        constraints[176] = -x173;
-        constraints[177] = x171;
-        constraints[178] = x172;
-        constraints[179] = x173;
-        const ncgen_real x174 = dP2a_x - dP1b_x;
-        const ncgen_real x175 = dP2a_y - dP1b_y;
-        const ncgen_real x176 = dP2a_z - dP1b_z;
-        const ncgen_real x177 = R(7.325666484153428) * (x174 * x174 + x175 * x175 + x176 * x176);
-        constraints[386] = -x177;
+        const ncgen_real x154 = P2a_x - P1b_x;
+        const ncgen_real x155 = P2a_y - P1b_y;
+        const ncgen_real x156 = P2a_z - P1b_z;
+        const ncgen_real x157 = x154 * x154 + x155 * x155 + x156 * x156 - R(0.018633983848622415);
+        constraints[35] = R(3.662833242076714) * x157;
+        const ncgen_real x158 = R(7.325666484153428) * x154;
+        constraints[174] = -x158;
+        const ncgen_real x159 = R(7.325666484153428) * x155;
+        constraints[175] = -x159;
+        const ncgen_real x160 = R(7.325666484153428) * x156;
+        constraints[176] = -x160;
+        constraints[177] = x158;
+        constraints[178] = x159;
+        constraints[179] = x160;
+        const ncgen_real x161 = dP2a_x - dP1b_x;
+        const ncgen_real x162 = dP2a_y - dP1b_y;
+        const ncgen_real x163 = dP2a_z - dP1b_z;
+        const ncgen_real x164 = R(7.325666484153428) * (x161 * x161 + x162 * x162 + x163 * x163);
+        constraints[386] = -x164;
         /* row 37: 1000 distance P1a-C (body platform): |a|^2 - L^2 = 0 with a = P1a-C, L = 0.168597 */
         const ncgen_real C_x = q[48];
-        const ncgen_real x178 = P1a_x - C_x;
+        const ncgen_real x165 = P1a_x - C_x;
         const ncgen_real C_y = q[49];
-        const ncgen_real x179 = P1a_y - C_y;
+        const ncgen_real x166 = P1a_y - C_y;
         const ncgen_real C_z = q[50];
-        const ncgen_real x180 = P1a_z - C_z;
-        const ncgen_real x181 = x178 * x178 + x179 * x179 + x180 * x180 - R(0.028424999999999992);
-        constraints[36] = R(2.965649129302967) * x181;
-        const ncgen_real x182 = R(5.931298258605934) * x178;
-        constraints[180] = x182;
-        const ncgen_real x183 = R(5.931298258605934) * x179;
-        constraints[181] = x183;
-        const ncgen_real x184 = R(5.931298258605934) * x180;
-        constraints[182] = x184;
-        constraints[183] = -x182;
-        constraints[184] = -x183;
-        constraints[185] = -x184;
+        const ncgen_real x167 = P1a_z - C_z;
+        const ncgen_real x168 = x165 * x165 + x166 * x166 + x167 * x167 - R(0.028424999999999992);
+        constraints[36] = R(2.965649129302967) * x168;
+        const ncgen_real x169 = R(5.931298258605934) * x165;
+        constraints[180] = x169;
+        const ncgen_real x170 = R(5.931298258605934) * x166;
+        constraints[181] = x170;
+        const ncgen_real x171 = R(5.931298258605934) * x167;
+        constraints[182] = x171;
+        constraints[183] = -x169;
+        constraints[184] = -x170;
+        constraints[185] = -x171;
         const ncgen_real dC_x = qd[48];
-        const ncgen_real x185 = dP1a_x - dC_x;
+        const ncgen_real x172 = dP1a_x - dC_x;
         const ncgen_real dC_y = qd[49];
-        const ncgen_real x186 = dP1a_y - dC_y;
+        const ncgen_real x173 = dP1a_y - dC_y;
         const ncgen_real dC_z = qd[50];
-        const ncgen_real x187 = dP1a_z - dC_z;
-        const ncgen_real x188 = R(5.931298258605934) * (x185 * x185 + x186 * x186 + x187 * x187);
-        constraints[387] = -x188;
+        const ncgen_real x174 = dP1a_z - dC_z;
+        const ncgen_real x175 = R(5.931298258605934) * (x172 * x172 + x173 * x173 + x174 * x174);
+        constraints[387] = -x175;
         /* row 38: 1000 distance C-P1b (body platform): |a|^2 - L^2 = 0 with a = C-P1b, L = 0.168597 */
-        const ncgen_real x189 = C_x - P1b_x;
-        const ncgen_real x190 = C_y - P1b_y;
-        const ncgen_real x191 = C_z - P1b_z;
-        const ncgen_real x192 = x189 * x189 + x190 * x190 + x191 * x191 - R(0.028424999999999985);
-        constraints[37] = R(2.9656491293029674) * x192;
-        const ncgen_real x193 = R(5.931298258605935) * x189;
-        constraints[186] = -x193;
-        const ncgen_real x194 = R(5.931298258605935) * x190;
-        constraints[187] = -x194;
-        const ncgen_real x195 = R(5.931298258605935) * x191;
-        constraints[188] = -x195;
-        constraints[189] = x193;
-        constraints[190] = x194;
-        constraints[191] = x195;
-        const ncgen_real x196 = dC_x - dP1b_x;
-        const ncgen_real x197 = dC_y - dP1b_y;
-        const ncgen_real x198 = dC_z - dP1b_z;
-        const ncgen_real x199 = R(5.931298258605935) * (x196 * x196 + x197 * x197 + x198 * x198);
-        constraints[388] = -x199;
+        const ncgen_real x176 = C_x - P1b_x;
+        const ncgen_real x177 = C_y - P1b_y;
+        const ncgen_real x178 = C_z - P1b_z;
+        const ncgen_real x179 = x176 * x176 + x177 * x177 + x178 * x178 - R(0.028424999999999985);
+        constraints[37] = R(2.9656491293029674) * x179;
+        const ncgen_real x180 = R(5.931298258605935) * x176;
+        constraints[186] = -x180;
+        const ncgen_real x181 = R(5.931298258605935) * x177;
+        constraints[187] = -x181;
+        const ncgen_real x182 = R(5.931298258605935) * x178;
+        constraints[188] = -x182;
+        constraints[189] = x180;
+        constraints[190] = x181;
+        constraints[191] = x182;
+        const ncgen_real x183 = dC_x - dP1b_x;
+        const ncgen_real x184 = dC_y - dP1b_y;
+        const ncgen_real x185 = dC_z - dP1b_z;
+        const ncgen_real x186 = R(5.931298258605935) * (x183 * x183 + x184 * x184 + x185 * x185);
+        constraints[388] = -x186;
         /* row 39: 1000 distance C-P2a (body platform): |a|^2 - L^2 = 0 with a = C-P2a, L = 0.168597 */
-        const ncgen_real x200 = C_x - P2a_x;
-        const ncgen_real x201 = C_y - P2a_y;
-        const ncgen_real x202 = C_z - P2a_z;
-        const ncgen_real x203 = x200 * x200 + x201 * x201 + x202 * x202 - R(0.028425000000000002);
-        constraints[38] = R(2.9656491293029665) * x203;
-        const ncgen_real x204 = R(5.931298258605933) * x200;
-        constraints[192] = -x204;
-        const ncgen_real x205 = R(5.931298258605933) * x201;
-        constraints[193] = -x205;
-        const ncgen_real x206 = R(5.931298258605933) * x202;
-        constraints[194] = -x206;
-        constraints[195] = x204;
-        constraints[196] = x205;
-        constraints[197] = x206;
-        const ncgen_real x207 = dC_x - dP2a_x;
-        const ncgen_real x208 = dC_y - dP2a_y;
-        const ncgen_real x209 = dC_z - dP2a_z;
-        const ncgen_real x210 = R(5.931298258605933) * (x207 * x207 + x208 * x208 + x209 * x209);
-        constraints[389] = -x210;
+        const ncgen_real x187 = C_x - P2a_x;
+        const ncgen_real x188 = C_y - P2a_y;
+        const ncgen_real x189 = C_z - P2a_z;
+        const ncgen_real x190 = x187 * x187 + x188 * x188 + x189 * x189 - R(0.028425000000000002);
+        constraints[38] = R(2.9656491293029665) * x190;
+        const ncgen_real x191 = R(5.931298258605933) * x187;
+        constraints[192] = -x191;
+        const ncgen_real x192 = R(5.931298258605933) * x188;
+        constraints[193] = -x192;
+        const ncgen_real x193 = R(5.931298258605933) * x189;
+        constraints[194] = -x193;
+        constraints[195] = x191;
+        constraints[196] = x192;
+        constraints[197] = x193;
+        const ncgen_real x194 = dC_x - dP2a_x;
+        const ncgen_real x195 = dC_y - dP2a_y;
+        const ncgen_real x196 = dC_z - dP2a_z;
+        const ncgen_real x197 = R(5.931298258605933) * (x194 * x194 + x195 * x195 + x196 * x196);
+        constraints[389] = -x197;
         /* row 40: combination P2b.x (body platform): (e - c a x b).x = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x211 = P2b_x - R(0.9999999999999991) * P1a_x + R(2.1721066374645472) * P1b_x;
-        constraints[39] = x211 - R(2.172106637464548) * P2a_x;
-        constraints[198] = NCGEN_SPLAT(-R(0.9999999999999991));
-        constraints[199] = NCGEN_SPLAT(R(2.1721066374645472));
-        constraints[200] = NCGEN_SPLAT(-R(2.172106637464548));
+        const ncgen_real x198 = P2b_x - R(1.0000000000000009) * P1a_x + R(2.1721066374645503) * P1b_x;
+        constraints[39] = x198 - R(2.1721066374645495) * P2a_x;
+        constraints[198] = NCGEN_SPLAT(-R(1.0000000000000009));
+        constraints[199] = NCGEN_SPLAT(R(2.1721066374645503));
+        constraints[200] = NCGEN_SPLAT(-R(2.1721066374645495));
         constraints[201] = NCGEN_SPLAT(R(1.0));
         constraints[390] = NCGEN_SPLAT(R(0.0));
         /* row 41: combination P2b.y (body platform): (e - c a x b).y = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x212 = P2b_y - R(0.9999999999999991) * P1a_y + R(2.1721066374645472) * P1b_y;
-        constraints[40] = x212 - R(2.172106637464548) * P2a_y;
-        constraints[202] = NCGEN_SPLAT(-R(0.9999999999999991));
-        constraints[203] = NCGEN_SPLAT(R(2.1721066374645472));
-        constraints[204] = NCGEN_SPLAT(-R(2.172106637464548));
+        const ncgen_real x199 = P2b_y - R(1.0000000000000009) * P1a_y + R(2.1721066374645503) * P1b_y;
+        constraints[40] = x199 - R(2.1721066374645495) * P2a_y;
+        constraints[202] = NCGEN_SPLAT(-R(1.0000000000000009));
+        constraints[203] = NCGEN_SPLAT(R(2.1721066374645503));
+        constraints[204] = NCGEN_SPLAT(-R(2.1721066374645495));
         constraints[205] = NCGEN_SPLAT(R(1.0));
         constraints[391] = NCGEN_SPLAT(R(0.0));
         /* row 42: combination P2b.z (body platform): (e - c a x b).z = 0 with e = P2b-1*P1a+2.17211*P1b-2.17211*P2a, a = P2b-1*P1a+2.17211*P1b-2.17211*P2a, b = P2b-1*P1a+2.17211*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x213 = P2b_z - R(0.9999999999999991) * P1a_z + R(2.1721066374645472) * P1b_z;
-        constraints[41] = x213 - R(2.172106637464548) * P2a_z;
-        constraints[206] = NCGEN_SPLAT(-R(0.9999999999999991));
-        constraints[207] = NCGEN_SPLAT(R(2.1721066374645472));
-        constraints[208] = NCGEN_SPLAT(-R(2.172106637464548));
+        const ncgen_real x200 = P2b_z - R(1.0000000000000009) * P1a_z + R(2.1721066374645503) * P1b_z;
+        constraints[41] = x200 - R(2.1721066374645495) * P2a_z;
+        constraints[206] = NCGEN_SPLAT(-R(1.0000000000000009));
+        constraints[207] = NCGEN_SPLAT(R(2.1721066374645503));
+        constraints[208] = NCGEN_SPLAT(-R(2.1721066374645495));
         constraints[209] = NCGEN_SPLAT(R(1.0));
         constraints[392] = NCGEN_SPLAT(R(0.0));
         /* row 43: combination P3a.x (body platform): (e - c a x b).x = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x214 = P3a_x - R(1.8531646934131842) * P1a_x + R(3.0252713308777346) * P1b_x;
-        constraints[42] = x214 - R(2.17210663746455) * P2a_x;
-        constraints[210] = NCGEN_SPLAT(-R(1.8531646934131842));
-        constraints[211] = NCGEN_SPLAT(R(3.0252713308777346));
-        constraints[212] = NCGEN_SPLAT(-R(2.17210663746455));
+        const ncgen_real x201 = P3a_x - R(1.8531646934131865) * P1a_x + R(3.025271330877737) * P1b_x;
+        constraints[42] = x201 - R(2.1721066374645503) * P2a_x;
+        constraints[210] = NCGEN_SPLAT(-R(1.8531646934131865));
+        constraints[211] = NCGEN_SPLAT(R(3.025271330877737));
+        constraints[212] = NCGEN_SPLAT(-R(2.1721066374645503));
         constraints[213] = NCGEN_SPLAT(R(1.0));
         constraints[393] = NCGEN_SPLAT(R(0.0));
         /* row 44: combination P3a.y (body platform): (e - c a x b).y = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x215 = P3a_y - R(1.8531646934131842) * P1a_y + R(3.0252713308777346) * P1b_y;
-        constraints[43] = x215 - R(2.17210663746455) * P2a_y;
-        constraints[214] = NCGEN_SPLAT(-R(1.8531646934131842));
-        constraints[215] = NCGEN_SPLAT(R(3.0252713308777346));
-        constraints[216] = NCGEN_SPLAT(-R(2.17210663746455));
+        const ncgen_real x202 = P3a_y - R(1.8531646934131865) * P1a_y + R(3.025271330877737) * P1b_y;
+        constraints[43] = x202 - R(2.1721066374645503) * P2a_y;
+        constraints[214] = NCGEN_SPLAT(-R(1.8531646934131865));
+        constraints[215] = NCGEN_SPLAT(R(3.025271330877737));
+        constraints[216] = NCGEN_SPLAT(-R(2.1721066374645503));
         constraints[217] = NCGEN_SPLAT(R(1.0));
         constraints[394] = NCGEN_SPLAT(R(0.0));
         /* row 45: combination P3a.z (body platform): (e - c a x b).z = 0 with e = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, a = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, b = P3a-1.85316*P1a+3.02527*P1b-2.17211*P2a, c = 0 */
-        const ncgen_real x216 = P3a_z - R(1.8531646934131842) * P1a_z + R(3.0252713308777346) * P1b_z;
-        constraints[44] = x216 - R(2.17210663746455) * P2a_z;
-        constraints[218] = NCGEN_SPLAT(-R(1.8531646934131842));
-        constraints[219] = NCGEN_SPLAT(R(3.0252713308777346));
-        constraints[220] = NCGEN_SPLAT(-R(2.17210663746455));
+        const ncgen_real x203 = P3a_z - R(1.8531646934131865) * P1a_z + R(3.025271330877737) * P1b_z;
+        constraints[44] = x203 - R(2.1721066374645503) * P2a_z;
+        constraints[218] = NCGEN_SPLAT(-R(1.8531646934131865));
+        constraints[219] = NCGEN_SPLAT(R(3.025271330877737));
+        constraints[220] = NCGEN_SPLAT(-R(2.1721066374645503));
         constraints[221] = NCGEN_SPLAT(R(1.0));
         constraints[395] = NCGEN_SPLAT(R(0.0));
         /* row 46: combination P3b.x (body platform): (e - c a x b).x = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x217 = P3b_x - R(1.8531646934131856) * P1a_x + R(1.853164693413187) * P1b_x;
-        constraints[45] = x217 - R(1.0000000000000013) * P2a_x;
-        constraints[222] = NCGEN_SPLAT(-R(1.8531646934131856));
-        constraints[223] = NCGEN_SPLAT(R(1.853164693413187));
-        constraints[224] = NCGEN_SPLAT(-R(1.0000000000000013));
+        const ncgen_real x204 = P3b_x - R(1.8531646934131858) * P1a_x + R(1.8531646934131876) * P1b_x;
+        constraints[45] = x204 - R(1.000000000000002) * P2a_x;
+        constraints[222] = NCGEN_SPLAT(-R(1.8531646934131858));
+        constraints[223] = NCGEN_SPLAT(R(1.8531646934131876));
+        constraints[224] = NCGEN_SPLAT(-R(1.000000000000002));
         constraints[225] = NCGEN_SPLAT(R(1.0));
         constraints[396] = NCGEN_SPLAT(R(0.0));
         /* row 47: combination P3b.y (body platform): (e - c a x b).y = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x218 = P3b_y - R(1.8531646934131856) * P1a_y + R(1.853164693413187) * P1b_y;
-        constraints[46] = x218 - R(1.0000000000000013) * P2a_y;
-        constraints[226] = NCGEN_SPLAT(-R(1.8531646934131856));
-        constraints[227] = NCGEN_SPLAT(R(1.853164693413187));
-        constraints[228] = NCGEN_SPLAT(-R(1.0000000000000013));
+        const ncgen_real x205 = P3b_y - R(1.8531646934131858) * P1a_y + R(1.8531646934131876) * P1b_y;
+        constraints[46] = x205 - R(1.000000000000002) * P2a_y;
+        constraints[226] = NCGEN_SPLAT(-R(1.8531646934131858));
+        constraints[227] = NCGEN_SPLAT(R(1.8531646934131876));
+        constraints[228] = NCGEN_SPLAT(-R(1.000000000000002));
         constraints[229] = NCGEN_SPLAT(R(1.0));
         constraints[397] = NCGEN_SPLAT(R(0.0));
         /* row 48: combination P3b.z (body platform): (e - c a x b).z = 0 with e = P3b-1.85316*P1a+1.85316*P1b-1*P2a, a = P3b-1.85316*P1a+1.85316*P1b-1*P2a, b = P3b-1.85316*P1a+1.85316*P1b-1*P2a, c = 0 */
-        const ncgen_real x219 = P3b_z - R(1.8531646934131856) * P1a_z + R(1.853164693413187) * P1b_z;
-        constraints[47] = x219 - R(1.0000000000000013) * P2a_z;
-        constraints[230] = NCGEN_SPLAT(-R(1.8531646934131856));
-        constraints[231] = NCGEN_SPLAT(R(1.853164693413187));
-        constraints[232] = NCGEN_SPLAT(-R(1.0000000000000013));
+        const ncgen_real x206 = P3b_z - R(1.8531646934131858) * P1a_z + R(1.8531646934131876) * P1b_z;
+        constraints[47] = x206 - R(1.000000000000002) * P2a_z;
+        constraints[230] = NCGEN_SPLAT(-R(1.8531646934131858));
+        constraints[231] = NCGEN_SPLAT(R(1.8531646934131876));
+        constraints[232] = NCGEN_SPLAT(-R(1.000000000000002));
         constraints[233] = NCGEN_SPLAT(R(1.0));
         constraints[398] = NCGEN_SPLAT(R(0.0));
         /* row 49: 1001 unit n1 (body rod1a): |u|^2 - 1 = 0 with u = n1 */
         const ncgen_real n1_x = q[51];
         const ncgen_real n1_y = q[52];
         const ncgen_real n1_z = q[53];
-        const ncgen_real x220 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
-        constraints[48] = x220;
+        const ncgen_real x207 = R(0.5) * (n1_x * n1_x + n1_y * n1_y + n1_z * n1_z - R(1.0));
+        constraints[48] = x207;
         constraints[234] = n1_x;
         constraints[235] = n1_y;
         constraints[236] = n1_z;
@@ -1998,82 +1972,82 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real dn1_z = qd[53];
         constraints[399] = -(dn1_x * dn1_x + dn1_y * dn1_y + dn1_z * dn1_z);
         /* row 50: 1002 angle n1, P1a-E1a (body rod1a): u.a - L c = 0 with u = n1, a = P1a-E1a, L = 1.055, c = 0 */
-        const ncgen_real x221 = R(0.9478672985781991) * (x58 * n1_x + x59 * n1_y + x60 * n1_z);
-        constraints[49] = -x221;
-        const ncgen_real x222 = R(0.9478672985781991) * n1_x;
-        const ncgen_real x223 = -x222;
-        constraints[237] = x223;
-        const ncgen_real x224 = R(0.9478672985781991) * n1_y;
-        const ncgen_real x225 = -x224;
-        constraints[238] = x225;
-        const ncgen_real x226 = R(0.9478672985781991) * n1_z;
-        const ncgen_real x227 = -x226;
-        constraints[239] = x227;
-        constraints[240] = x222;
-        constraints[241] = x224;
-        constraints[242] = x226;
-        constraints[243] = x65;
-        constraints[244] = x66;
-        constraints[245] = x67;
-        const ncgen_real x228 = R(1.8957345971563981) * (x68 * dn1_x + x69 * dn1_y + x70 * dn1_z);
-        constraints[400] = x228;
+        const ncgen_real x208 = R(0.9478672985781991) * (x45 * n1_x + x46 * n1_y + x47 * n1_z);
+        constraints[49] = -x208;
+        const ncgen_real x209 = R(0.9478672985781991) * n1_x;
+        const ncgen_real x210 = -x209;
+        constraints[237] = x210;
+        const ncgen_real x211 = R(0.9478672985781991) * n1_y;
+        const ncgen_real x212 = -x211;
+        constraints[238] = x212;
+        const ncgen_real x213 = R(0.9478672985781991) * n1_z;
+        const ncgen_real x214 = -x213;
+        constraints[239] = x214;
+        constraints[240] = x209;
+        constraints[241] = x211;
+        constraints[242] = x213;
+        constraints[243] = x52;
+        constraints[244] = x53;
+        constraints[245] = x54;
+        const ncgen_real x215 = R(1.8957345971563981) * (x55 * dn1_x + x56 * dn1_y + x57 * dn1_z);
+        constraints[400] = x215;
         /* row 51: 1002 angle n1, P1b-E1b (body rod1b): u.a - L c = 0 with u = n1, a = P1b-E1b, L = 1.055, c = 0 */
-        const ncgen_real x229 = R(0.9478672985781991) * (x72 * n1_x + x73 * n1_y + x74 * n1_z);
-        constraints[50] = -x229;
-        constraints[246] = x223;
-        constraints[247] = x225;
-        constraints[248] = x227;
-        constraints[249] = x222;
-        constraints[250] = x224;
-        constraints[251] = x226;
-        constraints[252] = x79;
-        constraints[253] = x80;
-        constraints[254] = x81;
-        const ncgen_real x230 = R(1.8957345971563981) * (x82 * dn1_x + x83 * dn1_y + x84 * dn1_z);
-        constraints[401] = x230;
+        const ncgen_real x216 = R(0.9478672985781991) * (x59 * n1_x + x60 * n1_y + x61 * n1_z);
+        constraints[50] = -x216;
+        constraints[246] = x210;
+        constraints[247] = x212;
+        constraints[248] = x214;
+        constraints[249] = x209;
+        constraints[250] = x211;
+        constraints[251] = x213;
+        constraints[252] = x66;
+        constraints[253] = x67;
+        constraints[254] = x68;
+        const ncgen_real x217 = R(1.8957345971563981) * (x69 * dn1_x + x70 * dn1_y + x71 * dn1_z);
+        constraints[401] = x217;
         /* row 52: 1002 angle n1, E1b-E1a (user model): u.a - L c = 0 with u = n1, a = E1b-E1a, L = 0.16, c = 0 */
-        const ncgen_real x231 = E1b_x - E1a_x;
-        const ncgen_real x232 = E1b_y - E1a_y;
-        const ncgen_real x233 = E1b_z - E1a_z;
-        const ncgen_real x234 = R(6.249999999999999) * (n1_x * x231 + n1_y * x232 + n1_z * x233);
-        constraints[51] = x234;
-        const ncgen_real x235 = R(6.249999999999999) * n1_x;
-        const ncgen_real x236 = -x235;
-        constraints[255] = x236;
-        const ncgen_real x237 = R(6.249999999999999) * n1_y;
-        const ncgen_real x238 = -x237;
-        constraints[256] = x238;
-        const ncgen_real x239 = R(6.249999999999999) * n1_z;
-        const ncgen_real x240 = -x239;
-        constraints[257] = x240;
-        constraints[258] = x235;
-        constraints[259] = x237;
-        constraints[260] = x239;
-        constraints[261] = R(6.249999999999999) * x231;
-        constraints[262] = R(6.249999999999999) * x232;
-        constraints[263] = R(6.249999999999999) * x233;
-        const ncgen_real x241 = dn1_x * (dE1b_x - dE1a_x) + dn1_y * (dE1b_y - dE1a_y) + dn1_z * (dE1b_z - dE1a_z);
-        constraints[402] = -(R(12.499999999999998) * x241);
+        const ncgen_real x218 = E1b_x - E1a_x;
+        const ncgen_real x219 = E1b_y - E1a_y;
+        const ncgen_real x220 = E1b_z - E1a_z;
+        const ncgen_real x221 = R(6.249999999999999) * (n1_x * x218 + n1_y * x219 + n1_z * x220);
+        constraints[51] = x221;
+        const ncgen_real x222 = R(6.249999999999999) * n1_x;
+        const ncgen_real x223 = -x222;
+        constraints[255] = x223;
+        const ncgen_real x224 = R(6.249999999999999) * n1_y;
+        const ncgen_real x225 = -x224;
+        constraints[256] = x225;
+        const ncgen_real x226 = R(6.249999999999999) * n1_z;
+        const ncgen_real x227 = -x226;
+        constraints[257] = x227;
+        constraints[258] = x222;
+        constraints[259] = x224;
+        constraints[260] = x226;
+        constraints[261] = R(6.249999999999999) * x218;
+        constraints[262] = R(6.249999999999999) * x219;
+        constraints[263] = R(6.249999999999999) * x220;
+        const ncgen_real x228 = dn1_x * (dE1b_x - dE1a_x) + dn1_y * (dE1b_y - dE1a_y) + dn1_z * (dE1b_z - dE1a_z);
+        constraints[402] = -(R(12.499999999999998) * x228);
         /* row 53: 1002 angle n1, P1b-P1a (user model): u.a - L c = 0 with u = n1, a = P1b-P1a, L = 0.16, c = 0 */
-        const ncgen_real x242 = R(6.249999999999999) * (x142 * n1_x + x143 * n1_y + x144 * n1_z);
-        constraints[52] = -x242;
-        constraints[264] = x236;
-        constraints[265] = x238;
-        constraints[266] = x240;
-        constraints[267] = x235;
-        constraints[268] = x237;
-        constraints[269] = x239;
-        constraints[270] = x149;
-        constraints[271] = x150;
-        constraints[272] = x151;
-        const ncgen_real x243 = R(12.499999999999998) * (x152 * dn1_x + x153 * dn1_y + x154 * dn1_z);
-        constraints[403] = x243;
+        const ncgen_real x229 = R(6.249999999999999) * (x129 * n1_x + x130 * n1_y + x131 * n1_z);
+        constraints[52] = -x229;
+        constraints[264] = x223;
+        constraints[265] = x225;
+        constraints[266] = x227;
+        constraints[267] = x222;
+        constraints[268] = x224;
+        constraints[269] = x226;
+        constraints[270] = x136;
+        constraints[271] = x137;
+        constraints[272] = x138;
+        const ncgen_real x230 = R(12.499999999999998) * (x139 * dn1_x + x140 * dn1_y + x141 * dn1_z);
+        constraints[403] = x230;
         /* row 54: 1001 unit n2 (body rod2a): |u|^2 - 1 = 0 with u = n2 */
         const ncgen_real n2_x = q[54];
         const ncgen_real n2_y = q[55];
         const ncgen_real n2_z = q[56];
-        const ncgen_real x244 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
-        constraints[53] = x244;
+        const ncgen_real x231 = R(0.5) * (n2_x * n2_x + n2_y * n2_y + n2_z * n2_z - R(1.0));
+        constraints[53] = x231;
         constraints[273] = n2_x;
         constraints[274] = n2_y;
         constraints[275] = n2_z;
@@ -2082,85 +2056,85 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real dn2_z = qd[56];
         constraints[404] = -(dn2_x * dn2_x + dn2_y * dn2_y + dn2_z * dn2_z);
         /* row 55: 1002 angle n2, P2a-E2a (body rod2a): u.a - L c = 0 with u = n2, a = P2a-E2a, L = 1.055, c = 0 */
-        const ncgen_real x245 = R(0.947867298578199) * (x86 * n2_x + x87 * n2_y + x88 * n2_z);
-        constraints[54] = -x245;
-        const ncgen_real x246 = R(0.947867298578199) * n2_x;
-        const ncgen_real x247 = -x246;
-        constraints[276] = x247;
-        const ncgen_real x248 = R(0.947867298578199) * n2_y;
-        const ncgen_real x249 = -x248;
-        constraints[277] = x249;
-        const ncgen_real x250 = R(0.947867298578199) * n2_z;
-        const ncgen_real x251 = -x250;
-        constraints[278] = x251;
-        constraints[279] = x246;
-        constraints[280] = x248;
-        constraints[281] = x250;
-        constraints[282] = x93;
-        constraints[283] = x94;
-        constraints[284] = x95;
-        const ncgen_real x252 = R(1.895734597156398) * (x96 * dn2_x + x97 * dn2_y + x98 * dn2_z);
-        constraints[405] = x252;
+        const ncgen_real x232 = R(0.947867298578199) * (x73 * n2_x + x74 * n2_y + x75 * n2_z);
+        constraints[54] = -x232;
+        const ncgen_real x233 = R(0.947867298578199) * n2_x;
+        const ncgen_real x234 = -x233;
+        constraints[276] = x234;
+        const ncgen_real x235 = R(0.947867298578199) * n2_y;
+        const ncgen_real x236 = -x235;
+        constraints[277] = x236;
+        const ncgen_real x237 = R(0.947867298578199) * n2_z;
+        const ncgen_real x238 = -x237;
+        constraints[278] = x238;
+        constraints[279] = x233;
+        constraints[280] = x235;
+        constraints[281] = x237;
+        constraints[282] = x80;
+        constraints[283] = x81;
+        constraints[284] = x82;
+        const ncgen_real x239 = R(1.895734597156398) * (x83 * dn2_x + x84 * dn2_y + x85 * dn2_z);
+        constraints[405] = x239;
         /* row 56: 1002 angle n2, P2b-E2b (body rod2b): u.a - L c = 0 with u = n2, a = P2b-E2b, L = 1.055, c = 0 */
-        const ncgen_real x253 = R(0.947867298578199) * (x100 * n2_x + x101 * n2_y + x102 * n2_z);
-        constraints[55] = -x253;
-        constraints[285] = x247;
-        constraints[286] = x249;
-        constraints[287] = x251;
-        constraints[288] = x246;
-        constraints[289] = x248;
-        constraints[290] = x250;
-        constraints[291] = x107;
-        constraints[292] = x108;
-        constraints[293] = x109;
-        const ncgen_real x254 = R(1.895734597156398) * (x110 * dn2_x + x111 * dn2_y + x112 * dn2_z);
-        constraints[406] = x254;
+        const ncgen_real x240 = R(0.947867298578199) * (x87 * n2_x + x88 * n2_y + x89 * n2_z);
+        constraints[55] = -x240;
+        constraints[285] = x234;
+        constraints[286] = x236;
+        constraints[287] = x238;
+        constraints[288] = x233;
+        constraints[289] = x235;
+        constraints[290] = x237;
+        constraints[291] = x94;
+        constraints[292] = x95;
+        constraints[293] = x96;
+        const ncgen_real x241 = R(1.895734597156398) * (x97 * dn2_x + x98 * dn2_y + x99 * dn2_z);
+        constraints[406] = x241;
         /* row 57: 1002 angle n2, E2b-E2a (user model): u.a - L c = 0 with u = n2, a = E2b-E2a, L = 0.16, c = 0 */
-        const ncgen_real x255 = E2b_x - E2a_x;
-        const ncgen_real x256 = E2b_y - E2a_y;
-        const ncgen_real x257 = E2b_z - E2a_z;
-        const ncgen_real x258 = R(6.249999999999999) * (n2_x * x255 + n2_y * x256 + n2_z * x257);
-        constraints[56] = x258;
-        const ncgen_real x259 = R(6.249999999999999) * n2_x;
-        const ncgen_real x260 = -x259;
-        constraints[294] = x260;
-        const ncgen_real x261 = R(6.249999999999999) * n2_y;
-        const ncgen_real x262 = -x261;
-        constraints[295] = x262;
-        const ncgen_real x263 = R(6.249999999999999) * n2_z;
-        const ncgen_real x264 = -x263;
-        constraints[296] = x264;
-        constraints[297] = x259;
-        constraints[298] = x261;
-        constraints[299] = x263;
-        constraints[300] = R(6.249999999999999) * x255;
-        constraints[301] = R(6.249999999999999) * x256;
-        constraints[302] = R(6.249999999999999) * x257;
-        const ncgen_real x265 = dn2_x * (dE2b_x - dE2a_x) + dn2_y * (dE2b_y - dE2a_y) + dn2_z * (dE2b_z - dE2a_z);
-        constraints[407] = -(R(12.499999999999998) * x265);
+        const ncgen_real x242 = E2b_x - E2a_x;
+        const ncgen_real x243 = E2b_y - E2a_y;
+        const ncgen_real x244 = E2b_z - E2a_z;
+        const ncgen_real x245 = R(6.249999999999999) * (n2_x * x242 + n2_y * x243 + n2_z * x244);
+        constraints[56] = x245;
+        const ncgen_real x246 = R(6.249999999999999) * n2_x;
+        const ncgen_real x247 = -x246;
+        constraints[294] = x247;
+        const ncgen_real x248 = R(6.249999999999999) * n2_y;
+        const ncgen_real x249 = -x248;
+        constraints[295] = x249;
+        const ncgen_real x250 = R(6.249999999999999) * n2_z;
+        const ncgen_real x251 = -x250;
+        constraints[296] = x251;
+        constraints[297] = x246;
+        constraints[298] = x248;
+        constraints[299] = x250;
+        constraints[300] = R(6.249999999999999) * x242;
+        constraints[301] = R(6.249999999999999) * x243;
+        constraints[302] = R(6.249999999999999) * x244;
+        const ncgen_real x252 = dn2_x * (dE2b_x - dE2a_x) + dn2_y * (dE2b_y - dE2a_y) + dn2_z * (dE2b_z - dE2a_z);
+        constraints[407] = -(R(12.499999999999998) * x252);
         /* row 58: 1002 angle n2, P2b-P2a (user model): u.a - L c = 0 with u = n2, a = P2b-P2a, L = 0.16, c = 0 */
-        const ncgen_real x266 = P2b_x - P2a_x;
-        const ncgen_real x267 = P2b_y - P2a_y;
-        const ncgen_real x268 = P2b_z - P2a_z;
-        const ncgen_real x269 = R(6.249999999999999) * (n2_x * x266 + n2_y * x267 + n2_z * x268);
-        constraints[57] = x269;
-        constraints[303] = x260;
-        constraints[304] = x262;
-        constraints[305] = x264;
-        constraints[306] = x259;
-        constraints[307] = x261;
-        constraints[308] = x263;
-        constraints[309] = R(6.249999999999999) * x266;
-        constraints[310] = R(6.249999999999999) * x267;
-        constraints[311] = R(6.249999999999999) * x268;
-        const ncgen_real x270 = dn2_x * (dP2b_x - dP2a_x) + dn2_y * (dP2b_y - dP2a_y) + dn2_z * (dP2b_z - dP2a_z);
-        constraints[408] = -(R(12.499999999999998) * x270);
+        const ncgen_real x253 = P2b_x - P2a_x;
+        const ncgen_real x254 = P2b_y - P2a_y;
+        const ncgen_real x255 = P2b_z - P2a_z;
+        const ncgen_real x256 = R(6.249999999999999) * (n2_x * x253 + n2_y * x254 + n2_z * x255);
+        constraints[57] = x256;
+        constraints[303] = x247;
+        constraints[304] = x249;
+        constraints[305] = x251;
+        constraints[306] = x246;
+        constraints[307] = x248;
+        constraints[308] = x250;
+        constraints[309] = R(6.249999999999999) * x253;
+        constraints[310] = R(6.249999999999999) * x254;
+        constraints[311] = R(6.249999999999999) * x255;
+        const ncgen_real x257 = dn2_x * (dP2b_x - dP2a_x) + dn2_y * (dP2b_y - dP2a_y) + dn2_z * (dP2b_z - dP2a_z);
+        constraints[408] = -(R(12.499999999999998) * x257);
         /* row 59: 1001 unit n3 (body rod3a): |u|^2 - 1 = 0 with u = n3 */
         const ncgen_real n3_x = q[57];
         const ncgen_real n3_y = q[58];
         const ncgen_real n3_z = q[59];
-        const ncgen_real x271 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
-        constraints[58] = x271;
+        const ncgen_real x258 = R(0.5) * (n3_x * n3_x + n3_y * n3_y + n3_z * n3_z - R(1.0));
+        constraints[58] = x258;
         constraints[312] = n3_x;
         constraints[313] = n3_y;
         constraints[314] = n3_z;
@@ -2169,77 +2143,77 @@ int delta_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real dn3_z = qd[59];
         constraints[409] = -(dn3_x * dn3_x + dn3_y * dn3_y + dn3_z * dn3_z);
         /* row 60: 1002 angle n3, P3a-E3a (body rod3a): u.a - L c = 0 with u = n3, a = P3a-E3a, L = 1.055, c = 0 */
-        const ncgen_real x272 = R(0.9478672985781991) * (x114 * n3_x + x115 * n3_y + x116 * n3_z);
-        constraints[59] = -x272;
-        const ncgen_real x273 = R(0.9478672985781991) * n3_x;
-        const ncgen_real x274 = -x273;
-        constraints[315] = x274;
-        const ncgen_real x275 = R(0.9478672985781991) * n3_y;
-        const ncgen_real x276 = -x275;
-        constraints[316] = x276;
-        const ncgen_real x277 = R(0.9478672985781991) * n3_z;
-        const ncgen_real x278 = -x277;
-        constraints[317] = x278;
-        constraints[318] = x273;
-        constraints[319] = x275;
-        constraints[320] = x277;
-        constraints[321] = x121;
-        constraints[322] = x122;
-        constraints[323] = x123;
-        const ncgen_real x279 = R(1.8957345971563981) * (x124 * dn3_x + x125 * dn3_y + x126 * dn3_z);
-        constraints[410] = x279;
+        const ncgen_real x259 = R(0.947867298578199) * (x101 * n3_x + x102 * n3_y + x103 * n3_z);
+        constraints[59] = -x259;
+        const ncgen_real x260 = R(0.947867298578199) * n3_x;
+        const ncgen_real x261 = -x260;
+        constraints[315] = x261;
+        const ncgen_real x262 = R(0.947867298578199) * n3_y;
+        const ncgen_real x263 = -x262;
+        constraints[316] = x263;
+        const ncgen_real x264 = R(0.947867298578199) * n3_z;
+        const ncgen_real x265 = -x264;
+        constraints[317] = x265;
+        constraints[318] = x260;
+        constraints[319] = x262;
+        constraints[320] = x264;
+        constraints[321] = x108;
+        constraints[322] = x109;
+        constraints[323] = x110;
+        const ncgen_real x266 = R(1.895734597156398) * (x111 * dn3_x + x112 * dn3_y + x113 * dn3_z);
+        constraints[410] = x266;
         /* row 61: 1002 angle n3, P3b-E3b (body rod3b): u.a - L c = 0 with u = n3, a = P3b-E3b, L = 1.055, c = 0 */
-        const ncgen_real x280 = R(0.9478672985781991) * (x128 * n3_x + x129 * n3_y + x130 * n3_z);
-        constraints[60] = -x280;
-        constraints[324] = x274;
-        constraints[325] = x276;
-        constraints[326] = x278;
-        constraints[327] = x273;
-        constraints[328] = x275;
-        constraints[329] = x277;
-        constraints[330] = x135;
-        constraints[331] = x136;
-        constraints[332] = x137;
-        const ncgen_real x281 = R(1.8957345971563981) * (x138 * dn3_x + x139 * dn3_y + x140 * dn3_z);
-        constraints[411] = x281;
+        const ncgen_real x267 = R(0.947867298578199) * (x115 * n3_x + x116 * n3_y + x117 * n3_z);
+        constraints[60] = -x267;
+        constraints[324] = x261;
+        constraints[325] = x263;
+        constraints[326] = x265;
+        constraints[327] = x260;
+        constraints[328] = x262;
+        constraints[329] = x264;
+        constraints[330] = x122;
+        constraints[331] = x123;
+        constraints[332] = x124;
+        const ncgen_real x268 = R(1.895734597156398) * (x125 * dn3_x + x126 * dn3_y + x127 * dn3_z);
+        constraints[411] = x268;
         /* row 62: 1002 angle n3, E3b-E3a (user model): u.a - L c = 0 with u = n3, a = E3b-E3a, L = 0.16, c = 0 */
-        const ncgen_real x282 = E3b_x - E3a_x;
-        const ncgen_real x283 = E3b_y - E3a_y;
-        const ncgen_real x284 = E3b_z - E3a_z;
-        constraints[61] = R(6.25) * (n3_x * x282 + n3_y * x283 + n3_z * x284);
-        const ncgen_real x285 = R(6.25) * n3_x;
-        const ncgen_real x286 = -x285;
-        constraints[333] = x286;
-        const ncgen_real x287 = R(6.25) * n3_y;
-        const ncgen_real x288 = -x287;
-        constraints[334] = x288;
-        const ncgen_real x289 = R(6.25) * n3_z;
-        const ncgen_real x290 = -x289;
-        constraints[335] = x290;
-        constraints[336] = x285;
-        constraints[337] = x287;
-        constraints[338] = x289;
-        constraints[339] = R(6.25) * x282;
-        constraints[340] = R(6.25) * x283;
-        constraints[341] = R(6.25) * x284;
-        const ncgen_real x291 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
-        constraints[412] = -(R(12.5) * x291);
+        const ncgen_real x269 = E3b_x - E3a_x;
+        const ncgen_real x270 = E3b_y - E3a_y;
+        const ncgen_real x271 = E3b_z - E3a_z;
+        constraints[61] = R(6.25) * (n3_x * x269 + n3_y * x270 + n3_z * x271);
+        const ncgen_real x272 = R(6.25) * n3_x;
+        const ncgen_real x273 = -x272;
+        constraints[333] = x273;
+        const ncgen_real x274 = R(6.25) * n3_y;
+        const ncgen_real x275 = -x274;
+        constraints[334] = x275;
+        const ncgen_real x276 = R(6.25) * n3_z;
+        const ncgen_real x277 = -x276;
+        constraints[335] = x277;
+        constraints[336] = x272;
+        constraints[337] = x274;
+        constraints[338] = x276;
+        constraints[339] = R(6.25) * x269;
+        constraints[340] = R(6.25) * x270;
+        constraints[341] = R(6.25) * x271;
+        const ncgen_real x278 = dn3_x * (dE3b_x - dE3a_x) + dn3_y * (dE3b_y - dE3a_y) + dn3_z * (dE3b_z - dE3a_z);
+        constraints[412] = -(R(12.5) * x278);
         /* row 63: 1002 angle n3, P3b-P3a (user model): u.a - L c = 0 with u = n3, a = P3b-P3a, L = 0.16, c = 0 */
-        const ncgen_real x292 = P3b_x - P3a_x;
-        const ncgen_real x293 = P3b_y - P3a_y;
-        const ncgen_real x294 = P3b_z - P3a_z;
-        constraints[62] = R(6.25) * (n3_x * x292 + n3_y * x293 + n3_z * x294);
-        constraints[342] = x286;
-        constraints[343] = x288;
-        constraints[344] = x290;
-        constraints[345] = x285;
-        constraints[346] = x287;
-        constraints[347] = x289;
-        constraints[348] = R(6.25) * x292;
-        constraints[349] = R(6.25) * x293;
-        constraints[350] = R(6.25) * x294;
-        const ncgen_real x295 = dn3_x * (dP3b_x - dP3a_x) + dn3_y * (dP3b_y - dP3a_y) + dn3_z * (dP3b_z - dP3a_z);
-        constraints[413] = -(R(12.5) * x295);
+        const ncgen_real x279 = P3b_x - P3a_x;
+        const ncgen_real x280 = P3b_y - P3a_y;
+        const ncgen_real x281 = P3b_z - P3a_z;
+        constraints[62] = R(6.25) * (n3_x * x279 + n3_y * x280 + n3_z * x281);
+        constraints[342] = x273;
+        constraints[343] = x275;
+        constraints[344] = x277;
+        constraints[345] = x272;
+        constraints[346] = x274;
+        constraints[347] = x276;
+        constraints[348] = R(6.25) * x279;
+        constraints[349] = R(6.25) * x280;
+        constraints[350] = R(6.25) * x281;
+        const ncgen_real x282 = dn3_x * (dP3b_x - dP3a_x) + dn3_y * (dP3b_y - dP3a_y) + dn3_z * (dP3b_z - dP3a_z);
+        constraints[413] = -(R(12.5) * x282);
     }
 
     return NCGEN_OK;
@@ -2376,9 +2350,9 @@ static const char *const delta_row_names[] = {
 static const ncgen_scalar delta_initial_position[] = {
     R(0.6332735641217694), R(0.36562066271637716), -R(0.1241184867977626), R(0.6732735641217694),
     R(0.2963386304136221), -R(0.1241184867977626), R(0.5932735641217693), R(0.43490269501913226),
-    -R(0.1241184867977626), R(0.30000000000000004), -R(0.6332735641217693), R(0.3656206627163775),
+    -R(0.1241184867977626), R(0.3), -R(0.6332735641217693), R(0.3656206627163775),
     -R(0.1241184867977626), -R(0.5932735641217692), R(0.4349026950191326), -R(0.1241184867977626),
-    -R(0.6732735641217693), R(0.2963386304136224), -R(0.1241184867977626), R(0.3),
+    -R(0.6732735641217693), R(0.2963386304136224), -R(0.1241184867977626), R(0.29999999999999993),
     -R(1.3432685228932363e-16), -R(0.7312413254327546), -R(0.1241184867977626),
     -R(0.08000000000000014), -R(0.7312413254327546), -R(0.1241184867977626),
     R(0.07999999999999986), -R(0.7312413254327546), -R(0.1241184867977626), R(0.29999999999999993),
@@ -2434,7 +2408,7 @@ const ncgen_model *delta_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "delta",
-        .fingerprint = "86b7db87419b5dd1",
+        .fingerprint = "179bd423c414431c",
         .n_coordinates = 60,
         .n_rows = 63,
         .n_parameters = 0,

@@ -75,15 +75,15 @@ int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         phi[11] = P1_z - C_z - x7;
         /* row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
         const ncgen_real P2_x = q[15];
-        const ncgen_real x8 = P2_x - C_x - R(0.15000000000000002) * v_x - R(0.2598076211353315) * x_disc_aux_x;
+        const ncgen_real x8 = P2_x - C_x - R(0.15000000000000002) * v_x - R(0.25980762113533157) * x_disc_aux_x;
         phi[12] = x8;
         /* row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
         const ncgen_real P2_y = q[16];
-        const ncgen_real x9 = P2_y - C_y - R(0.15000000000000002) * v_y - R(0.2598076211353315) * x_disc_aux_y;
+        const ncgen_real x9 = P2_y - C_y - R(0.15000000000000002) * v_y - R(0.25980762113533157) * x_disc_aux_y;
         phi[13] = x9;
         /* row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
         const ncgen_real P2_z = q[17];
-        const ncgen_real x10 = P2_z - C_z - R(0.15000000000000002) * v_z - R(0.2598076211353315) * x_disc_aux_z;
+        const ncgen_real x10 = P2_z - C_z - R(0.15000000000000002) * v_z - R(0.25980762113533157) * x_disc_aux_z;
         phi[14] = x10;
         /* row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
         const ncgen_real P3_x = q[18];
@@ -108,15 +108,15 @@ int disc_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         phi[20] = x7 + (P4_z - C_z);
         /* row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
         const ncgen_real P5_x = q[24];
-        const ncgen_real x14 = P5_x - C_x + R(0.15000000000000013) * v_x + R(0.25980762113533146) * x_disc_aux_x;
+        const ncgen_real x14 = P5_x - C_x + R(0.15000000000000013) * v_x + R(0.2598076211353315) * x_disc_aux_x;
         phi[21] = x14;
         /* row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
         const ncgen_real P5_y = q[25];
-        const ncgen_real x15 = P5_y - C_y + R(0.15000000000000013) * v_y + R(0.25980762113533146) * x_disc_aux_y;
+        const ncgen_real x15 = P5_y - C_y + R(0.15000000000000013) * v_y + R(0.2598076211353315) * x_disc_aux_y;
         phi[22] = x15;
         /* row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
         const ncgen_real P5_z = q[26];
-        const ncgen_real x16 = P5_z - C_z + R(0.15000000000000013) * v_z + R(0.25980762113533146) * x_disc_aux_z;
+        const ncgen_real x16 = P5_z - C_z + R(0.15000000000000013) * v_z + R(0.2598076211353315) * x_disc_aux_z;
         phi[23] = x16;
         /* row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
         const ncgen_real P6_x = q[27];
@@ -220,15 +220,15 @@ int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[49] = NCGEN_SPLAT(R(1.0));
         phi_q[50] = NCGEN_SPLAT(-R(1.0));
         phi_q[51] = NCGEN_SPLAT(-R(0.15000000000000002));
-        phi_q[52] = NCGEN_SPLAT(-R(0.2598076211353315));
+        phi_q[52] = NCGEN_SPLAT(-R(0.25980762113533157));
         phi_q[53] = NCGEN_SPLAT(R(1.0));
         phi_q[54] = NCGEN_SPLAT(-R(1.0));
         phi_q[55] = NCGEN_SPLAT(-R(0.15000000000000002));
-        phi_q[56] = NCGEN_SPLAT(-R(0.2598076211353315));
+        phi_q[56] = NCGEN_SPLAT(-R(0.25980762113533157));
         phi_q[57] = NCGEN_SPLAT(R(1.0));
         phi_q[58] = NCGEN_SPLAT(-R(1.0));
         phi_q[59] = NCGEN_SPLAT(-R(0.15000000000000002));
-        phi_q[60] = NCGEN_SPLAT(-R(0.2598076211353315));
+        phi_q[60] = NCGEN_SPLAT(-R(0.25980762113533157));
         phi_q[61] = NCGEN_SPLAT(R(1.0));
         phi_q[62] = NCGEN_SPLAT(-R(1.0));
         phi_q[63] = NCGEN_SPLAT(R(0.14999999999999994));
@@ -253,15 +253,15 @@ int disc_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[82] = NCGEN_SPLAT(R(1.0));
         phi_q[83] = NCGEN_SPLAT(-R(1.0));
         phi_q[84] = NCGEN_SPLAT(R(0.15000000000000013));
-        phi_q[85] = NCGEN_SPLAT(R(0.25980762113533146));
+        phi_q[85] = NCGEN_SPLAT(R(0.2598076211353315));
         phi_q[86] = NCGEN_SPLAT(R(1.0));
         phi_q[87] = NCGEN_SPLAT(-R(1.0));
         phi_q[88] = NCGEN_SPLAT(R(0.15000000000000013));
-        phi_q[89] = NCGEN_SPLAT(R(0.25980762113533146));
+        phi_q[89] = NCGEN_SPLAT(R(0.2598076211353315));
         phi_q[90] = NCGEN_SPLAT(R(1.0));
         phi_q[91] = NCGEN_SPLAT(-R(1.0));
         phi_q[92] = NCGEN_SPLAT(R(0.15000000000000013));
-        phi_q[93] = NCGEN_SPLAT(R(0.25980762113533146));
+        phi_q[93] = NCGEN_SPLAT(R(0.2598076211353315));
         phi_q[94] = NCGEN_SPLAT(R(1.0));
         phi_q[95] = NCGEN_SPLAT(-R(1.0));
         phi_q[96] = NCGEN_SPLAT(-R(0.1499999999999998));
@@ -622,29 +622,29 @@ int disc_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[145] = NCGEN_SPLAT(R(0.0));
         /* row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
         const ncgen_real P2_x = q[15];
-        const ncgen_real x53 = P2_x - C_x - R(0.15000000000000002) * v_x - R(0.2598076211353315) * x_disc_aux_x;
+        const ncgen_real x53 = P2_x - C_x - R(0.15000000000000002) * v_x - R(0.25980762113533157) * x_disc_aux_x;
         constraints[12] = x53;
         constraints[77] = NCGEN_SPLAT(-R(1.0));
         constraints[78] = NCGEN_SPLAT(-R(0.15000000000000002));
-        constraints[79] = NCGEN_SPLAT(-R(0.2598076211353315));
+        constraints[79] = NCGEN_SPLAT(-R(0.25980762113533157));
         constraints[80] = NCGEN_SPLAT(R(1.0));
         constraints[146] = NCGEN_SPLAT(R(0.0));
         /* row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
         const ncgen_real P2_y = q[16];
-        const ncgen_real x54 = P2_y - C_y - R(0.15000000000000002) * v_y - R(0.2598076211353315) * x_disc_aux_y;
+        const ncgen_real x54 = P2_y - C_y - R(0.15000000000000002) * v_y - R(0.25980762113533157) * x_disc_aux_y;
         constraints[13] = x54;
         constraints[81] = NCGEN_SPLAT(-R(1.0));
         constraints[82] = NCGEN_SPLAT(-R(0.15000000000000002));
-        constraints[83] = NCGEN_SPLAT(-R(0.2598076211353315));
+        constraints[83] = NCGEN_SPLAT(-R(0.25980762113533157));
         constraints[84] = NCGEN_SPLAT(R(1.0));
         constraints[147] = NCGEN_SPLAT(R(0.0));
         /* row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0 */
         const ncgen_real P2_z = q[17];
-        const ncgen_real x55 = P2_z - C_z - R(0.15000000000000002) * v_z - R(0.2598076211353315) * x_disc_aux_z;
+        const ncgen_real x55 = P2_z - C_z - R(0.15000000000000002) * v_z - R(0.25980762113533157) * x_disc_aux_z;
         constraints[14] = x55;
         constraints[85] = NCGEN_SPLAT(-R(1.0));
         constraints[86] = NCGEN_SPLAT(-R(0.15000000000000002));
-        constraints[87] = NCGEN_SPLAT(-R(0.2598076211353315));
+        constraints[87] = NCGEN_SPLAT(-R(0.25980762113533157));
         constraints[88] = NCGEN_SPLAT(R(1.0));
         constraints[148] = NCGEN_SPLAT(R(0.0));
         /* row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0 */
@@ -697,29 +697,29 @@ int disc_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[154] = NCGEN_SPLAT(R(0.0));
         /* row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
         const ncgen_real P5_x = q[24];
-        const ncgen_real x59 = P5_x - C_x + R(0.15000000000000013) * v_x + R(0.25980762113533146) * x_disc_aux_x;
+        const ncgen_real x59 = P5_x - C_x + R(0.15000000000000013) * v_x + R(0.2598076211353315) * x_disc_aux_x;
         constraints[21] = x59;
         constraints[110] = NCGEN_SPLAT(-R(1.0));
         constraints[111] = NCGEN_SPLAT(R(0.15000000000000013));
-        constraints[112] = NCGEN_SPLAT(R(0.25980762113533146));
+        constraints[112] = NCGEN_SPLAT(R(0.2598076211353315));
         constraints[113] = NCGEN_SPLAT(R(1.0));
         constraints[155] = NCGEN_SPLAT(R(0.0));
         /* row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
         const ncgen_real P5_y = q[25];
-        const ncgen_real x60 = P5_y - C_y + R(0.15000000000000013) * v_y + R(0.25980762113533146) * x_disc_aux_y;
+        const ncgen_real x60 = P5_y - C_y + R(0.15000000000000013) * v_y + R(0.2598076211353315) * x_disc_aux_y;
         constraints[22] = x60;
         constraints[114] = NCGEN_SPLAT(-R(1.0));
         constraints[115] = NCGEN_SPLAT(R(0.15000000000000013));
-        constraints[116] = NCGEN_SPLAT(R(0.25980762113533146));
+        constraints[116] = NCGEN_SPLAT(R(0.2598076211353315));
         constraints[117] = NCGEN_SPLAT(R(1.0));
         constraints[156] = NCGEN_SPLAT(R(0.0));
         /* row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0 */
         const ncgen_real P5_z = q[26];
-        const ncgen_real x61 = P5_z - C_z + R(0.15000000000000013) * v_z + R(0.25980762113533146) * x_disc_aux_z;
+        const ncgen_real x61 = P5_z - C_z + R(0.15000000000000013) * v_z + R(0.2598076211353315) * x_disc_aux_z;
         constraints[23] = x61;
         constraints[118] = NCGEN_SPLAT(-R(1.0));
         constraints[119] = NCGEN_SPLAT(R(0.15000000000000013));
-        constraints[120] = NCGEN_SPLAT(R(0.25980762113533146));
+        constraints[120] = NCGEN_SPLAT(R(0.2598076211353315));
         constraints[121] = NCGEN_SPLAT(R(1.0));
         constraints[157] = NCGEN_SPLAT(R(0.0));
         /* row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0 */
@@ -856,7 +856,7 @@ const ncgen_model *disc_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "disc",
-        .fingerprint = "b71e6baa80ce93a4",
+        .fingerprint = "8ad71077acd7b689",
         .n_coordinates = 30,
         .n_rows = 27,
         .n_parameters = 0,

@@ -171,15 +171,15 @@ def phi(t, q, p):
     phi[..., 11] = P1_z - C_z - x5
     # row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
     P2_x = q[..., 15]
-    x6 = P2_x - C_x - 0.15000000000000002 * v_x - 0.2598076211353315 * disc_aux_x
+    x6 = P2_x - C_x - 0.15000000000000002 * v_x - 0.25980762113533157 * disc_aux_x
     phi[..., 12] = x6
     # row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
     P2_y = q[..., 16]
-    x7 = P2_y - C_y - 0.15000000000000002 * v_y - 0.2598076211353315 * disc_aux_y
+    x7 = P2_y - C_y - 0.15000000000000002 * v_y - 0.25980762113533157 * disc_aux_y
     phi[..., 13] = x7
     # row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
     P2_z = q[..., 17]
-    x8 = P2_z - C_z - 0.15000000000000002 * v_z - 0.2598076211353315 * disc_aux_z
+    x8 = P2_z - C_z - 0.15000000000000002 * v_z - 0.25980762113533157 * disc_aux_z
     phi[..., 14] = x8
     # row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
     P3_x = q[..., 18]
@@ -204,15 +204,15 @@ def phi(t, q, p):
     phi[..., 20] = x5 + (P4_z - C_z)
     # row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
     P5_x = q[..., 24]
-    x12 = P5_x - C_x + 0.15000000000000013 * v_x + 0.25980762113533146 * disc_aux_x
+    x12 = P5_x - C_x + 0.15000000000000013 * v_x + 0.2598076211353315 * disc_aux_x
     phi[..., 21] = x12
     # row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
     P5_y = q[..., 25]
-    x13 = P5_y - C_y + 0.15000000000000013 * v_y + 0.25980762113533146 * disc_aux_y
+    x13 = P5_y - C_y + 0.15000000000000013 * v_y + 0.2598076211353315 * disc_aux_y
     phi[..., 22] = x13
     # row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
     P5_z = q[..., 26]
-    x14 = P5_z - C_z + 0.15000000000000013 * v_z + 0.25980762113533146 * disc_aux_z
+    x14 = P5_z - C_z + 0.15000000000000013 * v_z + 0.2598076211353315 * disc_aux_z
     phi[..., 23] = x14
     # row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0
     P6_x = q[..., 27]
@@ -312,15 +312,15 @@ def phi_q(t, q, p):
     phi_q[..., 49] = 1.0
     phi_q[..., 50] = -1.0
     phi_q[..., 51] = -0.15000000000000002
-    phi_q[..., 52] = -0.2598076211353315
+    phi_q[..., 52] = -0.25980762113533157
     phi_q[..., 53] = 1.0
     phi_q[..., 54] = -1.0
     phi_q[..., 55] = -0.15000000000000002
-    phi_q[..., 56] = -0.2598076211353315
+    phi_q[..., 56] = -0.25980762113533157
     phi_q[..., 57] = 1.0
     phi_q[..., 58] = -1.0
     phi_q[..., 59] = -0.15000000000000002
-    phi_q[..., 60] = -0.2598076211353315
+    phi_q[..., 60] = -0.25980762113533157
     phi_q[..., 61] = 1.0
     phi_q[..., 62] = -1.0
     phi_q[..., 63] = 0.14999999999999994
@@ -345,15 +345,15 @@ def phi_q(t, q, p):
     phi_q[..., 82] = 1.0
     phi_q[..., 83] = -1.0
     phi_q[..., 84] = 0.15000000000000013
-    phi_q[..., 85] = 0.25980762113533146
+    phi_q[..., 85] = 0.2598076211353315
     phi_q[..., 86] = 1.0
     phi_q[..., 87] = -1.0
     phi_q[..., 88] = 0.15000000000000013
-    phi_q[..., 89] = 0.25980762113533146
+    phi_q[..., 89] = 0.2598076211353315
     phi_q[..., 90] = 1.0
     phi_q[..., 91] = -1.0
     phi_q[..., 92] = 0.15000000000000013
-    phi_q[..., 93] = 0.25980762113533146
+    phi_q[..., 93] = 0.2598076211353315
     phi_q[..., 94] = 1.0
     phi_q[..., 95] = -1.0
     phi_q[..., 96] = -0.1499999999999998
@@ -689,29 +689,29 @@ def constraints(t, q, qd, p):
     constraints[..., 145] = 0.0
     # row 13: combination P2.x (body disc): (e - c a x b).x = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
     P2_x = q[..., 15]
-    x51 = P2_x - C_x - 0.15000000000000002 * v_x - 0.2598076211353315 * disc_aux_x
+    x51 = P2_x - C_x - 0.15000000000000002 * v_x - 0.25980762113533157 * disc_aux_x
     constraints[..., 12] = x51
     constraints[..., 77] = -1.0
     constraints[..., 78] = -0.15000000000000002
-    constraints[..., 79] = -0.2598076211353315
+    constraints[..., 79] = -0.25980762113533157
     constraints[..., 80] = 1.0
     constraints[..., 146] = 0.0
     # row 14: combination P2.y (body disc): (e - c a x b).y = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
     P2_y = q[..., 16]
-    x52 = P2_y - C_y - 0.15000000000000002 * v_y - 0.2598076211353315 * disc_aux_y
+    x52 = P2_y - C_y - 0.15000000000000002 * v_y - 0.25980762113533157 * disc_aux_y
     constraints[..., 13] = x52
     constraints[..., 81] = -1.0
     constraints[..., 82] = -0.15000000000000002
-    constraints[..., 83] = -0.2598076211353315
+    constraints[..., 83] = -0.25980762113533157
     constraints[..., 84] = 1.0
     constraints[..., 147] = 0.0
     # row 15: combination P2.z (body disc): (e - c a x b).z = 0 with e = P2-C-0.15*v-0.259808*disc.aux, a = P2-C-0.15*v-0.259808*disc.aux, b = P2-C-0.15*v-0.259808*disc.aux, c = 0
     P2_z = q[..., 17]
-    x53 = P2_z - C_z - 0.15000000000000002 * v_z - 0.2598076211353315 * disc_aux_z
+    x53 = P2_z - C_z - 0.15000000000000002 * v_z - 0.25980762113533157 * disc_aux_z
     constraints[..., 14] = x53
     constraints[..., 85] = -1.0
     constraints[..., 86] = -0.15000000000000002
-    constraints[..., 87] = -0.2598076211353315
+    constraints[..., 87] = -0.25980762113533157
     constraints[..., 88] = 1.0
     constraints[..., 148] = 0.0
     # row 16: combination P3.x (body disc): (e - c a x b).x = 0 with e = P3-C+0.15*v-0.259808*disc.aux, a = P3-C+0.15*v-0.259808*disc.aux, b = P3-C+0.15*v-0.259808*disc.aux, c = 0
@@ -764,29 +764,29 @@ def constraints(t, q, qd, p):
     constraints[..., 154] = 0.0
     # row 22: combination P5.x (body disc): (e - c a x b).x = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
     P5_x = q[..., 24]
-    x57 = P5_x - C_x + 0.15000000000000013 * v_x + 0.25980762113533146 * disc_aux_x
+    x57 = P5_x - C_x + 0.15000000000000013 * v_x + 0.2598076211353315 * disc_aux_x
     constraints[..., 21] = x57
     constraints[..., 110] = -1.0
     constraints[..., 111] = 0.15000000000000013
-    constraints[..., 112] = 0.25980762113533146
+    constraints[..., 112] = 0.2598076211353315
     constraints[..., 113] = 1.0
     constraints[..., 155] = 0.0
     # row 23: combination P5.y (body disc): (e - c a x b).y = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
     P5_y = q[..., 25]
-    x58 = P5_y - C_y + 0.15000000000000013 * v_y + 0.25980762113533146 * disc_aux_y
+    x58 = P5_y - C_y + 0.15000000000000013 * v_y + 0.2598076211353315 * disc_aux_y
     constraints[..., 22] = x58
     constraints[..., 114] = -1.0
     constraints[..., 115] = 0.15000000000000013
-    constraints[..., 116] = 0.25980762113533146
+    constraints[..., 116] = 0.2598076211353315
     constraints[..., 117] = 1.0
     constraints[..., 156] = 0.0
     # row 24: combination P5.z (body disc): (e - c a x b).z = 0 with e = P5-C+0.15*v+0.259808*disc.aux, a = P5-C+0.15*v+0.259808*disc.aux, b = P5-C+0.15*v+0.259808*disc.aux, c = 0
     P5_z = q[..., 26]
-    x59 = P5_z - C_z + 0.15000000000000013 * v_z + 0.25980762113533146 * disc_aux_z
+    x59 = P5_z - C_z + 0.15000000000000013 * v_z + 0.2598076211353315 * disc_aux_z
     constraints[..., 23] = x59
     constraints[..., 118] = -1.0
     constraints[..., 119] = 0.15000000000000013
-    constraints[..., 120] = 0.25980762113533146
+    constraints[..., 120] = 0.2598076211353315
     constraints[..., 121] = 1.0
     constraints[..., 157] = 0.0
     # row 25: combination P6.x (body disc): (e - c a x b).x = 0 with e = P6-C-0.15*v+0.259808*disc.aux, a = P6-C-0.15*v+0.259808*disc.aux, b = P6-C-0.15*v+0.259808*disc.aux, c = 0

@@ -30,19 +30,19 @@ int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi[0] = x1;
         /* row 2: combination L.x (body boom): (e - c a x b).x = 0 with e = L-0.579698*O-0.420302*B, a = z, b = B-O, c = -0.0525378 */
         const ncgen_real L_x = q[2];
-        const ncgen_real x2 = L_x - R(0.4203022814007834) * B_x - R(0.05253778517509788) * B_y;
+        const ncgen_real x2 = L_x - R(0.42030228140078346) * B_x - R(0.05253778517509791) * B_y;
         phi[1] = x2;
         /* row 3: combination L.y (body boom): (e - c a x b).y = 0 with e = L-0.579698*O-0.420302*B, a = z, b = B-O, c = -0.0525378 */
         const ncgen_real L_y = q[3];
-        const ncgen_real x3 = L_y - R(0.4203022814007834) * B_y + R(0.05253778517509788) * B_x;
+        const ncgen_real x3 = L_y - R(0.42030228140078346) * B_y + R(0.05253778517509791) * B_x;
         phi[2] = x3;
         /* row 4: combination D.x (body boom): (e - c a x b).x = 0 with e = D-0.52716*O-0.47284*B, a = z, b = B-O, c = 0.115583 */
         const ncgen_real D_x = q[4];
-        const ncgen_real x4 = D_x - R(0.47284006657588135) * B_x + R(0.11558312738521555) * B_y;
+        const ncgen_real x4 = D_x - R(0.47284006657588135) * B_x + R(0.11558312738521549) * B_y;
         phi[3] = x4;
         /* row 5: combination D.y (body boom): (e - c a x b).y = 0 with e = D-0.52716*O-0.47284*B, a = z, b = B-O, c = 0.115583 */
         const ncgen_real D_y = q[5];
-        const ncgen_real x5 = D_y - R(0.47284006657588135) * B_y - R(0.11558312738521555) * B_x;
+        const ncgen_real x5 = D_y - R(0.47284006657588135) * B_y - R(0.11558312738521549) * B_x;
         phi[4] = x5;
         /* row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
         const ncgen_real C_x = q[6];
@@ -53,28 +53,28 @@ int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi[5] = x8;
         /* row 7: combination R.x (body stick): (e - c a x b).x = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
         const ncgen_real R_x = q[8];
-        const ncgen_real x9 = R_x - R(1.2367765827959616) * B_x + R(0.2367765827959615) * C_x;
-        phi[6] = x9 - R(0.08879121854848554) * x7;
+        const ncgen_real x9 = R_x - R(1.2367765827959614) * B_x + R(0.23677658279596142) * C_x;
+        phi[6] = x9 - R(0.08879121854848551) * x7;
         /* row 8: combination R.y (body stick): (e - c a x b).y = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
         const ncgen_real R_y = q[9];
-        const ncgen_real x10 = R_y - R(1.2367765827959616) * B_y + R(0.2367765827959615) * C_y;
-        phi[7] = x10 + R(0.08879121854848554) * x6;
+        const ncgen_real x10 = R_y - R(1.2367765827959614) * B_y + R(0.23677658279596142) * C_y;
+        phi[7] = x10 + R(0.08879121854848551) * x6;
         /* row 9: combination K.x (body stick): (e - c a x b).x = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
         const ncgen_real K_x = q[10];
-        const ncgen_real x11 = K_x - R(0.8890109768143931) * B_x - R(0.11098902318560692) * C_x;
+        const ncgen_real x11 = K_x - R(0.8890109768143931) * B_x - R(0.11098902318560691) * C_x;
         phi[8] = x11 - R(0.1775824370969712) * x7;
         /* row 10: combination K.y (body stick): (e - c a x b).y = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
         const ncgen_real K_y = q[11];
-        const ncgen_real x12 = K_y - R(0.8890109768143931) * B_y - R(0.11098902318560692) * C_y;
+        const ncgen_real x12 = K_y - R(0.8890109768143931) * B_y - R(0.11098902318560691) * C_y;
         phi[9] = x12 + R(0.1775824370969712) * x6;
         /* row 11: combination H.x (body stick): (e - c a x b).x = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
         const ncgen_real H_x = q[12];
         const ncgen_real x13 = H_x - R(0.1860804966388825) * B_x - R(0.8139195033611175) * C_x;
-        phi[10] = x13 - R(0.03699634106186897) * x7;
+        phi[10] = x13 - R(0.03699634106186896) * x7;
         /* row 12: combination H.y (body stick): (e - c a x b).y = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
         const ncgen_real H_y = q[13];
         const ncgen_real x14 = H_y - R(0.1860804966388825) * B_y - R(0.8139195033611175) * C_y;
-        phi[11] = x14 + R(0.03699634106186897) * x6;
+        phi[11] = x14 + R(0.03699634106186896) * x6;
         /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
         const ncgen_real T_x = q[14];
         const ncgen_real x15 = C_x - T_x;
@@ -84,11 +84,11 @@ int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi[12] = x17;
         /* row 14: combination F.x (body bucket): (e - c a x b).x = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
         const ncgen_real F_x = q[16];
-        const ncgen_real x18 = F_x - R(0.8644681135824974) * C_x - R(0.13553188641750258) * T_x;
+        const ncgen_real x18 = F_x - R(0.8644681135824974) * C_x - R(0.1355318864175026) * T_x;
         phi[13] = x18 - R(0.33882971604375683) * x16;
         /* row 15: combination F.y (body bucket): (e - c a x b).y = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
         const ncgen_real F_y = q[17];
-        const ncgen_real x19 = F_y - R(0.8644681135824974) * C_y - R(0.13553188641750258) * T_y;
+        const ncgen_real x19 = F_y - R(0.8644681135824974) * C_y - R(0.1355318864175026) * T_y;
         phi[14] = x19 + R(0.33882971604375683) * x15;
         /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
         const ncgen_real E_x = q[18];
@@ -100,13 +100,13 @@ int excavator_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
         const ncgen_real x23 = E_x - F_x;
         const ncgen_real x24 = E_y - F_y;
-        const ncgen_real x25 = R(1.7857142857142856) * (x23 * x23 + x24 * x24 - R(0.07840000000000001));
+        const ncgen_real x25 = R(1.7857142857142863) * (x23 * x23 + x24 * x24 - R(0.07839999999999996));
         phi[16] = x25;
         /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
         const ncgen_real x26 = L_x - R(0.3);
         const ncgen_real x27 = L_y + R(0.3);
         const ncgen_real lift = q[20];
-        const ncgen_real x28 = R(0.5887748958537457) * (x26 * x26 + x27 * x27 - lift * lift);
+        const ncgen_real x28 = R(0.5887748958537455) * (x26 * x26 + x27 * x27 - lift * lift);
         phi[17] = x28;
         /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
         const ncgen_real x29 = R_x - D_x;
@@ -136,16 +136,16 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         phi_q[0] = R(0.5253778517509793) * B_x;
         const ncgen_real B_y = q[1];
         phi_q[1] = R(0.5253778517509793) * B_y;
-        phi_q[2] = NCGEN_SPLAT(-R(0.4203022814007834));
-        phi_q[3] = NCGEN_SPLAT(-R(0.05253778517509788));
+        phi_q[2] = NCGEN_SPLAT(-R(0.42030228140078346));
+        phi_q[3] = NCGEN_SPLAT(-R(0.05253778517509791));
         phi_q[4] = NCGEN_SPLAT(R(1.0));
-        phi_q[5] = NCGEN_SPLAT(R(0.05253778517509788));
-        phi_q[6] = NCGEN_SPLAT(-R(0.4203022814007834));
+        phi_q[5] = NCGEN_SPLAT(R(0.05253778517509791));
+        phi_q[6] = NCGEN_SPLAT(-R(0.42030228140078346));
         phi_q[7] = NCGEN_SPLAT(R(1.0));
         phi_q[8] = NCGEN_SPLAT(-R(0.47284006657588135));
-        phi_q[9] = NCGEN_SPLAT(R(0.11558312738521555));
+        phi_q[9] = NCGEN_SPLAT(R(0.11558312738521549));
         phi_q[10] = NCGEN_SPLAT(R(1.0));
-        phi_q[11] = NCGEN_SPLAT(-R(0.11558312738521555));
+        phi_q[11] = NCGEN_SPLAT(-R(0.11558312738521549));
         phi_q[12] = NCGEN_SPLAT(-R(0.47284006657588135));
         phi_q[13] = NCGEN_SPLAT(R(1.0));
         /* row 6: 1000 distance B-C (body stick): |a|^2 - L^2 = 0 with a = B-C, L = 1.35149 */
@@ -157,34 +157,34 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         phi_q[15] = x2;
         phi_q[16] = -x1;
         phi_q[17] = -x2;
-        phi_q[18] = NCGEN_SPLAT(-R(1.2367765827959616));
-        phi_q[19] = NCGEN_SPLAT(-R(0.08879121854848554));
-        phi_q[20] = NCGEN_SPLAT(R(0.2367765827959615));
-        phi_q[21] = NCGEN_SPLAT(R(0.08879121854848554));
+        phi_q[18] = NCGEN_SPLAT(-R(1.2367765827959614));
+        phi_q[19] = NCGEN_SPLAT(-R(0.08879121854848551));
+        phi_q[20] = NCGEN_SPLAT(R(0.23677658279596142));
+        phi_q[21] = NCGEN_SPLAT(R(0.08879121854848551));
         phi_q[22] = NCGEN_SPLAT(R(1.0));
-        phi_q[23] = NCGEN_SPLAT(R(0.08879121854848554));
-        phi_q[24] = NCGEN_SPLAT(-R(1.2367765827959616));
-        phi_q[25] = NCGEN_SPLAT(-R(0.08879121854848554));
-        phi_q[26] = NCGEN_SPLAT(R(0.2367765827959615));
+        phi_q[23] = NCGEN_SPLAT(R(0.08879121854848551));
+        phi_q[24] = NCGEN_SPLAT(-R(1.2367765827959614));
+        phi_q[25] = NCGEN_SPLAT(-R(0.08879121854848551));
+        phi_q[26] = NCGEN_SPLAT(R(0.23677658279596142));
         phi_q[27] = NCGEN_SPLAT(R(1.0));
         phi_q[28] = NCGEN_SPLAT(-R(0.8890109768143931));
         phi_q[29] = NCGEN_SPLAT(-R(0.1775824370969712));
-        phi_q[30] = NCGEN_SPLAT(-R(0.11098902318560692));
+        phi_q[30] = NCGEN_SPLAT(-R(0.11098902318560691));
         phi_q[31] = NCGEN_SPLAT(R(0.1775824370969712));
         phi_q[32] = NCGEN_SPLAT(R(1.0));
         phi_q[33] = NCGEN_SPLAT(R(0.1775824370969712));
         phi_q[34] = NCGEN_SPLAT(-R(0.8890109768143931));
         phi_q[35] = NCGEN_SPLAT(-R(0.1775824370969712));
-        phi_q[36] = NCGEN_SPLAT(-R(0.11098902318560692));
+        phi_q[36] = NCGEN_SPLAT(-R(0.11098902318560691));
         phi_q[37] = NCGEN_SPLAT(R(1.0));
         phi_q[38] = NCGEN_SPLAT(-R(0.1860804966388825));
-        phi_q[39] = NCGEN_SPLAT(-R(0.03699634106186897));
+        phi_q[39] = NCGEN_SPLAT(-R(0.03699634106186896));
         phi_q[40] = NCGEN_SPLAT(-R(0.8139195033611175));
-        phi_q[41] = NCGEN_SPLAT(R(0.03699634106186897));
+        phi_q[41] = NCGEN_SPLAT(R(0.03699634106186896));
         phi_q[42] = NCGEN_SPLAT(R(1.0));
-        phi_q[43] = NCGEN_SPLAT(R(0.03699634106186897));
+        phi_q[43] = NCGEN_SPLAT(R(0.03699634106186896));
         phi_q[44] = NCGEN_SPLAT(-R(0.1860804966388825));
-        phi_q[45] = NCGEN_SPLAT(-R(0.03699634106186897));
+        phi_q[45] = NCGEN_SPLAT(-R(0.03699634106186896));
         phi_q[46] = NCGEN_SPLAT(-R(0.8139195033611175));
         phi_q[47] = NCGEN_SPLAT(R(1.0));
         /* row 13: 1000 distance C-T (body bucket): |a|^2 - L^2 = 0 with a = C-T, L = 0.590267 */
@@ -198,13 +198,13 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         phi_q[51] = -x4;
         phi_q[52] = NCGEN_SPLAT(-R(0.8644681135824974));
         phi_q[53] = NCGEN_SPLAT(-R(0.33882971604375683));
-        phi_q[54] = NCGEN_SPLAT(-R(0.13553188641750258));
+        phi_q[54] = NCGEN_SPLAT(-R(0.1355318864175026));
         phi_q[55] = NCGEN_SPLAT(R(0.33882971604375683));
         phi_q[56] = NCGEN_SPLAT(R(1.0));
         phi_q[57] = NCGEN_SPLAT(R(0.33882971604375683));
         phi_q[58] = NCGEN_SPLAT(-R(0.8644681135824974));
         phi_q[59] = NCGEN_SPLAT(-R(0.33882971604375683));
-        phi_q[60] = NCGEN_SPLAT(-R(0.13553188641750258));
+        phi_q[60] = NCGEN_SPLAT(-R(0.1355318864175026));
         phi_q[61] = NCGEN_SPLAT(R(1.0));
         /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
         const ncgen_real H_x = q[12];
@@ -219,20 +219,20 @@ int excavator_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         phi_q[65] = -x6;
         /* row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
         const ncgen_real F_x = q[16];
-        const ncgen_real x7 = R(3.571428571428571) * (E_x - F_x);
+        const ncgen_real x7 = R(3.5714285714285725) * (E_x - F_x);
         phi_q[66] = -x7;
         const ncgen_real F_y = q[17];
-        const ncgen_real x8 = R(3.571428571428571) * (E_y - F_y);
+        const ncgen_real x8 = R(3.5714285714285725) * (E_y - F_y);
         phi_q[67] = -x8;
         phi_q[68] = x7;
         phi_q[69] = x8;
         /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
         const ncgen_real L_x = q[2];
-        phi_q[70] = R(1.1775497917074913) * (L_x - R(0.3));
+        phi_q[70] = R(1.177549791707491) * (L_x - R(0.3));
         const ncgen_real L_y = q[3];
-        phi_q[71] = R(1.1775497917074913) * (R(0.3) + L_y);
+        phi_q[71] = R(1.177549791707491) * (R(0.3) + L_y);
         const ncgen_real lift = q[20];
-        phi_q[72] = -(R(1.1775497917074913) * lift);
+        phi_q[72] = -(R(1.177549791707491) * lift);
         /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
         const ncgen_real R_x = q[8];
         const ncgen_real D_x = q[4];
@@ -310,12 +310,12 @@ int excavator_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         const ncgen_real x7 = dE_x - dF_x;
         const ncgen_real dF_y = qd[17];
         const ncgen_real x8 = dE_y - dF_y;
-        gamma[16] = -(R(3.571428571428571) * (x7 * x7 + x8 * x8));
+        gamma[16] = -(R(3.5714285714285725) * (x7 * x7 + x8 * x8));
         /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
         const ncgen_real dL_x = qd[2];
         const ncgen_real dL_y = qd[3];
         const ncgen_real dlift = qd[20];
-        const ncgen_real x9 = R(1.1775497917074913) * (dL_x * dL_x + dL_y * dL_y - dlift * dlift);
+        const ncgen_real x9 = R(1.177549791707491) * (dL_x * dL_x + dL_y * dL_y - dlift * dlift);
         gamma[17] = -x9;
         /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
         const ncgen_real dR_x = qd[8];
@@ -384,7 +384,7 @@ int excavator_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncge
         const ncgen_real t_ = t;
         const ncgen_real x1 = NCGEN_COS(R(1.5707963267948966) * t_);
         const ncgen_real lift = q[20];
-        const ncgen_real x2 = R(799220.9900950027) + R(50000.0) * x1 - R(1000000.0) * lift;
+        const ncgen_real x2 = R(799220.9900950028) + R(50000.0) * x1 - R(1000000.0) * lift;
         const ncgen_real dlift = qd[20];
         force[20] = x2 - R(80000.0) * dlift;
         /* cylinder crowd */
@@ -448,7 +448,7 @@ int excavator_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real t_ = t;
         const ncgen_real x22 = NCGEN_COS(R(1.5707963267948966) * t_);
         const ncgen_real lift = q[20];
-        const ncgen_real x23 = R(799220.9900950027) + R(50000.0) * x22 - R(1000000.0) * lift;
+        const ncgen_real x23 = R(799220.9900950028) + R(50000.0) * x22 - R(1000000.0) * lift;
         const ncgen_real dlift = qd[20];
         const ncgen_real crowd = q[21];
         const ncgen_real dcrowd = qd[21];
@@ -481,33 +481,33 @@ int excavator_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
         constraints[103] = -(R(0.5253778517509793) * (dB_x * dB_x + dB_y * dB_y));
         /* row 2: combination L.x (body boom): (e - c a x b).x = 0 with e = L-0.579698*O-0.420302*B, a = z, b = B-O, c = -0.0525378 */
         const ncgen_real L_x = q[2];
-        const ncgen_real x2 = L_x - R(0.4203022814007834) * B_x - R(0.05253778517509788) * B_y;
+        const ncgen_real x2 = L_x - R(0.42030228140078346) * B_x - R(0.05253778517509791) * B_y;
         constraints[1] = x2;
-        constraints[22] = NCGEN_SPLAT(-R(0.4203022814007834));
-        constraints[23] = NCGEN_SPLAT(-R(0.05253778517509788));
+        constraints[22] = NCGEN_SPLAT(-R(0.42030228140078346));
+        constraints[23] = NCGEN_SPLAT(-R(0.05253778517509791));
         constraints[24] = NCGEN_SPLAT(R(1.0));
         constraints[104] = NCGEN_SPLAT(R(0.0));
         /* row 3: combination L.y (body boom): (e - c a x b).y = 0 with e = L-0.579698*O-0.420302*B, a = z, b = B-O, c = -0.0525378 */
         const ncgen_real L_y = q[3];
-        const ncgen_real x3 = L_y - R(0.4203022814007834) * B_y + R(0.05253778517509788) * B_x;
+        const ncgen_real x3 = L_y - R(0.42030228140078346) * B_y + R(0.05253778517509791) * B_x;
         constraints[2] = x3;
-        constraints[25] = NCGEN_SPLAT(R(0.05253778517509788));
-        constraints[26] = NCGEN_SPLAT(-R(0.4203022814007834));
+        constraints[25] = NCGEN_SPLAT(R(0.05253778517509791));
+        constraints[26] = NCGEN_SPLAT(-R(0.42030228140078346));
         constraints[27] = NCGEN_SPLAT(R(1.0));
         constraints[105] = NCGEN_SPLAT(R(0.0));
         /* row 4: combination D.x (body boom): (e - c a x b).x = 0 with e = D-0.52716*O-0.47284*B, a = z, b = B-O, c = 0.115583 */
         const ncgen_real D_x = q[4];
-        const ncgen_real x4 = D_x - R(0.47284006657588135) * B_x + R(0.11558312738521555) * B_y;
+        const ncgen_real x4 = D_x - R(0.47284006657588135) * B_x + R(0.11558312738521549) * B_y;
         constraints[3] = x4;
         constraints[28] = NCGEN_SPLAT(-R(0.47284006657588135));
-        constraints[29] = NCGEN_SPLAT(R(0.11558312738521555));
+        constraints[29] = NCGEN_SPLAT(R(0.11558312738521549));
         constraints[30] = NCGEN_SPLAT(R(1.0));
         constraints[106] = NCGEN_SPLAT(R(0.0));
         /* row 5: combination D.y (body boom): (e - c a x b).y = 0 with e = D-0.52716*O-0.47284*B, a = z, b = B-O, c = 0.115583 */
         const ncgen_real D_y = q[5];
-        const ncgen_real x5 = D_y - R(0.47284006657588135) * B_y - R(0.11558312738521555) * B_x;
+        const ncgen_real x5 = D_y - R(0.47284006657588135) * B_y - R(0.11558312738521549) * B_x;
         constraints[4] = x5;
-        constraints[31] = NCGEN_SPLAT(-R(0.11558312738521555));
+        constraints[31] = NCGEN_SPLAT(-R(0.11558312738521549));
         constraints[32] = NCGEN_SPLAT(-R(0.47284006657588135));
         constraints[33] = NCGEN_SPLAT(R(1.0));
         constraints[107] = NCGEN_SPLAT(R(0.0));
@@ -531,61 +531,61 @@ int excavator_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
         constraints[108] = -(R(0.7399268212373795) * (x11 * x11 + x12 * x12));
         /* row 7: combination R.x (body stick): (e - c a x b).x = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
         const ncgen_real R_x = q[8];
-        const ncgen_real x13 = R_x - R(1.2367765827959616) * B_x + R(0.2367765827959615) * C_x;
-        constraints[6] = x13 - R(0.08879121854848554) * x7;
-        constraints[38] = NCGEN_SPLAT(-R(1.2367765827959616));
-        constraints[39] = NCGEN_SPLAT(-R(0.08879121854848554));
-        constraints[40] = NCGEN_SPLAT(R(0.2367765827959615));
-        constraints[41] = NCGEN_SPLAT(R(0.08879121854848554));
+        const ncgen_real x13 = R_x - R(1.2367765827959614) * B_x + R(0.23677658279596142) * C_x;
+        constraints[6] = x13 - R(0.08879121854848551) * x7;
+        constraints[38] = NCGEN_SPLAT(-R(1.2367765827959614));
+        constraints[39] = NCGEN_SPLAT(-R(0.08879121854848551));
+        constraints[40] = NCGEN_SPLAT(R(0.23677658279596142));
+        constraints[41] = NCGEN_SPLAT(R(0.08879121854848551));
         constraints[42] = NCGEN_SPLAT(R(1.0));
         constraints[109] = NCGEN_SPLAT(R(0.0));
         /* row 8: combination R.y (body stick): (e - c a x b).y = 0 with e = R-1.23678*B+0.236777*C, a = z, b = C-B, c = 0.0887912 */
         const ncgen_real R_y = q[9];
-        const ncgen_real x14 = R_y - R(1.2367765827959616) * B_y + R(0.2367765827959615) * C_y;
-        constraints[7] = x14 + R(0.08879121854848554) * x6;
-        constraints[43] = NCGEN_SPLAT(R(0.08879121854848554));
-        constraints[44] = NCGEN_SPLAT(-R(1.2367765827959616));
-        constraints[45] = NCGEN_SPLAT(-R(0.08879121854848554));
-        constraints[46] = NCGEN_SPLAT(R(0.2367765827959615));
+        const ncgen_real x14 = R_y - R(1.2367765827959614) * B_y + R(0.23677658279596142) * C_y;
+        constraints[7] = x14 + R(0.08879121854848551) * x6;
+        constraints[43] = NCGEN_SPLAT(R(0.08879121854848551));
+        constraints[44] = NCGEN_SPLAT(-R(1.2367765827959614));
+        constraints[45] = NCGEN_SPLAT(-R(0.08879121854848551));
+        constraints[46] = NCGEN_SPLAT(R(0.23677658279596142));
         constraints[47] = NCGEN_SPLAT(R(1.0));
         constraints[110] = NCGEN_SPLAT(R(0.0));
         /* row 9: combination K.x (body stick): (e - c a x b).x = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
         const ncgen_real K_x = q[10];
-        const ncgen_real x15 = K_x - R(0.8890109768143931) * B_x - R(0.11098902318560692) * C_x;
+        const ncgen_real x15 = K_x - R(0.8890109768143931) * B_x - R(0.11098902318560691) * C_x;
         constraints[8] = x15 - R(0.1775824370969712) * x7;
         constraints[48] = NCGEN_SPLAT(-R(0.8890109768143931));
         constraints[49] = NCGEN_SPLAT(-R(0.1775824370969712));
-        constraints[50] = NCGEN_SPLAT(-R(0.11098902318560692));
+        constraints[50] = NCGEN_SPLAT(-R(0.11098902318560691));
         constraints[51] = NCGEN_SPLAT(R(0.1775824370969712));
         constraints[52] = NCGEN_SPLAT(R(1.0));
         constraints[111] = NCGEN_SPLAT(R(0.0));
         /* row 10: combination K.y (body stick): (e - c a x b).y = 0 with e = K-0.889011*B-0.110989*C, a = z, b = C-B, c = 0.177582 */
         const ncgen_real K_y = q[11];
-        const ncgen_real x16 = K_y - R(0.8890109768143931) * B_y - R(0.11098902318560692) * C_y;
+        const ncgen_real x16 = K_y - R(0.8890109768143931) * B_y - R(0.11098902318560691) * C_y;
         constraints[9] = x16 + R(0.1775824370969712) * x6;
         constraints[53] = NCGEN_SPLAT(R(0.1775824370969712));
         constraints[54] = NCGEN_SPLAT(-R(0.8890109768143931));
         constraints[55] = NCGEN_SPLAT(-R(0.1775824370969712));
-        constraints[56] = NCGEN_SPLAT(-R(0.11098902318560692));
+        constraints[56] = NCGEN_SPLAT(-R(0.11098902318560691));
         constraints[57] = NCGEN_SPLAT(R(1.0));
         constraints[112] = NCGEN_SPLAT(R(0.0));
         /* row 11: combination H.x (body stick): (e - c a x b).x = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
         const ncgen_real H_x = q[12];
         const ncgen_real x17 = H_x - R(0.1860804966388825) * B_x - R(0.8139195033611175) * C_x;
-        constraints[10] = x17 - R(0.03699634106186897) * x7;
+        constraints[10] = x17 - R(0.03699634106186896) * x7;
         constraints[58] = NCGEN_SPLAT(-R(0.1860804966388825));
-        constraints[59] = NCGEN_SPLAT(-R(0.03699634106186897));
+        constraints[59] = NCGEN_SPLAT(-R(0.03699634106186896));
         constraints[60] = NCGEN_SPLAT(-R(0.8139195033611175));
-        constraints[61] = NCGEN_SPLAT(R(0.03699634106186897));
+        constraints[61] = NCGEN_SPLAT(R(0.03699634106186896));
         constraints[62] = NCGEN_SPLAT(R(1.0));
         constraints[113] = NCGEN_SPLAT(R(0.0));
         /* row 12: combination H.y (body stick): (e - c a x b).y = 0 with e = H-0.18608*B-0.81392*C, a = z, b = C-B, c = 0.0369963 */
         const ncgen_real H_y = q[13];
         const ncgen_real x18 = H_y - R(0.1860804966388825) * B_y - R(0.8139195033611175) * C_y;
-        constraints[11] = x18 + R(0.03699634106186897) * x6;
-        constraints[63] = NCGEN_SPLAT(R(0.03699634106186897));
+        constraints[11] = x18 + R(0.03699634106186896) * x6;
+        constraints[63] = NCGEN_SPLAT(R(0.03699634106186896));
         constraints[64] = NCGEN_SPLAT(-R(0.1860804966388825));
-        constraints[65] = NCGEN_SPLAT(-R(0.03699634106186897));
+        constraints[65] = NCGEN_SPLAT(-R(0.03699634106186896));
         constraints[66] = NCGEN_SPLAT(-R(0.8139195033611175));
         constraints[67] = NCGEN_SPLAT(R(1.0));
         constraints[114] = NCGEN_SPLAT(R(0.0));
@@ -609,22 +609,22 @@ int excavator_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
         constraints[115] = -(R(1.6941485802187828) * (x24 * x24 + x25 * x25));
         /* row 14: combination F.x (body bucket): (e - c a x b).x = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
         const ncgen_real F_x = q[16];
-        const ncgen_real x26 = F_x - R(0.8644681135824974) * C_x - R(0.13553188641750258) * T_x;
+        const ncgen_real x26 = F_x - R(0.8644681135824974) * C_x - R(0.1355318864175026) * T_x;
         constraints[13] = x26 - R(0.33882971604375683) * x20;
         constraints[72] = NCGEN_SPLAT(-R(0.8644681135824974));
         constraints[73] = NCGEN_SPLAT(-R(0.33882971604375683));
-        constraints[74] = NCGEN_SPLAT(-R(0.13553188641750258));
+        constraints[74] = NCGEN_SPLAT(-R(0.1355318864175026));
         constraints[75] = NCGEN_SPLAT(R(0.33882971604375683));
         constraints[76] = NCGEN_SPLAT(R(1.0));
         constraints[116] = NCGEN_SPLAT(R(0.0));
         /* row 15: combination F.y (body bucket): (e - c a x b).y = 0 with e = F-0.864468*C-0.135532*T, a = z, b = T-C, c = 0.33883 */
         const ncgen_real F_y = q[17];
-        const ncgen_real x27 = F_y - R(0.8644681135824974) * C_y - R(0.13553188641750258) * T_y;
+        const ncgen_real x27 = F_y - R(0.8644681135824974) * C_y - R(0.1355318864175026) * T_y;
         constraints[14] = x27 + R(0.33882971604375683) * x19;
         constraints[77] = NCGEN_SPLAT(R(0.33882971604375683));
         constraints[78] = NCGEN_SPLAT(-R(0.8644681135824974));
         constraints[79] = NCGEN_SPLAT(-R(0.33882971604375683));
-        constraints[80] = NCGEN_SPLAT(-R(0.13553188641750258));
+        constraints[80] = NCGEN_SPLAT(-R(0.1355318864175026));
         constraints[81] = NCGEN_SPLAT(R(1.0));
         constraints[117] = NCGEN_SPLAT(R(0.0));
         /* row 16: 1000 distance H-E (user model): |a|^2 - L^2 = 0 with a = H-E, L = 0.3 */
@@ -650,11 +650,11 @@ int excavator_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
         /* row 17: 1000 distance E-F (user model): |a|^2 - L^2 = 0 with a = E-F, L = 0.28 */
         const ncgen_real x35 = E_x - F_x;
         const ncgen_real x36 = E_y - F_y;
-        const ncgen_real x37 = R(1.7857142857142856) * (x35 * x35 + x36 * x36 - R(0.07840000000000001));
+        const ncgen_real x37 = R(1.7857142857142863) * (x35 * x35 + x36 * x36 - R(0.07839999999999996));
         constraints[16] = x37;
-        const ncgen_real x38 = R(3.571428571428571) * x35;
+        const ncgen_real x38 = R(3.5714285714285725) * x35;
         constraints[86] = -x38;
-        const ncgen_real x39 = R(3.571428571428571) * x36;
+        const ncgen_real x39 = R(3.5714285714285725) * x36;
         constraints[87] = -x39;
         constraints[88] = x38;
         constraints[89] = x39;
@@ -662,20 +662,20 @@ int excavator_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, cons
         const ncgen_real x40 = dE_x - dF_x;
         const ncgen_real dF_y = qd[17];
         const ncgen_real x41 = dE_y - dF_y;
-        constraints[119] = -(R(3.571428571428571) * (x40 * x40 + x41 * x41));
+        constraints[119] = -(R(3.5714285714285725) * (x40 * x40 + x41 * x41));
         /* row 18: length lift (coordinate lift): |a|^2 - s^2 = 0 with a = L-G, s = lift */
         const ncgen_real x42 = L_x - R(0.3);
         const ncgen_real x43 = L_y + R(0.3);
         const ncgen_real lift = q[20];
-        const ncgen_real x44 = R(0.5887748958537457) * (x42 * x42 + x43 * x43 - lift * lift);
+        const ncgen_real x44 = R(0.5887748958537455) * (x42 * x42 + x43 * x43 - lift * lift);
         constraints[17] = x44;
-        constraints[90] = R(1.1775497917074913) * x42;
-        constraints[91] = R(1.1775497917074913) * x43;
-        constraints[92] = -(R(1.1775497917074913) * lift);
+        constraints[90] = R(1.177549791707491) * x42;
+        constraints[91] = R(1.177549791707491) * x43;
+        constraints[92] = -(R(1.177549791707491) * lift);
         const ncgen_real dL_x = qd[2];
         const ncgen_real dL_y = qd[3];
         const ncgen_real dlift = qd[20];
-        const ncgen_real x45 = R(1.1775497917074913) * (dL_x * dL_x + dL_y * dL_y - dlift * dlift);
+        const ncgen_real x45 = R(1.177549791707491) * (dL_x * dL_x + dL_y * dL_y - dlift * dlift);
         constraints[120] = -x45;
         /* row 19: length crowd (coordinate crowd): |a|^2 - s^2 = 0 with a = R-D, s = crowd */
         const ncgen_real x46 = R_x - D_x;
@@ -777,8 +777,8 @@ static const ncgen_scalar excavator_initial_position[] = {
     R(0.5085594547813053), R(0.7744464351732413), R(2.1788267096675766), R(0.19810690922806695),
     R(1.3041620114497618), R(1.6275206949865995), R(1.675162924072512), R(1.31501737847126),
     R(2.0732129131532204), R(0.4317528619232169), R(2.279152705205873), -R(0.3835715465430314),
-    R(2.389514027097288), R(0.15326435940903835), R(2.373211122666579), R(0.4327893409529483),
-    R(0.8492209900950027), R(1.1664986587791233), R(1.1249878211535598)
+    R(2.389514027097288), R(0.15326435940903835), R(2.373211122666579), R(0.4327893409529482),
+    R(0.8492209900950028), R(1.1664986587791233), R(1.1249878211535598)
 };
 
 static const int excavator_phi_q_indptr[21] = {
@@ -807,7 +807,7 @@ const ncgen_model *excavator_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "excavator",
-        .fingerprint = "a4bf7001bbb6c4ba",
+        .fingerprint = "5a3330d790b65848",
         .n_coordinates = 23,
         .n_rows = 20,
         .n_parameters = 0,

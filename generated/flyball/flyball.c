@@ -20,7 +20,7 @@ static const ncgen_scalar flyball_number_2[17] = {
 };
 
 
-/* phi: 113 operations, 6 of them elementary functions */
+/* phi: 111 operations, 6 of them elementary functions */
 int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[3], cosine[3];
@@ -48,38 +48,36 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real cos_turn = cosine[0];
         phi[3] = e_x * sin_turn - e_y * cos_turn;
         /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
-        const ncgen_real x1 = R(0.050000000000000044) * e_x;
+        const ncgen_real x1 = R(0.05) * e_x;
         const ncgen_real H1_x = q[6];
         phi[4] = H1_x - x1;
         /* row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
-        const ncgen_real x2 = R(0.050000000000000044) * e_y;
+        const ncgen_real x2 = R(0.05) * e_y;
         const ncgen_real H1_y = q[7];
         phi[5] = H1_y - x2;
         /* row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
         const ncgen_real H1_z = q[8];
         phi[6] = H1_z - R(1.0);
         /* row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
-        const ncgen_real x3 = R(0.05) * e_x;
         const ncgen_real K1_x = q[9];
-        phi[7] = K1_x - x3;
+        phi[7] = K1_x - x1;
         /* row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
-        const ncgen_real x4 = R(0.05) * e_y;
         const ncgen_real K1_y = q[10];
-        phi[8] = K1_y - x4;
+        phi[8] = K1_y - x2;
         /* row 10: combination K1.z (body slider): (e - c a x b).z = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
         const ncgen_real K1_z = q[11];
         const ncgen_real S_z = q[0];
         phi[9] = K1_z - S_z;
         /* row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1 */
         const ncgen_real B1_x = q[12];
-        const ncgen_real x5 = H1_x - B1_x;
+        const ncgen_real x3 = H1_x - B1_x;
         const ncgen_real B1_y = q[13];
-        const ncgen_real x6 = H1_y - B1_y;
+        const ncgen_real x4 = H1_y - B1_y;
         const ncgen_real B1_z = q[14];
-        const ncgen_real x7 = H1_z - B1_z;
-        phi[10] = R(0.5) * (x5 * x5 + x6 * x6 + x7 * x7 - R(1.0));
+        const ncgen_real x5 = H1_z - B1_z;
+        phi[10] = R(0.5) * (x3 * x3 + x4 * x4 + x5 * x5 - R(1.0));
         /* row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0 */
-        phi[11] = -(f_x * x5 + f_y * x6);
+        phi[11] = -(f_x * x3 + f_y * x4);
         /* row 13: combination M1.x (body rod1): (e - c a x b).x = 0 with e = M1-0.5*H1-0.5*B1, a = M1-0.5*H1-0.5*B1, b = M1-0.5*H1-0.5*B1, c = 0 */
         const ncgen_real M1_x = q[15];
         phi[12] = M1_x - R(0.5) * H1_x - R(0.5) * B1_x;
@@ -92,8 +90,8 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
         const ncgen_real cos_alpha1 = cosine[1];
         const ncgen_real sin_alpha1 = sine[1];
-        const ncgen_real x8 = (e_x * x5 + e_y * x6) * sin_alpha1 + (f_y * (e_x * x7) - f_x * (e_y * x7)) * cos_alpha1;
-        phi[15] = -x8;
+        const ncgen_real x6 = (e_x * x3 + e_y * x4) * sin_alpha1 + (f_y * (e_x * x5) - f_x * (e_y * x5)) * cos_alpha1;
+        phi[15] = -x6;
         /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_x = q[19];
         phi[16] = x1 + H2_x;
@@ -105,23 +103,23 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi[18] = H2_z - R(1.0);
         /* row 20: combination K2.x (body slider): (e - c a x b).x = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0 */
         const ncgen_real K2_x = q[22];
-        phi[19] = x3 + K2_x;
+        phi[19] = x1 + K2_x;
         /* row 21: combination K2.y (body slider): (e - c a x b).y = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0 */
         const ncgen_real K2_y = q[23];
-        phi[20] = x4 + K2_y;
+        phi[20] = x2 + K2_y;
         /* row 22: combination K2.z (body slider): (e - c a x b).z = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0 */
         const ncgen_real K2_z = q[24];
         phi[21] = K2_z - S_z;
         /* row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1 */
         const ncgen_real B2_x = q[25];
-        const ncgen_real x9 = H2_x - B2_x;
+        const ncgen_real x7 = H2_x - B2_x;
         const ncgen_real B2_y = q[26];
-        const ncgen_real x10 = H2_y - B2_y;
+        const ncgen_real x8 = H2_y - B2_y;
         const ncgen_real B2_z = q[27];
-        const ncgen_real x11 = H2_z - B2_z;
-        phi[22] = R(0.5) * (x9 * x9 + x10 * x10 + x11 * x11 - R(1.0));
+        const ncgen_real x9 = H2_z - B2_z;
+        phi[22] = R(0.5) * (x7 * x7 + x8 * x8 + x9 * x9 - R(1.0));
         /* row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0 */
-        phi[23] = -(f_x * x9 + f_y * x10);
+        phi[23] = -(f_x * x7 + f_y * x8);
         /* row 25: combination M2.x (body rod2): (e - c a x b).x = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0 */
         const ncgen_real M2_x = q[28];
         phi[24] = M2_x - R(0.5) * H2_x - R(0.5) * B2_x;
@@ -134,8 +132,8 @@ int flyball_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
         const ncgen_real cos_alpha2 = cosine[2];
         const ncgen_real sin_alpha2 = sine[2];
-        const ncgen_real x12 = (e_x * x9 + e_y * x10) * sin_alpha2 - (f_y * (e_x * x11) - f_x * (e_y * x11)) * cos_alpha2;
-        phi[27] = x12;
+        const ncgen_real x10 = (e_x * x7 + e_y * x8) * sin_alpha2 - (f_y * (e_x * x9) - f_x * (e_y * x9)) * cos_alpha2;
+        phi[27] = x10;
     }
 
     return NCGEN_OK;
@@ -174,9 +172,9 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real cos_turn = cosine[0];
         phi_q[9] = -cos_turn;
         phi_q[10] = e_y * sin_turn + e_x * cos_turn;
-        phi_q[11] = NCGEN_SPLAT(-R(0.050000000000000044));
+        phi_q[11] = NCGEN_SPLAT(-R(0.05));
         phi_q[12] = NCGEN_SPLAT(R(1.0));
-        phi_q[13] = NCGEN_SPLAT(-R(0.050000000000000044));
+        phi_q[13] = NCGEN_SPLAT(-R(0.05));
         phi_q[14] = NCGEN_SPLAT(R(1.0));
         phi_q[15] = NCGEN_SPLAT(R(1.0));
         phi_q[16] = NCGEN_SPLAT(-R(0.05));
@@ -242,9 +240,9 @@ int flyball_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[52] = -x13;
         const ncgen_real x14 = sin_alpha1 * (f_y * x9 - f_x * x8) - cos_alpha1 * (e_x * x1 + e_y * x2);
         phi_q[53] = x14;
-        phi_q[54] = NCGEN_SPLAT(R(0.050000000000000044));
+        phi_q[54] = NCGEN_SPLAT(R(0.05));
         phi_q[55] = NCGEN_SPLAT(R(1.0));
-        phi_q[56] = NCGEN_SPLAT(R(0.050000000000000044));
+        phi_q[56] = NCGEN_SPLAT(R(0.05));
         phi_q[57] = NCGEN_SPLAT(R(1.0));
         phi_q[58] = NCGEN_SPLAT(R(1.0));
         phi_q[59] = NCGEN_SPLAT(R(0.05));
@@ -891,7 +889,7 @@ int flyball_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* constraints: 323 operations, 6 of them elementary functions */
+/* constraints: 321 operations, 6 of them elementary functions */
 int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[3], cosine[3];
@@ -942,17 +940,17 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2);
         constraints[128] = x3 - cos_turn * (e_y * x1);
         /* row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
-        const ncgen_real x4 = R(0.050000000000000044) * e_x;
+        const ncgen_real x4 = R(0.05) * e_x;
         const ncgen_real H1_x = q[6];
         constraints[4] = H1_x - x4;
-        constraints[39] = NCGEN_SPLAT(-R(0.050000000000000044));
+        constraints[39] = NCGEN_SPLAT(-R(0.05));
         constraints[40] = NCGEN_SPLAT(R(1.0));
         constraints[129] = NCGEN_SPLAT(R(0.0));
         /* row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
-        const ncgen_real x5 = R(0.050000000000000044) * e_y;
+        const ncgen_real x5 = R(0.05) * e_y;
         const ncgen_real H1_y = q[7];
         constraints[5] = H1_y - x5;
-        constraints[41] = NCGEN_SPLAT(-R(0.050000000000000044));
+        constraints[41] = NCGEN_SPLAT(-R(0.05));
         constraints[42] = NCGEN_SPLAT(R(1.0));
         constraints[130] = NCGEN_SPLAT(R(0.0));
         /* row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0 */
@@ -961,16 +959,14 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[43] = NCGEN_SPLAT(R(1.0));
         constraints[131] = NCGEN_SPLAT(R(0.0));
         /* row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
-        const ncgen_real x6 = R(0.05) * e_x;
         const ncgen_real K1_x = q[9];
-        constraints[7] = K1_x - x6;
+        constraints[7] = K1_x - x4;
         constraints[44] = NCGEN_SPLAT(-R(0.05));
         constraints[45] = NCGEN_SPLAT(R(1.0));
         constraints[132] = NCGEN_SPLAT(R(0.0));
         /* row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0 */
-        const ncgen_real x7 = R(0.05) * e_y;
         const ncgen_real K1_y = q[10];
-        constraints[8] = K1_y - x7;
+        constraints[8] = K1_y - x5;
         constraints[46] = NCGEN_SPLAT(-R(0.05));
         constraints[47] = NCGEN_SPLAT(R(1.0));
         constraints[133] = NCGEN_SPLAT(R(0.0));
@@ -983,41 +979,41 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[134] = NCGEN_SPLAT(R(0.0));
         /* row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1 */
         const ncgen_real B1_x = q[12];
-        const ncgen_real x8 = H1_x - B1_x;
+        const ncgen_real x6 = H1_x - B1_x;
         const ncgen_real B1_y = q[13];
-        const ncgen_real x9 = H1_y - B1_y;
+        const ncgen_real x7 = H1_y - B1_y;
         const ncgen_real B1_z = q[14];
-        const ncgen_real x10 = H1_z - B1_z;
-        constraints[10] = R(0.5) * (x8 * x8 + x9 * x9 + x10 * x10 - R(1.0));
-        constraints[50] = x8;
-        constraints[51] = x9;
-        constraints[52] = x10;
-        const ncgen_real x11 = -x8;
-        constraints[53] = x11;
-        const ncgen_real x12 = -x9;
-        constraints[54] = x12;
-        constraints[55] = -x10;
+        const ncgen_real x8 = H1_z - B1_z;
+        constraints[10] = R(0.5) * (x6 * x6 + x7 * x7 + x8 * x8 - R(1.0));
+        constraints[50] = x6;
+        constraints[51] = x7;
+        constraints[52] = x8;
+        const ncgen_real x9 = -x6;
+        constraints[53] = x9;
+        const ncgen_real x10 = -x7;
+        constraints[54] = x10;
+        constraints[55] = -x8;
         const ncgen_real dH1_x = qd[6];
         const ncgen_real dB1_x = qd[12];
-        const ncgen_real x13 = dH1_x - dB1_x;
+        const ncgen_real x11 = dH1_x - dB1_x;
         const ncgen_real dH1_y = qd[7];
         const ncgen_real dB1_y = qd[13];
-        const ncgen_real x14 = dH1_y - dB1_y;
+        const ncgen_real x12 = dH1_y - dB1_y;
         const ncgen_real dH1_z = qd[8];
         const ncgen_real dB1_z = qd[14];
-        const ncgen_real x15 = dH1_z - dB1_z;
-        constraints[135] = -(x13 * x13 + x14 * x14 + x15 * x15);
+        const ncgen_real x13 = dH1_z - dB1_z;
+        constraints[135] = -(x11 * x11 + x12 * x12 + x13 * x13);
         /* row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0 */
-        constraints[11] = -(f_x * x8 + f_y * x9);
-        constraints[56] = x11;
-        constraints[57] = x12;
-        const ncgen_real x16 = -f_x;
-        constraints[58] = x16;
-        const ncgen_real x17 = -f_y;
-        constraints[59] = x17;
+        constraints[11] = -(f_x * x6 + f_y * x7);
+        constraints[56] = x9;
+        constraints[57] = x10;
+        const ncgen_real x14 = -f_x;
+        constraints[58] = x14;
+        const ncgen_real x15 = -f_y;
+        constraints[59] = x15;
         constraints[60] = f_x;
         constraints[61] = f_y;
-        constraints[136] = R(2.0) * (df_x * x13 + df_y * x14);
+        constraints[136] = R(2.0) * (df_x * x11 + df_y * x12);
         /* row 13: combination M1.x (body rod1): (e - c a x b).x = 0 with e = M1-0.5*H1-0.5*B1, a = M1-0.5*H1-0.5*B1, b = M1-0.5*H1-0.5*B1, c = 0 */
         const ncgen_real M1_x = q[15];
         constraints[12] = M1_x - R(0.5) * H1_x - R(0.5) * B1_x;
@@ -1040,48 +1036,48 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[70] = NCGEN_SPLAT(R(1.0));
         constraints[139] = NCGEN_SPLAT(R(0.0));
         /* row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1 */
-        const ncgen_real x18 = e_x * x10;
-        const ncgen_real x19 = e_y * x10;
-        const ncgen_real x20 = f_y * x18 - f_x * x19;
+        const ncgen_real x16 = e_x * x8;
+        const ncgen_real x17 = e_y * x8;
+        const ncgen_real x18 = f_y * x16 - f_x * x17;
         const ncgen_real cos_alpha1 = cosine[1];
-        const ncgen_real x21 = e_x * x8 + e_y * x9;
+        const ncgen_real x19 = e_x * x6 + e_y * x7;
         const ncgen_real sin_alpha1 = sine[1];
-        constraints[15] = -(x20 * cos_alpha1 + x21 * sin_alpha1);
-        constraints[71] = -(cos_alpha1 * (f_y * x10) + x8 * sin_alpha1);
-        constraints[72] = cos_alpha1 * (f_x * x10) - x9 * sin_alpha1;
-        constraints[73] = x19 * cos_alpha1;
-        constraints[74] = -(x18 * cos_alpha1);
-        const ncgen_real x22 = e_x * sin_alpha1;
-        constraints[75] = -x22;
-        const ncgen_real x23 = e_y * sin_alpha1;
-        constraints[76] = -x23;
-        const ncgen_real x24 = e_y * f_x - e_x * f_y;
-        const ncgen_real x25 = cos_alpha1 * x24;
-        constraints[77] = x25;
-        constraints[78] = x22;
-        constraints[79] = x23;
-        constraints[80] = -x25;
-        constraints[81] = x20 * sin_alpha1 - cos_alpha1 * x21;
-        const ncgen_real x26 = x10 * de_y + e_y * x15;
-        const ncgen_real x27 = x10 * de_x + e_x * x15;
-        const ncgen_real x28 = f_y * (de_x * x15) - (df_x * x26 + f_x * (de_y * x15)) + df_y * x27;
+        constraints[15] = -(x18 * cos_alpha1 + x19 * sin_alpha1);
+        constraints[71] = -(cos_alpha1 * (f_y * x8) + x6 * sin_alpha1);
+        constraints[72] = cos_alpha1 * (f_x * x8) - x7 * sin_alpha1;
+        constraints[73] = x17 * cos_alpha1;
+        constraints[74] = -(x16 * cos_alpha1);
+        const ncgen_real x20 = e_x * sin_alpha1;
+        constraints[75] = -x20;
+        const ncgen_real x21 = e_y * sin_alpha1;
+        constraints[76] = -x21;
+        const ncgen_real x22 = e_y * f_x - e_x * f_y;
+        const ncgen_real x23 = cos_alpha1 * x22;
+        constraints[77] = x23;
+        constraints[78] = x20;
+        constraints[79] = x21;
+        constraints[80] = -x23;
+        constraints[81] = x18 * sin_alpha1 - cos_alpha1 * x19;
+        const ncgen_real x24 = x8 * de_y + e_y * x13;
+        const ncgen_real x25 = x8 * de_x + e_x * x13;
+        const ncgen_real x26 = f_y * (de_x * x13) - (df_x * x24 + f_x * (de_y * x13)) + df_y * x25;
         const ncgen_real dalpha1 = qd[18];
-        const ncgen_real x29 = dalpha1 * dalpha1;
-        const ncgen_real x30 = cos_alpha1 * (R(2.0) * x28) - sin_alpha1 * (x21 * x29) + sin_alpha1 * (R(2.0) * (de_x * x13 + de_y * x14));
-        const ncgen_real x31 = R(2.0) * dalpha1;
-        const ncgen_real x32 = cos_alpha1 * ((e_x * x13 + e_y * x14 + x8 * de_x + x9 * de_y) * x31);
-        const ncgen_real x33 = x31 * (f_y * x27 - (f_x * x26 + x19 * df_x) + x18 * df_y);
-        constraints[140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x20 * x29);
+        const ncgen_real x27 = dalpha1 * dalpha1;
+        const ncgen_real x28 = cos_alpha1 * (R(2.0) * x26) - sin_alpha1 * (x19 * x27) + sin_alpha1 * (R(2.0) * (de_x * x11 + de_y * x12));
+        const ncgen_real x29 = R(2.0) * dalpha1;
+        const ncgen_real x30 = cos_alpha1 * ((e_x * x11 + e_y * x12 + x6 * de_x + x7 * de_y) * x29);
+        const ncgen_real x31 = x29 * (f_y * x25 - (f_x * x24 + x17 * df_x) + x16 * df_y);
+        constraints[140] = x28 + x30 - sin_alpha1 * x31 - cos_alpha1 * (x18 * x27);
         /* row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_x = q[19];
         constraints[16] = x4 + H2_x;
-        constraints[82] = NCGEN_SPLAT(R(0.050000000000000044));
+        constraints[82] = NCGEN_SPLAT(R(0.05));
         constraints[83] = NCGEN_SPLAT(R(1.0));
         constraints[141] = NCGEN_SPLAT(R(0.0));
         /* row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
         const ncgen_real H2_y = q[20];
         constraints[17] = x5 + H2_y;
-        constraints[84] = NCGEN_SPLAT(R(0.050000000000000044));
+        constraints[84] = NCGEN_SPLAT(R(0.05));
         constraints[85] = NCGEN_SPLAT(R(1.0));
         constraints[142] = NCGEN_SPLAT(R(0.0));
         /* row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0 */
@@ -1091,13 +1087,13 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[143] = NCGEN_SPLAT(R(0.0));
         /* row 20: combination K2.x (body slider): (e - c a x b).x = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0 */
         const ncgen_real K2_x = q[22];
-        constraints[19] = x6 + K2_x;
+        constraints[19] = x4 + K2_x;
         constraints[87] = NCGEN_SPLAT(R(0.05));
         constraints[88] = NCGEN_SPLAT(R(1.0));
         constraints[144] = NCGEN_SPLAT(R(0.0));
         /* row 21: combination K2.y (body slider): (e - c a x b).y = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0 */
         const ncgen_real K2_y = q[23];
-        constraints[20] = x7 + K2_y;
+        constraints[20] = x5 + K2_y;
         constraints[89] = NCGEN_SPLAT(R(0.05));
         constraints[90] = NCGEN_SPLAT(R(1.0));
         constraints[145] = NCGEN_SPLAT(R(0.0));
@@ -1109,39 +1105,39 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[146] = NCGEN_SPLAT(R(0.0));
         /* row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1 */
         const ncgen_real B2_x = q[25];
-        const ncgen_real x34 = H2_x - B2_x;
+        const ncgen_real x32 = H2_x - B2_x;
         const ncgen_real B2_y = q[26];
-        const ncgen_real x35 = H2_y - B2_y;
+        const ncgen_real x33 = H2_y - B2_y;
         const ncgen_real B2_z = q[27];
-        const ncgen_real x36 = H2_z - B2_z;
-        constraints[22] = R(0.5) * (x34 * x34 + x35 * x35 + x36 * x36 - R(1.0));
-        constraints[93] = x34;
-        constraints[94] = x35;
-        constraints[95] = x36;
-        const ncgen_real x37 = -x34;
-        constraints[96] = x37;
-        const ncgen_real x38 = -x35;
-        constraints[97] = x38;
-        constraints[98] = -x36;
+        const ncgen_real x34 = H2_z - B2_z;
+        constraints[22] = R(0.5) * (x32 * x32 + x33 * x33 + x34 * x34 - R(1.0));
+        constraints[93] = x32;
+        constraints[94] = x33;
+        constraints[95] = x34;
+        const ncgen_real x35 = -x32;
+        constraints[96] = x35;
+        const ncgen_real x36 = -x33;
+        constraints[97] = x36;
+        constraints[98] = -x34;
         const ncgen_real dH2_x = qd[19];
         const ncgen_real dB2_x = qd[25];
-        const ncgen_real x39 = dH2_x - dB2_x;
+        const ncgen_real x37 = dH2_x - dB2_x;
         const ncgen_real dH2_y = qd[20];
         const ncgen_real dB2_y = qd[26];
-        const ncgen_real x40 = dH2_y - dB2_y;
+        const ncgen_real x38 = dH2_y - dB2_y;
         const ncgen_real dH2_z = qd[21];
         const ncgen_real dB2_z = qd[27];
-        const ncgen_real x41 = dH2_z - dB2_z;
-        constraints[147] = -(x39 * x39 + x40 * x40 + x41 * x41);
+        const ncgen_real x39 = dH2_z - dB2_z;
+        constraints[147] = -(x37 * x37 + x38 * x38 + x39 * x39);
         /* row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0 */
-        constraints[23] = -(f_x * x34 + f_y * x35);
-        constraints[99] = x37;
-        constraints[100] = x38;
-        constraints[101] = x16;
-        constraints[102] = x17;
+        constraints[23] = -(f_x * x32 + f_y * x33);
+        constraints[99] = x35;
+        constraints[100] = x36;
+        constraints[101] = x14;
+        constraints[102] = x15;
         constraints[103] = f_x;
         constraints[104] = f_y;
-        constraints[148] = R(2.0) * (df_x * x39 + df_y * x40);
+        constraints[148] = R(2.0) * (df_x * x37 + df_y * x38);
         /* row 25: combination M2.x (body rod2): (e - c a x b).x = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0 */
         const ncgen_real M2_x = q[28];
         constraints[24] = M2_x - R(0.5) * H2_x - R(0.5) * B2_x;
@@ -1164,37 +1160,37 @@ int flyball_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[113] = NCGEN_SPLAT(R(1.0));
         constraints[151] = NCGEN_SPLAT(R(0.0));
         /* row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1 */
-        const ncgen_real x42 = e_x * x36;
-        const ncgen_real x43 = e_y * x36;
-        const ncgen_real x44 = f_y * x42 - f_x * x43;
+        const ncgen_real x40 = e_x * x34;
+        const ncgen_real x41 = e_y * x34;
+        const ncgen_real x42 = f_y * x40 - f_x * x41;
         const ncgen_real cos_alpha2 = cosine[2];
-        const ncgen_real x45 = e_x * x34 + e_y * x35;
+        const ncgen_real x43 = e_x * x32 + e_y * x33;
         const ncgen_real sin_alpha2 = sine[2];
-        constraints[27] = x45 * sin_alpha2 - x44 * cos_alpha2;
-        constraints[114] = x34 * sin_alpha2 - cos_alpha2 * (f_y * x36);
-        constraints[115] = cos_alpha2 * (f_x * x36) + x35 * sin_alpha2;
-        constraints[116] = x43 * cos_alpha2;
-        constraints[117] = -(x42 * cos_alpha2);
-        const ncgen_real x46 = e_x * sin_alpha2;
-        constraints[118] = x46;
-        const ncgen_real x47 = e_y * sin_alpha2;
-        constraints[119] = x47;
-        const ncgen_real x48 = cos_alpha2 * x24;
-        constraints[120] = x48;
-        constraints[121] = -x46;
-        constraints[122] = -x47;
-        constraints[123] = -x48;
-        constraints[124] = x44 * sin_alpha2 + cos_alpha2 * x45;
-        const ncgen_real x49 = x36 * de_y + e_y * x41;
-        const ncgen_real x50 = x36 * de_x + e_x * x41;
-        const ncgen_real x51 = f_y * (de_x * x41) - (df_x * x49 + f_x * (de_y * x41)) + df_y * x50;
+        constraints[27] = x43 * sin_alpha2 - x42 * cos_alpha2;
+        constraints[114] = x32 * sin_alpha2 - cos_alpha2 * (f_y * x34);
+        constraints[115] = cos_alpha2 * (f_x * x34) + x33 * sin_alpha2;
+        constraints[116] = x41 * cos_alpha2;
+        constraints[117] = -(x40 * cos_alpha2);
+        const ncgen_real x44 = e_x * sin_alpha2;
+        constraints[118] = x44;
+        const ncgen_real x45 = e_y * sin_alpha2;
+        constraints[119] = x45;
+        const ncgen_real x46 = cos_alpha2 * x22;
+        constraints[120] = x46;
+        constraints[121] = -x44;
+        constraints[122] = -x45;
+        constraints[123] = -x46;
+        constraints[124] = x42 * sin_alpha2 + cos_alpha2 * x43;
+        const ncgen_real x47 = x34 * de_y + e_y * x39;
+        const ncgen_real x48 = x34 * de_x + e_x * x39;
+        const ncgen_real x49 = f_y * (de_x * x39) - (df_x * x47 + f_x * (de_y * x39)) + df_y * x48;
         const ncgen_real dalpha2 = qd[31];
-        const ncgen_real x52 = dalpha2 * dalpha2;
-        const ncgen_real x53 = cos_alpha2 * (R(2.0) * x51) + sin_alpha2 * (x45 * x52) - sin_alpha2 * (R(2.0) * (de_x * x39 + de_y * x40));
-        const ncgen_real x54 = R(2.0) * dalpha2;
-        const ncgen_real x55 = cos_alpha2 * ((e_x * x39 + e_y * x40 + x34 * de_x + x35 * de_y) * x54);
-        const ncgen_real x56 = x54 * (f_y * x50 - (f_x * x49 + x43 * df_x) + x42 * df_y);
-        constraints[152] = x53 - x55 - sin_alpha2 * x56 - cos_alpha2 * (x44 * x52);
+        const ncgen_real x50 = dalpha2 * dalpha2;
+        const ncgen_real x51 = cos_alpha2 * (R(2.0) * x49) + sin_alpha2 * (x43 * x50) - sin_alpha2 * (R(2.0) * (de_x * x37 + de_y * x38));
+        const ncgen_real x52 = R(2.0) * dalpha2;
+        const ncgen_real x53 = cos_alpha2 * ((e_x * x37 + e_y * x38 + x32 * de_x + x33 * de_y) * x52);
+        const ncgen_real x54 = x52 * (f_y * x48 - (f_x * x47 + x41 * df_x) + x40 * df_y);
+        constraints[152] = x51 - x53 - sin_alpha2 * x54 - cos_alpha2 * (x42 * x50);
     }
 
     return NCGEN_OK;
@@ -1305,7 +1301,7 @@ const ncgen_model *flyball_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "flyball",
-        .fingerprint = "7d0a4f7c31787fba",
+        .fingerprint = "1f4c271fb413b295",
         .n_coordinates = 32,
         .n_rows = 28,
         .n_parameters = 0,

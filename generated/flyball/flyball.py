@@ -126,7 +126,7 @@ def _output(size, t, *arrays):
 
 
 def phi(t, q, p):
-    """28 numbers, 113 operations."""
+    """28 numbers, 111 operations."""
     t = np.asarray(t)
     phi = _output(28, t, q, p)
     sine = np.sin(q[..., 5:44:13])
@@ -146,38 +146,36 @@ def phi(t, q, p):
     cos_turn = cosine[..., 0]
     phi[..., 3] = e_x * sin_turn - e_y * cos_turn
     # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
-    x1 = 0.050000000000000044 * e_x
+    x1 = 0.05 * e_x
     H1_x = q[..., 6]
     phi[..., 4] = H1_x - x1
     # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
-    x2 = 0.050000000000000044 * e_y
+    x2 = 0.05 * e_y
     H1_y = q[..., 7]
     phi[..., 5] = H1_y - x2
     # row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
     H1_z = q[..., 8]
     phi[..., 6] = H1_z - 1.0
     # row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
-    x3 = 0.05 * e_x
     K1_x = q[..., 9]
-    phi[..., 7] = K1_x - x3
+    phi[..., 7] = K1_x - x1
     # row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
-    x4 = 0.05 * e_y
     K1_y = q[..., 10]
-    phi[..., 8] = K1_y - x4
+    phi[..., 8] = K1_y - x2
     # row 10: combination K1.z (body slider): (e - c a x b).z = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
     K1_z = q[..., 11]
     S_z = q[..., 0]
     phi[..., 9] = K1_z - S_z
     # row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1
     B1_x = q[..., 12]
-    x5 = H1_x - B1_x
+    x3 = H1_x - B1_x
     B1_y = q[..., 13]
-    x6 = H1_y - B1_y
+    x4 = H1_y - B1_y
     B1_z = q[..., 14]
-    x7 = H1_z - B1_z
-    phi[..., 10] = 0.5 * (x5 * x5 + x6 * x6 + x7 * x7 - 1.0)
+    x5 = H1_z - B1_z
+    phi[..., 10] = 0.5 * (x3 * x3 + x4 * x4 + x5 * x5 - 1.0)
     # row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0
-    phi[..., 11] = -(f_x * x5 + f_y * x6)
+    phi[..., 11] = -(f_x * x3 + f_y * x4)
     # row 13: combination M1.x (body rod1): (e - c a x b).x = 0 with e = M1-0.5*H1-0.5*B1, a = M1-0.5*H1-0.5*B1, b = M1-0.5*H1-0.5*B1, c = 0
     M1_x = q[..., 15]
     phi[..., 12] = M1_x - 0.5 * H1_x - 0.5 * B1_x
@@ -190,8 +188,8 @@ def phi(t, q, p):
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
     cos_alpha1 = cosine[..., 1]
     sin_alpha1 = sine[..., 1]
-    x8 = (e_x * x5 + e_y * x6) * sin_alpha1 + (f_y * (e_x * x7) - f_x * (e_y * x7)) * cos_alpha1
-    phi[..., 15] = -x8
+    x6 = (e_x * x3 + e_y * x4) * sin_alpha1 + (f_y * (e_x * x5) - f_x * (e_y * x5)) * cos_alpha1
+    phi[..., 15] = -x6
     # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_x = q[..., 19]
     phi[..., 16] = x1 + H2_x
@@ -203,23 +201,23 @@ def phi(t, q, p):
     phi[..., 18] = H2_z - 1.0
     # row 20: combination K2.x (body slider): (e - c a x b).x = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
     K2_x = q[..., 22]
-    phi[..., 19] = x3 + K2_x
+    phi[..., 19] = x1 + K2_x
     # row 21: combination K2.y (body slider): (e - c a x b).y = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
     K2_y = q[..., 23]
-    phi[..., 20] = x4 + K2_y
+    phi[..., 20] = x2 + K2_y
     # row 22: combination K2.z (body slider): (e - c a x b).z = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
     K2_z = q[..., 24]
     phi[..., 21] = K2_z - S_z
     # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
     B2_x = q[..., 25]
-    x9 = H2_x - B2_x
+    x7 = H2_x - B2_x
     B2_y = q[..., 26]
-    x10 = H2_y - B2_y
+    x8 = H2_y - B2_y
     B2_z = q[..., 27]
-    x11 = H2_z - B2_z
-    phi[..., 22] = 0.5 * (x9 * x9 + x10 * x10 + x11 * x11 - 1.0)
+    x9 = H2_z - B2_z
+    phi[..., 22] = 0.5 * (x7 * x7 + x8 * x8 + x9 * x9 - 1.0)
     # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
-    phi[..., 23] = -(f_x * x9 + f_y * x10)
+    phi[..., 23] = -(f_x * x7 + f_y * x8)
     # row 25: combination M2.x (body rod2): (e - c a x b).x = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0
     M2_x = q[..., 28]
     phi[..., 24] = M2_x - 0.5 * H2_x - 0.5 * B2_x
@@ -232,8 +230,8 @@ def phi(t, q, p):
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
     cos_alpha2 = cosine[..., 2]
     sin_alpha2 = sine[..., 2]
-    x12 = (e_x * x9 + e_y * x10) * sin_alpha2 - (f_y * (e_x * x11) - f_x * (e_y * x11)) * cos_alpha2
-    phi[..., 27] = x12
+    x10 = (e_x * x7 + e_y * x8) * sin_alpha2 - (f_y * (e_x * x9) - f_x * (e_y * x9)) * cos_alpha2
+    phi[..., 27] = x10
     return phi
 
 
@@ -264,9 +262,9 @@ def phi_q(t, q, p):
     cos_turn = cosine[..., 0]
     phi_q[..., 9] = -cos_turn
     phi_q[..., 10] = e_y * sin_turn + e_x * cos_turn
-    phi_q[..., 11] = -0.050000000000000044
+    phi_q[..., 11] = -0.05
     phi_q[..., 12] = 1.0
-    phi_q[..., 13] = -0.050000000000000044
+    phi_q[..., 13] = -0.05
     phi_q[..., 14] = 1.0
     phi_q[..., 15] = 1.0
     phi_q[..., 16] = -0.05
@@ -332,9 +330,9 @@ def phi_q(t, q, p):
     phi_q[..., 52] = -x13
     x14 = sin_alpha1 * (f_y * x9 - f_x * x8) - cos_alpha1 * (e_x * x1 + e_y * x2)
     phi_q[..., 53] = x14
-    phi_q[..., 54] = 0.050000000000000044
+    phi_q[..., 54] = 0.05
     phi_q[..., 55] = 1.0
-    phi_q[..., 56] = 0.050000000000000044
+    phi_q[..., 56] = 0.05
     phi_q[..., 57] = 1.0
     phi_q[..., 58] = 1.0
     phi_q[..., 59] = 0.05
@@ -954,7 +952,7 @@ def energy(t, q, qd, p):
 
 
 def constraints(t, q, qd, p):
-    """153 numbers, 323 operations."""
+    """153 numbers, 321 operations."""
     t = np.asarray(t)
     constraints = _output(153, t, q, qd, p)
     sine = np.sin(q[..., 5:44:13])
@@ -997,17 +995,17 @@ def constraints(t, q, qd, p):
     x3 = sin_turn * (e_x * x1) - cos_turn * (de_x * x2) - sin_turn * (de_y * x2)
     constraints[..., 128] = x3 - cos_turn * (e_y * x1)
     # row 5: combination H1.x (body shaft): (e - c a x b).x = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
-    x4 = 0.050000000000000044 * e_x
+    x4 = 0.05 * e_x
     H1_x = q[..., 6]
     constraints[..., 4] = H1_x - x4
-    constraints[..., 39] = -0.050000000000000044
+    constraints[..., 39] = -0.05
     constraints[..., 40] = 1.0
     constraints[..., 129] = 0.0
     # row 6: combination H1.y (body shaft): (e - c a x b).y = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
-    x5 = 0.050000000000000044 * e_y
+    x5 = 0.05 * e_y
     H1_y = q[..., 7]
     constraints[..., 5] = H1_y - x5
-    constraints[..., 41] = -0.050000000000000044
+    constraints[..., 41] = -0.05
     constraints[..., 42] = 1.0
     constraints[..., 130] = 0.0
     # row 7: combination H1.z (body shaft): (e - c a x b).z = 0 with e = H1-T-0.05*e, a = H1-T-0.05*e, b = H1-T-0.05*e, c = 0
@@ -1016,16 +1014,14 @@ def constraints(t, q, qd, p):
     constraints[..., 43] = 1.0
     constraints[..., 131] = 0.0
     # row 8: combination K1.x (body slider): (e - c a x b).x = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
-    x6 = 0.05 * e_x
     K1_x = q[..., 9]
-    constraints[..., 7] = K1_x - x6
+    constraints[..., 7] = K1_x - x4
     constraints[..., 44] = -0.05
     constraints[..., 45] = 1.0
     constraints[..., 132] = 0.0
     # row 9: combination K1.y (body slider): (e - c a x b).y = 0 with e = K1-S-0.05*e, a = K1-S-0.05*e, b = K1-S-0.05*e, c = 0
-    x7 = 0.05 * e_y
     K1_y = q[..., 10]
-    constraints[..., 8] = K1_y - x7
+    constraints[..., 8] = K1_y - x5
     constraints[..., 46] = -0.05
     constraints[..., 47] = 1.0
     constraints[..., 133] = 0.0
@@ -1038,41 +1034,41 @@ def constraints(t, q, qd, p):
     constraints[..., 134] = 0.0
     # row 11: 1000 distance H1-B1 (body rod1): |a|^2 - L^2 = 0 with a = H1-B1, L = 1
     B1_x = q[..., 12]
-    x8 = H1_x - B1_x
+    x6 = H1_x - B1_x
     B1_y = q[..., 13]
-    x9 = H1_y - B1_y
+    x7 = H1_y - B1_y
     B1_z = q[..., 14]
-    x10 = H1_z - B1_z
-    constraints[..., 10] = 0.5 * (x8 * x8 + x9 * x9 + x10 * x10 - 1.0)
-    constraints[..., 50] = x8
-    constraints[..., 51] = x9
-    constraints[..., 52] = x10
-    x11 = -x8
-    constraints[..., 53] = x11
-    x12 = -x9
-    constraints[..., 54] = x12
-    constraints[..., 55] = -x10
+    x8 = H1_z - B1_z
+    constraints[..., 10] = 0.5 * (x6 * x6 + x7 * x7 + x8 * x8 - 1.0)
+    constraints[..., 50] = x6
+    constraints[..., 51] = x7
+    constraints[..., 52] = x8
+    x9 = -x6
+    constraints[..., 53] = x9
+    x10 = -x7
+    constraints[..., 54] = x10
+    constraints[..., 55] = -x8
     dH1_x = qd[..., 6]
     dB1_x = qd[..., 12]
-    x13 = dH1_x - dB1_x
+    x11 = dH1_x - dB1_x
     dH1_y = qd[..., 7]
     dB1_y = qd[..., 13]
-    x14 = dH1_y - dB1_y
+    x12 = dH1_y - dB1_y
     dH1_z = qd[..., 8]
     dB1_z = qd[..., 14]
-    x15 = dH1_z - dB1_z
-    constraints[..., 135] = -(x13 * x13 + x14 * x14 + x15 * x15)
+    x13 = dH1_z - dB1_z
+    constraints[..., 135] = -(x11 * x11 + x12 * x12 + x13 * x13)
     # row 12: 1002 angle f, B1-H1 (body rod1): u.a - L c = 0 with u = f, a = B1-H1, L = 1, c = 0
-    constraints[..., 11] = -(f_x * x8 + f_y * x9)
-    constraints[..., 56] = x11
-    constraints[..., 57] = x12
-    x16 = -f_x
-    constraints[..., 58] = x16
-    x17 = -f_y
-    constraints[..., 59] = x17
+    constraints[..., 11] = -(f_x * x6 + f_y * x7)
+    constraints[..., 56] = x9
+    constraints[..., 57] = x10
+    x14 = -f_x
+    constraints[..., 58] = x14
+    x15 = -f_y
+    constraints[..., 59] = x15
     constraints[..., 60] = f_x
     constraints[..., 61] = f_y
-    constraints[..., 136] = 2.0 * (df_x * x13 + df_y * x14)
+    constraints[..., 136] = 2.0 * (df_x * x11 + df_y * x12)
     # row 13: combination M1.x (body rod1): (e - c a x b).x = 0 with e = M1-0.5*H1-0.5*B1, a = M1-0.5*H1-0.5*B1, b = M1-0.5*H1-0.5*B1, c = 0
     M1_x = q[..., 15]
     constraints[..., 12] = M1_x - 0.5 * H1_x - 0.5 * B1_x
@@ -1095,48 +1091,48 @@ def constraints(t, q, qd, p):
     constraints[..., 70] = 1.0
     constraints[..., 139] = 0.0
     # row 16: 1014 angle alpha1 (coordinate alpha1): sin psi a.b - cos psi (a x b).n/ln = 0 with a = e, b = B1-H1, n = f, psi = alpha1, ln = 1
-    x18 = e_x * x10
-    x19 = e_y * x10
-    x20 = f_y * x18 - f_x * x19
+    x16 = e_x * x8
+    x17 = e_y * x8
+    x18 = f_y * x16 - f_x * x17
     cos_alpha1 = cosine[..., 1]
-    x21 = e_x * x8 + e_y * x9
+    x19 = e_x * x6 + e_y * x7
     sin_alpha1 = sine[..., 1]
-    constraints[..., 15] = -(x20 * cos_alpha1 + x21 * sin_alpha1)
-    constraints[..., 71] = -(cos_alpha1 * (f_y * x10) + x8 * sin_alpha1)
-    constraints[..., 72] = cos_alpha1 * (f_x * x10) - x9 * sin_alpha1
-    constraints[..., 73] = x19 * cos_alpha1
-    constraints[..., 74] = -(x18 * cos_alpha1)
-    x22 = e_x * sin_alpha1
-    constraints[..., 75] = -x22
-    x23 = e_y * sin_alpha1
-    constraints[..., 76] = -x23
-    x24 = e_y * f_x - e_x * f_y
-    x25 = cos_alpha1 * x24
-    constraints[..., 77] = x25
-    constraints[..., 78] = x22
-    constraints[..., 79] = x23
-    constraints[..., 80] = -x25
-    constraints[..., 81] = x20 * sin_alpha1 - cos_alpha1 * x21
-    x26 = x10 * de_y + e_y * x15
-    x27 = x10 * de_x + e_x * x15
-    x28 = f_y * (de_x * x15) - (df_x * x26 + f_x * (de_y * x15)) + df_y * x27
+    constraints[..., 15] = -(x18 * cos_alpha1 + x19 * sin_alpha1)
+    constraints[..., 71] = -(cos_alpha1 * (f_y * x8) + x6 * sin_alpha1)
+    constraints[..., 72] = cos_alpha1 * (f_x * x8) - x7 * sin_alpha1
+    constraints[..., 73] = x17 * cos_alpha1
+    constraints[..., 74] = -(x16 * cos_alpha1)
+    x20 = e_x * sin_alpha1
+    constraints[..., 75] = -x20
+    x21 = e_y * sin_alpha1
+    constraints[..., 76] = -x21
+    x22 = e_y * f_x - e_x * f_y
+    x23 = cos_alpha1 * x22
+    constraints[..., 77] = x23
+    constraints[..., 78] = x20
+    constraints[..., 79] = x21
+    constraints[..., 80] = -x23
+    constraints[..., 81] = x18 * sin_alpha1 - cos_alpha1 * x19
+    x24 = x8 * de_y + e_y * x13
+    x25 = x8 * de_x + e_x * x13
+    x26 = f_y * (de_x * x13) - (df_x * x24 + f_x * (de_y * x13)) + df_y * x25
     dalpha1 = qd[..., 18]
-    x29 = dalpha1 * dalpha1
-    x30 = cos_alpha1 * (2.0 * x28) - sin_alpha1 * (x21 * x29) + sin_alpha1 * (2.0 * (de_x * x13 + de_y * x14))
-    x31 = 2.0 * dalpha1
-    x32 = cos_alpha1 * ((e_x * x13 + e_y * x14 + x8 * de_x + x9 * de_y) * x31)
-    x33 = x31 * (f_y * x27 - (f_x * x26 + x19 * df_x) + x18 * df_y)
-    constraints[..., 140] = x30 + x32 - sin_alpha1 * x33 - cos_alpha1 * (x20 * x29)
+    x27 = dalpha1 * dalpha1
+    x28 = cos_alpha1 * (2.0 * x26) - sin_alpha1 * (x19 * x27) + sin_alpha1 * (2.0 * (de_x * x11 + de_y * x12))
+    x29 = 2.0 * dalpha1
+    x30 = cos_alpha1 * ((e_x * x11 + e_y * x12 + x6 * de_x + x7 * de_y) * x29)
+    x31 = x29 * (f_y * x25 - (f_x * x24 + x17 * df_x) + x16 * df_y)
+    constraints[..., 140] = x28 + x30 - sin_alpha1 * x31 - cos_alpha1 * (x18 * x27)
     # row 17: combination H2.x (body shaft): (e - c a x b).x = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_x = q[..., 19]
     constraints[..., 16] = x4 + H2_x
-    constraints[..., 82] = 0.050000000000000044
+    constraints[..., 82] = 0.05
     constraints[..., 83] = 1.0
     constraints[..., 141] = 0.0
     # row 18: combination H2.y (body shaft): (e - c a x b).y = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
     H2_y = q[..., 20]
     constraints[..., 17] = x5 + H2_y
-    constraints[..., 84] = 0.050000000000000044
+    constraints[..., 84] = 0.05
     constraints[..., 85] = 1.0
     constraints[..., 142] = 0.0
     # row 19: combination H2.z (body shaft): (e - c a x b).z = 0 with e = H2-T+0.05*e, a = H2-T+0.05*e, b = H2-T+0.05*e, c = 0
@@ -1146,13 +1142,13 @@ def constraints(t, q, qd, p):
     constraints[..., 143] = 0.0
     # row 20: combination K2.x (body slider): (e - c a x b).x = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
     K2_x = q[..., 22]
-    constraints[..., 19] = x6 + K2_x
+    constraints[..., 19] = x4 + K2_x
     constraints[..., 87] = 0.05
     constraints[..., 88] = 1.0
     constraints[..., 144] = 0.0
     # row 21: combination K2.y (body slider): (e - c a x b).y = 0 with e = K2-S+0.05*e, a = K2-S+0.05*e, b = K2-S+0.05*e, c = 0
     K2_y = q[..., 23]
-    constraints[..., 20] = x7 + K2_y
+    constraints[..., 20] = x5 + K2_y
     constraints[..., 89] = 0.05
     constraints[..., 90] = 1.0
     constraints[..., 145] = 0.0
@@ -1164,39 +1160,39 @@ def constraints(t, q, qd, p):
     constraints[..., 146] = 0.0
     # row 23: 1000 distance H2-B2 (body rod2): |a|^2 - L^2 = 0 with a = H2-B2, L = 1
     B2_x = q[..., 25]
-    x34 = H2_x - B2_x
+    x32 = H2_x - B2_x
     B2_y = q[..., 26]
-    x35 = H2_y - B2_y
+    x33 = H2_y - B2_y
     B2_z = q[..., 27]
-    x36 = H2_z - B2_z
-    constraints[..., 22] = 0.5 * (x34 * x34 + x35 * x35 + x36 * x36 - 1.0)
-    constraints[..., 93] = x34
-    constraints[..., 94] = x35
-    constraints[..., 95] = x36
-    x37 = -x34
-    constraints[..., 96] = x37
-    x38 = -x35
-    constraints[..., 97] = x38
-    constraints[..., 98] = -x36
+    x34 = H2_z - B2_z
+    constraints[..., 22] = 0.5 * (x32 * x32 + x33 * x33 + x34 * x34 - 1.0)
+    constraints[..., 93] = x32
+    constraints[..., 94] = x33
+    constraints[..., 95] = x34
+    x35 = -x32
+    constraints[..., 96] = x35
+    x36 = -x33
+    constraints[..., 97] = x36
+    constraints[..., 98] = -x34
     dH2_x = qd[..., 19]
     dB2_x = qd[..., 25]
-    x39 = dH2_x - dB2_x
+    x37 = dH2_x - dB2_x
     dH2_y = qd[..., 20]
     dB2_y = qd[..., 26]
-    x40 = dH2_y - dB2_y
+    x38 = dH2_y - dB2_y
     dH2_z = qd[..., 21]
     dB2_z = qd[..., 27]
-    x41 = dH2_z - dB2_z
-    constraints[..., 147] = -(x39 * x39 + x40 * x40 + x41 * x41)
+    x39 = dH2_z - dB2_z
+    constraints[..., 147] = -(x37 * x37 + x38 * x38 + x39 * x39)
     # row 24: 1002 angle f, B2-H2 (body rod2): u.a - L c = 0 with u = f, a = B2-H2, L = 1, c = 0
-    constraints[..., 23] = -(f_x * x34 + f_y * x35)
-    constraints[..., 99] = x37
-    constraints[..., 100] = x38
-    constraints[..., 101] = x16
-    constraints[..., 102] = x17
+    constraints[..., 23] = -(f_x * x32 + f_y * x33)
+    constraints[..., 99] = x35
+    constraints[..., 100] = x36
+    constraints[..., 101] = x14
+    constraints[..., 102] = x15
     constraints[..., 103] = f_x
     constraints[..., 104] = f_y
-    constraints[..., 148] = 2.0 * (df_x * x39 + df_y * x40)
+    constraints[..., 148] = 2.0 * (df_x * x37 + df_y * x38)
     # row 25: combination M2.x (body rod2): (e - c a x b).x = 0 with e = M2-0.5*H2-0.5*B2, a = M2-0.5*H2-0.5*B2, b = M2-0.5*H2-0.5*B2, c = 0
     M2_x = q[..., 28]
     constraints[..., 24] = M2_x - 0.5 * H2_x - 0.5 * B2_x
@@ -1219,35 +1215,35 @@ def constraints(t, q, qd, p):
     constraints[..., 113] = 1.0
     constraints[..., 151] = 0.0
     # row 28: 1014 angle alpha2 (coordinate alpha2): sin psi a.b - cos psi (a x b).n/ln = 0 with a = -e, b = B2-H2, n = -f, psi = alpha2, ln = 1
-    x42 = e_x * x36
-    x43 = e_y * x36
-    x44 = f_y * x42 - f_x * x43
+    x40 = e_x * x34
+    x41 = e_y * x34
+    x42 = f_y * x40 - f_x * x41
     cos_alpha2 = cosine[..., 2]
-    x45 = e_x * x34 + e_y * x35
+    x43 = e_x * x32 + e_y * x33
     sin_alpha2 = sine[..., 2]
-    constraints[..., 27] = x45 * sin_alpha2 - x44 * cos_alpha2
-    constraints[..., 114] = x34 * sin_alpha2 - cos_alpha2 * (f_y * x36)
-    constraints[..., 115] = cos_alpha2 * (f_x * x36) + x35 * sin_alpha2
-    constraints[..., 116] = x43 * cos_alpha2
-    constraints[..., 117] = -(x42 * cos_alpha2)
-    x46 = e_x * sin_alpha2
-    constraints[..., 118] = x46
-    x47 = e_y * sin_alpha2
-    constraints[..., 119] = x47
-    x48 = cos_alpha2 * x24
-    constraints[..., 120] = x48
-    constraints[..., 121] = -x46
-    constraints[..., 122] = -x47
-    constraints[..., 123] = -x48
-    constraints[..., 124] = x44 * sin_alpha2 + cos_alpha2 * x45
-    x49 = x36 * de_y + e_y * x41
-    x50 = x36 * de_x + e_x * x41
-    x51 = f_y * (de_x * x41) - (df_x * x49 + f_x * (de_y * x41)) + df_y * x50
+    constraints[..., 27] = x43 * sin_alpha2 - x42 * cos_alpha2
+    constraints[..., 114] = x32 * sin_alpha2 - cos_alpha2 * (f_y * x34)
+    constraints[..., 115] = cos_alpha2 * (f_x * x34) + x33 * sin_alpha2
+    constraints[..., 116] = x41 * cos_alpha2
+    constraints[..., 117] = -(x40 * cos_alpha2)
+    x44 = e_x * sin_alpha2
+    constraints[..., 118] = x44
+    x45 = e_y * sin_alpha2
+    constraints[..., 119] = x45
+    x46 = cos_alpha2 * x22
+    constraints[..., 120] = x46
+    constraints[..., 121] = -x44
+    constraints[..., 122] = -x45
+    constraints[..., 123] = -x46
+    constraints[..., 124] = x42 * sin_alpha2 + cos_alpha2 * x43
+    x47 = x34 * de_y + e_y * x39
+    x48 = x34 * de_x + e_x * x39
+    x49 = f_y * (de_x * x39) - (df_x * x47 + f_x * (de_y * x39)) + df_y * x48
     dalpha2 = qd[..., 31]
-    x52 = dalpha2 * dalpha2
-    x53 = cos_alpha2 * (2.0 * x51) + sin_alpha2 * (x45 * x52) - sin_alpha2 * (2.0 * (de_x * x39 + de_y * x40))
-    x54 = 2.0 * dalpha2
-    x55 = cos_alpha2 * ((e_x * x39 + e_y * x40 + x34 * de_x + x35 * de_y) * x54)
-    x56 = x54 * (f_y * x50 - (f_x * x49 + x43 * df_x) + x42 * df_y)
-    constraints[..., 152] = x53 - x55 - sin_alpha2 * x56 - cos_alpha2 * (x44 * x52)
+    x50 = dalpha2 * dalpha2
+    x51 = cos_alpha2 * (2.0 * x49) + sin_alpha2 * (x43 * x50) - sin_alpha2 * (2.0 * (de_x * x37 + de_y * x38))
+    x52 = 2.0 * dalpha2
+    x53 = cos_alpha2 * ((e_x * x37 + e_y * x38 + x32 * de_x + x33 * de_y) * x52)
+    x54 = x52 * (f_y * x48 - (f_x * x47 + x41 * df_x) + x40 * df_y)
+    constraints[..., 152] = x51 - x53 - sin_alpha2 * x54 - cos_alpha2 * (x42 * x50)
     return constraints

@@ -125,13 +125,13 @@ int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x28 = r6_x - r4_x;
         const ncgen_real x29 = r6_y - r4_y;
         const ncgen_real x30 = r6_z - r4_z;
-        const ncgen_real x31 = x28 * x28 + x29 * x29 + x30 * x30 - R(0.07425189000000008);
-        phi[14] = R(1.8349162552129328) * x31;
+        const ncgen_real x31 = x28 * x28 + x29 * x29 + x30 * x30 - R(0.07425189000000004);
+        phi[14] = R(1.834916255212933) * x31;
         /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
         const ncgen_real x32 = R(2.527259694077709) * (x20 * u3_x + x21 * u3_y + x22 * u3_z);
         phi[15] = x32;
         /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-        const ncgen_real x33 = R(3.6698325104258656) * (x28 * u3_x + x29 * u3_y + x30 * u3_z);
+        const ncgen_real x33 = R(3.669832510425866) * (x28 * u3_x + x29 * u3_y + x30 * u3_z);
         phi[16] = -x33;
         /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
         const ncgen_real r7_x = q[18];
@@ -189,7 +189,7 @@ int robot_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real cos_psi3 = cosine[2];
         const ncgen_real sin_psi3 = sine[2];
         const ncgen_real x50 = (x28 * x34 + x29 * x35 + x30 * x36) * sin_psi3 - (x49 + u3_z * (x28 * x35 - x29 * x34)) * cos_psi3;
-        phi[27] = R(2.822822138105743) * x50;
+        phi[27] = R(2.8228221381057432) * x50;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real x51 = x34 * (u3_y * u4_z - u3_z * u4_y) + x35 * (u3_z * u4_x - u3_x * u4_z);
         const ncgen_real x52 = R(0.7691964497252134) * (x51 + x36 * (u3_x * u4_y - u3_y * u4_x));
@@ -363,15 +363,15 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[73] = -x33;
         /* row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492 */
         const ncgen_real x34 = r6_x - r4_x;
-        const ncgen_real x35 = R(3.6698325104258656) * x34;
+        const ncgen_real x35 = R(3.669832510425866) * x34;
         const ncgen_real x36 = -x35;
         phi_q[74] = x36;
         const ncgen_real x37 = r6_y - r4_y;
-        const ncgen_real x38 = R(3.6698325104258656) * x37;
+        const ncgen_real x38 = R(3.669832510425866) * x37;
         const ncgen_real x39 = -x38;
         phi_q[75] = x39;
         const ncgen_real x40 = r6_z - r4_z;
-        const ncgen_real x41 = R(3.6698325104258656) * x40;
+        const ncgen_real x41 = R(3.669832510425866) * x40;
         const ncgen_real x42 = -x41;
         phi_q[76] = x42;
         phi_q[77] = x35;
@@ -391,11 +391,11 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         phi_q[89] = x36;
         phi_q[90] = x39;
         phi_q[91] = x42;
-        const ncgen_real x43 = R(3.6698325104258656) * u3_x;
+        const ncgen_real x43 = R(3.669832510425866) * u3_x;
         phi_q[92] = x43;
-        const ncgen_real x44 = R(3.6698325104258656) * u3_y;
+        const ncgen_real x44 = R(3.669832510425866) * u3_y;
         phi_q[93] = x44;
-        const ncgen_real x45 = R(3.6698325104258656) * u3_z;
+        const ncgen_real x45 = R(3.669832510425866) * u3_z;
         phi_q[94] = x45;
         phi_q[95] = -x43;
         phi_q[96] = -x44;
@@ -523,32 +523,32 @@ int robot_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1 */
         const ncgen_real x74 = x37 * x50 - x40 * x48;
         const ncgen_real cos_psi3 = cosine[2];
-        phi_q[164] = -(cos_psi3 * (R(2.822822138105743) * x74));
+        phi_q[164] = -(cos_psi3 * (R(2.8228221381057432) * x74));
         const ncgen_real x75 = x40 * x46 - x34 * x50;
-        phi_q[165] = -(cos_psi3 * (R(2.822822138105743) * x75));
+        phi_q[165] = -(cos_psi3 * (R(2.8228221381057432) * x75));
         const ncgen_real x76 = x34 * x48 - x37 * x46;
-        phi_q[166] = -(cos_psi3 * (R(2.822822138105743) * x76));
+        phi_q[166] = -(cos_psi3 * (R(2.8228221381057432) * x76));
         const ncgen_real x77 = x50 * u3_y - x48 * u3_z;
         const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x78 = R(2.822822138105743) * (x46 * sin_psi3 + cos_psi3 * x77);
+        const ncgen_real x78 = R(2.8228221381057432) * (x46 * sin_psi3 + cos_psi3 * x77);
         phi_q[167] = -x78;
         const ncgen_real x79 = x46 * u3_z - x50 * u3_x;
-        const ncgen_real x80 = R(2.822822138105743) * (x48 * sin_psi3 + cos_psi3 * x79);
+        const ncgen_real x80 = R(2.8228221381057432) * (x48 * sin_psi3 + cos_psi3 * x79);
         phi_q[168] = -x80;
         const ncgen_real x81 = x48 * u3_x - x46 * u3_y;
-        const ncgen_real x82 = R(2.822822138105743) * (x50 * sin_psi3 + cos_psi3 * x81);
+        const ncgen_real x82 = R(2.8228221381057432) * (x50 * sin_psi3 + cos_psi3 * x81);
         phi_q[169] = -x82;
-        const ncgen_real x83 = R(2.822822138105743) * (x34 * sin_psi3 + cos_psi3 * (x37 * u3_z - x40 * u3_y));
+        const ncgen_real x83 = R(2.8228221381057432) * (x34 * sin_psi3 + cos_psi3 * (x37 * u3_z - x40 * u3_y));
         phi_q[170] = x78 + x83;
-        const ncgen_real x84 = R(2.822822138105743) * (x37 * sin_psi3 + cos_psi3 * (x40 * u3_x - x34 * u3_z));
+        const ncgen_real x84 = R(2.8228221381057432) * (x37 * sin_psi3 + cos_psi3 * (x40 * u3_x - x34 * u3_z));
         phi_q[171] = x80 + x84;
-        const ncgen_real x85 = R(2.822822138105743) * (x40 * sin_psi3 + cos_psi3 * (x34 * u3_y - x37 * u3_x));
+        const ncgen_real x85 = R(2.8228221381057432) * (x40 * sin_psi3 + cos_psi3 * (x34 * u3_y - x37 * u3_x));
         phi_q[172] = x82 + x85;
         phi_q[173] = -x83;
         phi_q[174] = -x84;
         phi_q[175] = -x85;
         const ncgen_real x86 = cos_psi3 * (x34 * x46 + x37 * x48 + x40 * x50) + sin_psi3 * (u3_x * x74 + u3_y * x75 + u3_z * x76);
-        phi_q[176] = R(2.822822138105743) * x86;
+        phi_q[176] = R(2.8228221381057432) * x86;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real x87 = x50 * u4_y - x48 * u4_z;
         const ncgen_real cos_psi4 = cosine[3];
@@ -728,13 +728,13 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x26 = dr6_x - dr4_x;
         const ncgen_real x27 = dr6_y - dr4_y;
         const ncgen_real x28 = dr6_z - dr4_z;
-        const ncgen_real x29 = R(3.6698325104258656) * (x26 * x26 + x27 * x27 + x28 * x28);
+        const ncgen_real x29 = R(3.669832510425866) * (x26 * x26 + x27 * x27 + x28 * x28);
         gamma[14] = -x29;
         /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
         const ncgen_real x30 = R(5.054519388155418) * (x18 * du3_x + x19 * du3_y + x20 * du3_z);
         gamma[15] = -x30;
         /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-        const ncgen_real x31 = R(7.339665020851731) * (x26 * du3_x + x27 * du3_y + x28 * du3_z);
+        const ncgen_real x31 = R(7.339665020851732) * (x26 * du3_x + x27 * du3_y + x28 * du3_z);
         gamma[16] = x31;
         /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
         const ncgen_real dr7_x = qd[18];
@@ -837,7 +837,7 @@ int robot_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x73 = x56 * x61 - x60 * x55;
         const ncgen_real x74 = x66 - x67 + cos_psi3 * (x69 * (x68 + x28 * x55)) - sin_psi3 * (x69 * (x72 + du3_y * x73));
         const ncgen_real x75 = cos_psi3 * (x65 * (u3_y * x73 + (u3_x * x70 + u3_z * x71)));
-        gamma[27] = R(2.822822138105743) * (x74 - x75);
+        gamma[27] = R(2.8228221381057432) * (x74 - x75);
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real u4_z = q[23];
         const ncgen_real u4_y = q[22];
@@ -2274,15 +2274,15 @@ int robot_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real x84 = r6_x - r4_x;
         const ncgen_real x85 = r6_y - r4_y;
         const ncgen_real x86 = r6_z - r4_z;
-        const ncgen_real x87 = x84 * x84 + x85 * x85 + x86 * x86 - R(0.07425189000000008);
-        constraints[14] = R(1.8349162552129328) * x87;
-        const ncgen_real x88 = R(3.6698325104258656) * x84;
+        const ncgen_real x87 = x84 * x84 + x85 * x85 + x86 * x86 - R(0.07425189000000004);
+        constraints[14] = R(1.834916255212933) * x87;
+        const ncgen_real x88 = R(3.669832510425866) * x84;
         const ncgen_real x89 = -x88;
         constraints[105] = x89;
-        const ncgen_real x90 = R(3.6698325104258656) * x85;
+        const ncgen_real x90 = R(3.669832510425866) * x85;
         const ncgen_real x91 = -x90;
         constraints[106] = x91;
-        const ncgen_real x92 = R(3.6698325104258656) * x86;
+        const ncgen_real x92 = R(3.669832510425866) * x86;
         const ncgen_real x93 = -x92;
         constraints[107] = x93;
         constraints[108] = x88;
@@ -2291,7 +2291,7 @@ int robot_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real x94 = dr6_x - dr4_x;
         const ncgen_real x95 = dr6_y - dr4_y;
         const ncgen_real x96 = dr6_z - dr4_z;
-        const ncgen_real x97 = R(3.6698325104258656) * (x94 * x94 + x95 * x95 + x96 * x96);
+        const ncgen_real x97 = R(3.669832510425866) * (x94 * x94 + x95 * x95 + x96 * x96);
         constraints[261] = -x97;
         /* row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0 */
         const ncgen_real x98 = R(2.527259694077709) * (u3_x * x62 + u3_y * x63 + u3_z * x64);
@@ -2308,21 +2308,21 @@ int robot_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real x99 = R(5.054519388155418) * (du3_x * x69 + du3_y * x70 + du3_z * x71);
         constraints[262] = -x99;
         /* row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0 */
-        const ncgen_real x100 = R(3.6698325104258656) * (u3_x * x84 + u3_y * x85 + u3_z * x86);
+        const ncgen_real x100 = R(3.669832510425866) * (u3_x * x84 + u3_y * x85 + u3_z * x86);
         constraints[16] = -x100;
         constraints[120] = x89;
         constraints[121] = x91;
         constraints[122] = x93;
-        const ncgen_real x101 = R(3.6698325104258656) * u3_x;
+        const ncgen_real x101 = R(3.669832510425866) * u3_x;
         constraints[123] = x101;
-        const ncgen_real x102 = R(3.6698325104258656) * u3_y;
+        const ncgen_real x102 = R(3.669832510425866) * u3_y;
         constraints[124] = x102;
-        const ncgen_real x103 = R(3.6698325104258656) * u3_z;
+        const ncgen_real x103 = R(3.669832510425866) * u3_z;
         constraints[125] = x103;
         constraints[126] = -x101;
         constraints[127] = -x102;
         constraints[128] = -x103;
-        const ncgen_real x104 = R(7.339665020851731) * (du3_x * x94 + du3_y * x95 + du3_z * x96);
+        const ncgen_real x104 = R(7.339665020851732) * (du3_x * x94 + du3_y * x95 + du3_z * x96);
         constraints[263] = x104;
         /* row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006 */
         const ncgen_real r7_x = q[18];
@@ -2519,30 +2519,30 @@ int robot_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real cos_psi3 = cosine[2];
         const ncgen_real x170 = x84 * x105 + x85 * x106 + x86 * x107;
         const ncgen_real sin_psi3 = sine[2];
-        const ncgen_real x171 = R(2.822822138105743) * (x170 * sin_psi3 - x169 * cos_psi3);
+        const ncgen_real x171 = R(2.8228221381057432) * (x170 * sin_psi3 - x169 * cos_psi3);
         constraints[27] = x171;
-        constraints[195] = -(cos_psi3 * (R(2.822822138105743) * x163));
-        constraints[196] = -(cos_psi3 * (R(2.822822138105743) * x165));
-        constraints[197] = -(cos_psi3 * (R(2.822822138105743) * x167));
+        constraints[195] = -(cos_psi3 * (R(2.8228221381057432) * x163));
+        constraints[196] = -(cos_psi3 * (R(2.8228221381057432) * x165));
+        constraints[197] = -(cos_psi3 * (R(2.8228221381057432) * x167));
         const ncgen_real x172 = u3_y * x107 - u3_z * x106;
-        const ncgen_real x173 = R(2.822822138105743) * (cos_psi3 * x172 + x105 * sin_psi3);
+        const ncgen_real x173 = R(2.8228221381057432) * (cos_psi3 * x172 + x105 * sin_psi3);
         constraints[198] = -x173;
         const ncgen_real x174 = u3_z * x105 - u3_x * x107;
-        const ncgen_real x175 = R(2.822822138105743) * (cos_psi3 * x174 + x106 * sin_psi3);
+        const ncgen_real x175 = R(2.8228221381057432) * (cos_psi3 * x174 + x106 * sin_psi3);
         constraints[199] = -x175;
         const ncgen_real x176 = u3_x * x106 - u3_y * x105;
-        const ncgen_real x177 = R(2.822822138105743) * (cos_psi3 * x176 + x107 * sin_psi3);
+        const ncgen_real x177 = R(2.8228221381057432) * (cos_psi3 * x176 + x107 * sin_psi3);
         constraints[200] = -x177;
-        const ncgen_real x178 = R(2.822822138105743) * (cos_psi3 * (u3_z * x85 - u3_y * x86) + x84 * sin_psi3);
+        const ncgen_real x178 = R(2.8228221381057432) * (cos_psi3 * (u3_z * x85 - u3_y * x86) + x84 * sin_psi3);
         constraints[201] = x173 + x178;
-        const ncgen_real x179 = R(2.822822138105743) * (cos_psi3 * (u3_x * x86 - u3_z * x84) + x85 * sin_psi3);
+        const ncgen_real x179 = R(2.8228221381057432) * (cos_psi3 * (u3_x * x86 - u3_z * x84) + x85 * sin_psi3);
         constraints[202] = x175 + x179;
-        const ncgen_real x180 = R(2.822822138105743) * (cos_psi3 * (u3_y * x84 - u3_x * x85) + x86 * sin_psi3);
+        const ncgen_real x180 = R(2.8228221381057432) * (cos_psi3 * (u3_y * x84 - u3_x * x85) + x86 * sin_psi3);
         constraints[203] = x177 + x180;
         constraints[204] = -x178;
         constraints[205] = -x179;
         constraints[206] = -x180;
-        const ncgen_real x181 = R(2.822822138105743) * (x169 * sin_psi3 + cos_psi3 * x170);
+        const ncgen_real x181 = R(2.8228221381057432) * (x169 * sin_psi3 + cos_psi3 * x170);
         constraints[207] = x181;
         const ncgen_real x182 = x85 * x114 + x107 * x95 - x86 * x113 - x106 * x96;
         const ncgen_real x183 = u3_x * (x95 * x114 - x96 * x113) + u3_z * (x94 * x113 - x95 * x112);
@@ -2557,7 +2557,7 @@ int robot_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const nc
         const ncgen_real x191 = R(2.0) * dpsi3;
         const ncgen_real x192 = u3_x * x182 + u3_z * x184 + x163 * du3_x + x167 * du3_z - u3_y * x186;
         const ncgen_real x193 = x188 - x189 - cos_psi3 * ((x190 + x107 * x96) * x191) - sin_psi3 * (x191 * (x192 + x165 * du3_y));
-        const ncgen_real x194 = R(2.822822138105743) * (x193 - cos_psi3 * (x187 * (x166 + (x164 + x168))));
+        const ncgen_real x194 = R(2.8228221381057432) * (x193 - cos_psi3 * (x187 * (x166 + (x164 + x168))));
         constraints[274] = x194;
         /* row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006 */
         const ncgen_real x195 = u3_y * u4_z - u3_z * u4_y;
@@ -2845,7 +2845,7 @@ const ncgen_model *robot_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "robot",
-        .fingerprint = "bf9e86f70393bce9",
+        .fingerprint = "2b74ba0256b5f1f4",
         .n_coordinates = 36,
         .n_rows = 31,
         .n_parameters = 0,

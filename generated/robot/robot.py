@@ -243,13 +243,13 @@ def phi(t, q, p):
     x26 = r6_x - r4_x
     x27 = r6_y - r4_y
     x28 = r6_z - r4_z
-    x29 = 1.8349162552129328 * (x26 * x26 + x27 * x27 + x28 * x28 - 0.07425189000000008)
+    x29 = 1.834916255212933 * (x26 * x26 + x27 * x27 + x28 * x28 - 0.07425189000000004)
     phi[..., 14] = x29
     # row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0
     x30 = 2.527259694077709 * (x18 * u3_x + x19 * u3_y + x20 * u3_z)
     phi[..., 15] = x30
     # row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0
-    x31 = 3.6698325104258656 * (x26 * u3_x + x27 * u3_y + x28 * u3_z)
+    x31 = 3.669832510425866 * (x26 * u3_x + x27 * u3_y + x28 * u3_z)
     phi[..., 16] = -x31
     # row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006
     r7_x = q[..., 18]
@@ -305,7 +305,7 @@ def phi(t, q, p):
     cos_psi3 = cosine[..., 2]
     sin_psi3 = sine[..., 2]
     x46 = (x26 * x32 + x27 * x33 + x28 * x34) * sin_psi3 - (x45 + u3_z * (x26 * x33 - x27 * x32)) * cos_psi3
-    phi[..., 27] = 2.822822138105743 * x46
+    phi[..., 27] = 2.8228221381057432 * x46
     # row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006
     x47 = x32 * (u3_y * u4_z - u3_z * u4_y) + x33 * (u3_z * u4_x - u3_x * u4_z)
     x48 = 0.7691964497252134 * (x47 + x34 * (u3_x * u4_y - u3_y * u4_x))
@@ -474,15 +474,15 @@ def phi_q(t, q, p):
     phi_q[..., 73] = -x33
     # row 15: 1000 distance r6-r4 (body5): |a|^2 - L^2 = 0 with a = r6-r4, L = 0.272492
     x34 = r6_x - r4_x
-    x35 = 3.6698325104258656 * x34
+    x35 = 3.669832510425866 * x34
     x36 = -x35
     phi_q[..., 74] = x36
     x37 = r6_y - r4_y
-    x38 = 3.6698325104258656 * x37
+    x38 = 3.669832510425866 * x37
     x39 = -x38
     phi_q[..., 75] = x39
     x40 = r6_z - r4_z
-    x41 = 3.6698325104258656 * x40
+    x41 = 3.669832510425866 * x40
     x42 = -x41
     phi_q[..., 76] = x42
     phi_q[..., 77] = x35
@@ -502,11 +502,11 @@ def phi_q(t, q, p):
     phi_q[..., 89] = x36
     phi_q[..., 90] = x39
     phi_q[..., 91] = x42
-    x43 = 3.6698325104258656 * u3_x
+    x43 = 3.669832510425866 * u3_x
     phi_q[..., 92] = x43
-    x44 = 3.6698325104258656 * u3_y
+    x44 = 3.669832510425866 * u3_y
     phi_q[..., 93] = x44
-    x45 = 3.6698325104258656 * u3_z
+    x45 = 3.669832510425866 * u3_z
     phi_q[..., 94] = x45
     phi_q[..., 95] = -x43
     phi_q[..., 96] = -x44
@@ -634,32 +634,32 @@ def phi_q(t, q, p):
     # row 28: 1010 angle psi3 (coordinate psi3): sin psi a.b - cos psi (a x b).n/ln = 0 with a = r4-r6, b = r7-r6, n = u3, psi = psi3, ln = 1
     x74 = x37 * x50 - x40 * x48
     cos_psi3 = cosine[..., 2]
-    phi_q[..., 164] = -(cos_psi3 * (2.822822138105743 * x74))
+    phi_q[..., 164] = -(cos_psi3 * (2.8228221381057432 * x74))
     x75 = x40 * x46 - x34 * x50
-    phi_q[..., 165] = -(cos_psi3 * (2.822822138105743 * x75))
+    phi_q[..., 165] = -(cos_psi3 * (2.8228221381057432 * x75))
     x76 = x34 * x48 - x37 * x46
-    phi_q[..., 166] = -(cos_psi3 * (2.822822138105743 * x76))
+    phi_q[..., 166] = -(cos_psi3 * (2.8228221381057432 * x76))
     x77 = x50 * u3_y - x48 * u3_z
     sin_psi3 = sine[..., 2]
-    x78 = 2.822822138105743 * (x46 * sin_psi3 + cos_psi3 * x77)
+    x78 = 2.8228221381057432 * (x46 * sin_psi3 + cos_psi3 * x77)
     phi_q[..., 167] = -x78
     x79 = x46 * u3_z - x50 * u3_x
-    x80 = 2.822822138105743 * (x48 * sin_psi3 + cos_psi3 * x79)
+    x80 = 2.8228221381057432 * (x48 * sin_psi3 + cos_psi3 * x79)
     phi_q[..., 168] = -x80
     x81 = x48 * u3_x - x46 * u3_y
-    x82 = 2.822822138105743 * (x50 * sin_psi3 + cos_psi3 * x81)
+    x82 = 2.8228221381057432 * (x50 * sin_psi3 + cos_psi3 * x81)
     phi_q[..., 169] = -x82
-    x83 = 2.822822138105743 * (x34 * sin_psi3 + cos_psi3 * (x37 * u3_z - x40 * u3_y))
+    x83 = 2.8228221381057432 * (x34 * sin_psi3 + cos_psi3 * (x37 * u3_z - x40 * u3_y))
     phi_q[..., 170] = x78 + x83
-    x84 = 2.822822138105743 * (x37 * sin_psi3 + cos_psi3 * (x40 * u3_x - x34 * u3_z))
+    x84 = 2.8228221381057432 * (x37 * sin_psi3 + cos_psi3 * (x40 * u3_x - x34 * u3_z))
     phi_q[..., 171] = x80 + x84
-    x85 = 2.822822138105743 * (x40 * sin_psi3 + cos_psi3 * (x34 * u3_y - x37 * u3_x))
+    x85 = 2.8228221381057432 * (x40 * sin_psi3 + cos_psi3 * (x34 * u3_y - x37 * u3_x))
     phi_q[..., 172] = x82 + x85
     phi_q[..., 173] = -x83
     phi_q[..., 174] = -x84
     phi_q[..., 175] = -x85
     x86 = cos_psi3 * (x34 * x46 + x37 * x48 + x40 * x50) + sin_psi3 * (u3_x * x74 + u3_y * x75 + u3_z * x76)
-    phi_q[..., 176] = 2.822822138105743 * x86
+    phi_q[..., 176] = 2.8228221381057432 * x86
     # row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006
     x87 = x50 * u4_y - x48 * u4_z
     cos_psi4 = cosine[..., 3]
@@ -824,13 +824,13 @@ def gamma(t, q, qd, p):
     x25 = dr6_x - dr4_x
     x26 = dr6_y - dr4_y
     x27 = dr6_z - dr4_z
-    x28 = -(3.6698325104258656 * (x25 * x25 + x26 * x26 + x27 * x27))
+    x28 = -(3.669832510425866 * (x25 * x25 + x26 * x26 + x27 * x27))
     gamma[..., 14] = x28
     # row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0
     x29 = 5.054519388155418 * (x17 * du3_x + x18 * du3_y + x19 * du3_z)
     gamma[..., 15] = -x29
     # row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0
-    x30 = 7.339665020851731 * (x25 * du3_x + x26 * du3_y + x27 * du3_z)
+    x30 = 7.339665020851732 * (x25 * du3_x + x26 * du3_y + x27 * du3_z)
     gamma[..., 16] = x30
     # row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006
     dr7_x = qd[..., 18]
@@ -933,7 +933,7 @@ def gamma(t, q, qd, p):
     x72 = x55 * x60 - x59 * x54
     x73 = x66 + cos_psi3 * (x68 * (x67 + x27 * x54)) - sin_psi3 * (x68 * (x71 + du3_y * x72))
     x74 = cos_psi3 * (x64 * (u3_y * x72 + (u3_x * x69 + u3_z * x70)))
-    gamma[..., 27] = 2.822822138105743 * (x73 - x74)
+    gamma[..., 27] = 2.8228221381057432 * (x73 - x74)
     # row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006
     u4_z = q[..., 23]
     u4_y = q[..., 22]
@@ -2342,15 +2342,15 @@ def constraints(t, q, qd, p):
     x82 = r6_x - r4_x
     x83 = r6_y - r4_y
     x84 = r6_z - r4_z
-    x85 = 1.8349162552129328 * (x82 * x82 + x83 * x83 + x84 * x84 - 0.07425189000000008)
+    x85 = 1.834916255212933 * (x82 * x82 + x83 * x83 + x84 * x84 - 0.07425189000000004)
     constraints[..., 14] = x85
-    x86 = 3.6698325104258656 * x82
+    x86 = 3.669832510425866 * x82
     x87 = -x86
     constraints[..., 105] = x87
-    x88 = 3.6698325104258656 * x83
+    x88 = 3.669832510425866 * x83
     x89 = -x88
     constraints[..., 106] = x89
-    x90 = 3.6698325104258656 * x84
+    x90 = 3.669832510425866 * x84
     x91 = -x90
     constraints[..., 107] = x91
     constraints[..., 108] = x86
@@ -2359,7 +2359,7 @@ def constraints(t, q, qd, p):
     x92 = dr6_x - dr4_x
     x93 = dr6_y - dr4_y
     x94 = dr6_z - dr4_z
-    x95 = -(3.6698325104258656 * (x92 * x92 + x93 * x93 + x94 * x94))
+    x95 = -(3.669832510425866 * (x92 * x92 + x93 * x93 + x94 * x94))
     constraints[..., 261] = x95
     # row 16: 1002 angle u3, r4-r5 (body5): u.a - L c = 0 with u = u3, a = r4-r5, L = 0.395685, c = 0
     x96 = 2.527259694077709 * (u3_x * x60 + u3_y * x61 + u3_z * x62)
@@ -2376,21 +2376,21 @@ def constraints(t, q, qd, p):
     x97 = 5.054519388155418 * (du3_x * x67 + du3_y * x68 + du3_z * x69)
     constraints[..., 262] = -x97
     # row 17: 1002 angle u3, r4-r6 (body5): u.a - L c = 0 with u = u3, a = r4-r6, L = 0.272492, c = 0
-    x98 = 3.6698325104258656 * (u3_x * x82 + u3_y * x83 + u3_z * x84)
+    x98 = 3.669832510425866 * (u3_x * x82 + u3_y * x83 + u3_z * x84)
     constraints[..., 16] = -x98
     constraints[..., 120] = x87
     constraints[..., 121] = x89
     constraints[..., 122] = x91
-    x99 = 3.6698325104258656 * u3_x
+    x99 = 3.669832510425866 * u3_x
     constraints[..., 123] = x99
-    x100 = 3.6698325104258656 * u3_y
+    x100 = 3.669832510425866 * u3_y
     constraints[..., 124] = x100
-    x101 = 3.6698325104258656 * u3_z
+    x101 = 3.669832510425866 * u3_z
     constraints[..., 125] = x101
     constraints[..., 126] = -x99
     constraints[..., 127] = -x100
     constraints[..., 128] = -x101
-    x102 = 7.339665020851731 * (du3_x * x92 + du3_y * x93 + du3_z * x94)
+    x102 = 7.339665020851732 * (du3_x * x92 + du3_y * x93 + du3_z * x94)
     constraints[..., 263] = x102
     # row 18: 1000 distance r6-r7 (body6): |a|^2 - L^2 = 0 with a = r6-r7, L = 1.30006
     r7_x = q[..., 18]
@@ -2584,29 +2584,29 @@ def constraints(t, q, qd, p):
     cos_psi3 = cosine[..., 2]
     x165 = x82 * x103 + x83 * x104 + x84 * x105
     sin_psi3 = sine[..., 2]
-    constraints[..., 27] = 2.822822138105743 * (x165 * sin_psi3 - x164 * cos_psi3)
-    constraints[..., 195] = -(cos_psi3 * (2.822822138105743 * x158))
-    constraints[..., 196] = -(cos_psi3 * (2.822822138105743 * x160))
-    constraints[..., 197] = -(cos_psi3 * (2.822822138105743 * x162))
+    constraints[..., 27] = 2.8228221381057432 * (x165 * sin_psi3 - x164 * cos_psi3)
+    constraints[..., 195] = -(cos_psi3 * (2.8228221381057432 * x158))
+    constraints[..., 196] = -(cos_psi3 * (2.8228221381057432 * x160))
+    constraints[..., 197] = -(cos_psi3 * (2.8228221381057432 * x162))
     x166 = u3_y * x105 - u3_z * x104
-    x167 = 2.822822138105743 * (cos_psi3 * x166 + x103 * sin_psi3)
+    x167 = 2.8228221381057432 * (cos_psi3 * x166 + x103 * sin_psi3)
     constraints[..., 198] = -x167
     x168 = u3_z * x103 - u3_x * x105
-    x169 = 2.822822138105743 * (cos_psi3 * x168 + x104 * sin_psi3)
+    x169 = 2.8228221381057432 * (cos_psi3 * x168 + x104 * sin_psi3)
     constraints[..., 199] = -x169
     x170 = u3_x * x104 - u3_y * x103
-    x171 = 2.822822138105743 * (cos_psi3 * x170 + x105 * sin_psi3)
+    x171 = 2.8228221381057432 * (cos_psi3 * x170 + x105 * sin_psi3)
     constraints[..., 200] = -x171
-    x172 = 2.822822138105743 * (cos_psi3 * (u3_z * x83 - u3_y * x84) + x82 * sin_psi3)
+    x172 = 2.8228221381057432 * (cos_psi3 * (u3_z * x83 - u3_y * x84) + x82 * sin_psi3)
     constraints[..., 201] = x167 + x172
-    x173 = 2.822822138105743 * (cos_psi3 * (u3_x * x84 - u3_z * x82) + x83 * sin_psi3)
+    x173 = 2.8228221381057432 * (cos_psi3 * (u3_x * x84 - u3_z * x82) + x83 * sin_psi3)
     constraints[..., 202] = x169 + x173
-    x174 = 2.822822138105743 * (cos_psi3 * (u3_y * x82 - u3_x * x83) + x84 * sin_psi3)
+    x174 = 2.8228221381057432 * (cos_psi3 * (u3_y * x82 - u3_x * x83) + x84 * sin_psi3)
     constraints[..., 203] = x171 + x174
     constraints[..., 204] = -x172
     constraints[..., 205] = -x173
     constraints[..., 206] = -x174
-    constraints[..., 207] = 2.822822138105743 * (x164 * sin_psi3 + cos_psi3 * x165)
+    constraints[..., 207] = 2.8228221381057432 * (x164 * sin_psi3 + cos_psi3 * x165)
     x175 = x83 * x112 + x105 * x93 - x84 * x111 - x104 * x94
     x176 = u3_x * (x93 * x112 - x94 * x111) + u3_z * (x92 * x111 - x93 * x110)
     x177 = x82 * x111 + x104 * x92 - x83 * x110 - x103 * x93
@@ -2620,7 +2620,7 @@ def constraints(t, q, qd, p):
     x184 = 2.0 * dpsi3
     x185 = u3_x * x175 + u3_z * x177 + x158 * du3_x + x162 * du3_z - u3_y * x179
     x186 = x181 - x182 - cos_psi3 * ((x183 + x105 * x94) * x184) - sin_psi3 * (x184 * (x185 + x160 * du3_y))
-    x187 = 2.822822138105743 * (x186 - cos_psi3 * (x180 * (x161 + (x159 + x163))))
+    x187 = 2.8228221381057432 * (x186 - cos_psi3 * (x180 * (x161 + (x159 + x163))))
     constraints[..., 274] = x187
     # row 29: 1013 angle psi4 (coordinate psi4): sin psi a.b - cos psi (a x b).n/ln = 0 with a = u3, b = u4, n = r7-r6, psi = psi4, ln = 1.30006
     x188 = u3_y * u4_z - u3_z * u4_y

@@ -17,7 +17,7 @@ static const ncgen_scalar stewart_number_1[27] = {
 };
 
 
-/* phi: 165 operations */
+/* phi: 159 operations */
 int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     (void)t;
@@ -62,42 +62,42 @@ int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* row 6: 1002 angle n, P4-P1 (body platform): u.a - L c = 0 with u = n, a = P4-P1, L = 1.87939, c = 0 */
         const ncgen_real x14 = -(R(0.5320888862379561) * (x5 * n_x + x6 * n_y + x7 * n_z));
         phi[5] = x14;
-        /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_x = q[6];
-        const ncgen_real x15 = P3_x + R(0.18479253090409548) * P1_x - R(0.9999999999999997) * P2_x;
-        phi[6] = x15 - R(0.1847925309040958) * P4_x;
-        /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        const ncgen_real x15 = P3_x - P2_x - R(0.18479253090409534) * P4_x + R(0.18479253090409534) * P1_x;
+        phi[6] = x15;
+        /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_y = q[7];
-        const ncgen_real x16 = P3_y + R(0.18479253090409548) * P1_y - R(0.9999999999999997) * P2_y;
-        phi[7] = x16 - R(0.1847925309040958) * P4_y;
-        /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        const ncgen_real x16 = P3_y - P2_y - R(0.18479253090409534) * P4_y + R(0.18479253090409534) * P1_y;
+        phi[7] = x16;
+        /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_z = q[8];
-        const ncgen_real x17 = P3_z + R(0.18479253090409548) * P1_z - R(0.9999999999999997) * P2_z;
-        phi[8] = x17 - R(0.1847925309040958) * P4_z;
-        /* row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real x17 = P3_z - P2_z - R(0.18479253090409534) * P4_z + R(0.18479253090409534) * P1_z;
+        phi[8] = x17;
+        /* row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_x = q[12];
-        const ncgen_real x18 = P5_x - R(0.22668159690567757) * P1_x + R(0.22668159690567746) * P2_x;
-        phi[9] = x18 - R(0.9999999999999999) * P4_x;
-        /* row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real x18 = P5_x - R(0.22668159690567746) * P1_x + R(0.2266815969056775) * P2_x;
+        phi[9] = x18 - P4_x;
+        /* row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_y = q[13];
-        const ncgen_real x19 = P5_y - R(0.22668159690567757) * P1_y + R(0.22668159690567746) * P2_y;
-        phi[10] = x19 - R(0.9999999999999999) * P4_y;
-        /* row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        const ncgen_real x19 = P5_y - R(0.22668159690567746) * P1_y + R(0.2266815969056775) * P2_y;
+        phi[10] = x19 - P4_y;
+        /* row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_z = q[14];
-        const ncgen_real x20 = P5_z - R(0.22668159690567757) * P1_z + R(0.22668159690567746) * P2_z;
-        phi[11] = x20 - R(0.9999999999999999) * P4_z;
+        const ncgen_real x20 = P5_z - R(0.22668159690567746) * P1_z + R(0.2266815969056775) * P2_z;
+        phi[11] = x20 - P4_z;
         /* row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_x = q[15];
-        const ncgen_real x21 = P6_x - R(1.041889066001582) * P1_x + R(0.22668159690567724) * P2_x;
-        phi[12] = x21 - R(0.1847925309040952) * P4_x;
+        const ncgen_real x21 = P6_x - R(1.0418890660015823) * P1_x + R(0.22668159690567735) * P2_x;
+        phi[12] = x21 - R(0.18479253090409523) * P4_x;
         /* row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_y = q[16];
-        const ncgen_real x22 = P6_y - R(1.041889066001582) * P1_y + R(0.22668159690567724) * P2_y;
-        phi[13] = x22 - R(0.1847925309040952) * P4_y;
+        const ncgen_real x22 = P6_y - R(1.0418890660015823) * P1_y + R(0.22668159690567735) * P2_y;
+        phi[13] = x22 - R(0.18479253090409523) * P4_y;
         /* row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_z = q[17];
-        const ncgen_real x23 = P6_z - R(1.041889066001582) * P1_z + R(0.22668159690567724) * P2_z;
-        phi[14] = x23 - R(0.1847925309040952) * P4_z;
+        const ncgen_real x23 = P6_z - R(1.0418890660015823) * P1_z + R(0.22668159690567735) * P2_z;
+        phi[14] = x23 - R(0.18479253090409523) * P4_z;
         /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
         const ncgen_real x24 = P1_x - R(2.9971446647455733);
         const ncgen_real x25 = P1_y + R(0.130858162096008);
@@ -126,13 +126,13 @@ int stewart_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real x36 = P5_x + R(1.6118988250404727);
         const ncgen_real x37 = P5_y + R(2.5301743374386563);
         const ncgen_real s5 = q[25];
-        const ncgen_real x38 = R(0.15853887106403242) * (x36 * x36 + x37 * x37 + P5_z * P5_z - s5 * s5);
+        const ncgen_real x38 = R(0.15853887106403244) * (x36 * x36 + x37 * x37 + P5_z * P5_z - s5 * s5);
         phi[19] = x38;
         /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
         const ncgen_real x39 = P6_x + R(1.385245839705103);
         const ncgen_real x40 = P6_y + R(2.6610324995346644);
         const ncgen_real s6 = q[26];
-        const ncgen_real x41 = R(0.15853887106403242) * (x39 * x39 + x40 * x40 + P6_z * P6_z - s6 * s6);
+        const ncgen_real x41 = R(0.1585388710640324) * (x39 * x39 + x40 * x40 + P6_z * P6_z - s6 * s6);
         phi[20] = x41;
     }
 
@@ -223,41 +223,41 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[36] = x10;
         phi_q[37] = x11;
         phi_q[38] = x12;
-        phi_q[39] = NCGEN_SPLAT(R(0.18479253090409548));
-        phi_q[40] = NCGEN_SPLAT(-R(0.9999999999999997));
+        phi_q[39] = NCGEN_SPLAT(R(0.18479253090409534));
+        phi_q[40] = NCGEN_SPLAT(-R(1.0));
         phi_q[41] = NCGEN_SPLAT(R(1.0));
-        phi_q[42] = NCGEN_SPLAT(-R(0.1847925309040958));
-        phi_q[43] = NCGEN_SPLAT(R(0.18479253090409548));
-        phi_q[44] = NCGEN_SPLAT(-R(0.9999999999999997));
+        phi_q[42] = NCGEN_SPLAT(-R(0.18479253090409534));
+        phi_q[43] = NCGEN_SPLAT(R(0.18479253090409534));
+        phi_q[44] = NCGEN_SPLAT(-R(1.0));
         phi_q[45] = NCGEN_SPLAT(R(1.0));
-        phi_q[46] = NCGEN_SPLAT(-R(0.1847925309040958));
-        phi_q[47] = NCGEN_SPLAT(R(0.18479253090409548));
-        phi_q[48] = NCGEN_SPLAT(-R(0.9999999999999997));
+        phi_q[46] = NCGEN_SPLAT(-R(0.18479253090409534));
+        phi_q[47] = NCGEN_SPLAT(R(0.18479253090409534));
+        phi_q[48] = NCGEN_SPLAT(-R(1.0));
         phi_q[49] = NCGEN_SPLAT(R(1.0));
-        phi_q[50] = NCGEN_SPLAT(-R(0.1847925309040958));
-        phi_q[51] = NCGEN_SPLAT(-R(0.22668159690567757));
-        phi_q[52] = NCGEN_SPLAT(R(0.22668159690567746));
-        phi_q[53] = NCGEN_SPLAT(-R(0.9999999999999999));
+        phi_q[50] = NCGEN_SPLAT(-R(0.18479253090409534));
+        phi_q[51] = NCGEN_SPLAT(-R(0.22668159690567746));
+        phi_q[52] = NCGEN_SPLAT(R(0.2266815969056775));
+        phi_q[53] = NCGEN_SPLAT(-R(1.0));
         phi_q[54] = NCGEN_SPLAT(R(1.0));
-        phi_q[55] = NCGEN_SPLAT(-R(0.22668159690567757));
-        phi_q[56] = NCGEN_SPLAT(R(0.22668159690567746));
-        phi_q[57] = NCGEN_SPLAT(-R(0.9999999999999999));
+        phi_q[55] = NCGEN_SPLAT(-R(0.22668159690567746));
+        phi_q[56] = NCGEN_SPLAT(R(0.2266815969056775));
+        phi_q[57] = NCGEN_SPLAT(-R(1.0));
         phi_q[58] = NCGEN_SPLAT(R(1.0));
-        phi_q[59] = NCGEN_SPLAT(-R(0.22668159690567757));
-        phi_q[60] = NCGEN_SPLAT(R(0.22668159690567746));
-        phi_q[61] = NCGEN_SPLAT(-R(0.9999999999999999));
+        phi_q[59] = NCGEN_SPLAT(-R(0.22668159690567746));
+        phi_q[60] = NCGEN_SPLAT(R(0.2266815969056775));
+        phi_q[61] = NCGEN_SPLAT(-R(1.0));
         phi_q[62] = NCGEN_SPLAT(R(1.0));
-        phi_q[63] = NCGEN_SPLAT(-R(1.041889066001582));
-        phi_q[64] = NCGEN_SPLAT(R(0.22668159690567724));
-        phi_q[65] = NCGEN_SPLAT(-R(0.1847925309040952));
+        phi_q[63] = NCGEN_SPLAT(-R(1.0418890660015823));
+        phi_q[64] = NCGEN_SPLAT(R(0.22668159690567735));
+        phi_q[65] = NCGEN_SPLAT(-R(0.18479253090409523));
         phi_q[66] = NCGEN_SPLAT(R(1.0));
-        phi_q[67] = NCGEN_SPLAT(-R(1.041889066001582));
-        phi_q[68] = NCGEN_SPLAT(R(0.22668159690567724));
-        phi_q[69] = NCGEN_SPLAT(-R(0.1847925309040952));
+        phi_q[67] = NCGEN_SPLAT(-R(1.0418890660015823));
+        phi_q[68] = NCGEN_SPLAT(R(0.22668159690567735));
+        phi_q[69] = NCGEN_SPLAT(-R(0.18479253090409523));
         phi_q[70] = NCGEN_SPLAT(R(1.0));
-        phi_q[71] = NCGEN_SPLAT(-R(1.041889066001582));
-        phi_q[72] = NCGEN_SPLAT(R(0.22668159690567724));
-        phi_q[73] = NCGEN_SPLAT(-R(0.1847925309040952));
+        phi_q[71] = NCGEN_SPLAT(-R(1.0418890660015823));
+        phi_q[72] = NCGEN_SPLAT(R(0.22668159690567735));
+        phi_q[73] = NCGEN_SPLAT(-R(0.18479253090409523));
         phi_q[74] = NCGEN_SPLAT(R(1.0));
         /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
         phi_q[75] = R(0.31707774212806483) * (P1_x - R(2.9971446647455733));
@@ -288,22 +288,22 @@ int stewart_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         phi_q[90] = -(R(0.31707774212806483) * s4);
         /* row 20: length s5 (coordinate s5): |a|^2 - s^2 = 0 with a = P5-B5, s = s5 */
         const ncgen_real P5_x = q[12];
-        phi_q[91] = R(0.31707774212806483) * (P5_x + R(1.6118988250404727));
+        phi_q[91] = R(0.3170777421280649) * (P5_x + R(1.6118988250404727));
         const ncgen_real P5_y = q[13];
-        phi_q[92] = R(0.31707774212806483) * (P5_y + R(2.5301743374386563));
+        phi_q[92] = R(0.3170777421280649) * (P5_y + R(2.5301743374386563));
         const ncgen_real P5_z = q[14];
-        phi_q[93] = R(0.31707774212806483) * P5_z;
+        phi_q[93] = R(0.3170777421280649) * P5_z;
         const ncgen_real s5 = q[25];
-        phi_q[94] = -(R(0.31707774212806483) * s5);
+        phi_q[94] = -(R(0.3170777421280649) * s5);
         /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
         const ncgen_real P6_x = q[15];
-        phi_q[95] = R(0.31707774212806483) * (P6_x + R(1.385245839705103));
+        phi_q[95] = R(0.3170777421280648) * (P6_x + R(1.385245839705103));
         const ncgen_real P6_y = q[16];
-        phi_q[96] = R(0.31707774212806483) * (P6_y + R(2.6610324995346644));
+        phi_q[96] = R(0.3170777421280648) * (P6_y + R(2.6610324995346644));
         const ncgen_real P6_z = q[17];
-        phi_q[97] = R(0.31707774212806483) * P6_z;
+        phi_q[97] = R(0.3170777421280648) * P6_z;
         const ncgen_real s6 = q[26];
-        phi_q[98] = -(R(0.31707774212806483) * s6);
+        phi_q[98] = -(R(0.3170777421280648) * s6);
     }
 
     return NCGEN_OK;
@@ -385,14 +385,14 @@ int stewart_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         const ncgen_real dP5_z = qd[14];
         const ncgen_real ds5 = qd[25];
         const ncgen_real x16 = dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z - ds5 * ds5;
-        gamma[19] = -(R(0.31707774212806483) * x16);
+        gamma[19] = -(R(0.3170777421280649) * x16);
         /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
         const ncgen_real dP6_x = qd[15];
         const ncgen_real dP6_y = qd[16];
         const ncgen_real dP6_z = qd[17];
         const ncgen_real ds6 = qd[26];
         const ncgen_real x17 = dP6_x * dP6_x + dP6_y * dP6_y + dP6_z * dP6_z - ds6 * ds6;
-        gamma[20] = -(R(0.31707774212806483) * x17);
+        gamma[20] = -(R(0.3170777421280648) * x17);
     }
 
     return NCGEN_OK;
@@ -463,12 +463,12 @@ int stewart_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_
         /* spring of s5 */
         const ncgen_real s5 = q[25];
         const ncgen_real ds5 = qd[25];
-        const ncgen_real x5 = R(4000.0) * ds5 + R(200000.0) * (s5 - R(3.1666918442810723));
+        const ncgen_real x5 = R(4000.0) * ds5 + R(200000.0) * (s5 - R(3.166691844281072));
         force[25] = -x5;
         /* spring of s6 */
         const ncgen_real s6 = q[26];
         const ncgen_real ds6 = qd[26];
-        const ncgen_real x6 = R(4000.0) * ds6 + R(200000.0) * (s6 - R(3.1666918442810728));
+        const ncgen_real x6 = R(4000.0) * ds6 + R(200000.0) * (s6 - R(3.166691844281073));
         force[26] = -x6;
     }
 
@@ -517,10 +517,10 @@ int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real s4 = q[24];
         const ncgen_real x16 = s4 - R(3.1666918442810728);
         const ncgen_real s5 = q[25];
-        const ncgen_real x17 = s5 - R(3.1666918442810723);
+        const ncgen_real x17 = s5 - R(3.166691844281072);
         const ncgen_real x18 = R(100000.0) * (x17 * x17) + (R(100000.0) * (x16 * x16) + x15);
         const ncgen_real s6 = q[26];
-        const ncgen_real x19 = s6 - R(3.1666918442810728);
+        const ncgen_real x19 = s6 - R(3.166691844281073);
         energy[1] = R(100000.0) * (x19 * x19) + x18;
         /* spring of s1; spring of s2; spring of s3; spring of s4; spring of s5; spring of s6 */
         const ncgen_real ds1 = qd[21];
@@ -536,7 +536,7 @@ int stewart_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
 
     return NCGEN_OK;
 }
-/* constraints: 327 operations */
+/* constraints: 321 operations */
 int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     (void)t;
@@ -673,85 +673,85 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         constraints[59] = x24;
         const ncgen_real x49 = R(1.0641777724759123) * (x25 * dn_x + x26 * dn_y + x27 * dn_z);
         constraints[125] = x49;
-        /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        /* row 7: combination P3.x (body platform): (e - c a x b).x = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_x = q[6];
-        const ncgen_real x50 = R(0.18479253090409548) * P1_x + P3_x - R(0.9999999999999997) * P2_x;
-        constraints[6] = x50 - R(0.1847925309040958) * P4_x;
-        constraints[60] = NCGEN_SPLAT(R(0.18479253090409548));
-        constraints[61] = NCGEN_SPLAT(-R(0.9999999999999997));
+        const ncgen_real x50 = P3_x - P2_x - R(0.18479253090409534) * P4_x + R(0.18479253090409534) * P1_x;
+        constraints[6] = x50;
+        constraints[60] = NCGEN_SPLAT(R(0.18479253090409534));
+        constraints[61] = NCGEN_SPLAT(-R(1.0));
         constraints[62] = NCGEN_SPLAT(R(1.0));
-        constraints[63] = NCGEN_SPLAT(-R(0.1847925309040958));
+        constraints[63] = NCGEN_SPLAT(-R(0.18479253090409534));
         constraints[126] = NCGEN_SPLAT(R(0.0));
-        /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        /* row 8: combination P3.y (body platform): (e - c a x b).y = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_y = q[7];
-        const ncgen_real x51 = R(0.18479253090409548) * P1_y + P3_y - R(0.9999999999999997) * P2_y;
-        constraints[7] = x51 - R(0.1847925309040958) * P4_y;
-        constraints[64] = NCGEN_SPLAT(R(0.18479253090409548));
-        constraints[65] = NCGEN_SPLAT(-R(0.9999999999999997));
+        const ncgen_real x51 = P3_y - P2_y - R(0.18479253090409534) * P4_y + R(0.18479253090409534) * P1_y;
+        constraints[7] = x51;
+        constraints[64] = NCGEN_SPLAT(R(0.18479253090409534));
+        constraints[65] = NCGEN_SPLAT(-R(1.0));
         constraints[66] = NCGEN_SPLAT(R(1.0));
-        constraints[67] = NCGEN_SPLAT(-R(0.1847925309040958));
+        constraints[67] = NCGEN_SPLAT(-R(0.18479253090409534));
         constraints[127] = NCGEN_SPLAT(R(0.0));
-        /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3+0.184793*P1-1*P2-0.184793*P4, a = P3+0.184793*P1-1*P2-0.184793*P4, b = P3+0.184793*P1-1*P2-0.184793*P4, c = 0 */
+        /* row 9: combination P3.z (body platform): (e - c a x b).z = 0 with e = P3-P2-0.184793*P4+0.184793*P1, a = P3-P2-0.184793*P4+0.184793*P1, b = P3-P2-0.184793*P4+0.184793*P1, c = 0 */
         const ncgen_real P3_z = q[8];
-        const ncgen_real x52 = R(0.18479253090409548) * P1_z + P3_z - R(0.9999999999999997) * P2_z;
-        constraints[8] = x52 - R(0.1847925309040958) * P4_z;
-        constraints[68] = NCGEN_SPLAT(R(0.18479253090409548));
-        constraints[69] = NCGEN_SPLAT(-R(0.9999999999999997));
+        const ncgen_real x52 = P3_z - P2_z - R(0.18479253090409534) * P4_z + R(0.18479253090409534) * P1_z;
+        constraints[8] = x52;
+        constraints[68] = NCGEN_SPLAT(R(0.18479253090409534));
+        constraints[69] = NCGEN_SPLAT(-R(1.0));
         constraints[70] = NCGEN_SPLAT(R(1.0));
-        constraints[71] = NCGEN_SPLAT(-R(0.1847925309040958));
+        constraints[71] = NCGEN_SPLAT(-R(0.18479253090409534));
         constraints[128] = NCGEN_SPLAT(R(0.0));
-        /* row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        /* row 10: combination P5.x (body platform): (e - c a x b).x = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_x = q[12];
-        const ncgen_real x53 = P5_x - R(0.22668159690567757) * P1_x + R(0.22668159690567746) * P2_x;
-        constraints[9] = x53 - R(0.9999999999999999) * P4_x;
-        constraints[72] = NCGEN_SPLAT(-R(0.22668159690567757));
-        constraints[73] = NCGEN_SPLAT(R(0.22668159690567746));
-        constraints[74] = NCGEN_SPLAT(-R(0.9999999999999999));
+        const ncgen_real x53 = P5_x - R(0.22668159690567746) * P1_x + R(0.2266815969056775) * P2_x;
+        constraints[9] = x53 - P4_x;
+        constraints[72] = NCGEN_SPLAT(-R(0.22668159690567746));
+        constraints[73] = NCGEN_SPLAT(R(0.2266815969056775));
+        constraints[74] = NCGEN_SPLAT(-R(1.0));
         constraints[75] = NCGEN_SPLAT(R(1.0));
         constraints[129] = NCGEN_SPLAT(R(0.0));
-        /* row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        /* row 11: combination P5.y (body platform): (e - c a x b).y = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_y = q[13];
-        const ncgen_real x54 = P5_y - R(0.22668159690567757) * P1_y + R(0.22668159690567746) * P2_y;
-        constraints[10] = x54 - R(0.9999999999999999) * P4_y;
-        constraints[76] = NCGEN_SPLAT(-R(0.22668159690567757));
-        constraints[77] = NCGEN_SPLAT(R(0.22668159690567746));
-        constraints[78] = NCGEN_SPLAT(-R(0.9999999999999999));
+        const ncgen_real x54 = P5_y - R(0.22668159690567746) * P1_y + R(0.2266815969056775) * P2_y;
+        constraints[10] = x54 - P4_y;
+        constraints[76] = NCGEN_SPLAT(-R(0.22668159690567746));
+        constraints[77] = NCGEN_SPLAT(R(0.2266815969056775));
+        constraints[78] = NCGEN_SPLAT(-R(1.0));
         constraints[79] = NCGEN_SPLAT(R(1.0));
         constraints[130] = NCGEN_SPLAT(R(0.0));
-        /* row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-1*P4, a = P5-0.226682*P1+0.226682*P2-1*P4, b = P5-0.226682*P1+0.226682*P2-1*P4, c = 0 */
+        /* row 12: combination P5.z (body platform): (e - c a x b).z = 0 with e = P5-0.226682*P1+0.226682*P2-P4, a = P5-0.226682*P1+0.226682*P2-P4, b = P5-0.226682*P1+0.226682*P2-P4, c = 0 */
         const ncgen_real P5_z = q[14];
-        const ncgen_real x55 = P5_z - R(0.22668159690567757) * P1_z + R(0.22668159690567746) * P2_z;
-        constraints[11] = x55 - R(0.9999999999999999) * P4_z;
-        constraints[80] = NCGEN_SPLAT(-R(0.22668159690567757));
-        constraints[81] = NCGEN_SPLAT(R(0.22668159690567746));
-        constraints[82] = NCGEN_SPLAT(-R(0.9999999999999999));
+        const ncgen_real x55 = P5_z - R(0.22668159690567746) * P1_z + R(0.2266815969056775) * P2_z;
+        constraints[11] = x55 - P4_z;
+        constraints[80] = NCGEN_SPLAT(-R(0.22668159690567746));
+        constraints[81] = NCGEN_SPLAT(R(0.2266815969056775));
+        constraints[82] = NCGEN_SPLAT(-R(1.0));
         constraints[83] = NCGEN_SPLAT(R(1.0));
         constraints[131] = NCGEN_SPLAT(R(0.0));
         /* row 13: combination P6.x (body platform): (e - c a x b).x = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_x = q[15];
-        const ncgen_real x56 = P6_x - R(1.041889066001582) * P1_x + R(0.22668159690567724) * P2_x;
-        constraints[12] = x56 - R(0.1847925309040952) * P4_x;
-        constraints[84] = NCGEN_SPLAT(-R(1.041889066001582));
-        constraints[85] = NCGEN_SPLAT(R(0.22668159690567724));
-        constraints[86] = NCGEN_SPLAT(-R(0.1847925309040952));
+        const ncgen_real x56 = P6_x - R(1.0418890660015823) * P1_x + R(0.22668159690567735) * P2_x;
+        constraints[12] = x56 - R(0.18479253090409523) * P4_x;
+        constraints[84] = NCGEN_SPLAT(-R(1.0418890660015823));
+        constraints[85] = NCGEN_SPLAT(R(0.22668159690567735));
+        constraints[86] = NCGEN_SPLAT(-R(0.18479253090409523));
         constraints[87] = NCGEN_SPLAT(R(1.0));
         constraints[132] = NCGEN_SPLAT(R(0.0));
         /* row 14: combination P6.y (body platform): (e - c a x b).y = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_y = q[16];
-        const ncgen_real x57 = P6_y - R(1.041889066001582) * P1_y + R(0.22668159690567724) * P2_y;
-        constraints[13] = x57 - R(0.1847925309040952) * P4_y;
-        constraints[88] = NCGEN_SPLAT(-R(1.041889066001582));
-        constraints[89] = NCGEN_SPLAT(R(0.22668159690567724));
-        constraints[90] = NCGEN_SPLAT(-R(0.1847925309040952));
+        const ncgen_real x57 = P6_y - R(1.0418890660015823) * P1_y + R(0.22668159690567735) * P2_y;
+        constraints[13] = x57 - R(0.18479253090409523) * P4_y;
+        constraints[88] = NCGEN_SPLAT(-R(1.0418890660015823));
+        constraints[89] = NCGEN_SPLAT(R(0.22668159690567735));
+        constraints[90] = NCGEN_SPLAT(-R(0.18479253090409523));
         constraints[91] = NCGEN_SPLAT(R(1.0));
         constraints[133] = NCGEN_SPLAT(R(0.0));
         /* row 15: combination P6.z (body platform): (e - c a x b).z = 0 with e = P6-1.04189*P1+0.226682*P2-0.184793*P4, a = P6-1.04189*P1+0.226682*P2-0.184793*P4, b = P6-1.04189*P1+0.226682*P2-0.184793*P4, c = 0 */
         const ncgen_real P6_z = q[17];
-        const ncgen_real x58 = P6_z - R(1.041889066001582) * P1_z + R(0.22668159690567724) * P2_z;
-        constraints[14] = x58 - R(0.1847925309040952) * P4_z;
-        constraints[92] = NCGEN_SPLAT(-R(1.041889066001582));
-        constraints[93] = NCGEN_SPLAT(R(0.22668159690567724));
-        constraints[94] = NCGEN_SPLAT(-R(0.1847925309040952));
+        const ncgen_real x58 = P6_z - R(1.0418890660015823) * P1_z + R(0.22668159690567735) * P2_z;
+        constraints[14] = x58 - R(0.18479253090409523) * P4_z;
+        constraints[92] = NCGEN_SPLAT(-R(1.0418890660015823));
+        constraints[93] = NCGEN_SPLAT(R(0.22668159690567735));
+        constraints[94] = NCGEN_SPLAT(-R(0.18479253090409523));
         constraints[95] = NCGEN_SPLAT(R(1.0));
         constraints[134] = NCGEN_SPLAT(R(0.0));
         /* row 16: length s1 (coordinate s1): |a|^2 - s^2 = 0 with a = P1-B1, s = s1 */
@@ -813,34 +813,34 @@ int stewart_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const 
         const ncgen_real x75 = P5_x + R(1.6118988250404727);
         const ncgen_real x76 = P5_y + R(2.5301743374386563);
         const ncgen_real s5 = q[25];
-        const ncgen_real x77 = R(0.15853887106403242) * (x75 * x75 + x76 * x76 + P5_z * P5_z - s5 * s5);
+        const ncgen_real x77 = R(0.15853887106403244) * (x75 * x75 + x76 * x76 + P5_z * P5_z - s5 * s5);
         constraints[19] = x77;
-        constraints[112] = R(0.31707774212806483) * x75;
-        constraints[113] = R(0.31707774212806483) * x76;
-        constraints[114] = R(0.31707774212806483) * P5_z;
-        constraints[115] = -(R(0.31707774212806483) * s5);
+        constraints[112] = R(0.3170777421280649) * x75;
+        constraints[113] = R(0.3170777421280649) * x76;
+        constraints[114] = R(0.3170777421280649) * P5_z;
+        constraints[115] = -(R(0.3170777421280649) * s5);
         const ncgen_real dP5_x = qd[12];
         const ncgen_real dP5_y = qd[13];
         const ncgen_real dP5_z = qd[14];
         const ncgen_real ds5 = qd[25];
         const ncgen_real x78 = dP5_x * dP5_x + dP5_y * dP5_y + dP5_z * dP5_z - ds5 * ds5;
-        constraints[139] = -(R(0.31707774212806483) * x78);
+        constraints[139] = -(R(0.3170777421280649) * x78);
         /* row 21: length s6 (coordinate s6): |a|^2 - s^2 = 0 with a = P6-B6, s = s6 */
         const ncgen_real x79 = P6_x + R(1.385245839705103);
         const ncgen_real x80 = P6_y + R(2.6610324995346644);
         const ncgen_real s6 = q[26];
-        const ncgen_real x81 = R(0.15853887106403242) * (x79 * x79 + x80 * x80 + P6_z * P6_z - s6 * s6);
+        const ncgen_real x81 = R(0.1585388710640324) * (x79 * x79 + x80 * x80 + P6_z * P6_z - s6 * s6);
         constraints[20] = x81;
-        constraints[116] = R(0.31707774212806483) * x79;
-        constraints[117] = R(0.31707774212806483) * x80;
-        constraints[118] = R(0.31707774212806483) * P6_z;
-        constraints[119] = -(R(0.31707774212806483) * s6);
+        constraints[116] = R(0.3170777421280648) * x79;
+        constraints[117] = R(0.3170777421280648) * x80;
+        constraints[118] = R(0.3170777421280648) * P6_z;
+        constraints[119] = -(R(0.3170777421280648) * s6);
         const ncgen_real dP6_x = qd[15];
         const ncgen_real dP6_y = qd[16];
         const ncgen_real dP6_z = qd[17];
         const ncgen_real ds6 = qd[26];
         const ncgen_real x82 = dP6_x * dP6_x + dP6_y * dP6_y + dP6_z * dP6_z - ds6 * ds6;
-        constraints[140] = -(R(0.31707774212806483) * x82);
+        constraints[140] = -(R(0.3170777421280648) * x82);
     }
 
     return NCGEN_OK;
@@ -905,7 +905,7 @@ static const ncgen_scalar stewart_initial_position[] = {
     -R(0.984807753012208), R(0.17364817766693028), R(2.0), -R(0.984807753012208),
     -R(0.17364817766693047), R(2.0), R(0.342020143325669), -R(0.9396926207859083), R(2.0), R(0.0),
     R(0.0), R(1.0), R(3.153800683985283), R(3.153800683985283), R(3.153800683985283),
-    R(3.153800683985283), R(3.1538006839852826), R(3.153800683985283)
+    R(3.153800683985283), R(3.153800683985282), R(3.1538006839852835)
 };
 
 static const int stewart_phi_q_indptr[22] = {
@@ -936,7 +936,7 @@ const ncgen_model *stewart_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "stewart",
-        .fingerprint = "f45158fae23c48d8",
+        .fingerprint = "26d976859fa6910a",
         .n_coordinates = 27,
         .n_rows = 21,
         .n_parameters = 0,

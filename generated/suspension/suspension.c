@@ -79,7 +79,7 @@ int suspension_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real x10 = R(0.479) - L_y;
         const ncgen_real L_z = q[5];
         const ncgen_real x11 = -R(0.206) - L_z;
-        const ncgen_real x12 = R(1.0288784614795394) * (x9 * x9 + x10 * x10 + x11 * x11 - R(0.2361630000000001));
+        const ncgen_real x12 = R(1.0288784614795397) * (x9 * x9 + x10 * x10 + x11 * x11 - R(0.23616300000000004));
         phi[2] = x12;
         /* row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
         const ncgen_real x13 = L_x + R(0.279);
@@ -121,14 +121,14 @@ int suspension_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real x34 = L_y - T_y;
         const ncgen_real T_z = q[11];
         const ncgen_real x35 = L_z - T_z;
-        const ncgen_real x36 = x33 * x33 + x34 * x34 + x35 * x35 - R(0.08952099999999999);
-        phi[8] = R(1.671119634519684) * x36;
+        const ncgen_real x36 = x33 * x33 + x34 * x34 + x35 * x35 - R(0.08952100000000002);
+        phi[8] = R(1.6711196345196837) * x36;
         /* row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
         const ncgen_real x37 = T_x - U_x;
         const ncgen_real x38 = T_y - U_y;
         const ncgen_real x39 = T_z - U_z;
-        const ncgen_real x40 = x37 * x37 + x38 * x38 + x39 * x39 - R(0.09788500000000001);
-        phi[9] = R(1.598129365689615) * x40;
+        const ncgen_real x40 = x37 * x37 + x38 * x38 + x39 * x39 - R(0.09788499999999999);
+        phi[9] = R(1.5981293656896152) * x40;
         /* row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
         const ncgen_real W_x = q[12];
         const ncgen_real x41 = L_x - W_x;
@@ -142,7 +142,7 @@ int suspension_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         const ncgen_real x45 = W_x - U_x;
         const ncgen_real x46 = W_y - U_y;
         const ncgen_real x47 = W_z - U_z;
-        const ncgen_real x48 = x45 * x45 + x46 * x46 + x47 * x47 - R(0.15992900000000004);
+        const ncgen_real x48 = x45 * x45 + x46 * x46 + x47 * x47 - R(0.15992900000000002);
         phi[11] = R(1.250277436087613) * x48;
         /* row 13: 1000 distance W-T (body upright): |a|^2 - L^2 = 0 with a = W-T, L = 0.270562 */
         const ncgen_real x49 = W_x - T_x;
@@ -152,18 +152,18 @@ int suspension_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen
         phi[12] = R(1.8480026861995205) * x52;
         /* row 14: combination axis.x (body upright): (e - c a x b).x = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_x = q[16];
-        const ncgen_real x53 = axis_x + R(2.148278560719281) * U_x + R(2.4179369574622847) * L_x;
-        const ncgen_real x54 = x53 - R(0.5728742828584754) * T_x - R(3.9933412353230904) * W_x;
+        const ncgen_real x53 = axis_x + R(2.1482785607192803) * U_x + R(2.4179369574622864) * L_x;
+        const ncgen_real x54 = x53 - R(0.5728742828584747) * T_x - R(3.9933412353230917) * W_x;
         phi[13] = x54;
         /* row 15: combination axis.y (body upright): (e - c a x b).y = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_y = q[17];
-        const ncgen_real x55 = axis_y + R(2.148278560719281) * U_y + R(2.4179369574622847) * L_y;
-        const ncgen_real x56 = x55 - R(0.5728742828584754) * T_y - R(3.9933412353230904) * W_y;
+        const ncgen_real x55 = axis_y + R(2.1482785607192803) * U_y + R(2.4179369574622864) * L_y;
+        const ncgen_real x56 = x55 - R(0.5728742828584747) * T_y - R(3.9933412353230917) * W_y;
         phi[14] = x56;
         /* row 16: combination axis.z (body upright): (e - c a x b).z = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_z = q[18];
-        const ncgen_real x57 = axis_z + R(2.148278560719281) * U_z + R(2.4179369574622847) * L_z;
-        const ncgen_real x58 = x57 - R(0.5728742828584754) * T_z - R(3.9933412353230904) * W_z;
+        const ncgen_real x57 = axis_z + R(2.1482785607192803) * U_z + R(2.4179369574622864) * L_z;
+        const ncgen_real x58 = x57 - R(0.5728742828584747) * T_z - R(3.9933412353230917) * W_z;
         phi[15] = x58;
         /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
         const ncgen_real x59 = -R(0.279) - T_x;
@@ -196,11 +196,11 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         phi_q[5] = R(2.9897002859095063) * (U_z - R(0.249));
         /* row 3: 1000 distance LF-L (body lower): |a|^2 - L^2 = 0 with a = LF-L, L = 0.485966 */
         const ncgen_real L_x = q[3];
-        phi_q[6] = -(R(2.057756922959079) * (R(0.199) - L_x));
+        phi_q[6] = -(R(2.0577569229590793) * (R(0.199) - L_x));
         const ncgen_real L_y = q[4];
-        phi_q[7] = -(R(2.057756922959079) * (R(0.479) - L_y));
+        phi_q[7] = -(R(2.0577569229590793) * (R(0.479) - L_y));
         const ncgen_real L_z = q[5];
-        phi_q[8] = -(R(2.057756922959079) * (-R(0.206) - L_z));
+        phi_q[8] = -(R(2.0577569229590793) * (-R(0.206) - L_z));
         /* row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
         phi_q[9] = R(2.2927881083389425) * (L_x + R(0.279));
         phi_q[10] = R(2.2927881083389425) * (L_y - R(0.539));
@@ -238,23 +238,23 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         phi_q[29] = x6;
         /* row 9: 1000 distance L-T (body upright): |a|^2 - L^2 = 0 with a = L-T, L = 0.299201 */
         const ncgen_real T_x = q[9];
-        const ncgen_real x7 = R(3.342239269039368) * (L_x - T_x);
+        const ncgen_real x7 = R(3.3422392690393674) * (L_x - T_x);
         phi_q[30] = x7;
         const ncgen_real T_y = q[10];
-        const ncgen_real x8 = R(3.342239269039368) * (L_y - T_y);
+        const ncgen_real x8 = R(3.3422392690393674) * (L_y - T_y);
         phi_q[31] = x8;
         const ncgen_real T_z = q[11];
-        const ncgen_real x9 = R(3.342239269039368) * (L_z - T_z);
+        const ncgen_real x9 = R(3.3422392690393674) * (L_z - T_z);
         phi_q[32] = x9;
         phi_q[33] = -x7;
         phi_q[34] = -x8;
         phi_q[35] = -x9;
         /* row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
-        const ncgen_real x10 = R(3.19625873137923) * (T_x - U_x);
+        const ncgen_real x10 = R(3.1962587313792303) * (T_x - U_x);
         phi_q[36] = -x10;
-        const ncgen_real x11 = R(3.19625873137923) * (T_y - U_y);
+        const ncgen_real x11 = R(3.1962587313792303) * (T_y - U_y);
         phi_q[37] = -x11;
-        const ncgen_real x12 = R(3.19625873137923) * (T_z - U_z);
+        const ncgen_real x12 = R(3.1962587313792303) * (T_z - U_z);
         phi_q[38] = -x12;
         phi_q[39] = x10;
         phi_q[40] = x11;
@@ -292,20 +292,20 @@ int suspension_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         phi_q[57] = x19;
         phi_q[58] = x20;
         phi_q[59] = x21;
-        phi_q[60] = NCGEN_SPLAT(R(2.148278560719281));
-        phi_q[61] = NCGEN_SPLAT(R(2.4179369574622847));
-        phi_q[62] = NCGEN_SPLAT(-R(0.5728742828584754));
-        phi_q[63] = NCGEN_SPLAT(-R(3.9933412353230904));
+        phi_q[60] = NCGEN_SPLAT(R(2.1482785607192803));
+        phi_q[61] = NCGEN_SPLAT(R(2.4179369574622864));
+        phi_q[62] = NCGEN_SPLAT(-R(0.5728742828584747));
+        phi_q[63] = NCGEN_SPLAT(-R(3.9933412353230917));
         phi_q[64] = NCGEN_SPLAT(R(1.0));
-        phi_q[65] = NCGEN_SPLAT(R(2.148278560719281));
-        phi_q[66] = NCGEN_SPLAT(R(2.4179369574622847));
-        phi_q[67] = NCGEN_SPLAT(-R(0.5728742828584754));
-        phi_q[68] = NCGEN_SPLAT(-R(3.9933412353230904));
+        phi_q[65] = NCGEN_SPLAT(R(2.1482785607192803));
+        phi_q[66] = NCGEN_SPLAT(R(2.4179369574622864));
+        phi_q[67] = NCGEN_SPLAT(-R(0.5728742828584747));
+        phi_q[68] = NCGEN_SPLAT(-R(3.9933412353230917));
         phi_q[69] = NCGEN_SPLAT(R(1.0));
-        phi_q[70] = NCGEN_SPLAT(R(2.148278560719281));
-        phi_q[71] = NCGEN_SPLAT(R(2.4179369574622847));
-        phi_q[72] = NCGEN_SPLAT(-R(0.5728742828584754));
-        phi_q[73] = NCGEN_SPLAT(-R(3.9933412353230904));
+        phi_q[70] = NCGEN_SPLAT(R(2.1482785607192803));
+        phi_q[71] = NCGEN_SPLAT(R(2.4179369574622864));
+        phi_q[72] = NCGEN_SPLAT(-R(0.5728742828584747));
+        phi_q[73] = NCGEN_SPLAT(-R(3.9933412353230917));
         phi_q[74] = NCGEN_SPLAT(R(1.0));
         /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
         phi_q[75] = -(R(2.3633200514857067) * (-R(0.279) - T_x));
@@ -339,7 +339,7 @@ int suspension_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real dL_y = qd[4];
         const ncgen_real dL_z = qd[5];
         const ncgen_real x2 = dL_x * dL_x + dL_y * dL_y + dL_z * dL_z;
-        gamma[2] = -(R(2.057756922959079) * x2);
+        gamma[2] = -(R(2.0577569229590793) * x2);
         /* row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
         gamma[3] = -(R(2.2927881083389425) * x2);
         /* row 5: 1000 distance LF-S (body lower): |a|^2 - L^2 = 0 with a = LF-S, L = 0.337997 */
@@ -367,13 +367,13 @@ int suspension_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x11 = dL_y - dT_y;
         const ncgen_real dT_z = qd[11];
         const ncgen_real x12 = dL_z - dT_z;
-        const ncgen_real x13 = R(3.342239269039368) * (x10 * x10 + x11 * x11 + x12 * x12);
+        const ncgen_real x13 = R(3.3422392690393674) * (x10 * x10 + x11 * x11 + x12 * x12);
         gamma[8] = -x13;
         /* row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
         const ncgen_real x14 = dT_x - dU_x;
         const ncgen_real x15 = dT_y - dU_y;
         const ncgen_real x16 = dT_z - dU_z;
-        const ncgen_real x17 = R(3.19625873137923) * (x14 * x14 + x15 * x15 + x16 * x16);
+        const ncgen_real x17 = R(3.1962587313792303) * (x14 * x14 + x15 * x15 + x16 * x16);
         gamma[9] = -x17;
         /* row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
         const ncgen_real dW_x = qd[12];
@@ -602,16 +602,16 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         const ncgen_real x11 = R(0.479) - L_y;
         const ncgen_real L_z = q[5];
         const ncgen_real x12 = -R(0.206) - L_z;
-        const ncgen_real x13 = x10 * x10 + x11 * x11 + x12 * x12 - R(0.2361630000000001);
-        constraints[2] = R(1.0288784614795394) * x13;
-        constraints[23] = -(R(2.057756922959079) * x10);
-        constraints[24] = -(R(2.057756922959079) * x11);
-        constraints[25] = -(R(2.057756922959079) * x12);
+        const ncgen_real x13 = x10 * x10 + x11 * x11 + x12 * x12 - R(0.23616300000000004);
+        constraints[2] = R(1.0288784614795397) * x13;
+        constraints[23] = -(R(2.0577569229590793) * x10);
+        constraints[24] = -(R(2.0577569229590793) * x11);
+        constraints[25] = -(R(2.0577569229590793) * x12);
         const ncgen_real dL_x = qd[3];
         const ncgen_real dL_y = qd[4];
         const ncgen_real dL_z = qd[5];
         const ncgen_real x14 = dL_x * dL_x + dL_y * dL_y + dL_z * dL_z;
-        constraints[98] = -(R(2.057756922959079) * x14);
+        constraints[98] = -(R(2.0577569229590793) * x14);
         /* row 4: 1000 distance L-LB (body lower): |a|^2 - L^2 = 0 with a = L-LB, L = 0.43615 */
         const ncgen_real x15 = L_x + R(0.279);
         const ncgen_real x16 = L_y - R(0.539);
@@ -696,13 +696,13 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         const ncgen_real x51 = L_y - T_y;
         const ncgen_real T_z = q[11];
         const ncgen_real x52 = L_z - T_z;
-        const ncgen_real x53 = x50 * x50 + x51 * x51 + x52 * x52 - R(0.08952099999999999);
-        constraints[8] = R(1.671119634519684) * x53;
-        const ncgen_real x54 = R(3.342239269039368) * x50;
+        const ncgen_real x53 = x50 * x50 + x51 * x51 + x52 * x52 - R(0.08952100000000002);
+        constraints[8] = R(1.6711196345196837) * x53;
+        const ncgen_real x54 = R(3.3422392690393674) * x50;
         constraints[47] = x54;
-        const ncgen_real x55 = R(3.342239269039368) * x51;
+        const ncgen_real x55 = R(3.3422392690393674) * x51;
         constraints[48] = x55;
-        const ncgen_real x56 = R(3.342239269039368) * x52;
+        const ncgen_real x56 = R(3.3422392690393674) * x52;
         constraints[49] = x56;
         constraints[50] = -x54;
         constraints[51] = -x55;
@@ -713,19 +713,19 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         const ncgen_real x58 = dL_y - dT_y;
         const ncgen_real dT_z = qd[11];
         const ncgen_real x59 = dL_z - dT_z;
-        const ncgen_real x60 = R(3.342239269039368) * (x57 * x57 + x58 * x58 + x59 * x59);
+        const ncgen_real x60 = R(3.3422392690393674) * (x57 * x57 + x58 * x58 + x59 * x59);
         constraints[104] = -x60;
         /* row 10: 1000 distance T-U (body upright): |a|^2 - L^2 = 0 with a = T-U, L = 0.312866 */
         const ncgen_real x61 = T_x - U_x;
         const ncgen_real x62 = T_y - U_y;
         const ncgen_real x63 = T_z - U_z;
-        const ncgen_real x64 = x61 * x61 + x62 * x62 + x63 * x63 - R(0.09788500000000001);
-        constraints[9] = R(1.598129365689615) * x64;
-        const ncgen_real x65 = R(3.19625873137923) * x61;
+        const ncgen_real x64 = x61 * x61 + x62 * x62 + x63 * x63 - R(0.09788499999999999);
+        constraints[9] = R(1.5981293656896152) * x64;
+        const ncgen_real x65 = R(3.1962587313792303) * x61;
         constraints[53] = -x65;
-        const ncgen_real x66 = R(3.19625873137923) * x62;
+        const ncgen_real x66 = R(3.1962587313792303) * x62;
         constraints[54] = -x66;
-        const ncgen_real x67 = R(3.19625873137923) * x63;
+        const ncgen_real x67 = R(3.1962587313792303) * x63;
         constraints[55] = -x67;
         constraints[56] = x65;
         constraints[57] = x66;
@@ -733,7 +733,7 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         const ncgen_real x68 = dT_x - dU_x;
         const ncgen_real x69 = dT_y - dU_y;
         const ncgen_real x70 = dT_z - dU_z;
-        const ncgen_real x71 = R(3.19625873137923) * (x68 * x68 + x69 * x69 + x70 * x70);
+        const ncgen_real x71 = R(3.1962587313792303) * (x68 * x68 + x69 * x69 + x70 * x70);
         constraints[105] = -x71;
         /* row 11: 1000 distance L-W (body upright): |a|^2 - L^2 = 0 with a = L-W, L = 0.31293 */
         const ncgen_real W_x = q[12];
@@ -765,7 +765,7 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         const ncgen_real x83 = W_x - U_x;
         const ncgen_real x84 = W_y - U_y;
         const ncgen_real x85 = W_z - U_z;
-        const ncgen_real x86 = x83 * x83 + x84 * x84 + x85 * x85 - R(0.15992900000000004);
+        const ncgen_real x86 = x83 * x83 + x84 * x84 + x85 * x85 - R(0.15992900000000002);
         constraints[11] = R(1.250277436087613) * x86;
         const ncgen_real x87 = R(2.500554872175226) * x83;
         constraints[65] = -x87;
@@ -803,35 +803,35 @@ int suspension_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, con
         constraints[108] = -x104;
         /* row 14: combination axis.x (body upright): (e - c a x b).x = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_x = q[16];
-        const ncgen_real x105 = R(2.148278560719281) * U_x + axis_x + R(2.4179369574622847) * L_x;
-        const ncgen_real x106 = x105 - R(0.5728742828584754) * T_x - R(3.9933412353230904) * W_x;
+        const ncgen_real x105 = R(2.1482785607192803) * U_x + axis_x + R(2.4179369574622864) * L_x;
+        const ncgen_real x106 = x105 - R(0.5728742828584747) * T_x - R(3.9933412353230917) * W_x;
         constraints[13] = x106;
-        constraints[77] = NCGEN_SPLAT(R(2.148278560719281));
-        constraints[78] = NCGEN_SPLAT(R(2.4179369574622847));
-        constraints[79] = NCGEN_SPLAT(-R(0.5728742828584754));
-        constraints[80] = NCGEN_SPLAT(-R(3.9933412353230904));
+        constraints[77] = NCGEN_SPLAT(R(2.1482785607192803));
+        constraints[78] = NCGEN_SPLAT(R(2.4179369574622864));
+        constraints[79] = NCGEN_SPLAT(-R(0.5728742828584747));
+        constraints[80] = NCGEN_SPLAT(-R(3.9933412353230917));
         constraints[81] = NCGEN_SPLAT(R(1.0));
         constraints[109] = NCGEN_SPLAT(R(0.0));
         /* row 15: combination axis.y (body upright): (e - c a x b).y = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_y = q[17];
-        const ncgen_real x107 = R(2.148278560719281) * U_y + axis_y + R(2.4179369574622847) * L_y;
-        const ncgen_real x108 = x107 - R(0.5728742828584754) * T_y - R(3.9933412353230904) * W_y;
+        const ncgen_real x107 = R(2.1482785607192803) * U_y + axis_y + R(2.4179369574622864) * L_y;
+        const ncgen_real x108 = x107 - R(0.5728742828584747) * T_y - R(3.9933412353230917) * W_y;
         constraints[14] = x108;
-        constraints[82] = NCGEN_SPLAT(R(2.148278560719281));
-        constraints[83] = NCGEN_SPLAT(R(2.4179369574622847));
-        constraints[84] = NCGEN_SPLAT(-R(0.5728742828584754));
-        constraints[85] = NCGEN_SPLAT(-R(3.9933412353230904));
+        constraints[82] = NCGEN_SPLAT(R(2.1482785607192803));
+        constraints[83] = NCGEN_SPLAT(R(2.4179369574622864));
+        constraints[84] = NCGEN_SPLAT(-R(0.5728742828584747));
+        constraints[85] = NCGEN_SPLAT(-R(3.9933412353230917));
         constraints[86] = NCGEN_SPLAT(R(1.0));
         constraints[110] = NCGEN_SPLAT(R(0.0));
         /* row 16: combination axis.z (body upright): (e - c a x b).z = 0 with e = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, a = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, b = axis+2.14828*U+2.41794*L-0.572874*T-3.99334*W, c = 0 */
         const ncgen_real axis_z = q[18];
-        const ncgen_real x109 = R(2.148278560719281) * U_z + axis_z + R(2.4179369574622847) * L_z;
-        const ncgen_real x110 = x109 - R(0.5728742828584754) * T_z - R(3.9933412353230904) * W_z;
+        const ncgen_real x109 = R(2.1482785607192803) * U_z + axis_z + R(2.4179369574622864) * L_z;
+        const ncgen_real x110 = x109 - R(0.5728742828584747) * T_z - R(3.9933412353230917) * W_z;
         constraints[15] = x110;
-        constraints[87] = NCGEN_SPLAT(R(2.148278560719281));
-        constraints[88] = NCGEN_SPLAT(R(2.4179369574622847));
-        constraints[89] = NCGEN_SPLAT(-R(0.5728742828584754));
-        constraints[90] = NCGEN_SPLAT(-R(3.9933412353230904));
+        constraints[87] = NCGEN_SPLAT(R(2.1482785607192803));
+        constraints[88] = NCGEN_SPLAT(R(2.4179369574622864));
+        constraints[89] = NCGEN_SPLAT(-R(0.5728742828584747));
+        constraints[90] = NCGEN_SPLAT(-R(3.9933412353230917));
         constraints[91] = NCGEN_SPLAT(R(1.0));
         constraints[111] = NCGEN_SPLAT(R(0.0));
         /* row 17: 1000 distance R-T (user model): |a|^2 - L^2 = 0 with a = R-T, L = 0.423134 */
@@ -929,7 +929,7 @@ const ncgen_model *suspension_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "suspension",
-        .fingerprint = "fbbad44b8228f89a",
+        .fingerprint = "d517d62263515ea1",
         .n_coordinates = 19,
         .n_rows = 17,
         .n_parameters = 0,

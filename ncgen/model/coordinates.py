@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.model import measures
+from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
@@ -84,7 +84,7 @@ class Coordinates(Contents):
         Numbers of six digits are brought to length 1; a vector that is farther from it is refused.
         """
         vector = self._spatial(Vector, name, direction, fixed)
-        size = float(np.linalg.norm(vector.initial))
+        size = arithmetic.norm(vector.initial)
         if not abs(size - 1.0) <= SIX_DIGITS:
             raise ModelError(f"vector {name}: its length is {size:.12g}, not 1; divide it by its length")
         if vector.is_parametric:
@@ -150,12 +150,12 @@ class Coordinates(Contents):
         """How far `end` lies from `start` along a unit vector, as a coordinate (m); it may be zero or negative."""
         self._claim(name, "slide")
         axis = self._direction(axis, f"slide {name}")
-        size = float(np.linalg.norm(axis.initial))
+        size = arithmetic.norm(axis.initial)
         if abs(size - 1.0) > SIX_DIGITS:
             raise ModelError(f"slide {name}: the axis {axis} has length {size:.6g}, not 1; give a unit vector")
         segment = as_combination(end) - start
         value = measures.along(segment, axis)
-        number = float(segment.initial @ axis.initial)
+        number = arithmetic.dot(segment.initial, axis.initial)
         s = Length(name, (Component(name, False, value, number),))
         return self._relative(s, row.slide_row(s, segment, axis, self.scale))
 
@@ -236,7 +236,7 @@ def paper_choice(psi: float, axis: np.ndarray) -> int:
 
 def _measure(name: str, start: Combination, end: Combination, axis: Combination) -> float:
     """The angle's number in the initial position; refused where there is none."""
-    a, b, n = start.initial, end.initial, axis.initial / np.linalg.norm(axis.initial)
+    a, b, n = start.initial, end.initial, arithmetic.unit(axis.initial)
     for direction, vector in ((start, a), (end, b)):
         if np.linalg.norm(vector - (vector @ n) * n) < 1e-9 * np.linalg.norm(vector):
             raise ModelError(f"angle {name}: {direction} is parallel to the axis {axis}; no angle about it is defined, choose another")

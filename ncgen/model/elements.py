@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
 
-from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, settled, told
+from ncgen.model.values import Expression, Scalar, Symbolic, Value, as_sympy, is_number, told, total
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -250,7 +250,7 @@ class Combination:
     def given(self) -> tuple[Scalar, ...]:
         """The same as three values: numbers, or expressions of parameters where positions have some."""
         parts = [[weight * value for value in element.given] if weight != 1.0 else element.given for weight, element in self.terms]
-        return tuple(settled(sum(x for x in column if x != 0.0)) for column in zip(*parts, strict=True))
+        return tuple(total(x for x in column if x != 0.0) for column in zip(*parts, strict=True))
 
     @property
     def is_parametric(self) -> bool:

@@ -141,7 +141,7 @@ class Couple(Load):
                 f"{self.label}: the body needs three directions to take a couple; give it another element or constant_mass=True"
             )
         x, y, z = frame.given
-        volume = measures.dot(x, measures.cross(y, z)) if frame.is_parametric else float(np.linalg.det(frame.matrix()))
+        volume = measures.dot(x, measures.cross(y, z))
         return [*frame.directions], [*self.components, volume]
 
 

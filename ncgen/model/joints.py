@@ -7,12 +7,13 @@ both bodies. These methods share what can be shared and add rows only for the re
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.model import measures
+from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, Vector, as_combination
@@ -147,7 +148,7 @@ class Joints(Structure):
         self.constrain(n.dot(r) - radius * steep - start, f"contact of {disc.name}", owner)
         upright = np.asarray(normal)
         helper = np.eye(3)[np.argmin(np.abs(upright))]
-        first = np.cross(upright, helper) / np.linalg.norm(np.cross(upright, helper))
+        first = arithmetic.unit(np.cross(upright, helper))
         for tangent in (first, np.cross(upright, first)):
             self.constrain_velocity(sympy.Matrix(_clean(tangent)).dot(slip), f"no slip of {disc.name}", owner)
 
@@ -198,20 +199,20 @@ def _joint(kind: str, a: Body, b: Body) -> Owner:
 
 
 def _size(segment: Combination) -> float:
-    return float(np.linalg.norm(segment.initial)) or 1.0
+    return arithmetic.norm(segment.initial) or 1.0
 
 
 def _height(normal: Values, centre: Point) -> Scalar:
     if centre.is_parametric:
         return measures.dot(map(as_sympy, normal), centre.given)
-    return float(np.dot(np.asarray(normal), centre.initial))
+    return arithmetic.dot(normal, centre.initial)
 
 
 def _steepness(normal: Values, axle: Vector) -> Scalar:
     """The sine of the angle between a disc's axle and the normal of the plane."""
     if axle.is_parametric:
         return measures.norm(measures.cross([as_sympy(x) for x in normal], axle.given))
-    return float(np.sqrt(1 - np.dot(np.asarray(normal), axle.initial) ** 2))
+    return math.sqrt(1 - arithmetic.dot(normal, axle.initial) ** 2)
 
 
 def _clean(vector: np.ndarray) -> list[float]:

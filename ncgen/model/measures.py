@@ -13,8 +13,9 @@ from typing import TypeAlias
 
 import numpy as np
 
+from ncgen.model import arithmetic
 from ncgen.model.elements import Combination, Point
-from ncgen.model.values import Scalar, is_number, settled
+from ncgen.model.values import Scalar, is_number, settled, total
 
 Scalars: TypeAlias = "Sequence[Scalar] | np.ndarray"
 """A vector of values."""
@@ -29,7 +30,7 @@ def length(direction: Combination) -> Scalar:
     """The length of a direction in the initial position; exactly 1 for a unit vector."""
     if shape(direction) == "vector" and len(direction.terms) == 1:
         return 1.0
-    return norm(direction.given) if direction.is_parametric else float(np.linalg.norm(direction.initial))
+    return norm(direction.given) if direction.is_parametric else arithmetic.norm(direction.initial)
 
 
 def cosine(a: Combination, b: Combination) -> Scalar:
@@ -41,7 +42,7 @@ def cosine(a: Combination, b: Combination) -> Scalar:
 
 def cosine_of(a: np.ndarray, b: np.ndarray) -> float:
     """The same of two vectors of numbers."""
-    value = float(a @ b / (np.linalg.norm(a) * np.linalg.norm(b)))
+    value = arithmetic.dot(a, b) / (arithmetic.norm(a) * arithmetic.norm(b))
     return 0.0 if abs(value) < 4 * np.finfo(float).eps else value
 
 
@@ -49,13 +50,13 @@ def along(direction: Combination, axis: Combination) -> Scalar:
     """The scalar product of two directions."""
     if direction.is_parametric or axis.is_parametric:
         return dot(direction.given, axis.given)
-    return float(direction.initial @ axis.initial)
+    return arithmetic.dot(direction.initial, axis.initial)
 
 
 def angle(start: Combination, end: Combination, axis: Combination) -> Scalar:
     """The angle from `start` to `end` about `axis`, in (−π, π]."""
     if not any(d.is_parametric for d in (start, end, axis)):
-        return angle_of(start.initial, end.initial, axis.initial / np.linalg.norm(axis.initial))
+        return angle_of(start.initial, end.initial, arithmetic.unit(axis.initial))
     import sympy
 
     a, b, n = start.given, end.given, unit(axis.given)
@@ -64,7 +65,8 @@ def angle(start: Combination, end: Combination, axis: Combination) -> Scalar:
 
 def angle_of(a: np.ndarray, b: np.ndarray, n: np.ndarray) -> float:
     """The same of vectors of numbers, n of length 1."""
-    return math.atan2(np.cross(a, b) @ n, a @ b - (a @ n) * (b @ n))
+    dot = arithmetic.dot
+    return math.atan2(dot(np.cross(a, b), n), dot(a, b) - dot(a, n) * dot(b, n))
 
 
 def weights(base: Sequence[Scalars], target: Scalars) -> list[Scalar]:
@@ -88,7 +90,7 @@ def reciprocal(base: Sequence[Scalars]) -> list[tuple[Scalar, ...]]:
 
 def dot(a: Iterable[Scalar], b: Iterable[Scalar]) -> Scalar:
     """The scalar product of two vectors of values."""
-    return settled(sum(_product(x, y) for x, y in zip(a, b, strict=True)))
+    return total(_product(x, y) for x, y in zip(a, b, strict=True))
 
 
 def cross(a: Scalars, b: Scalars) -> tuple[Scalar, ...]:

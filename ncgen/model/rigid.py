@@ -17,7 +17,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.model import measures
+from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.elements import Combination, Constant, Point, Spatial, Vector, as_combination
 from ncgen.model.rows import Owner, Row
@@ -149,7 +149,7 @@ def _base_rows(frame: Frame, element: Spatial, direction: Combination, known: Cl
 
 
 def _distance_row(frame: Frame, start: Point, end: Point, segment: Combination, scaled: bool) -> Row:
-    return row.distance(start, end, measures.length(segment), frame.owner, float(np.linalg.norm(segment.initial)), scaled)
+    return row.distance(start, end, measures.length(segment), frame.owner, arithmetic.norm(segment.initial), scaled)
 
 
 def _angle_row(frame: Frame, a: Combination, b: Combination, known: Claims, scaled: bool) -> list[Row]:
@@ -179,7 +179,7 @@ def _end(segment: Combination) -> Point:
 def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Parameter]) -> list[Row]:
     """element = origin + Σ weight · direction, one linear row a component."""
     direction = _direction(frame, element)
-    size = float(np.linalg.norm(direction.initial)) if isinstance(element, Point) else 1.0
+    size = arithmetic.norm(direction.initial) if isinstance(element, Point) else 1.0
     parametric = frame.is_parametric or direction.is_parametric
     weights = _parametric_weights(frame, element, direction, size, parameters) if parametric else _weights(frame, direction, size)
     turned = weights.pop() if frame.is_crossed else 0.0
@@ -192,9 +192,9 @@ def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Paramet
 
 
 def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:
-    base = frame.matrix()
-    weights = np.linalg.lstsq(base, direction.initial, rcond=None)[0]
-    return [0.0 if abs(w) * np.linalg.norm(d) < SAME * size else float(w) for w, d in zip(weights, base.T, strict=True)]
+    base = frame.matrix().T
+    weights = arithmetic.weights(base, direction.initial)
+    return [0.0 if abs(w) * arithmetic.norm(d) < SAME * size else w for w, d in zip(weights, base, strict=True)]
 
 
 def _parametric_weights(

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.model import measures
+from ncgen.model import arithmetic, measures
 from ncgen.model.catalogue import BRANCH_WEIGHTS, PAPER_ANGLE_CODES, PAPER_CODES, ROW_TYPES, RowType
 from ncgen.model.elements import AXES, Angle, Combination, Component, Point, Relative, Spatial, as_combination
 from ncgen.model.expressions import is_symbolic
@@ -169,7 +169,7 @@ def length_row(s: Relative, segment: Combination, scaled: bool) -> Row:
 def slide_row(s: Relative, segment: Combination, axis: Combination, scaled: bool) -> Row:
     """segment·axis = s."""
     arguments = {"a": segment, "n": axis, "s": s.components[0]}
-    size = float(np.linalg.norm(segment.initial)) or 1.0
+    size = arithmetic.norm(segment.initial) or 1.0
     return Row(_coordinate(s), f"slide {s.name}", None, ROW_TYPES["slide"], arguments, {"L": size}, scaled=scaled)
 
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.model import measures
+from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import value
 from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia, symmetric
@@ -194,7 +194,7 @@ class Structure(Coordinates):
             size = measures.norm(direction)
         else:
             direction = np.cross(*body.frame.matrix().T)
-            size = np.linalg.norm(direction)
+            size = arithmetic.norm(direction)
         self.attach_vector(body, f"{body.name}.aux", tuple(x / size for x in direction))
 
     def directions_across(self, body: Body, axis: Combination) -> tuple[Combination, Combination]:
@@ -202,15 +202,14 @@ class Structure(Coordinates):
 
         Written as combinations of the body's base where it has three directions, otherwise as new vectors.
         """
-        e = axis.initial / np.linalg.norm(axis.initial)
+        e = arithmetic.unit(axis.initial)
         helper = np.eye(3)[np.argmin(np.abs(e))]
         if axis.is_parametric:
             e = measures.unit(axis.given)
             first = measures.unit(measures.cross(e, helper))
             second = measures.cross(e, first)
         else:
-            first = np.cross(e, helper)
-            first /= np.linalg.norm(first)
+            first = arithmetic.unit(np.cross(e, helper))
             second = np.cross(e, first)
         return self.direction_of(body, first, "across1"), self.direction_of(body, second, "across2")
 
@@ -223,8 +222,8 @@ class Structure(Coordinates):
             return as_combination(self.attach_vector_in_plane(body, direction, wish))
         if len(body.frame.directions) < 3 or body.frame.is_parametric or not all(map(is_number, direction)):
             return as_combination(self.attach_vector(body, self.free_name(f"{body.name}.{wish}"), direction))
-        weights = np.linalg.solve(body.frame.matrix(), numbers)
-        parts = [other * float(weight) for weight, other in zip(weights, body.frame.directions, strict=True) if abs(weight) > 1e-14]
+        weights = arithmetic.weights(body.frame.matrix().T, numbers)
+        parts = [other * weight for weight, other in zip(weights, body.frame.directions, strict=True) if abs(weight) > 1e-14]
         return sum(parts[1:], parts[0])
 
     def attach_vector_in_plane(self, body: Body, direction: Scalars, wish: str) -> Vector:

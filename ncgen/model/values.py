@@ -179,6 +179,12 @@ def settled(value: Scalar) -> Scalar:
     return float(value) if is_symbolic(value) and not value.free_symbols else value
 
 
+def total(values: Iterable[Scalar]) -> Scalar:
+    """The sum of values; of numbers the same in every version of Python, since it is rounded once."""
+    terms = list(values)
+    return math.fsum(terms) if all(isinstance(x, (int, float)) for x in terms) else settled(sum(terms))
+
+
 def evaluate(value: Value, parameters: dict[str, Parameter], what: str) -> float:
     """The number a value has at the parameters' defaults.
 

@@ -21,7 +21,7 @@ from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.partition import BETTER, Partition, Partitions, choose_partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
-from ncgen.solver.rank import freedom, trial_positions
+from ncgen.solver.rank import freedom_at, trial_positions
 from ncgen.solver.run import EMITTED, Form
 from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
@@ -171,7 +171,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
-        rank=freedom(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step, progress=Progress(task.progress),
+        rank=freedom_at(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step, progress=Progress(task.progress),
         stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, **_weights(settings),
         **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip

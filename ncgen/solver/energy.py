@@ -16,9 +16,9 @@ NOTHING = 1e-300
 """An energy that does no harm as a divisor where nothing has mass."""
 
 
-def energies(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> np.ndarray:
+def energies(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray | None) -> np.ndarray:
     """Kinetic and potential energy (J) and power (W) of forces without a potential, shape (K, 3), of K instants."""
-    return np.array([kernels.energy(*instant, p) for instant in zip(q, qd, t, strict=True)])
+    return kernels.energies(q, qd, t, kernels.p0 if p is None else p)
 
 
 def drift(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work: np.ndarray, p: np.ndarray) -> float:

@@ -23,7 +23,7 @@ from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.integrators import Pace, ode_solver, replace_state, takes_jacobian
 from ncgen.solver.path import Path
 from ncgen.solver.projection import project
-from ncgen.solver.rank import best_rows, freedom, scaled_jacobian
+from ncgen.solver.rank import best_rows, freedom_at, scaled_jacobian
 from ncgen.solver.shared_tolerance import sharing
 from ncgen.solver.stop import Stop
 from ncgen.solver.task import Task
@@ -55,7 +55,7 @@ class _Run:
     def __init__(self, path: Path, kernels: Kernels, task: Task) -> None:
         self.path, self.kernels, self.task, self.method, self.p = path, watched(kernels), task, task.method, task.p
         self.accelerations = accelerations_by(self.method.formalism.name)
-        self.rank = freedom(kernels, task.q, task.grid[0], task.p).rank
+        self.rank = freedom_at(kernels, task.q, task.grid[0], task.p).rank
         self.reached: tuple[float, np.ndarray] | None = None
         self.projecting = self.method.options["stabilisation"] == "projection"
         self.rows: np.ndarray | None = None

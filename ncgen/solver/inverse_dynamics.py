@@ -18,7 +18,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.given import echo, names_of, offer, shortened
 from ncgen.solver.partition import choose_partition, kinematics
-from ncgen.solver.rank import freedom
+from ncgen.solver.rank import freedom, freedom_at
 from ncgen.solver.trajectory import Trajectory
 
 
@@ -97,7 +97,7 @@ def driver_forces(run: Trajectory) -> dict[str, np.ndarray]:
     forces: dict[str, np.ndarray] = {}
     for row, name in driven.items():
         forces[name] = forces.get(name, np.zeros(len(run.t))) - run.lam[:, row]
-    implied = [{r.row, *r.implied_by} for r in freedom(kernels, run.q[0], run.t[0], run.p).redundant] if driven else []
+    implied = [{r.row, *r.implied_by} for r in freedom_at(kernels, run.q[0], run.t[0], run.p).redundant] if driven else []
     if shared := [name for row, name in driven.items() if any(row in rows for rows in implied)]:
         warnings.warn(
             f"{kernels.name}: the driver of {shared[0]} does what other rows do as well; how they share it is arbitrary", stacklevel=2

@@ -15,6 +15,7 @@ from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.energy import energies
 from ncgen.solver.given import names_of
 from ncgen.solver.partition import Partition, choose_partition, quality
 from ncgen.solver.position import residual
@@ -96,10 +97,10 @@ def monitor(
     if len(chosen) != kernels.n - rank:
         raise ModelError(f"{len(chosen)} independent coordinates for {kernels.n - rank} degrees of freedom: {', '.join(chosen)}")
     rows = np.array([_one(kernels, rank, chosen, t, q, p) for t, q in instants]).reshape(-1, 4)
-    energies = np.array([kernels.energy(a, b, s, p)[:2] for s, a, b in zip(t, q, qd, strict=True)])
-    total = energies.sum(axis=1)
+    kinetic, potential, _ = energies(kernels, t, q, qd, p).T
+    total = kinetic + potential
     error = np.abs(total - total[0] - (0.0 if work is None else np.asarray(work)))
-    moved = max(np.max(energies[:, 0]), np.ptp(energies[:, 1])) or 1.0
+    moved = max(np.max(kinetic), np.ptp(potential)) or 1.0
     return Health(chosen, t, rows[:, 0], rows[:, 1], rows[:, 2], total, error / moved, rows[:, 3])
 
 

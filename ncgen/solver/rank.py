@@ -141,7 +141,11 @@ def freedom(kernels: Kernels, q: Given | None = None, t: float = 0.0, p: Given |
     Raises ModelError for arguments that do not fit.
     """
     p = given.parameters(kernels, p)
-    q, t = given.position(kernels, q, p), given.finite(t, "t")
+    return freedom_at(kernels, given.position(kernels, q, p), given.finite(t, "t"), p)
+
+
+def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
+    """`freedom` of arguments that were looked at."""
     return kernels.remember(
         "freedom", (q.tobytes(), float(t), kernels.of_rows(p).tobytes()), lambda: _freedom(kernels, q, t, p), REMEMBERED
     )

@@ -21,7 +21,7 @@ from ncgen.solver.given import Given, checked_kernels
 from ncgen.solver.partition import choose_partitions, determined, singular_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import CONSISTENT
-from ncgen.solver.rank import freedom
+from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import EMITTED, Form, Run
 from ncgen.solver.segments import in_segments
 from ncgen.solver.signals import Signal
@@ -136,7 +136,7 @@ def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progres
         raise Interrupted(motion.trajectory(_where(times, run.times), time.perf_counter() - clock)) from stopped
     found = motion.trajectory(_where(times, run.times), time.perf_counter() - clock)
     seen = motion.trajectory(_where(times, np.append(extra, times[[0, -1]])), 0.0) if len(extra) else found
-    if choice.method.is_constrained and (here := freedom(kernels, start.q, run.initial.t, start.p)).is_singular:
+    if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
         _warn(singular_message(kernels, here))
     for doubt in doubts(seen, motion.tolerances.rtol, choice.method):
         _warn(f"{kernels.name}: {doubt}")

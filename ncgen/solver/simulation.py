@@ -25,7 +25,7 @@ from ncgen.solver.choice import ALL, EXPLICIT
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import checked_kernels, finite, known_name, offer, positive
 from ncgen.solver.outputs import outputs_of, uses_accelerations
-from ncgen.solver.rank import freedom
+from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial, InitialArguments
 from ncgen.solver.start import Start, begin
 from ncgen.solver.tolerances import NEAR_ZERO, Tolerances
@@ -209,7 +209,7 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     kernels = compiled.checked_compiled(kernels)
     form = "emitted" if compiled.is_written_out(kernels, method) else "dense"
     here = begin(kernels, at, partitioned=False)
-    rank = freedom(kernels, here.q, at.t, here.p).rank
+    rank = freedom_at(kernels, here.q, at.t, here.p).rank
     least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")
     sizes = Tolerances(rtol, least, atol is None, 0.0).in_c(kernels.column_sizes, kernels.column_sizes)["sizes"]
     from ncgen.mechanism.moving import Stepping

@@ -53,16 +53,36 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     """
     t = initial.t
     p = refresh_branches(kernels, initial.q, initial.p)
-    check_finite(kernels, initial.q, t, p)
-    q = closed_position(kernels, initial.q, t, p, initial.closing)
-    check_mirror_roots(kernels, q, p)
-    check_choices(kernels, q, t, p)
-    driven = bool(np.any(kernels.nu(q, t, p)))
+    key = initial.q.tobytes(), t, p.tobytes(), initial.closing
+    q = kernels.remember("closed position", key, lambda: _closed(kernels, initial, p), REMEMBERED).copy()
+    _tell_moved(kernels, initial.q, q)
+    driven = "nu" in kernels.programs.programs and bool(np.any(kernels.nu(q, t, p)))
     needed = partitioned or initial.zd is not None
     partitions = None
     if needed or initial.z or (driven and initial.qd is None):
         partitions = _partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent, needed)
     return Start(q, _velocity(kernels, partitions, initial, q, p, driven), p, partitions)
+
+
+def _closed(kernels: Kernels, initial: Initial, p: np.ndarray) -> np.ndarray:
+    """The position closed, on the branches that the coordinates say."""
+    check_finite(kernels, initial.q, initial.t, p)
+    q = assemble(kernels, initial.q, initial.t, p, tolerance=initial.closing)
+    check_mirror_roots(kernels, q, p)
+    check_choices(kernels, q, initial.t, p)
+    return q
+
+
+def _tell_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None:
+    """A warning where the start was open, with what moved most."""
+    moved = np.abs(closed - given)
+    if np.any(moved > 0):
+        most = int(np.argmax(moved))
+        warnings.warn(
+            f"{kernels.name}: the initial position was open and has been assembled; {kernels.coordinates[most]} moved most, "
+            f"by {moved[most]:.3g}",
+            stacklevel=3,
+        )
 
 
 def _partitions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, names: tuple[str, ...], needed: bool) -> Partitions | None:
@@ -99,20 +119,6 @@ def _independent_rates(kernels: Kernels, partition: Partition, given: dict[str, 
     if len(given) != len(names):
         raise ModelError(f"zd0: {len(given)} numbers given, {len(names)} needed for the independent coordinates {', '.join(names)}")
     return given
-
-
-def closed_position(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, tolerance: float) -> np.ndarray:
-    """The start closed, as `assemble` does with this tolerance; a warning says what moved most if it was open."""
-    closed = assemble(kernels, q, t, p, tolerance=tolerance)
-    moved = np.abs(closed - q)
-    if np.any(moved > 0):
-        most = int(np.argmax(moved))
-        warnings.warn(
-            f"{kernels.name}: the initial position was open and has been assembled; {kernels.coordinates[most]} moved most, "
-            f"by {moved[most]:.3g}",
-            stacklevel=3,
-        )
-    return closed
 
 
 def velocity_from_rates(kernels: Kernels, partition: Partition, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:

@@ -19,7 +19,7 @@ from ncgen.mechanism.taped import Taped
 from ncgen.solver.compiled import all_coordinates, closeness
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.partition import determined, kinematics
-from ncgen.solver.rank import freedom
+from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial
 from ncgen.solver.start import begin
 from ncgen.solver.tolerances import Tolerances
@@ -47,7 +47,7 @@ class TapedMotion:
         z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
         sizes = tolerances.in_c(kernels.column_sizes, kernels.column_sizes) if tolerances else {}
-        rank = freedom(kernels, begun.q, times[0], begun.p).rank
+        rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
         dynamics = all_coordinates(kernels, form="emitted")
         self._run = Taped(dynamics, method, times, begun.q, begun.qd, begun.p, rank=rank, tolerance=closeness("double"), **sizes)
         self._check()

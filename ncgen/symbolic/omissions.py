@@ -5,9 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TypeAlias
 
-import numpy as np
-
-from ncgen.model import Model
+from ncgen.model import Model, measures
 from ncgen.model.catalogue import ROW_TYPES, RowType
 from ncgen.model.elements import Combination
 from ncgen.model.rows import Row
@@ -34,7 +32,7 @@ def angle_row_type(model: Model, row: Row, kind: RowType, omitted: list[str]) ->
 
 def _perpendicular(model: Model, a: Combination, b: Combination) -> bool:
     if all(c.fixed and is_number(c.value) for e in a.elements + b.elements for c in e.components):
-        return bool(np.dot(a.initial, b.initial) == 0.0)
+        return measures.cosine_of(a.initial, b.initial) == 0.0
     wanted = {_line(a), _line(b)}
     return any(wanted == pair for pair in _perpendicular_pairs(model))
 

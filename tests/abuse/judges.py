@@ -760,8 +760,11 @@ class Subject:
             speed = (jacobian * qd).sum(axis=1) - k.nu(q, t, run.p)
             size = np.abs(jacobian) @ np.abs(qd) + np.abs(k.nu(q, t, run.p))
             contradicted = any("no velocities satisfy" in said for said in self.said)
-            if not contradicted and not np.all(np.abs(speed) <= 1e-6 * size + 1e-9 * np.abs(jacobian) @ self.sizes):
-                worst = int(np.argmax(np.abs(speed)))
+            # Where the gradient of a row vanishes, as that of a sine at a right angle does, rounding of its natural size is left.
+            rounding = 1e-12 * k.row_sizes * (1.0 + np.max(np.abs(qd) / self.sizes))
+            allowed = 1e-6 * size + np.maximum(1e-9 * np.abs(jacobian) @ self.sizes, rounding)
+            if not contradicted and not np.all(np.abs(speed) <= allowed):
+                worst = int(np.argmax(np.abs(speed) / allowed))
                 self.find(what, f"at t = {t:.3g} s velocities break row {self.model.rows[worst].label} by {abs(speed[worst]):.2g}")
                 return
             if contradicted or any("the position is singular" in said for said in self.said):

@@ -14,6 +14,7 @@ import numpy as np
 
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Robot
+from ncgen.model.arithmetic import dot, norm, product, unit
 
 SAME = 1e-9
 """Points nearer than this, over the robot's size, are one; directions whose sine is smaller are parallel."""
@@ -61,7 +62,7 @@ class Solid:
     def directions(self) -> np.ndarray:
         """Of its vectors and from its first point to the others, of length 1, as rows."""
         segments = [p.value - self.points[0].value for p in self.points[1:]]
-        return np.array([d / np.linalg.norm(d) for d in (*segments, *(v.value for v in self.vectors))]).reshape(-1, 3)
+        return np.array([unit(d) for d in (*segments, *(v.value for v in self.vectors))]).reshape(-1, 3)
 
 
 @dataclass(eq=False)
@@ -165,7 +166,7 @@ class _Layer:
         direction = self._axis(hold.joint)
         for vector in (*hold.parent.vectors, *hold.child.vectors):
             if np.linalg.norm(np.cross(vector.value, direction)) < self.parallel:
-                return hold.parent.take(vector), float(np.sign(vector.value @ direction))
+                return hold.parent.take(vector), float(np.sign(dot(vector.value, direction)))
         return hold.parent.take(Place(f"u_{hold.joint.name}", direction, False)), 1.0
 
     def _shared_point(self, hold: Hold) -> Place:
@@ -181,7 +182,7 @@ class _Layer:
         if taken and np.linalg.norm(taken.value - origin) < self.near:
             return hold.child.take(hold.parent.take(self._point(hold, "r", origin + ASIDE * self.size * axis)))
         meetings = (self._meeting(origin, axis, self._origin(j), self._axis(j)) for j in self._hinges_of(hold.child))
-        place = min((m for m in meetings if m is not None), key=lambda m: float(np.linalg.norm(m - origin)), default=origin)
+        place = min((m for m in meetings if m is not None), key=lambda m: norm(m - origin), default=origin)
         return hold.child.take(hold.parent.take(self._point(hold, "r", place)))
 
     def _hinges_of(self, solid: Solid) -> Iterable[Joint]:
@@ -190,9 +191,9 @@ class _Layer:
     def _meeting(self, a: np.ndarray, u: np.ndarray, b: np.ndarray, v: np.ndarray) -> np.ndarray | None:
         """Where two lines meet; None where they are parallel, or pass each other."""
         across = np.cross(u, v)
-        if np.linalg.norm(across) < WELL or abs((b - a) @ across) > self.near * np.linalg.norm(across):
+        if np.linalg.norm(across) < WELL or abs(dot(b - a, across)) > self.near * np.linalg.norm(across):
             return None
-        return a + np.cross(b - a, v) @ across / (across @ across) * u
+        return a + dot(np.cross(b - a, v), across) / dot(across, across) * u
 
     # -- frames --------------------------------------------------------------------------------
 
@@ -206,7 +207,7 @@ class _Layer:
         """A direction of a joint's frame in the global one; what is 0 but for rounding is 0."""
         found = self.places[joint].along(direction)
         found = np.where(np.abs(found) < 1e-15, 0.0, found)
-        return found / np.linalg.norm(found)
+        return unit(found)
 
     def _point(self, hold: Hold, prefix: str, place: np.ndarray) -> Place:
         return Place(f"{prefix}_{hold.joint.name}", np.where(np.abs(place) < 1e-3 * self.near, 0.0, place), True)
@@ -231,10 +232,9 @@ def _missing(rows: np.ndarray, frame: Placement) -> np.ndarray:
     """The direction that some span least; of the body's frame where any will do."""
     if len(rows) == 0:
         return frame.rotation[:, 0]
-    _, sizes, directions = np.linalg.svd(rows)
-    if len(rows) >= 2 and sizes[1] > WELL:
-        return directions[2]
-    held = directions[0]
-    axis = frame.rotation[:, int(np.argmin(np.abs(frame.rotation.T @ held)))]
-    across = axis - (axis @ held) * held
-    return across / np.linalg.norm(across)
+    held = rows[0]
+    across = max((np.cross(held, other) for other in rows), key=norm)
+    if norm(across) > WELL:
+        return unit(across)
+    axis = frame.rotation[:, int(np.argmin(np.abs(product(frame.rotation.T, held))))]
+    return unit(axis - dot(axis, held) * held)

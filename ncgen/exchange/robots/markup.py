@@ -13,6 +13,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.text import placed, text_of
+from ncgen.model.arithmetic import norm, unit
 
 DEEPEST = 100
 """Elements inside each other."""
@@ -71,8 +72,7 @@ class Markup:
 
     def unit(self, values: Sequence[float], joint: str) -> np.ndarray:
         """The axis of a joint (3,) with length 1."""
-        length = float(np.linalg.norm(values))
-        return np.array(values) / length if length > 0 else self.refuse(f"joint {joint}: its axis is 0 0 0; give a direction")
+        return unit(values) if norm(values) > 0 else self.refuse(f"joint {joint}: its axis is 0 0 0; give a direction")
 
     def counted(self, words: Mapping[str, str], friction: int) -> tuple[str, ...]:
         """How many elements there are of some kinds, in words, and joints with friction. words: {tag: what they are}"""

@@ -19,6 +19,7 @@ from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, hung
 from ncgen.exchange.text import placed
+from ncgen.model.arithmetic import unit
 
 Compiled: TypeAlias = Any
 """mujoco.MjModel, of a package that need not be there."""
@@ -108,7 +109,7 @@ class _Reader:
         spring = float(m.qpos_spring[m.jnt_qposadr[j]] - m.qpos0[m.jnt_qposadr[j]])
         return replace(
             joint,
-            axis=np.array(m.jnt_axis[j]) / np.linalg.norm(m.jnt_axis[j]),
+            axis=unit(m.jnt_axis[j]),
             armature=float(m.dof_armature[dof]),
             damping=float(m.dof_damping[dof]),
             stiffness=float(m.jnt_stiffness[j]),

@@ -8,6 +8,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layout, Place, Solid, lay_out
 from ncgen.exchange.robots.robot import Mass, Robot, together
 from ncgen.model import Model
+from ncgen.model.arithmetic import dot, unit
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
 
@@ -176,8 +177,7 @@ def _tensor(mass: Mass) -> np.ndarray:
 def _across(axis: np.ndarray, known: list[np.ndarray]) -> np.ndarray:
     """A direction perpendicular to an axis: one of those that are known, if there is one."""
     for direction in known:
-        if abs(direction @ axis) < 1e-12:
+        if abs(dot(direction, axis)) < 1e-12:
             return direction
     helper = np.eye(3)[int(np.argmin(np.abs(axis)))]
-    across = np.cross(axis, helper)
-    return across / np.linalg.norm(across)
+    return unit(np.cross(axis, helper))

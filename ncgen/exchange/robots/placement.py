@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 
 import numpy as np
+
+from ncgen.model.arithmetic import product, unit
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,34 +21,34 @@ class Placement:
     def of_rpy(cls, position: tuple[float, ...], rpy: tuple[float, ...]) -> Placement:
         """From roll, pitch and yaw about the fixed axes x, y, z (rad)."""
         roll, pitch, yaw = rpy
-        return cls(_about(2, yaw) @ _about(1, pitch) @ _about(0, roll), np.array(position, dtype=float))
+        return cls(product(product(_about(2, yaw), _about(1, pitch)), _about(0, roll)), np.array(position, dtype=float))
 
     @classmethod
     def of_quaternion(cls, position: np.ndarray, quaternion: np.ndarray) -> Placement:
         """quaternion: w, x, y, z."""
-        w, x, y, z = quaternion / np.linalg.norm(quaternion)
+        w, x, y, z = unit(quaternion)
         skew = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-        return cls(np.eye(3) + 2 * w * skew + 2 * skew @ skew, np.array(position, dtype=float))
+        return cls(np.eye(3) + 2 * w * skew + 2 * product(skew, skew), np.array(position, dtype=float))
 
     def __matmul__(self, other: Placement) -> Placement:
         """A frame that is given in this one."""
-        return Placement(self.rotation @ other.rotation, self.at(other.position))
+        return Placement(product(self.rotation, other.rotation), self.at(other.position))
 
     def at(self, point: np.ndarray) -> np.ndarray:
         """A point of the frame."""
-        return self.position + self.rotation @ point
+        return self.position + product(self.rotation, point)
 
     def along(self, direction: np.ndarray) -> np.ndarray:
         """A direction of the frame."""
-        return self.rotation @ direction
+        return product(self.rotation, direction)
 
     def inverse(self) -> Placement:
-        return Placement(self.rotation.T, -self.rotation.T @ self.position)
+        return Placement(self.rotation.T, -product(self.rotation.T, self.position))
 
 
 def _about(axis: int, angle: float) -> np.ndarray:
     """A rotation about a coordinate axis; quarters of a turn are exact where the angle is one to rounding."""
-    c, s = (0.0 if abs(x) < 1e-15 else x for x in (float(np.cos(angle)), float(np.sin(angle))))
+    c, s = (0.0 if abs(x) < 1e-15 else x for x in (math.cos(angle), math.sin(angle)))
     after, last = (axis + 1) % 3, (axis + 2) % 3
     found = np.eye(3)
     found[after, after] = found[last, last] = c

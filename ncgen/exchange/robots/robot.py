@@ -12,6 +12,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.placement import Placement
+from ncgen.model.arithmetic import dot, product
 
 KINDS = ("fixed", "revolute", "prismatic", "spherical", "planar", "floating", "universal", "screw")
 """How a joint can move; a continuous one is revolute."""
@@ -34,7 +35,7 @@ class Mass:
 
     def seen_from(self, frame: Placement) -> Mass:
         """The same, where its own frame stands in another one like this."""
-        return Mass(self.mass, frame.at(self.com), frame.rotation @ self.tensor @ frame.rotation.T)
+        return Mass(self.mass, frame.at(self.com), product(product(frame.rotation, self.tensor), frame.rotation.T))
 
     def plus(self, other: Mass) -> Mass:
         """Both together."""
@@ -45,7 +46,7 @@ class Mass:
     def tensor_about(self, point: np.ndarray) -> np.ndarray:
         """Steiner's tensor about another point."""
         d = self.com - point
-        return self.tensor + self.mass * (d @ d * np.eye(3) - np.outer(d, d))
+        return self.tensor + self.mass * (dot(d, d) * np.eye(3) - np.outer(d, d))
 
 
 @dataclass(frozen=True, eq=False)

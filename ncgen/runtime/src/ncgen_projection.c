@@ -100,13 +100,16 @@ static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar
     return 0;
 }
 
-/* r->q moved along the constraints to where it is nearest to w->apart: by the part of the difference that the joints allow. */
-static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
+/* r->q moved along the constraints to where it is nearest to w->apart: by the part of the difference that the joints allow. A
+ * difference up to `enough`, in natural sizes, stays. */
+static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
 {
     const int n = r->n;
     ncgen_real *moved = w->emitted, *driven = w->emitted + n + 1;
     for (int i = 0; i < n; ++i)
         w->apart[i] -= r->q[i];
+    if (ncgen_constrained_size(r, w->apart) <= enough)
+        return 1;
     w->motion->velocities(t, r->q, w->apart, r->p, moved);
     const int is_bad = ncgen_is_badly_ordered(r, moved[n]);
     if (r->model->nu) {
@@ -120,29 +123,29 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
 }
 
 /* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below, both are
- * changed as little as can be in the sense of kinetic energy. */
-static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
+ * changed as little as can be in the sense of kinetic energy, a position up to `enough`. */
+static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, ncgen_scalar enough)
 {
     ncgen_copy(r->n, r->q, w->apart);
     if (!close_position(r, w, t))
         return 0;
     if (w->closed)
         ncgen_copy(r->n, r->q, w->closed);
-    if (!approach(r, w, t))
+    if (!approach(r, w, t, enough))
         return 0;
     w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
     ncgen_copy(r->n, w->emitted, r->qd);
     return ncgen_is_finite(r->n, r->qd);
 }
 
-/* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none. */
-static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near)
+/* Position and velocity of a state onto the constraints, with the factors of a nearby state unless there are none; enough: as above. */
+static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_near, ncgen_scalar enough)
 {
     ncgen_constrained *w = r->constrained;
     int status = NCGEN_OK;
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
-    if (!w->motion || w->by_matrix || !close_by_recursion(r, w, t)) {
+    if (!w->motion || w->by_matrix || !close_by_recursion(r, w, t, enough)) {
         ncgen_copy(r->n, y, r->qd);
         ncgen_copy(r->n, y + r->n, r->q);
         status = factors_are_near ? NCGEN_OK : refresh(r, t);
@@ -160,7 +163,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
 int ncgen_settle(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int precise)
 {
     ncgen_copy(r->n, y + r->n, r->constrained->solution);
-    const int status = project(r, t, y, r->constrained->is_factored && !ncgen_constrained_is_dense(r) && !precise);
+    const int status = project(r, t, y, r->constrained->is_factored && !ncgen_constrained_is_dense(r) && !precise, 0);
     for (int i = 0; i < r->n; ++i)
         r->constrained->solution[i] -= y[r->n + i];
     const ncgen_real moved = ncgen_constrained_size(r, r->constrained->solution);
@@ -176,7 +179,7 @@ int ncgen_projected_state(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
     r->constrained->kept = 0;
     if (r->options->project || ncgen_is_stepper(r->options))
-        return project(r, t, y, 0);
+        return project(r, t, y, 0, r->options->rtol); /* what is looked at is not gone on from */
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
     return NCGEN_OK;
