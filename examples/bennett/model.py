@@ -34,7 +34,7 @@ def hinges(corners: np.ndarray) -> np.ndarray:
     """Unit vectors at right angles to the two sides at each corner; two are reversed to make all twists positive."""
     before, after = corners - np.roll(corners, 1, axis=0), np.roll(corners, -1, axis=0) - corners
     normals = np.cross(before, after) * [[-1], [1], [1], [-1]]
-    return normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return normals / np.sqrt((normals**2).sum(axis=1, keepdims=True))
 
 
 def slender(mass: float, along: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ import numpy as np
 from ncgen.model.elements import Spatial
 from ncgen.program.elimination import Matrix, solve_positive
 from ncgen.program.rates import Rates
+from ncgen.program.sampling import roughly
 from ncgen.program.space import Vector
 
 CONSTANT = 1e-12
@@ -87,8 +88,8 @@ class _Joints:
         values = self._values(node)
         if np.ptp(values) > CONSTANT * size:
             return node
-        mean = float(np.mean(values))
-        return self.graph.const(0.0 if abs(mean) < CONSTANT * size else 1.0 if abs(mean - 1.0) < CONSTANT else mean)
+        number = float(values[0])  # of the start itself, which no iteration has touched
+        return self.graph.const(0.0 if abs(number) < CONSTANT * size else 1.0 if abs(number - 1.0) < CONSTANT else number)
 
     def _beside(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""
@@ -108,7 +109,7 @@ class _Joints:
             sizes[e] = float(max(self.rates.natural[c] for c in places)) ** 2
             masses[e] = float(max(np.max(self._values(self.masses[c, c])) if (c, c) in self.masses else 0.0 for c in places)) * sizes[e]
         heaviest = max(masses.values()) or 1.0
-        return {e: max(masses[e] / heaviest, LIGHTEST) / sizes[e] for e in sizes}
+        return {e: roughly(max(masses[e] / heaviest, LIGHTEST) / sizes[e]) for e in sizes}
 
     def _values(self, node: int) -> np.ndarray:
         return self.rates.sampling[node]

@@ -20,7 +20,7 @@ import numpy as np
 from ncgen.program.blocks import Program
 from ncgen.program.elimination import times
 from ncgen.program.recursion import Column, Recursion
-from ncgen.program.sampling import Sample
+from ncgen.program.sampling import Sample, roughly
 from ncgen.program.tree_motion import Loads
 from ncgen.symbolic.numbering import Terms
 
@@ -78,5 +78,5 @@ def _growth(work: Recursion) -> int:
 
 def _relative(work: Recursion, node: int, weight: float) -> int:
     """A node over the largest that it is in the samples, times a weight."""
-    usual = float(np.max(work.rates.sampling[node]))
+    usual = roughly(np.max(work.rates.sampling[node]))
     return work.graph.mul(work.graph.const(weight / usual), node) if usual > 0 else work.zero

@@ -19,7 +19,7 @@ from ncgen.model.elements import Point, Relative, Spatial
 from ncgen.program.assemble import KERNELS
 from ncgen.program.lines import Lines
 from ncgen.program.programs import Split
-from ncgen.program.sampling import Sample, Sampling
+from ncgen.program.sampling import Sample, Sampling, firmly
 from ncgen.program.space import Vector
 from ncgen.program.tree_motion import Loads, TreePlace, add_force
 from ncgen.symbolic.numbering import Terms
@@ -183,7 +183,7 @@ class Rates:
         matrices = self._numbers(rows)
         rank = max(int(np.linalg.matrix_rank(matrix, tol=10 * WELL)) for matrix in matrices) if rows else 0
         weights = np.where(np.isin(np.arange(self.count), list(self.measured)), RATHER_FREE, 1.0)
-        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(matrices[0] * weights, mode="r", pivoting=True))
+        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrices[0] * weights), mode="r", pivoting=True))
         self.free = sorted(order[rank:].tolist())
 
     def kept(self, rows: list[Row]) -> list[Row]:
@@ -191,7 +191,7 @@ class Rates:
         dependent, matrices = self.dependent, self._numbers(rows)
         if len(rows) < len(dependent):
             raise NoRecursion(f"{len(rows)} rows for {len(dependent)} dependent rates")
-        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(matrices[0][:, dependent].T, mode="r", pivoting=True))
+        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrices[0][:, dependent].T), mode="r", pivoting=True))
         taken = sorted(order[: len(dependent)].tolist())
         for matrix in matrices:
             values = np.linalg.svd(matrix[np.ix_(taken, dependent)], compute_uv=False)

@@ -15,6 +15,7 @@ import scipy.sparse.linalg
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.program.sampling import firmly
 from ncgen.solver import given
 from ncgen.solver.given import Given
 from ncgen.solver.position import TOLERANCE, check_finite, solve_position
@@ -65,7 +66,7 @@ def best_rows(jacobian: np.ndarray, rank: int) -> np.ndarray:
 
 def column_order(matrix: np.ndarray) -> np.ndarray:
     """The columns of a matrix as a QR factorisation with exchanges takes them, the farthest from dependent first."""
-    _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(matrix, mode="r", pivoting=True))  # SciPy has no types
+    _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrix), mode="r", pivoting=True))  # SciPy has no types
     return order
 
 
@@ -91,7 +92,7 @@ def trial_positions(
             break
         if not basis.shape[1]:
             break
-        step = basis @ generator.standard_normal(basis.shape[1])
+        step = basis @ (basis.T @ generator.standard_normal(kernels.n))  # which does not depend on the choice of the basis
         guess = q + distance / (1 + attempt // count) * sizes * step / max(np.max(np.abs(step)), 1e-300)
         try:
             found.append(solve_position(kernels, guess, t, p, tolerance=tolerance).q)
