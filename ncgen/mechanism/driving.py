@@ -39,11 +39,12 @@ Function = Callable[[float], float]
 class Driver:
     """The signals of one run in C.
 
-    told: one of the two kinds an input, None for one that keeps its value in p
+    told: one of the two kinds an input, None for one that keeps its value in p; () where all do
+    ends: times (s) at which steps with error control end besides
     raised: what a function raised, or None
     """
 
-    def __init__(self, told: Sequence[Pieces | Function | None], number: Number) -> None:
+    def __init__(self, told: Sequence[Pieces | Function | None], number: Number, ends: Sequence[float] | np.ndarray = ()) -> None:
         self._ffi: Interface = runtime_abi(number.name)
         self.raised: BaseException | None = None
         self.functions = {i: each for i, each in enumerate(told) if callable(each) and not isinstance(each, Pieces)}
@@ -52,7 +53,7 @@ class Driver:
             np.cumsum([0, *(len(each.knots) if each else 0 for each in pieces)]).astype(np.intc),
             np.concatenate([np.empty(0), *(each.knots for each in pieces if each)]).astype(number.dtype),
             np.concatenate([np.empty((0, 4)), *(each.coefficients for each in pieces if each)]).astype(number.dtype),
-            np.unique(np.concatenate([np.empty(0), *(each.knots for each in pieces if each)])).astype(number.dtype),
+            np.unique(np.concatenate([ends, *(each.knots for each in pieces if each)])).astype(number.dtype),
         ]
         start, knots, coefficients, breaks = (
             self._ffi.from_buffer("int[]" if a.dtype == np.intc else number.array, a) for a in self._arrays

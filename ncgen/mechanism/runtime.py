@@ -166,6 +166,7 @@ class Dynamics:
         sizes: ArrayLike | None = None,
         progress: Callable[[float], None] | None = None,
         inputs: Sequence[Pieces | Function | None] = (),
+        ends: Sequence[float] | np.ndarray = (),
         **options: InC,
     ) -> Outcome:
         """Run over the times (s) of a grid (first one is the start).
@@ -178,6 +179,7 @@ class Dynamics:
         progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
             that of Ctrl-C, ends the run; `Outcome.completed` raises it again
         inputs: one an input of the mechanism: a table, a function of time, or None; () where all keep their values in p
+        ends: times (s) at which steps with error control end besides
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
@@ -193,7 +195,7 @@ class Dynamics:
         listener = Listener(progress, n + self.kernels.m)
         context = ffi.new_handle(listener)
         settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
-        driver = Driver(inputs, self.number) if any(inputs) else None
+        driver = Driver(inputs, self.number, ends) if any(inputs) or len(ends) else None
         if driver:
             signals = driver.signals(self._library.ncgen_piecewise_inputs)
             settings.signals = signals

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import cache
 
 import numpy as np
@@ -15,31 +16,53 @@ from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
 
+ROOMY = 4
+"""Steps with error control from one time of a grid to the next for which there is room at first."""
+
 SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_vectors.h")
 
 
-class Taped:
-    """A run over the times of a grid, (K,) s, by an emitted motion and an explicit method, one step from each to the next.
+LONGEST = 2**31
+"""Bytes that the states of a tape may take."""
 
-    q, qd (n,), p (n_p,): where it starts, and the parameters; options: members of `ncgen_options`
+
+class Taped:
+    """A run over the times of a grid, (K,) s, by an emitted motion and an explicit method: one step from each to the next, or as many as
+    tolerances take. Their lengths count as given, whatever changes.
+
+    q, qd (n,), p (n_p,): where it starts, and the parameters; tolerances: members of `ncgen_options`, as are the other options
     outcome: as of `Dynamics.simulate`; the derivatives are there where that is "ok" and nothing is `not_differentiable`
     """
 
     def __init__(
-        self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray, **options: InC
-    ) -> None:
+        self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
+        tolerances: Mapping[str, InC] | None = None, **options: InC,
+    ) -> None:  # fmt: skip
         self._dynamics, self._kernels = dynamics, dynamics.kernels
         self._ffi, self._library = dynamics.interface
-        n, steps, stages = self._kernels.n, len(times) - 1, INTEGRATORS[method].coefficients.stages
-        self._times, self._states = np.empty(steps + 1), np.empty((steps * (2 * stages + 3) + 2) * n)
         self._p, self._parameters = dynamics.with_prepared(p), len(p)
+        options |= {"formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1}
+        options |= tolerances if tolerances else {"rtol": 0.0, "atol": 0.0, "max_step": ANY_STEP}
+        steps = (len(times) - 1) * (ROOMY if tolerances else 1)
+        while True:
+            self._take_room(method, steps)
+            self.outcome: Outcome = dynamics.simulate(method, times, q, qd, p, tape=self._tape, ends=times if tolerances else (), **options)
+            if self.outcome.status != "full" or 2 * self._states.nbytes > LONGEST:
+                break
+            steps *= 2
+        self._times = self._times[: self._tape.steps + 1]
+        self._seen = np.searchsorted(self._times, times)
+
+    def _take_room(self, method: str, steps: int) -> None:
+        """A tape for so many steps."""
+        kernels, method_in_c = self._kernels, number_in_c(INTEGRATORS[method])
+        stages = INTEGRATORS[method].coefficients.stages
+        self._times, self._states = np.empty(steps + 1), np.empty((steps * (2 * stages + 3) + 2) * kernels.n)
         tape = {"room": steps, "times": self._real(self._times), "states": self._real(self._states)}
         self._tape = self._ffi.new("ncgen_tape *", tape)
-        run = {"is_driven": "nu" in self._kernels.programs.programs, "method": number_in_c(INTEGRATORS[method])}
-        run |= {"n_coordinates": n, "n_parameters": len(p), "n_prepared": dynamics.prepared, "p": self._real(self._p), "tape": self._tape}
+        run = {"is_driven": "nu" in kernels.programs.programs, "method": method_in_c, "p": self._real(self._p), "tape": self._tape}
+        run |= {"n_coordinates": kernels.n, "n_parameters": self._parameters, "n_prepared": self._dynamics.prepared}
         self._run = self._ffi.new("ncgen_taped *", run)
-        options |= {"formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1, "rtol": 0.0, "atol": 0.0, "max_step": ANY_STEP}
-        self.outcome: Outcome = dynamics.simulate(method, times, q, qd, p, tape=self._tape, **options)
 
     @property
     def not_differentiable(self) -> float | None:
@@ -73,22 +96,23 @@ class Taped:
         return own
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How a number changes with q and q̇ at the start, (n,) each, and with p, (n_p,), from how it does with q and q̇ at all times,
-        (K, n) each."""
+        """How a number changes with q and q̇ at the start, (n,) each, and with p, (n_p,), from how it does with q and q̇ at all times of the
+        grid, (K, n) each."""
         n = self._kernels.n
-        weights, slopes = np.hstack([by_q, by_qd]).astype(float, order="C"), np.empty(2 * n + self._parameters)
+        weights, slopes = np.zeros((len(self._times), 2 * n)), np.empty(2 * n + self._parameters)
+        weights[self._seen] = np.hstack([by_q, by_qd])
         work = np.empty(self._library.ncgen_adjoint_workspace(self._run))
         self._library.ncgen_adjoint(self._run, self._dynamics.transposed, self._real(weights), self._real(slopes), self._real(work))
         return slopes[:n], slopes[n : 2 * n], slopes[2 * n :]
 
     def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Changes of q and q̇ at all times, (K, n, D) each, with those of both at the start, (n, D), and of p, (n_p, D)."""
+        """Changes of q and q̇ at all times of the grid, (K, n, D) each, with those of both at the start, (n, D), and of p, (n_p, D)."""
         n, columns = self._kernels.n, dp.shape[1]
         seeds = np.vstack([dq, dqd, dp]).astype(float, order="C")
         changes = np.empty((len(self._times), 2 * n, columns))
         lanes = self._kernels.remember("directions", (), lambda: _Directions(self._kernels, self._dynamics))
         lanes(self._run, self._times, self._states, seeds, changes)
-        return changes[:, :n], changes[:, n:]
+        return changes[self._seen, :n], changes[self._seen, n:]
 
     def _real(self, array: np.ndarray) -> InC:
         return self._ffi.from_buffer("double[]", array)

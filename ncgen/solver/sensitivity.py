@@ -22,6 +22,7 @@ from ncgen.solver.given import checked_kernels
 from ncgen.solver.partitioned_motion import PartitionedMotion
 from ncgen.solver.run import Initial, InitialArguments, count, positive
 from ncgen.solver.taped_motion import TapedMotion
+from ncgen.solver.tolerances import Tolerances
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,17 +49,24 @@ class Gradient:
 
 
 def sensitivities(
-    kernels: Kernels, duration: float, steps: int, integrator: str = "rk4", **start: Unpack[InitialArguments]
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    integrator: str = "rk4",
+    rtol: float | None = None,
+    **start: Unpack[InitialArguments],
 ) -> Sensitivities:
     """Derivatives of the whole motion, carried along with it.
 
     steps: of equal length; the motion is given at all K = steps + 1 instants
     integrator: an explicit Runge-Kutta method, as of `simulate`
+    rtol: None, or for methods that estimate their error: every step is taken in as many as that takes for the whole motion, as `simulate`
+        does by itself. Derivatives are those of the steps that were taken, whose lengths count as given
     start: q0, zd0 or qd0, z, p, t0, as for `simulate`; derivatives by a parameter are taken at the same z of the start, unless the model's
         own initial position has parameters and no q0 is given: then z starts where they put it
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
-    motion = motion_of(kernels, duration, steps, integrator, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
     q_by, qd_by = motion.forward()
     return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, motion.names)
 
@@ -69,33 +77,38 @@ def gradient(
     steps: int,
     objective: Callable[[np.ndarray, np.ndarray], tuple],
     integrator: str = "rk4",
+    rtol: float | None = None,
     **start: Unpack[InitialArguments],
 ) -> Gradient:
     """The gradient of one number that depends on a motion, by one sweep back through it.
 
     objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
         None stands for a derivative that is zero
-    steps, integrator, start: as for `sensitivities`, with the same errors
+    steps, integrator, rtol, start: as for `sensitivities`, with the same errors
     """
-    motion = motion_of(kernels, duration, steps, integrator, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
     value, *slopes = objective(motion.q, motion.qd)
     by_q, by_qd = (np.zeros_like(motion.q) if a is None else np.asarray(a, dtype=float) for a in slopes)
     return Gradient(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)))
 
 
 def motion_of(
-    kernels: Kernels, duration: float, steps: int, integrator: str, **start: Unpack[InitialArguments]
+    kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, **start: Unpack[InitialArguments]
 ) -> TapedMotion | PartitionedMotion:
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
     length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
     explicit = [name for name, entry in INTEGRATORS.items() if entry.tableau]
     if integrator not in explicit:
         raise ModelError(f"integrator: {integrator!r} given; derivatives go through steps of {', '.join(explicit)}")
+    tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), length)
+    if tolerances and not INTEGRATORS[integrator].coefficients.errors:
+        estimating = ", ".join(name for name in explicit if INTEGRATORS[name].coefficients.errors)
+        raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
     initial = Initial.asked(checked_kernels(kernels), **start)
     times = initial.t + length * np.arange(steps + 1) / steps
     follows = start.get("q0") is None
     if is_written_out(kernels, Method.of("lagrange", integrator)):
-        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator)
+        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances)
     if integrator != "rk4":
         raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
     return PartitionedMotion(kernels, initial, times, follows)

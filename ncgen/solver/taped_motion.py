@@ -9,6 +9,7 @@ ones, the columns R of allowed motions and N(q, p), a step of Newton's method, w
 
 from __future__ import annotations
 
+from collections import defaultdict
 from functools import cached_property
 
 import numpy as np
@@ -23,6 +24,9 @@ from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial
 from ncgen.solver.start import begin
 from ncgen.solver.tolerances import Tolerances
+
+REMEDIES = defaultdict(lambda: "take shorter steps", full="take a shorter motion, or a larger rtol", short="end it before")
+"""What to do about a run that did not arrive, by its status."""
 
 
 class TapedMotion:
@@ -46,10 +50,11 @@ class TapedMotion:
         self._partitions, self._begun, self._follows = determined(begun.partitions), begun, start_follows
         z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
-        sizes = tolerances.in_c(kernels.column_sizes, kernels.column_sizes) if tolerances else {}
+        allowed = tolerances.in_c(kernels.column_sizes, kernels.column_sizes) if tolerances else None
         rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
         dynamics = all_coordinates(kernels, form="emitted")
-        self._run = Taped(dynamics, method, times, begun.q, begun.qd, begun.p, rank=rank, tolerance=closeness("double"), **sizes)
+        start = begun.q, begun.qd, begun.p
+        self._run = Taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"))
         self._check()
 
     @property
@@ -111,7 +116,7 @@ class TapedMotion:
             q, qd, _ = done.last
             problem = on_the_way(kernels, q, qd, done.reached, done.tried, self.p)
             raise problem or ConvergenceError(
-                f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s ({done.status}); take shorter steps"
+                f"{kernels.name}: the motion cannot go on beyond t = {done.reached:.6g} s ({done.status}); {REMEDIES[done.status]}"
             )
         if (t := self._run.not_differentiable) is not None:
             raise ModelError(

@@ -40,6 +40,12 @@ class Tolerances:
         span = run.duration / SHARED if run.promises else 0.0
         return cls(max(run.rtol, LEAST * rounding), max(atol, least), natural, span)
 
+    @classmethod
+    def promised(cls, rtol: float, duration: float) -> Tolerances:
+        """Those of a run in doubles for which rtol is promised as a whole, as where the method is ncgen's choice."""
+        rounding = float(np.finfo(float).eps)
+        return cls(max(rtol, LEAST * rounding), max(NEAR_ZERO * rtol, rounding), True, duration / SHARED)
+
     def in_c(self, velocities: np.ndarray, positions: np.ndarray) -> dict[str, Any]:
         """Arguments of a run in C whose velocities and positions have these natural sizes."""
         return {"rtol": self.rtol, "atol": self.atol, "span": self.span, "sizes": _state(velocities, positions) if self.natural else None}

@@ -230,6 +230,27 @@ def test_both_ways_are_the_same_derivative():
     assert list(back.slopes.values()) == pytest.approx(wanted, rel=1e-11)
 
 
+def test_steps_with_error_control(case):
+    """Few instants and steps between them by tolerance, for which the tape has to grow: the derivatives of the motion, both ways."""
+    kernels, rates, columns, method = case
+    at = {"zd0": rates, "z": tuple(rates)}
+    if method == "rk4":
+        with pytest.raises(ModelError, match="its motion is not written out in C"):
+            ncgen.sensitivities(kernels, DURATION, 2, "dopri5", 1e-10, **at)
+        return
+    found = ncgen.sensitivities(kernels, DURATION, 2, "dopri5", 1e-11, **at)
+    for k, wanted in enumerate(columns.values()):
+        by_q, by_qd = wanted.imag[:, :: STEPS // 2] / STEP
+        assert np.max(np.abs(found.q_by[:, :, k] - by_q)) <= 1e-8 * max(1.0, np.max(np.abs(by_q)))
+        assert np.max(np.abs(found.qd_by[:, :, k] - by_qd)) <= 1e-8 * max(1.0, np.max(np.abs(by_qd)))
+    a, b = (w[:3] for w in weights(kernels))
+    back = ncgen.gradient(kernels, DURATION, 2, lambda q, qd: (np.sum(a * q + b * qd), a, b), "dopri5", 1e-11, **at)
+    wanted = np.einsum("kn,knd->d", a, found.q_by) + np.einsum("kn,knd->d", b, found.qd_by)
+    assert list(back.slopes.values()) == pytest.approx(wanted, rel=1e-11)
+    with pytest.raises(ModelError, match="rtol: rk4 does not estimate its error; leave rtol out, or take .*dopri5"):
+        ncgen.gradient(kernels, DURATION, 2, lambda q, qd: (0.0, None, None), rtol=1e-8, **at)
+
+
 def test_a_singular_position_is_refused():
     """Jansen's linkage stands still where its start is singular but for rounding: the time is said."""
     with pytest.raises(ModelError, match="jansen: the motion is beside a singular position at t = .*; end it before"):
