@@ -37,12 +37,15 @@ def convert(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="file to write [default: print]")] = None,
     floating: Floating = None,
 ) -> None:
-    """Write a model as a TOML file."""
+    """Write a model as a TOML file, or an open tree as URDF or MJCF where the file's name ends with .urdf or .xml."""
     from ncgen.emit.sources import write_text
     from ncgen.exchange.examples import load
+    from ncgen.exchange.robots import WRITTEN, robot_text
     from ncgen.exchange.toml_writer import to_toml
 
-    text = to_toml(load(model, floating=floating))
+    loaded = load(model, floating=floating)
+    suffix = output.suffix.lower() if output else ""
+    text = robot_text(loaded, suffix) if suffix in WRITTEN else to_toml(loaded)
     if output is None:
         print(text, end="")
     else:

@@ -109,7 +109,8 @@ def choose_partition(
         raise ModelError(
             f"{len(wanted)} independent coordinates were chosen, the mechanism has {kernels.n - count} degrees of freedom; leave some out"
         )
-    others = np.array([i for i in range(kernels.n) if i not in set(wanted)], dtype=int)
+    # The last ones come first here, so that of two that serve equally well the first one stays independent.
+    others = np.array([i for i in reversed(range(kernels.n)) if i not in set(wanted)], dtype=int)
     pivots = column_order(jacobian[:, others]) if count else np.arange(len(others))
     dependent = np.sort(others[pivots[:count]])
     partition = Partition(rows, dependent, np.array(wanted + sorted(set(others[pivots[count:]].tolist())), dtype=int))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from importlib import import_module
 from pathlib import Path
 
+from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.markup import read_markup
 from ncgen.exchange.robots.robot import Robot
 from ncgen.model import Model
@@ -16,6 +17,9 @@ SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
 
 FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""
+
+WRITTEN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
+"""{how a file's name ends: module} of formats that are written, too."""
 
 
 def read_robot(path: Path) -> Robot:
@@ -34,3 +38,15 @@ def load_robot(path: Path, floating: bool | None = None) -> Model:
     from ncgen.exchange.robots.natural import model_of
 
     return model_of(read_robot(path), floating)
+
+
+def robot_text(model: Model, suffix: str) -> str:
+    """A model whose bodies are an open tree as a robot's file. suffix: one of `WRITTEN`.
+
+    Raises ModelError naming what the format cannot say: a loop, a load that belongs to no joint, a joint that it does not have.
+    """
+    from ncgen.exchange.robots.outward import robot_of
+
+    if suffix not in WRITTEN:
+        raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITTEN)}; {shown(suffix)} is none of them")
+    return import_module(f"ncgen.exchange.robots.{WRITTEN[suffix]}").text_of(robot_of(model))

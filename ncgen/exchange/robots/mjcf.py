@@ -18,6 +18,7 @@ from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, hung
+from ncgen.exchange.robots.written import document, element
 from ncgen.exchange.text import placed
 from ncgen.model.arithmetic import unit
 
@@ -34,6 +35,9 @@ CONNECT, WELD, COUPLING = 0, 1, 2
 
 NO_GRAVITY = 1 << 7
 """MuJoCo's flag for gravity that is switched off."""
+
+LEAST = 1e-15
+"""MuJoCo's smallest mass and moment of inertia."""
 
 BODY = 1
 """MuJoCo's number of the objects that connections may be told by."""
@@ -156,3 +160,51 @@ class _Reader:
     def _references(self) -> np.ndarray:
         m = self.m
         return np.array([m.qpos0[m.jnt_qposadr[j]] for j in range(m.njnt) if m.jnt_type[j] >= 2])
+
+
+# -- writing -----------------------------------------------------------------------------------
+
+WORDS = {"revolute": "hinge", "prismatic": "slide", "spherical": "ball"}
+"""The format's words for joints; a body without one is fixed."""
+
+
+def text_of(robot: Robot) -> str:
+    """A robot as MJCF. Raises ModelError naming a joint or a body that the format cannot say."""
+    carried: dict[str, list[Joint]] = {name: [] for name in robot.links}
+    for joint in robot.joints:
+        carried[joint.parent].append(joint)
+
+    def body(joint: Joint) -> str:
+        parts = [*_joint_text(joint), *_inertial(robot.links[joint.child]), *map(body, carried[joint.child])]
+        return element("body", parts, name=joint.child, pos=joint.placement.position, quat=joint.placement.quaternion)
+
+    compiler = element("compiler", angle="radian", inertiafromgeom="false")
+    world = element("worldbody", map(body, carried[robot.root]))
+    return document(element("mujoco", [compiler, element("option", gravity=robot.gravity), world], model=robot.name))
+
+
+def _joint_text(joint: Joint) -> list[str]:
+    if joint.kind == "fixed":
+        return []
+    if joint.kind == "floating":
+        return [element("freejoint", name=joint.name)]
+    if joint.kind not in WORDS:
+        raise ModelError(f"joint {joint.name}: MJCF has no {joint.kind} joint; put bodies without mass between sliders and a hinge")
+    said: dict[str, Any] = {} if joint.kind == "spherical" else {"axis": joint.axis}
+    said |= {name: value for name in ("armature", "damping", "stiffness") if (value := getattr(joint, name))}
+    said |= {"springref": joint.rest} if joint.stiffness else {}
+    return [element("joint", name=joint.name, type=WORDS[joint.kind], **said)]
+
+
+def _inertial(link: Link) -> list[str]:
+    mass = link.mass
+    if mass is None:
+        return []
+    least = float(np.linalg.eigvalsh(mass.tensor)[0])
+    if not (mass.mass > LEAST and least > LEAST):
+        raise ModelError(
+            f"body {link.name}: MJCF takes masses and principal moments of inertia above {LEAST:g}; here they are {mass.mass:.3g} kg and "
+            f"at least {least:.3g} kg m2: give a bar its thickness"
+        )
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = mass.tensor
+    return [element("inertial", pos=mass.com, mass=mass.mass, fullinertia=(xx, yy, zz, xy, xz, yz))]

@@ -9,6 +9,9 @@ import numpy as np
 
 from ncgen.model.arithmetic import product, unit
 
+FLAT = 1e-9
+"""Cosine of the pitch below which roll and yaw are one."""
+
 
 @dataclass(frozen=True, eq=False)
 class Placement:
@@ -41,6 +44,29 @@ class Placement:
     def along(self, direction: np.ndarray) -> np.ndarray:
         """A direction of the frame."""
         return product(self.rotation, direction)
+
+    @property
+    def rpy(self) -> tuple[float, float, float]:
+        """Roll, pitch and yaw about the fixed axes x, y, z (rad); beside a pitch of a quarter turn the roll is 0."""
+        (xx, _, _), (yx, yy, yz), (zx, zy, zz) = self.rotation
+        level = math.hypot(zy, zz)
+        if level < FLAT:
+            return 0.0, math.atan2(-zx, level), math.atan2(-self.rotation[0, 1], yy)
+        return math.atan2(zy, zz), math.atan2(-zx, level), math.atan2(yx, xx)
+
+    @property
+    def quaternion(self) -> tuple[float, float, float, float]:
+        """w, x, y, z with w not negative: from the largest of the four, so that no digits are lost."""
+        (xx, xy, xz), (yx, yy, yz), (zx, zy, zz) = self.rotation
+        fours = (
+            (1 + xx + yy + zz, zy - yz, xz - zx, yx - xy),
+            (zy - yz, 1 + xx - yy - zz, xy + yx, xz + zx),
+            (xz - zx, xy + yx, 1 - xx + yy - zz, yz + zy),
+            (yx - xy, xz + zx, yz + zy, 1 - xx - yy + zz),
+        )
+        best = unit(max(fours, key=lambda row: row[fours.index(row)]))
+        w, x, y, z = (best if best[0] >= 0 else -best).tolist()
+        return w, x, y, z
 
     def inverse(self) -> Placement:
         return Placement(self.rotation.T, -product(self.rotation.T, self.position))

@@ -10,9 +10,11 @@ from pathlib import Path
 
 import numpy as np
 
+from ncgen.errors import ModelError
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
+from ncgen.exchange.robots.written import document, element
 
 KINDS = {
     "fixed": "fixed",
@@ -23,6 +25,9 @@ KINDS = {
     "floating": "floating",
 }
 """Joint types of the format, and what they are here."""
+
+UNLIMITED = 1e9
+"""How far a slider may go where nothing says so (m)."""
 
 OMITTED = {
     "transmission": "transmissions", "gazebo": "extensions for Gazebo", "ros2_control": "settings of ros2_control",
@@ -87,3 +92,37 @@ def _joint(each: Markup) -> Joint:
 def _axis(joint: Markup) -> np.ndarray:
     element = joint.first("axis")
     return joint.unit((1.0, 0.0, 0.0) if element is None else element.numbers("xyz", 3, (1.0, 0.0, 0.0)), joint.name())
+
+
+# -- writing -----------------------------------------------------------------------------------
+
+
+def text_of(robot: Robot) -> str:
+    """A robot as URDF. Raises ModelError naming a joint that the format cannot say. Gravity is the simulator's there."""
+    return document(element("robot", [*map(_link_text, robot.links.values()), *map(_joint_text, robot.joints)], name=robot.name))
+
+
+def _link_text(link: Link) -> str:
+    mass = link.mass
+    if mass is None:
+        return element("link", name=link.name)
+    (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = mass.tensor
+    inertia = element("inertia", ixx=ixx, ixy=ixy, ixz=ixz, iyy=iyy, iyz=iyz, izz=izz)
+    inertial = element("inertial", [element("origin", xyz=mass.com), element("mass", value=mass.mass), inertia])
+    return element("link", [inertial], name=link.name)
+
+
+def _joint_text(joint: Joint) -> str:
+    kind = "continuous" if joint.kind == "revolute" else joint.kind
+    for what, value in (("a ball", joint.kind == "spherical"), ("a spring", joint.stiffness), ("a rotor", joint.armature)):
+        if value:
+            raise ModelError(f"joint {joint.name}: URDF cannot say {what}; write MJCF (.xml)")
+    parts = [element("parent", link=joint.parent), element("child", link=joint.child)]
+    parts.append(element("origin", xyz=joint.placement.position, rpy=joint.placement.rpy))
+    if kind in ("continuous", "prismatic", "planar"):
+        parts.append(element("axis", xyz=joint.axis))
+    if kind == "prismatic":  # which must have limits there
+        parts.append(element("limit", lower=-UNLIMITED, upper=UNLIMITED, effort=0, velocity=0))
+    if joint.damping:
+        parts.append(element("dynamics", damping=joint.damping))
+    return element("joint", parts, name=joint.name, type=kind)

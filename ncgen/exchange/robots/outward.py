@@ -1,0 +1,148 @@
+"""A model as a robot: what a file of links and joints can say of a mechanism whose bodies are an open tree.
+
+Every link's frame stands along the global axes in the initial position, at the joint that carries it, so axes and inertias are written as
+they are. Joints have the names, signs and zeros of the model's coordinates; parameters have their defaults.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ncgen.compiler import compile
+from ncgen.errors import ModelError
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot
+from ncgen.model import Model
+from ncgen.model.arithmetic import unit
+from ncgen.model.bodies import Body
+from ncgen.model.forces import TorsionSpring
+from ncgen.model.values import Value, evaluate
+from ncgen.solver.joint_space import JointSpace, joint_space
+from ncgen.symbolic.tree import Link as Carried
+from ncgen.symbolic.tree import Screw
+
+ROOT = "world"
+
+ROUNDING = 1e-15
+"""A coordinate that begins this near to 0 begins there (rad; m)."""
+
+
+def robot_of(model: Model) -> Robot:
+    """The robot that a model is. Raises ModelError naming what closes a loop, and any load that belongs to no joint."""
+    return _Teller(model).robot()
+
+
+class _Teller:
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self._refuse_loads()
+        self.space: JointSpace = joint_space(compile(model, backend="numpy"))
+        self.names = [link.body.name for link in self.space.tree.links]
+        self.root = next(name for name in (ROOT, f"{ROOT}_", f"{ROOT}__") if name not in self.names)
+        self.coordinates = {k: (c, share) for c, (k, share) in self.space.followed.items()}
+        self.origins = [self._origin(link) for link in self.space.tree.links]
+
+    def robot(self) -> Robot:
+        tree = self.space.tree
+        links = [Link(self.root, None)]
+        links += [Link(link.body.name, self._mass(link.body, origin)) for link, origin in zip(tree.links, self.origins, strict=True)]
+        joints = [self._joint(number) for number in range(len(tree.links))]
+        x, y, z = (self._number(g, "gravity") for g in self.model.gravity_field)
+        return Robot(self.model.name, {link.name: link for link in links}, tuple(joints), gravity=(x, y, z)).ordered()
+
+    # -- links ---------------------------------------------------------------------------------
+
+    def _mass(self, body: Body, origin: np.ndarray) -> Mass | None:
+        if body.inertia is None:
+            return None
+        numbers = [self._number(x, f"body {body.name}") for x in (body.inertia.mass, *body.inertia.com, *body.inertia.tensor.flat)]
+        return Mass(numbers[0], np.array(numbers[1:4]) - origin, np.array(numbers[4:]).reshape(3, 3))
+
+    @staticmethod
+    def _origin(link: Carried) -> np.ndarray:
+        """Where a link's frame stands in the world: where its joint is, else at the body's first point."""
+        turning = next((screw.point for screw in link.screws if screw.point), None)
+        return (turning or link.body.points[0]).initial
+
+    def _number(self, value: Value, what: str) -> float:
+        return evaluate(value, self.model.parameters, what)
+
+    # -- joints --------------------------------------------------------------------------------
+
+    def _joint(self, number: int) -> Joint:
+        link = self.space.tree.links[number]
+        parent = self.root if link.parent is None else self.names[link.parent]
+        position = self.origins[number] - (0.0 if link.parent is None else self.origins[link.parent])
+        kind, axis = self._kind(link)
+        if kind not in ("revolute", "prismatic"):
+            return Joint(f"joint_{link.body.name}", kind, parent, link.body.name, Placement(position=position), axis)
+        (rate,) = self.space.tree.rates[number]
+        coordinate, share = self.coordinates.get(rate, (None, 1.0))
+        axis = axis if share > 0 else -axis
+        if coordinate is None:
+            return Joint(f"joint_{link.body.name}", kind, parent, link.body.name, Placement(position=position), axis)
+        name, start = self.space.kernels.coordinates[coordinate], float(self.space.kernels.q0[coordinate])
+        start = 0.0 if abs(start) < ROUNDING else start
+        placement = _turned(axis, -start, position) if kind == "revolute" else Placement(position=position - start * axis)
+        return Joint(name, kind, parent, link.body.name, placement, axis, **self._at(name))
+
+    def _kind(self, link: Carried) -> tuple[str, np.ndarray]:
+        """The joint that carries a link, by its freedoms, and its axis."""
+        screws = link.screws
+        turning = [screw for screw in screws if screw.point]
+        if len(screws) == 1:
+            return ("revolute" if turning else "prismatic"), unit(screws[0].axis.initial)
+        if len(screws) == 3 and len(turning) == 1:
+            return "planar", unit(turning[0].axis.initial)
+        found = {(0, 0): "fixed", (3, 3): "spherical", (6, 3): "floating"}.get((len(screws), len(turning)))
+        if found is None:
+            raise ModelError(
+                f"{self.model.name}: body {link.body.name} has {_freedoms(screws)} beside what carries it; a file of links and joints can "
+                "say one freedom a joint, a ball, a plane or none: put a body without mass between"
+            )
+        return found, np.array([0.0, 0.0, 1.0])
+
+    def _at(self, coordinate: str) -> dict[str, float]:
+        """Rotors, springs and dampers at a joint."""
+        found = {"armature": 0.0, "damping": 0.0, "stiffness": 0.0, "rest": 0.0}
+        for rotor in self.model.rotors:
+            if rotor.coordinate.name == coordinate:
+                found["armature"] += self._number(rotor.inertia, f"rotor of {coordinate}")
+        torque = 0.0
+        for spring in self._springs(coordinate):
+            stiffness = self._number(spring.stiffness, spring.label)
+            found["stiffness"] += stiffness
+            found["damping"] += self._number(spring.damping, spring.label)
+            torque += stiffness * self._number(spring.free, spring.label)
+        found["rest"] = torque / found["stiffness"] if found["stiffness"] else 0.0
+        return found
+
+    def _springs(self, coordinate: str) -> Iterator[TorsionSpring]:
+        for spring in self.model.springs:
+            if isinstance(spring, TorsionSpring) and spring.coordinate.name == coordinate:
+                yield spring
+
+    def _refuse_loads(self) -> None:
+        """Raise ModelError naming the first load that no joint has."""
+        model = self.model
+        loads = [load.label for load in (*model.forces, *model.potentials)]
+        loads += [spring.label for spring in model.springs if not isinstance(spring, TorsionSpring) or spring.law is not None]
+        loads += [getattr(function, "__name__", "callback") for function in model.callbacks]
+        if loads:
+            raise ModelError(
+                f"{model.name}: {loads[0]} is no spring or damper of a joint; a file of links and joints cannot say it, leave it out"
+            )
+
+
+def _turned(axis: np.ndarray, angle: float, position: np.ndarray) -> Placement:
+    """A frame turned about an axis."""
+    half = angle / 2
+    return Placement.of_quaternion(position, np.array([math.cos(half), *(math.sin(half) * axis)]))
+
+
+def _freedoms(screws: tuple[Screw, ...]) -> str:
+    turning = sum(screw.point is not None for screw in screws)
+    return f"{len(screws)} freedoms ({turning} of turning)"
