@@ -12,18 +12,22 @@ import typer
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
+from ncgen.cli.completion import models, words_of
 from ncgen.errors import ModelError
 
 out = Console(highlight=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, soft_wrap=True)
 
-ModelName = Annotated[str, typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml, .py, .urdf, .sdf or .xml file")]
+ModelName = Annotated[
+    str,
+    typer.Argument(metavar="MODEL", help="an example's name, or a path to a .toml, .py, .urdf, .sdf or .xml file", autocompletion=models),
+]
 Floating = Annotated[
     bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
 ]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
-Backend = Annotated[str, typer.Option(help="auto, c or numpy")]
-Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled")]
+Backend = Annotated[str, typer.Option(help="auto, c or numpy", autocompletion=words_of("ncgen.compiler", "BACKENDS"))]
+Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled", autocompletion=words_of("ncgen.program.programs", "EMISSIONS"))]
 
 PICTURES = (".svg", ".png")
 
