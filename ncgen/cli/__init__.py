@@ -1,4 +1,4 @@
-"""The command line: list, run, study, generate, inspect, bench, compare, hard, check, convert, export, cache.
+"""The command line: list, new, run, watch, study, generate, inspect, bench, compare, hard, check, convert, export, cache.
 
 MODEL is the name of an example, or a path to a .toml, .py, .urdf, .sdf or .xml file. Messages go to standard error in one line; results go
 to standard output, for people, or with --json as one JSON object.
@@ -10,22 +10,37 @@ import io
 import os
 import sys
 import warnings
+from typing import Annotated
 
 # Kernels are small: threads inside linear algebra would only get in each other's way.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
 import typer  # noqa: E402
 
-from ncgen.cli import files, measuring, models, studies  # noqa: E402
-from ncgen.cli.terminal import err  # noqa: E402
+from ncgen import __version__  # noqa: E402
+from ncgen.cli import files, measuring, models, studies, watching  # noqa: E402
+from ncgen.cli.terminal import err, out  # noqa: E402
 from ncgen.errors import CompileError, NcgenError  # noqa: E402
 
-app = typer.Typer(add_completion=False, no_args_is_help=True, pretty_exceptions_enable=False, help=(__doc__ or "").partition("\n")[0])
+app = typer.Typer(no_args_is_help=True, pretty_exceptions_enable=False, help=(__doc__ or "").partition("\n")[0])
 app.command("list")(models.list_examples)
-for command in (models.inspect, models.generate, models.run, studies.study, measuring.bench, measuring.compare, measuring.hard):
+for command in (files.new, models.run, watching.watch, models.inspect, models.generate, studies.study):
     app.command()(command)
-for command in (files.check, files.convert, files.export, files.cache):
+for command in (measuring.bench, measuring.compare, measuring.hard, files.check, files.convert, files.export, files.cache):
     app.command()(command)
+
+
+def _tell_version(asked: bool) -> None:
+    if asked:
+        out.print(f"ncgen {__version__}", markup=False)
+        raise typer.Exit
+
+
+@app.callback()
+def _options(
+    version: Annotated[bool, typer.Option("--version", callback=_tell_version, is_eager=True, help="print the version")] = False,
+) -> None:
+    """What stands before the command."""
 
 
 def main() -> None:
@@ -37,7 +52,7 @@ def main() -> None:
             stream.reconfigure(errors="backslashreplace")  # a terminal without Greek letters reads their numbers
     try:
         try:
-            app()
+            app(prog_name="ncgen")
         finally:
             if sys.stdout is not None:
                 sys.stdout.flush()

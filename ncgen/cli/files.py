@@ -1,4 +1,4 @@
-"""The commands about files: check, convert, export, cache."""
+"""The commands about files: new, check, convert, export, cache."""
 
 from __future__ import annotations
 
@@ -7,25 +7,28 @@ from typing import Annotated
 
 import typer
 
+from ncgen.cli.completion import words_of
 from ncgen.cli.terminal import Floating, ModelName, err, out, progress
 from ncgen.errors import ModelError
 from ncgen.exchange.export import targets
 
 
-def check(file: Annotated[Path, typer.Argument(help="a TOML model file, or a robot's .urdf, .sdf or .xml file")]) -> None:
-    """Report everything that is wrong with a model file, with line numbers; of a robot's file the first problem."""
-    from ncgen.compiler import generate as sources_of
-    from ncgen.exchange import robots
-    from ncgen.exchange.toml_reader import problems_of_run, read_toml
+def new(file: Annotated[Path, typer.Argument(help="the file to write: NAME.toml")]) -> None:
+    """Write a small model with comments to begin with; a file that is there stays as it is."""
+    from ncgen.exchange.start import write_start
 
-    if file.suffix in robots.SUFFIXES:
-        model, problems = robots.load_robot(file), []
-    else:
-        model, problems = read_toml(file)
-        if model is not None:
-            problems = problems or problems_of_run(file, model)
+    path = write_start(file)
+    out.print(f"{path}: a four-bar linkage to change; `ncgen watch {path}` runs it whenever you save it", markup=False)
+
+
+def check(file: Annotated[Path, typer.Argument(help="a model file: .toml, .py, .urdf, .sdf or .xml")]) -> None:
+    """Report everything that is wrong with a TOML model file, with line numbers; of a file of another kind the first problem."""
+    from ncgen.compiler import generate as sources_of
+    from ncgen.exchange.checking import checked
+
+    model, problems = checked(file)
     for problem in problems:
-        err.print(problem.of(file), markup=False)
+        err.print(problem, markup=False)
     if model is None or problems:
         raise ModelError(f"{file.name}: {len(problems)} problem{'s' if len(problems) > 1 else ''}")
     sources_of(model)
@@ -54,7 +57,7 @@ def convert(
 
 def export(
     model: ModelName,
-    to: Annotated[str, typer.Option(help=", ".join(targets()))],
+    to: Annotated[str, typer.Option(help=", ".join(targets()), autocompletion=words_of("ncgen.exchange.export", "targets"))],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
     floating: Floating = None,
 ) -> None:

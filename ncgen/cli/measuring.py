@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from ncgen.cli.completion import words_of
 from ncgen.cli.terminal import PICTURES, Json, ModelName, out, progress, writable
 from ncgen.errors import ModelError
 
@@ -197,7 +198,10 @@ def _mistakes(model: Model, path: Path, json_output: bool) -> None:
 
 
 def hard(
-    case: Annotated[list[str] | None, typer.Option(help="one case [default: all]; may be repeated")] = None,
+    case: Annotated[
+        list[str] | None,
+        typer.Option(help="one case [default: all]; may be repeated", autocompletion=words_of("ncgen.comparisons.hard_cases", "CASES")),
+    ] = None,
     limit: Annotated[float, typer.Option(help="seconds after which a run is stopped")] = 20.0,
     json_output: Json = False,
 ) -> None:

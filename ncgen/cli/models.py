@@ -5,12 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from ncgen.cli.assignments import assigned, beside_its_own
+from ncgen.cli.completion import words_of
 from ncgen.cli.terminal import Backend, Emission, Floating, Json, ModelName, err, out, progress
-from ncgen.errors import Interrupted, ModelError
+from ncgen.errors import Interrupted
 
 if TYPE_CHECKING:
     from ncgen.emit.sources import Sources
@@ -86,11 +88,27 @@ def generate(
 def run(
     model: ModelName,
     duration: Annotated[float | None, typer.Option(help="seconds [default: the model's]")] = None,
-    integrator: Annotated[str | None, typer.Option(help="dopri5, dop853, adams, bdf, radau, ode45 …")] = None,
-    rtol: Annotated[float | None, typer.Option(help="relative tolerance [default: 1e-8]")] = None,
-    atol: Annotated[float | None, typer.Option(help="absolute tolerance [default: 1e-10]")] = None,
-    points: Annotated[int | None, typer.Option(help="instants in the trajectory [default: 101]")] = None,
+    param: Annotated[list[str] | None, typer.Option(help="a parameter, as k=3; may be repeated")] = None,
     velocity: Annotated[list[str] | None, typer.Option(help="initial velocity, as psi1=2.5; may be repeated")] = None,
+    stop: Annotated[str | None, typer.Option(help="end where a coordinate passes a value: psi=1.2, psi=1.2,rising, rate(psi)=0")] = None,
+    formalism: Annotated[
+        str | None,
+        typer.Option(help="lagrange, coordinate-partitioning …", autocompletion=words_of("ncgen.methods.table", "FORMALISMS")),
+    ] = None,
+    integrator: Annotated[
+        str | None,
+        typer.Option(help="dopri5, dop853, adams, bdf, radau, ode45 …", autocompletion=words_of("ncgen.methods.table", "INTEGRATORS")),
+    ] = None,
+    engine: Annotated[
+        str | None, typer.Option(help="c, emitted, refined or python", autocompletion=words_of("ncgen.solver.run", "ENGINES"))
+    ] = None,
+    number: Annotated[
+        str | None, typer.Option(help="double, float or 'long double'", autocompletion=words_of("ncgen.solver.run", "NUMBERS"))
+    ] = None,
+    rtol: Annotated[float | None, typer.Option(help="relative tolerance [default: 1e-8]")] = None,
+    atol: Annotated[float | None, typer.Option(help="absolute tolerance [default: a hundredth of it, in natural sizes]")] = None,
+    max_step: Annotated[float | None, typer.Option(help="longest step, or the step of methods with a fixed one (s)")] = None,
+    points: Annotated[int | None, typer.Option(help="instants in the trajectory [default: 101]")] = None,
     floating: Floating = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
@@ -107,8 +125,16 @@ def run(
     from ncgen.solver.run import check_simulation, simulation_of
     from ncgen.solver.simulate import simulate
 
-    given = dict(duration=duration, integrator=integrator, rtol=rtol, atol=atol, points=points, zd0=_velocities(velocity))
-    kernels, sources, seconds = _compiled(model, floating, backend, emission, lambda loaded: check_simulation(loaded, **given))
+    given: dict[str, Any] = dict(
+        duration=duration, p=assigned("--param", param), zd0=assigned("--velocity", velocity), stop=assigned("--stop", stop, "rising"),
+        formalism=formalism, integrator=integrator, engine=engine, number=number, rtol=rtol, atol=atol, max_step=max_step, points=points,
+    )  # fmt: skip
+
+    def check(loaded: Model) -> None:
+        given["p"] = beside_its_own(loaded, given["p"])
+        check_simulation(loaded, **given)
+
+    kernels, sources, seconds = _compiled(model, floating, backend, emission, check)
     found = freedom(kernels)
     if not json_output:
         show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
@@ -151,16 +177,3 @@ def _compiled(
         sources = sources_of(model, emission, timings)
         kernels = compile(sources, backend, timings=timings)
     return kernels, sources, timings.seconds
-
-
-def _velocities(pairs: list[str] | None) -> dict[str, float] | None:
-    if not pairs:
-        return None
-    velocities = {}
-    for pair in pairs:
-        name, _, value = pair.partition("=")
-        try:
-            velocities[name] = float(value)
-        except ValueError:
-            raise ModelError(f"--velocity {pair}: write it as name=number, for example psi1=2.5") from None
-    return velocities

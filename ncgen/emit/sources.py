@@ -23,6 +23,9 @@ class Sources:
     programs: Programs
     printed: dict[str, dict[str, Any]] = field(default_factory=dict, repr=False, compare=False)
 
+    def __repr__(self) -> str:
+        return f"<Sources {self.programs.equations.model.name}: {', '.join(languages())}>"
+
     def of(self, name: str) -> dict[str, Any]:
         """{file name: text, or bytes where machines alone read them} in a language. Raises ModelError listing those that there are."""
         if name not in self.printed:

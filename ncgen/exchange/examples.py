@@ -22,6 +22,9 @@ from ncgen.resources import folder
 
 Result = TypeVar("Result")
 
+SUFFIXES = (".toml", ".py", *robots.SUFFIXES)
+"""Of files that a model can be in."""
+
 
 def load(name: str | Path, *, floating: bool | None = None) -> Model:
     """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
@@ -67,7 +70,7 @@ def example_text(name: str) -> str:
 
 def _is_example(name: str | Path) -> bool:
     text = str(name)
-    return "/" not in text and "\\" not in text and not text.endswith((".py", ".toml", *robots.SUFFIXES))
+    return "/" not in text and "\\" not in text and not text.endswith(SUFFIXES)
 
 
 class _Reader(SourceFileLoader):

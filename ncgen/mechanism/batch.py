@@ -61,6 +61,9 @@ class Batch(ABC):
     def __init__(self, kernels: Kernels) -> None:
         self.kernels = kernels
 
+    def __repr__(self) -> str:
+        return f"<Batch of {self.kernels!r}>"
+
     def __reduce__(self) -> tuple[Callable[..., Batch], tuple[Kernels, str]]:
         """Pickled as the kernels that it belongs to."""
         return getattr, (self.kernels, "batch")

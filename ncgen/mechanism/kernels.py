@@ -10,6 +10,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Hashable
 from copy import copy
 from functools import cached_property
+from importlib import import_module
 from typing import Any, TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
@@ -78,6 +79,10 @@ class Kernels(ABC):
 
     def __repr__(self) -> str:
         return f"<Kernels {self.name}: {self.n} coordinates, {self.m} rows, {self.backend}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return import_module("ncgen.report.cards").of_kernels(self)
 
     def __reduce__(self) -> tuple[Callable[..., Kernels], tuple[object, ...]]:
         """Pickled as programs; the library is built where they arrive, or found in the cache."""

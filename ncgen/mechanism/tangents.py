@@ -34,6 +34,9 @@ class Tangents(ABC):
         self.programs = programs
         self.equations = equations
 
+    def __repr__(self) -> str:
+        return f"<Tangents {self.equations.model.name}: {', '.join(self.programs.programs)}>"
+
     def __reduce__(self) -> tuple[type[Tangents], tuple[TangentPrograms, Terms]]:
         """Pickled as programs, which are compiled again where they arrive."""
         return type(self), (self.programs, self.equations)

@@ -16,6 +16,7 @@ from __future__ import annotations
 import copy
 import pickle
 import sys
+from importlib import import_module
 from typing import TYPE_CHECKING, Unpack
 
 from ncgen.errors import ModelError, shown
@@ -81,6 +82,10 @@ class Model(Joints, Loads):
 
     def __repr__(self) -> str:
         return f"<Model {self.name}: {len(self.components)} coordinates, {len(self.rows)} rows, {len(self.bodies)} bodies>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return import_module("ncgen.report.cards").of_model(self)
 
     def __getstate__(self) -> dict[str, object]:
         """What pickle takes along. Raises ModelError naming a callback that pickle cannot find again."""

@@ -63,6 +63,9 @@ class Row:
     level: str = "position"
     measured: bool = False
 
+    def __repr__(self) -> str:
+        return f"<Row {self.code or self.level}: {self.label}, {self.owner}>"
+
     @property
     def equation(self) -> str:
         """The equation in words of the row's own elements, for comments and listings."""

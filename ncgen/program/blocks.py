@@ -107,6 +107,9 @@ class Program:
     temporaries: dict[str, int] = field(default_factory=dict, compare=False)
     angles: tuple[int, ...] = ()
 
+    def __repr__(self) -> str:
+        return f"<Program {self.name}: {self.size} numbers, {sum(len(block.ops) for block in self.blocks)} statements>"
+
     @property
     def is_constant(self) -> bool:
         """True if the output does not depend on any input."""
@@ -122,6 +125,9 @@ class Pattern:
     shape: tuple[int, int]
     indptr: tuple[int, ...]
     indices: tuple[int, ...]
+
+    def __repr__(self) -> str:
+        return f"<Pattern {self.shape[0]} × {self.shape[1]}: {self.nonzeros} nonzeros>"
 
     @classmethod
     def of(cls, shape: tuple[int, int], places: Iterable[tuple[int, ...]]) -> Pattern:

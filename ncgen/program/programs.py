@@ -38,6 +38,9 @@ class Programs:
     emission: str
     omitted: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return f"<Programs {self.equations.model.name}: {', '.join(self.programs)}>"
+
 
 @dataclass(frozen=True)
 class Split:

@@ -12,14 +12,16 @@ from ncgen.solver.trajectory import Trajectory
 def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: list[Path]) -> dict:
     """One JSON-ready record of a run.
 
-    name, dof, time; final, final_velocity: {independent coordinate: value} in m, rad and per second; violation,
-    energy_drift: relative; steps, evaluations, wall_seconds, backend, engine; outputs: paths relative to folder
+    name, dof, time; stopped: whether it ended where it was told to; final, final_velocity: {independent coordinate: value}
+    in m, rad and per second; violation, energy_drift: relative; steps, evaluations, wall_seconds, backend,
+    engine; outputs: paths relative to folder
     """
     statistics = run.statistics
     return {
         "name": run.name,
         "dof": found.dof,
         "time": float(run.t[-1] - run.t[0]),
+        "stopped": run.stopped,
         "final": {name: float(run[name][-1]) for name in run.independent},
         "final_velocity": {name: float(run[f"rate({name})"][-1]) for name in run.independent},
         "violation": float(run.violation().max()),

@@ -77,7 +77,8 @@ def show_run(console: Console, record: dict) -> None:
         table.add_row(name, f"{value:.12g}", f"{record['final_velocity'][name]:.12g}")
     lines = [
         Text(
-            f"{record['time']:g} s with {record['integrator']} on {record['formalism']}, "
+            f"{record['time']:g} s{', ended there as asked,' if record['stopped'] else ''} with "
+            f"{record['integrator']} on {record['formalism']}, "
             f"kernels in {record['backend']}, engine {record['engine']}",
             style="bold",
         ),

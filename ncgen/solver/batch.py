@@ -22,6 +22,7 @@ from ncgen.solver.partition import Partitions, choose_partitions
 from ncgen.solver.position import TOLERANCE, check_finite, check_mirror_roots
 from ncgen.solver.run import Run, count
 from ncgen.solver.simulate import simulate
+from ncgen.solver.telling import Told, telling
 from ncgen.solver.tolerances import Tolerances
 
 if TYPE_CHECKING:
@@ -62,6 +63,9 @@ class BatchTrajectory:
     steps: np.ndarray
     alone: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"<BatchTrajectory {self.kernels.name}: {int(self.ok.sum())} of {len(self.q)} states arrived at {self.t[-1]:g} s>"
+
     @property
     def ok(self) -> np.ndarray:
         """Which states arrived, (B,)."""
@@ -82,6 +86,9 @@ class BatchAccelerations:
     zdd: np.ndarray
     codes: np.ndarray = field(repr=False)
     choice: Choice = field(repr=False)
+
+    def __repr__(self) -> str:
+        return f"<BatchAccelerations of {', '.join(self.independent)}: {int(self.ok.sum())} of {len(self.q)} states>"
 
     @property
     def ok(self) -> np.ndarray:
@@ -251,7 +258,7 @@ def simulate_batch(
     max_step: float = np.inf,
     points: int | ArrayLike = 2,
     threads: int | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Told = None,
 ) -> BatchTrajectory:
     """Simulate a mechanism from many states, with many parameter sets, or both.
 
@@ -260,8 +267,8 @@ def simulate_batch(
         of them by name, {name: number, or an array with one for every state}; those not named have their defaults
     integrator: dopri5 or dop853 (each state with its own steps) or rk4 (fixed step max_step)
     threads: None for one on every processor that this process may use
-    progress: called now and then with the share of the states that are done, from 0 to 1. What it raises ends the batch, and so
-        does Ctrl-C: it is raised again, with what was found in its `trajectory`, where the other states are "interrupted"
+    progress: called now and then with the share of the states that are done, from 0 to 1; True for a bar. What it raises ends the batch,
+        and so does Ctrl-C: it is raised again, with what was found in its `trajectory`, where the other states are "interrupted"
     Everything else as in `simulate`, of which each state is one run with coordinate partitioning. The independent
     coordinates are chosen at the first regular state; where they become bad, that state is simulated by `simulate` in C. A state
     that cannot go on, or takes a million steps, costs nothing but itself: its status says why.
@@ -277,7 +284,8 @@ def simulate_batch(
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True)
     if not np.isfinite(states.zd).all(axis=1).any():
         raise ModelError(f"{kernels.name}: zd0 has numbers that are not finite in every state; correct them")
-    return side_by_side(kernels, run, method, states, threads, progress)
+    with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as told:
+        return side_by_side(kernels, run, method, states, threads, told)
 
 
 def side_by_side(

@@ -63,6 +63,11 @@ class Linearisation:
     C: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
     D: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
+    def __repr__(self) -> str:
+        beside = "a steady motion or equilibrium" if self.steady else "one instant"
+        ports = f", {len(self.inputs)} inputs, {len(self.outputs)} outputs" if self.inputs or self.outputs else ""
+        return f"<Linearisation beside {beside}: {len(self.matrix)} states{ports}>"
+
     @property
     def A(self) -> np.ndarray:
         """The same as `matrix`."""

@@ -46,6 +46,9 @@ class Health:
     drift: np.ndarray
     violation: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"<Health of {len(self.t)} instants: drift {self.drift.max():.1e}, violation {self.violation.max():.1e}>"
+
     @property
     def bifurcates(self) -> np.ndarray:
         """True where the rank of Φ_q drops, or nearly."""

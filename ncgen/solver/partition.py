@@ -34,6 +34,9 @@ class Partition:
     dependent: np.ndarray
     independent: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"<Partition: {len(self.independent)} independent, {len(self.dependent)} dependent>"
+
     def names(self, kernels: Kernels) -> tuple[str, ...]:
         """Names of the independent coordinates."""
         return tuple(kernels.coordinates[i] for i in self.independent)

@@ -6,7 +6,7 @@ build it like `simulate` does, and refuse in the same words.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from inspect import signature
 from numbers import Integral
@@ -38,6 +38,7 @@ from ncgen.solver.given import ECHOED, Given, Outline, checked_kernels, finite, 
 from ncgen.solver.position import CONSISTENT
 from ncgen.solver.signals import Signal, Signals, signals_of
 from ncgen.solver.stop import Stop, stop_at
+from ncgen.solver.telling import Told, check_told
 
 ENGINES = (AUTO, "c", "emitted", "refined", "python")
 EMITTED: tuple[Literal["emitted"], Literal["refined"]] = ("emitted", "refined")
@@ -159,7 +160,7 @@ class Run:
         options: dict[str, Any] | None = None,
         stop: Mapping[str, Any] | None = None,
         inputs: Mapping[str, Signal] | None = None,
-        progress: Callable[[float], None] | None = None,
+        progress: Told = None,
         **initial: Unpack[InitialArguments],
     ) -> Run:
         """From the arguments of `ncgen.simulate`; initial: those of `Initial.asked`. Raises ModelError with one sentence."""
@@ -167,8 +168,7 @@ class Run:
         length = positive(duration, "duration", "number of seconds")
         start = Initial.asked(subject, **initial)
         pair = _entries(formalism, integrator, options)
-        if progress is not None and not callable(progress):
-            raise ModelError(f"progress: {echo(progress)} given; it must be a function of the time reached")
+        check_told(progress)
         run = cls(
             start,
             _grid(start.t, length, points, len(known.coordinates)),

@@ -13,7 +13,7 @@ from typing import Unpack
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS
@@ -39,6 +39,9 @@ class Sensitivities:
     qd_by: np.ndarray
     names: tuple[str, ...]
 
+    def __repr__(self) -> str:
+        return f"<Sensitivities by {shortened(', '.join(self.names), SHOWN)}: {len(self.t)} instants to {self.t[-1]:g} s>"
+
 
 @dataclass(frozen=True)
 class Gradient:
@@ -46,6 +49,9 @@ class Gradient:
 
     value: float
     slopes: dict[str, float]
+
+    def __repr__(self) -> str:
+        return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), SHOWN)}>"
 
 
 def sensitivities(

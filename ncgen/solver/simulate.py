@@ -27,6 +27,7 @@ from ncgen.solver.segments import in_segments
 from ncgen.solver.signals import Signal
 from ncgen.solver.start import Start, begin
 from ncgen.solver.task import Task
+from ncgen.solver.telling import Told, telling
 from ncgen.solver.tolerances import Tolerances
 from ncgen.solver.trajectory import Statistics, Trajectory
 
@@ -56,7 +57,7 @@ def simulate(
     number: str = "double",
     options: dict[str, Any] | None = None,
     stop: Mapping[str, Any] | None = None,
-    progress: Callable[[float], None] | None = None,
+    progress: Told = None,
 ) -> Trajectory:
     """Simulate a mechanism and return its trajectory on a time grid.
 
@@ -99,7 +100,7 @@ def simulate(
         its rounding are raised to that, and the trajectory has doubles in any case
     stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
         {"psi": (1.2, "rising")} or "falling". The last instant of the trajectory is that one, and its `stopped` is True
-    progress: called with the time reached, again and again while the run goes on
+    progress: called with the time reached, again and again while the run goes on; True for a bar in a terminal or a notebook
 
     Raises ModelError for what cannot be asked, ConvergenceError naming the rows where the start does not close, SingularError for a
     singular one, ConvergenceError naming the time where the motion cannot go on. Ctrl-C raises `ncgen.Interrupted`, a
@@ -119,7 +120,8 @@ def simulate(
             f"{kernels.name}: coordinate partitioning solves densely for {freedom} degrees of freedom in every evaluation; "
             "formalism='lagrange' solves sparsely, many times faster"
         )
-    return _carry_out(kernels, run, choice, start, progress)
+    with telling(progress, f"simulating {kernels.name}", run.initial.t, run.duration) as told:
+        return _carry_out(kernels, run, choice, start, told)
 
 
 def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None) -> Trajectory:

@@ -48,6 +48,9 @@ class State:
     p: np.ndarray
     next_step: float
 
+    def __repr__(self) -> str:
+        return f"<State of {len(self.q)} coordinates at t = {self.t:g} s>"
+
 
 def start(
     kernels: Kernels,

@@ -40,6 +40,9 @@ class States:
     p: np.ndarray
     next_step: np.ndarray
 
+    def __repr__(self) -> str:
+        return f"<States of {len(self.t)} simulations, {self.q.shape[1]} coordinates each>"
+
 
 def start_batch(
     kernels: Kernels,

@@ -7,8 +7,9 @@ import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from importlib import import_module
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, overload
+from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
@@ -34,6 +35,16 @@ if TYPE_CHECKING:
 
 CONDITION = 1e-3
 """Quality of a partition below which accelerations are computed with a better one."""
+
+
+class Page(Protocol):
+    """A page that `ncgen.view.page` makes: a notebook shows it, `save` writes it into a file."""
+
+    text: str
+
+    def _repr_html_(self) -> str: ...
+
+    def save(self, path: str | os.PathLike[str]) -> Path: ...
 
 
 @dataclass(frozen=True)
@@ -95,6 +106,10 @@ class Trajectory:
     def __repr__(self) -> str:
         grid = f"{len(self.t)} instants from {self.t[0]:g} to {self.t[-1]:g} s" if len(self.t) else "no instant"
         return f"<Trajectory {self.name}: {grid}, {len(self)} coordinates, {self.formalism}, {self.integrator}>"
+
+    def _repr_html_(self) -> str:
+        """What a notebook shows."""
+        return import_module("ncgen.report.cards").of_trajectory(self)
 
     @property
     def independent(self) -> tuple[str, ...]:
@@ -289,18 +304,21 @@ class Trajectory:
     def plot(self, path: str | os.PathLike[str], names: str | Iterable[str] | None = None) -> Path: ...
 
     def plot(self, path: str | os.PathLike[str] | None = None, names: str | Iterable[str] | None = None) -> Figure | Path:
-        """Time histories, energy and violation as a matplotlib figure; written to `path` if given."""
-        from importlib import import_module
-
+        """Time histories, energy and violation as a matplotlib figure, which a notebook shows; written to `path` if given."""
         view = import_module("ncgen.view.figure")
         figure = view.plot(self, names)
         return figure if path is None else view.save(figure, _path(path))
 
-    def animate(self, path: str | os.PathLike[str]) -> Path:
-        """Write a self-contained HTML page that shows the motion; returns the path."""
-        from importlib import import_module
+    @overload
+    def animate(self, path: None = None) -> Page: ...
 
-        return import_module("ncgen.view.player").write_player(self, _path(path))
+    @overload
+    def animate(self, path: str | os.PathLike[str]) -> Path: ...
+
+    def animate(self, path: str | os.PathLike[str] | None = None) -> Page | Path:
+        """A self-contained HTML page that shows the motion, which a notebook shows in a frame; written to `path` if given."""
+        view = import_module("ncgen.view.player")
+        return view.page_of(self) if path is None else view.write_player(self, _path(path))
 
 
 def _path(path: str | os.PathLike[str]) -> Path:

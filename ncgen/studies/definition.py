@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.errors import ModelError
+from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.model import Model
@@ -41,6 +41,9 @@ class Study:
     times: np.ndarray
     simulation: dict[str, Any] = field(default_factory=dict)
     points: Any = None
+
+    def __repr__(self) -> str:
+        return f"<Study {self.model.name}: {self.size} variants, {shortened(', '.join(k.word for k in self.kept), SHOWN)}>"
 
     @classmethod
     def of(

@@ -25,6 +25,9 @@ class Indices:
     points: int
     of: int
 
+    def __repr__(self) -> str:
+        return f"<Indices of {len(self.names)} numbers from {self.points} of {self.of} points>"
+
     def __str__(self) -> str:
         width = max(map(len, self.names))
         lines = [f"{'':<{width}}  first  total"]

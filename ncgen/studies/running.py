@@ -8,13 +8,14 @@ from concurrent.futures import Executor
 from contextlib import ExitStack, closing, nullcontext
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import echo
+from ncgen.solver.telling import check_told
 from ncgen.studies import engines
 from ncgen.studies.definition import Study
 from ncgen.studies.design import Varied
@@ -25,6 +26,9 @@ from ncgen.studies.variants import Bench, Part
 
 Told = Callable[[int, int, "float | None"], None]
 """progress(done, all, seconds left or None)"""
+
+Wanted: TypeAlias = "Told | bool | None"
+"""In signatures: a function, True for a bar in a terminal or a notebook, None or False for nobody."""
 
 
 def study(
@@ -39,7 +43,7 @@ def study(
     folder: str | os.PathLike[str] | None = None,
     workers: int | str | Executor | None = None,
     threads: int | None = None,
-    progress: Told | None = None,
+    progress: Wanted = None,
     **simulation: Any,
 ) -> StudyResult:
     """Simulate many variants of a mechanism, and keep some numbers of each.
@@ -53,7 +57,8 @@ def study(
     folder: where results are written while they are found; a study that is there already goes on where it ended
     workers: None for this process with `threads` (None: all processors); a number of processes; "local" for a Dask cluster of this
         machine or the address of a scheduler; or an executor as of concurrent.futures
-    progress: called with the variants that are done, all, and the seconds left (None before that is known); what it raises ends the study
+    progress: called with the variants that are done, all, and the seconds left (None before that is known); True for a bar; what it
+        raises ends the study
     simulation: everything else that `ncgen.simulate` takes, such as duration, rtol, stop; what the model's own `simulation` says is the
         default. Where formalism and integrator are left open, variants run in lanes by dopri5 if the mechanism allows it
 
@@ -70,10 +75,11 @@ def carry_out(
     folder: str | os.PathLike[str] | None = None,
     workers: int | str | Executor | None = None,
     threads: int | None = None,
-    progress: Told | None = None,
+    progress: Wanted = None,
 ) -> StudyResult:
     """The result of a study; arguments as of `ncgen.study`."""
     threads = None if threads is None else whole(threads, "threads")
+    check_told(progress)
     bench = Bench(study)
     about = Folder.of(Path(folder), study, bench.made_with) if folder is not None else None
     with ExitStack() as stack:
@@ -82,9 +88,19 @@ def carry_out(
         parts: list[Part] = []
         keep = about.write if about else parts.append
         engine = _engine(study, bench, workers, threads, stack)
-        for part in stack.enter_context(closing(_Work(study, missing, progress).parts(engine))):
+        told = _told(study, progress, stack)
+        for part in stack.enter_context(closing(_Work(study, missing, told).parts(engine))):
             keep(part)
     return StudyResult(about.manifest if about else manifest(study, bench.made_with), about, tuple(parts))
+
+
+def _told(study: Study, progress: Wanted, stack: ExitStack) -> Told | None:
+    """Who is told how far it is."""
+    if progress is True:
+        from ncgen.report.bar import timed
+
+        return stack.enter_context(timed(f"{study.model.name}: {study.size} variants", study.size))
+    return progress or None
 
 
 def _engine(study: Study, bench: Bench, workers: object, threads: int | None, stack: ExitStack) -> engines.Engine:

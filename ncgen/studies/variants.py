@@ -50,6 +50,9 @@ class Part:
     columns: dict[str, np.ndarray]
     said: dict[int, str] = field(default_factory=dict)
 
+    def __repr__(self) -> str:
+        return f"<Part: variants {self.first} to {self.first + len(self) - 1}>"
+
     def __len__(self) -> int:
         return len(self.columns["ok"])
 

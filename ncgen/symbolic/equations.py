@@ -69,6 +69,9 @@ class Equations(Terms):
     omitted: tuple[str, ...] = ()
     released: frozenset[Component] = frozenset()
 
+    def __repr__(self) -> str:
+        return f"<Equations {self.model.name}: {len(self.rows)} rows, {len(self.masses)} masses, {len(self.forces)} forces>"
+
 
 def build_equations(model: Model, owner: Owner | None = None, massless: Collection[Body] = ()) -> Equations:
     """Bind every row, mass and force of the model.

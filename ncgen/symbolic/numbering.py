@@ -58,6 +58,9 @@ class Deferred(Terms):
     def __init__(self, model: Model) -> None:
         self.model = model
 
+    def __repr__(self) -> str:
+        return f"<Equations {self.model.name}: kept from before>"
+
     def __reduce__(self) -> tuple[type[Deferred], tuple[Model]]:
         """Pickled as its model."""
         return Deferred, (self.model,)

@@ -16,6 +16,7 @@ from ncgen.emit.sources import write_bytes
 from ncgen.errors import NcgenError
 from ncgen.model import Model
 from ncgen.view.chart import GRID, empty, settle
+from ncgen.view.eye import AZIMUTH, ELEVATION, screen
 from ncgen.view.histories import plot
 from ncgen.view.labels import LabelPlaces
 from ncgen.view.scene import Scene, scene_of
@@ -24,9 +25,6 @@ if TYPE_CHECKING:
     from ncgen.solver.trajectory import Trajectory
 
 __all__ = ["figure", "plot", "save"]
-
-AZIMUTH, ELEVATION = 40.0, 20.0
-"""Where a spatial scene is seen from (degrees): the turn of the eye about Z, from X, and its height."""
 
 LINE, VECTOR = "black", "#c8102e"
 POINT_LABEL: dict[str, Any] = dict(color="black", fontsize=10, ha="center", va="center", zorder=10, gid="point name")
@@ -97,11 +95,11 @@ def _spatial_axes(chart: Figure, scene: Scene) -> Axes:
 
 def _draw(axes: Axes, scene: Scene, frame: int) -> None:
     """Segments, arrows, points and names of one frame, in axes of two or three dimensions."""
-    screen, style = (np.eye(2), FLAT_ARROW) if scene.planar else (_screen(), SPATIAL_ARROW)
-    points = scene.positions[frame, :, : len(screen)]
-    shafts = [(arrow, arrow.direction[frame, : len(screen)] * scene.arrow_length) for arrow in scene.arrows]
+    seen, style = (np.eye(2), FLAT_ARROW) if scene.planar else (screen(), SPATIAL_ARROW)
+    points = scene.positions[frame, :, : len(seen)]
+    shafts = [(arrow, arrow.direction[frame, : len(seen)] * scene.arrow_length) for arrow in scene.arrows]
     arrows = [(arrow, shaft) for arrow, shaft in shafts if np.linalg.norm(shaft) > 1e-6 * scene.size]
-    places = LabelPlaces(screen, 0.045 * scene.size)
+    places = LabelPlaces(seen, 0.045 * scene.size)
 
     for start, end in scene.segments:
         axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8, zorder=1, gid="segment")
@@ -126,11 +124,3 @@ def _limits(scene: Scene) -> np.ndarray:
     low, high = everything.min(axis=0), everything.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, scene.size / 6) + 0.08 * scene.size
     return np.array([middle - half, middle + half])
-
-
-def _screen() -> np.ndarray:
-    """The screen's rightward and upward directions in a spatial scene, the columns of a 3×2 matrix."""
-    turn, height = np.radians([AZIMUTH, ELEVATION])
-    right = [-np.sin(turn), np.cos(turn), 0]
-    up = [-np.sin(height) * np.cos(turn), -np.sin(height) * np.sin(turn), np.cos(height)]
-    return np.array([right, up]).T

@@ -9,16 +9,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ncgen.model import Model
-from ncgen.model.elements import Relative
-from ncgen.solver.given import names_of
 from ncgen.view.chart import GRID, empty, settle
+from ncgen.view.chosen import above_lowest, grouped
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectory import Trajectory
-
-MOST = 6
-"""How many coordinates are shown where the caller names none and there are no angles or lengths."""
 
 
 def plot(run: Trajectory, names: str | Iterable[str] | None = None) -> Figure:
@@ -29,7 +24,7 @@ def plot(run: Trajectory, names: str | Iterable[str] | None = None) -> Figure:
 
     Raises ModelError for a name that is no free coordinate.
     """
-    groups = _grouped(run.model, _chosen(run, names))
+    groups = grouped(run, names)
     chart = empty(8, 0.6 + 2.1 * (len(groups) + 2))
     panels = chart.subplots(len(groups) + 2, sharex=True)
     for axes, (label, members) in zip(panels, groups.items()):
@@ -41,28 +36,10 @@ def plot(run: Trajectory, names: str | Iterable[str] | None = None) -> Figure:
     return settle(chart)
 
 
-def _chosen(run: Trajectory, names: str | Iterable[str] | None) -> tuple[str, ...]:
-    free = tuple(run.coordinates)
-    if names is not None:
-        return names_of(names, "names", free)
-    relative = tuple(name for name in free if isinstance(run.model.elements.get(name), Relative))
-    return relative or (run.model.chosen_independent or free)[:MOST]
-
-
-def _grouped(model: Model, names: Iterable[str]) -> dict[str, list[str]]:
-    """The names by the label of their panel, which is that of their element's kind: angles and lengths first, else in the order given."""
-    owners = {component.name: element for element in model.elements.values() for component in element.components}
-    groups: dict[str, list[str]] = {}
-    for name in sorted(names, key=lambda name: not isinstance(owners[name], Relative)):
-        groups.setdefault(f"{owners[name].quantity} ({owners[name].unit})", []).append(name)
-    return groups
-
-
 def _energy(axes: Axes, run: Trajectory) -> None:
     """Energies over time; the potential counts from its lowest value, so that it compares with the kinetic energy."""
-    kinetic, potential, _ = np.asarray(run.energy(), dtype=float).T
-    above = potential - potential.min()
-    _lines(axes, run.t, "energy (J)", {"kinetic": kinetic, "potential\nabove its lowest": above, "total": kinetic + above})
+    kinetic, potential = above_lowest(run)
+    _lines(axes, run.t, "energy (J)", {"kinetic": kinetic, "potential\nabove its lowest": potential, "total": kinetic + potential})
 
 
 def _violation(axes: Axes, run: Trajectory) -> None:

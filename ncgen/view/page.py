@@ -3,10 +3,15 @@
 from __future__ import annotations
 
 import json
+import os
+from dataclasses import dataclass, field
+from html import escape
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ncgen.emit.sources import write_text
 from ncgen.view.scene import Scene
 
 if TYPE_CHECKING:
@@ -14,6 +19,32 @@ if TYPE_CHECKING:
 
 DIGITS = 7
 """Significant digits of embedded numbers that are only looked at."""
+
+
+HEIGHT = 560
+"""Of the frame in a notebook (px)."""
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of HTML that needs nothing else: a notebook shows it in a frame of its own, `save` writes it into a file.
+
+    text: of the page; what: what it shows
+    """
+
+    what: str
+    text: str = field(repr=False)
+
+    def _repr_html_(self) -> str:
+        """The frame; what is in it can run its own scripts, and reaches nothing outside."""
+        return (
+            f'<iframe title="{escape(self.what)}" srcdoc="{escape(self.text)}" sandbox="allow-scripts" '
+            f'style="width:100%;height:{HEIGHT}px;border:0"></iframe>'
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write the page and return its path. Raises NcgenError if it cannot be written."""
+        return write_text(Path(path), self.text)
 
 
 def drawing(scene: Scene) -> dict:

@@ -8,9 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.emit.environment import render
-from ncgen.emit.sources import write_text
 from ncgen.errors import NcgenError
-from ncgen.view.page import drawing, rounded, script_json
+from ncgen.view.page import Page, drawing, rounded, script_json
 from ncgen.view.scene import Scene, scene_of
 
 if TYPE_CHECKING:
@@ -18,6 +17,11 @@ if TYPE_CHECKING:
 
 FRAMES = 300
 """How many times are embedded at most; of longer runs, as many spread evenly by index."""
+
+
+def page_of(run: Trajectory) -> Page:
+    """The page of a trajectory. Raises NcgenError as `player` does."""
+    return Page(f"{run.name} in motion", player(run))
 
 
 def player(run: Trajectory) -> str:
@@ -32,7 +36,7 @@ def player(run: Trajectory) -> str:
 
 def write_player(run: Trajectory, path: str | Path) -> Path:
     """Write the HTML file and return its path. Raises NcgenError if it cannot be written."""
-    return write_text(Path(path), player(run))
+    return page_of(run).save(path)
 
 
 def chosen_frames(count: int) -> np.ndarray:

@@ -1,0 +1,45 @@
+"""Numbers by name as they are typed: `k=3`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from ncgen.errors import ModelError, shortened
+from ncgen.model import Model
+
+
+def assigned(option: str, typed: str | list[str] | None, word: str = "") -> dict[str, Any] | None:
+    """{name: number}, or None where nothing was typed.
+
+    word: one that may follow a number, as `psi=1.2,rising`, for messages; the value is then (number, word)
+    Raises ModelError naming the option for another form, and for a name that comes twice.
+    """
+    found: dict[str, Any] = {}
+    for text in [typed] if isinstance(typed, str) else typed or ():
+        name, _, value = text.rpartition("=")
+        number, comma, behind = value.partition(",") if word else (value, "", "")
+        try:
+            given = float(number)
+        except ValueError:
+            name, given = "", 0.0
+        if not name:
+            also = f" or psi1=2.5,{word}" if word else ""
+            raise ModelError(f"{option} {shortened(text)}: write it as name=number, for example psi1=2.5{also}")
+        if name in found:
+            raise ModelError(f"{option} {shortened(text)}: {name} is given twice; give it once")
+        found[name] = (given, behind) if comma else given
+    return found or None
+
+
+def beside_its_own(model: Model, typed: dict[str, float] | None) -> dict[str, float] | None:
+    """Parameters as they were typed, beside those of the model's own simulation that were not; None where nothing was typed.
+
+    Raises ModelError where its own are none.
+    """
+    from ncgen.solver.given import parameters
+    from ncgen.solver.run import outline
+
+    own: Any = model.simulation_options.get("p")
+    if not typed or own is None:
+        return typed
+    return dict(zip(model.numbers, parameters(outline(model), own).tolist())) | typed

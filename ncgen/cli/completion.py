@@ -1,0 +1,37 @@
+"""What the shell is offered while a command is typed: examples and model files, and the words that an option takes.
+
+Every list comes from where it is made; where nothing fits the shell goes on with names of files.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from importlib import import_module
+from pathlib import Path
+
+from ncgen.errors import shortened
+
+WIDTH = 60
+"""Characters of what is said about a word: typer breaks longer lines, and shells take each for another word."""
+
+
+def models(incomplete: str) -> list[tuple[str, str]]:
+    """(name, what it is) of examples and of model files in this folder; in other folders the shell finds its way alone."""
+    from ncgen.exchange.examples import SUFFIXES, example_names, lesson
+
+    files = [(path.name, "") for path in sorted(Path().iterdir()) if path.suffix in SUFFIXES and path.is_file()]
+    return [(name, shortened(lesson(name), WIDTH)) for name in example_names() if name.startswith(incomplete)] + files
+
+
+def words_of(module: str, name: str) -> Callable[[], list[tuple[str, str]]]:
+    """What offers the words of a list, of a table's entries with their `help`, or of a function that returns them.
+
+    The module is imported when the shell asks.
+    """
+
+    def words() -> list[tuple[str, str]]:
+        known = getattr(import_module(module), name)
+        known = known() if callable(known) else known
+        return [(word, shortened(getattr(known[word], "help", ""), WIDTH) if isinstance(known, dict) else "") for word in known]
+
+    return words

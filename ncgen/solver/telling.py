@@ -1,0 +1,30 @@
+"""Who is told how far a run is: a function of the caller's, a bar where somebody watches, or nobody."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import import_module
+from typing import TypeAlias
+
+from ncgen.errors import ModelError
+from ncgen.solver.given import echo
+
+Told: TypeAlias = "Callable[[float], None] | bool | None"
+"""In signatures: a function, True for a bar in a terminal or a notebook, None or False for nobody."""
+
+
+def check_told(progress: object) -> None:
+    """Raise ModelError for what can be told nothing."""
+    if progress is not None and not isinstance(progress, bool) and not callable(progress):
+        raise ModelError(f"progress: {echo(progress)} given; it must be a function of the time reached, or True for a bar")
+
+
+@contextmanager
+def telling(progress: Told, what: str, start: float, length: float) -> Iterator[Callable[[float], None] | None]:
+    """What a run of some length that begins at `start` calls, in the units of both; what: what a bar says."""
+    if progress is True:
+        with import_module("ncgen.report.bar").progress(what, length) as advance:
+            yield lambda reached: advance(reached - start)
+    else:
+        yield progress or None

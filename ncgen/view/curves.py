@@ -1,0 +1,59 @@
+"""Curves over time as a small SVG picture."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ncgen.view.svg import COLOURS, INK, TEXT, element, path, text
+
+WIDTH, HEIGHT = 330.0, 140.0
+LEFT, RIGHT, TOP, BOTTOM = 58.0, 8.0, 22.0, 20.0
+"""Margins of the curves (px): for numbers, for names above and for the time below."""
+
+LETTER = 5.6
+"""Width of a letter (px), about."""
+
+
+def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str) -> str:
+    """Histories {name: (K,)} over times (K,) in s as an <svg> element; what is not a finite number is left out.
+
+    label: what is drawn, with its unit
+    """
+    values = np.concatenate([np.asarray(values, dtype=float) for values in histories.values()])
+    low, high = _span(values[np.isfinite(values)])
+    start, end = _span(t)
+    across = LEFT + (t - start) / (end - start) * (WIDTH - LEFT - RIGHT)
+
+    def height(value: np.ndarray) -> np.ndarray:
+        return HEIGHT - BOTTOM - (value - low) / (high - low) * (HEIGHT - TOP - BOTTOM)
+
+    lines = []
+    for number, row in enumerate(histories.values()):
+        line = path(np.column_stack([across, height(np.asarray(row, dtype=float))]))
+        lines.append(f'<path d="{line}" stroke="{COLOURS[number % len(COLOURS)]}" stroke-width="1.5" fill="none"/>')
+    frame = path([(LEFT, TOP), (LEFT, HEIGHT - BOTTOM), (WIDTH - RIGHT, HEIGHT - BOTTOM)])
+    words = [text(LEFT - 4, TOP + 8, f"{high:.4g}", "end"), text(LEFT - 4, HEIGHT - BOTTOM, f"{low:.4g}", "end")]
+    words += [text(LEFT, HEIGHT - 5, f"{start:.4g}", "start"), text(WIDTH - RIGHT, HEIGHT - 5, f"{end:.4g} s", "end")]
+    words += _names(histories, label)
+    content = f'<path d="{frame}" {INK} opacity="0.5"/><g {TEXT}>{"".join(words)}</g>{"".join(lines)}'
+    return element(content, WIDTH, HEIGHT, f"{label} over time: {', '.join(histories)}")
+
+
+def _names(histories: Mapping[str, np.ndarray], label: str) -> list[str]:
+    """The label and the curves' names in their colours, as far as there is room."""
+    x, found = 4.0, [text(4, 12, label, "start")]
+    x += LETTER * len(label) + 10
+    for number, name in enumerate(histories):
+        if x + LETTER * len(name) > WIDTH:
+            return [*found, text(x, 12, "…", "start")]
+        found.append(text(x, 12, name, "start", COLOURS[number % len(COLOURS)]))
+        x += LETTER * len(name) + 10
+    return found
+
+
+def _span(values: np.ndarray) -> tuple[float, float]:
+    """Lowest and highest, never the same."""
+    low, high = (float(values.min()), float(values.max())) if len(values) else (0.0, 1.0)
+    return (low, high) if high > low else (low - max(abs(low), 1.0) / 2, high + max(abs(high), 1.0) / 2)

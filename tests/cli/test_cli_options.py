@@ -1,0 +1,176 @@
+"""What stands behind a command: numbers by name, methods, the version, and what the shell is told while it is typed."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import ncgen
+from ncgen.comparisons.hard_cases import CASES
+from ncgen.errors import ModelError
+from ncgen.methods.table import FORMALISMS, INTEGRATORS
+
+SPRING = """
+from ncgen import Model
+
+
+def build():
+    m = Model("swing")
+    k, c = m.parameter("k", 100.0, "N/m"), m.parameter("c", 0.0, "N s/m")
+    A = m.point("A", (0, 0), fixed=True)
+    B = m.point("B", (1, 0), fixed="yz")
+    m.body("bob", points=[B], mass=1.0)
+    m.spring(A, B, stiffness=k, damping=c, free_length=0.5)
+    m.simulation(duration=0.1, p=P)
+    return m
+"""
+
+
+@pytest.fixture
+def swing(folder):
+    """A mass on a spring, whose own simulation says `P`."""
+
+    def write(own: str = "None") -> str:
+        Path("swing.py").write_text(SPRING.replace("P)", f"{own})"), encoding="utf-8")
+        return "swing.py"
+
+    return write
+
+
+def end(ncgen_main, *arguments) -> float:
+    said = ncgen_main("run", *arguments, "--no-files", "--json")
+    assert said.code == 0, said.err
+    return json.loads(said.out)["final"]["B.x"]
+
+
+def swung(k: float, t: float = 0.1) -> float:
+    """x at t of a unit mass at rest at 1 on a spring of stiffness k without length beyond 0.5."""
+    import math
+
+    return 0.5 + 0.5 * math.cos(math.sqrt(k) * t)
+
+
+def test_parameters(ncgen_main, swing):
+    """What is typed goes before the model's own, which goes before defaults; by name and in order."""
+    assert end(ncgen_main, swing(), "--param", "k=400") == pytest.approx(swung(400), abs=1e-7)
+    damped = end(ncgen_main, swing("{'c': 20.0}"))
+    assert abs(damped - swung(100)) > 1e-2
+    assert end(ncgen_main, swing("{'c': 20.0}"), "--param", "k=100") == pytest.approx(damped, abs=1e-9)
+    assert end(ncgen_main, swing("[7.0, 20.0]"), "--param", "k=400", "--param", "c=0") == pytest.approx(swung(400), abs=1e-7)
+
+
+def test_methods(ncgen_main, swing):
+    """Formalism, integrator, engine and step are those asked for."""
+    methods = ("--formalism", "null-space", "--integrator", "rk4", "--max-step", "0.01", "--engine", "python")
+    record = json.loads(ncgen_main("run", swing(), "--no-files", "--json", *methods).out)
+    assert (record["formalism"], record["integrator"]) == ("null-space", "rk4")
+    assert record["steps"] in (10, 11)  # the sum of ten steps may end an ulp before the run does
+    assert record["engine"].startswith("python") and record["final"]["B.x"] == pytest.approx(swung(100), abs=1e-4)
+
+
+def test_an_end(ncgen_main, swing):
+    """A velocity's zero from below is half a period on; from above there is none before."""
+    arguments = ("run", swing(), "--no-files", "--json", "--duration", "1", "--stop")
+    record = json.loads(ncgen_main(*arguments, "rate(B.x)=0,rising").out)
+    assert record["stopped"] and record["time"] == pytest.approx(0.31415926535, abs=1e-7)
+    assert not json.loads(ncgen_main(*arguments, "B.x=5").out)["stopped"]
+    assert "ended there" in ncgen_main("run", swing(), "--no-files", "--stop", "B.x=0.9").out
+
+
+FORM = "write it as name=number, for example psi1=2.5"
+
+REFUSED = [
+    (("--param", "k"), {}, f"--param k: {FORM}"),
+    (("--param", "k=stiff"), {}, f"--param k=stiff: {FORM}"),
+    (("--param", "=3"), {}, f"--param =3: {FORM}"),
+    (("--param", "k=1", "--param", "k=2"), {}, "--param k=2: k is given twice; give it once"),
+    (("--stop", "B.x"), {}, f"--stop B.x: {FORM} or psi1=2.5,rising"),
+    (("--param", "m=3"), {"p": {"m": 3.0}}, ""),
+    (("--param", "k=nan"), {"p": {"k": float("nan")}}, ""),
+    (("--stop", "B.q=1"), {"stop": {"B.q": 1.0}}, ""),
+    (("--stop", "B.x=1,up"), {"stop": {"B.x": (1.0, "up")}}, ""),
+    (("--stop", "B.x=nan"), {"stop": {"B.x": float("nan")}}, ""),
+    (("--formalism", "newton"), {"formalism": "newton"}, ""),
+    (("--engine", "steam"), {"engine": "steam"}, ""),
+    (("--number", "int"), {"number": "int"}, ""),
+    (("--integrator", "rk4"), {"integrator": "rk4"}, ""),
+    (("--max-step", "-1"), {"max_step": -1.0}, ""),
+    (("--integrator", "adams", "--engine", "c"), {"integrator": "adams", "engine": "c"}, ""),
+]
+
+
+@pytest.mark.parametrize(("arguments", "options", "message"), REFUSED, ids=[" ".join(entry[0]) for entry in REFUSED])
+def test_refused_before_anything_is_made(ncgen_main, swing, monkeypatch, arguments, options, message):
+    """In the words of `ncgen.simulate`, and without generating."""
+    path = swing()
+    if options:
+        with pytest.raises(ModelError) as refused:
+            ncgen.simulate(ncgen.compile(ncgen.load(path), "numpy"), 0.1, **options)
+        message = str(refused.value)
+    monkeypatch.setattr("ncgen.compiler.sources_of", lambda *_, **__: pytest.fail("something was generated"))
+    said = ncgen_main("run", path, "--json", *arguments)
+    assert (said.code, said.out, said.err) == (2, "", f"ncgen: {message}\n")
+
+
+def test_version(ncgen_main):
+    said = ncgen_main("--version")
+    assert (said.code, said.out, said.err) == (0, f"ncgen {ncgen.__version__}\n", "")
+
+
+# -- completion ----------------------------------------------------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def offered(folder, monkeypatch, capsys):
+    """The shell's protocol: what is offered for a line whose last word is unfinished, [(word, what it is)]."""
+    from ncgen import cli
+
+    def ask(line: str) -> dict[str, str]:
+        for name, value in {
+            "_NCGEN_COMPLETE": "complete_fish",
+            "_TYPER_COMPLETE_FISH_ACTION": "get-args",
+            "_TYPER_COMPLETE_ARGS": line,
+        }.items():
+            monkeypatch.setenv(name, value)
+        monkeypatch.setattr("sys.argv", ["ncgen"])
+        with pytest.raises(SystemExit) as end:
+            cli.main()
+        assert end.value.code in (0, None)
+        return dict(entry.partition("\t")[::2] for entry in capsys.readouterr().out.splitlines() if entry)
+
+    return ask
+
+
+def test_models_are_offered(offered):
+    """Examples with what they teach, and the model files of the folder; for what is neither the shell looks itself."""
+    for name in ("robin.toml", "roof.urdf", "rocks.txt"):
+        Path(name).write_text("")
+    found = offered("ncgen run ro")
+    assert set(found) == {"robot", "robin.toml", "roof.urdf"} and found["robot"].startswith("The ")
+    assert "fourbar" in offered("ncgen inspect ")
+    assert offered("ncgen run some/") == offered("ncgen run nothing") == {}
+
+
+def test_words_are_offered(offered):
+    """From where they are defined, so that none is missing."""
+    assert set(offered("ncgen run robot --integrator ")) == set(INTEGRATORS)
+    formalisms = offered("ncgen run robot --formalism ")
+    assert formalisms["lagrange"] == FORMALISMS["lagrange"].help and set(formalisms) == set(FORMALISMS)
+    assert set(offered("ncgen run robot --engine ")) == {"auto", "c", "emitted", "refined", "python"}
+    assert set(offered("ncgen export robot --to fmu")) == {"fmu2", "fmu3"}
+    assert set(offered("ncgen inspect robot --backend ")) == {"auto", "c", "numpy"}
+    assert set(offered("ncgen hard --case ")) == set(CASES)
+    assert {"run", "watch", "new"} <= set(offered("ncgen "))
+
+
+def test_completion_in_bash(folder):
+    """As bash asks, of a program of its own, and the script that makes it ask."""
+    environment = {**os.environ, "_NCGEN_COMPLETE": "complete_bash", "COMP_WORDS": "ncgen run slidercrank", "COMP_CWORD": "2"}
+    code = "import sys; sys.argv = ['ncgen']; from ncgen.cli import main; main()"
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
+    assert done.stdout.split() == ["slidercrank", "slidercrank3d"]
