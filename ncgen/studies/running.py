@@ -36,6 +36,7 @@ def study(
     count: int | None = None,
     seed: int = 0,
     times: Iterable[float] | None = None,
+    steps: int | None = None,
     folder: str | os.PathLike[str] | None = None,
     workers: int | str | Executor | None = None,
     threads: int | None = None,
@@ -49,7 +50,8 @@ def study(
     design: "grid" (all combinations), "list" (the first numbers together, then the second …), "random", "latin", "sobol", "halton", or
         "saltelli", from which `result.sobol` takes Sobol' indices; count: variants, or points of saltelli; seed: of all but grid and list
     keep: words for columns: a coordinate, its `rate(…)` or an output at the end; `max(…)` and `min(…)` of them over the run; `history(…)`
-        at `times` (s); `energy_drift`, `steps`, `time`
+        at `times` (s); `energy_drift`, `steps`, `time`; `gradient(max(psi), mass)`, how a value at the end or an extreme changes with a
+        parameter or a `start(…)`, or `gradient(max(psi))`, with all that varies: through `steps` equal steps, as by `ncgen.gradient`
     folder: where results are written while they are found; a study that is there already goes on where it ended
     workers: None for this process with `threads` (None: all processors); a number of processes; "local" for a Dask cluster of this
         machine or the address of a scheduler; or an executor as of concurrent.futures
@@ -61,7 +63,7 @@ def study(
     with any workers, chunks and restarts on machines of one kind.
     Raises ModelError for what cannot be asked, NcgenError where the folder cannot be written; Ctrl-C keeps what is in the folder.
     """
-    asked = Study.of(model, vary, design=design, count=count, seed=seed, keep=keep, times=times, simulation=simulation)
+    asked = Study.of(model, vary, design=design, count=count, seed=seed, keep=keep, times=times, steps=steps, simulation=simulation)
     return carry_out(asked, folder, workers, threads, progress)
 
 
