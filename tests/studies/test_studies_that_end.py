@@ -188,10 +188,3 @@ def test_folders_are_guarded(tmp_path):
         small_study.run(str(tmp_path / "other"), 100)
     with pytest.raises(ncgen.NcgenError, match="there is no such"):
         ncgen.read(tmp_path / "nothing")
-
-
-def test_a_trajectory_is_read_back(tmp_path):
-    kernels = ncgen.compile(small_study.swing())
-    run = ncgen.simulate(kernels, 0.5, zd0={"psi": 1.0}, points=5)
-    found = ncgen.read(run.to_npz(tmp_path / "trajectory.npz"))
-    assert np.array_equal(found.arrays["q"], run.q) and found.names["coordinates"] == run.coordinates
