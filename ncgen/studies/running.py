@@ -83,24 +83,24 @@ def carry_out(
         missing = about.missing() if about else [(0, study.size)]
         parts: list[Part] = []
         keep = about.write if about else parts.append
-        engine = _engine(study, bench, workers, threads, stack)
+        engine = _engine(bench, workers, threads, stack)
         for part in stack.enter_context(closing(_Work(study, missing, progress).parts(engine))):
             keep(part)
     return StudyResult(about.manifest if about else manifest(study, bench.made_with), about, tuple(parts))
 
 
-def _engine(study: Study, bench: Bench, workers: object, threads: int | None, stack: ExitStack) -> engines.Engine:
+def _engine(bench: Bench, workers: object, threads: int | None, stack: ExitStack) -> engines.Engine:
     """Who computes. Raises ModelError for what is none."""
     if workers is None:
         return engines.Here(bench, threads)
     if isinstance(workers, str):
         executor, size = stack.enter_context(engines.cluster(workers, threads))
-        return engines.Workers(study, partial(engines.borrowed, executor), size)
+        return engines.Workers(bench, partial(engines.borrowed, executor), size)
     if isinstance(workers, int) and not isinstance(workers, bool):
         size = whole(workers, "workers")
-        return engines.Workers(study, partial(engines.processes, size), size, threads or 1)
+        return engines.Workers(bench, partial(engines.processes, size), size, threads or 1)
     if isinstance(workers, Executor):
-        return engines.Workers(study, partial(engines.borrowed, workers), os.cpu_count() or 1, threads or 1)
+        return engines.Workers(bench, partial(engines.borrowed, workers), os.cpu_count() or 1, threads or 1)
     raise ModelError(f"workers: {echo(workers)} given; give a number of processes, 'local', the address of a Dask scheduler or an executor")
 
 

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -58,16 +58,21 @@ class Part:
     def __len__(self) -> int:
         return len(self.columns["ok"])
 
+    def beside(self, names: tuple[str, ...], rows: np.ndarray) -> Part:
+        """The part with the numbers (B, names) that varied before its own columns."""
+        return Part(self.first, dict(zip(names, rows.T, strict=True)) | self.columns, self.said)
+
 
 Moved = tuple[Part, np.ndarray]
 """Variants, and where their motions end (B, n)."""
 
 
 class Bench:
-    """A study ready to compute, in one process."""
+    """A study ready to compute, in one process. sample: numbers (some, names) of variants at which another process has chosen what all
+    variants have in common; None to look for such ones."""
 
-    def __init__(self, study: Study) -> None:
-        self.study, self.kernels = study, compile(study.model)
+    def __init__(self, study: Study, sample: np.ndarray | None = None) -> None:
+        self.study, self.kernels, self.sample = study, compile(study.model), sample
         self._choice: Choice | None = None
         self.refused = self._why_not_in_lanes()
         if self.refused and study.simulation.get("engine", AUTO) in EMITTED:
@@ -90,21 +95,34 @@ class Bench:
         threads: of lanes, None for all processors; progress: called with the share of them that are done. What it raises ends the call
         """
         rows = self.study.design.rows(first, count)
+        return self.computed(first, rows, threads, progress).beside(self.study.design.names, rows)
+
+    def computed(self, first: int, rows: np.ndarray, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
+        """The variants with these numbers (B, names), which are not in it; else as `part`."""
         moved = (lambda share: progress(0.0)) if progress and self._slopes else progress  # gradients take longer
         found, ends = self._alone(first, rows, moved) if self._choice is None else self._together(first, rows, threads, moved)
-        found = self._with_slopes(found, rows, ends, progress)
-        return Part(first, dict(zip(self.study.design.names, rows.T, strict=True)) | found.columns, found.said)
+        return self._with_slopes(found, rows, ends, progress)
+
+    def _samples(self) -> Iterator[np.ndarray]:
+        """Numbers of variants among which one may be found that can be started; those that were enough stay."""
+        if self.sample is not None:
+            yield self.sample
+            return
+        for first in range(0, min(TRIES * FIRST, self.study.size), FIRST):
+            yield self.study.design.rows(first, min(FIRST, self.study.size - first))
 
     def _independent(self) -> tuple[str, ...]:
         """What starts independently in all variants: what is chosen for lanes, else at the first variants that can be started."""
         if self._choice is not None:
             return self._choice.names
-        for first in range(0, min(TRIES * FIRST, self.study.size), FIRST):
-            for row in self.study.design.rows(first, min(FIRST, self.study.size - first)):
+        for rows in self._samples():
+            for row in rows:
                 with contextlib.suppress(NcgenError, np.linalg.LinAlgError), warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     initial = Run.asked(self.kernels, **self.study.options(row)).initial
-                    return determined(begin(self.kernels, initial, partitioned=True).partitions).position.names(self.kernels)
+                    found = determined(begin(self.kernels, initial, partitioned=True).partitions).position.names(self.kernels)
+                    self.sample = rows
+                    return found
         return ()
 
     def _with_slopes(self, part: Part, rows: np.ndarray, ends: np.ndarray, progress: Callable[[float], None] | None) -> Part:
@@ -157,11 +175,12 @@ class Bench:
         """Choose independent coordinates, once for all variants; why there are none for lanes, or None."""
         run, method = self._lanes_run
         refused: NcgenError | None = None
-        for first in range(0, min(TRIES * FIRST, self.study.size), FIRST):
-            q, _, p = self._starts(self.study.design.rows(first, min(FIRST, self.study.size - first)))
+        for rows in self._samples():
+            q, _, p = self._starts(rows)
             q, _ = closed(self.kernels, q, run.initial.t, p)
             try:
                 self._choice = Choice.at_first(self.kernels, q, run.initial.t, p, run.initial.z, method)
+                self.sample = rows
                 break
             except (SingularError, DomainError) as error:
                 refused = error
