@@ -134,21 +134,23 @@ def bits(folder: Path, count: int) -> None:
 
 
 def killed(folder: Path, count: int) -> None:
-    """A Dask cluster of which a worker is killed every five seconds: nothing is lost, nothing comes twice, and bits are the same."""
+    """A Dask cluster of which a worker is killed every five seconds, once something has arrived since the last (else workers on a machine
+    that is slow to start them would never come to work): nothing is lost, nothing comes twice, and bits are the same."""
     from distributed import LocalCluster
 
     model, vary = robot(folder)
     expected, alone = timed(model, vary, count)
-    dead: list[float] = []
+    dead: list[tuple[float, int]] = []
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL) as cluster:
         begun = time.perf_counter()
 
-        def kill_one(*_: object) -> None:
-            if time.perf_counter() - (dead[-1] if dead else begun) > 5.0:
+        def kill_one(done: int, *_: object) -> None:
+            last, then = dead[-1] if dead else (begun, 0)
+            if time.perf_counter() - last > 5.0 and done > then:
                 processes = [nanny.process.process.pid for nanny in cluster.workers.values() if nanny.process and nanny.process.process]
                 if processes:
                     os.kill(processes[len(dead) % len(processes)], signal.SIGKILL)
-                    dead.append(time.perf_counter())
+                    dead.append((time.perf_counter(), done))
 
         found, seconds = timed(model, vary, count, folder=folder / "killed", workers=cluster.scheduler_address, progress=kill_one)
     same = all(np.array_equal(found[key], expected[key]) for key in expected.keys())
