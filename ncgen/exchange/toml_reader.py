@@ -46,7 +46,12 @@ class Problem:
 
 def load_toml(path: Path) -> Model:
     """The model of a TOML file. Raises ModelError with file and line of the first mistake."""
-    model, problems = read_toml(path)
+    return model_of(text_of(path), path)
+
+
+def model_of(text: str, path: Path) -> Model:
+    """The model of a text that stands in a file. Raises ModelError with file and line of the first mistake."""
+    model, problems = _read(text)
     if model is None or problems:
         more = f" (and {len(problems) - 1} more; `ncgen check {path.name}` lists all)" if len(problems) > 1 else ""
         raise ModelError(f"{problems[0].of(path)}{more}")
@@ -55,7 +60,10 @@ def load_toml(path: Path) -> Model:
 
 def read_toml(path: Path) -> tuple[Model | None, list[Problem]]:
     """The model as far as it could be read, and everything that is wrong with the file."""
-    text = text_of(path)
+    return _read(text_of(path))
+
+
+def _read(text: str) -> tuple[Model | None, list[Problem]]:
     try:
         data = tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

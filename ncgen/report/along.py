@@ -1,18 +1,24 @@
-"""The health of a motion in a file, for `ncgen inspect --along`."""
+"""A motion in a file: read back, and its health for `ncgen inspect --along`."""
 
 from __future__ import annotations
 
+import json
 import zipfile
 import zlib
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from rich.console import Console
 
 from ncgen.errors import NcgenError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.methods.table import FORMALISMS
 from ncgen.solver.monitor import Health, monitor
+from ncgen.solver.partition import choose_partitions
+from ncgen.solver.signals import Signals, signals_of
+from ncgen.solver.trajectory import Statistics, Trajectory
 
 ARRAYS = {"t": "K", "q": "Kn", "qd": "Kn", "work": "K", "p": "p"}
 """Numbers of a trajectory and their axes: instants, coordinates, parameters."""
@@ -20,17 +26,45 @@ ARRAYS = {"t": "K", "q": "Kn", "qd": "Kn", "work": "K", "p": "p"}
 NAMES = {"coordinates": "n", "parameters": "p", "rows": "m", "independent": "z"}
 """Texts likewise."""
 
-UNREADABLE = (ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, NotImplementedError)
+TEXTS = {"about": "", "model": ""}
+"""Single texts that it may have."""
+
+MORE = {"qdd": "Kn", "lam": "Km", "inputs": "Ki"}
+"""Numbers that it may have."""
+
+ABOUT: dict[str, type | tuple[type, ...]] = {
+    "formalism": str, "integrator": str, "engine": str, "number": str, "stopped": bool, "made_with": str, "chosen": list, "options": dict,
+    "statistics": dict,
+}  # fmt: skip
+"""What is said of how it was made, and what that is."""
+
+UNKNOWN = Statistics(0, 0, 0, 0, 0, 0.0)
+
+BEFORE: dict[str, Any] = {
+    "formalism": "lagrange", "integrator": "unknown", "engine": "unknown", "number": "double", "stopped": False, "made_with": "",
+    "chosen": [], "options": {}, "statistics": asdict(UNKNOWN),
+}  # fmt: skip
+"""What stands for that in files of before."""
+
+MOST_TIMES = 100
+"""An archive that unpacks to more than so many times its size is none of ours, which are not packed."""
+
+UNREADABLE = (ValueError, EOFError, MemoryError, zipfile.BadZipFile, zlib.error, NotImplementedError, RecursionError)
 """What NumPy raises for a file that is no archive, a broken one, or one with objects in it, which are never unpickled."""
 
 
 @dataclass(frozen=True, eq=False)
 class Recorded:
-    """What a file says of a motion: its path, numbers and names by their keys in `Trajectory.to_npz`."""
+    """What a file says of a motion: its path, numbers and names by their keys in `Trajectory.to_npz`.
+
+    about: how it was made, empty in files of before; model: the text of its model file, "" where there is none
+    """
 
     path: Path
     arrays: dict[str, np.ndarray]
     names: dict[str, tuple[str, ...]]
+    about: dict[str, Any] = field(default_factory=dict)
+    model: str = ""
 
     @classmethod
     def read(cls, path: Path) -> Recorded:
@@ -38,9 +72,11 @@ class Recorded:
         try:
             with open(path, "rb") as file:
                 archive = np.load(file, allow_pickle=False)
-                if not isinstance(archive, np.lib.npyio.NpzFile):
+                if not isinstance(archive, np.lib.npyio.NpzFile) or archive.zip is None:
                     raise ValueError("a single array")
-                found = {name: archive[name] for name in (*ARRAYS, *NAMES) if name in archive.files}
+                if sum(one.file_size for one in archive.zip.infolist()) > MOST_TIMES * path.stat().st_size:
+                    raise ValueError("an archive that unpacks to far more than it is")
+                found = {name: archive[name] for name in (*ARRAYS, *NAMES, *MORE, *TEXTS) if name in archive.files}
         except OSError as error:
             raise NcgenError(
                 f"{path}: it cannot be read: {error.strerror or error}; give a trajectory.npz that `ncgen run` has written"
@@ -50,16 +86,50 @@ class Recorded:
         if missing := [name for name in (*ARRAYS, *NAMES) if name not in found]:
             raise _no_trajectory(path, f"it has no {missing[0]}")
         _check_sizes(path, found)
-        return cls(path, {name: found[name].astype(float) for name in ARRAYS}, {name: tuple(map(str, found[name])) for name in NAMES})
+        arrays = {name: found[name].astype(float) for name in (*ARRAYS, *MORE) if name in found}
+        names = {name: tuple(map(str, found[name])) for name in NAMES}
+        return cls(path, arrays, names, _about(path, str(found.get("about", ""))), str(found.get("model", "")))
+
+    def trajectory(self, kernels: Kernels) -> Trajectory:
+        """The motion as it was when it was written; of files of before, which do not say how it was made, its numbers. Raises NcgenError
+        where it is one of another model."""
+        self._check_model(kernels)
+        a, said = self.arrays, self.about or BEFORE
+        moved = kernels.driven_by(self._drive(kernels))
+        try:
+            partitions = None
+            if not FORMALISMS[said["formalism"]].is_constrained:
+                partitions = choose_partitions(moved, a["q"][-1], a["t"][-1], a["p"], self.names["independent"])
+            counts = {name: type(getattr(UNKNOWN, name))(value) for name, value in said["statistics"].items() if hasattr(UNKNOWN, name)}
+            statistics = replace(UNKNOWN, **counts)
+            made = {name: said[name] for name in ABOUT if name not in ("statistics", "chosen")}
+            chosen = tuple(map(str, said["chosen"]))
+            run = Trajectory(moved, a["t"], a["q"], a["qd"], a["work"], a["p"], partitions, statistics, chosen=chosen, **made)
+        except (KeyError, TypeError, ValueError) as error:
+            why = " ".join(str(error).split())
+            raise _no_trajectory(self.path, f"what it says of how it was made is not what this ncgen knows: {why}") from error
+        vars(run).update({name: a[name] for name in ("qdd", "lam") if name in a})
+        return run
+
+    def _drive(self, kernels: Kernels) -> Signals | None:
+        """Inputs as they were at the instants, with lines between them."""
+        a = self.arrays
+        if "inputs" not in a or a["inputs"].shape[1] != len(kernels.inputs) or len(a["t"]) < 2:
+            return None
+        tables = {name: (a["t"], column) for name, column in zip(kernels.inputs, a["inputs"].T, strict=True) if np.ptp(column) > 0}
+        return signals_of(kernels, tables, a["p"].copy())
 
     def health(self, kernels: Kernels) -> Health:
         """The health of the motion. Raises NcgenError where it is one of another model."""
+        self._check_model(kernels)
+        a = self.arrays
+        return monitor(kernels, a["t"], a["q"], a["qd"], a["work"], a["p"], self.names["independent"])
+
+    def _check_model(self, kernels: Kernels) -> None:
         mine = {"coordinates": kernels.coordinates, "parameters": kernels.parameters, "rows": tuple(row.label for row in kernels.rows)}
         for what, names in mine.items():
             if self.names[what] != names:
                 raise NcgenError(f"{self.path}: a trajectory of other {what} than those of {kernels.name}; give the model it was run with")
-        a = self.arrays
-        return monitor(kernels, a["t"], a["q"], a["qd"], a["work"], a["p"], self.names["independent"])
 
 
 def health_of_file(kernels: Kernels, path: Path) -> Health:
@@ -70,18 +140,33 @@ def health_of_file(kernels: Kernels, path: Path) -> Health:
 def _check_sizes(path: Path, found: dict[str, np.ndarray]) -> None:
     """Refuse arrays whose axes contradict each other, and numbers that are none."""
     sizes: dict[str, int] = {}
-    for name, axes in (ARRAYS | NAMES).items():
+    for name, axes in (ARRAYS | NAMES | MORE | TEXTS).items():
+        if name not in found:
+            continue
         array = found[name]
         if not isinstance(array, np.ndarray):  # NumPy gives the bytes of what it does not know
             raise _no_trajectory(path, f"{name} is no array")
         if array.ndim != len(axes) or any(sizes.setdefault(axis, size) != size for axis, size in zip(axes, array.shape, strict=True)):
             raise _no_trajectory(path, f"{name} has shape {array.shape}, which does not fit the others")
-        if array.dtype.kind not in ("biuf" if name in ARRAYS else "U"):
+        if array.dtype.kind not in ("biuf" if name in ARRAYS | MORE else "U"):
             raise _no_trajectory(path, f"{name} is made of {array.dtype}")
-        if name in ARRAYS and not np.all(np.isfinite(array)):
+        if name in ARRAYS | MORE and not np.all(np.isfinite(array)):
             raise _no_trajectory(path, f"{name} has a number that is not finite")
     if not sizes["K"]:
         raise _no_trajectory(path, "it has no instant")
+
+
+def _about(path: Path, text: str) -> dict[str, Any]:
+    """What a file says of how it was made. Raises NcgenError unless it is that."""
+    if not text:
+        return {}
+    try:
+        said = json.loads(text)
+    except (ValueError, RecursionError) as error:
+        raise _no_trajectory(path, "what it says of how it was made is no JSON") from error
+    if not isinstance(said, dict) or any(not isinstance(said.get(key), kind) for key, kind in ABOUT.items()):
+        raise _no_trajectory(path, "what it says of how it was made is not what this ncgen knows")
+    return said
 
 
 def _no_trajectory(path: Path, why: str) -> NcgenError:

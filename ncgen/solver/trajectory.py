@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field, replace
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from scipy.spatial.transform import Rotation
 
     from ncgen.model import Model
+    from ncgen.solver.difference import Difference
     from ncgen.solver.reactions import Reactions
 
 CONDITION = 1e-3
@@ -271,31 +271,34 @@ class Trajectory:
     # -- files ---------------------------------------------------------------------------------
 
     def to_npz(self, path: str | os.PathLike[str]) -> Path:
-        """Write all arrays and names as a NumPy archive, inputs and outputs (K, …) of a model that has them too; returns the path. Raises
-        NcgenError if it cannot."""
+        """Write all arrays and names as a NumPy archive, inputs and outputs (K, …) of a model that has them too, with the model as text,
+        how the motion was made, and versions, so that `ncgen.read` gives the trajectory back; returns the path. Raises NcgenError if it
+        cannot."""
         from ncgen.emit.sources import write_bytes
+        from ncgen.solver.trajectory_files import archive
 
-        buffer = io.BytesIO()
-        ports = {"inputs": self.inputs, "outputs": self.outputs}
-        told: dict[str, Any] = {kind: np.array([*values.values()]).T for kind, values in ports.items() if values}
-        told |= {f"{kind[:-1]}_names": np.array([*values], dtype=str) for kind, values in ports.items() if values}
-        np.savez(
-            buffer, t=self.t, q=self.q, qd=self.qd, qdd=self.qdd, lam=self.lam, work=self.work, p=self.p,
-            coordinates=np.array(self.coordinates, dtype=str), parameters=np.array(self.kernels.parameters, dtype=str),
-            rows=np.array([r.label for r in self.model.rows], dtype=str), independent=np.array(self.independent, dtype=str),
-            **told,
-        )  # fmt: skip
-        return write_bytes(_path(path), buffer.getvalue())
+        return write_bytes(_path(path), archive(self))
 
     def to_csv(self, path: str | os.PathLike[str]) -> Path:
         """Write t, coordinates, velocities, inputs and outputs with a header line, every digit; returns the path."""
         from ncgen.emit.sources import write_text
+        from ncgen.solver.trajectory_files import histories
 
-        ports = self.inputs | self.outputs
-        header = ",".join(["t", *self.coordinates, *(f"rate({c})" for c in self.coordinates), *map(_cell, ports)])
-        table = np.column_stack([self.t, self.q, self.qd, *ports.values()])
-        lines = [header] + [",".join(map(repr, row)) for row in table.tolist()]
+        columns = histories(self)
+        lines = [",".join(map(_cell, columns))] + [",".join(map(repr, row)) for row in np.column_stack([*columns.values()]).tolist()]
         return write_text(_path(path), "\n".join(lines) + "\n")
+
+    def to_parquet(self, path: str | os.PathLike[str]) -> Path:
+        """Write the columns of `to_csv` as a Parquet file; returns the path. Raises NcgenError if it cannot, or without pyarrow."""
+        from ncgen.solver.trajectory_files import write_parquet
+
+        return write_parquet(self, _path(path))
+
+    def compared(self, other: Trajectory) -> Difference:
+        """How far this motion is from another of the same coordinates, see `ncgen.solver.difference.difference`."""
+        from ncgen.solver.difference import difference
+
+        return difference(self, other)
 
     @overload
     def plot(self, path: None = None, names: str | Iterable[str] | None = None) -> Figure: ...

@@ -18,13 +18,18 @@ from ncgen.methods.table import AUTO
 from ncgen.model import Model
 from ncgen.model.digest import digest
 from ncgen.model.elements import coordinate_of
+from ncgen.solver.given import count as whole
 from ncgen.solver.given import echo, known_name, several
+from ncgen.solver.outputs import uses_accelerations
 from ncgen.solver.run import Run, check_options, outline, simulation_of
-from ncgen.studies.design import Design, Varied
+from ncgen.studies.design import Design, Varied, argument_of, started
 from ncgen.studies.kept import Kept, kept
 
 WHOLE = 101
 """Instants of a run whose extremes or energy are looked at, unless `points` says something else."""
+
+NO_GRADIENT = ("stop", "inputs")
+"""Arguments of `simulate` beside which no gradients are kept."""
 
 NEAR = 1e-9
 """Share of a run within which two instants are one."""
@@ -33,7 +38,8 @@ NEAR = 1e-9
 @dataclass(frozen=True, eq=False)
 class Study:
     """design: the variants; kept: columns; times (K,): of histories (s); simulation: arguments of `simulate` that all have in common, but
-    for points: how many instants are looked at, or which; None where that follows from what is kept."""
+    for points: how many instants are looked at, or which; None where that follows from what is kept; steps: of equal length, of the motions
+    that gradients go through."""
 
     model: Model
     design: Design
@@ -41,6 +47,7 @@ class Study:
     times: np.ndarray
     simulation: dict[str, Any] = field(default_factory=dict)
     points: Any = None
+    steps: int | None = None
 
     def __repr__(self) -> str:
         return f"<Study {self.model.name}: {self.size} variants, {shortened(', '.join(k.word for k in self.kept), SHOWN)}>"
@@ -56,6 +63,7 @@ class Study:
         seed: int = 0,
         keep: str | Sequence[str] = (),
         times: Iterable[float] | None = None,
+        steps: int | None = None,
         simulation: Mapping[str, Any] | None = None,
     ) -> Study:
         """From the arguments of `ncgen.study`. Raises ModelError with one sentence, before anything is generated."""
@@ -68,7 +76,8 @@ class Study:
         for name, signal in (options.get("inputs") or {}).items():
             if callable(signal):
                 raise ModelError(f"inputs, {name}: a Python function is no data; give a number or a table of times and values")
-        columns = kept(keep, known)
+        variants = Design.of(vary, design, count, seed)
+        columns = kept(keep, known, variants.names)
         points = options.pop("points", None)
         instants = several(sorted(times or ()), "times")
         if any(column.over == "history" for column in columns) != bool(len(instants)):
@@ -78,8 +87,10 @@ class Study:
             raise ModelError(f"times: from {instants[0]:g} to {instants[-1]:g} s given; the run goes from {ends[0]:g} to {ends[1]:g} s")
         if len(instants) and run.stop is not None:
             raise ModelError("times: where a run may end before, it has no instants of its own; keep the end, or leave stop out")
-        study = cls(model, Design.of(vary, design, count, seed), columns, _apart(instants, ends), options, points)
+        steps = None if steps is None else whole(steps, "steps")
+        study = cls(model, variants, columns, _apart(instants, ends), options, points, steps)
         study._check_names()
+        study._check_gradients()
         return study
 
     def _check_names(self) -> None:
@@ -97,6 +108,25 @@ class Study:
             if self.simulation.get(name) is not None and not isinstance(self.simulation[name], Mapping) and self._varied(name):
                 raise ModelError(f"{name}: some of it varies; give the rest by name, {{name: number}}")
 
+    def _check_gradients(self) -> None:
+        if bool(self.gradients) != (self.steps is not None):
+            raise ModelError("steps: gradient(…) goes through steps of equal length, as ncgen.gradient does; give both or neither")
+        for column in self.gradients:
+            if given := [name for name in NO_GRADIENT if self.simulation.get(name)]:
+                raise ModelError(f"keep, {column.word}: {given[0]} is given, and such runs have no derivative; leave one of them out")
+            if column.is_output(self.model) and uses_accelerations(self.model):
+                raise ModelError(f"keep, {column.word}: outputs have accelerations in them, of which no gradient is kept; leave it out")
+
+    @cached_property
+    def values(self) -> tuple[Kept, ...]:
+        """Columns that are no gradients."""
+        return tuple(column for column in self.kept if not column.by)
+
+    @cached_property
+    def gradients(self) -> tuple[Kept, ...]:
+        """Columns that are."""
+        return tuple(column for column in self.kept if column.by)
+
     def _varied(self, argument: str) -> list[str]:
         return [name for name in self.design.names if argument_of(name)[0] == argument]
 
@@ -113,7 +143,7 @@ class Study:
     @cached_property
     def grid(self) -> np.ndarray:
         """The instants of every run (s): those of histories, and even ones where the whole run counts."""
-        usual = WHOLE if any(column.whole for column in self.kept) else 2
+        usual = WHOLE if any(column.whole for column in self.values) else 2
         even = Run.asked(self.model, **self.simulation, points=usual if self.points is None else self.points).times
         inner = even[1:-1]
         near = np.abs(inner[:, None] - self.times).min(axis=1, initial=np.inf) < NEAR * (even[-1] - even[0])
@@ -135,7 +165,7 @@ class Study:
         said = [
             told, axes, self.design.kind, self.design.count, self.design.seed, [column.word for column in self.kept],
             [t.hex() for t in self.times.tolist()], [t.hex() for t in self.grid.tolist()], _plain(self.simulation),
-        ]  # fmt: skip
+        ] + ([self.steps] if self.steps else [])  # fmt: skip
         return hashlib.sha256(json.dumps(said, sort_keys=True).encode()).hexdigest()
 
     @property
@@ -150,20 +180,6 @@ def _apart(times: np.ndarray, ends: np.ndarray) -> np.ndarray:
     for end in ends:
         times = np.where(np.abs(times - end) < near, end, times)
     return times[np.diff(times, prepend=-np.inf) > near] if len(times) else times
-
-
-def started(name: str) -> str | None:
-    """The coordinate or velocity whose start `start(…)` is; None for a parameter."""
-    return name[6:-1] if name.startswith("start(") and name.endswith(")") else None
-
-
-def argument_of(name: str) -> tuple[str, str]:
-    """The argument of `simulate` that a varied name is part of, and its name there."""
-    inner = started(name)
-    if inner is None:
-        return "p", name
-    coordinate = coordinate_of(inner)
-    return ("q0" if coordinate == inner else "zd0"), coordinate
 
 
 def _model_of(given: object) -> Model:

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, TypeAlias
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import count as whole
 from ncgen.solver.given import echo, finite, offer, positive
 
@@ -259,6 +260,20 @@ KINDS: dict[str, Callable[[Design, int, int], np.ndarray]] = {
 """{design: shares of its variants}; a grid and a list have numbers of their own."""
 
 LISTED = ("grid", "list")
+
+
+def started(name: str) -> str | None:
+    """The coordinate or velocity whose start `start(…)` is; None for a parameter."""
+    return name[6:-1] if name.startswith("start(") and name.endswith(")") else None
+
+
+def argument_of(name: str) -> tuple[str, str]:
+    """The argument of `simulate` that a varied name is part of, and its name there."""
+    inner = started(name)
+    if inner is None:
+        return "p", name
+    coordinate = coordinate_of(inner)
+    return ("q0" if coordinate == inner else "zd0"), coordinate
 
 
 def table(path: str, text: str) -> dict[str, Sequence[float]]:

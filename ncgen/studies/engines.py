@@ -1,11 +1,13 @@
 """Who computes: this process with threads, or executors whose workers may be lost.
 
 A worker is anything that takes `submit` as `concurrent.futures` has it: processes of this machine, a Dask cluster, loky. What is sent is
-the study as bytes, two numbers a chunk come with it, and columns come back; every worker compiles once, through its cache.
+the study as bytes and the numbers of a chunk's variants, and columns come back; every worker compiles once, through its cache. The
+numbers are sent, and not found again there, since to enter a sequence takes time, and what SciPy needs for it even more.
 """
 
 from __future__ import annotations
 
+import logging
 import os
 import pickle
 import signal
@@ -13,11 +15,12 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterator
 from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, CancelledError, Executor, Future, ProcessPoolExecutor, wait
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import contextmanager, suppress
 from typing import Any, Protocol
 
+import numpy as np
+
 from ncgen.errors import NcgenError
-from ncgen.studies.definition import Study
 from ncgen.studies.variants import Bench, Part
 
 LOOK = 0.05
@@ -33,6 +36,9 @@ LOST = ("KilledWorker", "FutureCancelledError", "CommClosedError")
 """Exceptions of Dask that say that a worker was lost."""
 
 Progress = Callable[[float], None]
+
+Chunk = tuple[int, np.ndarray]
+"""The first of some variants, and their numbers (B, names)."""
 
 
 class Engine(Protocol):
@@ -59,21 +65,21 @@ class Workers:
     make: a context with the executor; size: how many workers it has; threads: of lanes, in each of them
     """
 
-    def __init__(self, study: Study, make: Callable[[], Any], size: int, threads: int = 1) -> None:
-        self.study, self.make, self.size, self.threads = pickle.dumps(study), make, size, threads
-        self.digest = study.digest
+    def __init__(self, bench: Bench, make: Callable[[], Any], size: int, threads: int = 1) -> None:
+        self.study, self.make, self.size, self.threads = bench.study, make, size, threads
+        self.digest, self.sent = self.study.digest, pickle.dumps((self.study, bench.sample))
 
     def parts(self, next_chunk: Callable[[], tuple[int, int] | None], progress: Progress) -> Generator[tuple[Part, float], None, None]:
-        again: list[tuple[int, int]] = []
+        again: list[Chunk] = []
         lost = 0
         while True:
             broken = False
             with self.make() as executor:
-                running: dict[Future[Any], tuple[int, int]] = {}
+                running: dict[Future[Any], Chunk] = {}
                 while True:
-                    while not broken and len(running) < AHEAD * self.size and (chunk := again.pop() if again else next_chunk()):
+                    while not broken and len(running) < AHEAD * self.size and (chunk := again.pop() if again else self._chunk(next_chunk)):
                         try:
-                            running[executor.submit(compute, self.digest, self.study, *chunk, self.threads)] = chunk
+                            running[executor.submit(compute, self.digest, self.sent, *chunk, self.threads)] = chunk
                         except (BrokenExecutor, RuntimeError):
                             again.append(chunk)
                             broken = True
@@ -85,17 +91,23 @@ class Workers:
                         chunk = running.pop(future)
                         if (error := _failure(future)) is None:
                             lost = 0
-                            yield future.result()
+                            part, seconds = future.result()
+                            yield part.beside(self.study.design.names, chunk[1]), seconds
                         elif _is_lost(error):
                             again.append(chunk)
                             lost, broken = lost + 1, broken or isinstance(error, BrokenExecutor)
                         else:
                             raise error
                     if lost > LOSSES * AHEAD * self.size:
-                        first, count = again[-1]
-                        raise NcgenError(f"workers die again and again, last with variants {first} to {first + count - 1}; look at these")
+                        first, rows = again[-1]
+                        last = first + len(rows) - 1
+                        raise NcgenError(f"workers die again and again, last with variants {first} to {last}; look at these")
             if not broken:
                 return
+
+    def _chunk(self, next_chunk: Callable[[], tuple[int, int] | None]) -> Chunk | None:
+        chunk = next_chunk()
+        return (chunk[0], self.study.design.rows(*chunk)) if chunk else None
 
 
 def _failure(future: Future[Any]) -> BaseException | None:
@@ -116,14 +128,14 @@ _benches: dict[str, Bench] = {}
 _first = threading.Lock()
 
 
-def compute(digest: str, study: bytes, first: int, count: int, threads: int = 1) -> tuple[Part, float]:
-    """Variants of a pickled study, and the seconds that they took."""
+def compute(digest: str, study: bytes, first: int, rows: np.ndarray, threads: int = 1) -> tuple[Part, float]:
+    """Variants with these numbers (B, names) of a pickled study and its sample, and the seconds that they took."""
     with _first:
         if digest not in _benches:
             _benches.clear()
-            _benches[digest] = Bench(pickle.loads(study))
+            _benches[digest] = Bench(*pickle.loads(study))
     clock = time.perf_counter()
-    return _benches[digest].part(first, count, threads), time.perf_counter() - clock
+    return _benches[digest].computed(first, rows, threads), time.perf_counter() - clock
 
 
 def _prepare() -> None:
@@ -175,21 +187,26 @@ def cluster(address: str, workers: int | None) -> Iterator[tuple[Executor, int]]
         from distributed import Client, LocalCluster  # pyright: ignore[reportMissingImports]
     except ImportError as error:
         raise NcgenError("a cluster needs Dask, which is not installed; pip install 'ncgen[cluster]'") from error
-    with ExitStack() as stack:
+    things: list[Any] = []
+    try:
         if address == "local":
-            cluster = LocalCluster(n_workers=workers, threads_per_worker=1, dashboard_address=None)
-            stack.callback(_close, cluster)
-            client = Client(cluster)
+            quiet = {"dashboard_address": None, "silence_logs": logging.ERROR}  # a chunk that is given up is nothing to warn of
+            things.append(LocalCluster(n_workers=workers, threads_per_worker=1, **quiet))
+            things.append(Client(things[0]))
         else:
             try:
-                client = Client(address, timeout=10)
+                things.append(Client(address, timeout=10))
             except (OSError, ValueError) as error:
                 raise NcgenError(f"cluster {address}: no scheduler answers there ({error}); give its address, or 'local'") from error
-        stack.callback(_close, client)
-        executor = client.get_executor(pure=False, retries=LOSSES)
-        yield executor, max(1, sum(client.nthreads().values()))
+        client = things[-1]
+        yield client.get_executor(pure=False, retries=LOSSES), max(1, sum(client.nthreads().values()))
+    finally:
+        # Workers take a second or two to end, for which nobody waits but the end of Python.
+        threading.Thread(target=_close, args=(things,)).start()
 
 
-def _close(thing: Any) -> None:
-    with suppress(Exception):
-        thing.close(timeout=2)
+def _close(things: list[Any]) -> None:
+    """Close a client, then its cluster."""
+    for thing in reversed(things):
+        with suppress(Exception):
+            thing.close(timeout=2)

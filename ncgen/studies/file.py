@@ -35,6 +35,7 @@ KINDS: dict[str, tuple[tuple[type, ...], str]] = {
     "seed": ((int,), "a whole number"),
     "keep": ((str, list), "a list of texts"),
     "times": ((list,), "a list of numbers"),
+    "steps": ((int,), "a whole number"),
     "vary": ((dict, str), "a table, or the name of a CSV file"),
     "simulation": ((dict,), "a table"),
 }
@@ -77,7 +78,7 @@ def _told(path: Path, data: dict[str, Any]) -> Study:
     if model.endswith(".py"):
         raise ModelError(f"model: {model} is a program, which a study file does not run; write it as data by `ncgen convert {model}`")
     beside = path.parent / model
-    options = {key: data[key] for key in ("design", "count", "seed", "times") if key in data}
+    options = {key: data[key] for key in ("design", "count", "seed", "times", "steps") if key in data}
     if isinstance(vary, str):
         vary = table(vary, text_of(path.parent / vary))
         options.setdefault("design", "list")

@@ -4,6 +4,8 @@ psi2, rate(psi2)   a coordinate, its velocity or an output of the model at the e
 max(…), min(…)     the largest and the smallest of them over the run
 history(…)         all of them at the study's `times`
 energy_drift, steps, time   as of a trajectory, the accepted steps, and the time (s) at the end
+gradient(…, mass)  how what stands first, a value at the end or an extreme, changes with a parameter or a `start(…)`;
+gradient(…)        with everything that varies, a column each
 """
 
 from __future__ import annotations
@@ -16,20 +18,24 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.model import Model
 from ncgen.model.elements import coordinate_of
-from ncgen.solver.given import Outline, names_of, offer
+from ncgen.solver.given import Outline, known_name, names_of, offer
+from ncgen.studies.design import started
 from ncgen.studies.extremes import extremes
 
 OVER = ("max", "min", "history")
+GRADIENT = "gradient"
 SPECIAL = ("energy_drift", "steps", "time")
 
 
 @dataclass(frozen=True)
 class Kept:
-    """One column. over: "end", an entry of OVER, or of SPECIAL; name: of a coordinate, `rate(coordinate)` or output, "" of SPECIAL."""
+    """One column. over: "end", an entry of OVER, or of SPECIAL; name: of a coordinate, `rate(…)` or output, "" of SPECIAL; by: with
+    what it changes, if it is a gradient of that."""
 
     word: str
     over: str
     name: str = ""
+    by: str = ""
 
     @classmethod
     def of(cls, word: str, known: Outline) -> Kept:
@@ -54,13 +60,39 @@ class Kept:
         return self.name in model.outputs
 
 
-def kept(words: Sequence[str] | str, known: Outline) -> tuple[Kept, ...]:
-    """Columns from their words. Raises ModelError for one that means nothing, comes twice, or for none."""
+def kept(words: Sequence[str] | str, known: Outline, varied: Sequence[str] = ()) -> tuple[Kept, ...]:
+    """Columns from their words; varied: names of what varies. Raises ModelError for one that means nothing, comes twice, or for none."""
     names = names_of(words, "keep")
     if not names:
-        words = f"coordinates, outputs, max(…), min(…), history(…), {', '.join(SPECIAL)}"
+        words = f"coordinates, outputs, max(…), min(…), history(…), gradient(…), {', '.join(SPECIAL)}"
         raise ModelError(f"keep: nothing is kept of {known.name}; name {words}")
-    return tuple(Kept.of(name, known) for name in names)
+    found = [column for name in names for column in (_gradients(name, known, varied) or [Kept.of(name, known)])]
+    if twice := [column.word for k, column in enumerate(found) if column in found[:k]]:
+        raise ModelError(f"keep: {twice[0]} is named twice")
+    return tuple(found)
+
+
+def _gradients(word: str, known: Outline, varied: Sequence[str]) -> list[Kept]:
+    """Of a word that asks for gradients its columns. Raises ModelError for a number that has none, and for an unknown name."""
+    if not (word.startswith(f"{GRADIENT}(") and word.endswith(")")) or _is_known(word, known):
+        return []
+    of = word[len(GRADIENT) + 1 : -1]
+    first, comma, by = (part.strip() for part in of.rpartition(","))
+    whole = not comma or _is_known(of, known)
+    column = Kept.of(of if whole else first, known)
+    if column.over not in ("end", "max", "min"):
+        raise ModelError(f"keep, {word}: a gradient is of a value at the end, or of max(…) or min(…)")
+    if not whole:
+        _check_source(by, known, f"keep, {word}")
+    return [Kept(f"{GRADIENT}({column.word}, {name})", column.over, column.name, name) for name in (varied if whole else (by,))]
+
+
+def _check_source(name: str, known: Outline, where: str) -> None:
+    """Raises ModelError for what is neither a parameter nor the start of a coordinate or velocity."""
+    if (inner := started(name)) is None:
+        known_name(name, known.parameters, where, "parameter")
+    else:
+        known_name(coordinate_of(inner), known.coordinates, where)
 
 
 def _is_known(name: str, known: Outline) -> bool:
@@ -84,6 +116,10 @@ class Histories:
             return self.outputs[..., self.labels.index(name)]
         return (self.q if name in self.index else self.qd)[..., self.index[coordinate_of(name)]]
 
+    def rates(self, name: str) -> np.ndarray | None:
+        """Rates (B, K) of a coordinate; None of what has none."""
+        return self.of(f"rate({name})") if name in self.index and name not in self.labels else None
+
     def column(self, kept: Kept, times: np.ndarray) -> np.ndarray:
         """What is kept, (B,), or (B, times) of a history."""
         values = self.of(kept.name)
@@ -91,5 +127,4 @@ class Histories:
             return values[:, -1].copy()
         if kept.over == "history":
             return values[:, np.searchsorted(self.t, times)]
-        rates = self.of(f"rate({kept.name})") if kept.name in self.index and kept.name not in self.labels else None
-        return extremes(self.t, values, rates)[kept.over == "max"]
+        return extremes(self.t, values, self.rates(kept.name))[kept.over == "max"]

@@ -1,25 +1,46 @@
-"""Results from where they were written."""
+"""Results and motions from where they were written."""
 
 from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import overload
 
+from ncgen.compiler import compile
 from ncgen.errors import NcgenError
+from ncgen.exchange.toml_reader import model_of
+from ncgen.mechanism.kernels import Kernels
+from ncgen.model import Model
 from ncgen.report.along import Recorded
+from ncgen.solver.trajectory import Trajectory
 from ncgen.studies.folder import Folder
 from ncgen.studies.result import StudyResult
 
 
-def read(path: str | os.PathLike[str]) -> StudyResult | Recorded:
-    """The result of a study from its folder, as far as it has come, or what `Trajectory.to_npz` wrote, by name.
+@overload
+def read(path: str | os.PathLike[str], model: None = None) -> StudyResult | Trajectory | Recorded: ...
 
-    Raises NcgenError in one line for what is neither.
+
+@overload
+def read(path: str | os.PathLike[str], model: Model | Kernels) -> Trajectory: ...
+
+
+def read(path: str | os.PathLike[str], model: Model | Kernels | None = None) -> StudyResult | Trajectory | Recorded:
+    """The result of a study from its folder, as far as it has come, or the trajectory that `Trajectory.to_npz` wrote.
+
+    model: of a trajectory whose file has none, since it is not all data or the file is of before the first release. Without it such a
+        file gives its arrays and names alone
+    What a file says is data: nothing of it is evaluated or unpickled. Raises NcgenError in one line for what is neither, for what is
+    broken, and for a trajectory of another model.
     """
     place = Path(path)
     if place.is_dir():
         folder = Folder.at(place)
         return StudyResult(folder.manifest, folder)
-    if place.suffix == ".npz":
-        return Recorded.read(place)
-    raise NcgenError(f"{place}: {'no' if place.exists() else 'there is no such'} folder of a study or trajectory.npz; give one")
+    if place.suffix != ".npz":
+        raise NcgenError(f"{place}: {'no' if place.exists() else 'there is no such'} folder of a study or trajectory.npz; give one")
+    recorded = Recorded.read(place)
+    if model is None and not (recorded.model and recorded.about):
+        return recorded
+    found = model_of(recorded.model, place) if model is None else model
+    return recorded.trajectory(compile(found) if isinstance(found, Model) else found)

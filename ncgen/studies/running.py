@@ -40,6 +40,7 @@ def study(
     count: int | None = None,
     seed: int = 0,
     times: Iterable[float] | None = None,
+    steps: int | None = None,
     folder: str | os.PathLike[str] | None = None,
     workers: int | str | Executor | None = None,
     threads: int | None = None,
@@ -53,7 +54,8 @@ def study(
     design: "grid" (all combinations), "list" (the first numbers together, then the second …), "random", "latin", "sobol", "halton", or
         "saltelli", from which `result.sobol` takes Sobol' indices; count: variants, or points of saltelli; seed: of all but grid and list
     keep: words for columns: a coordinate, its `rate(…)` or an output at the end; `max(…)` and `min(…)` of them over the run; `history(…)`
-        at `times` (s); `energy_drift`, `steps`, `time`
+        at `times` (s); `energy_drift`, `steps`, `time`; `gradient(max(psi), mass)`, how a value at the end or an extreme changes with a
+        parameter or a `start(…)`, or `gradient(max(psi))`, with all that varies: through `steps` equal steps, as by `ncgen.gradient`
     folder: where results are written while they are found; a study that is there already goes on where it ended
     workers: None for this process with `threads` (None: all processors); a number of processes; "local" for a Dask cluster of this
         machine or the address of a scheduler; or an executor as of concurrent.futures
@@ -66,7 +68,7 @@ def study(
     with any workers, chunks and restarts on machines of one kind.
     Raises ModelError for what cannot be asked, NcgenError where the folder cannot be written; Ctrl-C keeps what is in the folder.
     """
-    asked = Study.of(model, vary, design=design, count=count, seed=seed, keep=keep, times=times, simulation=simulation)
+    asked = Study.of(model, vary, design=design, count=count, seed=seed, keep=keep, times=times, steps=steps, simulation=simulation)
     return carry_out(asked, folder, workers, threads, progress)
 
 
@@ -87,7 +89,7 @@ def carry_out(
         missing = about.missing() if about else [(0, study.size)]
         parts: list[Part] = []
         keep = about.write if about else parts.append
-        engine = _engine(study, bench, workers, threads, stack)
+        engine = _engine(bench, workers, threads, stack)
         told = _told(study, progress, stack)
         for part in stack.enter_context(closing(_Work(study, missing, told).parts(engine))):
             keep(part)
@@ -103,18 +105,18 @@ def _told(study: Study, progress: Wanted, stack: ExitStack) -> Told | None:
     return progress or None
 
 
-def _engine(study: Study, bench: Bench, workers: object, threads: int | None, stack: ExitStack) -> engines.Engine:
+def _engine(bench: Bench, workers: object, threads: int | None, stack: ExitStack) -> engines.Engine:
     """Who computes. Raises ModelError for what is none."""
     if workers is None:
         return engines.Here(bench, threads)
     if isinstance(workers, str):
         executor, size = stack.enter_context(engines.cluster(workers, threads))
-        return engines.Workers(study, partial(engines.borrowed, executor), size)
+        return engines.Workers(bench, partial(engines.borrowed, executor), size)
     if isinstance(workers, int) and not isinstance(workers, bool):
         size = whole(workers, "workers")
-        return engines.Workers(study, partial(engines.processes, size), size, threads or 1)
+        return engines.Workers(bench, partial(engines.processes, size), size, threads or 1)
     if isinstance(workers, Executor):
-        return engines.Workers(study, partial(engines.borrowed, workers), os.cpu_count() or 1, threads or 1)
+        return engines.Workers(bench, partial(engines.borrowed, workers), os.cpu_count() or 1, threads or 1)
     raise ModelError(f"workers: {echo(workers)} given; give a number of processes, 'local', the address of a Dask scheduler or an executor")
 
 

@@ -6,8 +6,9 @@ variants that can be started, and kernels are the study's own, so nothing that w
 
 from __future__ import annotations
 
+import contextlib
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -21,10 +22,14 @@ from ncgen.solver.batch import Choice, States, closed, in_lanes, side_by_side
 from ncgen.solver.energy import drifts
 from ncgen.solver.given import position
 from ncgen.solver.outputs import outputs_of, uses_accelerations
+from ncgen.solver.partition import determined
 from ncgen.solver.run import EMITTED, Run
 from ncgen.solver.simulate import simulate
-from ncgen.studies.definition import Study, argument_of
+from ncgen.solver.start import begin
+from ncgen.studies.definition import Study
+from ncgen.studies.design import argument_of
 from ncgen.studies.kept import Histories
+from ncgen.studies.slopes import Slopes
 
 FIRST = 64
 """Variants among which one is looked for that can be started, again and again as many."""
@@ -56,12 +61,21 @@ class Part:
     def __len__(self) -> int:
         return len(self.columns["ok"])
 
+    def beside(self, names: tuple[str, ...], rows: np.ndarray) -> Part:
+        """The part with the numbers (B, names) that varied before its own columns."""
+        return Part(self.first, dict(zip(names, rows.T, strict=True)) | self.columns, self.said)
+
+
+Moved = tuple[Part, np.ndarray]
+"""Variants, and where their motions end (B, n)."""
+
 
 class Bench:
-    """A study ready to compute, in one process."""
+    """A study ready to compute, in one process. sample: numbers (some, names) of variants at which another process has chosen what all
+    variants have in common; None to look for such ones."""
 
-    def __init__(self, study: Study) -> None:
-        self.study, self.kernels = study, compile(study.model)
+    def __init__(self, study: Study, sample: np.ndarray | None = None) -> None:
+        self.study, self.kernels, self.sample = study, compile(study.model), sample
         self._choice: Choice | None = None
         self.refused = self._why_not_in_lanes()
         if self.refused and study.simulation.get("engine", AUTO) in EMITTED:
@@ -70,13 +84,13 @@ class Bench:
                 "would serve the next; leave engine out"
             )
         self.refused = self.refused or self._choose()
+        self._slopes = Slopes(study, self.kernels, self._independent()) if study.gradients else None
 
     @property
     def made_with(self) -> str:
         """How variants are computed, in words."""
-        if self.refused:
-            return f"one at a time by simulate: {self.refused}"
-        return f"{self._lanes_run[1]}, in lanes"
+        how = f"one at a time by simulate: {self.refused}" if self.refused else f"{self._lanes_run[1]}, in lanes"
+        return f"{how}; {self._slopes}" if self._slopes else how
 
     def part(self, first: int, count: int, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
         """The variants from `first` on.
@@ -84,8 +98,50 @@ class Bench:
         threads: of lanes, None for all processors; progress: called with the share of them that are done. What it raises ends the call
         """
         rows = self.study.design.rows(first, count)
-        found = self._alone(first, rows, progress) if self._choice is None else self._together(first, rows, threads, progress)
-        return Part(first, dict(zip(self.study.design.names, rows.T, strict=True)) | found.columns, found.said)
+        return self.computed(first, rows, threads, progress).beside(self.study.design.names, rows)
+
+    def computed(self, first: int, rows: np.ndarray, threads: int | None = 1, progress: Callable[[float], None] | None = None) -> Part:
+        """The variants with these numbers (B, names), which are not in it; else as `part`."""
+        moved = (lambda share: progress(0.0)) if progress and self._slopes else progress  # gradients take longer
+        found, ends = self._alone(first, rows, moved) if self._choice is None else self._together(first, rows, threads, moved)
+        return self._with_slopes(found, rows, ends, progress)
+
+    def _samples(self) -> Iterator[np.ndarray]:
+        """Numbers of variants among which one may be found that can be started; those that were enough stay."""
+        if self.sample is not None:
+            yield self.sample
+            return
+        for first in range(0, min(TRIES * FIRST, self.study.size), FIRST):
+            yield self.study.design.rows(first, min(FIRST, self.study.size - first))
+
+    def _independent(self) -> tuple[str, ...]:
+        """What starts independently in all variants: what is chosen for lanes, else at the first variants that can be started."""
+        if self._choice is not None:
+            return self._choice.names
+        for rows in self._samples():
+            for row in rows:
+                with contextlib.suppress(NcgenError, np.linalg.LinAlgError), warnings.catch_warnings():
+                    warnings.simplefilter("ignore")
+                    initial = Run.asked(self.kernels, **self.study.options(row)).initial
+                    found = determined(begin(self.kernels, initial, partitioned=True).partitions).position.names(self.kernels)
+                    self.sample = rows
+                    return found
+        return ()
+
+    def _with_slopes(self, part: Part, rows: np.ndarray, ends: np.ndarray, progress: Callable[[float], None] | None) -> Part:
+        """The same variants with their gradients. ends: where each arrives (B, n)."""
+        if self._slopes is None:
+            return part
+        found = {column.word: np.full(len(rows), np.nan) for column in self.study.gradients}
+        for i in np.flatnonzero(part.columns["ok"]).tolist():
+            if progress:
+                progress(i / len(rows))
+            values, said = self._slopes.of(rows[i], ends[i])
+            for word, value in values.items():
+                found[word][i] = value
+            if said:
+                part.said.setdefault(part.first + i, said)
+        return Part(part.first, part.columns | found, part.said)
 
     # -- in lanes --------------------------------------------------------------------------------------------------------------------------
 
@@ -100,7 +156,7 @@ class Bench:
             return f"formalism is {said['formalism']}"
         if said.get("integrator", AUTO) == AUTO and not study.left_open:
             return "the integrator is left open beside a formalism"
-        if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.kept):
+        if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.values):
             return "outputs have accelerations in them"
         try:
             self._lanes_run = self._run_in_lanes()
@@ -122,11 +178,12 @@ class Bench:
         """Choose independent coordinates, once for all variants; why there are none for lanes, or None."""
         run, method = self._lanes_run
         refused: NcgenError | None = None
-        for first in range(0, min(TRIES * FIRST, self.study.size), FIRST):
-            q, _, p = self._starts(self.study.design.rows(first, min(FIRST, self.study.size - first)))
+        for rows in self._samples():
+            q, _, p = self._starts(rows)
             q, _ = closed(self.kernels, q, run.initial.t, p)
             try:
                 self._choice = Choice.at_first(self.kernels, q, run.initial.t, p, run.initial.z, method)
+                self.sample = rows
                 break
             except (SingularError, DomainError) as error:
                 refused = error
@@ -174,7 +231,7 @@ class Bench:
             found[:, names.index(name)] = value
         return found
 
-    def _together(self, first: int, rows: np.ndarray, threads: int | None, progress: Callable[[float], None] | None) -> Part:
+    def _together(self, first: int, rows: np.ndarray, threads: int | None, progress: Callable[[float], None] | None) -> Moved:
         assert self._choice is not None
         (run, method), kernels = self._lanes_run, self.kernels
         q, varied, p = self._starts(rows)
@@ -188,9 +245,9 @@ class Bench:
         columns: dict[str, np.ndarray] = {"ok": ok}
         outputs = self._outputs(run.times, done, p, ok)
         histories = Histories(kernels.index, tuple(kernels.model.outputs), run.times, done.q, done.qd, outputs)
-        for column in self.study.kept:
+        for column in self.study.values:
             columns[column.word] = self._column(column, histories, done, p, ok)
-        return Part(first, columns, {first + i: done.status[i] for i in np.flatnonzero(~ok).tolist()})
+        return Part(first, columns, {first + i: done.status[i] for i in np.flatnonzero(~ok).tolist()}), done.q[:, -1]
 
     def _column(self, column: Any, histories: Histories, done: Any, p: np.ndarray, ok: np.ndarray) -> np.ndarray:
         if column.over == "steps":
@@ -206,7 +263,7 @@ class Bench:
 
     def _outputs(self, t: np.ndarray, done: Any, p: np.ndarray, ok: np.ndarray) -> np.ndarray:
         """Outputs (B, K, outputs) that somebody keeps, only where they count; else none."""
-        kernels, wanted = self.kernels, [column for column in self.study.kept if column.is_output(self.study.model)]
+        kernels, wanted = self.kernels, [column for column in self.study.values if column.is_output(self.study.model)]
         found = np.full((*done.q.shape[:2], len(kernels.model.outputs) if wanted else 0), np.nan)
         if wanted:
             places = [len(t) - 1] if all(column.over == "end" for column in wanted) else list(range(len(t)))
@@ -217,12 +274,12 @@ class Bench:
 
     # -- one at a time ---------------------------------------------------------------------------------------------------------------------
 
-    def _alone(self, first: int, rows: np.ndarray, progress: Callable[[float], None] | None) -> Part:
+    def _alone(self, first: int, rows: np.ndarray, progress: Callable[[float], None] | None) -> Moved:
         study, said = self.study, {}
-        shapes = {column.word: (len(study.times),) if column.over == "history" else () for column in study.kept}
+        shapes = {column.word: (len(study.times),) if column.over == "history" else () for column in study.values}
         columns = {word: np.full((len(rows), *shape), np.nan) for word, shape in shapes.items()}
-        columns |= {column.word: np.zeros(len(rows), dtype=np.int64) for column in study.kept if column.over == "steps"}
-        ok, told = np.zeros(len(rows), dtype=bool), 0.0
+        columns |= {column.word: np.zeros(len(rows), dtype=np.int64) for column in study.values if column.over == "steps"}
+        ok, told, ends = np.zeros(len(rows), dtype=bool), 0.0, np.full((len(rows), self.kernels.n), np.nan)
         for i, row in enumerate(rows):
             if progress and i / len(rows) - told >= TELLS:
                 told = i / len(rows)
@@ -234,24 +291,26 @@ class Bench:
                 said[first + i] = values
                 continue
             ok[i] = True
-            for word, value in values.items():
+            ends[i] = values[1]
+            for word, value in values[0].items():
                 columns[word][i] = value
             if caught:
                 said[first + i] = str(caught[0].message)
-        return Part(first, {"ok": ok} | columns, said)
+        return Part(first, {"ok": ok} | columns, said), ends
 
-    def _simulated(self, row: np.ndarray, progress: Callable[[float], None] | None) -> dict[str, Any] | str:
-        """What is kept of one variant, or why it has no motion."""
+    def _simulated(self, row: np.ndarray, progress: Callable[[float], None] | None) -> tuple[dict[str, Any], np.ndarray] | str:
+        """What is kept of one variant and where it ends (n,), or why it has no motion."""
         study, kernels = self.study, self.kernels
         try:
             run = simulate(kernels, **study.options(row), points=study.grid, progress=(lambda t: None) if progress else None)
             outputs = np.zeros((len(run.t), 0))
-            if any(column.is_output(study.model) for column in study.kept):
+            if any(column.is_output(study.model) for column in study.values):
                 outputs = np.column_stack([*run.outputs.values()])
             histories = Histories(kernels.index, tuple(kernels.model.outputs), run.t, run.q[None], run.qd[None], outputs[None])
             own = {"steps": lambda: run.statistics.steps, "time": lambda: run.t[-1]}
             own["energy_drift"] = lambda: run.energy_drift
-            return {c.word: own[c.over]() if c.over in own else histories.column(c, study.times)[0] for c in study.kept}
+            kept = {c.word: own[c.over]() if c.over in own else histories.column(c, study.times)[0] for c in study.values}
+            return kept, run.q[-1]
         except NcgenError as error:
             return str(error)
         except (ArithmeticError, np.linalg.LinAlgError) as error:

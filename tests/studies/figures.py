@@ -1,21 +1,28 @@
-"""The measured figures of docs/studies.md: `python tests/studies/figures.py [falls | engines | bits | single] [--count N]`."""
+"""The measured figures of docs/studies.md: `python tests/studies/figures.py [NAME …] [--count N]`, NAME being a key of WAYS below."""
 
 from __future__ import annotations
 
 import argparse
+import logging
+import os
+import pickle
 import re
 import resource
 import shutil
+import signal
+import subprocess
+import sys
 import tempfile
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 import ncgen
 import ncgen.studies.design
 import ncgen.studies.result
-from ncgen.exchange.examples import load
+from ncgen.exchange.examples import example_module, load
 from ncgen.exchange.toml_writer import to_toml
 
 TOLERANCES = {"rtol": 1e-6, "atol": 1e-8}
@@ -126,7 +133,126 @@ def bits(folder: Path, count: int) -> None:
         print(f"simulate_batch {plain:.2f} s, study {seconds:.2f} s, of {count}")
 
 
-WAYS = {"falls": (falls, 100_000), "single": (single, 500), "engines": (engines, 100_000), "bits": (bits, 20_000)}
+def killed(folder: Path, count: int) -> None:
+    """A Dask cluster of which a worker is killed every five seconds, once something has arrived since the last (else workers on a machine
+    that is slow to start them would never come to work): nothing is lost, nothing comes twice, and bits are the same."""
+    from distributed import LocalCluster
+
+    model, vary = robot(folder)
+    expected, alone = timed(model, vary, count)
+    dead: list[tuple[float, int]] = []
+    with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL) as cluster:
+        begun = time.perf_counter()
+
+        def kill_one(done: int, *_: object) -> None:
+            last, then = dead[-1] if dead else (begun, 0)
+            if time.perf_counter() - last > 5.0 and done > then:
+                processes = [nanny.process.process.pid for nanny in cluster.workers.values() if nanny.process and nanny.process.process]
+                if processes:
+                    os.kill(processes[len(dead) % len(processes)], signal.SIGKILL)
+                    dead.append((time.perf_counter(), done))
+
+        found, seconds = timed(model, vary, count, folder=folder / "killed", workers=cluster.scheduler_address, progress=kill_one)
+    same = all(np.array_equal(found[key], expected[key]) for key in expected.keys())
+    once = np.array_equal(found.variant, np.arange(count))
+    print(
+        f"{count} in {seconds:.1f} s ({alone:.1f} s by threads), {len(dead)} workers killed; every variant once: {once}, same bits: {same}"
+    )
+
+
+def starting(folder: Path, count: int) -> None:
+    """What a cluster's start consists of, in this process and in its workers."""
+    from ncgen.studies.definition import Study
+    from ncgen.studies.variants import Bench
+
+    model, vary = robot(folder)
+    bench = Bench(Study.of(model, vary, design="sobol", count=count, seed=1, keep=KEEP, simulation=TOLERANCES))
+    sent = folder / "sent"
+    sent.write_bytes(pickle.dumps((bench.study, bench.sample)))
+    asked = "import time; a = time.perf_counter(); {}; print(time.perf_counter() - a)"
+    bench_of = f"b = Bench(*pickle.loads(open({str(sent)!r}, 'rb').read())); b.computed(0, b.sample)"
+    before = "import pickle; from ncgen.studies.variants import Bench; import ncgen.studies.engines; "
+    for what, program in {
+        "Python": "pass",
+        "import distributed": asked.format("import distributed"),
+        "import ncgen.studies.engines": asked.format("import ncgen.studies.engines"),
+        "study read, choices made, first variants": before + asked.format(bench_of),
+        "import scipy.stats.qmc, which workers do without": "import ncgen.studies.engines; " + asked.format("import scipy.stats.qmc"),
+    }.items():
+        clock = time.perf_counter()
+        done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+        print(f"{what}: {float(done.stdout or time.perf_counter() - clock):.2f} s")
+
+
+LINKS = 3
+
+
+def arm_in_mujoco(step: float) -> str:
+    """The arm of the examples for MuJoCo: the frames of all links are the global ones at the start."""
+    arm = example_module("arm")
+    text, place = "", np.zeros(3)
+    for i in range(LINKS):
+        middle, tensor = arm.step(i) / 2, arm.inertia(i, LINKS)
+        entries = [tensor[k] for k in ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))]
+        text += f'<body pos="{row(place)}"><joint type="hinge" axis="{row(arm.axis(i))}"/>'
+        text += f'<inertial pos="{row(middle)}" mass="{arm.mass(i, LINKS)!r}" fullinertia="{row(entries)}"/>'
+        place = arm.step(i)
+    options = f'<option gravity="0 0 -9.81" integrator="RK4" timestep="{step!r}"><flag contact="disable" constraint="disable"/></option>'
+    return f'<mujoco><compiler balanceinertia="false"/>{options}<worldbody>{text}{"</body>" * LINKS}</worldbody></mujoco>'
+
+
+def row(numbers: Any) -> str:
+    return " ".join(repr(float(x)) for x in numbers)
+
+
+def mujoco(folder: Path, count: int) -> None:
+    """An open arm of three hinges falls for 0.5 s from other velocities: variants a second beside the largest error (rad), two threads."""
+    from mujoco import MjData, MjModel, rollout
+
+    model = example_module("arm").build(LINKS)
+    names = [f"psi{i + 1}" for i in range(LINKS)]
+    vary = {f"start(rate({name}))": {"low": -1.0, "high": 1.0} for name in names}
+    rates = ncgen.studies.design.Design.of(vary, "sobol", count, 1).rows(0, count)
+    few = min(count, 256)
+
+    def own(rtol: float, size: int) -> tuple[np.ndarray, float]:
+        clock = time.perf_counter()
+        found = ncgen.study(model, vary, design="sobol", count=size, seed=1, keep=names, duration=0.5, rtol=rtol, zd0={})
+        return np.column_stack([found[name] for name in names]) - start, time.perf_counter() - clock
+
+    kernels = ncgen.compile(model)
+    start = np.array([kernels.q0[kernels.index[name]] for name in names])
+    exact = own(1e-12, few)[0]
+
+    def other(steps: int, size: int) -> tuple[np.ndarray, float]:
+        made = MjModel.from_xml_string(arm_in_mujoco(0.5 / steps))
+        data = [MjData(made) for _ in range(2)]
+        states = np.column_stack([np.zeros((size, 1 + LINKS)), rates[:size]])
+        clock = time.perf_counter()
+        ends = []
+        with rollout.Rollout(nthread=2) as engine:
+            for first in range(0, size, 2000):  # what comes back has all steps in it
+                state, _ = engine.rollout(made, data, states[first : first + 2000], nstep=steps)
+                ends.append(state[:, -1, 1 : 1 + LINKS].copy())
+        return np.concatenate(ends), time.perf_counter() - clock
+
+    for what, run, settings in (("ncgen, rtol", own, (1e-4, 1e-6, 1e-8)), ("MuJoCo, RK4, steps", other, (25, 50, 100, 200, 400))):
+        for setting in settings:
+            run(setting, few)
+            ends, seconds = run(setting, count)
+            error = np.abs(ends[:few] - exact).max()
+            print(f"{what} {setting:g}: {count / seconds:.0f} variants/s, error {error:.1e} rad")
+
+
+WAYS = {
+    "falls": (falls, 100_000),
+    "single": (single, 500),
+    "engines": (engines, 100_000),
+    "bits": (bits, 20_000),
+    "killed": (killed, 100_000),
+    "starting": (starting, 1_000),
+    "mujoco": (mujoco, 20_000),
+}
 
 
 def main() -> None:
@@ -137,6 +263,7 @@ def main() -> None:
     for what in given.what or WAYS:
         function, usual = WAYS[what]
         folder = Path(tempfile.mkdtemp())
+        print(f"-- {what}, load {os.getloadavg()[0]:.1f}", flush=True)
         try:
             function(folder, given.count or usual)
         finally:

@@ -28,17 +28,55 @@ def uninterrupted():
     return small_study.run(None, COUNT)
 
 
-def start(folder: Path, workers: int = 0, limit: int | None = None, count: int = COUNT) -> subprocess.Popen:
-    def limited() -> None:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
-        if limit is not None:
-            resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+class Forked:
+    """A process like one of `subprocess`, which has imported everything already: a copy of this one."""
 
+    def __init__(self, folder: Path, count: int, limit: int | None) -> None:
+        reading, writing = os.pipe()
+        self.pid, self.returncode = os.fork(), None
+        if self.pid:
+            os.close(writing)
+            self.stdout = os.fdopen(reading)
+            return
+        status = 70
+        signal.alarm(60)
+        try:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
+            sys.stdout = os.fdopen(writing, "w")
+            if limit is not None:
+                signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+                resource.setrlimit(resource.RLIMIT_FSIZE, (limit, limit))
+            status = small_study.main(str(folder), count, None, threads=1)  # a fork has no other threads
+            sys.stdout.flush()
+        finally:
+            os._exit(status)
+
+    def send_signal(self, number: int) -> None:
+        os.kill(self.pid, number)
+
+    def kill(self) -> None:
+        self.send_signal(signal.SIGKILL)
+
+    def communicate(self, timeout: float = 0.0) -> tuple[str, None]:
+        said = self.stdout.read()
+        self.stdout.close()
+        self.returncode = os.waitstatus_to_exitcode(os.waitpid(self.pid, 0)[1])
+        return said, None
+
+
+Process = Forked | subprocess.Popen
+
+
+def start(folder: Path, workers: int | str = 0, limit: int | None = None, count: int = COUNT) -> Process:
+    """A study that will be ended; one that starts processes itself is a program of its own."""
+    if not workers:
+        return Forked(folder, count, limit)
     arguments = [sys.executable, str(PROGRAM), str(folder), str(count), str(workers)]
-    return subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=limited)
+    heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731
+    return subprocess.Popen(arguments, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, preexec_fn=heard)
 
 
-def first_told(process: subprocess.Popen, least: int) -> None:
+def first_told(process: Process, least: int) -> None:
     """Wait until so many variants are done."""
     assert process.stdout
     for line in process.stdout:
@@ -54,22 +92,17 @@ def assert_same(found, expected) -> None:
         assert np.array_equal(found[name], expected[name]), name
 
 
-def kill_and_go_on(folder: Path, times: int, seed: int) -> int:
-    """Kill a study at random moments after its first results; how often something was left to do."""
-    wait, useful = random.Random(seed), 0
-    for _ in range(times):
+def test_kill_9(tmp_path, uninterrupted):
+    """Three times at random moments after its first results."""
+    folder, wait, useful = tmp_path / "swing", random.Random(1), 0
+    for _ in range(3):
         process = start(folder)
-        first_told(process, 1 if not folder.exists() else 0)
-        time.sleep(wait.uniform(0, 0.5))
+        first_told(process, 0 if folder.exists() else 1)
+        time.sleep(wait.uniform(0, 0.2))
         process.kill()
         process.communicate()
         useful += len(ncgen.read(folder)) < COUNT
-    return useful
-
-
-def test_kill_9(tmp_path, uninterrupted):
-    folder = tmp_path / "swing"
-    assert kill_and_go_on(folder, 3, 1) >= 1
+    assert useful >= 1
     assert_same(small_study.run(str(folder), COUNT), uninterrupted)
     assert not [*folder.glob(".variants-*")]
 
@@ -87,18 +120,23 @@ def test_kill_9_twenty_times(tmp_path):
     assert_same(small_study.run(str(folder), 20 * COUNT), expected)
 
 
-@pytest.mark.parametrize("workers", [0, pytest.param(2, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("workers", [0, *(pytest.param(workers, marks=pytest.mark.slow) for workers in (2, "local"))])
 def test_ctrl_c_ends_soon(tmp_path, workers, uninterrupted):
-    """Cleanly, with what was done in the folder, and no process left."""
+    """Cleanly, with what was done in the folder, and no process left; whoever pressed it waits for no worker's end."""
+    if workers == "local":
+        pytest.importorskip("distributed")
     folder = tmp_path / "swing"
     process = start(folder, workers, count=200 * COUNT)
     first_told(process, 65)  # the first chunk is written
     pressed = time.perf_counter()
     process.send_signal(signal.SIGINT)
-    said, _ = process.communicate(timeout=20)
+    assert process.stdout
+    said = next(line for line in process.stdout if not line.strip().isdigit())
     spent = time.perf_counter() - pressed
-    assert process.returncode == 3 and "KeyboardInterrupt" in said
-    assert spent < 5.0  # with Python's own end, on a machine that does other things too
+    rest, _ = process.communicate(timeout=20)
+    print(f"Ctrl-C with {workers or 'no'} workers: {spent:.3f} s, the process {time.perf_counter() - pressed:.3f} s")
+    assert process.returncode == 3 and "KeyboardInterrupt" in said and "Traceback" not in rest
+    assert spent < 1.0  # on a machine that does other things too
     found = ncgen.read(folder)
     assert 0 < len(found) < 200 * COUNT and found.ok.all()
 
@@ -115,18 +153,19 @@ def test_a_full_disk(tmp_path, uninterrupted):
     assert_same(small_study.run(str(folder), COUNT), uninterrupted)
 
 
-def test_processes_and_lost_ones(tmp_path, uninterrupted):
+@pytest.mark.parametrize("workers", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_processes_and_lost_ones(tmp_path, workers, uninterrupted):
     """Workers are killed while they work: nothing is lost, nothing comes twice, and the bits are those of one process."""
     killed: list[int] = []
 
     def kill_one(done: int, *_: object) -> None:
         children = [int(x) for x in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
-        workers = [c for c in children if "spawn_main" in Path(f"/proc/{c}/cmdline").read_text()]
-        if done and not killed and workers:
-            killed.append(workers[0])
-            os.kill(workers[0], signal.SIGKILL)
+        found = [c for c in children if "spawn_main" in Path(f"/proc/{c}/cmdline").read_text()]
+        if done and not killed and found:
+            killed.append(found[0])
+            os.kill(found[0], signal.SIGKILL)
 
-    assert_same(small_study.run(str(tmp_path / "swing"), COUNT, 2, progress=kill_one), uninterrupted)
+    assert_same(small_study.run(str(tmp_path / "swing"), COUNT, workers, progress=kill_one), uninterrupted)
     assert killed
 
 
@@ -158,7 +197,7 @@ def test_what_a_study_does_raises_where_it_is_wrong():
     from ncgen.studies.engines import compute
 
     with pytest.raises(Exception, match="pickle|load"):
-        compute("none", b"no study", 0, 1)
+        compute("none", b"no study", 0, np.empty((0, 0)))
 
 
 def test_folders_are_guarded(tmp_path):
@@ -188,10 +227,3 @@ def test_folders_are_guarded(tmp_path):
         small_study.run(str(tmp_path / "other"), 100)
     with pytest.raises(ncgen.NcgenError, match="there is no such"):
         ncgen.read(tmp_path / "nothing")
-
-
-def test_a_trajectory_is_read_back(tmp_path):
-    kernels = ncgen.compile(small_study.swing())
-    run = ncgen.simulate(kernels, 0.5, zd0={"psi": 1.0}, points=5)
-    found = ncgen.read(run.to_npz(tmp_path / "trajectory.npz"))
-    assert np.array_equal(found.arrays["q"], run.q) and found.names["coordinates"] == run.coordinates
