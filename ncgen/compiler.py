@@ -118,8 +118,11 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
 
 def sources_of(model: Model | Sources, emission: str, timings: Timings, kept: bool = True) -> Sources:
     """Sources of a model, generated or, where they may be, as they were kept from before."""
-    if not isinstance(model, Model):
-        return model if hasattr(model, "programs") else checked_model(model)
+    from ncgen.emit.sources import Sources
+
+    if isinstance(model, Sources):
+        return model
+    model = checked_model(model)
     if not kept:
         return generate(model, emission, timings)
     from ncgen.mechanism import recall

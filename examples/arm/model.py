@@ -61,4 +61,4 @@ def mass(i: int, n: int) -> float:
 def inertia(i: int, n: int) -> np.ndarray:
     """The tensor (kg m²) of link i about its middle, along the global axes."""
     moments = WIDTH**2 + LENGTH**2, WIDTH**2 + LENGTH**2, 2 * WIDTH**2
-    return sum(moment * np.outer(e, e) for moment, e in zip(moments, frame(i).T)) * mass(i, n) / 12
+    return sum((moment * np.outer(e, e) for moment, e in zip(moments, frame(i).T)), np.zeros((3, 3))) * mass(i, n) / 12

@@ -41,7 +41,7 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.array([[dot(row, column) for column in b.T] for row in a])
 
 
-def weights(base: Sequence[ArrayLike], target: ArrayLike) -> list[float]:
+def weights(base: np.ndarray | Sequence[ArrayLike], target: ArrayLike) -> list[float]:
     """Numbers w of the least squares target = Σ w · base, of independent vectors (k,): exact, and rounded once."""
     columns, wanted = [_exact(column) for column in base], _exact(target)
     rows = [[_sum(a, b) for b in columns] + [_sum(a, wanted)] for a in columns]

@@ -205,14 +205,14 @@ def _size(segment: Combination) -> float:
 def _height(normal: Values, centre: Point) -> Scalar:
     if centre.is_parametric:
         return measures.dot(map(as_sympy, normal), centre.given)
-    return arithmetic.dot(normal, centre.initial)
+    return arithmetic.dot(np.asarray(normal, dtype=float), centre.initial)
 
 
 def _steepness(normal: Values, axle: Vector) -> Scalar:
     """The sine of the angle between a disc's axle and the normal of the plane."""
     if axle.is_parametric:
         return measures.norm(measures.cross([as_sympy(x) for x in normal], axle.given))
-    return math.sqrt(1 - arithmetic.dot(normal, axle.initial) ** 2)
+    return math.sqrt(1 - arithmetic.dot(np.asarray(normal, dtype=float), axle.initial) ** 2)
 
 
 def _clean(vector: np.ndarray) -> list[float]:

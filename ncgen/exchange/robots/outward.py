@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from typing import TypedDict
 
 import numpy as np
 
@@ -33,6 +34,15 @@ ROUNDING = 1e-15
 def robot_of(model: Model) -> Robot:
     """The robot that a model is. Raises ModelError naming what closes a loop, and any load that belongs to no joint."""
     return _Teller(model).robot()
+
+
+class _AtJoint(TypedDict):
+    """What acts at a joint, by the names of `Joint`."""
+
+    armature: float
+    damping: float
+    stiffness: float
+    rest: float
 
 
 class _Teller:
@@ -105,9 +115,9 @@ class _Teller:
             )
         return found, np.array([0.0, 0.0, 1.0])
 
-    def _at(self, coordinate: str) -> dict[str, float]:
+    def _at(self, coordinate: str) -> _AtJoint:
         """Rotors, springs and dampers at a joint."""
-        found = {"armature": 0.0, "damping": 0.0, "stiffness": 0.0, "rest": 0.0}
+        found: _AtJoint = {"armature": 0.0, "damping": 0.0, "stiffness": 0.0, "rest": 0.0}
         for rotor in self.model.rotors:
             if rotor.coordinate.name == coordinate:
                 found["armature"] += self._number(rotor.inertia, f"rotor of {coordinate}")
