@@ -12,6 +12,7 @@ from __future__ import annotations
 import re
 import sys
 from pathlib import Path
+from typing import Any, cast
 
 import nbformat
 from nbclient import NotebookClient
@@ -60,7 +61,7 @@ def solutions(notebook: NotebookNode) -> list[tuple[str, str]]:
 
 def with_solutions(notebook: NotebookNode) -> NotebookNode:
     """A notebook whose last cells are the solutions, each in the state in which the course left the reader."""
-    longer = nbformat.from_dict(notebook)
+    longer = _node(notebook)
     longer.cells = [*longer.cells, *(nbformat.v4.new_code_cell(code) for code, _ in solutions(notebook))]
     return longer
 
@@ -119,15 +120,24 @@ def _clean(notebook: NotebookNode) -> NotebookNode:
     for number, cell in enumerate(notebook.cells, 1):
         kept = {"id": f"cell-{number}", "cell_type": cell.cell_type, "metadata": {}, "source": cell.source}
         if cell.cell_type == "code":
-            kept |= {"execution_count": None, "outputs": [_plain(output) for output in cell.get("outputs", [])]}
-        clean.cells.append(nbformat.from_dict(kept))
+            kept |= {"execution_count": None, "outputs": _whole(cell.get("outputs", []))}
+        clean.cells.append(_node(kept))
     return clean
 
 
-def _plain(output: NotebookNode) -> NotebookNode:
-    if output.output_type == "execute_result":
-        return nbformat.from_dict({**output, "execution_count": None})
-    return output
+def _whole(outputs: list[NotebookNode]) -> list[NotebookNode]:
+    """Outputs without counters, and in one piece what was printed in pieces, which is a matter of time."""
+    whole: list[NotebookNode] = []
+    for output in outputs:
+        if whole and output.output_type == "stream" == whole[-1].output_type and output.name == whole[-1].name:
+            whole[-1].text += output.text
+        else:
+            whole.append(_node({**output, **({"execution_count": None} if "execution_count" in output else {})}))
+    return whole
+
+
+def _node(fields: dict[str, Any]) -> NotebookNode:
+    return cast(NotebookNode, nbformat.from_dict(fields))
 
 
 def main(names: list[str]) -> None:

@@ -1,8 +1,8 @@
 """The documentation as a site that needs no network: python docs/site/build.py [FOLDER]
 
-Pages lie together as in the repository, so that their links to each other hold; notebooks become pages, and what the program knows of itself
-(its words, its functions, its examples) is written down while the site is built. FOLDER (default: ncgen-site in the current folder) is
-made anew; open its index.html. Needs pip install 'ncgen[docs]'.
+Pages lie together as in the repository, so that their links to each other hold; notebooks become pages, and what the program knows of
+itself (its words, its functions, its examples) is written down while the site is built. FOLDER (default: ncgen-site in the current folder)
+is made anew; open its index.html. Needs pip install 'ncgen[docs]'.
 """
 
 from __future__ import annotations
@@ -29,7 +29,9 @@ def pages() -> dict[str, str]:
     import notebooks
     import reference
 
-    found = {path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for pattern in PAGES for path in sorted(ROOT.glob(pattern))}
+    found = {
+        path.relative_to(ROOT).as_posix(): path.read_text(encoding="utf-8") for pattern in PAGES for path in sorted(ROOT.glob(pattern))
+    }
     for path in sorted((ROOT / "docs" / "course").glob("*.ipynb")):
         found[path.relative_to(ROOT).with_suffix(".md").as_posix()] = notebooks.page(path)
     found |= reference.pages()
@@ -103,7 +105,11 @@ def _opened(nav: object, staged: Path) -> object:
     """The plan of the site with all pages of a pattern, such as docs/course/0*.md, in the pattern's place."""
     if isinstance(nav, list):
         return [item for entry in nav for item in _entries(entry, staged)]
-    return {title: _opened(entry, staged) if isinstance(entry, list) else entry for title, entry in nav.items()} if isinstance(nav, dict) else nav
+    return (
+        {title: _opened(entry, staged) if isinstance(entry, list) else entry for title, entry in nav.items()}
+        if isinstance(nav, dict)
+        else nav
+    )
 
 
 def _entries(entry: object, staged: Path) -> list[object]:

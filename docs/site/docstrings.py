@@ -7,7 +7,9 @@ from typing import Any
 
 import griffe
 
-ENTRY = re.compile(r'(?P<indent> *)(?P<names>"?[\w*][\w*.-]*"?(?:(?:, | and )"?[\w*][\w*.-]*"?)*)(?P<note> \([^)]*\))?: (?P<text>.*)')
+NAME = r'"?[\w*][\w*.-]*"?'
+NOTE = r" \([^)]*\)"
+ENTRY = re.compile(rf"(?P<indent> *)(?P<names>{NAME}(?:{NOTE})?(?:(?:, | and ){NAME}(?:{NOTE})?)*): (?P<text>.*)")
 
 
 class Lists(griffe.Extension):
@@ -19,15 +21,17 @@ class Lists(griffe.Extension):
 
 
 def listed(text: str) -> str:
-    """The Markdown of a docstring. A line that begins with names and a colon is an entry, one indented below it is another one within, or goes on."""
+    """The Markdown of a docstring.
+
+    Behind an empty line one that begins with names and a colon opens a list; one indented below an entry is another within, or goes on.
+    """
     first, _, rest = text.partition("\n")
     found, open_at, in_list = [first], -1, False
     for line in rest.splitlines():
         indent = len(line) - len(line.lstrip())
         entry = ENTRY.fullmatch(line)
-        if entry and (indent == 0 or in_list):
-            found += [""] * (not in_list)
-            found.append(f"{'    ' * (indent // 4)}- {_names(entry['names'])}{entry['note'] or ''}: {entry['text']}")
+        if entry and (in_list or not found[-1]):
+            found.append(f"{'    ' * (indent // 4)}- {_names(entry['names'])}: {entry['text']}")
             in_list, open_at = True, indent
         elif in_list and line.strip() and indent > open_at:
             found[-1] += f" {line.strip()}"
@@ -42,4 +46,5 @@ def listed(text: str) -> str:
 
 
 def _names(names: str) -> str:
-    return re.sub(r'"?[\w*][\w*.-]*"?', lambda name: name[0] if name[0] == "and" else f"`{name[0]}`", names)
+    """The names as code, and as they are what stands in parentheses behind them."""
+    return re.sub(rf"{NOTE}|{NAME}", lambda part: part[0] if part[0][0] == " " or part[0] == "and" else f"`{part[0]}`", names)

@@ -7,17 +7,14 @@ if (location.protocol === "file:") {
       this.frame.hidden = true;
       document.documentElement.append(this.frame);
       const inside = this.frame.contentWindow;
+      inside.document.open();
       inside.postMessage = (data) => this.dispatchEvent(new MessageEvent("message", { data }));
-      this.ready = new Promise((loaded) => {
-        const script = inside.document.createElement("script");
-        script.src = address;
-        script.onload = loaded;
-        inside.document.documentElement.append(script);
-      });
+      this.ready = new Promise((loaded) => (inside.loaded = loaded));
+      inside.document.write(`<script src="${new URL(address, document.baseURI)}" onload="loaded()"></script>`);
+      inside.document.close();
     }
     postMessage(data) {
-      const inside = this.frame.contentWindow;
-      this.ready.then(() => inside.dispatchEvent(new inside.MessageEvent("message", { data })));
+      this.ready.then(() => this.frame.contentWindow.dispatchEvent(new MessageEvent("message", { data })));
     }
     terminate() {
       this.frame.remove();

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Iterator
+from functools import cache
 
 import gallery
 import griffe
+
 import ncgen
 from ncgen.exchange.arguments import CONVERSIONS
 from ncgen.exchange.words import head, is_required, kind_of, signature_of, words
@@ -29,23 +31,17 @@ def vocabulary() -> str:
     """Every table that a model file can have, with its keys."""
     parts = [
         "# Words of model files",
-        "A table `[[word]]` in a TOML file is a call of the builder's method of that name, and its keys are the method's arguments; so this page "
-        "holds for Python as well. `ncgen check FILE.toml` says what is wrong with a file, `ncgen new FILE.toml` writes one to begin with. "
-        "[Describing a mechanism](../models.md) tells how the words are put together.",
+        "A table `[[word]]` in a TOML file is a call of the builder's method of that name, and its keys are the method's arguments; so "
+        "this page holds for Python as well. `ncgen check FILE.toml` says what is wrong with a file, `ncgen new FILE.toml` writes one to "
+        "begin with. [Describing a mechanism](../models.md) tells how the words are put together.",
         "## At the top of a file",
         _keys(head()),
     ]
-    for part in Model.__mro__:
+    for part in reversed(Model.__mro__):
         own = [word for word in words() if word in vars(part)]
         if own:
-            parts += [f"## {_title(part)}", *(text for word in own for text in _word(word))]
+            parts += ["## Drawings and runs" if part is Model else f"## {part.__name__}", *(text for word in own for text in _word(word))]
     return "\n\n".join([*parts, "## What keys can be", *_kinds()]) + "\n"
-
-
-def _title(part: type) -> str:
-    """The words that a part of the builder has, by what its docstring says that it does."""
-    does = (part.__doc__ or "").partition("\n")[0].removeprefix("The part of a model that ").rstrip(".")
-    return does[0].upper() + does[1:] if does != (part.__doc__ or "").partition("\n")[0].rstrip(".") else "Runs and independent coordinates"
 
 
 def _word(word: str) -> Iterator[str]:
@@ -107,12 +103,12 @@ def interface() -> dict[str, str]:
     for name in sorted(ncgen.__all__, key=lambda name: len(_returned(name))):
         for path in _returned(name):
             known.setdefault(path, name)
-    return {f"{ASIDE}/{name}.md": _of_name(name, [path for path, home in known.items() if home == name]) for name in ncgen.__all__}
+    return {f"{ASIDE}/ncgen/{name}.md": _of_name(name, [path for path, home in known.items() if home == name]) for name in ncgen.__all__}
 
 
 def _of_name(name: str, classes: list[str]) -> str:
     parts = [f"# ncgen.{name}", f"::: {ncgen._HOMES[name]}.{name}"]
-    return "\n\n".join([*parts, *(f"## {path.rpartition('.')[2]}\n\n::: {path}" for path in classes)]) + "\n"
+    return "\n\n".join([*parts, *(f"::: {path}" for path in classes)]) + "\n"
 
 
 def _returned(name: str) -> list[str]:
@@ -126,10 +122,6 @@ def _returned(name: str) -> list[str]:
     return [path for part in names if (path := part.canonical_path).startswith("ncgen.") and path not in public]
 
 
-def _package() -> griffe.Object:
-    if "ncgen" not in _LOADED:
-        _LOADED["ncgen"] = griffe.load("ncgen")
-    return _LOADED["ncgen"]
-
-
-_LOADED: dict[str, griffe.Object] = {}
+@cache
+def _package() -> griffe.Object | griffe.Alias:
+    return griffe.load("ncgen")
