@@ -1,8 +1,8 @@
 """The documentation as a site that needs no network: python docs/site/build.py [FOLDER]
 
 Pages lie together as in the repository, so that their links to each other hold; notebooks become pages, and what the program knows of
-itself (its words, its functions, its examples) is written down while the site is built. FOLDER (default: ncgen-site in the current folder)
-is made anew; open its index.html. Needs pip install 'ncgen[docs]'.
+itself (its words, its functions, its examples) is written down while the site is built. FOLDER (default: ncgen-site beside the
+repository) is made anew; open its index.html. Needs pip install 'ncgen[docs]'.
 """
 
 from __future__ import annotations
@@ -120,7 +120,7 @@ def _entries(entry: object, staged: Path) -> list[object]:
 
 def main(arguments: list[str]) -> None:
     sys.path.insert(0, str(HERE))
-    site = Path(arguments[0] if arguments else "ncgen-site").resolve()
+    site = Path(arguments[0]).resolve() if arguments else ROOT.parent / "ncgen-site"
     if site.exists() and not (site / "sitemap.xml").is_file():
         sys.exit(f"{site} is there and is no site; give another folder")
     shutil.rmtree(site, ignore_errors=True)
