@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import importlib.util
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+
+import ncgen
 
 ROOT = Path(__file__).resolve().parents[2]
 DOCS = ROOT / "docs"
@@ -93,3 +96,18 @@ def test_code_of_a_page_runs_and_prints_what_is_shown(name, tmp_path, monkeypatc
         else:
             for command in block["code"].splitlines():
                 subprocess.run([sys.executable, "-m", *command.split()], check=True, capture_output=True)
+
+
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler")
+@pytest.mark.parametrize(
+    "page, model, target, header", [("embedding.md", "robot", "c", "robot_motion.h"), ("robots.md", "crane", "joints", "crane_joints.h")]
+)
+def test_c_of_a_page_compiles(page, model, target, header, tmp_path):
+    """The lines shown are those of a function, in which t is a time."""
+    source = model if target == "c" else ROOT / "tests" / "robots" / "crane.urdf"
+    ncgen.export(ncgen.load(source), target, tmp_path / "export")
+    (code,) = re.findall(r"```c\n(.*?)```", (DOCS / page).read_text(encoding="utf-8"), re.DOTALL)
+    lines = "\n".join(line for line in code.splitlines() if not line.startswith("#include"))
+    (tmp_path / "page.c").write_text(f'#include "{header}"\nint main(void)\n{{\n    double t = 0.0;\n{lines}\n    return t > 1.0;\n}}\n')
+    include = next(path.parent for path in (tmp_path / "export").rglob(header))
+    subprocess.run(["cc", "-std=c99", "-fsyntax-only", f"-I{include}", tmp_path / "page.c"], check=True)
