@@ -119,7 +119,6 @@ def _entries(entry: object, staged: Path) -> list[object]:
 
 
 def main(arguments: list[str]) -> None:
-    sys.path.insert(0, str(HERE))
     site = Path(arguments[0]).resolve() if arguments else ROOT.parent / "ncgen-site"
     if site.exists() and not (site / "sitemap.xml").is_file():
         sys.exit(f"{site} is there and is no site; give another folder")
