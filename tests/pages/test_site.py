@@ -87,6 +87,13 @@ def go(browser, path, width):
     browser.wait(f"location.href === {json.dumps(path.as_uri())} && document.readyState === 'complete'")
 
 
+def test_a_folder_of_somebody_elses_is_left_alone(tmp_path):
+    (tmp_path / "thesis.tex").write_text("years of work", encoding="utf-8")
+    done = subprocess.run([sys.executable, SITE / "build.py", tmp_path], capture_output=True, text=True)
+    assert done.returncode == 1 and "is there and is no site; give another folder" in done.stderr
+    assert (tmp_path / "thesis.tex").is_file()
+
+
 def test_dead_links_are_seen(tmp_path):
     """Files, folders and places in a page that are not there, and what a page would fetch."""
     (tmp_path / "there.html").write_text('<p id="here">', encoding="utf-8")
