@@ -68,9 +68,10 @@ def _anchor(kind: str) -> str:
 
 
 def _kinds() -> Iterator[str]:
-    for kind, conversion in CONVERSIONS.items():
-        yield f"### {kind} {{ #{_anchor(kind)} }}"
-        yield inspect.getdoc(conversion) or ""
+    """What a value can be, kinds that are said alike together."""
+    for conversion in dict.fromkeys(CONVERSIONS.values()):
+        alike = [f"**{kind}**{{ #{_anchor(kind)} }}" for kind, other in CONVERSIONS.items() if other is conversion]
+        yield f"- {', '.join(alike)}: {inspect.getdoc(conversion)}"
 
 
 # -- methods -------------------------------------------------------------------------------------------------------------------------------
