@@ -63,32 +63,38 @@ def _told_at(where: str) -> Iterator[None]:
 
 
 def _text(model: Model | None, raw: object) -> str:
+    """A text."""
     if not isinstance(raw, str):
         raise ModelError(f'{shown(raw)} is not a text; write it as "…"')
     return raw
 
 
 def _name(model: Model | None, raw: object) -> str:
+    """The name of an element or a body."""
     return _text(model, raw).strip()
 
 
 def _names(model: Model | None, raw: object) -> list[str]:
+    """A list of names of elements."""
     return [_name(model, item) for item in _list(raw)]
 
 
 def _flag(model: Model | None, raw: object) -> bool:
+    """true or false."""
     if not isinstance(raw, bool):
         raise ModelError(f"{shown(raw)} is neither true nor false")
     return raw
 
 
 def _held(model: Model | None, raw: object) -> bool | str:
+    """true or false, or the axes that are held, such as "xz"."""
     if not isinstance(raw, (bool, str)):
         raise ModelError(f'{shown(raw)} is neither true nor false, nor a text of axes such as "xz"')
     return raw
 
 
 def _number(model: Model | None, raw: object) -> int | float:
+    """A number."""
     if isinstance(raw, bool) or not isinstance(raw, (int, float)):
         raise ModelError(f"{shown(raw)} is not a number")
     return raw
@@ -100,6 +106,7 @@ def _value(model: Model | None, raw: object) -> int | float | Expr:
 
 
 def _values(model: Model | None, raw: object) -> list[int | float | Expr]:
+    """A list of numbers and expressions of parameters."""
     return [_value(model, item) for item in _list(raw)]
 
 
@@ -117,10 +124,12 @@ def _expression(model: Model | None, raw: object) -> int | float | Expr:
 
 
 def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
+    """A list of numbers and expressions of everything that moves."""
     return [_expression(model, item) for item in _list(raw)]
 
 
 def _law(model: Model | None, raw: object) -> int | float | Expr:
+    """A number, or an expression of x, the length or angle, v, its rate, the time and parameters."""
     return _expression_of(raw, {*LAW, TIME, *_there(model).numbers})
 
 
@@ -133,11 +142,12 @@ def _expression_of(raw: object, known: Collection[str]) -> int | float | Expr:
 
 
 def _direction(model: Model | None, raw: object) -> Spatial | Combination:
+    """The name of a vector, or a segment such as "B - A"."""
     return parse_direction(_text(model, raw), {name: e for name, e in _there(model).elements.items() if isinstance(e, Spatial)})
 
 
 def _option(model: Model | None, raw: object) -> object:
-    """What a run can be told: everything but a date."""
+    """What a run can be told, as `ncgen.simulate` takes it: everything but a date."""
     if isinstance(raw, dict):
         return {key: _option(model, item) for key, item in raw.items()}
     if isinstance(raw, list):

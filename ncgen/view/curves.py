@@ -16,10 +16,10 @@ LETTER = 5.6
 """Width of a letter (px), about."""
 
 
-def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str) -> str:
-    """Histories {name: (K,)} over times (K,) in s as an <svg> element; what is not a finite number is left out.
+def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str, unit: str = "s") -> str:
+    """Histories {name: (K,)} over times (K,), or what else goes on, as an <svg> element; what is not a finite number is left out.
 
-    label: what is drawn, with its unit
+    label: what is drawn, with its unit; unit: of t
     """
     values = np.concatenate([np.asarray(values, dtype=float) for values in histories.values()])
     low, high = _span(values[np.isfinite(values)])
@@ -35,10 +35,10 @@ def curves(t: np.ndarray, histories: Mapping[str, np.ndarray], label: str) -> st
         lines.append(f'<path d="{line}" stroke="{COLOURS[number % len(COLOURS)]}" stroke-width="1.5" fill="none"/>')
     frame = path([(LEFT, TOP), (LEFT, HEIGHT - BOTTOM), (WIDTH - RIGHT, HEIGHT - BOTTOM)])
     words = [text(LEFT - 4, TOP + 8, f"{high:.4g}", "end"), text(LEFT - 4, HEIGHT - BOTTOM, f"{low:.4g}", "end")]
-    words += [text(LEFT, HEIGHT - 5, f"{start:.4g}", "start"), text(WIDTH - RIGHT, HEIGHT - 5, f"{end:.4g} s", "end")]
+    words += [text(LEFT, HEIGHT - 5, f"{start:.4g}", "start"), text(WIDTH - RIGHT, HEIGHT - 5, f"{end:.4g} {unit}", "end")]
     words += _names(histories, label)
     content = f'<path d="{frame}" {INK} opacity="0.5"/><g {TEXT}>{"".join(words)}</g>{"".join(lines)}'
-    return element(content, WIDTH, HEIGHT, f"{label} over time: {', '.join(histories)}")
+    return element(content, WIDTH, HEIGHT, f"{label} over {'time' if unit == 's' else unit}: {', '.join(histories)}")
 
 
 def _names(histories: Mapping[str, np.ndarray], label: str) -> list[str]:

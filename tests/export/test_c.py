@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 from importlib.util import find_spec
+from pathlib import Path
 
 import mpmath
 import numpy as np
@@ -101,17 +102,15 @@ int main(void)
 
 
 def test_two_mechanisms_in_one_cmake_project(exports, fresh, tmp_path):
-    """One found by find_package, one added by add_subdirectory, both included in one file."""
+    """One found by find_package, one added by add_subdirectory, both included in one file: the lines of docs/embedding.md."""
     pendulum, fourbar = fresh("pendulum"), fresh("fourbar")
     shell("cmake -B build -DBUILD_SHARED_LIBS=ON && cmake --build build && cmake --install build --prefix ../prefix", pendulum)
     consumer = tmp_path / "consumer"
     consumer.mkdir()
     (consumer / "consumer.c").write_text(CONSUMER)
-    (consumer / "CMakeLists.txt").write_text(
-        "cmake_minimum_required(VERSION 3.15)\nproject(consumer C)\nfind_package(pendulum REQUIRED)\n"
-        f"add_subdirectory({fourbar} fourbar)\nadd_executable(consumer consumer.c)\n"
-        "target_link_libraries(consumer PRIVATE pendulum::pendulum fourbar::fourbar)\n"
-    )
+    page = (Path(__file__).resolve().parents[2] / "docs" / "embedding.md").read_text(encoding="utf-8")
+    (consumer / "CMakeLists.txt").write_text(re.search(r"```cmake\n(.*?)```", page, re.DOTALL)[1])
+    (consumer / "fourbar").symlink_to(fourbar)
     shell(f"cmake -B build -DCMAKE_PREFIX_PATH={tmp_path / 'prefix'} && cmake --build build", consumer)
     assert shell("./build/consumer", consumer) == "0.100 0.100\n"
 

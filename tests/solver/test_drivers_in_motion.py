@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import warnings
 from dataclasses import replace
 
 import numpy as np
@@ -215,3 +216,15 @@ def test_a_velocity_row_that_contradicts_a_driver_is_told():
     model.constrain_velocity(point.x.rate * sympy.cos(point.x.symbol))
     with pytest.warns(UserWarning, match="no velocities satisfy all rows: .* is off by .* a second, so a driver or a velocity row"):
         ncgen.simulate(ncgen.compile(model, backend="numpy"), 1e-4)
+
+
+def test_a_driver_that_comes_to_rest_contradicts_nothing():
+    """At the end of a path from rest to rest velocities are rounding, and so is what rows are off by."""
+    model = ncgen.load("robot")
+    start = ncgen.compile(model, backend="numpy")
+    path = 10 * model.time**3 - 15 * model.time**4 + 6 * model.time**5
+    for psi, change in {"psi1": 0.6, "psi2": 0.3, "psi3": -0.4, "psi4": 0.5, "psi5": 0.4, "psi6": -0.8}.items():
+        model.drive(model.elements[psi], float(start.q0[start.index[psi]]) + change * path)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        ncgen.simulate(ncgen.compile(model), 1.0, points=3)
