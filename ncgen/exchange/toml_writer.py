@@ -48,6 +48,7 @@ class _Writer:
     """Turns facts into tables; what it writes, the reader accepts."""
 
     def __init__(self, model: Model) -> None:
+        self.curves = model.curves
         self.known = {TIME, *LAW, *model.numbers} | {c.name for c in model.components}
 
     def table(self, word: str, arguments: dict, once: bool) -> str:
@@ -98,7 +99,7 @@ class _Writer:
         text = _Exact().doprint(value)
         for _ in range(ROUNDS):
             try:
-                again = _Exact().doprint(parse_expression(text, self.known))
+                again = _Exact().doprint(parse_expression(text, self.known, self.curves))
             except ModelError as error:
                 raise ModelError(f"{where}: it cannot be written into a model file: {error}") from None
             if again == text:
