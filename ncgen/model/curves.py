@@ -77,7 +77,7 @@ def smooth_step(x: Expression, start: Expression = 0.0, end: Expression = 1.0) -
     """
     import sympy
 
-    at, first, last = (sympy.sympify(expression(each, STEP.name)) for each in (x, start, end))
+    at, first, last = (sympy.sympify(each if type(each) is int else expression(each, STEP.name)) for each in (x, start, end))
     if (last - first).is_zero:
         raise ModelError(f"{STEP.name}: it starts and ends at {shown(first)}; give two places that are apart")
     return STEP((at - first) / (last - first))
