@@ -21,6 +21,7 @@ from typing import TYPE_CHECKING, Literal, ParamSpec, TypeVar, overload
 
 from ncgen.errors import CompileError, ModelError
 from ncgen.model import Model
+from ncgen.model.model import checked_model
 from ncgen.program.programs import EMISSIONS
 
 if TYPE_CHECKING:
@@ -65,6 +66,7 @@ def generate(model: Model, emission: str = "auto", timings: Timings | None = Non
     emission: "unrolled" (straight-line), "tabled" (loops over index tables) or "auto"
     Raises ModelError where the model cannot be generated.
     """
+    model = checked_model(model)
     timings = timings or Timings()
     timings.stage("import", _import_generator)
     from ncgen.emit.sources import Sources
@@ -117,7 +119,7 @@ def compile(model: Model | Sources, backend: str = "auto", emission: str = "auto
 def sources_of(model: Model | Sources, emission: str, timings: Timings, kept: bool = True) -> Sources:
     """Sources of a model, generated or, where they may be, as they were kept from before."""
     if not isinstance(model, Model):
-        return model
+        return model if hasattr(model, "programs") else checked_model(model)
     if not kept:
         return generate(model, emission, timings)
     from ncgen.mechanism import recall

@@ -203,15 +203,18 @@ def hard(
         typer.Option(help="one case [default: all]; may be repeated", autocompletion=words_of("ncgen.comparisons.hard_cases", "CASES")),
     ] = None,
     limit: Annotated[float, typer.Option(help="seconds after which a run is stopped")] = 20.0,
+    default: Annotated[bool, typer.Option("--default", help="the call that names no method, beside the best that could be named")] = False,
     json_output: Json = False,
 ) -> None:
     """Run mechanisms that break methods: case by formalism and integrator, with error, drift, time, or why it fails."""
     from ncgen.comparisons.hard import hard_records, lines, methods
     from ncgen.comparisons.hard_cases import CASES
 
-    names = case or list(CASES)
-    if unknown := [name for name in names if name not in CASES]:
+    if unknown := [name for name in case or () if name not in CASES]:
         raise ModelError(f"case {unknown[0]!r} is unknown; choose one of {', '.join(CASES)}")
+    if default:
+        return _defaults(case, limit, json_output)
+    names = case or list(CASES)
     records = []
     with progress("hard cases", len(names) * len(methods())) as advance:
         for done, record in enumerate(hard_records(names, limit), 1):
@@ -222,3 +225,19 @@ def hard(
                     out.print(line, markup=False)
     if json_output:
         print(json.dumps(records, indent=1))
+
+
+def _defaults(case: list[str] | None, limit: float, json_output: bool) -> None:
+    """What `hard --default` says."""
+    from ncgen.comparisons.defaults import NAMES, default_lines, default_records
+
+    names, records = case or NAMES, []
+    with progress("default calls", len(names)) as advance:
+        for record in default_records(names, limit):
+            records.append(record)
+            advance(len(records))
+    if json_output:
+        print(json.dumps(records, indent=1))
+    else:
+        for line in default_lines(records):
+            out.print(line, markup=False)

@@ -177,6 +177,37 @@ def _turned_back(e: np.ndarray, x: np.ndarray) -> np.ndarray:
     return _turned(np.concatenate([e[:1], -e[1:]]), x)
 
 
+def _disc_error(run: Trajectory) -> float:
+    """Newton's and Euler's equations of a disc that rolls, from the same start; of its centre."""
+    lean, turning, radius = np.radians(20.0), 0.5, 0.3
+    start = [lean, 0, 0, 0, 0, turning, 1.5 / radius]
+    found = solve_ivp(rolling_disc, (0, run.t[-1]), start, method="DOP853", t_eval=run.t, rtol=1e-13, atol=1e-13)
+    return float(np.max(np.abs(run.point("C") - disc_centre(found.y))))
+
+
+def rolling_disc(t: float, y: ArrayLike, mass: float = 2.0, radius: float = 0.3) -> list[float]:
+    """Rates of the state of a thin disc in the frame (heading, axle, up the disc), the contact force eliminated.
+
+    y (7,): lean to the left, heading (rad), x, y of the contact point (m); rates of lean and heading, spin about the axle (rad/s)
+    """
+    lean, heading, _, _, leaning, turning, spin = np.asarray(y)
+    s, c = np.sin(lean), np.cos(lean)
+    across, along, moment = mass * radius**2 / 4, mass * radius**2 / 2, mass * radius**2
+    overturning = mass * GRAVITY * radius * s - (along + moment) * turning * spin * c - across * turning**2 * s * c
+    lean_rate = overturning / (across + moment)
+    spin_rate = moment * turning * leaning * c / (along + moment)
+    turn_rate = leaning * (along * spin + 2 * across * turning * s) / (across * c)
+    rolled = radius * (spin + turning * s)  # speed of the contact along its track
+    return [leaning, turning, rolled * np.cos(heading), rolled * np.sin(heading), lean_rate, turn_rate, spin_rate]
+
+
+def disc_centre(y: np.ndarray, radius: float = 0.3) -> np.ndarray:
+    """The disc's centre (K, 3) in m from states (7, K) of `rolling_disc`."""
+    lean, heading, east, north = y[:4]
+    aside = radius * np.sin(lean)
+    return np.transpose([east - aside * np.sin(heading), north + aside * np.cos(heading), radius * np.cos(lean)])
+
+
 PRINCIPAL = np.array([1.0, 2.0, 3.0])
 SPIN = np.array([0.6, 0.3, 1.1])
 
@@ -339,6 +370,10 @@ def _cases() -> Iterator[Case]:
     yield Case(
         "heavy-top", "24 turns a second", lambda: load("heavytop"), 1.0, _top_error, "Euler's equations", step=1e-4,
         options={k: v for k, v in load("heavytop").simulation_options.items() if k == "zd0"},
+    )  # fmt: skip
+    yield Case(
+        "disc", "rolls: no coordinates stay independent for a turn", lambda: example_module("disc").build(spokes=0), 3.0, _disc_error,
+        "Newton's and Euler's equations", options={k: v for k, v in load("disc").simulation_options.items() if k == "zd0"},
     )  # fmt: skip
     yield Case(
         "free-body", "turns a thousand times: errors add up", _free_body, 5000.0, _free_body_error, "Jacobi's functions", step=1e-2,

@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
 from ncgen.exchange import robots
-from ncgen.exchange.text import is_file
+from ncgen.exchange.text import as_path, is_file
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
 from ncgen.model import Model
@@ -33,7 +33,7 @@ def load(name: str | Path, *, floating: bool | None = None) -> Model:
     floating: a robot's root is a free body (True) or part of the ground (False); None for what its file says
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
-    path = Path(name)
+    path = as_path(name, "the name of an example or the path of a file")
     if path.suffix in robots.SUFFIXES and is_file(path):
         return robots.load_robot(path, floating)
     if floating is not None:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import os
 from pathlib import Path
 
-from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, shortened
+from ncgen.errors import LONGEST_LINE, SHOWN, ModelError, shortened, shown
 
 LARGEST = 4_000_000
 """Bytes of a model file."""
@@ -14,6 +15,13 @@ def placed(name: str, line: int | None, message: str) -> str:
     """What is wrong with a file, in one line, with its name and where it has one the line."""
     place = shortened(name, SHOWN) + (": " if line is None else f", line {line}: ")
     return place + shortened(message, LONGEST_LINE - len(place))
+
+
+def as_path(given: str | os.PathLike[str], what: str) -> Path:
+    """A path. Raises ModelError, saying what is needed, for anything that is none."""
+    if isinstance(given, (str, os.PathLike)):
+        return Path(given)
+    raise ModelError(f"{shown(given)} given; give {what}")
 
 
 def is_file(path: Path) -> bool:

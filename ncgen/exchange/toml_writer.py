@@ -8,12 +8,8 @@ from collections import Counter
 from typing import SupportsFloat
 
 import numpy as np
-from sympy import Expr, Mul, Rational
-from sympy.printing.precedence import PRECEDENCE
-from sympy.printing.str import StrPrinter
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.grammar import parse_expression
 from ncgen.exchange.words import NOT_IN_FILES, kind_of, signature_of
 from ncgen.model import Model
 from ncgen.model.bodies import Body
@@ -23,9 +19,6 @@ from ncgen.model.values import Parameter, is_number
 
 ONCE = ("gravity", "simulation")
 """Facts that a model has one of: a single table says so."""
-
-ROUNDS = 5
-"""How often an expression is read and written until its text stays; twice is enough for what sympy made itself."""
 
 
 def to_toml(model: Model) -> str:
@@ -95,17 +88,15 @@ class _Writer:
         raise _refused(value, where)
 
     def expression(self, value: object, where: str) -> str:
-        """The text of an expression that is written like this again after it was read."""
-        text = _Exact().doprint(value)
-        for _ in range(ROUNDS):
-            try:
-                again = _Exact().doprint(parse_expression(text, self.known, self.curves))
-            except ModelError as error:
-                raise ModelError(f"{where}: it cannot be written into a model file: {error}") from None
-            if again == text:
-                return text
-            text = again
-        raise _refused(value, where)
+        from ncgen.exchange.expression_text import expression_text  # needs sympy, which a model without expressions does without
+
+        try:
+            text = expression_text(value, self.known, self.curves)
+        except ModelError as error:
+            raise ModelError(f"{where}: it cannot be written into a model file: {error}") from None
+        if text is None:
+            raise _refused(value, where)
+        return text
 
 
 def _refused(value: object, where: str) -> ModelError:
@@ -129,39 +120,3 @@ def _combination(value: Combination) -> str:
         size = "" if abs(number) == 1.0 else f"{abs(number)!r}*"
         parts.append(f"{'-' if number < 0 else '+'} {size}{element.name}")
     return " ".join(parts).removeprefix("+ ").replace("- ", "-", 1 if parts[0].startswith("-") else 0)
-
-
-class _Exact(StrPrinter):
-    """sympy's own notation, with numbers that read back to the same bits, and our names of functions."""
-
-    def _print_Mul(self, expr: Mul) -> str:
-        """A product whose factors meet one by one when it is read, but never a number and a sum alone.
-
-        sympy multiplies such two out: x/7/(x²/49 + 1), which it would print as x/(7 (x²/49 + 1)), would be read as x/(x²/7 + 7).
-        """
-        number = Mul(*(f for f in expr.args if f.is_Number))
-        over, under = (number.p, number.q) if isinstance(number, Rational) else (number, 1)
-        sign, over = ("-", self._print(-over)) if over < 0 else ("", self._print(over))
-        factors = [f for f in expr.as_ordered_factors() if not f.is_Number]
-        below = [f for f in factors if f.is_Pow and f.exp.is_Rational and f.exp < 0]
-        sums = [self._factor(f) for f in factors if f.is_Add]
-        plain = [self._factor(f) for f in factors if not f.is_Add and f not in below]
-        divided = [self._print(under)] * (under != 1) + [self._factor(f.base**-f.exp) for f in below]
-        if sums and not plain and (number == 1 or not below):  # the number goes last
-            last = [f"(-{over})"] if sign else [over] * (over != "1")
-            return "/".join(["*".join(sums + last), *divided])
-        first = [over] * (over != "1" or not plain)
-        return sign + "*".join(["/".join(["*".join(first + plain), *divided]), *sums])
-
-    def _factor(self, expr: Expr) -> str:
-        return self.parenthesize(expr, PRECEDENCE["Mul"], strict=False)
-
-    def _print_Float(self, expr: Expr) -> str:
-        return repr(float(expr))
-
-    def _print_Abs(self, expr: Expr) -> str:
-        return f"abs({self._print(expr.args[0])})"
-
-    # sympy has no annotations: what its own method gives is taken for the only text that may be given.
-    def _print_Exp1(self, expr: Expr) -> str:  # pyright: ignore[reportIncompatibleMethodOverride]
-        return "exp(1)"  # a parameter may be called e

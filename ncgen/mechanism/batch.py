@@ -13,7 +13,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cache, cached_property
 from numbers import Integral
 from typing import TYPE_CHECKING
 
@@ -183,11 +183,11 @@ class CompiledBatch(Batch):
     def _in_lanes(self) -> _Loop:
         getter = f"{identifier(self.kernels.name)}_model"
         _, self._emitted = in_lanes(model_files(self.kernels.programs), f"const ncgen_model *{getter}(void);", abi(), self._flags)
-        return _Loop(*load({}, "", self._flags, abi()), getattr(self._emitted, getter)())
+        return _Loop(*load((), "", self._flags, abi()), getattr(self._emitted, getter)())
 
     @cached_property
     def _in_turn(self) -> _Loop:
-        return _Loop(*load({}, "", FLAGS, abi()), self._alone)
+        return _Loop(*load((), "", FLAGS, abi()), self._alone)
 
     def _evaluate(self, kernel: str, t: np.ndarray, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, out: np.ndarray) -> None:
         loop = self._in_lanes if self.in_lanes(kernel) else self._in_turn
@@ -220,13 +220,16 @@ def in_lanes(files: dict[str, str], declarations: str, base: FFI, flags: tuple[s
     return loaded(files | runtime_files(*HEADERS, "ncgen_lanes.h"), declarations, base, flags)
 
 
-def load(files: dict[str, str], declarations: str, flags: tuple[str, ...], base: FFI) -> tuple[Interface, InC, bool]:
-    """(interface, library, whether it has threads) of ncgen_batch.c with other sources of the runtime for many states.
+@cache
+def load(names: tuple[str, ...], declarations: str, flags: tuple[str, ...], base: FFI) -> tuple[Interface, InC, bool]:
+    """(interface, library, whether it has threads) of ncgen_batch.c with other files of the runtime for many states.
 
-    declarations: of what the other sources have; base: the interface that knows the types in them
+    It stays loaded: OpenMP keeps its threads until the process ends, and their code must not go before them.
+
+    declarations: of what the other files have; base: the interface that knows the types in them
     """
     declarations = declared("ncgen_batch.h", "cdef") + declared("ncgen_batch.h", "functions") + declarations
-    ffi, library = loaded(files | runtime_files(*HEADERS, *SOURCES), declarations, base, (*flags, "-fopenmp"))
+    ffi, library = loaded(runtime_files(*HEADERS, *SOURCES, *names), declarations, base, (*flags, "-fopenmp"))
     return ffi, library, bool(library.ncgen_batch_threads())
 
 

@@ -64,7 +64,7 @@ class LaneDynamics:
     def __init__(self, written: Written) -> None:
         kernels = written.kernels
         declarations, types = declared("ncgen_batch_run.h", "functions"), runtime_abi()
-        self._ffi, self._library, self.has_threads = load(runtime_files(*SOURCES), declarations, LANES, types)
+        self._ffi, self._library, self.has_threads = load(SOURCES, declarations, LANES, types)
         getter = f"{identifier(kernels.name)}_dynamics"
         files = written.files | runtime_files(*RUNTIME_HEADERS)
         _, self._emitted = in_lanes(files, f"const ncgen_dynamics *{getter}(void);", types)

@@ -50,7 +50,8 @@ def uses_tangents(kernels: Kernels, method: str) -> bool:
         return True
     programs = kernels.programs.programs
     constant = all(programs[k].is_constant for k in ("mass", "force") if k in programs and (k, method) != ("force", "rattle"))
-    quadratic = all(row.type is not None for row in kernels.rows) and not cost(programs["phi"]).calls and not programs["phi"].angles
+    phi = programs.get("phi")
+    quadratic = phi is None or (all(row.type is not None for row in kernels.rows) and not cost(phi).calls and not phi.angles)
     return not (is_conservative(kernels) and constant and (quadratic or method == "rattle"))
 
 

@@ -134,6 +134,13 @@ def _with_names(options: object) -> object:
     return tuple(map(_with_names, options)) if type(options) is tuple else normal(options)
 
 
+def checked_model(given: object) -> Model:
+    """The model itself. Raises ModelError for anything else, such as an example's name."""
+    if isinstance(given, Model):
+        return given
+    raise ModelError(f"model: {shown(given)} given; give an ncgen.Model, such as ncgen.load makes")
+
+
 BY_VALUE = ("cloudpickle", "dill")
 """Packages that can pickle any function."""
 

@@ -81,7 +81,7 @@ def refusal(kernels: Kernels, method: Method, engine: str, number: str) -> str |
         return "the model calls a Python function"
     if kernels.model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps"
-    if not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
+    if kernels.m and not {"phi", "phi_q", "gamma"} <= set(kernels.programs.programs):
         return "there are no constraint rows that move"
     if number != "double" and uses_tangents(kernels, name):
         return f"{name} takes derivatives of the kernels, which are double"

@@ -18,8 +18,9 @@ from ncgen.methods.table import AUTO
 from ncgen.model import Model
 from ncgen.model.digest import digest
 from ncgen.model.elements import coordinate_of
+from ncgen.model.model import checked_model
 from ncgen.solver.given import count as whole
-from ncgen.solver.given import echo, known_name, several
+from ncgen.solver.given import known_name, several
 from ncgen.solver.outputs import uses_accelerations
 from ncgen.solver.run import Run, check_options, outline, simulation_of
 from ncgen.studies.design import Design, Varied, argument_of, started
@@ -67,7 +68,7 @@ class Study:
         simulation: Mapping[str, Any] | None = None,
     ) -> Study:
         """From the arguments of `ncgen.study`. Raises ModelError with one sentence, before anything is generated."""
-        model = model if isinstance(model, Model) else _model_of(model)
+        model = checked_model(getattr(model, "model", model))
         options = simulation_of(model, **(simulation or {}))
         check_options(options)
         run, known = Run.asked(model, **options), outline(model)
@@ -180,14 +181,6 @@ def _apart(times: np.ndarray, ends: np.ndarray) -> np.ndarray:
     for end in ends:
         times = np.where(np.abs(times - end) < near, end, times)
     return times[np.diff(times, prepend=-np.inf) > near] if len(times) else times
-
-
-def _model_of(given: object) -> Model:
-    """The model of kernels. Raises ModelError for anything else."""
-    model = getattr(given, "model", None)
-    if isinstance(model, Model):
-        return model
-    raise ModelError(f"model: {echo(given)} given; a study needs an ncgen.Model, such as ncgen.load makes")
 
 
 def _plain(value: Any) -> Any:

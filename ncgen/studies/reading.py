@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import os
-from pathlib import Path
 from typing import overload
 
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
+from ncgen.exchange.text import as_path
 from ncgen.exchange.toml_reader import model_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
@@ -33,7 +33,7 @@ def read(path: str | os.PathLike[str], model: Model | Kernels | None = None) -> 
     What a file says is data: nothing of it is evaluated or unpickled. Raises NcgenError in one line for what is neither, for what is
     broken, and for a trajectory of another model.
     """
-    place = Path(path)
+    place = as_path(path, "the path of a study's folder or of a trajectory")
     if place.is_dir():
         folder = Folder.at(place)
         return StudyResult(folder.manifest, folder)

@@ -8,9 +8,10 @@ from sympy import Rational as R
 
 import ncgen
 from ncgen import Model
+from ncgen.exchange.expression_text import _Exact
 from ncgen.exchange.grammar import parse_expression
 from ncgen.exchange.toml_reader import read_toml
-from ncgen.exchange.toml_writer import _Exact, to_toml
+from ncgen.exchange.toml_writer import to_toml
 
 x, y = sympy.symbols("x y", real=True)
 

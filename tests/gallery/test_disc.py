@@ -5,6 +5,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import ncgen
+from ncgen.comparisons.hard_cases import disc_centre, rolling_disc
 from ncgen.errors import ModelError
 from ncgen.exchange.examples import example_module
 from ncgen.solver.position import residual
@@ -20,29 +21,6 @@ def roll(duration, points, rtol=1e-10, **options):
     kernels = ncgen.compile(model, backend="numpy")
     start = model.simulation_options["zd0"]
     return ncgen.simulate(kernels, duration, integrator="dop853", points=points, rtol=rtol, atol=rtol, zd0=start)
-
-
-def newton_euler(t, y):
-    """Newton's and Euler's equations in the frame (heading, axle, up the disc); contact force eliminated.
-
-    y: lean to the left, heading, x, y of the contact point; rates of lean and heading; spin about the axle
-    """
-    lean, heading, _, _, leaning, turning, spin = y
-    s, c = np.sin(lean), np.cos(lean)
-    moment = MASS * RADIUS**2
-    overturning = MASS * GRAVITY * RADIUS * s - (ALONG + moment) * turning * spin * c - ACROSS * turning**2 * s * c
-    lean_rate = overturning / (ACROSS + moment)
-    spin_rate = moment * turning * leaning * c / (ALONG + moment)
-    turn_rate = leaning * (ALONG * spin + 2 * ACROSS * turning * s) / (ACROSS * c)
-    rolled = RADIUS * (spin + turning * s)  # speed of the contact along its track
-    return [leaning, turning, rolled * np.cos(heading), rolled * np.sin(heading), lean_rate, turn_rate, spin_rate]
-
-
-def centre(y):
-    """The disc's centre (K, 3) from the states (7, K)."""
-    lean, heading, x, y = y[:4]
-    aside = RADIUS * np.sin(lean)
-    return np.transpose([x - aside * np.sin(heading), y + aside * np.cos(heading), RADIUS * np.cos(lean)])
 
 
 def axle(y):
@@ -85,8 +63,8 @@ def test_against_newton_and_euler(wobble):
     """Released at 20 degrees, rolling at 1.5 m/s and turning at 0.5 rad/s."""
     lean, turning = np.radians(20.0), 0.5
     start = [lean, 0, 0, 0, 0, turning, 1.5 / RADIUS]
-    y = solve_ivp(newton_euler, (0, wobble.t[-1]), start, method="DOP853", t_eval=wobble.t, rtol=1e-12, atol=1e-12).y
-    assert np.allclose(wobble.point("C"), centre(y), rtol=0, atol=1e-8)
+    y = solve_ivp(rolling_disc, (0, wobble.t[-1]), start, method="DOP853", t_eval=wobble.t, rtol=1e-12, atol=1e-12).y
+    assert np.allclose(wobble.point("C"), disc_centre(y), rtol=0, atol=1e-8)
     assert np.allclose(wobble.vector("u"), axle(y), rtol=0, atol=1e-8)
     assert np.allclose(np.sum(wobble.angular_velocity("disc") * wobble.vector("u"), axis=1), y[6], rtol=0, atol=1e-7)
 
@@ -115,8 +93,8 @@ def test_ten_seconds_in_c_against_newton_and_euler():
     run = ncgen.simulate(kernels, 10.0, integrator="dop853", rtol=1e-10, atol=1e-11, points=11, zd0=zd0)
     assert run.engine == "emitted"
     start = [np.radians(20.0), 0, 0, 0, 0, 0.5, 1.5 / RADIUS]
-    y = solve_ivp(newton_euler, (0, run.t[-1]), start, method="DOP853", t_eval=run.t, rtol=1e-12, atol=1e-12).y
-    assert np.allclose(run.point("C"), centre(y), rtol=0, atol=1e-6)
+    y = solve_ivp(rolling_disc, (0, run.t[-1]), start, method="DOP853", t_eval=run.t, rtol=1e-12, atol=1e-12).y
+    assert np.allclose(run.point("C"), disc_centre(y), rtol=0, atol=1e-6)
     assert np.allclose(run.vector("u"), axle(y), rtol=0, atol=1e-6)
 
 

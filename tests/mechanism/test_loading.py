@@ -6,6 +6,7 @@ import subprocess
 import sys
 import threading
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -49,6 +50,32 @@ def test_models_can_be_forgotten():
     done = subprocess.run([sys.executable, "-c", FORGETFUL], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     assert list(map(float, done.stdout.split())) == pytest.approx([1.5, 1.25, 7 / 6])
+
+
+THREADED = """
+import gc, os, ncgen, numpy as np
+for k in (1, 2, 3):
+    model = ncgen.Model(f"threaded{k}")
+    model.distance(model.point("A", (0, 0), fixed=True), model.point("B", (k, 0)))
+    kernels = ncgen.compile(model, backend="c")
+    batch = kernels.batch
+    batch.threads = None
+    batch.phi(np.tile(kernels.q0, (1000, 1)))
+    del batch, kernels
+    gc.collect()
+    mapped = "gomp" in open("/proc/self/maps").read() or "libomp" in open("/proc/self/maps").read()
+    print(len(os.listdir("/proc/self/task")), mapped)
+"""
+
+
+@pytest.mark.skipif(not Path("/proc/self/maps").exists(), reason="looks at the process through /proc")
+def test_threads_keep_their_code():
+    """Threads of OpenMP wait until the process ends, so their library stays, and the next batch finds the same threads."""
+    done = subprocess.run([sys.executable, "-c", THREADED], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    threads, mapped = zip(*(line.split() for line in done.stdout.splitlines()))
+    assert int(threads[0]) == 1 or set(mapped) == {"True"}
+    assert len(set(threads)) == 1
 
 
 @pytest.fixture(scope="module")

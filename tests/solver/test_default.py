@@ -14,7 +14,18 @@ from ncgen.exchange.examples import load
 from ncgen.model import Model
 from ncgen.report.methods import limited
 
-QUICK = ("robot", "bricard", "heavy-top", "nfourbar-2", "equal-crank", "massless", "pendulum-1e-06", "pendulum-1e+06", "near-parallel")
+QUICK = (
+    "robot",
+    "bricard",
+    "disc",
+    "heavy-top",
+    "nfourbar-2",
+    "equal-crank",
+    "massless",
+    "pendulum-1e-06",
+    "pendulum-1e+06",
+    "near-parallel",
+)
 SLOW = ("nfourbar-40", "free-body", "squeezer", "governor")
 
 

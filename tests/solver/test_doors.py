@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import inspect
+import re
+
 import numpy as np
 import pytest
 
 import ncgen
-from ncgen.errors import ModelError
+from ncgen.errors import ModelError, NcgenError
 from ncgen.model import Model
 from ncgen.solver.run import check_simulation
 
@@ -122,3 +125,25 @@ def test_a_model_is_no_kernels():
         ncgen.linearise(3)
     with pytest.raises(ModelError, match="kernels needed, <Model swing.* given; ncgen.compile"):
         ncgen.simulate(swing(), 1.0)
+
+
+NEEDED = {"duration": 1.0, "steps": 10, "to": "c", "folder": "nowhere", "vary": {}, "keep": "angle"}
+"""Further arguments of the public functions that cannot do without them."""
+
+DOORS_OF_MODELS = sorted(
+    name for name in ncgen.__all__ if inspect.isfunction(getattr(ncgen, name)) and inspect.signature(getattr(ncgen, name)).parameters
+)
+
+
+@pytest.mark.parametrize("given", ["robot", None, 3], ids=str)
+@pytest.mark.parametrize("door", DOORS_OF_MODELS)
+def test_what_is_neither_model_nor_kernels(door, given):
+    """One line at every public function, and what is needed in its place."""
+    function = getattr(ncgen, door)
+    if isinstance(given, str) and door in ("load", "read"):
+        given = given.encode()
+    first, *others = inspect.signature(function).parameters.values()
+    others = {p.name: NEEDED.get(p.name, 1.0) for p in others if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)}
+    with pytest.raises(NcgenError, match=re.escape(str(given))) as refused:
+        function(given, **others)
+    assert "\n" not in str(refused.value) and ("needed" in str(refused.value) or "give " in str(refused.value))

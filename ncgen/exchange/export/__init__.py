@@ -12,6 +12,7 @@ from pkgutil import iter_modules
 from typing import TYPE_CHECKING
 
 from ncgen.errors import ModelError
+from ncgen.model.model import checked_model
 
 if TYPE_CHECKING:
     from ncgen.exchange.export.package import Package
@@ -43,7 +44,7 @@ def export(model: Model, to: str, folder: Path | str) -> list[Path]:
         raise ModelError(f"--to {to}: there is no such export; choose one of {', '.join(targets())}")
     from ncgen.emit.sources import write_bytes
 
-    target = import_module(f"{__name__}.{to}{END}")
+    model, target = checked_model(model), import_module(f"{__name__}.{to}{END}")
     files = target.files_of(model) if hasattr(target, "files_of") else target.files(_package(model))
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
     return [write_bytes(Path(folder) / name, data) for name, data in contents.items()]

@@ -127,7 +127,7 @@ int ncgen_ali3p(ncgen_run *r, ncgen_stepping *w, ncgen_correction *c, ncgen_scal
     if (status != NCGEN_OK)
         return status;
     project_mass_orthogonally(r, c, r->qd, more);
-    status = r->model->gamma(t + h, r->q, r->qd, r->p, more);
+    status = ncgen_gamma(r, t + h, r->q, r->qd, more);
     project_mass_orthogonally(r, c, qdd, more);
     return status == NCGEN_OK ? ncgen_end_step(r, w, c, t, h) : status;
 }

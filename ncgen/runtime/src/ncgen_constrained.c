@@ -159,7 +159,7 @@ static int find_mass(ncgen_run *r, ncgen_scalar t)
 int ncgen_constrained_phi_q(ncgen_run *r, ncgen_scalar t)
 {
     ncgen_constrained *w = r->constrained;
-    return r->model->phi_q(t, r->q, r->p, w->kkt.values + w->n_mass);
+    return ncgen_phi_q(r, t, r->q, w->kkt.values + w->n_mass);
 }
 
 int ncgen_constrained_matrices(ncgen_run *r, ncgen_scalar t)
@@ -249,7 +249,7 @@ int ncgen_constrained_solve(ncgen_run *r)
 static int stabilise(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
 {
     const ncgen_options *o = r->options;
-    const int status = r->model->phi(t, r->q, r->p, w->phi);
+    const int status = ncgen_phi(r, t, r->q, w->phi);
     ncgen_row_rates(r, w->kkt.values + w->n_mass, r->qd, w->residual);
     for (int i = 0; i < r->m; ++i)
         w->right[r->n + i] -= 2 * o->damping * o->frequency * (w->residual[i] - w->nu[i]) + o->frequency * o->frequency * w->phi[i];
@@ -271,7 +271,7 @@ static int find_equations(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t)
     if (status == NCGEN_OK && model->force)
         status = model->force(t, r->q, r->qd, r->p, w->right);
     if (status == NCGEN_OK)
-        status = model->gamma(t, r->q, r->qd, r->p, w->right + r->n);
+        status = ncgen_gamma(r, t, r->q, r->qd, w->right + r->n);
     if (status == NCGEN_OK && r->options->frequency > 0)
         status = stabilise(r, w, t);
     return status;

@@ -71,7 +71,7 @@ static int close_rolling(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncge
         middle[i] = (start[i] + end[i]) / 2;
     for (int i = 0; i < r->m; ++i)
         nu[i] = 0;
-    int status = r->model->phi_q(t + h / 2, middle, r->p, c->halfway);
+    int status = ncgen_phi_q(r, t + h / 2, middle, c->halfway);
     if (status == NCGEN_OK && r->model->nu)
         status = r->model->nu(t + h / 2, middle, r->p, nu);
     for (int i = 0; i < r->m; ++i) {
@@ -89,9 +89,9 @@ static int close_rolling(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncge
 /* What is missing of the rows at the end of a step from t to t + h, in rest, and how it changes with the position there, in Phi_q. */
 int ncgen_find_closure(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_scalar h, const ncgen_real *end)
 {
-    int status = r->model->phi(t + h, end, r->p, c->rest + r->n);
+    int status = ncgen_phi(r, t + h, end, c->rest + r->n);
     if (status == NCGEN_OK)
-        status = r->model->phi_q(t + h, end, r->p, ncgen_phi_q_values(r));
+        status = ncgen_phi_q(r, t + h, end, ncgen_phi_q_values(r));
     return status == NCGEN_OK && r->dynamics->rolling ? close_rolling(r, c, t, h, end) : status;
 }
 
@@ -106,7 +106,7 @@ int ncgen_find_rest(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncgen_sca
     if (status == NCGEN_OK)
         status = ncgen_find_forces(r, c, t + h);
     if (status == NCGEN_OK)
-        status = r->model->phi(t + h, r->q, r->p, c->rest + r->n);
+        status = ncgen_phi(r, t + h, r->q, c->rest + r->n);
     if (status == NCGEN_OK)
         status = ncgen_find_tangents(r, t + h);
     ncgen_times_mass(r, all->kkt.values, r->slopes->qdd, c->change);

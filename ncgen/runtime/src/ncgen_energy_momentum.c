@@ -86,11 +86,11 @@ static int correct_along(ncgen_run *r, ncgen_correction *c, ncgen_scalar t, ncge
     for (int i = 0; i < n; ++i)
         c->along[i] /= square;
     ncgen_row_rates(r, c->left, moved, rates);
-    status = r->model->phi(t + h, end_q, r->p, c->gap);
+    status = ncgen_phi(r, t + h, end_q, c->gap);
     for (int i = 0; i < r->m; ++i)
         c->gap[i] -= rates[i];
     if (status == NCGEN_OK)
-        status = r->model->phi(t, position, r->p, rates);
+        status = ncgen_phi(r, t, position, rates);
     for (int i = 0; i < r->m; ++i) {
         c->gap[i] -= rates[i];
         rates[i] = 0;

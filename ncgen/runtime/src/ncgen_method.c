@@ -25,7 +25,7 @@ int ncgen_is_implicit(const ncgen_options *options)
 int ncgen_is_possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     const int partitioned = options->formalism == NCGEN_COORDINATE_PARTITIONING;
-    if (!model->phi || options->method < 0 || options->method >= N_METHODS)
+    if ((model->n_rows && !model->phi) || options->method < 0 || options->method >= N_METHODS)
         return 0;
     if (options->formalism < 0 || options->formalism >= N_FORMALISMS)
         return 0;

@@ -37,7 +37,7 @@ static int factor_jacobian(ncgen_run *r, ncgen_scalar t, ncgen_choice *choice)
     const ncgen_pattern *pattern = &r->model->phi_q_pattern;
     ncgen_partitioning *w = r->partitioning;
     const int size = d->n_dependent;
-    const int status = r->model->phi_q(t, r->q, r->p, w->jacobian);
+    const int status = ncgen_phi_q(r, t, r->q, w->jacobian);
     w->factored = d;
     if (status != NCGEN_OK)
         return status;
@@ -182,7 +182,7 @@ int ncgen_partitioning_accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real
     }
     for (int i = 0; i < d->n_dependent; ++i)
         qd[d->dependent[i]] += w->column[i];
-    status |= model->gamma(t, r->q, qd, r->p, w->gamma);
+    status |= ncgen_gamma(r, t, r->q, qd, w->gamma);
     ncgen_partitioning_solve(r, w->gamma, w->column);
     for (int i = 0; i < d->n_dependent; ++i)
         w->bias[d->dependent[i]] = w->column[i];
@@ -260,7 +260,7 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
         r->q[d->independent[i]] = y[r->nz + i];
     for (int iteration = 0; iteration <= NEWTON_LIMIT; ++iteration) {
         /* An emitted step has phi in it; most often one is needed, so it is not worth a look at phi beforehand. */
-        int status = emitted ? r->dynamics->newton(t, r->q, r->p, r->partitioning->step) : r->model->phi(t, r->q, r->p, r->partitioning->phi);
+        int status = emitted ? r->dynamics->newton(t, r->q, r->p, r->partitioning->step) : ncgen_phi(r, t, r->q, r->partitioning->phi);
         if (status != NCGEN_OK)
             return status;
         const ncgen_real size = residual(r);

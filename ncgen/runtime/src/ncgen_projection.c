@@ -30,7 +30,7 @@ static int project_position(ncgen_run *r, ncgen_constrained *w, ncgen_scalar t, 
     const ncgen_scalar wanted = 100 * r->rounding;
     ncgen_real before = 0;
     for (int k = 0; k < POSITION_LIMIT; ++k) {
-        int status = r->model->phi(t, r->q, r->p, w->residual + r->n);
+        int status = ncgen_phi(r, t, r->q, w->residual + r->n);
         const ncgen_real size = ncgen_constrained_violation(r, w->residual + r->n);
         if (status != NCGEN_OK)
             return status;

@@ -25,6 +25,21 @@ void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_re
     }
 }
 
+int ncgen_phi(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real *phi)
+{
+    return r->model->phi ? r->model->phi(t, q, r->p, phi) : NCGEN_OK;
+}
+
+int ncgen_phi_q(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real *values)
+{
+    return r->model->phi_q ? r->model->phi_q(t, q, r->p, values) : NCGEN_OK;
+}
+
+int ncgen_gamma(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *gamma)
+{
+    return r->model->gamma ? r->model->gamma(t, q, qd, r->p, gamma) : NCGEN_OK;
+}
+
 void ncgen_write_row(ncgen_run *r, ncgen_real work)
 {
     if (r->out_q) {

@@ -66,6 +66,11 @@ int ncgen_listen(ncgen_run *r, ncgen_scalar t);       /* before whatever takes l
 int ncgen_tell(ncgen_run *r, ncgen_scalar reached);   /* the same; reached: the state that an end now leaves */
 void ncgen_write_row(ncgen_run *r, ncgen_real work);
 
+/* The rows' kernels, of which a mechanism without rows has none. */
+int ncgen_phi(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real *phi);
+int ncgen_phi_q(const ncgen_run *r, ncgen_real t, const ncgen_real *q, ncgen_real *values);
+int ncgen_gamma(const ncgen_run *r, ncgen_real t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *gamma);
+
 /* Sparse products. */
 void ncgen_times_mass(const ncgen_run *r, const ncgen_real *mass, const ncgen_real *x, ncgen_real *product);
 void ncgen_row_rates(const ncgen_run *r, const ncgen_real *phi_q, const ncgen_real *qd, ncgen_real *rates);
