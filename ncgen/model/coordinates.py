@@ -62,8 +62,9 @@ class Coordinates(Contents):
         """A function through values at knots, for any expression: `profile(x)` is its value, `profile(x, 1)` its derivative. It is
         piecewise cubic, with continuous second derivatives.
 
-        knots: increasing; end: "natural" (no curvature there), "clamped" (slope 0), "not-a-knot" (the first two pieces are one polynomial, and the last two)
-        or "periodic", which begins again at its last knot; any other goes on straight beyond its knots, with the slope that it has there
+        knots: increasing
+        end: "natural" (no curvature there), "clamped" (slope 0), "not-a-knot" (the first two pieces are one polynomial, and the last two)
+            or "periodic", which begins again at its last knot; any other goes on straight beyond its knots, with the slope it has there
         """
         return self._curve(curves.spline(name, knots, values, end))
 
