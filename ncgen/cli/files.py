@@ -59,6 +59,13 @@ def export(
     model: ModelName,
     to: Annotated[str, typer.Option(help=", ".join(targets()), autocompletion=words_of("ncgen.exchange.export", "targets"))],
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-TO]")] = None,
+    platform: Annotated[
+        list[str] | None,
+        typer.Option(
+            help="another machine that a mock-up unit is for; may be repeated",
+            autocompletion=words_of("ncgen.exchange.export.fmu", "PLATFORMS"),
+        ),
+    ] = None,
     floating: Floating = None,
 ) -> None:
     """Write a mechanism for use without Python: a folder that builds and runs by its own README."""
@@ -67,7 +74,7 @@ def export(
 
     loaded = load(model, floating=floating)
     with progress(f"exporting {loaded.name}", None):
-        paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"))
+        paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"), platform or ())
     for path in paths:
         out.print(str(path), markup=False)
 

@@ -1,5 +1,5 @@
 """The figures of docs/embedding.md: accuracy of exported C on the N-four-bar, size, time of the compiler and of a step;
-sizes of pages.
+sizes of pages, and on a microcontroller.
 
     python tests/export/figures.py
 
@@ -14,6 +14,7 @@ import tempfile
 import time
 from pathlib import Path
 
+import microcontroller
 import mpmath
 
 from ncgen.exchange.examples import load
@@ -91,7 +92,19 @@ def pages() -> None:
         print(f"{name}: page {page.stat().st_size / 1000:.0f} kB")
 
 
+def microcontrollers() -> None:
+    if gone := microcontroller.missing():
+        print(f"no figures of a microcontroller: {gone} not installed")
+        return
+    for name in ("pendulum", "nfourbar", "suspension", "robot"):
+        folder = Path(tempfile.mkdtemp())
+        stack = microcontroller.build(name, folder)[f"{name}_step"]
+        code = microcontroller.code(folder)
+        print(f"{name}, float, Cortex-M4: code {code / 1024:.0f} kB, stack of a step {stack / 1024:.1f} kB")
+
+
 if __name__ == "__main__":
     accuracy()
     sizes()
     pages()
+    microcontrollers()

@@ -6,6 +6,7 @@ A target is a module `NAME_target` here, found by its name, with a function `fil
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 from pkgutil import iter_modules
@@ -32,10 +33,12 @@ def _package(model: Model) -> Package:
     return package(model)
 
 
-def export(model: Model, to: str, folder: Path | str) -> list[Path]:
+def export(model: Model, to: str, folder: Path | str, platforms: Sequence[str] = ()) -> list[Path]:
     """Write a mechanism for use without ncgen; returns the paths of the files, in order.
 
     to: one of the `targets()`
+    platforms: machines that a mock-up unit has binaries for beside this one: "linux", "windows", "macos", and in FMI 3.0 "linux-arm" and
+        "macos-arm"; the package ziglang compiles them
 
     Raises ModelError where the target is unknown or the mechanism's motion cannot be exported, saying why; NcgenError if a
     file cannot be written.
@@ -45,6 +48,9 @@ def export(model: Model, to: str, folder: Path | str) -> list[Path]:
     from ncgen.emit.sources import write_bytes
 
     model, target = checked_model(model), import_module(f"{__name__}.{to}{END}")
-    files = target.files_of(model) if hasattr(target, "files_of") else target.files(_package(model))
+    if platforms and not to.startswith("fmu"):
+        raise ModelError(f"platforms: {to} is written as sources, for any machine; leave it out")
+    more = {"platforms": platforms} if platforms else {}
+    files = target.files_of(model) if hasattr(target, "files_of") else target.files(_package(model), **more)
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
     return [write_bytes(Path(folder) / name, data) for name, data in contents.items()]

@@ -12,20 +12,41 @@ import platform
 import sys
 import uuid
 import zipfile
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import NamedTuple
 
 from ncgen.emit.environment import render
-from ncgen.errors import NcgenError
+from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.export.package import Package, renamed
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Spatial, Vector
 from ncgen.model.values import Input, Parameter
 from ncgen.program.full_loads import loaded_elements
-from ncgen.toolchain.cache import compiled
+from ncgen.toolchain.cache import build, compiled
+from ncgen.toolchain.compilers import zig
 
 FLAGS = ("-std=c99", "-O1", "-ffp-contract=off", "-fPIC", "-shared", "-fvisibility=hidden")
 """For any processor of this kind, not only this one; nothing but the standard's functions can be seen from outside."""
+
+
+class Platform(NamedTuple):
+    """Another machine: what zig calls it, the folders of its binaries in FMI 2.0 and 3.0, and how they end."""
+
+    target: str
+    folders: dict[int, str]
+    suffix: str
+
+
+PLATFORMS = {
+    "linux": Platform("x86_64-linux-gnu", {2: "linux64", 3: "x86_64-linux"}, ".so"),
+    "windows": Platform("x86_64-windows-gnu", {2: "win64", 3: "x86_64-windows"}, ".dll"),
+    "macos": Platform("x86_64-macos", {2: "darwin64", 3: "x86_64-darwin"}, ".dylib"),
+    "macos-arm": Platform("aarch64-macos", {3: "aarch64-darwin"}, ".dylib"),
+    "linux-arm": Platform("aarch64-linux-gnu", {3: "aarch64-linux"}, ".so"),
+}
+"""FMI 2.0 knows no folders of ARM's; its darwin64 runs there, too."""
 
 BASE_UNITS = {
     "s": 's="1"', "m": 'm="1"', "m/s": 'm="1" s="-1"', "m/s2": 'm="1" s="-2"', "rad": 'rad="1"', "rad/s": 'rad="1" s="-1"',
@@ -63,8 +84,13 @@ class Group:
         return len(self.variables)
 
 
-def fmu(package: Package, version: int) -> bytes:
-    """The unit as the bytes of its archive. Raises NcgenError without fmpy, CompileError without a compiler."""
+def fmu(package: Package, version: int, platforms: Sequence[str] = ()) -> bytes:
+    """The unit as the bytes of its archive.
+
+    platforms: of `PLATFORMS`, beside the machine that this is
+    Raises NcgenError for a platform that is not known or without fmpy, CompileError without a compiler.
+    """
+    others = _others(platforms, version)
     headers = _headers(version)
     package = package.with_tangents()
     groups = _groups(package)
@@ -89,6 +115,8 @@ def fmu(package: Package, version: int) -> bytes:
     }
     files = {f"sources/{name}": text.encode() for name, text in sources.items()}
     files[f"binaries/{_platform(version)}/{package.prefix}{_suffix()}"] = _binary(sources)
+    for other in others:
+        files[f"binaries/{other.folders[version]}/{package.prefix}{other.suffix}"] = _foreign_binary(sources, other)
     files["modelDescription.xml"] = render(f"package/fmu/fmi{version}.xml.jinja", **records).encode()
     if version == 3:
         files["sources/buildDescription.xml"] = render("package/fmu/buildDescription.xml.jinja", **records).encode()
@@ -160,6 +188,22 @@ def _headers(version: int) -> dict[str, str]:
 
 def _binary(sources: dict[str, str]) -> bytes:
     return compiled(sources, FLAGS).library.read_bytes()
+
+
+def _others(platforms: Sequence[str], version: int) -> list[Platform]:
+    """The platforms by these names, but for this machine's own."""
+    known = [name for name, platform in PLATFORMS.items() if version in platform.folders]
+    for name in platforms:
+        if name not in known:
+            raise ModelError(f"platforms: {name} is unknown to fmu{version}; choose among {', '.join(known)}")
+    if platforms and not importlib.util.find_spec("ziglang"):
+        raise NcgenError("platforms: units for other machines are compiled by the package ziglang; run pip install 'ncgen[export]'")
+    found = [PLATFORMS[name] for name in dict.fromkeys(platforms)]
+    return [platform for platform in found if platform.folders[version] != _platform(version)]
+
+
+def _foreign_binary(sources: dict[str, str], other: Platform) -> bytes:
+    return build(sources, zig(), (*FLAGS, "-s", "-target", other.target), loads=False).library.read_bytes()
 
 
 def _platform(version: int) -> str:

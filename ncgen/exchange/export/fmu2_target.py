@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from ncgen.exchange.export.fmu import fmu
 from ncgen.exchange.export.package import Package
 
 
-def files(package: Package) -> dict[str, bytes]:
-    """{file name: the unit}."""
-    return {f"{package.prefix}.fmu": fmu(package, 2)}
+def files(package: Package, platforms: Sequence[str] = ()) -> dict[str, bytes]:
+    """{file name: the unit}. platforms: as of `fmu`."""
+    return {f"{package.prefix}.fmu": fmu(package, 2, platforms)}
