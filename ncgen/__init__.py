@@ -21,6 +21,7 @@ _HOMES = {
     "compile": "ncgen.compiler",
     "simulate": "ncgen.solver.simulate",
     "start": "ncgen.solver.simulation",
+    "smooth_step": "ncgen.model.curves",
     "start_batch": "ncgen.solver.simulations",
     "simulate_batch": "ncgen.solver.batch",
     "accelerations_batch": "ncgen.solver.batch",
@@ -78,6 +79,7 @@ __all__ = [
     "sensitivities",
     "simulate",
     "simulate_batch",
+    "smooth_step",
     "solve_position",
     "start",
     "start_batch",
@@ -92,6 +94,7 @@ if TYPE_CHECKING:
     from ncgen.exchange.export import export
     from ncgen.exchange.jax_functions import jax
     from ncgen.model import Model
+    from ncgen.model.curves import smooth_step
     from ncgen.report.inspection import inspect
     from ncgen.solver.assembly import assemble
     from ncgen.solver.batch import accelerations_batch, simulate_batch

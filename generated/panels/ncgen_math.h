@@ -37,6 +37,7 @@
 #define NCGEN_ABS(x) NCGEN_FUNCTION(fabs)(x)
 #define NCGEN_SIGN(x) ((ncgen_real)(((x) > 0) - ((x) < 0)))
 #define NCGEN_POW(x, y) NCGEN_FUNCTION(pow)(x, y)
+#define NCGEN_FLOOR(x) NCGEN_FUNCTION(floor)(x)
 
 /* What ncgen_sincos leaves to the library: everything in other number types, angles beyond NCGEN_FAR in double. */
 #define NCGEN_SINCOS_FAR(n, x, sine, cosine)          \
@@ -124,5 +125,39 @@ static inline void ncgen_sincos(int n, const ncgen_real *NCGEN_RESTRICT x, ncgen
 }
 
 #endif
+
+/* A polynomial in every piece: a row of its origin and degree + 1 coefficients before the first of count knots, and one behind each.
+ * What has a period begins again. A number may be a vector of scalars, each with a piece of its own. */
+#define NCGEN_PIECES(x, knots, rows, count, degree, period) ncgen_pieces(x, knots, rows, count, degree, period)
+
+static inline ncgen_real ncgen_pieces(ncgen_real x, const ncgen_scalar *knots, const ncgen_scalar *rows, int count, int degree,
+                                      ncgen_scalar period)
+{
+    union {
+        ncgen_real all;
+        ncgen_scalar each[sizeof(ncgen_real) / sizeof(ncgen_scalar)];
+    } number;
+    number.all = x;
+    for (size_t i = 0; i < sizeof(ncgen_real) / sizeof(ncgen_scalar); ++i) {
+        ncgen_scalar s = number.each[i];
+        if (period > 0)
+            s -= period * NCGEN_FLOOR((s - knots[0]) / period);
+        int low = 0, high = count;
+        while (low < high) {
+            const int middle = (low + high) / 2;
+            if (knots[middle] <= s)
+                low = middle + 1;
+            else
+                high = middle;
+        }
+        const ncgen_scalar *row = rows + low * (degree + 2);
+        ncgen_scalar y = row[degree + 1];
+        s -= row[0];
+        for (int k = degree; k > 0; --k)
+            y = y * s + row[k];
+        number.each[i] = y;
+    }
+    return number.all;
+}
 
 #endif

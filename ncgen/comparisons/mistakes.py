@@ -19,8 +19,10 @@ import sympy
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.pieces import Pieces
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import PIECES
 
 POSITIONS = 7
 TOLERANCE = 1e-8
@@ -212,7 +214,7 @@ class _Case:
         if not hasattr(self, "_values"):
             names = {"q": "", "qd": "d"}
             self.symbols = {a: [sympy.Symbol(mark + c.replace(".", "_")) for c in kernels.coordinates] for a, mark in names.items()}
-            functions = {name: getattr(sympy, f.sympy) for name, f in FUNCTIONS.items()}
+            functions = {PIECES: _piecewise, **{name: getattr(sympy, f.sympy) for name, f in FUNCTIONS.items()}}
             given = {"t": sympy.Float(0), "p": [sympy.Float(float(x)) for x in kernels.p0], **self.symbols}
             self._values = evaluate(program, given, functions, sympy.Float)
         if self.kernel != "phi_q":
@@ -228,6 +230,14 @@ class _Case:
         names = tuple(self.kernels.coordinates[c] for c in columns) if self.kernel == "phi_q" else ()
         equation = self.kernels.programs.equations.rows[row].equation
         return Mistake(self.name, row + 1, self.kernels.rows[row].label, equation, names, kind, words)
+
+
+def _piecewise(pieces: Pieces, x: sympy.Expr) -> sympy.Expr:
+    """A lookup as sympy says it by itself."""
+    if pieces.period:
+        x = x - pieces.period * sympy.floor((x - pieces.knots[0]) / pieces.period)
+    polynomials = [sympy.Add(*(c * (x - origin) ** k for k, c in enumerate(powers))) for origin, *powers in pieces.rows]
+    return sympy.Piecewise(*((y, x < knot) for y, knot in zip(polynomials, pieces.knots, strict=False)), (polynomials[-1], True))
 
 
 def _parts(terms: Sequence[sympy.Expr]) -> Iterator[tuple[sympy.Expr, str]]:

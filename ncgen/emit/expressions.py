@@ -9,8 +9,9 @@ from __future__ import annotations
 from typing import NamedTuple, Protocol
 
 from ncgen.emit.naming import Names
+from ncgen.model.pieces import Pieces
 from ncgen.program.blocks import Block
-from ncgen.program.graph import ARITHMETIC, Op
+from ncgen.program.graph import ARITHMETIC, PIECES, Op
 from ncgen.program.passes import uses
 
 LONGEST = 56
@@ -26,6 +27,8 @@ class Dialect(Protocol):
     def leaf(self, op: Op, block: Block) -> str: ...
 
     def call(self, name: str, arguments: list[str]) -> str: ...
+
+    def lookup(self, pieces: Pieces, x: str) -> str: ...
 
 
 class Assignment(NamedTuple):
@@ -84,6 +87,8 @@ def _value(op: Op, block: Block, dialect: Dialect, text: dict[int, tuple[str, in
         return dialect.number(op.value), ATOM if op.value >= 0 else UNARY
     if op.code in ("load", "slot"):
         return dialect.leaf(op, block), ATOM
+    if op.code == PIECES:
+        return dialect.lookup(op.pieces, text[op.args[0]][0]), ATOM
     if op.code not in ARITHMETIC:
         return dialect.call(op.code, [text[a][0] for a in op.args]), ATOM
     strength = STRENGTH[op.code]

@@ -10,10 +10,11 @@ from ncgen.emit.environment import comment_text, loop_comments
 from ncgen.emit.expressions import Assignment, write
 from ncgen.emit.naming import Names
 from ncgen.emit.tables import Tables
+from ncgen.model.pieces import Pieces
 from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Block, Loop, Program, Slot, Store, TableStore
 from ncgen.program.cost import cost
-from ncgen.program.graph import Op
+from ncgen.program.graph import PIECES, Op
 
 Record: TypeAlias = dict[str, Any]
 """What a template is filled with."""
@@ -47,6 +48,11 @@ class Spelling(ABC):
     @abstractmethod
     def call(self, name: str, arguments: list[str]) -> str:
         """An elementary function, by its name in `ncgen.program.functions`."""
+
+    def lookup(self, pieces: Pieces, x: str) -> str:
+        """A piecewise polynomial: a function "pieces" of x, the tables of its knots and rows, how many knots, degree and period."""
+        tables = [self.tables.number(pieces.knots), self.tables.number(pieces.numbers)]
+        return self.call(PIECES, [x, *tables, str(len(pieces.knots)), str(pieces.degree), self.number(pieces.period)])
 
     @abstractmethod
     def comment(self, text: str) -> str:

@@ -102,7 +102,12 @@ def _number(model: Model | None, raw: object) -> int | float:
 
 def _value(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of parameters."""
-    return _expression_of(raw, _there(model).numbers)
+    model = _there(model)
+    return _expression_of(raw, model.numbers, model)
+
+
+def _numbers(model: Model | None, raw: object) -> list[int | float]:
+    return [_number(model, item) for item in _list(raw)]
 
 
 def _values(model: Model | None, raw: object) -> list[int | float | Expr]:
@@ -120,7 +125,7 @@ def _tensor(model: Model | None, raw: object) -> object:
 def _expression(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of everything that moves."""
     model = _there(model)
-    return _expression_of(raw, {TIME, *model.numbers, *(c.name for c in model.components)} if isinstance(raw, str) else ())
+    return _expression_of(raw, {TIME, *model.numbers, *(c.name for c in model.components)} if isinstance(raw, str) else (), model)
 
 
 def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
@@ -130,12 +135,13 @@ def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
 
 def _law(model: Model | None, raw: object) -> int | float | Expr:
     """A number, or an expression of x, the length or angle, v, its rate, the time and parameters."""
-    return _expression_of(raw, {*LAW, TIME, *_there(model).numbers})
+    model = _there(model)
+    return _expression_of(raw, {*LAW, TIME, *model.numbers}, model)
 
 
-def _expression_of(raw: object, known: Collection[str]) -> int | float | Expr:
+def _expression_of(raw: object, known: Collection[str], model: Model) -> int | float | Expr:
     if isinstance(raw, str):
-        return parse_expression(raw, known)
+        return parse_expression(raw, known, model.curves)
     if isinstance(raw, bool) or not isinstance(raw, (int, float)):
         raise ModelError(f"{shown(raw)} is not a number or an expression")
     return raw
@@ -179,6 +185,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "bool": _flag,
     "bool | str": _held,
     "Number": _number,
+    "Numbers": _numbers,
     "Value": _value,
     "Values": _values,
     "Tensor": _tensor,

@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from sympy import Expr, Mul, Rational
 from sympy.printing.precedence import PRECEDENCE
 from sympy.printing.str import StrPrinter
 
 from ncgen.exchange.grammar import parse_expression
+from ncgen.model.curves import Curve
 
 ROUNDS = 5
 """How often an expression is read and written until its text stays; twice is enough for what sympy made itself."""
 
 
-def expression_text(value: object, known: set[str]) -> str | None:
+def expression_text(value: object, known: set[str], curves: Mapping[str, Curve]) -> str | None:
     """The text that is written like this again after it was read; None where there is none.
 
-    known: names of coordinates, parameters and inputs
+    known: names of coordinates, parameters and inputs; curves: splines and tables by their names
     Raises ModelError for what a model file cannot say.
     """
     text = _Exact().doprint(value)
     for _ in range(ROUNDS):
-        again = _Exact().doprint(parse_expression(text, known))
+        again = _Exact().doprint(parse_expression(text, known, curves))
         if again == text:
             return text
         text = again

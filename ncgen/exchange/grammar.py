@@ -1,9 +1,10 @@
 """Expressions in model files: parsed by a small grammar of our own, never evaluated as Python.
 
-    2*L + 0.1        -k*(psi - psi0) - c*rate(psi)        sin(omega*t)        B.x**2
+    2*L + 0.1        -k*(psi - psi0) - c*rate(psi)        sin(omega*t)        B.x**2        profile(psi)
 
-Numbers, names, + - * / **, parentheses, the functions of ncgen.program.functions, min and max of two, and rate(…). A text that
-is anything else is refused with the part that is not understood.
+Numbers, names, + - * / **, parentheses, the functions of ncgen.program.functions, min and max of two, rate(…), and curves: splines and
+tables by their names, a derivative as profile(psi, 1), and smooth_step(x, start, end). A text that is anything else is refused with the
+part that is not understood.
 
 The size of what a text says is measured on its syntax tree, before anything is computed: sympy keeps exact numbers
 exact, and a short text can ask for a number that no memory holds.
@@ -20,6 +21,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from ncgen.errors import SHOWN, ModelError, UnknownName, shortened
+from ncgen.model.curves import BUILT_IN, STEP, Curve, smooth_step
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import DEEPEST, MOST_DIGITS, MOST_FACTORS, check_expression
 from ncgen.model.kinks import CHOICES, without_kinks
@@ -45,18 +47,22 @@ _INVERSE = frozenset({"asin", "acos", "atan", "atan2"})
 UNDONE = {"exp": frozenset({"log"}), "log": frozenset({"exp"}), "sin": _INVERSE, "cos": _INVERSE, "tan": _INVERSE}
 """{function: those that it undoes}: what stands within both comes out again."""
 
+RATE = "rate"
+
 CONSTANTS = {"pi": math.pi, "e": math.e}
 _SUMS, _PRODUCTS = (ast.Add, ast.Sub), (ast.Mult, ast.Div)
 
 
-def parse_expression(text: str, known: Collection[str]) -> Expr:
-    """A sympy expression of the known names (coordinates, parameters, t).
+def parse_expression(text: str, known: Collection[str], curves: Mapping[str, Curve] | None = None) -> Expr:
+    """A sympy expression of the known names (coordinates, parameters, t) and of curves.
 
     Raises ModelError saying which part is not understood, which name is unknown, or which number is out of bounds.
     """
-    tree = _tree(text)
-    _Measure(text).size(tree)
-    found = _Reader(text, known).read(tree)
+    tree, of_all = _tree(text), {**BUILT_IN, **(curves or {})}
+    if taken := [name for name in of_all if name in (*FUNCTIONS, *CHOICES, RATE)]:
+        raise ModelError(f"curve {taken[0]}: in the expressions of files that is the name of a function; choose another")
+    _Measure(text, of_all).size(tree)
+    found = _Reader(text, known, of_all).read(tree)
     check_expression(found, quoted(text))
     return found
 
@@ -127,8 +133,8 @@ def _largest(growth: int) -> int:
 class _Measure:
     """Bounds the size of an expression from the leaves upwards."""
 
-    def __init__(self, text: str) -> None:
-        self.text = text
+    def __init__(self, text: str, curves: Collection[str] = ()) -> None:
+        self.text, self.curves = text, curves
 
     def size(self, node: ast.expr, level: int = 1) -> Size:
         if level > MOST_LEVELS:
@@ -156,6 +162,8 @@ class _Measure:
         if isinstance(node, ast.Call) and dotted(node.func) in CHOICES:
             inner = [self.size(a, level + 3) for a in node.args]  # each stands there three times: by itself and in two weights
             return Size(None, 3 * sum(s.digits for s in inner), 3 * sum(s.growth for s in inner), _functions(inner) | {"sign"})
+        if isinstance(node, ast.Call) and dotted(node.func) in self.curves:
+            return Size(None, 1 + sum(self.size(a, level + 1).digits for a in node.args), 1)  # of numbers alone it is a double
         return Size(CONSTANTS.get(dotted(node) or ""), 1)  # a name, or what is refused when it is read
 
     def _chain(self, node: ast.BinOp, level: int) -> Size:
@@ -225,9 +233,10 @@ class _Measure:
 class _Reader:
     """Turns the syntax tree into sympy, node by node; what is not listed here is refused."""
 
-    def __init__(self, text: str, known: Collection[str]) -> None:
+    def __init__(self, text: str, known: Collection[str], curves: Mapping[str, Curve]) -> None:
         self.text = text
         self.known = known
+        self.curves = curves
 
     def read(self, node: ast.expr) -> Expr:
         import sympy
@@ -263,9 +272,9 @@ class _Reader:
         import sympy
 
         function = dotted(node.func)
-        if function == "rate" and len(node.args) == 1:
+        if function == RATE and len(node.args) == 1:
             inner = dotted(node.args[0])
-            if isinstance(node.args[0], ast.Call) and dotted(node.args[0].func) == "rate":  # of a rate: an acceleration
+            if isinstance(node.args[0], ast.Call) and dotted(node.args[0].func) == RATE:  # of a rate: an acceleration
                 return sympy.Symbol(rate_name(str(self._call(node.args[0]))), real=True)
             if inner is None or inner not in self.known:
                 part = shortened(_source(node, self.text), SHOWN)
@@ -273,12 +282,22 @@ class _Reader:
             return sympy.Symbol(rate_name(inner), real=True)
         if function in CHOICES and len(node.args) == 2:
             return without_kinks(getattr(sympy, CHOICES[function])(*map(self.read, node.args)), quoted(self.text))
+        if function is not None and function in self.curves:
+            return self._curve(self.curves[function], node.args)
         if function not in FUNCTIONS or len(node.args) != FUNCTIONS[function].arity:
-            part = shortened(_source(node.func, self.text), SHOWN)
-            raise ModelError(
-                f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {', '.join((*FUNCTIONS, *CHOICES))}, rate"
-            )
+            part, known = shortened(_source(node.func, self.text), SHOWN), ", ".join((*FUNCTIONS, *CHOICES, *self.curves, RATE))
+            raise ModelError(f"{quoted(self.text)}: {part} of {len(node.args)} is unknown; the functions are {known}")
         return getattr(sympy, FUNCTIONS[function].sympy)(*map(self.read, node.args))
+
+    def _curve(self, curve: Curve, arguments: list[ast.expr]) -> Expr:
+        """curve(x), its derivative curve(x, order), or smooth_step(x, start, end)."""
+        order = _number_of(arguments[1]) if len(arguments) == 2 else 0
+        if curve is STEP and len(arguments) == 3:
+            return smooth_step(*map(self.read, arguments))
+        if not 1 <= len(arguments) <= 2 or not isinstance(order, int):
+            said = " or its start and end" if curve is STEP else ""
+            raise ModelError(f"{quoted(self.text)}: {curve.name} takes one expression, and the order of its derivative{said}")
+        return curve(self.read(arguments[0]), order)
 
     def _name(self, name: str) -> Expr:
         import sympy

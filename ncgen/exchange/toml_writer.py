@@ -41,6 +41,7 @@ class _Writer:
     """Turns facts into tables; what it writes, the reader accepts."""
 
     def __init__(self, model: Model) -> None:
+        self.curves = model.curves
         self.known = {TIME, *LAW, *model.numbers} | {c.name for c in model.components}
 
     def table(self, word: str, arguments: dict, once: bool) -> str:
@@ -90,7 +91,7 @@ class _Writer:
         from ncgen.exchange.expression_text import expression_text  # needs sympy, which a model without expressions does without
 
         try:
-            text = expression_text(value, self.known)
+            text = expression_text(value, self.known, self.curves)
         except ModelError as error:
             raise ModelError(f"{where}: it cannot be written into a model file: {error}") from None
         if text is None:

@@ -143,7 +143,6 @@ class NumPyBatch(Batch):
     """Through the leading axes of the generated NumPy source."""
 
     def _evaluate(self, kernel: str, t: np.ndarray, q: np.ndarray, qd: np.ndarray | None, p: np.ndarray, out: np.ndarray) -> None:
-        t = t[:, None] if t.ndim else t
         out[:] = self.kernels.values(kernel, t, q, qd, p)
 
 

@@ -18,6 +18,7 @@ import numpy as np
 from ncgen.emit.sources import Sources
 from ncgen.model import Model
 from ncgen.model.digest import digest
+from ncgen.model.pieces import Pieces
 from ncgen.program.blocks import Column, Loop, Pattern, Program, Slot, Store, Straight, TableStore
 from ncgen.program.graph import Input, Op
 from ncgen.program.programs import Programs
@@ -35,7 +36,7 @@ LARGEST = 8_000_000
 PACKAGES = ("jinja2", "mpmath", "numpy", "sympy")
 """What generating relies on."""
 
-PARTS = {kind.__name__: kind for kind in (Column, Input, Loop, Op, Pattern, Program, Slot, Store, Straight, TableStore)}
+PARTS = {kind.__name__: kind for kind in (Column, Input, Loop, Op, Pattern, Pieces, Program, Slot, Store, Straight, TableStore)}
 """What programs are made of."""
 
 

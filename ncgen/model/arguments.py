@@ -220,6 +220,10 @@ def _number(model: Contents, given: object, where: str) -> float:
     return found
 
 
+def _numbers(model: Contents, given: object, where: str) -> tuple[float, ...]:
+    return tuple(_number(model, each, f"{where}, {k}") for k, each in enumerate(sequence(given, where, "a list of numbers"), 1))
+
+
 def _values(model: Contents, given: object, where: str) -> tuple[Value, ...]:
     given = sequence(given, where, "three numbers")
     marks = AXES if len(given) <= len(AXES) else map(str, range(1, len(given) + 1))
@@ -247,5 +251,6 @@ READERS: dict[str, Reader[object]] = {
     "bool": _truth,
     "bool | str": _held,
     "Number": _number,
+    "Numbers": _numbers,
 }
 """{annotation: reader(model, what was given, where)}."""

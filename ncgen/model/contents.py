@@ -8,6 +8,7 @@ from ncgen.model.elements import AXES, Spatial
 
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body
+    from ncgen.model.curves import Curve
     from ncgen.model.drawing import Drawing
     from ncgen.model.elements import Component, Element
     from ncgen.model.facts import Fact
@@ -22,6 +23,7 @@ class Contents:
     """What was said about a mechanism, by name or in the order in which it was said.
 
     elements, parameters, inputs, bodies: by name; ground: the body that does not move
+    curves: splines and tables, by name
     outputs: by their labels
     rows: in the order of Φ
     gravity_field: three values
@@ -37,6 +39,7 @@ class Contents:
     elements: dict[str, Element]
     parameters: dict[str, Parameter]
     inputs: dict[str, Input]
+    curves: dict[str, Curve]
     outputs: dict[str, Output]
     bodies: dict[str, Body]
     ground: Body
@@ -66,9 +69,9 @@ class Contents:
         """What the kernels read from `p`, by name: parameters, then inputs."""
         return {**self.parameters, **self.inputs}
 
-    def bearer(self, word: str) -> Element | Parameter | Component | None:
-        """What has this name: an element, a parameter, or a coordinate of an element; None if nothing has."""
-        found = self.elements.get(word) or self.parameters.get(word) or self.inputs.get(word)
+    def bearer(self, word: str) -> Element | Parameter | Component | Curve | None:
+        """What has this name: an element, a parameter, a curve, or a coordinate of an element; None if nothing has."""
+        found = self.elements.get(word) or self.parameters.get(word) or self.inputs.get(word) or self.curves.get(word)
         owner, _, axis = word.rpartition(".")
         if found is None and axis in tuple(AXES) and isinstance(self.elements.get(owner), Spatial):
             return getattr(self.elements[owner], axis)

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING, TypeVar
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.model import arithmetic, measures
+from ncgen.model import arithmetic, curves, measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import own_direction
 from ncgen.model.catalogue import BRANCH_WEIGHTS
 from ncgen.model.contents import Contents
+from ncgen.model.curves import Curve
 from ncgen.model.elements import AXES, Angle, Combination, Component, Direction, Length, Point, Relative, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.names import LAW, check_scalar
 from ncgen.model.outputs import Output
 from ncgen.model.rows import SIX_DIGITS, UNIT_LENGTH, Row
-from ncgen.model.values import Driven, Input, Number, Parameter, Value, Values, as_sympy, evaluate, is_number, mentioned, vanishes
+from ncgen.model.values import Driven, Input, Number, Numbers, Parameter, Value, Values, as_sympy, evaluate, is_number, mentioned, vanishes
 
 if TYPE_CHECKING:
     import sympy
@@ -55,6 +56,25 @@ class Coordinates(Contents):
         self._claim(name, "input")
         self.inputs[name] = Input(name, float(default), unit)
         return self.inputs[name]
+
+    @fact
+    def spline(self, name: str, knots: Numbers, values: Numbers, end: str = "natural") -> Curve:
+        """A function through values at knots, for any expression: `profile(x)` is its value, `profile(x, 1)` its derivative. It is
+        piecewise cubic, with continuous second derivatives.
+
+        knots: increasing
+        end: "natural" (no curvature there), "clamped" (slope 0), "not-a-knot" (the first two pieces are one polynomial, and the last two)
+            or "periodic", which begins again at its last knot; any other goes on straight beyond its knots, with the slope it has there
+        """
+        return self._curve(curves.spline(name, knots, values, end))
+
+    @fact
+    def table(self, name: str, knots: Numbers, values: Numbers, periodic: bool = False) -> Curve:
+        """The same with straight lines from knot to knot, and so with a kink at each: for forces; what drives should be smooth.
+
+        The first and the last line go on beyond the knots; a periodic table begins again.
+        """
+        return self._curve(curves.table(name, knots, values, periodic))
 
     @fact
     def output(self, label: str, expression: Driven, unit: str = "") -> Output:
@@ -170,6 +190,13 @@ class Coordinates(Contents):
         self.chosen_independent = tuple(names)
 
     # -- helpers -------------------------------------------------------------------------------
+
+    def _curve(self, curve: Curve) -> Curve:
+        if curve.name in curves.BUILT_IN:
+            raise ModelError(f"curve {curve.name}: every model has one of that name; choose another")
+        self._claim(curve.name, "curve")
+        self.curves[curve.name] = curve
+        return curve
 
     def _relative(self, coordinate: Length, row: Row) -> Length:
         self.elements[coordinate.name] = coordinate

@@ -16,6 +16,7 @@ from ncgen.errors import ModelError
 from ncgen.model.arguments import read
 from ncgen.model.bodies import Body
 from ncgen.model.contents import Contents
+from ncgen.model.curves import check_curves
 
 M = TypeVar("M", bound=Contents)
 P = ParamSpec("P")
@@ -46,6 +47,7 @@ def fact(method: Callable[Concatenate[M, P], R]) -> Callable[Concatenate[M, P], 
         except TypeError as error:
             raise ModelError(f"{method.__name__}: {error}; it takes {', '.join(list(signature.parameters)[1:])}") from None
         read(self, method.__name__, bound)
+        check_curves(self, method.__name__, bound.arguments)
         before = None if self._telling else _State(self, bound.arguments.values())
         self._telling = True
         try:

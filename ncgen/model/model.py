@@ -61,6 +61,7 @@ class Model(Joints, Loads):
         self.elements = {}
         self.parameters = {}
         self.inputs = {}
+        self.curves = {}
         self.outputs = {}
         self.bodies = {}
         self.rows = []

@@ -33,6 +33,9 @@ Number: TypeAlias = "float | np.integer | np.floating | Fraction"
 Value: TypeAlias = "Number | Parameter | sympy.Expr"
 """In signatures: a number, a parameter, or an expression of parameters."""
 
+Numbers: TypeAlias = "Sequence[Number] | np.ndarray"
+"""In signatures: several plain numbers."""
+
 Values: TypeAlias = "Sequence[Value] | np.ndarray"
 """In signatures: several of them, such as the three of a position."""
 

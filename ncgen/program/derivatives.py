@@ -67,6 +67,8 @@ def slopes(graph: Graph, node: int) -> list[Callable[[], int]]:
             return [lambda: b, lambda: a]
         case "div", (_, b):
             return [lambda: graph.div(one, b), lambda: graph.neg(graph.div(node, b))]
+        case "pieces", (a,):
+            return [lambda: graph.lookup(op.pieces.derivative(), a)]
     return [lambda rule=rule: rule(graph, node, *op.args) for rule in FUNCTIONS[op.code].slopes]
 
 

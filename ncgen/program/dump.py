@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ncgen.program.blocks import Loop, Program, Store
-from ncgen.program.graph import Op
+from ncgen.program.graph import PIECES, Op
 
 
 def dump(program: Program) -> str:
@@ -35,4 +35,6 @@ def _operation(op: Op) -> str:
         return f"load {array}[{position}]"
     if op.code == "slot":
         return f"slot {op.slot}"
+    if op.code == PIECES:
+        return f"pieces {op.pieces.degree} {len(op.pieces.knots)} %{op.args[0]}"
     return f"{op.code} " + " ".join(f"%{a}" for a in op.args)

@@ -10,9 +10,8 @@ from typing import Any
 
 from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Block, Program
-from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Op
-from ncgen.program.passes import ARITHMETIC_ON_NUMBERS
+from ncgen.program.passes import ON_NUMBERS, compute
 
 
 def evaluate(
@@ -24,10 +23,10 @@ def evaluate(
     """The output of a program, as numbers of the kind that `inputs` and `number` are of.
 
     inputs: {"t": number, "q": sequence, …}
-    functions: {name: callable} where the numbers need other elementary functions than `math`'s
+    functions: {name: callable} where the numbers need other elementary functions than `math`'s; of "pieces" it is one of (polynomials, x)
     number: turns a constant into the kind of number wanted, such as `mpmath.mpf`
     """
-    table = {**ARITHMETIC_ON_NUMBERS, **{name: f.python for name, f in FUNCTIONS.items()}, **(functions or {})}
+    table = {**ON_NUMBERS, **(functions or {})}
     arrays = {name: [inputs[name]] if name == "t" else inputs[name] for name in program.inputs}
     arrays |= {name: [number(0.0)] * size for name, size in program.temporaries.items()}
     arrays[program.output] = [number(0.0)] * program.size
@@ -37,8 +36,8 @@ def evaluate(
         for run in range(block.count):
             values: list[Any] = []
             for op in block.ops:
-                function = table.get(op.code)
-                values.append(function(*[values[a] for a in op.args]) if function else _leaf(op, block, run, arrays, number))
+                arguments = [values[a] for a in op.args]
+                values.append(compute(op, arguments, table) if arguments else _leaf(op, block, run, arrays, number))
             for store in block.stores:
                 index, array = store.table[run], arrays[store.array]
                 array[index] = array[index] + values[store.node] if store.accumulate else values[store.node]

@@ -14,6 +14,7 @@ import sys
 from collections.abc import Container, Iterable
 from typing import NamedTuple, TypeAlias
 
+from ncgen.model.pieces import Pieces
 from ncgen.program.functions import FUNCTIONS
 
 
@@ -24,14 +25,16 @@ class Input(NamedTuple):
     position: int
 
 
-Leaf: TypeAlias = float | int | Input | None
-"""What an operation without arguments stands for: a constant (a float), a loop's slot (an int, its number), or an input."""
+Leaf: TypeAlias = float | int | Input | Pieces | None
+"""What an operation without arguments stands for: a constant (a float), a loop's slot (an int, its number), or an input; and the
+polynomials among which a lookup, which has one argument, chooses."""
 
 
 class Op(NamedTuple):
     """One operation: code, the numbers of its arguments, and for leaves what they stand for.
 
     Leaves: ("const", (), value) · ("load", (), input) · ("slot", (), number of a loop's slot)
+    A lookup: ("pieces", (argument,), polynomials)
     """
 
     code: str
@@ -56,6 +59,12 @@ class Op(NamedTuple):
         assert isinstance(self.leaf, int), f"{self} is no slot"
         return self.leaf
 
+    @property
+    def pieces(self) -> Pieces:
+        """What a lookup looks into."""
+        assert isinstance(self.leaf, Pieces), f"{self} is no lookup"
+        return self.leaf
+
 
 SMALLEST = sys.float_info.min
 """The smallest number with all its digits."""
@@ -65,6 +74,9 @@ def _is_normal(value: float) -> bool:
     """True if a constant may take part in folding: finite, and with all its digits."""
     return math.isfinite(value) and abs(value) >= SMALLEST
 
+
+PIECES = "pieces"
+"""The code of a lookup."""
 
 ARITHMETIC = {"add": "+", "sub": "-", "mul": "*", "div": "/", "neg": "-"}
 
@@ -198,6 +210,13 @@ class Graph:
             return self.const(FUNCTIONS[name].python(*numbers))
         return self._make(name, args)
 
+    def lookup(self, pieces: Pieces, a: int) -> int:
+        """A piecewise polynomial."""
+        if pieces.constant is not None:
+            return self.const(pieces.constant)
+        x = self.value(a)
+        return self._make(PIECES, (a,), pieces) if x is None else self.const(pieces.at(x))
+
     def power(self, a: int, exponent: int) -> int:
         """An integer power by repeated squaring."""
         if exponent < 0:
@@ -219,4 +238,6 @@ class Graph:
 
     def apply(self, op: Op, args: tuple[int, ...]) -> int:
         """The operation `op` on other arguments, simplified again."""
+        if op.code == PIECES:
+            return self.lookup(op.pieces, *args)
         return getattr(self, op.code)(*args) if op.code in ARITHMETIC else self.call(op.code, *args)

@@ -16,6 +16,7 @@ from sympy.core.sorting import default_sort_key
 
 from ncgen.errors import ModelError, shown
 from ncgen.model.expressions import symbols_in
+from ncgen.model.lookups import pieces_in
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.graph import Graph, Op
 from ncgen.symbolic.templates import TIME, Output, Template, rate_name
@@ -101,6 +102,8 @@ def _lower_new(graph: Graph, expression: sympy.Expr, nodes: Nodes, data: set[sym
         return _lower_product(graph, expression, nodes, data)
     if expression.is_Pow:
         return _lower_power(graph, expression, nodes, data)
+    if (pieces := pieces_in(expression)) is not None:
+        return graph.lookup(pieces, _lower(graph, _arguments(expression)[0], nodes, data))
     name = BY_SYMPY_NAME.get(type(expression).__name__)
     if name is None:
         raise ModelError(f"{shown(expression)}: this cannot be generated; known functions are {', '.join(FUNCTIONS)}")

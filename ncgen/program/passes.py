@@ -7,25 +7,28 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import replace
 from typing import Any, TypeVar
 
+from ncgen.model.pieces import Pieces
 from ncgen.program.blocks import Block, Column, Loop, Slot
 from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import Graph, Op
+from ncgen.program.graph import PIECES, Graph, Op
 
 B = TypeVar("B", bound=Block)
 
-ARITHMETIC_ON_NUMBERS: dict[str, Callable[..., Any]] = {
+_ARITHMETIC: dict[str, Callable[..., Any]] = {
     "add": lambda a, b: a + b,
     "sub": lambda a, b: a - b,
     "mul": lambda a, b: a * b,
     "div": lambda a, b: a / b,
     "neg": lambda a: -a,
 }
-_PYTHON = ARITHMETIC_ON_NUMBERS | {name: function.python for name, function in FUNCTIONS.items()}
+ON_NUMBERS = _ARITHMETIC | {name: function.python for name, function in FUNCTIONS.items()} | {PIECES: Pieces.at}
+"""{code: function} of all operations on Python's numbers."""
 
 
-def compute(op: Op, arguments: Iterable[Any], functions: Mapping[str, Callable[..., Any]] = _PYTHON) -> Any:
+def compute(op: Op, arguments: Iterable[Any], functions: Mapping[str, Callable[..., Any]] = ON_NUMBERS) -> Any:
     """The value of an inner operation on the values of its arguments, which may be numbers of any kind."""
-    return functions[op.code](*arguments)
+    function = functions[op.code]
+    return function(op.pieces, *arguments) if op.code == PIECES else function(*arguments)
 
 
 def fold_tables(loop: Loop) -> Loop:

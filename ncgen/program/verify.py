@@ -7,7 +7,7 @@ import math
 from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Block, Program
 from ncgen.program.functions import FUNCTIONS
-from ncgen.program.graph import ARITHMETIC
+from ncgen.program.graph import ARITHMETIC, PIECES
 
 ARITY = {code: 1 if code == "neg" else 2 for code in ARITHMETIC} | {n: f.arity for n, f in FUNCTIONS.items()}
 
@@ -51,6 +51,9 @@ def _check_ops(block: Block, sizes: dict[str, int], where: str) -> None:
             _require(0 <= position < sizes.get(array, 0), f"{where}: reads {array}[{position}], which does not exist")
         elif op.code == "slot":
             _require(0 <= op.slot < len(block.slots), f"{where}: unknown slot {op.slot}")
+        elif op.code == PIECES:
+            _require(len(op.args) == 1, f"{where}: a lookup of {len(op.args)} arguments")
+            _require(len(op.pieces.rows) == len(op.pieces.knots) + 1, f"{where}: a lookup whose table has another length")
         else:
             _require(op.code in ARITY, f"{where}: unknown operation {op.code}")
             _require(len(op.args) == ARITY[op.code], f"{where}: {op.code} of {len(op.args)} arguments")

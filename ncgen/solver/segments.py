@@ -1,4 +1,4 @@
-"""A run in Python from break to break of its inputs: no step passes a jump or a corner, and none is looked at from both sides.
+"""A run in Python from break to break of its inputs and tables: no step passes a jump or a corner, and none is looked at from both sides.
 
 In C steps end at breaks by themselves.
 """
@@ -20,13 +20,11 @@ Engine: TypeAlias = Callable[[Path, Kernels, Task], None]
 
 def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> None:
     """Complete a path as an engine would, which is asked once a segment. Raises what it raises, the path holding what it reached."""
-    breaks = task.signals.breaks if task.signals else np.empty(0)
-    grid = np.asarray(task.grid, dtype=float)
+    breaks, grid = task.breaks, np.asarray(task.grid, dtype=float)
     inside = breaks[(breaks > grid[0]) & (breaks < grid[-1])]
     if not len(inside) or task.method.has_fixed_step:
         engine(path, kernels, task)
         return
-    assert task.signals, "breaks are those of signals"
     q, velocities, work = task.q, task.velocities, 0.0
     if len(path.q):
         q, qd, work = path.take_last()
@@ -37,7 +35,7 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> Non
         times = np.unique(np.concatenate([[start], grid[(grid > start) & (grid < end)], [end]]))
         here = replace(task, grid=times, q=q, velocities=velocities)
         try:
-            engine(part, kernels.driven_by(task.signals.begun_at(float(start))), here)
+            engine(part, kernels.driven_by(task.signals.begun_at(float(start))) if task.signals else kernels, here)
         finally:
             _take_over(path, part, times, grid, work)
         if part.stopped is not None:

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ConvergenceError, Interrupted, ModelError, SingularError
+from ncgen.mechanism.corners import corners
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import AUTO
 from ncgen.solver import compiled
@@ -241,7 +242,7 @@ class _Motion:
         gives_way = stiff_choice(run, self.choice) is not None
         return Task(
             method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
-            run.signals,
+            run.signals, corners(self.kernels, start.p, self.times[0], self.times[-1]),
         )  # fmt: skip
 
     def _rates(self) -> np.ndarray:

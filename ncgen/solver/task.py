@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -25,6 +25,7 @@ class Task:
     progress: called now and then with the time reached. What is raised meanwhile ends the run and is raised, the path holding what was
         reached
     signals: what drives the mechanism, if anything does
+    corners: instants (s) inside the run at which what depends on time has corners
     stop_when_stiff: whether dopri5 and dop853 in C end where an implicit method would serve better
     """
 
@@ -40,6 +41,12 @@ class Task:
     progress: Callable[[float], None] | None = None
     stop_when_stiff: bool = False
     signals: Signals | None = None
+    corners: np.ndarray = field(default_factory=lambda: np.empty(0))
+
+    @property
+    def breaks(self) -> np.ndarray:
+        """Where steps with error control end, besides (s), ascending."""
+        return np.union1d(self.corners, self.signals.breaks if self.signals else ())
 
     @property
     def driven(self) -> tuple[Pieces | Function | None, ...]:

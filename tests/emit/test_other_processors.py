@@ -45,7 +45,7 @@ def other_processor(monkeypatch):
             monkeypatch.setattr(module, name, lambda *a, own=own, **k: moved(own(*a, **k), draw))
 
 
-@pytest.mark.parametrize("name", ["andrews", "bennett", "delta", "disc", "flyball", "robot", "stewart"])
+@pytest.mark.parametrize("name", ["andrews", "bennett", "cam", "delta", "disc", "flyball", "robot", "stewart"])
 def test_generated_sources(name, other_processor):
     """What was written elsewhere is what is written here."""
     kept = folder("templates").parent / "generated" / name

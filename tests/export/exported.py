@@ -1,4 +1,4 @@
-"""Exports of the four mechanisms made once a session, and the commands of their READMEs."""
+"""Exports of five mechanisms made once a session, and the commands of their READMEs."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ import pytest
 import ncgen
 from ncgen.exchange.examples import load
 
-MODELS = ("pendulum", "robot", "nfourbar", "suspension")
-SOME = ("pendulum", pytest.param("robot", marks=pytest.mark.slow), "nfourbar", "suspension")
+MODELS = ("pendulum", "robot", "nfourbar", "suspension", "cam")
+SOME = ("pendulum", pytest.param("robot", marks=pytest.mark.slow), "nfourbar", "suspension", "cam")
 """The same, with the large one among the longer proofs."""
 
-SECONDS = {"pendulum": 1.0, "robot": 0.5, "nfourbar": 0.6, "suspension": 0.5}
+SECONDS = {"pendulum": 1.0, "robot": 0.5, "nfourbar": 0.6, "suspension": 0.5, "cam": 0.3}
 STRICT = "-Wall -Wextra -Wpedantic -Wconversion -Wdouble-promotion -Wshadow -Werror"
 
 

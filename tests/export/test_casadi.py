@@ -86,7 +86,7 @@ def values(model: ncgen.Model, kernels, library: str, sim) -> tuple:
     return 0.0, s, v, sim.p[count:], sim.p[:count]
 
 
-@pytest.mark.parametrize("name", ["rods", "cartpole", "fourbar", *(pytest.param(x, marks=pytest.mark.slow) for x in LARGE)])
+@pytest.mark.parametrize("name", ["rods", "cartpole", "fourbar", "cam", *(pytest.param(x, marks=pytest.mark.slow) for x in LARGE)])
 def test_values_are_those_of_a_run(name, tmp_path):
     """Accelerations of the stepper, and its outputs; loops closed; velocities of all coordinates."""
     model = pushed(name)

@@ -113,6 +113,16 @@ def test_numpy_batches_alike(robot, robot_numpy):
         np.testing.assert_allclose(c, numpy, rtol=1e-12, atol=1e-13 * np.max(np.abs(numpy)))
 
 
+def test_numpy_batches_have_their_own_times():
+    """A force sin(t) x in NumPy, each state at a time of its own."""
+    m = ncgen.Model("timed")
+    P = m.point("P", (0, 0, 0))
+    m.body("b", [P], mass=1.0)
+    m.force(P, (sympy.sin(m.time) * P.x, 0, 0))
+    kernels, t, q = ncgen.compile(m, "numpy"), np.linspace(0, 1, 7), np.ones((7, 3))
+    np.testing.assert_allclose(kernels.batch.values("force", t, q, q, None)[:, 0], np.sin(t), rtol=1e-15)
+
+
 def test_results_go_where_they_should(robot):
     """`out` is filled and returned; one of the wrong shape is refused."""
     q, _, _ = states(robot)

@@ -40,6 +40,8 @@ def calls(s) -> dict[str, dict]:
         "parameter": {"name": "new", "default": 1.0, "unit": "m"},
         "input": {"name": "new", "unit": "N m", "default": 1.0},
         "output": {"label": "height", "expression": s.A.x, "unit": "m"},
+        "spline": {"name": "new", "knots": (0, 1, 2), "values": (0, 1, 0.5), "end": "clamped"},
+        "table": {"name": "new", "knots": (0, 1, 2), "values": (0, 1, 0.0), "periodic": True},
         "point": {"name": "new", "position": (1, 2, 3), "fixed": "z"},
         "vector": {"name": "new", "direction": (0, 0.6, 0.8), "fixed": False},
         "angle": {"name": "new", "start": s.u, "end": s.w, "axis": s.v, "form": "sine", "lengths": (1, 1, 1), "initial": 1.5},
@@ -123,6 +125,7 @@ NO_VECTORS += [np.ones((1, 3)), (1j, 0, 0), ("1", "2", "3"), b"abc", object(), 5
 WRONG = {
     "Value": NO_NUMBERS,
     "Values": NO_VECTORS,
+    "Numbers": [*NO_VECTORS, (1, sympy.Symbol("k"), 3)],
     "Expression": [*(x for x in NO_NUMBERS if not isinstance(x, sympy.Symbol)), (1, 2), np.ones(3)],
     "Driven": [*(x for x in NO_NUMBERS if not isinstance(x, sympy.Symbol)), (1, 2), np.ones(3)],
     "Number": NO_NUMBERS,

@@ -7,7 +7,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from ncgen.comparisons.rivals.base import differentiable
+from ncgen.comparisons.rivals.base import translatable
 from ncgen.comparisons.rivals.casadi import LARGEST, graph
 from ncgen.mechanism.kernels import Kernels
 
@@ -21,7 +21,7 @@ def with_tangents(kernels: Kernels) -> Kernels | None:
         casadi = import_module("casadi")
     except ImportError:
         return None
-    if not differentiable(kernels) or kernels.model.callbacks or kernels.m > LARGEST:
+    if not translatable(kernels) or kernels.model.callbacks or kernels.m > LARGEST:
         return None
     q, qd, qdd = (casadi.SX.sym(name, kernels.n) for name in ("q", "qd", "qdd"))
     lam = casadi.SX.sym("lam", kernels.m)

@@ -13,8 +13,10 @@ import numpy as np
 
 from ncgen.comparisons.rivals.base import Inputs
 from ncgen.mechanism.kernels import Kernels
+from ncgen.model.pieces import Pieces
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import PIECES
 
 DIGITS = 50
 
@@ -26,6 +28,7 @@ _MAGNITUDES = {
     "abs": lambda a: a,
     "sin": lambda a: 1.0,
     "cos": lambda a: 1.0,
+    PIECES: lambda pieces, a: _largest(pieces, a),
 }
 """Operations on sizes: what they give at most, so that nothing cancels."""
 
@@ -69,6 +72,12 @@ def scale(kernels: Kernels, name: str, inputs: Inputs) -> np.ndarray:
 def relative_error(value: np.ndarray, reference: np.ndarray) -> float:
     """The largest difference, relative to the largest entry."""
     return float(np.max(np.abs(value - reference), initial=0.0) / max(np.max(np.abs(reference), initial=0.0), 1e-300))
+
+
+def _largest(pieces: Pieces, a: float) -> float:
+    """The size of what a lookup adds up, in whichever piece; a is how far beyond the knots x may be."""
+    widths = [a, *(end - start for start, end in zip(pieces.knots, pieces.knots[1:])), a]
+    return max(sum(abs(c) * w**k for k, c in enumerate(row[1:])) for row, w in zip(pieces.rows, widths, strict=True))
 
 
 def _rounded(values: Iterable[Any]) -> np.ndarray:

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from ncgen.comparisons.rivals.base import Inputs, Rival, called, differentiable, nonzeros
+from ncgen.comparisons.rivals.base import Inputs, Rival, called, nonzeros, translatable
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
@@ -27,7 +27,7 @@ def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival
         jax = import_module("jax")
     except ImportError:
         return []
-    if not differentiable(kernels) or kernels.m > LARGEST:
+    if not translatable(kernels) or kernels.m > LARGEST:
         return []
     jnp = jax.numpy
     functions = {name: getattr(jnp, f.numpy) for name, f in FUNCTIONS.items()}

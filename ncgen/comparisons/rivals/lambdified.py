@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 import sympy
 
-from ncgen.comparisons.rivals.base import Inputs, Rival, called, differentiable
+from ncgen.comparisons.rivals.base import Inputs, Rival, called, translatable
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
@@ -19,7 +19,7 @@ LARGEST = 60
 
 def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival]:
     names = [k for k in names if k in ("phi", "phi_q", "gamma")]
-    if kernels.m > LARGEST or not differentiable(kernels):
+    if kernels.m > LARGEST or not translatable(kernels):
         return []
     start = time.perf_counter()
     expressions, symbols = symbolic(kernels)

@@ -13,7 +13,7 @@ from importlib import import_module
 from types import ModuleType
 from typing import Any
 
-from ncgen.comparisons.rivals.base import Inputs, Rival, differentiable, foreign
+from ncgen.comparisons.rivals.base import Inputs, Rival, foreign, translatable
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
@@ -36,7 +36,7 @@ def rivals(kernels: Kernels, inputs: Inputs, names: Sequence[str]) -> list[Rival
         symbolic = import_module("symforce.symbolic")
     except ImportError:
         return []
-    if not differentiable(kernels) or kernels.m > LARGEST:
+    if not translatable(kernels) or kernels.m > LARGEST:
         return []
     names = [k for k in names if k in ("phi", "phi_q", "gamma")]
     start = time.perf_counter()

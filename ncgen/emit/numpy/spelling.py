@@ -8,6 +8,7 @@ from ncgen.emit.tables import Tables
 from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Block, Loop, Program, Slot, Store, TableStore
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import PIECES
 
 
 class NumPy(Spelling):
@@ -30,7 +31,8 @@ class NumPy(Spelling):
         return table
 
     def call(self, name: str, arguments: list[str]) -> str:
-        return f"np.{FUNCTIONS[name].numpy}({', '.join(arguments)})"
+        function = "_pieces" if name == PIECES else f"np.{FUNCTIONS[name].numpy}"
+        return f"{function}({', '.join(arguments)})"
 
     def comment(self, text: str) -> str:
         return f"# {text}"
@@ -55,7 +57,8 @@ class NumPy(Spelling):
     def kernel(self, program: Program) -> Record:
         subscript = self._subscript(program.angles) if program.angles else ""
         angles = [f"{array} = {self.call(code, [f'q[..., {subscript}]'])}" for code, array in SHARED.items()] if program.angles else []
-        return {"angles": angles, **super().kernel(program)}
+        has_lookups = any(op.code == PIECES for block in program.blocks for op in block.ops)
+        return {"angles": angles, "has_lookups": has_lookups, **super().kernel(program)}
 
     def _subscript(self, table: tuple[int, ...]) -> str:
         """The places of all runs."""

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, signed, unsigned
 from ncgen.emit.wasm.memory import Memory
+from ncgen.model.pieces import Pieces
 from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Block, Loop, Program, Slot, Store, TableStore
-from ncgen.program.graph import Op
+from ncgen.program.graph import PIECES, Op
 
 GET, SET, CALL, LOOP, END, BRANCH_IF = b"\x20", b"\x21", b"\x10", b"\x03\x40", b"\x0b", b"\x0d\x00"
 I32_CONST, I32_ADD, I32_SUB, I32_MUL, I32_LESS, I32_LOAD = b"\x41", b"\x6a", b"\x6b", b"\x6c", b"\x49", b"\x28\x02"
+IF, ELSE = b"\x04\x40", b"\x05"
 F64_CONST, F64_LOAD, F64_STORE, F64_ADD = b"\x44", b"\x2b\x03", b"\x39\x03", b"\xa0"
 GREATER, LESS, TO_NUMBER = b"\x64", b"\x63", b"\xb7"
 
@@ -101,10 +103,18 @@ class _Body:
                 return self._run_times(8) + F64_LOAD + unsigned(self.memory.numbers(slot.table))
             return self._element(slot.array, slot.table) + F64_LOAD + unsigned(0)
         arguments = [self._number(a, block, held) for a in op.args]
+        if op.code == PIECES:
+            return arguments[0] + self._table(op.pieces) + CALL + unsigned(self.callable[PIECES])
         if op.code == "sign":
             zero = F64_CONST + double(0.0)
             return arguments[0] + zero + GREATER + arguments[0] + zero + LESS + I32_SUB + TO_NUMBER
         return b"".join(arguments) + (OWN[op.code] if op.code in OWN else CALL + unsigned(self.callable[op.code]))
+
+    def _table(self, pieces: Pieces) -> bytes:
+        """What a lookup is given behind its argument."""
+        places = map(self.memory.numbers, (pieces.knots, pieces.numbers))
+        whole = (*places, len(pieces.knots), pieces.degree)
+        return b"".join(I32_CONST + signed(number) for number in whole) + F64_CONST + double(pieces.period)
 
     def _number(self, node: int, block: Block, held: dict[int, int]) -> bytes:
         op = block.ops[node]

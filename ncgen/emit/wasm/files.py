@@ -9,11 +9,13 @@ from ncgen.emit.naming import identifier
 from ncgen.emit.wasm import binary
 from ncgen.emit.wasm.binary import F64, Import, Signature
 from ncgen.emit.wasm.code import SINCOS, called, function
+from ncgen.emit.wasm.lookup import lookup
 from ncgen.emit.wasm.memory import Memory
 from ncgen.emit.wasm.sincos import sincos
 from ncgen.program.angles import SHARED
 from ncgen.program.blocks import Program
 from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import PIECES
 
 if TYPE_CHECKING:
     from ncgen.program.programs import Programs
@@ -34,12 +36,12 @@ def module(programs: Iterable[Program], prefix: str) -> bytes:
     """
     programs = list(programs)
     names = set().union(*map(called, programs))
-    has_angles = SINCOS in names
-    imported = sorted(names - {SINCOS} | (set(SHARED) if has_angles else set()))
+    imported = sorted(names - {SINCOS, PIECES} | (set(SHARED) if SINCOS in names else set()))
     imports = [Import("Math", name, Signature((F64,) * FUNCTIONS[name].arity, (F64,))) for name in imported]
-    numbers = {name: k for k, name in enumerate(imported)} | {SINCOS: len(imported)}
+    own = sorted(names & {SINCOS, PIECES})
+    numbers = {name: k for k, name in enumerate([*imported, *own])}
     memory = Memory(_rooms(programs))
-    functions = [sincos(numbers["sin"], numbers["cos"])] if has_angles else []
+    functions = [lookup() if name == PIECES else sincos(numbers["sin"], numbers["cos"]) for name in own]
     functions += [function(program, prefix, memory, numbers) for program in programs]
     return binary.module(imports, functions, memory.start, memory.data, memory.heap)
 

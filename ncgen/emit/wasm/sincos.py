@@ -8,9 +8,8 @@ import re
 
 from ncgen.emit.runtime import runtime_text
 from ncgen.emit.wasm.binary import F64, I32, Function, Signature, double, unsigned
-from ncgen.emit.wasm.code import CALL, END, F64_CONST, F64_STORE, GET, LESS, OWN, SET, SINCOS
+from ncgen.emit.wasm.code import CALL, ELSE, END, F64_CONST, F64_STORE, GET, IF, LESS, OWN, SET, SINCOS
 
-IF, ELSE = b"\x04\x40", b"\x05"
 X, SINE, COSINE = range(3)
 """The function's arguments: an angle, and the addresses of its sine and cosine."""
 

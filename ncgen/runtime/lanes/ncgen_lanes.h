@@ -105,6 +105,7 @@ static inline ncgen_lanes ncgen_splat(double x)
 #define NCGEN_ABS(x) ncgen_lanes_fabs(NCGEN_LANES_OF(x))
 #define NCGEN_SIGN(x) ncgen_lanes_sign(NCGEN_LANES_OF(x))
 #define NCGEN_POW(x, y) ncgen_lanes_pow(NCGEN_LANES_OF(x), NCGEN_LANES_OF(y))
+#define NCGEN_FLOOR(x) floor(x) /* of a scalar */
 
 /* Lanes with angles that ncgen_sincos does not reduce take the library's sine and cosine. */
 #define NCGEN_SINCOS_FAR(n, x, sine, cosine)                                          \

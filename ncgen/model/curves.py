@@ -1,0 +1,120 @@
+"""Functions of one variable that are told by numbers: splines, tables, and the smooth step, for any expression.
+
+    profile = m.spline("profile", (0, 0.1, 0.3), (0, 0.02, 0.03))
+    m.drive(s, profile(m.time))
+    profile(psi, 1)  # its derivative
+
+Between knots they are polynomials, so derivatives are exact. Beyond the last knots they go on straight, with the slope that they have
+there; a periodic one begins again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from ncgen.errors import ModelError, shown
+from ncgen.model.arguments import expression
+from ncgen.model.expressions import is_symbolic
+from ncgen.model.lookups import curves_in, looked_up
+from ncgen.model.pieces import ENDS, Pieces, are_finite, cubic, linear, slopes_of
+
+if TYPE_CHECKING:
+    import sympy
+
+    from ncgen.model.contents import Contents
+    from ncgen.model.values import Expression, Numbers
+
+MOST_KNOTS = 10_000
+
+SAME = 1e-12
+"""How far the ends of what repeats itself may be apart, of the largest value."""
+
+
+@dataclass(frozen=True)
+class Curve:
+    """A function of one variable by its name; `curve(x)` is its value at an expression, `curve(x, k)` its kth derivative there."""
+
+    name: str
+    pieces: Pieces
+
+    def __repr__(self) -> str:
+        return f"curve {self.name}"
+
+    def __call__(self, x: Expression, order: int = 0) -> sympy.Expr:
+        """Raises ModelError for what is no expression, and for an order that is no whole number from 0 to the degree."""
+        if type(order) is not int or not 0 <= order <= self.pieces.degree:
+            raise ModelError(f"{self.name}: {shown(order)} is no order of a derivative here; give 0 to {self.pieces.degree}")
+        return looked_up(self, order, expression(x, self.name))
+
+
+def spline(name: str, knots: Numbers, values: Numbers, end: str) -> Curve:
+    """A cubic spline with continuous second derivatives. Raises ModelError for an unknown end, and for what no spline goes through."""
+    what, periodic = f"spline {name}", end == "periodic"
+    if end not in ENDS:
+        raise ModelError(f"{what}: the end {shown(end)} is unknown; choose one of {', '.join(ENDS)}")
+    x, y = _checked(what, knots, values, ENDS[end], periodic)
+    return _made(what, name, cubic(x, y, slopes_of(x, y, end), x[-1] - x[0] if periodic else 0.0))
+
+
+def table(name: str, knots: Numbers, values: Numbers, periodic: bool) -> Curve:
+    """Straight lines from knot to knot. Raises ModelError like `spline`."""
+    what = f"table {name}"
+    x, y = _checked(what, knots, values, 2, periodic)
+    return _made(what, name, linear(x, y, x[-1] - x[0] if periodic else 0.0))
+
+
+STEP = Curve("smooth_step", Pieces((0.0, 1.0), ((0.0,) * 7, (0.0, 0.0, 0.0, 0.0, 10.0, -15.0, 6.0), (1.0, 1.0, *(0.0,) * 5))))
+"""From 0 at 0 to 1 at 1, s³ (10 − 15 s + 6 s²): speed and acceleration vanish at both ends."""
+
+
+def smooth_step(x: Expression, start: Expression = 0.0, end: Expression = 1.0) -> sympy.Expr:
+    """A step that rises from 0 where x is `start` to 1 where it is `end`, with two continuous derivatives; constant beyond.
+
+    x, start, end: numbers or expressions of coordinates, m.time and parameters; where end is less than start it falls, from 1 to 0
+    The polynomial s³ (10 − 15 s + 6 s²) of s = (x − start)/(end − start). Raises ModelError if start and end are the same.
+    """
+    import sympy
+
+    at, first, last = (sympy.sympify(each if type(each) is int else expression(each, STEP.name)) for each in (x, start, end))
+    if (last - first).is_zero:
+        raise ModelError(f"{STEP.name}: it starts and ends at {shown(first)}; give two places that are apart")
+    return STEP((at - first) / (last - first))
+
+
+BUILT_IN = {STEP.name: STEP}
+"""Curves that every model has."""
+
+
+def check_curves(model: Contents, word: str, arguments: Mapping[str, object]) -> None:
+    """Refuse expressions with curves of another model among the arguments of a builder method."""
+    known = {**model.curves, **BUILT_IN}
+    for key, given in arguments.items():
+        for each in given if isinstance(given, (list, tuple)) else (given,):
+            for curve in curves_in(each) if is_symbolic(each) else ():
+                if known.get(curve.name) != curve:
+                    raise ModelError(f"{word}, {key}: {curve!r} belongs to another model; use this model's own")
+
+
+def _checked(what: str, knots: Numbers, values: Numbers, least: int, periodic: bool) -> tuple[tuple[float, ...], tuple[float, ...]]:
+    """Knots and values, unless they do not go together; of what repeats itself the last value is the first."""
+    x, y = tuple(map(float, knots)), tuple(map(float, values))
+    if len(x) != len(y):
+        raise ModelError(f"{what}: {len(x)} knots and {len(y)} values given; give a value for every knot")
+    if not least <= len(x) <= MOST_KNOTS:
+        raise ModelError(f"{what}: {len(x)} knots given; give {least} to {MOST_KNOTS}")
+    for a, b in zip(x, x[1:]):
+        if not a < b:
+            raise ModelError(f"{what}: the knot {b:.12g} follows {a:.12g}; give knots that increase")
+    if not periodic:
+        return x, y
+    if abs(y[-1] - y[0]) > SAME * max(map(abs, y)):
+        raise ModelError(f"{what}: it begins with {y[0]:.12g} and ends with {y[-1]:.12g}; what repeats itself ends as it begins")
+    return x, (*y[:-1], y[0])
+
+
+def _made(what: str, name: str, pieces: Pieces) -> Curve:
+    if not are_finite(pieces):
+        raise ModelError(f"{what}: knots are so close, or values so large, that its slopes are not finite; correct them")
+    return Curve(name, pieces)
