@@ -131,6 +131,7 @@ def _distance_from_base(frame: Frame, direction: Combination) -> float:
     base = frame.matrix()
     if not base.size:
         return 1.0
+    base = base / np.linalg.norm(base, axis=0)  # else a long direction hides what the others span
     inside = base @ np.linalg.lstsq(base, unit, rcond=None)[0]
     return float(np.linalg.norm(unit - inside))
 

@@ -70,6 +70,14 @@ def test_further_elements_are_linear_and_keep_no_mirror_image():
     assert np.max(np.abs(kernels.phi(q))) < 1e-14
 
 
+def test_a_distant_point_hides_no_other():
+    """Four points of a plane, one of them 1e16 m away: three do for a base, and the fourth is seen to depend on them."""
+    m = ncgen.Model("long")
+    corners = {"A": (0, 0, 0.5), "B": (1e16, 1.5, 0.5), "C": (-0.3, 1.7, 0.5), "D": (-1.6, 0.9, 0.5)}
+    m.body("plate", [m.point(name, at) for name, at in corners.items()])
+    assert [row.label for row in m.rows].count("combination D") == 3
+
+
 def test_coinciding_points_are_refused_by_name():
     m = ncgen.Model("wrong")
     with pytest.raises(ncgen.ModelError, match="rod: the points B and A coincide"):
