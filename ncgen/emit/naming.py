@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import keyword
 import re
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 
 from ncgen.program.functions import FUNCTIONS
 
@@ -52,3 +53,22 @@ class Names:
             name, number = f"{word}_{number}", number + 1
         self._taken.add(name)
         return name
+
+
+@dataclass(frozen=True)
+class Label:
+    """What a number is called in C, and the user's words for it."""
+
+    label: str
+    text: str
+
+
+def labels(names: Sequence[str]) -> list[Label]:
+    """Names of constants in C, all of them different."""
+    found: dict[str, str] = {}
+    for name in names:
+        wish = label = identifier(name).upper()
+        while label in found:
+            label = f"{wish}_{len(found)}"
+        found[label] = name
+    return [Label(label, name) for label, name in found.items()]

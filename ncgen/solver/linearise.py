@@ -3,15 +3,19 @@ outputs see of them."""
 
 from __future__ import annotations
 
+import os
 import warnings
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from ncgen.emit.c.linear import linear_header
+from ncgen.emit.sources import write_text
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
@@ -64,9 +68,8 @@ class Linearisation:
     D: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     def __repr__(self) -> str:
-        beside = "a steady motion or equilibrium" if self.steady else "one instant"
         ports = f", {len(self.inputs)} inputs, {len(self.outputs)} outputs" if self.inputs or self.outputs else ""
-        return f"<Linearisation beside {beside}: {len(self.matrix)} states{ports}>"
+        return f"<Linearisation beside {self._beside}: {len(self.matrix)} states{ports}>"
 
     @property
     def A(self) -> np.ndarray:
@@ -107,6 +110,20 @@ class Linearisation:
         from scipy.signal import StateSpace
 
         return StateSpace(self.matrix, self.B, self.C, self.D)
+
+    def to_c(self, path: str | os.PathLike[str]) -> Path:
+        """Write the matrices as a header in C, for a controller or an observer, their places named; returns the path.
+
+        The header's names begin with that of the file. Raises NcgenError if it cannot be written.
+        """
+        place = Path(path)
+        matrices = {"A": self.matrix, "B": self.B, "C": self.C, "D": self.D}
+        names = {"state": self.states, "input": self.inputs, "output": self.outputs}
+        return write_text(place, linear_header(place.stem, self._beside, matrices, names))
+
+    @property
+    def _beside(self) -> str:
+        return "a steady motion or equilibrium" if self.steady else "one instant"
 
     def _check_ports(self) -> None:
         for kind, names in (("input", self.inputs), ("output", self.outputs)):

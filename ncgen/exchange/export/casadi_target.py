@@ -10,9 +10,10 @@ import numpy as np
 from ncgen import __version__
 from ncgen.emit.c.files import program_records
 from ncgen.emit.environment import render
+from ncgen.emit.naming import Label, labels
 from ncgen.emit.runtime import HEADERS, runtime_files
 from ncgen.errors import ModelError
-from ncgen.exchange.export.package import Label, Package, labels, renamed
+from ncgen.exchange.export.package import Package, renamed
 from ncgen.model.elements import rate_name
 from ncgen.program.cost import cost
 from ncgen.program.dynamics import accelerations, cheapest

@@ -7,9 +7,9 @@ from ncgen.compiler import compile
 from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import identifier, labels
 from ncgen.emit.runtime import HEADERS, runtime_files
-from ncgen.exchange.export.package import labels, renamed
+from ncgen.exchange.export.package import renamed
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.elements import Point

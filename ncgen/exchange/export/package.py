@@ -7,7 +7,6 @@ ROBOT_NCGEN_OK, ncgen.h becomes robot_ncgen.h. So two exported mechanisms live i
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -18,7 +17,7 @@ from ncgen.compiler import compile, generate
 from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
-from ncgen.emit.naming import identifier
+from ncgen.emit.naming import identifier, labels
 from ncgen.emit.runtime import HEADERS, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
@@ -232,25 +231,6 @@ def _refusal(model: Model) -> str | None:
     if model.branches:
         return "the paper's sine-or-cosine rows choose anew between steps; use smooth angles"
     return None
-
-
-@dataclass(frozen=True)
-class Label:
-    """What a number is called in C, and the user's words for it."""
-
-    label: str
-    text: str
-
-
-def labels(names: Sequence[str]) -> list[Label]:
-    """Names of constants in C, all of them different."""
-    found: dict[str, str] = {}
-    for name in names:
-        wish = label = identifier(name).upper()
-        while label in found:
-            label = f"{wish}_{len(found)}"
-        found[label] = name
-    return [Label(label, name) for label, name in found.items()]
 
 
 def renamed(text: str, prefix: str) -> str:

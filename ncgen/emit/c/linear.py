@@ -1,0 +1,26 @@
+"""A state space as a header in C."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from ncgen.emit.environment import render
+from ncgen.emit.naming import identifier, labels
+
+
+def linear_header(name: str, beside: str, matrices: Mapping[str, np.ndarray], names: Mapping[str, Sequence[str]]) -> str:
+    """The text of a header: matrices {A, B, C, D: (rows, columns)} as constants with every digit, and what their places are called.
+
+    beside: in words, what motions are near to; names: {state, input, output: names}
+    """
+    prefix = identifier(name)
+    return render(
+        "c/linear.h.jinja",
+        prefix=prefix,
+        upper=prefix.upper(),
+        beside=beside,
+        indices=[(kind, labels(each)) for kind, each in names.items()],
+        matrices=[(letter, [[repr(float(x)) for x in row] for row in matrix]) for letter, matrix in matrices.items()],
+    )
