@@ -64,9 +64,9 @@ def _instants(pieces: Pieces, values: list[float], start: float, end: float) -> 
     low, high = sorted((first, last))
     knots = np.array(pieces.knots)
     if pieces.period:
-        turns = np.arange(np.floor((low - knots[0]) / pieces.period), np.floor((high - knots[0]) / pieces.period) + 1)
-        if len(turns) * len(knots) > MOST:
+        if (high - low) / pieces.period * len(knots) > MOST:
             return []
+        turns = np.arange(np.floor((low - knots[0]) / pieces.period), np.floor((high - knots[0]) / pieces.period) + 1)
         knots = np.add.outer(turns * pieces.period, knots[:-1]).ravel()
     instants = start + (knots - first) / (last - first) * (end - start)
     return instants[(instants > start) & (instants < end)].tolist()
