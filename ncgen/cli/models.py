@@ -117,6 +117,7 @@ def run(
     json_output: Json = False,
 ) -> None:
     """Generate, compile, check, simulate and draw a model."""
+    from ncgen.mechanism.runtime import beside
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.running import run_record, write_outputs
     from ncgen.report.screen import show_inspection, show_run
@@ -130,9 +131,13 @@ def run(
         formalism=formalism, integrator=integrator, engine=engine, number=number, rtol=rtol, atol=atol, max_step=max_step, points=points,
     )  # fmt: skip
 
+    runtime = beside()
+
     def check(loaded: Model) -> None:
         given["p"] = beside_its_own(loaded, given["p"])
         check_simulation(loaded, **given)
+        if backend != "numpy" and engine != "python":
+            runtime.start()
 
     kernels, sources, seconds = _compiled(model, floating, backend, emission, check)
     found = freedom(kernels)
@@ -140,6 +145,8 @@ def run(
         show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
     options = simulation_of(kernels.model, **given)
     with progress(f"simulating {options['duration']} s", options["duration"]) as advance:
+        if runtime.is_alive():
+            runtime.join()
         try:
             trajectory = simulate(kernels, progress=lambda t: advance(t - options.get("t0", 0.0)), **options)
         except Interrupted as stopped:

@@ -8,8 +8,10 @@ Emitted: the elimination written out for one mechanism and one choice, several t
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cache, cached_property
+from threading import Thread
 from typing import Literal, Protocol
 
 import numpy as np
@@ -44,6 +46,19 @@ def _runtime(number: str) -> tuple[Interface, InC]:
     """The runtime, the same for all mechanisms."""
     functions = "".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h"))
     return _load(runtime_files(*runtime_names()), number, functions)
+
+
+def beside() -> Thread:
+    """A thread that compiles the runtime, if it is not in the cache, while something else goes on; to be started, and joined before a run.
+
+    What goes wrong there goes wrong again, and is told, where the runtime is needed.
+    """
+
+    def compiling() -> None:
+        with suppress(NcgenError):
+            _runtime("double")
+
+    return Thread(target=compiling, daemon=True)
 
 
 def _model(kernels: CompiledKernels, number: str) -> tuple[InC, CompiledKernels | InC]:
