@@ -8,6 +8,7 @@ from collections.abc import Callable, Collection, Iterator
 from dataclasses import dataclass
 from typing import Any
 
+from ncgen.comparisons.hard import warm
 from ncgen.comparisons.hard_cases import CASES, Case
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
@@ -20,9 +21,6 @@ NAMES = ("robot", "nfourbar-2", "nfourbar-40", "disc", "free-body", "heavy-top",
 
 RTOL = 1e-8
 """That of a call that names none."""
-
-COMPILING = 120.0
-"""Seconds that a way to call may take until it is compiled."""
 
 LADDER = tuple(10.0**-digits for digits in range(5, 14))
 """Tolerances at which the named methods are tried."""
@@ -78,13 +76,11 @@ def default_records(names: Collection[str] = NAMES, limit: float = 20.0) -> Iter
 def _way(kernels: CompiledKernels, case: Case, limit: float, **method: Any) -> _Way | None:
     """None where there is no result within so many seconds, or one with a warning."""
 
-    def call(duration: float = case.duration) -> Trajectory:
-        return simulate(kernels, duration, **case.options, **method, points=case.points)
+    def call() -> Trajectory:
+        return simulate(kernels, case.duration, **case.options, **method, points=case.points)
 
+    warm(kernels, case, **case.options, **method)
     try:
-        with warnings.catch_warnings(), limited(COMPILING):
-            warnings.simplefilter("error")
-            call(1e-3 * case.duration)  # what is not in the cache is compiled
         with warnings.catch_warnings(), limited(limit):
             warnings.simplefilter("error")
             start = time.perf_counter()

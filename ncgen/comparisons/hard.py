@@ -5,6 +5,8 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Collection, Iterator
+from contextlib import suppress
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +14,6 @@ from ncgen.comparisons.hard_cases import CASES, Case
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.mechanism.runtime import prepare
 from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
 from ncgen.solver.simulate import simulate
 
@@ -21,6 +22,9 @@ ABSOLUTE = 1e-2
 
 LIMIT = 20.0
 """Seconds after which a run is stopped."""
+
+COMPILING = 120.0
+"""Seconds that a method may take until it is compiled."""
 
 
 def hard_records(names: Collection[str] = (), limit: float = LIMIT) -> Iterator[dict]:
@@ -45,7 +49,7 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
     if case.violated:
         noise = np.random.default_rng(1).uniform(-1, 1, kernels.n)
         options["q0"] = kernels.q0 + case.violated * kernels.column_sizes * noise
-    prepare(kernels, case.options.get("number", "double"))
+    warm(kernels, case, formalism=formalism, integrator=integrator, **options)
     start = time.perf_counter()
     try:
         with warnings.catch_warnings(record=True) as said, limited(limit):
@@ -57,6 +61,13 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
     if not np.all(np.isfinite(run.q)):
         return record | {"reason": "the motion is not finite, and nothing said so"}
     return record | {"error": float(case.error(run)), "drift": float(run.energy_drift)}
+
+
+def warm(kernels: CompiledKernels, case: Case, **options: Any) -> None:
+    """Begin a run, so that what it compiles is in the cache; what goes wrong goes wrong again in the run itself."""
+    with suppress(NcgenError, TimeIsUp), warnings.catch_warnings(), limited(COMPILING):
+        warnings.simplefilter("ignore")
+        simulate(kernels, 1e-3 * case.duration, **options)
 
 
 def lines(records: list[dict]) -> Iterator[str]:

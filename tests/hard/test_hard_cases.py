@@ -29,6 +29,7 @@ SURVIVES = [
     ("robot", "lagrange", "dop853", 1e-8),
     ("equal-crank", "lagrange", "dop853", 1e-6),
     ("bricard", "lagrange", "dop853", 1e-6),
+    ("bricard", "penalty", "dop853", 1e-5),
     ("squeezer", "coordinate-partitioning", "dop853", 1e-8),
     ("squeezer", "lagrange", "dop853", 1e-8),
     ("heavy-top", "lagrange", "dop853", 1e-7),
