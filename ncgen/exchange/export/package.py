@@ -33,6 +33,7 @@ from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, a
 from ncgen.program.outputs import assemble_outputs
 from ncgen.program.quasidefinite import Elimination, plan
 from ncgen.solver.compiled import own_positions
+from ncgen.solver.outputs import uses_loads
 from ncgen.solver.partition import determined
 from ncgen.solver.rank import freedom, trial_positions
 from ncgen.solver.run import Run, check_options, simulation_of
@@ -148,6 +149,7 @@ class Package:
             "numbers": 4 + 3 * self.kernels.n,
             "inputs": self.kernels.inputs,
             "outputs": list(self.kernels.model.outputs.values()),
+            "uses_loads": uses_loads(self.kernels.model),
             "indices": [
                 ("q", labels(self.kernels.coordinates)),
                 ("p", labels(self.kernels.parameters)),
