@@ -47,11 +47,11 @@ class Inertia:
 
 
 class JointLoad(NamedTuple):
-    """The sympy symbols of a joint load's components, global axes, for outputs."""
+    """The components of a joint load, global axes, as expressions of sympy for outputs."""
 
-    x: sympy.Symbol
-    y: sympy.Symbol
-    z: sympy.Symbol
+    x: sympy.Expr
+    y: sympy.Expr
+    z: sympy.Expr
 
 
 @dataclass(eq=False)
@@ -89,6 +89,27 @@ class Body:
     def moment(self, vector: Vector | str) -> JointLoad:
         """The moment (N m) of joints on the body through one of its unit vectors, as symbols for outputs. Raises ModelError for another."""
         return self._load(vector, self.vectors, "vector")
+
+    def wrench(self, about: Point) -> tuple[JointLoad, JointLoad]:
+        """Force (N) and moment (N m) about a point of all joint loads on the body, as expressions for outputs.
+
+        A couple on an angle acts on the elements that the angle is measured between, by forces at points; a wrench has it as a couple.
+        Raises ModelError where `about` is no point.
+        """
+        import sympy
+
+        if not isinstance(about, Point):
+            raise ModelError(f"body {self.name}, wrench: {shown(about)} is not a point; give one by itself")
+
+        force, moment = sympy.zeros(3, 1), sympy.zeros(3, 1)
+        place = sympy.Matrix([c.symbol for c in about.components])
+        for point in self.points:
+            load = sympy.Matrix(self.force(point))
+            force += load
+            moment += (sympy.Matrix([c.symbol for c in point.components]) - place).cross(load)
+        for vector in self.vectors:
+            moment += sympy.Matrix(self.moment(vector))
+        return JointLoad(*force), JointLoad(*moment)
 
     def _load(self, given: Spatial | str, mine: Sequence[Spatial], what: str) -> JointLoad:
         import sympy

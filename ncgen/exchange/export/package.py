@@ -33,6 +33,7 @@ from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, a
 from ncgen.program.outputs import assemble_outputs
 from ncgen.program.quasidefinite import Elimination, plan
 from ncgen.solver.compiled import own_positions
+from ncgen.solver.observed_loads import instant, warn_of_shared
 from ncgen.solver.outputs import uses_loads
 from ncgen.solver.partition import determined
 from ncgen.solver.rank import freedom, trial_positions
@@ -211,6 +212,8 @@ def package(model: Model) -> Package:
     sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
         raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
+    if uses_loads(model):
+        warn_of_shared(instant(kernels, 0.0, start.q, start.qd, kernels.p0))
     independent = determined(start.partitions).velocity.names(kernels)
     return Package(sources, kernels, sizes, start.q, start.qd, independent, run.duration, freedom(kernels).dof)
 
