@@ -340,8 +340,7 @@ def _load_of(node: ast.expr) -> str | None:
     call = node.value if isinstance(node, ast.Attribute) else node
     if not isinstance(call, ast.Call) or call.keywords or (kind := dotted(call.func)) not in (LOADS if axis else (DRIVER,)):
         return None
-    names = [dotted(argument) for argument in call.args]
-    return None if None in names else f"{kind}({','.join(map(str, names))}){axis}"
+    return f"{kind}({','.join(dotted(argument) or '…' for argument in call.args)}){axis}"
 
 
 def _number_of(node: ast.expr) -> int | float | None:

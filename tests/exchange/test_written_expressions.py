@@ -103,7 +103,7 @@ def test_loads_are_written_by_their_names():
         ("moment(bob, A).x", r"moment\(bob, A\)\.x: there is no such load here"),
         ("driver(phi)", r"driver\(phi\): there is no such load here"),
         ("force(bob).x", r"force\(bob\)\.x: there is no such load here"),
-        ("driver(2*psi)", "driver of 1 is unknown"),
+        ("driver(2*psi)", r"driver\(2\*psi\): there is no such load here"),
         ("force(bob, A)", "force of 2 is unknown"),
         ("abs(psi).x", r"“abs\(psi\)\.x” is not allowed in an expression"),
     ],
