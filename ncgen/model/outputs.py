@@ -13,6 +13,9 @@ from ncgen.model.values import Scalar
 if TYPE_CHECKING:
     from ncgen.model.contents import Contents
 
+LOADS = ("force(", "moment(", "driver(")
+"""How names of loads begin, and no others."""
+
 
 @dataclass(frozen=True, eq=False)
 class Output:
@@ -21,6 +24,11 @@ class Output:
     label: str
     expression: Scalar
     unit: str = ""
+
+
+def is_load(name: str) -> bool:
+    """True if a name in an expression is that of a joint load or of a driver force."""
+    return name.startswith(LOADS)
 
 
 def observable_loads(model: Contents) -> Iterator[str]:

@@ -12,7 +12,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.model.elements import rate_name
 from ncgen.model.expressions import is_symbolic, symbols_in
-from ncgen.model.outputs import Output, observable_loads
+from ncgen.model.outputs import Output, is_load
 
 INPUTS = {"outputs": ("t", "q", "qd", "qdd", "lam", "p"), "outputs_tangent": ("t", "q", "qd", "qdd", "lam", "p", "seed")}
 """The programs of `ncgen.program.outputs`, and what they take."""
@@ -59,8 +59,7 @@ def uses_accelerations(model: Model) -> bool:
 
 def uses_loads(model: Model) -> bool:
     """True if an output mentions a joint load or a driver force."""
-    loads = set(observable_loads(model)) if model.outputs else set()
-    return any(loads & mentioned(output) for output in model.outputs.values())
+    return any(is_load(name) for output in model.outputs.values() for name in mentioned(output))
 
 
 def mentioned(output: Output) -> set[str]:

@@ -10,6 +10,7 @@ import sympy
 
 import ncgen
 from ncgen import Model, ModelError
+from ncgen.model.elements import Angle
 
 MASS, LENGTH, GRAVITY = 2.0, 0.7, 9.81
 TIGHT = {"rtol": 1e-11, "points": 21}
@@ -157,7 +158,9 @@ def test_what_an_output_cannot_mention():
         rod.force("z")
     with pytest.raises(ModelError, match=r"body rod has no vector 'O'; give one of its own: it has none"):
         rod.moment("O")
-    m.output("motor", m.elements["psi"].driver)
+    psi = m.elements["psi"]
+    assert isinstance(psi, Angle)
+    m.output("motor", psi.driver)
     kernels = ncgen.compile(m, "numpy")
     run = ncgen.simulate(kernels, 0.1, points=2)
     with pytest.raises(ModelError, match=r"output motor: driver\(psi\): nothing drives that coordinate; m.drive does"):
@@ -166,6 +169,8 @@ def test_what_an_output_cannot_mention():
 
 def test_a_load_is_no_force():
     m = pendulum()
-    m.torque(m.elements["psi"], m.bodies["rod"].force("O").x)
+    psi = m.elements["psi"]
+    assert isinstance(psi, Angle)
+    m.torque(psi, m.bodies["rod"].force("O").x)
     with pytest.raises(ModelError, match=r"force\(rod,O\)\.x"):
         ncgen.compile(m, "numpy")
