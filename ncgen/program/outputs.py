@@ -32,6 +32,8 @@ from ncgen.symbolic.numbering import Terms
 
 INPUTS = ("t", "q", "qd", "qdd", "lam", "p")
 
+LOAD_INPUTS = ("t", "q", "qd", "qdd", "lam", "felt", "p", "seed")
+
 Known: TypeAlias = dict[str, Callable[[], int]]
 """{name: what makes its node}."""
 
@@ -42,8 +44,7 @@ def assemble_outputs(equations: Terms) -> tuple[Program, Program]:
     known = _known(lines)
     nodes = [_node(lines, output, known) for output in equations.model.outputs.values()]
     program = lines.program("outputs", INPUTS, nodes)
-    n, m = len(equations.free), len(equations.model.rows)
-    sizes = {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": len(equations.parameters)}
+    sizes = _sizes(equations)
     moved = [(array, k) for array in INPUTS[1:] for k in range(sizes[array])]
     along = {lines.graph.load(*leaf): lines.graph.load("seed", k) for k, leaf in enumerate(moved)}
     found = tangent(lines.graph, nodes, along)
@@ -51,6 +52,30 @@ def assemble_outputs(equations: Terms) -> tuple[Program, Program]:
     for each in (program, slope):
         verify(each, sizes | {"seed": len(moved)})
     return program, slope
+
+
+def assemble_load_slopes(equations: Terms) -> Program:
+    """load_slopes(t, q, qd, qdd, lam, felt, p, seed) -> how outputs change where joint loads, `felt`, change by `seed` and nothing else.
+
+    Three numbers a load, in the order of `loaded_elements`.
+    """
+    lines, names = Lines(equations), _load_words(equations)
+    graph = lines.graph
+    known = _known(lines) | {name: partial(graph.load, "felt", k) for k, name in enumerate(names)}
+    nodes = [_node(lines, output, known) for output in equations.model.outputs.values()]
+    found = tangent(graph, nodes, {graph.load("felt", k): graph.load("seed", k) for k in range(len(names))})
+    program = lines.program("load_slopes", LOAD_INPUTS, [found.get(node, graph.const(0.0)) for node in nodes])
+    verify(program, _sizes(equations) | {"felt": len(names), "seed": len(names)})
+    return program
+
+
+def _load_words(equations: Terms) -> list[str]:
+    return [name for pair in loaded_elements(equations) for name in load_names(*pair)]
+
+
+def _sizes(equations: Terms) -> dict[str, int]:
+    n, m = len(equations.free), len(equations.model.rows)
+    return {"t": 1, "q": n, "qd": n, "qdd": n, "lam": m, "p": len(equations.parameters)}
 
 
 def _node(lines: Lines, output: Output, known: Known) -> int:
@@ -88,8 +113,7 @@ def _loads(lines: Lines) -> Known:
     """Joint loads, which are put into the graph once the first of them is mentioned, and driver forces."""
     graph, equations = lines.graph, lines.equations
     nodes = cache(lambda: load_nodes(lines))
-    names = (name for pair in loaded_elements(equations) for name in load_names(*pair))
-    found: Known = {name: partial(lambda k: nodes()[k], k) for k, name in enumerate(names)}
+    found: Known = {name: partial(lambda k: nodes()[k], k) for k, name in enumerate(_load_words(equations))}
     for r, row in enumerate(equations.model.rows):
         if row.owner.kind == "driver":
             found[driver_name(row.owner.name)] = lambda r=r: graph.neg(graph.load("lam", r))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import warnings
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -10,8 +11,10 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.bodies import load_names
 from ncgen.model.elements import driver_name
 from ncgen.solver.inverse_dynamics import shared_drivers
-from ncgen.solver.outputs import mentioned
+from ncgen.solver.outputs import load_slopes, mentioned
 from ncgen.solver.partition import choose_partitions
+from ncgen.solver.reactions import Reactions
+from ncgen.solver.sharing import REACHED
 from ncgen.solver.trajectory import Statistics, Trajectory
 
 
@@ -30,22 +33,39 @@ def instant(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, p: np.nda
 
 
 def warn_of_shared(run: Trajectory) -> None:
-    """Warn of every output with a load whose share is arbitrary, see `Reactions.determinate` and `driver_forces`."""
-    arbitrary = _arbitrary(run)
-    for output in run.model.outputs.values():
-        if found := sorted(mentioned(output) & arbitrary.keys()):
-            warnings.warn(
-                f"{run.name}: output {output.label}: {found[0]} is not unique ({arbitrary[found[0]]}); one of many shares is given",
-                stacklevel=3,
-            )
+    """Warn of every output that another share of loads would change, see `Reactions.shared` and `driver_forces`."""
+    reactions, drivers = run.reactions(), set(map(driver_name, shared_drivers(run)))
+    changes = dict(zip(run.model.outputs, _changes(reactions), strict=True))
+    for label, output in run.model.outputs.items():
+        names = mentioned(output)
+        if found := sorted(names & drivers):
+            _warn(f"{run.name}: output {label}: other rows do what {found[0]} does; one of many shares is given")
+        elif changes[label]:
+            name, words = next(each for each in _shared(reactions) if each[0] in names)
+            _warn(f"{run.name}: output {label}: {name} is not unique ({words}); one of many shares is given")
 
 
-def _arbitrary(run: Trajectory) -> dict[str, str]:
-    """{name of a load that is not unique: what shares it}"""
-    reactions, found = run.reactions(), {}
-    for body in run.model.bodies.values():
+def _warn(message: str) -> None:
+    warnings.warn(message, stacklevel=4)
+
+
+def _changes(reactions: Reactions) -> np.ndarray:
+    """(outputs,): True where what can be added to the loads changes an output; a sum of shares does not change."""
+    run, found = reactions.run, np.zeros(len(reactions.run.model.outputs), dtype=bool)
+    felt = reactions.felt
+    for k, added in reactions.changes.items():
+        if added.size:
+            p = run.kernels.present(float(run.t[k]), run.p)
+            slopes = load_slopes(run.kernels, float(run.t[k]), (run.q[k], run.qd[k], run.qdd[k], run.lam[k], felt[k]), p)
+            found |= np.any(np.abs(slopes @ added) > REACHED * (np.abs(slopes) @ np.abs(added)), axis=1)
+    return found
+
+
+def _shared(reactions: Reactions) -> Iterator[tuple[str, str]]:
+    """(name of a load that is not unique, what shares it)"""
+    for body in reactions.run.model.bodies.values():
         words = ", ".join(sentence for sentence in reactions.shared if sentence.startswith(f"{body.name}: "))
         for element in body.elements:
-            names = zip(load_names(body, element), element.components, strict=True)
-            found |= {name: words for name, c in names if not reactions.determinate[body.name][c.name]}
-    return found | {driver_name(name): "other rows do what the driver does" for name in shared_drivers(run)}
+            for name, component in zip(load_names(body, element), element.components, strict=True):
+                if not reactions.determinate[body.name][component.name]:
+                    yield name, words

@@ -38,6 +38,20 @@ def output_slopes(kernels: Kernels, t: float, state: Sequence[np.ndarray], p: np
     return np.array(found).reshape(len(directions), len(kernels.model.outputs)).T
 
 
+def load_slopes(kernels: Kernels, t: float, state: Sequence[np.ndarray], p: np.ndarray) -> np.ndarray:
+    """∂ outputs / ∂ loads, (outputs, loads), at state = (q, q̇, q̈, λ, loads), as `assemble_load_slopes` has them."""
+    function = kernels.remember("load slopes", (), lambda: _slopes_made(kernels))
+    *_, felt = state
+    return np.array([function("load_slopes", t, *state, p, seed) for seed in np.eye(len(felt))]).T
+
+
+def _slopes_made(kernels: Kernels) -> Functions:
+    from ncgen.program.outputs import LOAD_INPUTS, assemble_load_slopes
+
+    inputs, sizes = {"load_slopes": LOAD_INPUTS}, {"load_slopes": len(kernels.model.outputs)}
+    return functions(kernels, "load_slopes", inputs, sizes, lambda: {"load_slopes": assemble_load_slopes(kernels.programs.equations)})
+
+
 def _function(kernels: Kernels) -> Functions:
     return kernels.remember("outputs", (), lambda: _made(kernels))
 

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import csv
+import warnings
+from typing import Any
 
 import numpy as np
 import pytest
@@ -133,22 +135,26 @@ def door() -> Model:
 
 
 def test_two_hinges_share_a_weight_and_say_so():
-    """What each of them carries is told; what pulls the door to the wall, m g/4 at either hinge, is unique and told by nobody."""
+    """What each of them carries is told; what both carry is unique, and so is what pulls the door to the wall, m g/4 at either hinge."""
     m = door()
     leaf = m.bodies["leaf"]
     m.output("low", leaf.force("A").z, "N")
     m.output("pull", leaf.force("B").x, "N")
+    m.output("weight", leaf.force("A").z + leaf.force("B").z, "N")
     kernels = ncgen.compile(m)
     run = ncgen.simulate(kernels, 0.1, points=3)
     with pytest.warns(UserWarning) as said:
         assert run["pull"] == pytest.approx(-10 * GRAVITY / 4, abs=1e-9)
+    assert run["weight"] == pytest.approx(10 * GRAVITY, abs=1e-9)
     words = "door: output low: force(leaf,A).z is not unique (leaf: A.z and B.z share 98.1 N); one of many shares is given"
     assert [str(each.message) for each in said] == [words]
     sim = ncgen.start(kernels)
     with pytest.warns(UserWarning, match=r"output low: force\(leaf,A\)\.z is not unique"):
         assert sim["pull"] == pytest.approx(-10 * GRAVITY / 4, abs=1e-9)
     sim.step(0.01)
-    assert sim["pull"] == pytest.approx(-10 * GRAVITY / 4, abs=1e-9)  # told once: warnings are errors here
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")  # it is told once
+        assert sim["pull"] == pytest.approx(-10 * GRAVITY / 4, abs=1e-9)
 
 
 def test_what_an_output_cannot_mention():
@@ -174,3 +180,73 @@ def test_a_load_is_no_force():
     m.torque(psi, m.bodies["rod"].force("O").x)
     with pytest.raises(ModelError, match=r"force\(rod,O\)\.x"):
         ncgen.compile(m, "numpy")
+
+
+def watched(name: str) -> Model:
+    """An example with the wrench on each of its first bodies about one of its points as outputs."""
+    model = ncgen.load(name)
+    for body in list(model.bodies.values())[:3]:
+        force, moment = body.wrench(body.points[0])
+        model.output(f"{body.name} force", force.x + 2 * force.y + 3 * force.z, "N")
+        model.output(f"{body.name} moment", moment.x + 2 * moment.y + 3 * moment.z, "N m")
+    return model
+
+
+WEIGHTS = np.array([1.0, 2.0, 3.0])
+
+
+@pytest.mark.parametrize("name", ["fourbar", "excavator", "suspension"])
+def test_wrenches_are_those_of_reactions(name):
+    """Which Newton and Euler confirm (`test_reactions.py`); those come from kernels of every body, these from one program. Bearings of the
+    suspension share loads, but no wrench on a whole body depends on it, and nothing is told."""
+    model = watched(name)
+    options: dict[str, Any] = {key: value for key, value in model.simulation_options.items() if key in ("zd0", "z", "qd0")}
+    run = ncgen.simulate(ncgen.compile(model), 0.3, points=4, **options)
+    loads = run.reactions()
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert len(run.outputs) == 6
+    for body in list(model.bodies.values())[:3]:
+        for word, vector in zip(("force", "moment"), loads.wrench(body.name, body.points[0].name), strict=True):
+            expected = vector @ WEIGHTS
+            assert np.allclose(run[f"{body.name} {word}"], expected, rtol=1e-9, atol=1e-9 * (1 + np.max(np.abs(expected))))
+
+
+@pytest.mark.filterwarnings("ignore:.*neither rest in equilibrium")
+@pytest.mark.parametrize("name", ["fourbar", "excavator"])
+def test_state_spaces_are_differences(name):
+    """C beside a motion, against central differences of a stepper's outputs over independent positions and rates."""
+    model = watched(name)
+    kernels = ncgen.compile(model)
+    z = ncgen.linearise(kernels, z=model.chosen_independent).positions
+    start = dict(zip(z, kernels.q0[[kernels.index[c] for c in z]].tolist(), strict=True))
+    rates = {c: 0.3 + 0.1 * k for k, c in enumerate(z)}
+
+    def outputs(q: dict[str, float], zd: dict[str, float]) -> np.ndarray:
+        sim = ncgen.start(kernels, q0=_closed(kernels, q), zd0=zd, z=z)
+        return np.array(list(sim.outputs.values()))
+
+    moving = ncgen.start(kernels, zd0=rates, z=z)
+    found = ncgen.linearise(kernels, q=moving.q.copy(), qd=moving.qd.copy(), z=z)
+    columns, h = [], 1e-4
+    for at in (start, rates):
+        for c in z:
+            ends = []
+            for sign in (1, -1):
+                moved = {**at, c: at[c] + sign * h}
+                ends.append(outputs(moved, rates) if at is start else outputs(start, moved))
+            columns.append((ends[0] - ends[1]) / (2 * h))
+    expected = np.array(columns).T
+    assert np.allclose(found.C, expected, rtol=0, atol=1e-5 * np.max(np.abs(expected), axis=1, keepdims=True))
+
+
+def _closed(kernels, z: dict[str, float]) -> np.ndarray:
+    """The position with these independent coordinates, beside the first."""
+    q = kernels.q0.copy()
+    dependent = [k for name, k in kernels.index.items() if name not in z]
+    for name, value in z.items():
+        q[kernels.index[name]] = value
+    for _ in range(20):
+        phi, jacobian = kernels.phi(q, 0.0, kernels.p0), kernels.jacobian(q, 0.0, kernels.p0)
+        q[dependent] -= np.linalg.lstsq(jacobian[:, dependent], phi, rcond=None)[0]
+    return q
