@@ -19,6 +19,7 @@ from ncgen.model import Model
 from ncgen.model.arguments import READERS
 from ncgen.model.elements import Spatial
 from ncgen.model.names import LAW, TIME
+from ncgen.model.outputs import observable_loads
 
 if TYPE_CHECKING:
     from sympy import Expr
@@ -128,6 +129,13 @@ def _expression(model: Model | None, raw: object) -> int | float | Expr:
     return _expression_of(raw, {TIME, *model.numbers, *(c.name for c in model.components)} if isinstance(raw, str) else (), model)
 
 
+def _driven(model: Model | None, raw: object) -> int | float | Expr:
+    """The same with loads, which outputs may mention."""
+    model = _there(model)
+    known = {TIME, *model.numbers, *(c.name for c in model.components), *observable_loads(model)} if isinstance(raw, str) else ()
+    return _expression_of(raw, known, model)
+
+
 def _expressions(model: Model | None, raw: object) -> list[int | float | Expr]:
     """A list of numbers and expressions of everything that moves."""
     return [_expression(model, item) for item in _list(raw)]
@@ -190,7 +198,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "Values": _values,
     "Tensor": _tensor,
     "Expression": _expression,
-    "Driven": _expression,
+    "Driven": _driven,
     "Expressions": _expressions,
     "Law": _law,
     "Direction": _direction,

@@ -2,9 +2,9 @@
 
     2*L + 0.1        -k*(psi - psi0) - c*rate(psi)        sin(omega*t)        B.x**2        profile(psi)
 
-Numbers, names, + - * / **, parentheses, the functions of ncgen.program.functions, min and max of two, rate(…), and curves: splines and
-tables by their names, a derivative as profile(psi, 1), and smooth_step(x, start, end). A text that is anything else is refused with the
-part that is not understood.
+Numbers, names, + - * / **, parentheses, the functions of ncgen.program.functions, min and max of two, rate(…), loads as force(rod, A).x,
+moment(rod, u).z and driver(psi), and curves: splines and tables by their names, a derivative as profile(psi, 1), and
+smooth_step(x, start, end). A text that is anything else is refused with the part that is not understood.
 
 The size of what a text says is measured on its syntax tree, before anything is computed: sympy keeps exact numbers
 exact, and a short text can ask for a number that no memory holds.
@@ -49,6 +49,11 @@ UNDONE = {"exp": frozenset({"log"}), "log": frozenset({"exp"}), "sin": _INVERSE,
 
 RATE = "rate"
 
+DRIVER = "driver"
+
+LOADS = ("force", "moment")
+"""Calls of two names, with an axis behind them; curves may have these names, too."""
+
 CONSTANTS = {"pi": math.pi, "e": math.e}
 _SUMS, _PRODUCTS = (ast.Add, ast.Sub), (ast.Mult, ast.Div)
 
@@ -59,7 +64,7 @@ def parse_expression(text: str, known: Collection[str], curves: Mapping[str, Cur
     Raises ModelError saying which part is not understood, which name is unknown, or which number is out of bounds.
     """
     tree, of_all = _tree(text), {**BUILT_IN, **(curves or {})}
-    if taken := [name for name in of_all if name in (*FUNCTIONS, *CHOICES, RATE)]:
+    if taken := [name for name in of_all if name in (*FUNCTIONS, *CHOICES, RATE, DRIVER)]:
         raise ModelError(f"curve {taken[0]}: in the expressions of files that is the name of a function; choose another")
     _Measure(text, of_all).size(tree)
     found = _Reader(text, known, of_all).read(tree)
@@ -251,12 +256,23 @@ class _Reader:
             return sympy.Add(*(-self.read(part) if isinstance(op, ast.Sub) else self.read(part) for op, part in chain(node, _SUMS)))
         if isinstance(node, ast.BinOp) and isinstance(node.op, _PRODUCTS):
             return self._product(node)
+        if (load := _load_of(node)) is not None:
+            return self._load(node, load)
         if isinstance(node, ast.Call) and not node.keywords:
             return self._call(node)
         name = dotted(node)
         if name is None:
             raise ModelError(f"{quoted(self.text)}: {quoted(_source(node, self.text))} is not allowed in an expression")
         return self._name(name)
+
+    def _load(self, node: ast.expr, name: str) -> Expr:
+        import sympy
+
+        if name not in self.known:
+            part = shortened(_source(node, self.text), SHOWN)
+            said = "outputs have force(body, point).x, moment(body, vector).x and driver(coordinate), with axes x, y and z"
+            raise UnknownName(f"{quoted(self.text)}: {part}: there is no such load here; {said}", "")
+        return sympy.Symbol(name, real=True)
 
     def _product(self, node: ast.BinOp) -> Expr:
         (_, first), *rest = chain(node, _PRODUCTS)
@@ -316,6 +332,15 @@ def dotted(node: ast.expr) -> str | None:
         parts.append(node.attr)
         node = node.value
     return ".".join([node.id, *reversed(parts)]) if isinstance(node, ast.Name) else None
+
+
+def _load_of(node: ast.expr) -> str | None:
+    """The name of the load that a node is, such as `force(rod,A).x` or `driver(psi)`; None for anything else."""
+    axis = f".{node.attr}" if isinstance(node, ast.Attribute) else ""
+    call = node.value if isinstance(node, ast.Attribute) else node
+    if not isinstance(call, ast.Call) or call.keywords or (kind := dotted(call.func)) not in (LOADS if axis else (DRIVER,)):
+        return None
+    return f"{kind}({','.join(dotted(argument) or '…' for argument in call.args)}){axis}"
 
 
 def _number_of(node: ast.expr) -> int | float | None:

@@ -15,6 +15,7 @@ from ncgen.model import Model
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Combination, Component, Element
 from ncgen.model.names import LAW, TIME, normal
+from ncgen.model.outputs import observable_loads
 from ncgen.model.values import Parameter, is_number
 
 ONCE = ("gravity", "simulation")
@@ -42,7 +43,7 @@ class _Writer:
 
     def __init__(self, model: Model) -> None:
         self.curves = model.curves
-        self.known = {TIME, *LAW, *model.numbers} | {c.name for c in model.components}
+        self.known = {TIME, *LAW, *model.numbers, *observable_loads(model)} | {c.name for c in model.components}
 
     def table(self, word: str, arguments: dict, once: bool) -> str:
         if word in NOT_IN_FILES:

@@ -6,14 +6,19 @@ parallel to the global ones, all in the initial position.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from ncgen.errors import ModelError
-from ncgen.model.elements import Point, Spatial, Vector
+from ncgen.errors import ModelError, shown
+from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
 from ncgen.model.values import Value, as_sympy, is_number
+
+if TYPE_CHECKING:
+    import sympy
 
 SYMMETRIC = 1e-9
 """Slack, relative to the largest entry, in the symmetry of an inertia tensor."""
@@ -39,6 +44,14 @@ class Inertia:
     com: tuple[Value, ...]
     tensor: np.ndarray
     basis: tuple[Spatial, ...] | None = None
+
+
+class JointLoad(NamedTuple):
+    """The components of a joint load, global axes, as expressions of sympy for outputs."""
+
+    x: sympy.Expr
+    y: sympy.Expr
+    z: sympy.Expr
 
 
 @dataclass(eq=False)
@@ -69,6 +82,44 @@ class Body:
     def elements(self) -> list[Spatial]:
         return [*self.points, *self.vectors]
 
+    def force(self, point: Point | str) -> JointLoad:
+        """The force (N) of joints on the body at one of its points, as symbols for outputs. Raises ModelError for another point."""
+        return self._load(point, self.points, "point")
+
+    def moment(self, vector: Vector | str) -> JointLoad:
+        """The moment (N m) of joints on the body through one of its unit vectors, as symbols for outputs. Raises ModelError for another."""
+        return self._load(vector, self.vectors, "vector")
+
+    def wrench(self, about: Point) -> tuple[JointLoad, JointLoad]:
+        """Force (N) and moment (N m) about a point of all joint loads on the body, as expressions for outputs.
+
+        A couple on an angle acts on the elements that the angle is measured between, by forces at points; a wrench has it as a couple.
+        Raises ModelError where `about` is no point.
+        """
+        import sympy
+
+        if not isinstance(about, Point):
+            raise ModelError(f"body {self.name}, wrench: {shown(about)} is not a point; give one by itself")
+
+        force, moment = sympy.zeros(3, 1), sympy.zeros(3, 1)
+        place = sympy.Matrix([c.symbol for c in about.components])
+        for point in self.points:
+            load = sympy.Matrix(self.force(point))
+            force += load
+            moment += (sympy.Matrix([c.symbol for c in point.components]) - place).cross(load)
+        for vector in self.vectors:
+            moment += sympy.Matrix(self.moment(vector))
+        return JointLoad(*force), JointLoad(*moment)
+
+    def _load(self, given: Spatial | str, mine: Sequence[Spatial], what: str) -> JointLoad:
+        import sympy
+
+        found = next((e for e in mine if e is given or e.name == given), None)
+        if found is None:
+            known = ", ".join(e.name for e in mine)
+            raise ModelError(f"body {self.name} has no {what} {shown(given)}; give one of its own: {known or 'it has none'}")
+        return JointLoad(*(sympy.Symbol(name, real=True) for name in load_names(self, found)))
+
     @property
     def basis(self) -> tuple[Spatial, ...]:
         """The elements that carry the inertia: those chosen, else four independent ones, else what there is."""
@@ -80,6 +131,12 @@ class Body:
         if self.inertia is None:
             raise ModelError(f"body {self.name}: it has no inertia; give its mass")
         return self.inertia
+
+
+def load_names(body: Body, element: Spatial) -> tuple[str, ...]:
+    """The names of the components of joints' load on a body: `force(rod,A).x` and others at a point, `moment(rod,u).x` through a vector."""
+    kind = "moment" if isinstance(element, Vector) else "force"
+    return tuple(f"{kind}({body.name},{element.name}).{axis}" for axis in AXES)
 
 
 def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -> None:

@@ -78,8 +78,9 @@ class Coordinates(Contents):
 
     @fact
     def output(self, label: str, expression: Driven, unit: str = "") -> Output:
-        """A number to look at: an expression of coordinates, rates (`psi.rate`), accelerations (`psi.acceleration`), m.time, parameters
-        and inputs. Its label is what trajectories and exports call it."""
+        """A number to look at: an expression of coordinates, rates (`psi.rate`), accelerations (`psi.acceleration`), joint loads
+        (`rod.force(A).x`, `rod.moment(u).z`), driver forces (`psi.driver`), m.time, parameters and inputs. Its label is what trajectories
+        and exports call it."""
         if label in self.outputs:
             raise ModelError(f"output {label}: there is one of that label already; choose another")
         if not label.strip() or not label.isprintable():

@@ -57,10 +57,22 @@ class Component(Symbolic):
 
         return sympy.Symbol(rate_name(rate_name(self.name)), real=True)
 
+    @property
+    def driver(self) -> sympy.Symbol:
+        """The sympy symbol of what the driver of this coordinate does (N or N m, positive as the coordinate grows), for outputs."""
+        import sympy
+
+        return sympy.Symbol(driver_name(self.name), real=True)
+
 
 def rate_name(coordinate: str) -> str:
     """The name of a coordinate's velocity, e.g. `rate(psi1)`."""
     return f"rate({coordinate})"
+
+
+def driver_name(coordinate: str) -> str:
+    """The name of what the driver of a coordinate does, e.g. `driver(psi1)`."""
+    return f"driver({coordinate})"
 
 
 def coordinate_of(name: str) -> str:
@@ -183,6 +195,11 @@ class Relative(Symbolic, Element):
     def acceleration(self) -> sympy.Symbol:
         """The sympy symbol of the coordinate's acceleration, for outputs."""
         return self.components[0].acceleration
+
+    @property
+    def driver(self) -> sympy.Symbol:
+        """The sympy symbol of what the driver of the coordinate does (N or N m, positive as the coordinate grows), for outputs."""
+        return self.components[0].driver
 
 
 @dataclass(frozen=True, eq=False)

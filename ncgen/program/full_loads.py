@@ -34,7 +34,7 @@ def assemble_loads(equations: Terms) -> tuple[Program, Program]:
     """The program and its tangent, elements in the order of `loaded_elements`."""
     lines = Lines(equations)
     graph, n, m = lines.graph, len(equations.free), len(equations.rows)
-    nodes = _loads(lines)
+    nodes = load_nodes(lines)
     program = lines.program("loads", ("t", "q", "qd", "qdd", "lam", "p"), nodes)
     along = directions(lines)
     moved = [*(("qd", i) for i in range(n)), *(("qdd", i) for i in range(n)), *(("lam", r) for r in range(m))]
@@ -54,7 +54,8 @@ def loaded_elements(equations: Terms) -> list[tuple[Body, Spatial]]:
     return [(body, element) for body in equations.model.bodies.values() for element in body.elements]
 
 
-def _loads(lines: Lines) -> list[int]:
+def load_nodes(lines: Lines) -> list[int]:
+    """Three nodes for every load, in the order of `loaded_elements`."""
     graph, equations = lines.graph, lines.equations
     springs = _Share(lines, build_springs(equations.model))
     pulls = {equations.free[i]: node for i, node in springs.vector(KERNELS["force"]).items()}

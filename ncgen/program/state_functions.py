@@ -234,11 +234,12 @@ class _Work:
         return [found.get(node, self.graph.const(0.0)) for node in nodes]
 
     def outputs(self, q: list[int], qd: list[int], qdd: list[int]) -> list[Function]:
-        """[] where the model has none."""
+        """[] where the model has none. They mention no loads: there are no multipliers here."""
         if not self.equations.model.outputs:
             return []
         program, _ = assemble_outputs(self.equations)
-        return [self.function("outputs", {"y": inlined(self.graph, program, self.given | {"q": q, "qd": qd, "qdd": qdd})})]
+        motion: Nodes = {"q": q, "qd": qd, "qdd": qdd, "lam": []}
+        return [self.function("outputs", {"y": inlined(self.graph, program, self.given | motion)})]
 
     def function(self, name: str, results: Nodes, inputs: Sequence[str] | None = None) -> Function:
         taken = tuple(Argument(name, self.sizes[name]) for name in inputs or self.sizes)

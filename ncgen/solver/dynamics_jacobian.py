@@ -10,13 +10,15 @@ is left zero.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.coordinate_partitioning import Motion
 from ncgen.solver.formalisms.instant import Baumgarte, scaled_mass
 from ncgen.solver.formalisms.kkt import KKT
-from ncgen.solver.partition import Partitions, kinematics
+from ncgen.solver.partition import Partition, Partitions, kinematics
 
 
 def acceleration_jacobians(
@@ -49,6 +51,20 @@ def input_accelerations(kernels: Kernels, now: Motion, p: np.ndarray, rows: np.n
     system = KKT(mass, kernels.jacobian(now.q, now.t, p)[rows] * columns / sizes[:, None], kernels)
     balance = kernels.balance_p(now.q, now.qd, now.qdd, now.lam, now.t, p).toarray()[:, len(p) - count :]
     return columns[:, None] * system.solve(-columns[:, None] * balance / unit, np.zeros((len(rows), count)))[0]
+
+
+def multiplier_changes(kernels: Kernels, partition: Partition, now: Motion, p: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
+    """dλ (m, k) with changes of q, q̇, q̈ and p in k directions that the balance allows; rows that are not kept get zero."""
+    t, q, qd = now.t, now.q, now.qd
+    slopes = (
+        kernels.stiffness(q, qd, now.qdd, now.lam, t, p),
+        kernels.damping(q, qd, t, p),
+        kernels.mass_matrix(q, t, p),
+        kernels.balance_p(q, qd, now.qdd, now.lam, t, p),
+    )
+    right = np.sum([slope @ change for slope, change in zip(slopes, changes, strict=True)], axis=0)
+    frame = kinematics(kernels, partition, q, t, p)
+    return -np.array([frame.multipliers(column, kernels.m) for column in right.T]).reshape(-1, kernels.m).T
 
 
 def rate_slope(kernels: Kernels, now: Motion, p: np.ndarray | None = None) -> np.ndarray:

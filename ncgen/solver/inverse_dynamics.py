@@ -97,12 +97,18 @@ def driver_forces(run: Trajectory) -> dict[str, np.ndarray]:
     forces: dict[str, np.ndarray] = {}
     for row, name in driven.items():
         forces[name] = forces.get(name, np.zeros(len(run.t))) - run.lam[:, row]
-    implied = [{r.row, *r.implied_by} for r in freedom_at(kernels, run.q[0], run.t[0], run.p).redundant] if driven else []
-    if shared := [name for row, name in driven.items() if any(row in rows for rows in implied)]:
+    if shared := shared_drivers(run):
         warnings.warn(
             f"{kernels.name}: the driver of {shared[0]} does what other rows do as well; how they share it is arbitrary", stacklevel=2
         )
     return forces
+
+
+def shared_drivers(run: Trajectory) -> list[str]:
+    """The driven coordinates whose drivers do what other rows do as well."""
+    driven = _drivers(run.kernels)
+    implied = [{r.row, *r.implied_by} for r in freedom_at(run.kernels, run.q[0], run.t[0], run.p).redundant] if driven else []
+    return [name for row, name in driven.items() if any(row in rows for rows in implied)]
 
 
 def _drivers(kernels: Kernels) -> dict[int, str]:

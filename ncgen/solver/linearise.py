@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -20,11 +20,17 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
-from ncgen.solver.dynamics_jacobian import acceleration_jacobians, independent_motions, input_accelerations, partitioned_jacobian
+from ncgen.solver.dynamics_jacobian import (
+    acceleration_jacobians,
+    independent_motions,
+    input_accelerations,
+    multiplier_changes,
+    partitioned_jacobian,
+)
 from ncgen.solver.finite import watched
 from ncgen.solver.given import Given, checked_kernels, known_name, several
-from ncgen.solver.outputs import output_slopes
-from ncgen.solver.partition import Partitions, choose_partitions
+from ncgen.solver.outputs import output_slopes, uses_loads
+from ncgen.solver.partition import Partition, Partitions, choose_partitions
 from ncgen.solver.poles import Pole, poles_of, response_of, zeros_of
 from ncgen.solver.position import solve_position
 from ncgen.solver.run import Initial
@@ -230,7 +236,20 @@ def _ports(kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray)
     by_q, by_qd = acceleration_jacobians(kernels, now, p, partitions.velocity.rows)
     dq = np.hstack([q_by_z, np.zeros((n, len(velocities)))])
     dqd = np.hstack([qd_by_z, qd_by_zd])
-    moved = np.vstack([dq, dqd, by_q @ dq + by_qd @ dqd, np.zeros((len(p), len(B)))])
-    driven = np.vstack([np.zeros((2 * n, count)), pushed, np.eye(len(p))[:, len(p) - count :]])
-    C, D = (output_slopes(kernels, now.t, (now.q, now.qd, now.qdd), p, each.T) for each in (moved, driven))
+    still = np.zeros((n, count))
+    moved = dq, dqd, by_q @ dq + by_qd @ dqd, np.zeros((len(p), len(B)))
+    driven = still, still, pushed, np.eye(len(p))[:, len(p) - count :]
+    C, D = (_seen(kernels, partitions.velocity, now, p, each) for each in (moved, driven))
     return B, C, D
+
+
+def _seen(kernels: Kernels, partition: Partition, now: Motion, p: np.ndarray, changes: Sequence[np.ndarray]) -> np.ndarray:
+    """How the outputs change (outputs, k); changes: of q, q̇, q̈ and p in k directions."""
+    *moved, dp = changes
+    dlam = np.zeros((kernels.m, dp.shape[1]))
+    if uses_loads(kernels.model):
+        from ncgen.solver.observed_loads import instant, warn_of_shared
+
+        warn_of_shared(instant(kernels, now.t, now.q, now.qd, p))
+        dlam = multiplier_changes(kernels, partition, now, p, changes)
+    return output_slopes(kernels, now.t, (now.q, now.qd, now.qdd, now.lam), p, np.vstack([*moved, dlam, dp]).T)

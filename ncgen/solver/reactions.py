@@ -32,12 +32,14 @@ class Reactions:
     determinate: {body: {coordinate of its elements: bool}}: True where the balances leave one value only, of the force on a point and
         of the moment through a vector. Where it is False, one of many possible distributions is given
     shared: a sentence for every load whose share is arbitrary, such as "door: A.z and B.z share 98.1 N"
+    changes: {instant: (loads, k)}: what can be added at some instants to all forces (N) and moments (N m), as of `felt`
     """
 
     run: Trajectory
     loads: dict[str, dict[str, np.ndarray]]
     determinate: dict[str, dict[str, bool]]
     shared: tuple[str, ...]
+    changes: dict[int, np.ndarray]
 
     def __repr__(self) -> str:
         what = f"{len(self.shared)} shared arbitrarily" if self.shared else "all unique"
@@ -47,6 +49,16 @@ class Reactions:
     def is_determinate(self) -> bool:
         """True if every load on every body is unique."""
         return all(all(each.values()) for each in self.determinate.values())
+
+    @property
+    def felt(self) -> np.ndarray:
+        """All forces on points and moments through vectors (K, loads), three an element, body after body."""
+        parts = [
+            self.moment(body.name, e.name) if isinstance(e, Vector) else self.force(body.name, e.name)
+            for body in self.run.model.bodies.values()
+            for e in body.elements
+        ]
+        return np.hstack([np.zeros((len(self.run.t), 0)), *parts])
 
     def force(self, body: str, point: str) -> np.ndarray:
         """Joint force (N) on a body at one of its points, global axes, shape (K, 3); at a fixed point, that of the ground."""
@@ -132,7 +144,7 @@ def reactions(run: Trajectory) -> Reactions:
         loads[share.body.name] = dict(zip(share.coordinates, history.T, strict=True))
         felt[share.body.name] = _felt(run, share, history)
     found = find_shared(run, shares, felt)
-    return Reactions(run, loads, found.unique, found.shared)
+    return Reactions(run, loads, found.unique, found.shared, found.changes)
 
 
 def _pulls(run: Trajectory) -> dict[str, dict[str, np.ndarray]]:

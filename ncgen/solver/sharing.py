@@ -73,10 +73,14 @@ def kernels_of(equations: Equations) -> NumPyKernels:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """unique: {body: {coordinate of its elements: bool}}; shared: a sentence for every load that several supports share."""
+    """unique: {body: {coordinate of its elements: bool}}; shared: a sentence for every load that several supports share.
+
+    changes: {instant: (loads, k)}: what can be added to all forces (N) and moments (N m), three an element, body after body
+    """
 
     unique: dict[str, dict[str, bool]]
     shared: tuple[str, ...]
+    changes: dict[int, np.ndarray]
 
 
 def find_shared(run: Trajectory, shares: list[Share], loads: dict[str, np.ndarray]) -> Findings:
@@ -98,7 +102,16 @@ def find_shared(run: Trajectory, shares: list[Share], loads: dict[str, np.ndarra
         groups = connected_components(together > REACHED**2, directed=False)[1] if len(names) else []
         for group in dict.fromkeys(np.asarray(groups)[reached].tolist()):
             sentences.append(_sentence(share.body, (groups == group).reshape(-1, 3), loads[share.body.name]))
-    return Findings(unique, tuple(sentences))
+    units = np.concatenate([_units(share) for share in shares]) if shares else np.zeros(0)
+    kept = zip(map(int, looks), changes, strict=True)
+    some = {k: np.vstack(found) for k, found in kept if found and found[0].shape[1] == least}
+    added = {k: np.where(np.abs(found) > REACHED, found, 0.0) / units[:, None] for k, found in some.items()}
+    return Findings(unique, tuple(sentences), added)
+
+
+def _units(share: Share) -> np.ndarray:
+    """How many natural units a load on each component of a body's elements is: a length for forces (m), 1 for moments."""
+    return np.array([share.kernels.length if isinstance(e, Point) else 1.0 for e in share.body.elements for _ in AXES])
 
 
 # -- what can be added ----------------------------------------------------------------------------

@@ -24,7 +24,7 @@ from ncgen.solver import compiled
 from ncgen.solver.choice import ALL, EXPLICIT
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import checked_kernels, finite, known_name, offer, positive
-from ncgen.solver.outputs import outputs_of, uses_accelerations
+from ncgen.solver.outputs import outputs_of, uses_accelerations, uses_loads
 from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial, InitialArguments
 from ncgen.solver.start import Start, begin
@@ -181,9 +181,9 @@ class Simulation:
 
     @property
     def outputs(self) -> dict[str, float]:
-        """{label: value} of the model's outputs."""
+        """{label: value} of the model's outputs. Warns, once for a mechanism, of loads in them that are not unique."""
         qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
-        (values,) = outputs_of(self.kernels, [self.t], self.q[None], self.qd[None], qdd[None], self._now.p)
+        values = outputs_at(self.kernels, self.t, self.q, self.qd, qdd, self._now.p)
         return dict(zip(self.kernels.model.outputs, values.tolist(), strict=True))
 
     def energy(self) -> np.ndarray:
@@ -219,6 +219,16 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
 
     dynamics = compiled.all_coordinates(kernels, form=form)
     return lambda: Stepping(dynamics, integrator, rank, rtol, least, sizes, compiled.closeness("double")), here
+
+
+def outputs_at(kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, qdd: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """All outputs (outputs,) of a state at t (s) with its accelerations."""
+    lam = np.zeros(kernels.m)
+    if uses_loads(kernels.model):
+        from ncgen.solver.observed_loads import multipliers_at
+
+        lam = multipliers_at(kernels, t, q, qd, p)
+    return outputs_of(kernels, [t], q[None], qd[None], p, (qdd[None], lam[None]))[0]
 
 
 def explicit(integrator: str) -> str:

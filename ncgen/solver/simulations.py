@@ -24,9 +24,9 @@ from ncgen.methods.table import AUTO
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import checked_kernels, count, known_name, offer, positive
-from ncgen.solver.outputs import outputs_of, uses_accelerations
+from ncgen.solver.outputs import uses_accelerations
 from ncgen.solver.run import Initial, InitialArguments
-from ncgen.solver.simulation import explicit, prepared
+from ncgen.solver.simulation import explicit, outputs_at, prepared
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,8 +207,7 @@ class Simulations:
     def outputs(self) -> dict[str, np.ndarray]:
         """{label: values (N,)} of the model's outputs, one simulation after the other."""
         qdd = self.qdd if uses_accelerations(self.kernels.model) else np.zeros_like(self.q)
-        rows = zip(self.t, self.q, self.qd, qdd, self.p, strict=True)
-        found = [outputs_of(self.kernels, [t], q[None], qd[None], a[None], p)[0] for t, q, qd, a, p in rows]
+        found = [outputs_at(self.kernels, *row) for row in zip(self.t, self.q, self.qd, qdd, self.p, strict=True)]
         return dict(zip(self.kernels.model.outputs, np.array(found).T, strict=True))
 
     def __getitem__(self, name: str) -> np.ndarray:

@@ -22,7 +22,7 @@ from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.energy import drift, energies
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.given import echo, offer
-from ncgen.solver.outputs import outputs_of, uses_accelerations
+from ncgen.solver.outputs import outputs_of, uses_accelerations, uses_loads
 from ncgen.solver.partition import Partitions, choose_partitions, determined, other_partitions, quality
 
 if TYPE_CHECKING:
@@ -193,12 +193,16 @@ class Trajectory:
 
     @cached_property
     def outputs(self) -> dict[str, np.ndarray]:
-        """{label: (K,)} of the model's outputs over time."""
+        """{label: (K,)} of the model's outputs over time. Warns of loads in them that are not unique."""
         if not self.model.outputs:
             return {}
-        qdd = self.qdd if uses_accelerations(self.model) else np.zeros_like(self.q)
-        found = outputs_of(self.kernels, self.t, self.q, self.qd, qdd, self.p)
-        return dict(zip(self.model.outputs, found.T, strict=True))
+        if uses_loads(self.model):
+            from ncgen.solver.observed_loads import warn_of_shared
+
+            warn_of_shared(self)
+        found = (self.qdd, self.lam) if uses_accelerations(self.model) else None
+        seen = outputs_of(self.kernels, self.t, self.q, self.qd, self.p, found)
+        return dict(zip(self.model.outputs, seen.T, strict=True))
 
     @property
     def inputs(self) -> dict[str, np.ndarray]:

@@ -116,7 +116,7 @@ class Study:
             if given := [name for name in NO_GRADIENT if self.simulation.get(name)]:
                 raise ModelError(f"keep, {column.word}: {given[0]} is given, and such runs have no derivative; leave one of them out")
             if column.is_output(self.model) and uses_accelerations(self.model):
-                raise ModelError(f"keep, {column.word}: outputs have accelerations in them, of which no gradient is kept; leave it out")
+                raise ModelError(f"keep, {column.word}: outputs mention accelerations or loads, of which no gradient is kept; leave it out")
 
     @cached_property
     def values(self) -> tuple[Kept, ...]:

@@ -113,8 +113,8 @@ class Slopes:
             by_x, by_rates = extremes.weights(motion.t, x, rates, column.over == "max")
         if column.name in outputs:
             k, n = int(np.argmax(by_x)), kernels.n
-            seeds = np.delete(np.eye(3 * n + len(motion.p)), np.s_[2 * n : 3 * n], axis=0)
-            state = motion.q[k], motion.qd[k], np.zeros(n)
+            seeds = np.delete(np.eye(3 * n + kernels.m + len(motion.p)), np.s_[2 * n : 3 * n + kernels.m], axis=0)
+            state = motion.q[k], motion.qd[k], np.zeros(n), np.zeros(kernels.m)
             slope = output_slopes(kernels, float(motion.t[k]), state, motion.p, seeds)[outputs.index(column.name)]
             by_q[k], by_qd[k], by_p[:] = slope[:n], slope[n : 2 * n], slope[2 * n :]
             return by_q, by_qd, by_p
@@ -127,7 +127,7 @@ class Slopes:
         """What is looked at over the instants (K,), and its rates where they are known."""
         outputs, seen = tuple(self.kernels.model.outputs), np.zeros((len(motion.t), 0))
         if name in outputs:
-            seen = outputs_of(self.kernels, motion.t, motion.q, motion.qd, np.zeros_like(motion.q), motion.p)
+            seen = outputs_of(self.kernels, motion.t, motion.q, motion.qd, motion.p)
         histories = Histories(self.kernels.index, outputs, motion.t, motion.q[None], motion.qd[None], seen[None])
         rates = histories.rates(name)
         return histories.of(name)[0], None if rates is None else rates[0]

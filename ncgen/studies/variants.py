@@ -157,7 +157,7 @@ class Bench:
         if said.get("integrator", AUTO) == AUTO and not study.left_open:
             return "the integrator is left open beside a formalism"
         if uses_accelerations(study.model) and any(column.is_output(study.model) for column in study.values):
-            return "outputs have accelerations in them"
+            return "outputs mention accelerations or loads"
         try:
             self._lanes_run = self._run_in_lanes()
         except ModelError as error:
@@ -269,7 +269,7 @@ class Bench:
             places = [len(t) - 1] if all(column.over == "end" for column in wanted) else list(range(len(t)))
             for i in np.flatnonzero(ok):
                 q, qd = done.q[i, places], done.qd[i, places]
-                found[i, places] = outputs_of(kernels, t[places], q, qd, np.zeros_like(q), p[i])
+                found[i, places] = outputs_of(kernels, t[places], q, qd, p[i])
         return found
 
     # -- one at a time ---------------------------------------------------------------------------------------------------------------------

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
 import sympy
 from sympy import Rational as R
 
 import ncgen
-from ncgen import Model
+from ncgen import Model, ModelError
 from ncgen.exchange.expression_text import _Exact
 from ncgen.exchange.grammar import parse_expression
-from ncgen.exchange.toml_reader import read_toml
+from ncgen.exchange.toml_reader import model_of, read_toml
 from ncgen.exchange.toml_writer import to_toml
 
 x, y = sympy.symbols("x y", real=True)
@@ -75,3 +77,54 @@ def test_the_same_code(case, tmp_path):
     again, problems = read_toml(tmp_path / "model.toml")
     assert problems == [] and to_toml(again) == text
     assert ncgen.generate(again).files == ncgen.generate(m).files
+
+
+def test_loads_are_written_by_their_names():
+    """A joint load, a moment and a driver force: the same text again, and the same numbers."""
+    m, B, psi = pendulum()
+    A, rod = m.elements["A"], m.bodies["bob"]
+    m.output("pin", 2 * rod.force(A).x - rod.wrench(A)[0].y / 3, "N")
+    m.drive(psi, 3.0 * m.time)
+    m.output("power", psi.driver * psi.rate)
+    text = to_toml(m)
+    assert "force(bob,A).x" in text and 'expression = "driver(psi)*rate(psi)"' in text
+    assert to_toml(model_of(text, Path("again.toml"))) == text
+    again = model_of(text.replace("force(bob,A).x", "force( bob , A ).x"), Path("spaced.toml"))
+    runs = [ncgen.simulate(ncgen.compile(each, "numpy"), 0.2, points=3) for each in (m, again)]
+    for label in ("pin", "power"):
+        assert runs[0][label].tolist() == runs[1][label].tolist()
+
+
+@pytest.mark.parametrize(
+    "text, said",
+    [
+        ("force(bob, C).x", r"force\(bob, C\)\.x: there is no such load here; outputs have force\(body, point\)\.x"),
+        ("force(bob, A).w", r"force\(bob, A\)\.w: there is no such load here"),
+        ("moment(bob, A).x", r"moment\(bob, A\)\.x: there is no such load here"),
+        ("driver(phi)", r"driver\(phi\): there is no such load here"),
+        ("force(bob).x", r"force\(bob\)\.x: there is no such load here"),
+        ("driver(2*psi)", r"driver\(2\*psi\): there is no such load here"),
+        ("force(bob, A)", "force of 2 is unknown"),
+        ("abs(psi).x", r"“abs\(psi\)\.x” is not allowed in an expression"),
+    ],
+)
+def test_loads_that_there_are_not(text, said):
+    m, _, _ = pendulum()
+    file = to_toml(m) + f'\n[[output]]\nlabel = "load"\nexpression = "{text}"\n'
+    with pytest.raises(ModelError, match=said):
+        model_of(file, Path("wrong.toml"))
+
+
+def test_loads_stand_in_outputs_alone():
+    m, _, _ = pendulum()
+    file = to_toml(m) + '\n[[constrain]]\nexpression = "B.x - force(bob, A).x"\n'
+    with pytest.raises(ModelError, match="there is no such load here"):
+        model_of(file, Path("wrong.toml"))
+
+
+def test_a_table_may_be_called_force():
+    """Loads have two names and an axis, so that a curve may keep its name."""
+    m, _, psi = pendulum()
+    force = m.table("force", [0.0, 1.0], [0.0, 2.0])
+    m.output("both", force(psi.symbol) + m.bodies["bob"].force("A").y)
+    assert to_toml(model_of(to_toml(m), Path("again.toml"))) == to_toml(m)

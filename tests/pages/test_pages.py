@@ -36,7 +36,7 @@ from ncgen.exchange.examples import example_module
 m = ncgen.Model("taken")
 O, x = m.point("O", (0, 0), fixed=True), m.vector("x", (1, 0, 0), fixed=True)
 B, c = m.point("B", (0.5, 0), fixed="y"), 0.1
-m.body("cart", points=[B], mass=1.0)
+cart = m.body("cart", points=[B], mass=1.0)
 s = m.slide("s", O, B, x)
 """,
     "sensitivities.md": "import ncgen\nmodel = ncgen.load('fourbar')\n",

@@ -20,6 +20,7 @@ from ncgen.program.dynamics import accelerations, cheapest
 from ncgen.program.state_functions import Argument, Function, Result, closed_functions, open_functions, with_derivatives
 from ncgen.solver.compiled import samples, split_of
 from ncgen.solver.joint_space import JointSpace, joint_space
+from ncgen.solver.outputs import uses_loads
 from ncgen.solver.partition import choose_partitions
 
 NEEDED = ("ncgen.h", "ncgen_math.h")
@@ -68,6 +69,8 @@ def _open(package: Package) -> JointSpace | None:
 
 def files(package: Package) -> dict[str, str]:
     """{path in the folder: text}."""
+    if uses_loads(package.kernels.model):
+        raise ModelError(f"{package.kernels.name} cannot be exported to casadi: its outputs mention loads, and the motion there has none")
     prefix, kernels, state = package.prefix, package.kernels, State(package)
     functions = [each for function in state.functions for each in with_derivatives(function, MOST)]
     count = len(kernels.parameters) - len(kernels.inputs)

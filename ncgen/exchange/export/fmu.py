@@ -20,8 +20,8 @@ from typing import NamedTuple
 from ncgen.emit.environment import render
 from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.export.package import Package, renamed
-from ncgen.model.bodies import Body
-from ncgen.model.elements import Spatial, Vector
+from ncgen.model.bodies import Body, load_names
+from ncgen.model.elements import AXES, Spatial, Vector
 from ncgen.model.values import Input, Parameter
 from ncgen.program.full_loads import loaded_elements
 from ncgen.toolchain.cache import build, compiled
@@ -174,7 +174,7 @@ def _load(body: Body, element: Spatial) -> list[Variable]:
     """The load of joints on a body at one of its elements: a force at a point, a moment through a vector."""
     kind, unit, where = ("moment", "N.m", "through") if isinstance(element, Vector) else ("force", "N", "at")
     text = f"joint {kind} on {body.name} {where} {element.name}"
-    return [Variable(f"{kind}({body.name},{element.name}).{axis}", unit, f"{text}, {axis}") for axis in "xyz"]
+    return [Variable(name, unit, f"{text}, {axis}") for name, axis in zip(load_names(body, element), AXES, strict=True)]
 
 
 def _headers(version: int) -> dict[str, str]:

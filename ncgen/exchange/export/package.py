@@ -32,6 +32,8 @@ from ncgen.program.full_motion import FullMotion, Sizes, assemble_full_motion, a
 from ncgen.program.outputs import assemble_outputs
 from ncgen.program.quasidefinite import Elimination, plan
 from ncgen.solver.compiled import own_positions
+from ncgen.solver.observed_loads import instant, warn_of_shared
+from ncgen.solver.outputs import uses_loads
 from ncgen.solver.partition import determined
 from ncgen.solver.rank import freedom, trial_positions
 from ncgen.solver.run import Run, check_options, simulation_of
@@ -147,6 +149,7 @@ class Package:
             "numbers": 4 + 3 * self.kernels.n,
             "inputs": self.kernels.inputs,
             "outputs": list(self.kernels.model.outputs.values()),
+            "uses_loads": uses_loads(self.kernels.model),
             "indices": [
                 ("q", labels(self.kernels.coordinates)),
                 ("p", labels(self.kernels.parameters)),
@@ -208,6 +211,8 @@ def package(model: Model) -> Package:
     sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     if not np.any(sizes.W):
         raise ModelError(f"{model.name} cannot be exported: nothing has mass; give a body one")
+    if uses_loads(model):
+        warn_of_shared(instant(kernels, 0.0, start.q, start.qd, kernels.p0))
     independent = determined(start.partitions).velocity.names(kernels)
     return Package(sources, kernels, sizes, start.q, start.qd, independent, run.duration, freedom(kernels).dof)
 
