@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -21,6 +21,7 @@ from ncgen.solver.given import checked_kernels, finite, known_name, names_of
 from ncgen.solver.partition import Partitions, choose_partitions
 from ncgen.solver.position import TOLERANCE, check_finite, check_mirror_roots
 from ncgen.solver.run import Run, count
+from ncgen.solver.signals import Signal
 from ncgen.solver.simulate import simulate
 from ncgen.solver.telling import Told, telling
 from ncgen.solver.tolerances import Tolerances
@@ -257,6 +258,7 @@ def simulate_batch(
     atol: float | None = None,
     max_step: float = np.inf,
     points: int | ArrayLike = 2,
+    inputs: Mapping[str, Signal] | None = None,
     threads: int | None = None,
     progress: Told = None,
 ) -> BatchTrajectory:
@@ -266,6 +268,8 @@ def simulate_batch(
         p: (B, n_p) or (n_p,). Or each
         of them by name, {name: number, or an array with one for every state}; those not named have their defaults
     integrator: dopri5 or dop853 (each state with its own steps) or rk4 (fixed step max_step)
+    inputs: what drives all states alike, as in `simulate`; a number for each state stands in p. Where one changes with time the states are
+        simulated one after the other by `simulate` in C
     threads: None for one on every processor that this process may use
     progress: called now and then with the share of the states that are done, from 0 to 1; True for a bar. What it raises ends the batch,
         and so does Ctrl-C: it is raised again, with what was found in its `trajectory`, where the other states are "interrupted"
@@ -277,30 +281,34 @@ def simulate_batch(
     """
     run = Run.asked(
         checked_kernels(kernels), duration, formalism="coordinate-partitioning", integrator=integrator, rtol=rtol, atol=atol, points=points,
-        max_step=max_step,
-        progress=progress, t0=t0, z=z,
+        max_step=max_step, inputs=inputs, progress=progress, t0=t0, z=z,
     )  # fmt: skip
     threads, method = _threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True)
+    if inputs:
+        held, p = [kernels.parameters.index(name) for name in inputs], states.p.copy()
+        p[:, held] = run.initial.p[held]
+        states = replace(states, p=p)
     if not np.isfinite(states.zd).all(axis=1).any():
         raise ModelError(f"{kernels.name}: zd0 has numbers that are not finite in every state; correct them")
     with telling(progress, f"simulating {len(states.q)} states of {kernels.name}", 0.0, 1.0) as told:
-        return side_by_side(kernels, run, method, states, threads, told)
+        return side_by_side(kernels, run, method, states, threads, told, inputs if run.signals else None)
 
 
 def side_by_side(
-    kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None
+    kernels: Kernels,
+    run: Run,
+    method: Method,
+    states: States,
+    threads: int | None,
+    progress: Callable[[float], None] | None,
+    inputs: Mapping[str, Signal] | None = None,
 ) -> BatchTrajectory:
     """The motions of states that have a choice of independent coordinates in common, each with the bits that it has in any other batch.
 
-    run: its times and tolerances; threads, progress: as of `simulate_batch`
+    run: its times and tolerances; threads, progress: as of `simulate_batch`; inputs: what changes with time, which lanes cannot follow
     """
-    sizes = kernels.column_sizes[states.choice.places]
-    tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
-    done = states.choice.lanes.simulate(
-        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, tolerance=TOLERANCE, growth=GROWTH,
-        max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
-    )  # fmt: skip
+    done = _not_begun(run, states) if inputs else _in_lanes(kernels, run, method, states, threads, progress)
     exhausted = np.flatnonzero((done.steps >= MOST_STEPS) & (np.array(done.status) != "ok"))
     for i in exhausted:
         done.status[i] = (
@@ -313,8 +321,9 @@ def side_by_side(
     alone[[*exhausted, *states.faults]] = False
     batch = _Batch(kernels, run.times, states, done, alone, progress)
     options = dict(
-        t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol, max_step=run.max_step
-    )
+        t0=run.initial.t, points=run.times, integrator=method.integrator.name, rtol=run.rtol, atol=run.atol, max_step=run.max_step,
+        inputs=inputs,
+    )  # fmt: skip
     try:
         if INTERRUPTED in done.status:
             raise done.raised or KeyboardInterrupt()
@@ -323,6 +332,27 @@ def side_by_side(
         vars(raised)["trajectory"] = batch.trajectory()
         raise
     return batch.trajectory()
+
+
+def _in_lanes(
+    kernels: Kernels, run: Run, method: Method, states: States, threads: int | None, progress: Callable[[float], None] | None
+) -> LaneOutcome:
+    sizes = kernels.column_sizes[states.choice.places]
+    tolerances = Tolerances.of(run, kernels.length, float(np.finfo(float).eps)).in_c(sizes, sizes)
+    return states.choice.lanes.simulate(
+        method.integrator.name, run.times, states.q, states.zd, states.p, threads, progress, tolerance=TOLERANCE, growth=GROWTH,
+        max_step=0.0 if np.isinf(run.max_step) else run.max_step, max_steps=MOST_STEPS, **tolerances,
+    )  # fmt: skip
+
+
+def _not_begun(run: Run, states: States) -> LaneOutcome:
+    """What is known of states before they are simulated one at a time."""
+    from ncgen.mechanism.batch_runs import LaneOutcome
+
+    count, n = states.q.shape
+    rows = np.full((count, len(run.times), n), np.nan)
+    status, steps, reached = ["not begun"] * count, np.zeros(count, dtype=int), np.full(count, run.times[0])
+    return LaneOutcome(rows, rows.copy(), rows[:, :, 0].copy(), status, steps, reached)
 
 
 def in_lanes(kernels: Kernels, run: Run) -> Method:
