@@ -12,7 +12,7 @@ import sympy
 
 import ncgen
 from ncgen import Model, ModelError
-from ncgen.model.elements import Angle
+from ncgen.model.elements import Angle, Point, Vector
 
 MASS, LENGTH, GRAVITY = 2.0, 0.7, 9.81
 TIGHT = {"rtol": 1e-11, "points": 21}
@@ -155,6 +155,24 @@ def test_two_hinges_share_a_weight_and_say_so():
     with warnings.catch_warnings():
         warnings.simplefilter("error")  # it is told once
         assert sim["pull"] == pytest.approx(-10 * GRAVITY / 4, abs=1e-9)
+
+
+@pytest.mark.filterwarnings("ignore:crank. output (power|both)")
+def test_two_drivers_of_one_angle_share_a_couple():
+    """The same angle twice, both driven alike: each is arbitrary, their sum is m g l/2 cos ψ."""
+    m = crank()
+    psi, x, z = m.elements["psi"], m.elements["x"], m.elements["z"]
+    A, O = m.elements["A"], m.elements["O"]
+    assert isinstance(psi, Angle) and isinstance(A, Point) and isinstance(O, Point) and isinstance(x, Vector) and isinstance(z, Vector)
+    again = m.angle("again", x, A - O, z)
+    m.drive(again, SPEED * m.time)
+    m.output("both", psi.driver + again.driver, "N m")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # of redundant drivers
+        run = ncgen.simulate(ncgen.compile(m, "numpy"), 0.2, **TIGHT)
+    with pytest.warns(UserWarning, match=r"crank: output couple: other rows do what driver\(psi\) does; one of many shares is given"):
+        both = run["both"]
+    assert np.allclose(both, MASS * GRAVITY * LENGTH / 2 * np.cos(SPEED * run.t), rtol=0, atol=1e-9)
 
 
 def test_what_an_output_cannot_mention():
