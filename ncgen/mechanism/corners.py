@@ -27,13 +27,17 @@ def corners(kernels: Kernels, p: np.ndarray, start: float, end: float) -> np.nda
     """
     found = {
         instant
-        for program in kernels.programs.programs.values()
-        for block in program.blocks
-        if isinstance(block, Straight) and any(op.code == PIECES for op in block.ops)
+        for block in kernels.remember("blocks with lookups", (), lambda: _looking_up(kernels))
         for pieces, values in _over_time(block, p, (start, (start + end) / 2, end))
         for instant in _instants(pieces, values, start, end)
     }
     return np.array(sorted(found))
+
+
+def _looking_up(kernels: Kernels) -> list[Straight]:
+    """The straight lines of the kernels that look something up."""
+    blocks = [block for program in kernels.programs.programs.values() for block in program.blocks if isinstance(block, Straight)]
+    return [block for block in blocks if any(op.code == PIECES for op in block.ops)]
 
 
 def _over_time(block: Straight, p: np.ndarray, times: tuple[float, ...]) -> list[tuple[Pieces, list[float]]]:
