@@ -54,14 +54,14 @@ class Cvode(scipy.integrate.OdeSolver):
         try:
             yp[:] = self.fun(t, y.copy())
         except Exception as problem:
-            self._problem = problem
+            self._problem = self._problem or problem  # what follows from a number that is none says less
             yp[:] = np.nan
 
     def _fill_jacobian(self, t: float, y: np.ndarray, yp: np.ndarray, slopes: np.ndarray) -> None:
         try:
             slopes[:, :] = self._jac(t, y.copy())
         except Exception as problem:
-            self._problem = problem
+            self._problem = self._problem or problem  # what follows from a number that is none says less
             slopes[:, :] = np.nan
 
     def _step_impl(self) -> tuple[bool, str | None]:
