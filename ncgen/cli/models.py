@@ -141,12 +141,13 @@ def run(
 
     kernels, sources, seconds = _compiled(model, floating, backend, emission, check)
     found = freedom(kernels)
+    if runtime.is_alive():
+        with progress("compiling the runtime", None):
+            runtime.join()  # nothing is timed beside a compiler
     if not json_output:
         show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
     options = simulation_of(kernels.model, **given)
     with progress(f"simulating {options['duration']} s", options["duration"]) as advance:
-        if runtime.is_alive():
-            runtime.join()
         try:
             trajectory = simulate(kernels, progress=lambda t: advance(t - options.get("t0", 0.0)), **options)
         except Interrupted as stopped:

@@ -13,6 +13,7 @@ from ncgen.comparisons.hard_cases import CASES, Case
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
+from ncgen.report.clock import measure, repeated
 from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
 from ncgen.solver.simulate import simulate
 from ncgen.solver.trajectory import Trajectory
@@ -29,7 +30,7 @@ WORTH = 10.0
 """How many times as long as the default a named method may take; it would not be the best."""
 
 TURNS = 15
-"""Calls of the default and of the best, in turns; the quickest of each counts."""
+"""Samples of the default and of the best, in turns; the quickest of each counts."""
 
 
 @dataclass(frozen=True)
@@ -68,7 +69,9 @@ def default_records(names: Collection[str] = NAMES, limit: float = 20.0) -> Iter
         if best is None:
             yield record | {"seconds": own.seconds, "best": None, "best_error": None, "best_seconds": None, "ratio": None}
             continue
-        seconds, least = _in_turns(own.call, best.call)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            seconds, least = (spread.least for spread in measure({0: repeated(own.call), 1: repeated(best.call)}, TURNS).values())
         record |= {"seconds": seconds, "best": best.method, "best_error": best.error, "best_seconds": least}
         yield record | {"ratio": seconds / least}
 
@@ -90,19 +93,6 @@ def _way(kernels: CompiledKernels, case: Case, limit: float, **method: Any) -> _
         return None
     tolerance = f" at {method['rtol']:.0e}" if method else ""
     return _Way(call, float(case.error(run)), f"{run.formalism}, {run.integrator}{tolerance}", seconds)
-
-
-def _in_turns(*calls: Callable[[], Trajectory]) -> list[float]:
-    """The least seconds of each."""
-    least = [float("inf")] * len(calls)
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        for _ in range(TURNS):
-            for place, call in enumerate(calls):
-                start = time.perf_counter()
-                call()
-                least[place] = min(least[place], time.perf_counter() - start)
-    return least
 
 
 def default_lines(records: list[dict]) -> Iterator[str]:

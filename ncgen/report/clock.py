@@ -23,11 +23,12 @@ ROUNDS = 41
 
 @dataclass(frozen=True)
 class Spread:
-    """Seconds per call: the median of all samples, and the quartiles around it."""
+    """Seconds per call: the median of all samples, the quartiles around it, and the least."""
 
     median: float
     low: float
     high: float
+    least: float
 
 
 def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS) -> dict[Name, Spread]:
@@ -37,7 +38,7 @@ def measure(runs: Mapping[Name, Run], rounds: int = ROUNDS) -> dict[Name, Spread
     for _ in range(rounds):
         for name, run in runs.items():
             samples[name].append(elapsed(run, times[name]) / times[name])
-    return {name: Spread(*(float(np.quantile(values, share)) for share in (0.5, 0.25, 0.75))) for name, values in samples.items()}
+    return {name: Spread(*(float(np.quantile(values, share)) for share in (0.5, 0.25, 0.75, 0.0))) for name, values in samples.items()}
 
 
 def repeated(call: Callable[[], object]) -> Run:

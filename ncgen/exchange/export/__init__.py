@@ -1,7 +1,8 @@
 """Exports: a folder that builds and runs where Python is not.
 
 A target is a module `NAME_target` here, found by its name, with a function `files(package)`: {path in the folder: text or bytes}, of a
-`Package`, or, where it does without the mechanism's motion, `files_of(model)`; templates/package/NAME holds its templates.
+`Package`, or, where it does without the mechanism's motion, `files_of(model)`; templates/package/NAME holds its templates. One with
+binaries for other machines has `check(platforms)`, which refuses unknown ones before anything is generated, and `files` takes them.
 """
 
 from __future__ import annotations
@@ -48,9 +49,11 @@ def export(model: Model, to: str, folder: Path | str, platforms: Sequence[str] =
     from ncgen.emit.sources import write_bytes
 
     model, target = checked_model(model), import_module(f"{__name__}.{to}{END}")
-    if platforms and not to.startswith("fmu"):
-        raise ModelError(f"platforms: {to} is written as sources, for any machine; leave it out")
     more = {"platforms": platforms} if platforms else {}
+    if platforms:
+        if not hasattr(target, "check"):
+            raise ModelError(f"platforms: {to} is written as sources, for any machine; leave it out")
+        target.check(platforms)
     files = target.files_of(model) if hasattr(target, "files_of") else target.files(_package(model), **more)
     contents = {name: data if isinstance(data, bytes) else data.encode() for name, data in files.items()}
     return [write_bytes(Path(folder) / name, data) for name, data in contents.items()]

@@ -90,7 +90,6 @@ def fmu(package: Package, version: int, platforms: Sequence[str] = ()) -> bytes:
     platforms: of `PLATFORMS`, beside the machine that this is
     Raises NcgenError for a platform that is not known or without fmpy, CompileError without a compiler.
     """
-    others = _others(platforms, version)
     headers = _headers(version)
     package = package.with_tangents()
     groups = _groups(package)
@@ -115,7 +114,7 @@ def fmu(package: Package, version: int, platforms: Sequence[str] = ()) -> bytes:
     }
     files = {f"sources/{name}": text.encode() for name, text in sources.items()}
     files[f"binaries/{_platform(version)}/{package.prefix}{_suffix()}"] = _binary(sources)
-    for other in others:
+    for other in others(platforms, version):
         files[f"binaries/{other.folders[version]}/{package.prefix}{other.suffix}"] = _foreign_binary(sources, other)
     files["modelDescription.xml"] = render(f"package/fmu/fmi{version}.xml.jinja", **records).encode()
     if version == 3:
@@ -190,8 +189,8 @@ def _binary(sources: dict[str, str]) -> bytes:
     return compiled(sources, FLAGS).library.read_bytes()
 
 
-def _others(platforms: Sequence[str], version: int) -> list[Platform]:
-    """The platforms by these names, but for this machine's own."""
+def others(platforms: Sequence[str], version: int) -> list[Platform]:
+    """The platforms by these names, but for this machine's own. Raises NcgenError for one that is not known, or without ziglang."""
     known = [name for name, platform in PLATFORMS.items() if version in platform.folders]
     for name in platforms:
         if name not in known:
