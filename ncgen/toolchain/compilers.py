@@ -30,7 +30,7 @@ FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-co
 """No -ffast-math: sums keep their order. Fused multiply-adds, where the processor has them, halve the rounding error of the
 robot's kernels and save a quarter of their time; the price is a last bit that depends on the processor."""
 
-OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp")
+OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp", "-fcx-limited-range")
 """Flags that make code faster and no different: a compiler that refuses one is used without it."""
 
 UNSAID = ("-fopenmp",)
