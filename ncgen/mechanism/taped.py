@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from functools import cache, cached_property
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from functools import cache, cached_property, partial
+from itertools import pairwise
 
 import numpy as np
 
@@ -25,6 +27,25 @@ SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_vectors.h")
 
 LONGEST = 2**31
 """Bytes that the states of a tape may take."""
+
+SEGMENT = 2**28
+"""Bytes that they may take before a run of given steps is taped in segments."""
+
+
+def taped(
+    dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
+    tolerances: Mapping[str, InC] | None = None, **options: InC,
+) -> Taped | Segmented:  # fmt: skip
+    """A run that leaves a tape, or where that would be too long segments of one; arguments as of `Taped`."""
+    steps = SEGMENT // (8 * step_size(method, len(q)))
+    if tolerances is None and len(times) > steps + 1:
+        return Segmented(dynamics, method, times, q, qd, p, max(steps, 1), **options)
+    return Taped(dynamics, method, times, q, qd, p, tolerances, **options)
+
+
+def step_size(method: str, n: int) -> int:
+    """Numbers that a step leaves on a tape, for n coordinates."""
+    return (2 * INTEGRATORS[method].coefficients.stages + 3) * n
 
 
 class Taped:
@@ -57,7 +78,7 @@ class Taped:
     def _take_room(self, method: str, steps: int) -> None:
         """A tape for so many steps."""
         kernels, method_in_c = self._kernels, number_in_c(INTEGRATORS[method])
-        self._step_size = (2 * INTEGRATORS[method].coefficients.stages + 3) * kernels.n
+        self._step_size = step_size(method, kernels.n)
         self._times, self._states = np.empty(steps + 1), np.empty(steps * self._step_size + 2 * kernels.n)
         tape = {"room": steps, "times": self._real(self._times), "states": self._real(self._states)}
         self._tape = self._ffi.new("ncgen_tape *", tape)
@@ -121,6 +142,64 @@ class Taped:
 
     def _real(self, array: np.ndarray) -> InC:
         return self._ffi.from_buffer("double[]", array)
+
+
+class Segmented:
+    """A long run with one step from each time to the next, of which a segment is on tape at a time: to go back, a segment is run again from
+    the state in which it began. Members as of `Taped`, without second derivatives.
+    """
+
+    def __init__(
+        self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray, steps: int,
+        **options: InC,
+    ) -> None:  # fmt: skip
+        """steps: of a segment"""
+        self._run = partial(Taped, dynamics, method, p=p, **options)
+        self._times, self._bounds = times, [*range(0, len(times) - 1, steps), len(times) - 1]
+        self.not_differentiable: float | None = None
+        parts: list[Outcome] = []
+        for begin, end in pairwise(self._bounds):
+            segment = self._run(times=times[begin : end + 1], q=q, qd=qd)
+            parts.append(segment.outcome)
+            if self.not_differentiable is None:
+                self.not_differentiable = segment.not_differentiable
+            if segment.outcome.status != "ok":
+                break
+            q, qd, _ = segment.outcome.last
+        rows = {name: np.concatenate([getattr(part, name)[k > 0 :] for k, part in enumerate(parts)]) for name in ("q", "qd", "work")}
+        self.outcome = replace(parts[-1], **rows)
+
+    @cached_property
+    def back(self) -> Sweep:
+        """The way back through its first step: the start is all that is asked there."""
+        return self._segment(slice(0, 2)).back
+
+    def _segments(self) -> Iterator[tuple[slice, Taped]]:
+        """The last one first, each with its place among the times."""
+        for begin, end in reversed(list(pairwise(self._bounds))):
+            place = slice(begin, end + 1)
+            yield place, self._segment(place)
+
+    def _segment(self, place: slice) -> Taped:
+        return self._run(times=self._times[place], q=self.outcome.q[place.start], qd=self.outcome.qd[place.start])
+
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """As of `Taped`."""
+        by_q, by_qd = by_q.copy(), by_qd.copy()
+        by_p: np.ndarray | float = 0.0
+        for place, segment in self._segments():
+            by_q[place.start], by_qd[place.start], more = segment.backward(by_q[place], by_qd[place])
+            by_p = by_p + more
+        return by_q[0], by_qd[0], np.asarray(by_p)
+
+    def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """As of `Taped`."""
+        found = [(dq[None], dqd[None])]
+        for begin, end in pairwise(self._bounds):
+            q, qd = self._segment(slice(begin, end + 1)).forward(found[-1][0][-1], found[-1][1][-1], dp)
+            found.append((q[1:], qd[1:]))
+        first, second = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        return first, second
 
 
 @cache

@@ -20,7 +20,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.sweep import SMALL, Sweep
-from ncgen.mechanism.taped import Taped
+from ncgen.mechanism.taped import Segmented, taped
 from ncgen.solver.compiled import all_coordinates, closeness
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.partition import Kinematics, determined, kinematics
@@ -72,7 +72,7 @@ class TapedMotion:
         rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
         dynamics = all_coordinates(kernels, form="emitted")
         start = begun.q, begun.qd, begun.p
-        self._run = Taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"))
+        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"))
         self._check()
 
     @property
@@ -108,6 +108,10 @@ class TapedMotion:
 
         by_q, by_qd: its derivatives by q and q̇ at all instants, (K, n) each; change: how they change with q and q̇
         """
+        if isinstance(self._run, Segmented):
+            raise ModelError(
+                f"{self.kernels.name}: {len(self.t) - 1} steps are too many for second derivatives; take fewer, or a shorter motion"
+            )
         seeds = self._seeds(directions)
         q, qd, sweeps = self._run.second(*seeds)
         found = np.empty(directions.shape)

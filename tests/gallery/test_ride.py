@@ -8,7 +8,6 @@ import pytest
 import ncgen
 from ncgen.exchange.examples import example_module
 
-
 pytestmark = pytest.mark.slow  # half a minute of compiling
 
 
@@ -19,8 +18,8 @@ def case():
 
 
 def test_the_car_rests_at_the_drawings_height(case):
-    """The tyre carries all of the weight, and spring and preload hold the wheel: at first nothing is accelerated but by the half newton that
-    the data of `model.py` miss balance by (tests/gallery/test_suspension.py); two degrees of freedom."""
+    """The tyre carries all of the weight, and spring and preload hold the wheel: at first nothing is accelerated but by the half newton
+    that the data of `model.py` miss balance by (tests/gallery/test_suspension.py); two degrees of freedom."""
     kernels = case[1].kernels
     assert ncgen.freedom(kernels).dof == 2
     mass = kernels.mass_matrix(kernels.q0, 0.0, kernels.p0)

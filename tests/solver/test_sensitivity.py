@@ -11,6 +11,7 @@ import sympy
 import ncgen
 from ncgen import Model
 from ncgen.errors import ConvergenceError, ModelError
+from ncgen.mechanism import taped
 from ncgen.methods.table import INTEGRATORS
 from ncgen.solver.partition import choose_partitions
 
@@ -228,6 +229,30 @@ def test_both_ways_are_the_same_derivative():
     back = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q + b * qd), a, b))
     wanted = np.einsum("kn,knd->d", a, forward.q_by) + np.einsum("kn,knd->d", b, forward.qd_by)
     assert list(back.slopes.values()) == pytest.approx(wanted, rel=1e-11)
+
+
+@pytest.mark.parametrize("build", [linkage, mast])
+def test_a_long_run_is_taped_in_segments(build, monkeypatch):
+    """Of seven steps each, the last one shorter: the motion and its derivatives, both ways, are those of the whole tape."""
+    kernels = ncgen.compile(build())
+    rates, method = START[kernels.name], METHODS[build]
+    at = {"zd0": rates, "z": tuple(rates)}
+    a, b = weights(kernels)
+
+    def found():
+        forward = ncgen.sensitivities(kernels, DURATION, STEPS, method, **at)
+        back = ncgen.gradient(kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q + b * qd), a, b), method, **at)
+        return forward, list(back.slopes.values())
+
+    whole, back = found()
+    monkeypatch.setattr(taped, "SEGMENT", 7 * 8 * taped.step_size(method, kernels.n))
+    parts, parts_back = found()
+    for name in ("q", "qd", "q_by", "qd_by"):
+        one, other = getattr(parts, name), getattr(whole, name)
+        np.testing.assert_allclose(one, other, rtol=0, atol=1e-12 * np.max(np.abs(other)), err_msg=name)
+    assert parts_back == pytest.approx(back, rel=1e-11)
+    with pytest.raises(ModelError, match=f"^{kernels.name}: {STEPS} steps are too many for second derivatives"):
+        ncgen.hessian(kernels, DURATION, STEPS, lambda q, qd: (0.0, a, b, None), integrator=method, **at)
 
 
 def test_steps_with_error_control(case):
