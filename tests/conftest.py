@@ -25,9 +25,9 @@ def run_folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(run_folder):
-    """Compiled libraries go to a folder of this test run, shared by its workers."""
+    """Compiled libraries go to a folder of this test run, shared by its workers; or to one that several runs have in common."""
     with pytest.MonkeyPatch.context() as patch:
-        folder = run_folder / "ncgen-cache"
+        folder = Path(os.environ.get("NCGEN_TEST_CACHE") or run_folder / "ncgen-cache")
         patch.setenv("NCGEN_CACHE_DIR", str(folder))
         yield folder
 
