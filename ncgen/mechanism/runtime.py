@@ -330,7 +330,8 @@ class ConstrainedDynamics(Dynamics):
     ) -> None:
         super().__init__(kernels, number)
         self.singular_mass = singular = not is_definite(kernels)
-        self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
+        patterns = kernels.mass_pattern, kernels.phi_q_pattern
+        self.plan = kernels.remember("elimination", (), lambda: plan(*patterns, rows_first=singular))
         self._elimination = self._ffi.new("ncgen_elimination *", {"size": self.plan.size, "nonzeros": self.plan.nonzeros})
         self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
         self._dynamics.elimination = self._elimination
