@@ -23,7 +23,8 @@ def apart(kernels: Kernels, seed: int) -> float:
     p = kernels.p0 * generator.uniform(0.97, 1.03, len(kernels.p0)) + generator.uniform(-0.1, 0.1, len(kernels.p0)) * (kernels.p0 == 0)
     moved = tree.velocities(kernels.q0, generator.uniform(-1, 1, len(tree.screws)))[: kernels.n]
     q = assemble(kernels, kernels.q0 + AWAY * moved / np.max(np.abs(moved) / kernels.column_sizes), p=p)
-    qd = tree.velocities(q, generator.uniform(-1, 1, len(tree.screws)))[: kernels.n]
+    sizes = np.array([1.0 if screw.point else kernels.length for screw in tree.screws])
+    qd = tree.velocities(q, sizes * generator.uniform(-1, 1, len(tree.screws)))[: kernels.n]
     by_tables, by_matrix = (_accelerations(kernels, form, q, qd, p) / kernels.column_sizes for form in ("tree", "dense"))
     return float(np.max(np.abs(by_tables - by_matrix)) / np.max(np.abs(by_matrix)))
 
