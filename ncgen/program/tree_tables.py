@@ -260,8 +260,9 @@ class OpenTree:
     # -- checks --------------------------------------------------------------------------------
 
     def _random(self) -> np.ndarray:
-        """Rates of all joints that have nothing in common."""
-        return np.random.default_rng(3).uniform(0.5, 1.5, (RANDOM, len(self.screws)))
+        """Rates of all joints that have nothing in common, in natural sizes."""
+        sizes = [1.0 if screw.point else np.max(self.around.columns) for screw in self.screws]
+        return np.random.default_rng(3).uniform(0.5, 1.5, (RANDOM, len(self.screws))) * sizes
 
     def velocities(self, q: np.ndarray, rates: np.ndarray) -> np.ndarray:
         """q̇ (n,) at rates of the joints, those of fixed components behind it: (n + fixed,)."""
