@@ -75,16 +75,17 @@ def scaled_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarr
     return kernels.jacobian(q, t, p) * kernels.column_sizes / kernels.row_sizes[:, None]
 
 
+def closeness_at(kernels: Kernels, q: np.ndarray) -> float:
+    """The tolerance of positions around q: far from the origin they close as well as coordinates can be told apart there."""
+    return max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / kernels.column_sizes, initial=0.0)))
+
+
 def trial_positions(
     kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None, count: int = POSITIONS, distance: float = DISTANCE
 ) -> list[np.ndarray]:
-    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same.
-
-    Far from the origin they close as well as coordinates can be told apart there.
-    """
+    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
     generator = np.random.default_rng(0)
-    sizes = kernels.column_sizes
-    tolerance = max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / sizes, initial=0.0)))
+    sizes, tolerance = kernels.column_sizes, closeness_at(kernels, q)
     basis = null_space(scaled_jacobian(kernels, q, t, p))
     found = [np.asarray(q, dtype=float)]
     for attempt in range(4 * count):
