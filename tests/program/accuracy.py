@@ -16,7 +16,7 @@ import contextlib
 import re
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -85,8 +85,10 @@ def moved(name: str, away: float) -> ncgen.Model:
 class Judge:
     """Accelerations with 50 digits."""
 
-    def __init__(self, kernels: CompiledKernels) -> None:
-        self.kernels, self.p = kernels, [mpmath.mpf(float(x)) for x in kernels.p0]
+    def __init__(self, kernels: CompiledKernels, rows: Sequence[int]) -> None:
+        """rows: those that no others imply, since rounded dimensions contradict each other at 50 digits."""
+        self.kernels, self.p, self.rows = kernels, [mpmath.mpf(float(x)) for x in kernels.p0], list(rows)
+        self.sizes = kernels.row_sizes[self.rows]
 
     def values(self, name: str, q: list[Any], qd: list[Any] | None = None) -> list[Any] | None:
         """The output of a kernel, None where the mechanism has no such kernel."""
@@ -95,7 +97,7 @@ class Judge:
         return None if program is None else evaluate(program, given, MPMATH, mpmath.mpf)
 
     def closed(self, guess: np.ndarray) -> list[Any]:
-        k, rows = self.kernels, self.kernels.holonomic
+        k, rows = self.kernels, [r for r in self.rows if r in set(self.kernels.holonomic)]
         q = [mpmath.mpf(float(x)) for x in guess]
         inverse = np.linalg.pinv(scaled_jacobian(k, guess)[rows], rcond=1e-10)
         for _ in range(60):
@@ -111,10 +113,11 @@ class Judge:
         """The consistent ones nearest to those wanted."""
         k = self.kernels
         qd = [mpmath.mpf(float(x)) for x in wanted]
-        inverse = np.linalg.pinv(scaled_jacobian(k, np.array(q, dtype=float)), rcond=1e-10)
+        inverse = np.linalg.pinv(scaled_jacobian(k, np.array(q, dtype=float))[self.rows], rcond=1e-10)
         phi_q, nu = self.values("phi_q", q) or [], self.values("nu", q) or [mpmath.mpf(0)] * k.m
         for _ in range(60):
-            rest = np.array([float((a - b) / s) for a, b, s in zip(_times(k.phi_q_pattern, phi_q, qd), nu, map(float, k.row_sizes))])
+            found = _times(k.phi_q_pattern, phi_q, qd)
+            rest = np.array([float(found[r] - nu[r]) for r in self.rows]) / self.sizes
             step = inverse @ rest * k.column_sizes
             qd = [x - mpmath.mpf(float(d)) for x, d in zip(qd, step, strict=True)]
             if np.max(np.abs(rest), initial=0.0) < RIGHT:
@@ -123,12 +126,13 @@ class Judge:
 
     def accelerations(self, q: list[Any], qd: list[Any]) -> np.ndarray:
         k, n, m, zero = self.kernels, self.kernels.n, self.kernels.m, mpmath.mpf(0)
+        count = len(self.rows)
         position = np.array(q, dtype=float)
-        mass, jacobian = k.mass_matrix(position), k.jacobian(position)
+        mass, jacobian = k.mass_matrix(position), k.jacobian(position)[self.rows]
         sizes = k.column_sizes
         unit = float(np.max(np.abs(np.diag(mass) * sizes**2)))
-        scale = np.concatenate([sizes / np.sqrt(unit), np.sqrt(unit) / k.row_sizes])
-        whole = np.block([[mass, jacobian.T], [jacobian, np.zeros((m, m))]])
+        scale = np.concatenate([sizes / np.sqrt(unit), np.sqrt(unit) / self.sizes])
+        whole = np.block([[mass, jacobian.T], [jacobian, np.zeros((count, count))]])
         left, values, right = np.linalg.svd(scale[:, None] * whole * scale)
         kept = values > 1e-12 * values[0]
         if values[kept][-1] * SINGULAR < values[0]:
@@ -136,15 +140,19 @@ class Judge:
         inverse = (right[kept].T / values[kept]) @ left[:, kept].T
         M, J = self.values("mass", q) or [], self.values("phi_q", q) or []
         Q, gamma = self.values("force", q, qd) or [zero] * n, self.values("gamma", q, qd) or [zero] * m
-        x = [zero] * (n + m)
+        x = [zero] * (n + count)
         for _ in range(60):
-            forces = zip(Q, _times(k.mass_pattern, M, x[:n]), _transposed(k.phi_q_pattern, J, x[n:]), strict=True)
-            rest = [*(f - a - b for f, a, b in forces), *(g - a for g, a in zip(gamma, _times(k.phi_q_pattern, J, x[:n]), strict=True))]
+            lam = [zero] * m
+            for r, value in zip(self.rows, x[n:], strict=True):
+                lam[r] = value
+            forces = zip(Q, _times(k.mass_pattern, M, x[:n]), _transposed(k.phi_q_pattern, J, lam), strict=True)
+            found = _times(k.phi_q_pattern, J, x[:n])
+            rest = [*(f - a - b for f, a, b in forces), *(gamma[r] - found[r] for r in self.rows)]
             step = scale * (inverse @ (scale * np.array([float(r) for r in rest])))
             x = [a + mpmath.mpf(float(d)) for a, d in zip(x, step, strict=True)]
-            found = np.array([float(a) for a in x[:n]])
-            if np.max(np.abs(step[:n]) / sizes) <= RIGHT * max(float(np.max(np.abs(found) / sizes)), 1e-300):
-                return found
+            qdd = np.array([float(a) for a in x[:n]])
+            if np.max(np.abs(step[:n]) / sizes) <= RIGHT * max(float(np.max(np.abs(qdd) / sizes)), 1e-300):
+                return qdd
         raise NoAnswer
 
 
@@ -192,10 +200,10 @@ def errors(name: str, count: int, away: float) -> Errors | None:
     """None where there is no recursion."""
     near = ncgen.compile(load(name), "c")
     kernels = ncgen.compile(moved(name, away), "c") if away else near
-    emitted, judge, n = all_coordinates(kernels, form="emitted"), Judge(kernels), kernels.n
+    emitted, known, n = all_coordinates(kernels, form="emitted"), freedom(near), kernels.n
     if not emitted.is_emitted:
         return None
-    rank = freedom(near).rank
+    judge, rank = Judge(kernels, known.kept_rows), known.rank
     dense = Moving(Stepping(all_coordinates(kernels), "rk4", rank, 1e-8, 1e-8, None, closeness("double")))
     dense.p[:] = kernels.p0
     call = Call(emitted._dynamics.motion.derivative, 2 * n + 2, (kernels, emitted))
