@@ -22,7 +22,7 @@ from ncgen.solver.open_tree import open_tree
 from ncgen.solver.partition import BETTER, Partition, Partitions, choose_partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
-from ncgen.solver.rank import freedom_at, trial_positions
+from ncgen.solver.rank import closeness_at, freedom_at, trial_positions
 from ncgen.solver.run import EMITTED, Form
 from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
@@ -317,7 +317,8 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
         other = p + ASIDE * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
         t = float(ASIDE * generator.uniform())
         try:
-            found.append(Sample(t, solve_position(kernels, found[-1].q, t, refresh_branches(kernels, q, other)).q, other))
+            close = solve_position(kernels, found[-1].q, t, refresh_branches(kernels, q, other), tolerance=closeness_at(kernels, q))
+            found.append(Sample(t, close.q, other))
         except NcgenError:
             continue  # these parameters leave no position
     return found

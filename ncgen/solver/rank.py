@@ -83,17 +83,17 @@ def _allowed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) ->
     return (lambda x: basis @ (basis.T @ x)) if basis.shape[1] else None  # which does not depend on the choice of the basis
 
 
+def closeness_at(kernels: Kernels, q: np.ndarray) -> float:
+    """The tolerance of positions around q: far from the origin they close as well as coordinates can be told apart there."""
+    return max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / kernels.column_sizes, initial=0.0)))
+
+
 def trial_positions(
     kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None, count: int = POSITIONS, distance: float = DISTANCE
 ) -> list[np.ndarray]:
-    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same.
-
-    Far from the origin they close as well as coordinates can be told apart there.
-    """
+    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
     generator = np.random.default_rng(0)
-    sizes = kernels.column_sizes
-    tolerance = max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / sizes, initial=0.0)))
-    allowed = _allowed(kernels, q, t, p)
+    sizes, tolerance, allowed = kernels.column_sizes, closeness_at(kernels, q), _allowed(kernels, q, t, p)
     found = [np.asarray(q, dtype=float)]
     for attempt in range(4 * count):
         if len(found) > count or allowed is None:

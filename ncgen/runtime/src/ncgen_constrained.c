@@ -205,6 +205,8 @@ static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_scalar 
 {
     ncgen_real largest = 0;
     for (int i = 0; i < count; ++i) {
+        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which most are, and no division tells it */
+            continue;
         const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
         if (size != size)
             return size;

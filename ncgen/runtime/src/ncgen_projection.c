@@ -109,7 +109,8 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, nc
     ncgen_real *moved = w->emitted, *driven = w->emitted + n + 1;
     for (int i = 0; i < n; ++i)
         w->apart[i] -= r->q[i];
-    if (ncgen_constrained_size(r, w->apart) <= enough)
+    const ncgen_real length = ncgen_constrained_size(r, w->apart);
+    if (length <= enough)
         return 1;
     ncgen_recursive_velocities(r, t, r->q, w->apart, moved);
     const int is_bad = ncgen_is_badly_ordered(r, moved[n]);
@@ -120,7 +121,8 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, nc
     }
     for (int i = 0; i < n; ++i)
         r->q[i] += moved[i] - (r->model->nu ? driven[i] : 0);
-    return !is_bad && close_position(r, w, t); /* what is straight leaves the constraints, always to the same side */
+    /* what is straight leaves the constraints, always to the same side, by about the square of its length */
+    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t));
 }
 
 /* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below, both are
