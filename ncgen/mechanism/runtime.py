@@ -371,11 +371,11 @@ class ConstrainedDynamics(Dynamics):
         return motion_source(self.kernels, self._seen, kind)
 
     @cached_property
-    def transposed(self) -> InC:
-        """The emitted motion's ncgen_seeded_motion, transposed; compiled when first asked for."""
+    def transposed(self) -> tuple[InC, InC]:
+        """The emitted motion's ncgen_seeded_motion, transposed, and the library that it lives in; compiled when first asked for."""
         getter = f"{identifier(self.kernels.name)}_adjoint"
-        _, self._adjoint = _load(self.differentiated_source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
-        return self._ffi.cast("const ncgen_seeded_motion *", getattr(self._adjoint, getter)())
+        _, home = _load(self.differentiated_source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
+        return self._ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), home
 
     @property
     def interface(self) -> tuple[Interface, InC]:

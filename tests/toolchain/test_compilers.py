@@ -297,7 +297,7 @@ def test_a_flag_that_is_refused_is_left_out(scripted, cache, said, flag, tmp_pat
     """Code is slower without it and no different; only -fopenmp is not worth a word. The second time it is known."""
     refuse = f'for word; do [ "$word" = {flag} ] && {{ echo "error: unknown option $word" >&2; exit 1; }}; done'
     scripted(f'echo >> {tmp_path}/log; {refuse}; exec $CC "$@"')
-    flags = (*LANES[:-2], "-fopenmp")
+    flags = (*LANES[:-2], "-fopenmp", "-fcx-limited-range")
     assert ctypes.CDLL(str(compiled(TINY, flags).library)).tiny() == 7
     asked = (tmp_path / "log").read_text().count("\n")
     compiled(TINY | {"more.c": "int more;\n"}, flags)
