@@ -12,7 +12,6 @@ joint_screws and joint_momenta are those of the joints' rates, of which R makes 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -23,7 +22,7 @@ from ncgen.program.composite import needed_loads
 from ncgen.program.elimination import dot
 from ncgen.program.graph import Graph
 from ncgen.program.inlined import inlined
-from ncgen.program.joint_space import ACCELERATED, DIRECTION, MOVING, POSITION, changes, momenta
+from ncgen.program.joint_space import ACCELERATED, DIRECTION, MOVING, POSITION, Made, changes, momenta
 from ncgen.program.lines import Lines, line
 from ncgen.program.rates import Row
 from ncgen.program.recursion import Column, Recursion
@@ -37,37 +36,25 @@ WANTED, MEASURED = 1e-3, 0.1
 chosen: a motor turns a joint that has a coordinate."""
 
 
-@dataclass(frozen=True)
-class JointLoops:
-    """programs by name; free: numbers of the independent rates among all, those of joints first; own: {coordinate: rate} of coordinates
-    of no joint; sizes: natural size of every rate"""
+class JointLoops(Recursion):
+    """The recursion with the independent rates given as v.
 
-    programs: dict[str, Program]
-    free: tuple[int, ...]
-    own: dict[int, int]
-    sizes: tuple[float, ...]
-
-
-def assemble_joint_loops(equations: Terms, samples: Sequence[Sample], sizes: np.ndarray, wanted: Sequence[int]) -> JointLoops:
-    """samples: typical positions; sizes: natural size of every coordinate; wanted: coordinates that are to be independent
-
+    samples: typical positions; sizes: natural size of every coordinate; wanted: coordinates that are to be independent
     Raises NoRecursion where no tree of bodies moves as the rows allow, EliminationError where no pivot is left.
     """
-    work = _Loops(equations, samples, sizes, wanted)
-    programs = {program.name: program for program in (make(work) for make in MADE)}
-    rates, count = work.rates, len(work.R)
-    lengths = {"t": 1, "q": len(equations.free), "x": rates.count, "p": len(equations.parameters)}
-    for program in programs.values():
-        verify(program, lengths | dict.fromkeys(("v", "a", "dx", "dv"), count))
-    return JointLoops(programs, tuple(rates.free), dict(rates.own), tuple(map(float, rates.sizes)))
-
-
-class _Loops(Recursion):
-    """The recursion with the independent rates given as v."""
 
     def __init__(self, equations: Terms, samples: Sequence[Sample], sizes: np.ndarray, wanted: Sequence[int]) -> None:
         self.wanted = wanted
         super().__init__(equations, None, samples, sizes)
+
+    def programs(self, what: Made) -> dict[str, Program]:
+        """By name, tangents or all others."""
+        found = {program.name: program for program in (make(self) for make in MADE[what])}
+        rates = self.rates
+        lengths = {"t": 1, "q": len(rates.equations.free), "x": rates.count, "p": len(rates.equations.parameters)}
+        for program in found.values():
+            verify(program, lengths | dict.fromkeys(("v", "a", "dx", "dv"), len(self.R)))
+        return found
 
     def _choose(self, rows: list[Row]) -> None:
         weights = dict.fromkeys(self.rates.measured, MEASURED)
@@ -158,18 +145,33 @@ class _Loops(Recursion):
 class _Closing:
     """Positions of the tree, what the rows are off there, and the step that closes them, in a graph of its own."""
 
-    def __init__(self, work: _Loops) -> None:
+    def __init__(self, work: JointLoops) -> None:
         self.work, self.lines = work, Lines(work.rates.equations)
         self.graph: Graph = self.lines.graph
         rates = work.rates
         self.x = [self.graph.load("x", k) for k in range(rates.count)]
         self.moved = TreePosition(self.lines, work.tree, self.x[: work.joints])
         self.q = [self._coordinate(c) for c in range(len(rates.equations.free))]
-        given = {"t": [self.graph.load("t", 0)], "q": self.q, "p": [self.graph.load("p", k) for k in range(len(rates.equations.parameters))]}
+        given = {
+            "t": [self.graph.load("t", 0)],
+            "q": self.q,
+            "p": [self.graph.load("p", k) for k in range(len(rates.equations.parameters))],
+        }
         self.phi = inlined(self.graph, self._rows(), given)
         off = [self._off(row) for row in work.rows]
-        steps = inlined(self.graph, work.correction(), given | {"r": off})
+        steps = self._over_displacements(inlined(self.graph, work.correction(), given | {"r": off}))
         self.program = line(self.graph, "joint_position", ("t", "x", "p"), [*self.q, *steps], rates.equations)
+
+    def _over_displacements(self, steps: list[int]) -> list[int]:
+        """Steps of the rates as those of displacements: a rotation vector changes otherwise than by the angular velocity."""
+        free = self.work.rates.free
+        for link in range(len(self.work.tree.links)):
+            numbers = [k for _, k in self.moved.turning(link)]
+            if len(numbers) == 3 and not set(numbers) <= set(free):
+                x, y, z = (steps[k] for k in numbers)
+                changed = dict(zip(numbers, self.moved.changed(link, (x, y, z)), strict=True))
+                steps = [changed.get(k, node) if k not in free else node for k, node in enumerate(steps)]
+        return steps
 
     def _coordinate(self, c: int) -> int:
         rates = self.work.rates
@@ -190,7 +192,7 @@ class _Closing:
 
     def _off(self, row: Row) -> int:
         """What a row is off."""
-        graph, rates = self.graph, self.work.rates
+        graph = self.graph
         if isinstance(row.source, int):
             return self.phi[self._numbers[row.source]]
         if row.source is None:  # of ratios 1 and −1, which come out to the last bit
@@ -199,8 +201,8 @@ class _Closing:
             )
         element, link = row.source
         home = self.work.tree.home.get(element)
-        theirs = self.moved.initial(element) if home is None else self.moved.placed(element, home)
-        assert home != link and not any(c in rates.own for c, (e, _) in rates.where.items() if e is element), "a rate of an element's own"
+        rests = home in (None, link)  # a component that is held, where the home is the link itself
+        theirs = self.moved.initial(element) if rests else self.moved.placed(element, home)
         return graph.sub(self.moved.placed(element, link)[row.axis], theirs[row.axis])
 
     def _number(self, node: int) -> float:
@@ -214,14 +216,15 @@ class _Closing:
         return self.graph.const(0.0) if c is None else self.lines.value(self.work.rates.equations.free[c].value)
 
 
-MADE = (
-    _Loops.position,
-    _Loops.screws,
-    _Loops.spread_over_rates,
-    _Loops.mass,
-    _Loops.inverse,
-    _Loops.loads_along,
-    _Loops.momenta,
-    _Loops.inverse_tangent,
-    _Loops.loads_tangent,
-)
+MADE = {
+    "basics": (
+        JointLoops.position,
+        JointLoops.screws,
+        JointLoops.spread_over_rates,
+        JointLoops.mass,
+        JointLoops.inverse,
+        JointLoops.loads_along,
+        JointLoops.momenta,
+    ),
+    "slopes": (JointLoops.inverse_tangent, JointLoops.loads_tangent),
+}

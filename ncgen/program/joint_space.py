@@ -18,8 +18,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from functools import cached_property
+from typing import Literal, TypeAlias
 
-from ncgen.model.elements import Spatial
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
 from ncgen.program.composite import inertias_of, mass_matrix, needed_loads, nothing
@@ -41,15 +41,18 @@ ACCELERATED = ("t", "q", "v", "a", "p")
 DIRECTION = ("dx", "dv")
 """What programs take: a position, rates and accelerations, and directions of joints and rates."""
 
+Made: TypeAlias = Literal["basics", "slopes"]
+"""Which programs are made: tangents, or all others."""
+
 Followed = Mapping[int, tuple[int, float]]
 """{coordinate: (rate, share)} of relative coordinates that follow a joint: the coordinate's rate is `share` times that of the screw, and
 it is the coordinate's that the programs take and give."""
 
 
-def assemble_joint_space(equations: Terms, followed: Followed) -> dict[str, Program]:
-    """The programs by name; every coordinate must be that of an element of the tree, or followed."""
+def assemble_joint_space(equations: Terms, followed: Followed, what: Made) -> dict[str, Program]:
+    """The programs by name, tangents or all others; every coordinate must be that of an element of the tree, or followed."""
     tree = spanning_tree(equations.model)
-    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE}
+    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE[what]}
     n, count = len(equations.free), tree.freedoms
     for program in programs.values():
         verify(program, {"t": 1, "q": n, "p": len(equations.parameters)} | dict.fromkeys(("x", "v", "a", "dx", "dv"), count))
@@ -203,13 +206,7 @@ class _Basics:
         return found
 
 
-MADE = (
-    _Basics.position,
-    _Basics.screws,
-    _Basics.mass,
-    _Basics.inverse,
-    _Basics.loads,
-    _Basics.momenta,
-    _Basics.inverse_tangent,
-    _Basics.loads_tangent,
-)
+MADE = {
+    "basics": (_Basics.position, _Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads, _Basics.momenta),
+    "slopes": (_Basics.inverse_tangent, _Basics.loads_tangent),
+}

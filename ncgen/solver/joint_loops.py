@@ -15,10 +15,11 @@ import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError, NcgenError
 from ncgen.mechanism import recall
-from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.program.blocks import Program
 from ncgen.program.elimination import EliminationError
-from ncgen.program.joint_loops import JointLoops, assemble_joint_loops
+from ncgen.program.joint_loops import JointLoops
+from ncgen.program.joint_space import Made
 from ncgen.program.rates import NoRecursion
 from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import samples
@@ -45,25 +46,30 @@ NEARLY = 1e-9
 class JointsInLoops(JointSpace):
     """Joints that hold each other. why: that they are no open tree, for messages."""
 
+    kind = "joint_loops"
+
     def __init__(self, kernels: Kernels, tree: Tree, why: ModelError) -> None:
-        self.kernels, self.tree = kernels, tree
+        self.kernels, self.tree, self.why = kernels, tree, str(why)[:200]
         try:
             layout: dict[str, Any] = self._layout()
         except (NoRecursion, EliminationError, NcgenError) as error:
-            raise ModelError(f"{str(why)[:200]}, and of loops: {error}") from None
+            raise ModelError(f"{self.why}, and of loops: {error}") from None
         self.free = np.array(layout["free"], dtype=int)
         self.sizes = np.array(layout["sizes"])
         self._coordinates: dict[int, int] = {c: k for c, k in layout["own"]}
         names = [*names_of(kernels, tree, {}), *(kernels.coordinates[c] for c in self._coordinates)]
         super().__init__(kernels, tree, tuple(names[k] for k in self.free))
+        if not self.n:
+            raise ModelError(f"{kernels.name}: joint space needs a joint that moves freely, and there is none")
 
     def placed(self, x: np.ndarray) -> np.ndarray:
         x = self._checked(x, self.n, "x", "rates")
-        places = [self._closed(one) for one in x.reshape(-1, self.n)]
+        places = [self._closed(one)[1] for one in x.reshape(-1, self.n)]
         return np.array(places).reshape(*x.shape[:-1], self.kernels.n)
 
-    def _closed(self, wanted: np.ndarray) -> np.ndarray:
-        """The position where the independent joints have these values, by way of positions between the initial one and it."""
+    def _closed(self, wanted: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Displacements, and the position, where the independent joints have these values, by way of positions between the initial one
+        and it."""
         x, q = self._begin
         start = x[self.free].copy()
         way = (wanted - start) / self.sizes[self.free]
@@ -72,7 +78,7 @@ class JointsInLoops(JointSpace):
         while done < 1.0:
             share = min(1.0, done + step)
             ahead = x.copy()
-            ahead[self.free] = start + share * (wanted - start)
+            ahead[self.free] = wanted if share == 1.0 else start + share * (wanted - start)
             if (found := self._newton(ahead)) is not None:
                 (x, q), done = found, share
             elif step < SHORTEST:
@@ -80,7 +86,16 @@ class JointsInLoops(JointSpace):
                 raise ConvergenceError(f"{self.kernels.name}: loops do not close where {values[:200]}; choose other values")
             else:
                 step /= 2
-        return q
+        return x, q
+
+    def displacements(self, wanted: np.ndarray) -> np.ndarray:
+        """Displacements of all joints, and coordinates of no body, where the independent joints have these values (n,)."""
+        return self._closed(wanted)[0]
+
+    @property
+    def placed_start(self) -> np.ndarray:
+        """All displacements of joints, and coordinates of no body, at the start, with loops closed."""
+        return self._begin[0]
 
     @cached_property
     def _begin(self) -> tuple[np.ndarray, np.ndarray]:
@@ -126,26 +141,26 @@ class JointsInLoops(JointSpace):
         """Which rates are free, and what belongs to them, without assembling anything where it is known."""
 
         def told() -> dict[str, str]:
-            found = self.programs
-            return {"layout": json.dumps({"free": found.free, "own": list(found.own.items()), "sizes": found.sizes})}
+            found = self._work.rates
+            return {"layout": json.dumps({"free": list(found.free), "own": list(found.own.items()), "sizes": found.sizes.tolist()})}
 
         return json.loads(recall.derived(self.kernels.programs, "layout of joints in loops", told)["layout"])
 
+    def made(self, what: Made) -> dict[str, Program]:
+        return self._work.programs(what)
+
     @cached_property
-    def programs(self) -> JointLoops:
-        """Assembled when first needed."""
+    def _work(self) -> JointLoops:
         kernels = self.kernels
         q = assemble(kernels, kernels.q0)
         wanted = [kernels.index[name] for name in kernels.model.chosen_independent]
-        return assemble_joint_loops(kernels.programs.equations, samples(kernels, q, kernels.p0), kernels.column_sizes, wanted)
+        return JointLoops(kernels.programs.equations, samples(kernels, q, kernels.p0), kernels.column_sizes, wanted)
 
-    @cached_property
-    def _functions(self) -> Functions:
+    def _inputs(self) -> dict[str, tuple[str, ...]]:
+        return {**INPUTS, "joint_spread": ("t", "q", "p")}
+
+    def _sizes(self) -> dict[str, int]:
         n, rates, joints = self.n, len(self.sizes), self.tree.freedoms
-        sizes = dict.fromkeys(("inverse", "loads", "inverse_tangent", "loads_tangent"), n)
-        sizes |= {"position": self.kernels.n + rates, "screws": 6 * joints, "mass": n * (n + 1) // 2, "momenta": 4 + 6 * joints}
-        sizes |= {"spread": rates * (n + 1)}
-        sizes = {f"joint_{name}": size for name, size in sizes.items()}
-        return functions(
-            self.kernels, "joint_loops", INPUTS | {"joint_spread": ("t", "q", "p")}, sizes, lambda: self.programs.programs
-        )
+        found = {"inverse": n, "loads": n, "position": self.kernels.n + rates, "screws": 6 * joints, "mass": n * (n + 1) // 2}
+        found |= {"momenta": 4 + 6 * joints, "spread": rates * (n + 1)}
+        return {f"joint_{name}": size for name, size in found.items()}

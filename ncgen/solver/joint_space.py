@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -21,6 +21,8 @@ from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Point, Spatial
+from ncgen.program.blocks import Program
+from ncgen.program.joint_space import Made, assemble_joint_space
 from ncgen.solver import given
 from ncgen.solver.frames import transformation
 from ncgen.solver.joint_names import carried, followed_by, names_of
@@ -36,6 +38,8 @@ INPUTS = {
     "joint_inverse": ("t", "q", "v", "a", "p"),
     "joint_loads": ("t", "q", "v", "p"),
     "joint_momenta": ("t", "q", "p"),
+}
+SLOPES = {
     "joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"),
     "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv"),
 }
@@ -89,6 +93,9 @@ class JointSpace(ABC):
     with compiled ones states of a batch go through one after the other. Parameters have their defaults. Forces are N along what slides,
     N m along what turns.
     """
+
+    kind: str
+    """A word for the functions that are made for it."""
 
     def __init__(self, kernels: Kernels, tree: Tree, rates: tuple[str, ...]) -> None:
         self.kernels, self.tree = kernels, tree
@@ -335,7 +342,10 @@ class JointSpace(ABC):
         forces. Positions as for `inverse_dynamics_slopes`."""
         q, v = self._array(q), self._over_rates(v, "v")
         a = self.forward_dynamics(q, v, forces, t)
-        needed, applied = self._slopes("joint_inverse_tangent", 0.0, q, v, a), self._slopes("joint_loads_tangent", given.finite(t, "t"), q, v)
+        needed, applied = (
+            self._slopes("joint_inverse_tangent", 0.0, q, v, a),
+            self._slopes("joint_loads_tangent", given.finite(t, "t"), q, v),
+        )
         unit = np.broadcast_to(np.eye(self.n), needed[0].shape)
         solved = self._solved(q, np.concatenate([*(b - a for a, b in zip(needed, applied, strict=True)), unit], axis=-1))
         return ForwardSlopes(*(np.array(part) for part in np.split(solved, 3, axis=-1)))
@@ -344,15 +354,31 @@ class JointSpace(ABC):
         """By positions and by rates (…, n, n), one direction after the other."""
         spread = [array[..., None, :] for array in state]
         unit, none = np.eye(self.n), np.zeros((self.n, self.n))
-        parts = (self._functions(name, t, *spread, self.kernels.p0, *along) for along in ((unit, none), (none, unit)))
+        parts = (self._slope_functions(name, t, *spread, self.kernels.p0, *along) for along in ((unit, none), (none, unit)))
         by_position, by_rate = (np.swapaxes(part, -1, -2) for part in parts)
         return by_position, by_rate
 
     # -- helpers -------------------------------------------------------------------------------
 
-    @property
+    @cached_property
+    def _functions(self) -> Functions:
+        return functions(self.kernels, f"{self.kind}_basics", self._inputs(), self._sizes(), partial(self.made, "basics"))
+
+    @cached_property
+    def _slope_functions(self) -> Functions:
+        """Made when they are first asked for: they are longer than all others together."""
+        return functions(self.kernels, f"{self.kind}_slopes", SLOPES, dict.fromkeys(SLOPES, self.n), partial(self.made, "slopes"))
+
+    def _inputs(self) -> dict[str, tuple[str, ...]]:
+        return INPUTS
+
     @abstractmethod
-    def _functions(self) -> Functions: ...
+    def _sizes(self) -> dict[str, int]:
+        """Of the outputs of all functions but slopes."""
+
+    @abstractmethod
+    def made(self, what: Made) -> dict[str, Program]:
+        """The programs by name, assembled now."""
 
     def _of(self, name: str, q: ArrayLike) -> np.ndarray:
         return self._functions(name, 0.0, self._array(q), self.kernels.p0)
@@ -406,6 +432,8 @@ class JointsOfTree(JointSpace):
     followed: {relative coordinate: (rate, its share)}
     """
 
+    kind = "joint"
+
     def __init__(self, kernels: Kernels, tree: Tree, followed: dict[int, tuple[int, float]]) -> None:
         self.followed = followed
         super().__init__(kernels, tree, names_of(kernels, tree, followed))
@@ -419,12 +447,10 @@ class JointsOfTree(JointSpace):
     def _own(self) -> Mapping[int, int]:
         return {c: k for c, (k, _) in self.followed.items()}
 
-    @cached_property
-    def _functions(self) -> Functions:
-        from ncgen.program.joint_space import assemble_joint_space
+    def made(self, what: Made) -> dict[str, Program]:
+        return assemble_joint_space(self.kernels.programs.equations, self.followed, what)
 
-        n, equations = self.n, self.kernels.programs.equations
-        sizes = dict.fromkeys(("inverse", "loads", "inverse_tangent", "loads_tangent"), n)
-        sizes |= {"position": self.kernels.n, "screws": 6 * n, "mass": n * (n + 1) // 2, "momenta": 4 + 6 * n}
-        sizes = {f"joint_{name}": size for name, size in sizes.items()}
-        return functions(self.kernels, "joint_space", INPUTS, sizes, lambda: assemble_joint_space(equations, self.followed))
+    def _sizes(self) -> dict[str, int]:
+        n = self.n
+        found = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * n, "mass": n * (n + 1) // 2, "momenta": 4 + 6 * n}
+        return {f"joint_{name}": size for name, size in found.items()}

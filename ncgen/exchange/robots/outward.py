@@ -21,7 +21,7 @@ from ncgen.model.arithmetic import unit
 from ncgen.model.bodies import Body
 from ncgen.model.forces import TorsionSpring
 from ncgen.model.values import Value, evaluate
-from ncgen.solver.joint_space import JointSpace, joint_space
+from ncgen.solver.joint_space import JointsOfTree, joint_space
 from ncgen.symbolic.tree import Link as Carried
 from ncgen.symbolic.tree import Screw
 
@@ -49,7 +49,10 @@ class _Teller:
     def __init__(self, model: Model) -> None:
         self.model = model
         self._refuse_loads()
-        self.space: JointSpace = joint_space(compile(model, backend="numpy"))
+        space = joint_space(compile(model, backend="numpy"))
+        if not isinstance(space, JointsOfTree):
+            raise ModelError(f"{space.why}; a file of links and joints cannot say it")
+        self.space = space
         self.names = [link.body.name for link in self.space.tree.links]
         self.root = next(name for name in (ROOT, f"{ROOT}_", f"{ROOT}__") if name not in self.names)
         self.coordinates = {k: (c, share) for c, (k, share) in self.space.followed.items()}
