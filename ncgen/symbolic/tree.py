@@ -84,11 +84,12 @@ class Tree:
 
 def spanning_tree(model: Model) -> Tree:
     """The tree of a model's bodies."""
-    waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], _sliding(model)
+    waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], sliding_of(model)
     loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
     links: list[Link] = []
     best: dict[Body, tuple[int | None, tuple[Screw, ...]]] = {
-        body: (None, _joint(body, [e for e in body.elements if e.fixed], sliding.get(frozenset({body, model.ground})))) for body in waiting
+        body: (None, joint_between(body, [e for e in body.elements if e.fixed], sliding.get(frozenset({body, model.ground}))))
+        for body in waiting
     }
     while waiting:
         body = min(waiting, key=lambda b: len(best[b][1]))
@@ -97,7 +98,7 @@ def spanning_tree(model: Model) -> Tree:
         mine = set(body.elements)
         for other in waiting:
             shared = [e for e in other.elements if e in mine]
-            if shared and len(screws := _joint(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
+            if shared and len(screws := joint_between(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
                 best[other] = (len(links) - 1, screws)
     home: dict[Spatial, int] = {}
     for number, link in enumerate(links):
@@ -130,7 +131,7 @@ class Slide:
     turns: bool
 
 
-def _sliding(model: Model) -> dict[frozenset[Body], Slide]:
+def sliding_of(model: Model) -> dict[frozenset[Body], Slide]:
     """{two bodies: how one slides along the other}, of the model's sliders and cylindrical joints."""
     bodies = {**model.bodies, model.ground.name: model.ground}
     found: dict[frozenset[Body], Slide] = {}
@@ -143,7 +144,7 @@ def _sliding(model: Model) -> dict[frozenset[Body], Slide]:
     return found
 
 
-def _joint(body: Body, shared: Sequence[Spatial], slide: Slide | None) -> tuple[Screw, ...]:
+def joint_between(body: Body, shared: Sequence[Spatial], slide: Slide | None) -> tuple[Screw, ...]:
     """How a body can move where these elements of it are held; slide: what rows say besides."""
     held = next((e for e in shared if isinstance(e, Point)), None)
     point = held or body.points[0]
