@@ -114,7 +114,7 @@ class _Linkage:
         kind = {(0, 0): "fixed", (1, 1): "revolute", (1, 0): "prismatic", (3, 3): "spherical"}.get((len(screws), len(turning)))
         if kind is None:
             raise ModelError(
-                f"{self.model.name}: {child.name} has {len(screws)} freedoms ({len(turning)} of turning) beside {parent.name}; SDF says a "
+                f"{self.model.name}: {child.name} has {len(screws)} freedoms ({len(turning)} of turning) beside {parent.name}; files say a "
                 "hinge, a slider, a ball, a universal joint or none: put a body without mass between"
             )
         axis = unit(screws[0].axis.initial) if kind in ("revolute", "prismatic") else NORMAL
@@ -252,13 +252,15 @@ class _Linkage:
         """Raise ModelError naming the first row or rotor that the format does not say."""
         model = self.model
         if model.rotors:
-            raise ModelError(f"{model.name}: SDF cannot say the rotor of {model.rotors[0].coordinate.name}; leave it out")
+            raise ModelError(f"{model.name}: with loops no rotor is written, here that of {model.rotors[0].coordinate.name}; leave it out")
         for row in model.rows:
             kind = row.owner.name.partition(" ")[0]
             is_rod = row.owner.kind == "user" and row.type is not None and row.type.key == "distance"
             is_joint = row.owner.kind == "joint" and kind in ("universal", "prismatic")
             if not (is_rod or is_joint or row.owner.kind in ("body", "coordinate")):
-                raise ModelError(f"{model.name}: row {row.label} ({row.owner}) is that of no joint; SDF cannot say it")
+                raise ModelError(
+                    f"{model.name}: row {row.label} ({row.owner}) is that of no joint; a file of links and joints cannot say it"
+                )
 
     # -- numbers -------------------------------------------------------------------------------
 

@@ -47,7 +47,7 @@ def robot_of(model: Model, loops: bool = False) -> Robot:
     if isinstance(space, JointsOfTree):
         return _Teller(space).robot()
     if not loops:
-        raise ModelError(f"{space.why}; a file of links and joints cannot say it, but SDF (.sdf)")
+        raise ModelError(f"{space.why}; a file of links and joints cannot say it, but SDF (.sdf) and MJCF (.xml) can")
     return linkage_of(model)
 
 
