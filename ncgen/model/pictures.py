@@ -116,7 +116,7 @@ class Pictures(Contents):
         places = np.array([_place(corner, where) for corner in corners])
         normal = normal_of(places, where)
         if not thickness >= 0:
-            raise ModelError(f"{where}: the thickness is {thickness:g} m; give a positive number, or none")
+            raise ModelError(f"{where}: the thickness is {float(thickness):g} m; give a positive number, or none")
         self._add(Solid(body, "polygon", (float(thickness),), places[0], rotation_to(normal), check_colour(colour, where), places))
 
     @fact
@@ -158,13 +158,14 @@ class Pictures(Contents):
 
         radius: of the barrel; length: of the barrel; default: six tenths of the initial distance (m)
         """
-        length = 0.6 * float(np.linalg.norm(end.initial - start.initial)) if length is None else length
-        self._strut(start, end, radius, *check_sizes((length,), 1, f"telescope {start.name}-{end.name}", "length"), colour, "telescope")
+        barrel = 0.6 * float(np.linalg.norm(end.initial - start.initial)) if length is None else length
+        (barrel,) = check_sizes((barrel,), 1, f"telescope {start.name}-{end.name}", "length")
+        self._strut(start, end, radius, barrel, colour, "telescope")
 
     # -- helpers -------------------------------------------------------------------------------
 
     def _round(
-        self, body: Body, kind: str, sizes: tuple[float, float], position: Numbers | None, axis: Numbers, colour: str | None
+        self, body: Body, kind: str, sizes: tuple[Number, Number], position: Numbers | None, axis: Numbers, colour: str | None
     ) -> None:
         where = f"{kind} of {body.name}"
         direction = _place(axis, where)
@@ -181,12 +182,12 @@ class Pictures(Contents):
         place = np.mean([p.initial for p in body.points], axis=0) if position is None else _place(position, where)
         self._add(Solid(body, kind, sizes, place, rotation, check_colour(colour, where)))
 
-    def _strut(self, start: Point, end: Point, radius: float, length: float | None, colour: str | None, kind: str) -> None:
+    def _strut(self, start: Point, end: Point, radius: Number, length: float | None, colour: str | None, kind: str) -> None:
         where = f"{kind} {start.name}-{end.name}"
         if start is end:
             raise ModelError(f"{where}: both ends are one point; give two")
-        (radius,) = check_sizes((radius,), 1, where, "radius")
-        self.drawing.struts.append(Strut(start, end, radius, length, check_colour(colour, where)))
+        (thick,) = check_sizes((radius,), 1, where, "radius")
+        self.drawing.struts.append(Strut(start, end, thick, length, check_colour(colour, where)))
 
     def _add(self, solid: Solid) -> None:
         if solid.body is not self.ground and not solid.body.points:

@@ -15,6 +15,7 @@ from ncgen.model.arithmetic import dot, norm, product, unit
 if TYPE_CHECKING:
     from ncgen.model.bodies import Body
     from ncgen.model.elements import Point
+    from ncgen.model.values import Numbers
 
 COLOUR = re.compile("#[0-9a-fA-F]{6}")
 
@@ -94,13 +95,13 @@ def check_colour(colour: str | None, where: str) -> str | None:
     return colour
 
 
-def check_sizes(sizes: tuple[float, ...], count: int, where: str, what: str) -> tuple[float, ...]:
+def check_sizes(sizes: Numbers, count: int, where: str, what: str) -> tuple[float, ...]:
     """So many positive numbers. Raises ModelError otherwise."""
     if len(sizes) != count:
         raise ModelError(f"{where}: {len(sizes)} numbers given for the {what}; give {count}")
     for size in sizes:
         if not size > 0:
-            raise ModelError(f"{where}: the {what} is {size:g}; give a positive number")
+            raise ModelError(f"{where}: the {what} is {float(size):g}; give a positive number")
     return tuple(map(float, sizes))
 
 
