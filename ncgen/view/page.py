@@ -15,6 +15,7 @@ import numpy as np
 from ncgen.emit.sources import write_text
 from ncgen.model.elements import Point
 from ncgen.view.carriers import Carrier, Direction
+from ncgen.view.eye import LIGHT
 from ncgen.view.scene import Scene
 from ncgen.view.triangles import Mesh, cylinder, spring, together
 
@@ -102,6 +103,7 @@ def _shapes(scene: Scene) -> dict:
         "carriers": [_carrier(carrier, scene) for carrier in scene.carriers],
         "boxes": [rounded(together([s.placed for s in scene.surfaces if s.carrier == k] or [Mesh.none()]).corners) for k in carriers],
         "meshes": packed,
+        "light": rounded(LIGHT),
     }
 
 
