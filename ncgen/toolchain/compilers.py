@@ -30,6 +30,19 @@ FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-co
 """No -ffast-math: sums keep their order. Fused multiply-adds, where the processor has them, halve the rounding error of the
 robot's kernels and save a quarter of their time; the price is a last bit that depends on the processor."""
 
+
+def own_flags() -> tuple[str, ...]:
+    """What NCGEN_CFLAGS adds to the flags of every library that ncgen compiles for itself, such as -O1: quicker to compile, slower to run.
+
+    Raises CompileError where it cannot be read.
+    """
+    asked = os.environ.get("NCGEN_CFLAGS", "")
+    try:
+        return tuple(shlex.split(asked))
+    except ValueError as error:
+        raise CompileError(f"NCGEN_CFLAGS={asked}: {error}; correct NCGEN_CFLAGS or unset it") from None
+
+
 OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp")
 """Flags that make code faster and no different: a compiler that refuses one is used without it."""
 
