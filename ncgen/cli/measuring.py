@@ -22,7 +22,7 @@ def bench(
     instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
     gradients: Annotated[bool, typer.Option("--gradients", help="derivatives of a motion by inertial data, beside differences")] = False,
     growth: Annotated[
-        bool, typer.Option("--growth", help="of the chain or the arm: generation, compilation and steps of longer and longer ones")
+        bool, typer.Option("--growth", help="of the chain or the arm: generation and steps of longer and longer ones")
     ] = False,
     peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
     limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
