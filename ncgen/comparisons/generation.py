@@ -39,19 +39,20 @@ from ncgen.comparisons.rivals.generated import code_bytes
 code = code_bytes(kernels.library, identifier(kernels.name), kernels.programs.programs)
 found = {"seconds": seconds, "stages": timings.seconds, "code": sum(code.values())}
 if steps:
+    import resource
     from ncgen import simulate
     from ncgen.solver.rank import freedom
     from ncgen.mechanism.runtime import prepare
     prepare(kernels)
-    start = time.perf_counter()
+    spent = lambda: sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    start = spent()
     freedom(kernels)
-    found["freedom"] = time.perf_counter() - start
-    given = model.simulation_options | {"duration": steps * 1e-4}
-    for name in ("first", "run"):
-        start = time.perf_counter()
-        run = simulate(kernels, integrator="rk4", max_step=1e-4, points=2, **given)
-        found[name] = time.perf_counter() - start
-    found |= {"steps": run.statistics.seconds / steps, "engine": run.engine}
+    found["freedom"] = spent() - start
+    for name, count in (("first", steps // 5), ("short", steps // 5), ("long", steps + steps // 5)):
+        start = spent()
+        run = simulate(kernels, integrator="rk4", max_step=1e-4, points=2, **model.simulation_options | {"duration": count * 1e-4})
+        found[name] = spent() - start
+    found |= {"steps": (found["long"] - found["short"]) / steps, "engine": run.engine}
 json.dump(found, sys.stdout)
 """
 
@@ -74,8 +75,8 @@ def growth_records(name: str = "chain", lengths: Iterable[int] | None = None, st
 
 
 def _measured(folder: str, name: str, count: int | None, cold: bool, emission: str, steps: int) -> dict:
-    """From a process of its own. freedom, first, run: seconds of the degrees of freedom, of a first motion without those, and of another
-    one; steps: of one of its steps."""
+    """From a process of its own. freedom, first: seconds of processor time for the degrees of freedom, and until a first motion of a fifth
+    of the steps is over, compilers included; short: the same again; steps: for one more step."""
     command = [sys.executable, "-c", SCRIPT, json.dumps([name, count, cold, emission, steps])]
     done = subprocess.run(command, env=os.environ | {"NCGEN_CACHE_DIR": folder}, capture_output=True, text=True)
     if done.returncode:

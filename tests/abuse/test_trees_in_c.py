@@ -63,6 +63,13 @@ def test_arms_are_those_of_the_matrix(count):
     assert apart(ncgen.compile(example_module("arm").build(count)), count) < CLOSE
 
 
+def test_rotors_add_to_their_joint_alone():
+    model = example_module("arm").build(4)
+    model.rotor("psi2", 0.7)
+    model.rotor("psi4", model.parameter("J", 0.2, "kg m^2"))
+    assert apart(ncgen.compile(model), 1) < CLOSE
+
+
 def test_a_few_random_trees():
     counts, found = look([14, 56, 67])
     assert not found and counts["compared"] == 3 and counts["with a mass matrix that varies"] == 2
