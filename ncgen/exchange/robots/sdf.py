@@ -30,6 +30,9 @@ OMITTED = {
 }  # fmt: skip
 """What is not modelled: tags, and words for them."""
 
+ACTING, FORCES = ("revolute", "continuous", "prismatic", "screw"), ("damping", "spring_stiffness")
+"""Joints that have one coordinate, along which something can act, and what can."""
+
 WORLD, MODEL = "world", "__model__"
 
 
@@ -86,8 +89,11 @@ class _Reader:
         return replace(found, base=self.stands @ found.base)
 
     def _omitted(self) -> tuple[str, ...]:
+        several = (each for each in self.model.all("joint") if each.attributes.get("type") not in ACTING)
+        damped = sum(_number(each, name) != 0.0 for joint in several for each in joint.walk() if each.tag == "dynamics" for name in FORCES)
+        words = (f"damping and springs of joints of several freedoms ({damped})",) if damped else ()
         dynamics = (each for each in self.model.walk() if each.tag == "dynamics")
-        return self.model.counted(OMITTED, sum(_number(each, "friction") != 0.0 for each in dynamics))
+        return (*self.model.counted(OMITTED, sum(_number(each, "friction") != 0.0 for each in dynamics)), *words)
 
     # -- where things are ----------------------------------------------------------------------
 
@@ -129,7 +135,7 @@ class _Reader:
                 each.refuse(f"joint {name}: its {tag} {shown(link)} is no link of this model")
         axis, second = each.first("axis"), each.first("axis2")
         pitch = each.first("screw_thread_pitch")
-        dynamics = axis.first("dynamics") if axis else None
+        dynamics = axis.first("dynamics") if axis and kind in ACTING else None
         return Joint(
             name,
             KINDS[kind],
