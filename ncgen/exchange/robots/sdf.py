@@ -33,6 +33,9 @@ OMITTED = {
 ACTING, FORCES = ("revolute", "continuous", "prismatic", "screw"), ("damping", "spring_stiffness")
 """Joints that have one coordinate, along which something can act, and what can."""
 
+UNLIMITED = 1e15
+"""Limits beyond this are none."""
+
 WORLD, MODEL = "world", "__model__"
 
 
@@ -148,6 +151,8 @@ class _Reader:
             stiffness=_number(dynamics, "spring_stiffness"),
             rest=_number(dynamics, "spring_reference"),
             pitch=pitch.content(1)[0] if pitch else 0.0,
+            limits=_limits(axis) if kind in ACTING else None,
+            friction=_number(dynamics, "friction"),
             where=each.place,
         )
 
@@ -164,6 +169,15 @@ class _Reader:
         if self.version <= (1, 4) or (flag is not None and flag.text.strip() in ("1", "true")):
             base = MODEL
         return found if base is None else self._place(joint.name()).inverse().along(self._place(base).along(found))
+
+
+def _limits(axis: Markup | None) -> tuple[float, float] | None:
+    """Those of a joint, which may be infinite as 1e16, or None."""
+    limit = axis.first("limit") if axis is not None else None
+    if limit is None or (limit.first("lower") is None and limit.first("upper") is None):
+        return None
+    lower, upper = _number(limit, "lower", -UNLIMITED), _number(limit, "upper", UNLIMITED)
+    return None if lower <= -UNLIMITED and upper >= UNLIMITED else (lower, upper)
 
 
 def _pose(pose: Markup | None) -> Placement:
