@@ -35,7 +35,7 @@ def towers() -> ncgen.Model:
     near = np.array([np.cos(np.radians(40)), np.sin(np.radians(40)), 0])
     m.box(plate, (0.8, 0.8, 0.8), 0.55 * near, colour=RED)
     m.box(plate, (0.8, 0.8, 0.8), -0.55 * near, colour=GREEN)
-    m.cylinder(plate, 0.1, 0.2, (0, 0, 0.5))
+    m.cylinder(plate, 0.1, 0.2, (0.9, -0.9, 0))
     m.spring(A, top, 1.0)
     m.line(O, A)
     m.simulation(duration=2.0, zd0={"psi": 1.0})
