@@ -189,14 +189,14 @@ class _Motion:
             if self.choice.method.is_constrained:
                 self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
             self._in_python()
-        self.engine = f"python: {refused}" if refused else form if form in EMITTED else "c"
+        self.engine = f"python: {refused}" if refused else "c" if form == "dense" else form
 
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""
         if self.run.engine in EMITTED:
             return self.run.engine
         is_open = self.run.engine == AUTO and self.run.number == "double"
-        return "emitted" if is_open and compiled.is_written_out(self.kernels, self.choice.method) else "dense"
+        return compiled.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
     def _go_on_implicit(self) -> str | None:
         """Take the implicit method, with independent coordinates for where the path has come to: why that cannot be done in C, or None."""

@@ -20,7 +20,6 @@ from ncgen.errors import NcgenError
 from ncgen.exchange.robots import SUFFIXES, read_robot
 from ncgen.exchange.robots.natural import model_of, word
 from ncgen.program.cost import cost
-from ncgen.program.joint_space import assemble_joint_space
 
 STATES = 20
 
@@ -46,7 +45,7 @@ def line(file: Path) -> str:
     except NcgenError as error:
         return f"refused: {error}"
     seconds = time.perf_counter() - start
-    operations = cost(assemble_joint_space(kernels.programs.equations, space.followed)["joint_inverse"]).total
+    operations = cost(space.made("basics")["joint_inverse"]).total
     errors = {".urdf": beside_pinocchio, ".sdf": lambda *_: {}}.get(file.suffix, beside_mujoco)(file, space)
     said = ", ".join(f"{name} {error:.0e}" for name, error in errors.items())
     return f"{space.n} rates, {kernels.n} coordinates, {seconds:.1f} s, {operations} operations; {said}"

@@ -18,8 +18,11 @@ SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
 FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""
 
-WRITTEN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
+WRITTEN = {".urdf": "urdf", ".sdf": "sdf", ".xml": "mjcf", ".mjcf": "mjcf"}
 """{how a file's name ends: module} of formats that are written, too."""
+
+CLOSED = ("sdf", "mjcf")
+"""Formats that say loops."""
 
 
 def read_robot(path: Path) -> Robot:
@@ -41,12 +44,12 @@ def load_robot(path: Path, floating: bool | None = None) -> Model:
 
 
 def robot_text(model: Model, suffix: str) -> str:
-    """A model whose bodies are an open tree as a robot's file. suffix: one of `WRITTEN`.
+    """A model as a robot's file; where its bodies are no open tree, as SDF or MJCF. suffix: one of `WRITTEN`.
 
-    Raises ModelError naming what the format cannot say: a loop, a load that belongs to no joint, a joint that it does not have.
+    Raises ModelError naming what the format cannot say: a loop, a row or a load that belongs to no joint, a joint that it does not have.
     """
     from ncgen.exchange.robots.outward import robot_of
 
     if suffix not in WRITTEN:
         raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITTEN)}; {shown(suffix)} is none of them")
-    return import_module(f"ncgen.exchange.robots.{WRITTEN[suffix]}").text_of(robot_of(model))
+    return import_module(f"ncgen.exchange.robots.{WRITTEN[suffix]}").text_of(robot_of(model, loops=WRITTEN[suffix] in CLOSED))

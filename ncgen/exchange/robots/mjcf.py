@@ -210,18 +210,37 @@ WORDS = {"revolute": "hinge", "prismatic": "slide", "spherical": "ball"}
 
 
 def text_of(robot: Robot) -> str:
-    """A robot as MJCF. Raises ModelError naming a joint or a body that the format cannot say."""
+    """A robot as MJCF; loops are connections and welds. Raises ModelError naming a joint or a body that the format cannot say."""
     carried: dict[str, list[Joint]] = {name: [] for name in robot.links}
+    frames = {robot.root: Placement()}
     for joint in robot.joints:
         carried[joint.parent].append(joint)
+        frames[joint.child] = frames[joint.parent] @ joint.placement
 
     def body(joint: Joint) -> str:
         parts = [*_joint_text(joint), *_inertial(robot.links[joint.child]), *map(body, carried[joint.child])]
         return element("body", parts, name=joint.child, pos=joint.placement.position, quat=joint.placement.quaternion)
 
     compiler = element("compiler", angle="radian", inertiafromgeom="false")
-    world = element("worldbody", map(body, carried[robot.root]))
-    return document(element("mujoco", [compiler, element("option", gravity=robot.gravity), world], model=robot.name))
+    parts = [compiler, element("option", gravity=robot.gravity), element("worldbody", map(body, carried[robot.root]))]
+    if robot.loops:
+        parts.append(element("equality", [text for loop in robot.loops for text in _loop_text(loop, frames, robot.root)]))
+    return document(element("mujoco", parts, model=robot.name))
+
+
+def _loop_text(loop: Joint, frames: dict[str, Placement], root: str) -> list[str]:
+    """A ball is a connection, a hinge two of them on its axis; the world's body has no name of the robot's."""
+    first, second = ("world" if name == root else name for name in (loop.parent, loop.child))
+    if loop.kind == "fixed":
+        return [element("weld", name=loop.name, body1=first, body2=second)]
+    if loop.kind not in ("spherical", "revolute") or loop.damping or loop.stiffness:
+        raise ModelError(
+            f"joint {loop.name}: MJCF closes loops by connections and welds, not by a {loop.kind} joint that has more; write SDF"
+        )
+    here = frames[loop.parent].inverse() @ loop.placement
+    places = [here.position] if loop.kind == "spherical" else [here.position, here.at(loop.axis)]
+    names = [loop.name, f"{loop.name}_axis"]
+    return [element("connect", name=name, body1=first, body2=second, anchor=place) for name, place in zip(names, places, strict=False)]
 
 
 def _joint_text(joint: Joint) -> list[str]:

@@ -6,16 +6,18 @@ loop. Without a joint to the world the robot is a free body.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ncgen.errors import shown
+from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung, unique
+from ncgen.exchange.robots.written import document, element, number_text
 
 KINDS = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "spherical",
@@ -210,3 +212,70 @@ ENTRIES = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.
 def _number(inside: Markup | None, tag: str, default: float = 0.0) -> float:
     found = inside.first(tag) if inside is not None else None
     return default if found is None else found.content(1)[0]
+
+
+# -- writing -----------------------------------------------------------------------------------
+
+WORDS = {"spherical": "ball"}
+"""The format's words where they are other ones."""
+
+
+def text_of(robot: Robot) -> str:
+    """A robot as SDF 1.7, loops among its joints. Raises ModelError naming a joint that the format cannot say."""
+    frames = {robot.root: robot.base}
+    joints = []
+    for joint in robot.joints:
+        frames[joint.child] = frames[joint.parent] @ joint.placement
+        if joint.kind != "floating":
+            joints.append(_joint_text(joint, frames[joint.child]))
+        elif joint.parent != robot.root or robot.links[robot.root].mass or sum(j.parent == robot.root for j in robot.joints) > 1:
+            raise ModelError(f"joint {joint.name}: SDF cannot say that a link moves freely beside others; a robot hangs together")
+    free = {joint.parent for joint in robot.joints if joint.kind == "floating"}
+    joints += [_joint_text(loop, robot.base @ loop.placement) for loop in robot.loops]
+    hidden = free | ({WORLD} if not robot.floats else set())
+    if not robot.floats and robot.root != WORLD and not free:
+        joints.insert(0, _joint_text(Joint(f"{robot.root}_rests", "fixed", WORLD, robot.root), robot.base))
+    links = [_link_text(link, frames[name]) for name, link in robot.links.items() if name not in hidden]
+    model = element("model", [*links, *joints], name=robot.name)
+    return document(element("sdf", [element("world", [element("gravity", [_written(robot.gravity)]), model], name="world")], version="1.7"))
+
+
+def _written(values: Iterable[float]) -> str:
+    return " ".join(number_text(x) for x in values)
+
+
+def _placed(frame: Placement, **attributes: str) -> str:
+    return element("pose", [_written((*frame.position, *frame.rpy))], **attributes)
+
+
+def _link_text(link: Link, frame: Placement) -> str:
+    mass = link.mass
+    parts = [_placed(frame)]
+    if mass is not None:
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = mass.tensor
+        named = zip(ENTRIES, (xx, yy, zz, xy, xz, yz), strict=True)
+        inertia = element("inertia", [element(name, [_written((value,))]) for name, value in named])
+        parts.append(element("inertial", [_placed(Placement(position=mass.com)), element("mass", [_written((mass.mass,))]), inertia]))
+    return element("link", parts, name=link.name)
+
+
+def _joint_text(joint: Joint, frame: Placement) -> str:
+    """frame: of the joint in the model."""
+    kind = WORDS.get(joint.kind, joint.kind)
+    for what, value in (("a rotor", joint.armature), (f"a {kind} joint", kind not in KINDS), ("a mimic", joint.mimic)):
+        if value:
+            raise ModelError(f"joint {joint.name}: SDF cannot say {what}; write MJCF (.xml)")
+    parts = [element("parent", [joint.parent]), element("child", [joint.child]), _placed(frame, relative_to=MODEL)]
+    if kind in ("revolute", "prismatic", "universal", "screw"):
+        dynamics = {
+            "damping": joint.damping,
+            "spring_stiffness": joint.stiffness,
+            "spring_reference": joint.rest if joint.stiffness else 0.0,
+        }
+        said = [element(name, [_written((value,))]) for name, value in dynamics.items() if value]
+        parts.append(element("axis", [element("xyz", [_written(joint.axis)]), *([element("dynamics", said)] if said else [])]))
+    if joint.second is not None:
+        parts.append(element("axis2", [element("xyz", [_written(joint.second)])]))
+    if kind == "screw":
+        parts.append(element("screw_thread_pitch", [_written((joint.pitch,))]))
+    return element("joint", parts, name=joint.name, type=kind)
