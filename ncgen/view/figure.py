@@ -117,7 +117,7 @@ def _draw_solids(axes: Any, scene: Scene, frame: int) -> None:
     if scene.planar:
         order = np.argsort(triangles[..., 2].mean(axis=1), kind="stable")
         style |= dict(facecolors=colours[order], edgecolors=colours[order])
-        axes.add_collection(PolyCollection(list(triangles[order, :, :2]), zorder=0.5, **style))
+        axes.add_collection(PolyCollection(list(triangles[order, :, :2]), zorder=0.8, **style))
         return
     axes.computed_zorder = False
     fallen = shadows(triangles, scene.bounds[0, 2])

@@ -17,7 +17,7 @@ from ncgen.model.elements import Point
 from ncgen.view.carriers import Carrier, Direction
 from ncgen.view.eye import LIGHT
 from ncgen.view.scene import Scene
-from ncgen.view.triangles import Mesh, cylinder, spring, together
+from ncgen.view.triangles import Mesh, cylinder, spring
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -101,7 +101,7 @@ def _shapes(scene: Scene) -> dict:
         "bar": number(cylinder(1.0, 0.0, 1.0)) if scene.struts else -1,
         "coil": number(spring()) if scene.has_shapes and scene.springs else -1,
         "carriers": [_carrier(carrier, scene) for carrier in scene.carriers],
-        "boxes": [rounded(together([s.placed for s in scene.surfaces if s.carrier == k] or [Mesh.none()]).corners) for k in carriers],
+        "reach": [rounded([place for s in scene.surfaces if s.carrier == k for place in s.reach]) for k in carriers],
         "meshes": packed,
         "light": rounded(LIGHT),
     }

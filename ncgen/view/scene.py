@@ -103,13 +103,13 @@ class Scene:
     @cached_property
     def bounds(self) -> np.ndarray:
         """Lowest and highest coordinates of all points and shapes at all times (m), shape (2, 3)."""
-        everything = [self.positions.reshape(-1, 3), *(self._corners(surface).reshape(-1, 3) for surface in self.surfaces)]
+        everything = [self.positions.reshape(-1, 3), *(self._reach(surface).reshape(-1, 3) for surface in self.surfaces)]
         return np.array([np.min([e.min(axis=0) for e in everything], axis=0), np.max([e.max(axis=0) for e in everything], axis=0)])
 
-    def _corners(self, surface: Surface) -> np.ndarray:
-        """Of a box around a shape (K, 8, 3)."""
+    def _reach(self, surface: Surface) -> np.ndarray:
+        """What a shape reaches to (K, R, 3)."""
         k = surface.carrier
-        return surface.placed.corners @ self.axes[:, k].transpose(0, 2, 1) + self.origins[:, k, None]
+        return surface.reach @ self.axes[:, k].transpose(0, 2, 1) + self.origins[:, k, None]
 
     @property
     def size(self) -> float:
@@ -213,12 +213,16 @@ def lines(model: Model) -> list[tuple[Point, Point]]:
 
 
 def springs(model: Model) -> list[tuple[Point, Point]]:
-    """Where the model asks for no lines, the ends of every force of the catalogue that pulls between two points."""
-    if model.drawing.lines:
+    """The ends of every force of the catalogue that pulls between two points, where the model asks for no lines, or has shapes.
+
+    A strut in the same place stands for it.
+    """
+    if model.drawing.lines and not model.drawing.has_shapes:
         return []
+    struts = {frozenset((strut.start, strut.end)) for strut in model.drawing.struts}
     places = [place.elements for load in model.springs for place in load.given()[0] if isinstance(place, Combination)]
     ends = [tuple(element for element in elements if isinstance(element, Point)) for elements in places]
-    return [pair for pair in ends if len(pair) == 2]
+    return [pair for pair in ends if len(pair) == 2 and frozenset(pair) not in struts]
 
 
 def arrows(model: Model) -> list[tuple[Point, Vector]]:

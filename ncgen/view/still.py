@@ -13,7 +13,7 @@ from ncgen.view.eye import LIGHT
 from ncgen.view.scene import Scene
 from ncgen.view.triangles import Mesh, cylinder, spring
 
-FINEST = 1 / 12
+FINEST = 1 / 20
 """The longest side of a triangle over the scene's size, so that triangles can be told which is in front by their middles."""
 
 COIL, WIRE = 0.02, 0.22

@@ -39,6 +39,11 @@ class Surface:
         """In the carrier's frame."""
         return self.mesh.moved(self.matrix, self.shift)
 
+    @property
+    def reach(self) -> np.ndarray:
+        """What it reaches to in the carrier's frame (R, 3)."""
+        return self.mesh.reach @ self.matrix.T + self.shift
+
 
 @dataclass(frozen=True)
 class Strut:

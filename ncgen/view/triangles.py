@@ -16,6 +16,9 @@ WINDINGS, STEPS, WIRE = 8, 12, 6
 
 SPOKES = 5
 
+AROUND = np.array([way for way in np.ndindex(3, 3, 3) if way != (1, 1, 1)]) - 1.0
+"""Along edges, diagonals of sides and diagonals of a cube."""
+
 
 @dataclass(frozen=True, eq=False)
 class Mesh:
@@ -28,20 +31,14 @@ class Mesh:
     triangles: np.ndarray
     normals: np.ndarray | None = None
 
-    @classmethod
-    def none(cls) -> Mesh:
-        """A vertex, and no triangle."""
-        return cls(np.zeros((1, 3)), np.zeros((0, 3), dtype=int))
-
     def moved(self, matrix: np.ndarray, position: np.ndarray) -> Mesh:
         """With vertices matrix @ v + position."""
         return Mesh(self.vertices @ matrix.T + position, self.triangles)
 
     @property
-    def corners(self) -> np.ndarray:
-        """Of the box around it along its axes (8, 3)."""
-        low, high = self.vertices.min(axis=0), self.vertices.max(axis=0)
-        return np.array([[x, y, z] for x in (low[0], high[0]) for y in (low[1], high[1]) for z in (low[2], high[2])])
+    def reach(self) -> np.ndarray:
+        """The vertices that are farthest along 26 directions (R, 3): all corners of a box, and of what is round nearly all that matters."""
+        return self.vertices[np.unique((self.vertices @ AROUND.T).argmax(axis=0))]
 
 
 def together(meshes: Iterable[Mesh]) -> Mesh:
@@ -125,25 +122,26 @@ def wheel(radius: float, width: float) -> Mesh:
 
 def polygon(corners: np.ndarray, thickness: float) -> Mesh:
     """In the plane z = 0, with half of the thickness to either side. corners: (N, 2), in order around it; it need not be convex."""
+    around = np.roll(corners, -1, axis=0)
+    if (corners[:, 0] * around[:, 1] - corners[:, 1] * around[:, 0]).sum() < 0:
+        corners = corners[::-1]
     count, cut = len(corners), _ears(corners)
     if thickness == 0:
         return Mesh(np.column_stack([corners, np.zeros(count)]), cut)
     vertices = np.concatenate([np.column_stack([corners, np.full(count, side * thickness / 2)]) for side in (-1, 1)])
-    around = [(k, (k + 1) % count) for k in range(count)]
-    sides = [t for a, b in around for t in ((a, b, b + count), (a, b + count, a + count))]
+    edges = [(k, (k + 1) % count) for k in range(count)]
+    sides = [t for a, b in edges for t in ((a, b, b + count), (a, b + count, a + count))]
     return Mesh(vertices, np.concatenate([cut[:, ::-1], cut + count, np.array(sides)]))
 
 
 def _ears(corners: np.ndarray) -> np.ndarray:
-    """A polygon cut into triangles, one corner after the other (Meisters 1975); counterclockwise."""
+    """A polygon, counterclockwise, cut into such triangles, one corner after the other (Meisters 1975)."""
 
     def area(a: int, b: int, c: int) -> float:
         (ax, ay), (bx, by), (cx, cy) = corners[a], corners[b], corners[c]
         return (bx - ax) * (cy - ay) - (by - ay) * (cx - ax)
 
     left = list(range(len(corners)))
-    if sum(area(0, a, b) for a, b in zip(left, left[1:])) < 0:
-        left.reverse()
     found = []
     while len(left) > 3:
         for k in range(len(left)):
