@@ -51,6 +51,7 @@ STRUCTS = {
         "ncgen_signals",
         "ncgen_statistics",
         "ncgen_tape",
+        "ncgen_tree",
     ),  # fmt: skip
     "ncgen_differentiated.h": ("ncgen_seeded_motion", "ncgen_taped"),
     "ncgen_driven.h": ("ncgen_driven", "ncgen_moment"),
