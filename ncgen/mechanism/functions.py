@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 
@@ -75,7 +76,7 @@ class CompiledFunctions(Functions):
         shape = np.broadcast_shapes(*(a.shape[:-1] for a in arrays))
         if not shape:
             return self._one(name, t, arrays)
-        states = [np.broadcast_to(a, (*shape, a.shape[-1])).reshape(-1, a.shape[-1]) for a in arrays]
+        states = [np.broadcast_to(a, (*shape, a.shape[-1])).reshape(math.prod(shape), a.shape[-1]) for a in arrays]
         rows = [self._one(name, t, row) for row in zip(*states, strict=True)]
         return np.array(rows).reshape(*shape, self.sizes[name])
 

@@ -5,6 +5,10 @@
     joint_mass(t, q, p)           -> the mass matrix H over the rates, its lower triangle row by row
     joint_inverse(t, q, v, a, p)  -> the forces that rates v and accelerations a need against inertia and gravity
     joint_loads(t, q, v, p)       -> the forces along the rates of springs, dampers and applied forces
+    joint_momenta(t, q, p)        -> mass and first moment about the origin of all bodies (4), and for every rate the linear momentum and
+                                     the angular one about the origin (6 numbers a rate)
+    joint_inverse_tangent(t, q, v, a, p, dx, dv), joint_loads_tangent(t, q, v, p, dx, dv)
+                                  -> how these two change where the joints move by dx and the rates by dv
 
 All are those of the tree before loops are closed (`ncgen.symbolic.tree`), by composite inertias and the recursive Newton-Euler
 algorithm in global axes (`ncgen.program.composite`). Source: Featherstone, Rigid Body Dynamics Algorithms (2008), chapters 5 and 6.
@@ -12,45 +16,73 @@ algorithm in global axes (`ncgen.program.composite`). Source: Featherstone, Rigi
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import cached_property
-from typing import TypeAlias
+from typing import Literal, TypeAlias
 
-from ncgen.model.elements import Point, Spatial
 from ncgen.program.assemble import KERNELS
 from ncgen.program.blocks import Program
-from ncgen.program.composite import inertias_of, mass_matrix, needed_loads
+from ncgen.program.composite import inertias_of, mass_matrix, needed_loads, nothing
+from ncgen.program.derivatives import tangent
 from ncgen.program.elimination import Matrix
+from ncgen.program.graph import Graph
 from ncgen.program.lines import Lines
 from ncgen.program.space import Vector
 from ncgen.program.tree_motion import Loads, TreePlace, TreeVelocity, add_force
+from ncgen.program.tree_position import TreePosition
 from ncgen.program.verify import verify
 from ncgen.symbolic.equations import build_equations
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.tree import Screw, moving, spanning_tree
+from ncgen.symbolic.tree import moving, spanning_tree
 
 POSITION = ("t", "q", "p")
+MOVING = ("t", "q", "v", "p")
+ACCELERATED = ("t", "q", "v", "a", "p")
+DIRECTION = ("dx", "dv")
+"""What programs take: a position, rates and accelerations, and directions of joints and rates."""
 
-UNIT = 1e-14
-"""By which the length of an axis may miss 1."""
-
-Frame: TypeAlias = tuple[Vector, Vector, Vector]
-"""Nodes of a rotation's columns."""
+Made: TypeAlias = Literal["basics", "slopes"]
+"""Which programs are made: tangents, or all others."""
 
 Followed = Mapping[int, tuple[int, float]]
 """{coordinate: (rate, share)} of relative coordinates that follow a joint: the coordinate's rate is `share` times that of the screw, and
 it is the coordinate's that the programs take and give."""
 
 
-def assemble_joint_space(equations: Terms, followed: Followed) -> dict[str, Program]:
-    """The programs by name; every coordinate must be that of an element of the tree, or followed."""
+def assemble_joint_space(equations: Terms, followed: Followed, what: Made) -> dict[str, Program]:
+    """The programs by name, tangents or all others; every coordinate must be that of an element of the tree, or followed."""
     tree = spanning_tree(equations.model)
-    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE}
+    programs = {f"joint_{make.__name__}": make(_Basics(equations, followed)) for make in MADE[what]}
     n, count = len(equations.free), tree.freedoms
     for program in programs.values():
-        verify(program, {"t": 1, "q": n, "x": count, "v": count, "a": count, "p": len(equations.parameters)})
+        verify(program, {"t": 1, "q": n, "p": len(equations.parameters)} | dict.fromkeys(("x", "v", "a", "dx", "dv"), count))
     return programs
+
+
+def changes(graph: Graph, nodes: Sequence[int], moved: Sequence[int], count: int) -> list[int]:
+    """How nodes change where the coordinates q change by `moved` and the rates v by dv, of which there are so many."""
+    direction = {graph.load("q", c): node for c, node in enumerate(moved)} | {graph.load("v", k): graph.load("dv", k) for k in range(count)}
+    found = tangent(graph, nodes, direction)
+    return [found.get(node, graph.const(0.0)) for node in nodes]
+
+
+def momenta(place: TreePlace) -> list[int]:
+    """Mass, first moment about the origin, and the momenta about the origin of every screw at rate 1."""
+    space, graph, links = place.space, place.space.graph, place.tree.links
+    composite = [own or nothing(space) for own in inertias_of(place)]
+    total, first, found = graph.const(0.0), space.zero, [graph.const(0.0)] * (6 * len(place.columns))
+    for number in reversed(range(len(links))):
+        here, reference = composite[number], place.reference[number]
+        for k in place.own[number]:
+            linear, angular = here.momentum(space, place.columns[k].axis, place.columns[k].along)
+            found[6 * k : 6 * k + 6] = [*linear, *space.add(angular, space.cross(reference, linear))]
+        parent = links[number].parent
+        if parent is not None:
+            composite[parent] = composite[parent].plus(space, here)
+        else:
+            total = graph.add(total, here.mass)
+            first = space.sum((first, here.first, space.times(here.mass, reference)))
+    return [total, *first, *found]
 
 
 class _Basics:
@@ -77,67 +109,18 @@ class _Basics:
         return self.graph.mul(self.scale[k], node)
 
     def position(self) -> Program:
-        """By exponentials of the screws of the initial position, one after the other from the ground outward."""
         where = moving(self.lines.equations, self.tree)
-        moved: list[tuple[Frame, Vector]] = []
-        for number, link in enumerate(self.tree.links):
-            turn, shift = moved[link.parent] if link.parent is not None else (self.unturned, self.space.zero)
-            for screw, k in zip(link.screws, self.place.own[number], strict=True):
-                more, along = self._exponential(screw, self._displacement(k))
-                shift = self.space.add(shift, self._turned(turn, along))
-                first, second, third = (self._turned(turn, column) for column in more)
-                turn = (first, second, third)
-            moved.append((turn, shift))
+        moved = TreePosition(self.lines, self.tree, [self._displacement(k) for k in range(self.count)])
         outputs = [self.graph.load("x", self.followed[c][0]) if c in self.followed else -1 for c in range(len(self.lines.equations.free))]
         for c, (element, axis) in where.items():
-            turn, shift = moved[self.tree.home[element]]
-            place = self._turned(turn, self._initial(element))
-            outputs[c] = (self.space.add(place, shift) if isinstance(element, Point) else place)[axis]
+            outputs[c] = moved.placed(element, self.tree.home[element])[axis]
         return self.program("position", ("t", "x", "p"), outputs)
-
-    @cached_property
-    def unturned(self) -> Frame:
-        return self.space.constant((1, 0, 0)), self.space.constant((0, 1, 0)), self.space.constant((0, 0, 1))
 
     def _displacement(self, k: int) -> int:
         """How far a screw has gone since the initial position."""
         own = next((c for c, (rate, _) in self.followed.items() if rate == k), None)
         start = self.graph.const(0.0) if own is None else self.lines.value(self.lines.equations.free[own].value)
         return self.graph.mul(self.scale[k], self.graph.sub(self.graph.load("x", k), start))
-
-    def _exponential(self, screw: Screw, value: int) -> tuple[Frame, Vector]:
-        """Rotation, as columns, and translation: 1 + sin φ û× + (1 − cos φ) û× û×, about the screw's point."""
-        space, graph = self.space, self.graph
-        axis = space.sum(space.times(self.lines.value(w), self._initial(e)) for w, e in screw.axis.terms)
-        if screw.point is None:
-            return self.unturned, space.times(value, axis)
-        size = self._length(axis)
-        unit, angle = space.times(graph.div(graph.const(1.0), size), axis), graph.mul(size, value)
-        s, c = graph.call("sin", angle), graph.call("cos", angle)
-        rest = graph.sub(graph.const(1.0), c)
-
-        def turned(v: Vector) -> Vector:
-            across = space.cross(unit, v)
-            return space.sum((v, space.times(s, across), space.times(rest, space.cross(unit, across))))
-
-        x, y, z = map(turned, self.unturned)
-        point = self._initial(screw.point)
-        return (x, y, z), space.sub(point, turned(point))
-
-    def _length(self, axis: Vector) -> int:
-        """Of an axis; one that is 1 to rounding is."""
-        squared = self.space.dot(axis, axis)
-        number = self.graph.value(squared)
-        if number is None:
-            return self.graph.call("sqrt", squared)
-        return self.graph.const(1.0 if abs(math.sqrt(number) - 1.0) < UNIT else math.sqrt(number))
-
-    def _turned(self, turn: Frame, v: Vector) -> Vector:
-        return self.space.sum(self.space.times(x, column) for x, column in zip(v, turn, strict=True))
-
-    def _initial(self, element: Spatial) -> Vector:
-        x, y, z = (self.lines.value(component.value) for component in element.components)
-        return x, y, z
 
     def screws(self) -> Program:
         outputs: list[int] = []
@@ -159,18 +142,43 @@ class _Basics:
         return self.program("mass", POSITION, [self.scaled(i, self.scaled(j, H.get((i, j), zero))) for i, j in lower])
 
     def inverse(self) -> Program:
+        return self.program("inverse", ACCELERATED, self._inverse())
+
+    def inverse_tangent(self) -> Program:
+        return self.program("inverse_tangent", (*ACCELERATED, *DIRECTION), self._changes(self._inverse()))
+
+    def loads(self) -> Program:
+        return self.program("loads", MOVING, self._loads())
+
+    def loads_tangent(self) -> Program:
+        return self.program("loads_tangent", (*MOVING, *DIRECTION), self._changes(self._loads()))
+
+    def momenta(self) -> Program:
+        total, found = momenta(self.place)[:4], momenta(self.place)[4:]
+        return self.program("momenta", POSITION, [*total, *(self.scaled(k // 6, node) for k, node in enumerate(found))])
+
+    def _changes(self, nodes: Sequence[int]) -> list[int]:
+        """How nodes change along dx and dv."""
+        where, twists = moving(self.lines.equations, self.tree), self.place.twists(self.rates("dx"))
+        home = self.tree.home
+        vectors = {element: self.place.carried(element, link, twists[link]) for element, link in home.items()}
+        moved = [
+            vectors[where[c][0]][where[c][1]] if c in where else self.graph.load("dx", self.followed[c][0])
+            for c in range(len(self.lines.equations.free))
+        ]
+        return changes(self.graph, nodes, moved, self.count)
+
+    def _inverse(self) -> list[int]:
         x, y, z = map(self.lines.value, self.model.gravity_field)
         velocity = TreeVelocity(self.place, self.rates())
         needed = needed_loads(self.place, velocity, inertias_of(self.place), (x, y, z), self.rates("a"))
         found = {k: self.graph.neg(node) for k, node in self.place.inward({}, needed).items()}
         for (a, b), node in self.rotors.items():
             found[a] = self.graph.add(found.get(a, self.graph.const(0.0)), self.graph.mul(node, self.rates("a")[b]))
-        outputs = [self.scaled(k, found[k]) if k in found else self.graph.const(0.0) for k in range(self.count)]
-        return self.program("inverse", ("t", "q", "v", "a", "p"), outputs)
+        return [self.scaled(k, found[k]) if k in found else self.graph.const(0.0) for k in range(self.count)]
 
-    def loads(self) -> Program:
-        where, rates = moving(self.lines.equations, self.tree), self.rates()
-        velocity = TreeVelocity(self.place, rates)
+    def _loads(self) -> list[int]:
+        where, velocity = moving(self.lines.equations, self.tree), TreeVelocity(self.place, self.rates())
         for c in range(len(self.lines.rates)):
             if c in where:
                 element, axis = where[c]
@@ -185,8 +193,7 @@ class _Basics:
             else:
                 along.setdefault(self.followed[c][0], []).append(node)
         found = {k: self.scaled(k, node) for k, node in self.place.inward(loads, {}).items()}
-        outputs = [self.graph.sum([*along.get(k, []), *([found[k]] if k in found else [])]) for k in range(self.count)]
-        return self.program("loads", ("t", "q", "v", "p"), outputs)
+        return [self.graph.sum([*along.get(k, []), *([found[k]] if k in found else [])]) for k in range(self.count)]
 
     @cached_property
     def rotors(self) -> Matrix:
@@ -199,4 +206,7 @@ class _Basics:
         return found
 
 
-MADE = (_Basics.position, _Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads)
+MADE = {
+    "basics": (_Basics.position, _Basics.screws, _Basics.mass, _Basics.inverse, _Basics.loads, _Basics.momenta),
+    "slopes": (_Basics.inverse_tangent, _Basics.loads_tangent),
+}

@@ -8,7 +8,7 @@ J = Φ_q T. Which rows and which entries vanish, and which angles are simply tho
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import cast
 
@@ -177,13 +177,16 @@ class Rates:
                 matrices[:, i, k] = self.sampling[node] * self.sizes[k]
         return matrices / np.max(np.abs(matrices), axis=(0, 2), initial=1e-300)[None, :, None]
 
-    def choose(self, rows: list[Row]) -> None:
-        """Let those rates be free that determine the others best in the first sample, and measured coordinates before others: their
-        rates are known."""
+    def choose(self, rows: list[Row], weights: Mapping[int, float] | None = None) -> None:
+        """Let those rates be free that determine the others best in the first sample.
+
+        weights: of rates, 1 for others; the smaller, the sooner a rate is free; None for measured coordinates, whose rates are known
+        """
+        weights = dict.fromkeys(self.measured, RATHER_FREE) if weights is None else weights
         matrices = self._numbers(rows)
         rank = max(int(np.linalg.matrix_rank(matrix, tol=10 * WELL)) for matrix in matrices) if rows else 0
-        weights = np.where(np.isin(np.arange(self.count), list(self.measured)), RATHER_FREE, 1.0)
-        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrices[0] * weights), mode="r", pivoting=True))
+        scale = np.array([weights.get(k, 1.0) for k in range(self.count)])
+        _, order = cast("tuple[np.ndarray, np.ndarray]", scipy.linalg.qr(firmly(matrices[0] * scale), mode="r", pivoting=True))
         self.free = sorted(order[rank:].tolist())
 
     def kept(self, rows: list[Row]) -> list[Row]:

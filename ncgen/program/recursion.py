@@ -102,7 +102,7 @@ class Recursion:
         self.rates = Rates(equations, self.lines, self.tree, split, samples, sizes)
         rows = self.rates.rows()
         if split is None:
-            self.rates.choose(rows)
+            self._choose(rows)
         self.rows = self.rates.kept(rows)
         self._factor()
         self.R = [self._independent(k) for k in self.rates.free]
@@ -111,6 +111,10 @@ class Recursion:
         self.velocity = self._move()
         self.bias = self.particular(self._right_sides())
         self.loads = self._loads()
+
+    def _choose(self, rows: list[Row]) -> None:
+        """Say which rates are free, where no coordinates are."""
+        self.rates.choose(rows)
 
     def _speeds(self, split: Split | None) -> list[int]:
         """Of the free rates, as they are given."""

@@ -186,7 +186,7 @@ def open_functions(equations: Terms, followed: Followed, joints: int) -> list[Fu
     """Of an open tree over its joints; followed: as for `assemble_joint_space`."""
     work = _Work(equations, {"s": joints, "v": joints})
     graph, t, s, v, p = work.graph, *(work.given[name] for name in ("t", "s", "v", "p"))
-    programs = assemble_joint_space(equations, followed)
+    programs = assemble_joint_space(equations, followed, "basics")
 
     def found(name: str, **inputs: list[int]) -> list[int]:
         return inlined(graph, programs[f"joint_{name}"], {"t": t, "p": p, "v": v, **inputs})

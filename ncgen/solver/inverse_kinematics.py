@@ -20,6 +20,9 @@ STARTS = 8
 REACHED = 1e-9
 """What may be left of a place, over the mechanism's size, and of a rotation."""
 
+FAR = 1e3
+"""What is left, over the mechanism's size, where loops do not close."""
+
 
 def values_for(
     space: JointSpace, point: str, place: ArrayLike, rotation: ArrayLike | None, body: str | None, start: np.ndarray
@@ -49,12 +52,18 @@ class _Aim:
         self.size = float(np.max(space.kernels.column_sizes))
 
     def left(self, x: np.ndarray) -> np.ndarray:
-        q = self.space.placed(x)
+        try:
+            q = self.space.placed(x)
+        except ConvergenceError:  # loops do not close there: a shorter step is taken
+            return np.full(3 if self.rotation is None else 12, FAR)
         off = (self.space.element(self.element, q) - self.place) / self.size
         return off if self.rotation is None else np.concatenate([off, (self._turned(q) - self.rotation).T.ravel()])
 
     def slope(self, x: np.ndarray) -> np.ndarray:
-        q = self.space.placed(x)
+        try:
+            q = self.space.placed(x)
+        except ConvergenceError:
+            return np.zeros((3 if self.rotation is None else 12, self.space.n))
         jacobian = self.space.jacobian(self.point, q, self.body)
         moved = jacobian[:3] / self.size
         if self.rotation is None:

@@ -36,7 +36,7 @@ def followed_by(kernels: Kernels, tree: Tree) -> dict[int, tuple[int, float]]:
     left = np.abs(over_rates + over_own @ shares) / kernels.row_sizes[:, None]
     if left.size and left.max() > CLOSED:
         row = kernels.rows[int(np.argmax(left.max(axis=1)))]
-        raise ModelError(f"{kernels.name}: joint space is that of an open tree, and row {row.label} ({row.owner}) closes a loop")
+        raise ModelError(f"{kernels.name}: row {row.label} ({row.owner}) closes a loop")
     found = {}
     for c, share in zip(own, shares, strict=True):
         k = int(np.argmax(np.abs(share)))

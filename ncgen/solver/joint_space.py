@@ -1,32 +1,35 @@
-"""What robotics calls the basics, over the rates of the joints: mass matrix, forces, inverse and forward dynamics, Jacobians of frames.
+"""A mechanism over the rates of its joints: what robotics calls the basics.
 
-    space = ncgen.joint_space(kernels)
-    q = space.position({"shoulder": 0.4, "elbow": -1.2})
-    space.mass_matrix(q), space.gravity(q), space.inverse_dynamics(q, v, a), space.jacobian("tip", q)
-
-Rates v are those of the tree of bodies (`space.rates` has their names): of a joint with a coordinate the rate of that coordinate; of a body
-that moves freely the velocity of its first point and its angular velocity, in global axes. Loops are not closed here.
+Natural coordinates stay what positions are told by. Rates v are those of the joints in the order of `JointSpace.rates`; they are called
+like the coordinate that follows them (a hinge's angle, a slider's distance), else like the body that the joint carries. A body that moves
+freely has the velocity of its first point and its angular velocity, in global axes. Where loops are closed the rates are as many as the
+mechanism has freedoms, and all others follow (`ncgen.solver.joint_loops`).
 Source: Featherstone, Rigid Body Dynamics Algorithms (2008); natural coordinates give a joint's screw as (u, r × u) at once.
 """
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Mapping
-from functools import cached_property
+from functools import cached_property, partial
+from typing import Literal, NamedTuple
 
 import numpy as np
-import scipy.linalg
 from numpy.typing import ArrayLike
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Point, Spatial
-from ncgen.model.values import Value, evaluate
+from ncgen.program.blocks import Program
+from ncgen.program.joint_space import Made, assemble_joint_space
 from ncgen.solver import given
 from ncgen.solver.frames import transformation
 from ncgen.solver.joint_names import carried, followed_by, names_of
-from ncgen.symbolic.tree import moving, spanning_tree
+from ncgen.symbolic.tree import Tree, moving, spanning_tree
+
+FRAMES = ("global", "local", "spatial")
+"""How a Jacobian may be told."""
 
 INPUTS = {
     "joint_position": ("t", "x", "p"),
@@ -34,19 +37,55 @@ INPUTS = {
     "joint_mass": ("t", "q", "p"),
     "joint_inverse": ("t", "q", "v", "a", "p"),
     "joint_loads": ("t", "q", "v", "p"),
+    "joint_momenta": ("t", "q", "p"),
+}
+SLOPES = {
+    "joint_inverse_tangent": ("t", "q", "v", "a", "p", "dx", "dv"),
+    "joint_loads_tangent": ("t", "q", "v", "p", "dx", "dv"),
 }
 """The programs of `ncgen.program.joint_space`, and what they take."""
 
 
 def joint_space(kernels: Kernels) -> JointSpace:
-    """The joint space of a mechanism whose bodies are an open tree, made once for every kernels object.
+    """The joint space of a mechanism, made once for every kernels object.
 
-    Raises ModelError where loops are closed, where a body is too thin to be part of a tree, or where a coordinate is that of no joint.
+    Raises ModelError where a body is too thin to be part of a tree, or where no tree of bodies moves as the rows allow.
     """
-    return given.checked_kernels(kernels).remember("joint space", (), lambda: JointSpace(kernels))
+    return given.checked_kernels(kernels).remember("joint space", (), lambda: _made(kernels))
 
 
-class JointSpace:
+def _made(kernels: Kernels) -> JointSpace:
+    from ncgen.solver.joint_loops import JointsInLoops
+
+    tree = spanning_tree(kernels.model)
+    if not tree.freedoms:
+        raise ModelError(f"{kernels.name}: joint space needs bodies that move and tell their rotation, and there are none")
+    try:
+        if tree.loose:
+            raise ModelError(f"{kernels.name}: joint space needs bodies that tell their rotation; {tree.loose[0].name} does not")
+        followed = followed_by(kernels, tree)
+    except ModelError as why:  # loops, or what belongs to no joint
+        return JointsInLoops(kernels, tree, why)
+    return JointsOfTree(kernels, tree, followed)
+
+
+class InverseSlopes(NamedTuple):
+    """How the forces of inverse dynamics change with positions, rates and accelerations of the joints, each (…, n, n): row by row."""
+
+    position: np.ndarray
+    rate: np.ndarray
+    acceleration: np.ndarray
+
+
+class ForwardSlopes(NamedTuple):
+    """How the accelerations of forward dynamics change with positions and rates of the joints and with forces, each (…, n, n)."""
+
+    position: np.ndarray
+    rate: np.ndarray
+    force: np.ndarray
+
+
+class JointSpace(ABC):
     """A mechanism over the rates of its joints.
 
     rates: their names; coordinates: names of the joints that have one; n: how many rates there are
@@ -55,13 +94,13 @@ class JointSpace:
     N m along what turns.
     """
 
-    def __init__(self, kernels: Kernels) -> None:
-        self.kernels, self.tree = kernels, spanning_tree(kernels.model)
-        self._check()
-        self.followed = followed_by(kernels, self.tree)
-        self.rates = names_of(kernels, self.tree, self.followed)
-        self.n = len(self.rates)
-        self.coordinates = tuple(kernels.coordinates[c] for c in self.followed)
+    kind: str
+    """A word for the functions that are made for it."""
+
+    def __init__(self, kernels: Kernels, tree: Tree, rates: tuple[str, ...]) -> None:
+        self.kernels, self.tree = kernels, tree
+        self.rates, self.n = rates, len(rates)
+        self.coordinates = tuple(name for name in rates if name in kernels.index)
 
     def __repr__(self) -> str:
         return f"<JointSpace {self.kernels.name}: {self.n} rates>"
@@ -71,17 +110,19 @@ class JointSpace:
     def position(self, values: Mapping[str, float] | None = None, base: tuple[ArrayLike, ArrayLike] | None = None) -> np.ndarray:
         """Natural coordinates (n_q,) where joints have these values (m, rad), by the names of their rates; others keep their initial ones.
 
-        A joint without a coordinate has as its value how far it has turned or slid since the initial position.
+        A joint without a coordinate has as its value how far it has turned or slid since the initial position. Loops are closed on the
+        way from the initial position.
         base: displacement of the one body that moves freely from where it is initially: rotation (3, 3) about the origin, and
             translation (3,) in m
-        Raises ModelError for what is no joint, or for a base where no body, or more than one, moves freely.
+        Raises ModelError for what is no joint, or for a base where no body, or more than one, moves freely; ConvergenceError where loops
+        do not close.
         """
         q = self.placed(self._joint_values(values, "values"))
         return q if base is None else self._displaced(q, *base)
 
+    @abstractmethod
     def placed(self, x: np.ndarray) -> np.ndarray:
         """The same for values of all joints in their order (…, n)."""
-        return self._functions("joint_position", 0.0, x, self.kernels.p0)
 
     def _joint_values(self, values: Mapping[str, float] | None, what: str) -> np.ndarray:
         """Values of all joints (n,): those given by name, else the initial ones."""
@@ -95,8 +136,8 @@ class JointSpace:
         """Values of the joints that have a coordinate (…, n), 0 for the others."""
         q = self._array(q)
         found = np.zeros((*q.shape[:-1], self.n))
-        for c, (k, _) in self.followed.items():
-            found[..., k] = q[..., c]
+        for name in self.coordinates:
+            found[..., self.rates.index(name)] = q[..., self.kernels.index[name]]
         return found
 
     def _displaced(self, q: np.ndarray, rotation: ArrayLike, shift: ArrayLike) -> np.ndarray:
@@ -136,60 +177,108 @@ class JointSpace:
 
     def centre_of_mass(self, q: ArrayLike) -> np.ndarray:
         """Of all bodies that move (…, 3), in m."""
-        q = self._array(q)
-        total, moment = 0.0, np.zeros((*q.shape[:-1], 3))
-        for body in (link.body for link in self.tree.links if link.body.inertia):
-            mass, com = self._numbers(body.own_inertia.mass), np.array([self._numbers(x) for x in body.own_inertia.com])
-            base = body.points[0]
-            turned = transformation(self.kernels, body.name, q) @ (com - base.initial)
-            total, moment = total + mass, moment + mass * (self.element(base, q) + turned)
-        if not total > 0:
-            raise ModelError(f"{self.kernels.name}: nothing has mass; give a body one")
-        return moment / total
-
-    def _numbers(self, value: Value) -> float:
-        return evaluate(value, self.kernels.model.parameters, "inertia")
+        mass, first, _ = self._momenta(q)
+        return first / mass
 
     # -- velocities ----------------------------------------------------------------------------
 
+    @abstractmethod
+    def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """R (…, rates of the tree, n) and what its rates are where those of the joints are 0 (…, rates of the tree)."""
+
+    @abstractmethod
+    def _own(self) -> Mapping[int, int]:
+        """{coordinate of no body: number of its rate among the tree's}."""
+
     def screws(self, q: ArrayLike) -> np.ndarray:
-        """For every rate the angular velocity, and the velocity at the origin, of what it moves, shape (…, n, 6)."""
+        """For every rate of the tree of bodies the angular velocity, and the velocity at the origin, of what it moves, shape (…, -, 6).
+
+        Without loops these are the joints' rates."""
         found = self._of("joint_screws", q)
-        return found.reshape(*found.shape[:-1], self.n, 6)
+        return found.reshape(*found.shape[:-1], -1, 6)
 
     def velocities(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
         """Rates of all natural coordinates (…, n_q) for rates v (…, n) of the joints."""
         q, v = self._array(q), self._over_rates(v, "v")
-        twists = self._twists(self.screws(q), v)
+        spread, drift = self._spread(q)
+        rates = np.einsum("...kn,...n->...k", spread, v) + drift
+        screws = self.screws(q)
+        twists = [np.einsum("...k,...ki->...i", rates[..., path], screws[..., path, :]) for path in self._paths]
         found = np.empty(np.broadcast_shapes(q.shape[:-1], v.shape[:-1]) + q.shape[-1:])
         for c, (element, axis) in self._where.items():
             twist = twists[self.tree.home[element]]
             found[..., c] = carried(twist, self.element(element, q), isinstance(element, Point))[..., axis]
-        for c, (k, _) in self.followed.items():
-            found[..., c] = v[..., k]
+        for c, k in self._own().items():
+            found[..., c] = rates[..., k]
         return found
 
-    def _twists(self, screws: np.ndarray, v: np.ndarray) -> list[np.ndarray]:
-        """(ω, v at the origin) of every link."""
-        return [np.einsum("...k,...ki->...i", v[..., path], screws[..., path, :]) for path in self._paths]
-
-    def jacobian(self, point: str, q: ArrayLike, body: str | None = None, local: bool = False) -> np.ndarray:
+    def jacobian(
+        self, point: str, q: ArrayLike, body: str | None = None, frame: Literal["global", "local", "spatial"] = "global"
+    ) -> np.ndarray:
         """Velocity of a point, and angular velocity of the body it is taken with, for rate 1 of every joint, shape (…, 6, n).
 
         point: the name of a point of the model; body: by default the one nearest to the ground that has it
-        local: along axes that turn with the body and are the global ones initially
+        frame: "global": of the point, along the global axes; "local": along axes that turn with the body and are the global ones
+            initially; "spatial": of what of the body is at the origin, along the global axes
         """
+        if frame not in FRAMES:
+            raise ModelError(f"frame: {str(frame)[:40]!r} is none of {', '.join(FRAMES)}")
         q, element, link = self._array(q), self.point(point), self.link(point, body)
-        screws, path = self.screws(q), self._paths[link]
-        place = self.element(element, q)[..., None, :]
-        found = np.zeros((*q.shape[:-1], 6, self.n))
-        turning, along = screws[..., path, :3], screws[..., path, 3:]
-        found[..., :3, path] = np.swapaxes(along + np.cross(turning, place), -1, -2)
-        found[..., 3:, path] = np.swapaxes(turning, -1, -2)
-        if not local:
-            return found
-        back = np.swapaxes(transformation(self.kernels, self.tree.links[link].body.name, q), -1, -2)
-        return np.concatenate([back @ found[..., :3, :], back @ found[..., 3:, :]], axis=-2)
+        path = self._paths[link]
+        screws, spread = self.screws(q)[..., path, :], self._spread(q)[0][..., path, :]
+        turning, along = screws[..., :3], screws[..., 3:]
+        if frame != "spatial":
+            along = along + np.cross(turning, self.element(element, q)[..., None, :])
+        halves = [np.einsum("...ki,...kn->...in", half, spread) for half in (along, turning)]
+        if frame == "local":
+            back = np.swapaxes(transformation(self.kernels, self.tree.links[link].body.name, q), -1, -2)
+            halves = [back @ half for half in halves]
+        return np.concatenate(halves, axis=-2)
+
+    def centre_of_mass_jacobian(self, q: ArrayLike) -> np.ndarray:
+        """Velocity of the centre of mass for rate 1 of every joint (…, 3, n)."""
+        mass, _, matrix = self._momenta(q)
+        return np.einsum("...ki,...kn->...in", matrix[..., :3], self._spread(self._array(q))[0]) / mass[..., None]
+
+    # -- momentum and energy -------------------------------------------------------------------
+
+    def momentum_matrix(self, q: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
+        """Linear momentum (N s), and angular momentum (N m s) about a point, for rate 1 of every joint, shape (…, 6, n).
+
+        about: (3,) in m; None for the centre of mass: the centroidal momentum matrix. Rotors (`m.rotor`) have none.
+        """
+        return np.einsum("...ki,...kn->...in", self._about(q, about), self._spread(self._array(q))[0])
+
+    def momentum(self, q: ArrayLike, v: ArrayLike, about: ArrayLike | None = None) -> np.ndarray:
+        """Linear and angular momentum of all bodies (…, 6); `about` as for `momentum_matrix`."""
+        spread, drift = self._spread(self._array(q))
+        rates = np.einsum("...kn,...n->...k", spread, self._over_rates(v, "v")) + drift
+        return np.einsum("...ki,...k->...i", self._about(q, about), rates)
+
+    def kinetic_energy(self, q: ArrayLike, v: ArrayLike) -> np.ndarray:
+        """In J (…,), rotors included."""
+        return self.kernels.energy(self._array(q), self.velocities(q, v))[..., 0]
+
+    def potential_energy(self, q: ArrayLike) -> np.ndarray:
+        """Of weight, springs and whatever else has a potential, in J (…,)."""
+        q = self._array(q)
+        return self.kernels.energy(q, np.zeros_like(q))[..., 1]
+
+    def _momenta(self, q: ArrayLike) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Mass (…, 1), first moment about the origin (…, 3), momenta about the origin of the tree's rates (…, -, 6)."""
+        if thin := [body.name for body in self.tree.loose if body.inertia]:
+            raise ModelError(f"{self.kernels.name}: {thin[0]} does not tell its rotation; give the body a direction more")
+        found = self._of("joint_momenta", q)
+        if not np.all(found[..., 0] > 0):
+            raise ModelError(f"{self.kernels.name}: nothing has mass; give a body one")
+        return found[..., :1], found[..., 1:4], found[..., 4:].reshape(*found.shape[:-1], -1, 6)
+
+    def _about(self, q: ArrayLike, about: ArrayLike | None) -> np.ndarray:
+        """Momenta of the tree's rates about a point (…, -, 6)."""
+        mass, first, matrix = self._momenta(q)
+        point = first / mass if about is None else np.asarray(about, dtype=float)
+        linear = matrix[..., :3]
+        return np.concatenate([linear, matrix[..., 3:] - np.cross(point[..., None, :], linear)], axis=-1)
 
     # -- forces --------------------------------------------------------------------------------
 
@@ -221,27 +310,75 @@ class JointSpace:
         return self._functions("joint_loads", given.finite(t, "t"), self._array(q), self._over_rates(v, "v"), self.kernels.p0)
 
     def forward_dynamics(self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0) -> np.ndarray:
-        """Accelerations of the joints (n,) with forces along them beside those of the model (n,; None: zero).
+        """Accelerations of the joints (…, n) with forces along them beside those of the model (…, n; None: zero).
 
         Raises SingularError where a joint moves nothing that has inertia.
         """
         q = self._array(q)
         right = self.loads(q, v, t) - self.inverse_dynamics(q, v) + self._over_rates(forces, "forces")
+        return self._solved(q, right[..., None])[..., 0]
+
+    def _solved(self, q: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """M⁻¹ right, right (…, n, k)."""
+        mass = self.mass_matrix(q)
         try:
-            return scipy.linalg.solve(self.mass_matrix(q), right, assume_a="pos")
+            np.linalg.cholesky(mass)
         except np.linalg.LinAlgError:
             raise SingularError(f"{self.kernels.name}: a joint moves nothing that has inertia; give its bodies mass") from None
+        return np.linalg.solve(mass, right)
+
+    def inverse_dynamics_slopes(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
+        """Exact derivatives of `inverse_dynamics` by positions, rates and accelerations of the joints.
+
+        That by a position is along the motion of a joint at rate 1; rates and accelerations keep their numbers.
+        """
+        q, v, a = self._array(q), self._over_rates(v, "v"), self._over_rates(a, "a")
+        return InverseSlopes(*self._slopes("joint_inverse_tangent", 0.0, q, v, a), self.mass_matrix(q))
+
+    def forward_dynamics_slopes(
+        self, q: ArrayLike, v: ArrayLike | None = None, forces: ArrayLike | None = None, t: float = 0.0
+    ) -> ForwardSlopes:
+        """Exact derivatives of `forward_dynamics`, those of the model's own forces included, by positions and rates of the joints and by
+        forces. Positions as for `inverse_dynamics_slopes`."""
+        q, v = self._array(q), self._over_rates(v, "v")
+        a = self.forward_dynamics(q, v, forces, t)
+        needed, applied = (
+            self._slopes("joint_inverse_tangent", 0.0, q, v, a),
+            self._slopes("joint_loads_tangent", given.finite(t, "t"), q, v),
+        )
+        unit = np.broadcast_to(np.eye(self.n), needed[0].shape)
+        solved = self._solved(q, np.concatenate([*(b - a for a, b in zip(needed, applied, strict=True)), unit], axis=-1))
+        return ForwardSlopes(*(np.array(part) for part in np.split(solved, 3, axis=-1)))
+
+    def _slopes(self, name: str, t: float, *state: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """By positions and by rates (…, n, n), one direction after the other."""
+        spread = [array[..., None, :] for array in state]
+        unit, none = np.eye(self.n), np.zeros((self.n, self.n))
+        parts = (self._slope_functions(name, t, *spread, self.kernels.p0, *along) for along in ((unit, none), (none, unit)))
+        by_position, by_rate = (np.swapaxes(part, -1, -2) for part in parts)
+        return by_position, by_rate
 
     # -- helpers -------------------------------------------------------------------------------
 
     @cached_property
     def _functions(self) -> Functions:
-        from ncgen.program.joint_space import assemble_joint_space
+        return functions(self.kernels, f"{self.kind}_basics", self._inputs(), self._sizes(), partial(self.made, "basics"))
 
-        n, equations = self.n, self.kernels.programs.equations
-        sizes = {"position": self.kernels.n, "screws": 6 * n, "mass": n * (n + 1) // 2, "inverse": n, "loads": n}
-        sizes = {f"joint_{name}": size for name, size in sizes.items()}
-        return functions(self.kernels, "joint_space", INPUTS, sizes, lambda: assemble_joint_space(equations, self.followed))
+    @cached_property
+    def _slope_functions(self) -> Functions:
+        """Made when they are first asked for: they are longer than all others together."""
+        return functions(self.kernels, f"{self.kind}_slopes", SLOPES, dict.fromkeys(SLOPES, self.n), partial(self.made, "slopes"))
+
+    def _inputs(self) -> dict[str, tuple[str, ...]]:
+        return INPUTS
+
+    @abstractmethod
+    def _sizes(self) -> dict[str, int]:
+        """Of the outputs of all functions but slopes."""
+
+    @abstractmethod
+    def made(self, what: Made) -> dict[str, Program]:
+        """The programs by name, assembled now."""
 
     def _of(self, name: str, q: ArrayLike) -> np.ndarray:
         return self._functions(name, 0.0, self._array(q), self.kernels.p0)
@@ -288,7 +425,32 @@ class JointSpace:
                 return number
         raise ModelError(f"point {point}: {'no body that moves has it' if body is None else f'body {body} does not have it'}")
 
-    def _check(self) -> None:
-        name, tree = self.kernels.name, self.tree
-        if tree.loose:
-            raise ModelError(f"{name}: joint space needs bodies that tell their rotation; {tree.loose[0].name} does not")
+
+class JointsOfTree(JointSpace):
+    """Of an open tree: every joint moves by itself.
+
+    followed: {relative coordinate: (rate, its share)}
+    """
+
+    kind = "joint"
+
+    def __init__(self, kernels: Kernels, tree: Tree, followed: dict[int, tuple[int, float]]) -> None:
+        self.followed = followed
+        super().__init__(kernels, tree, names_of(kernels, tree, followed))
+
+    def placed(self, x: np.ndarray) -> np.ndarray:
+        return self._functions("joint_position", 0.0, x, self.kernels.p0)
+
+    def _spread(self, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        return np.eye(self.n), np.zeros(self.n)
+
+    def _own(self) -> Mapping[int, int]:
+        return {c: k for c, (k, _) in self.followed.items()}
+
+    def made(self, what: Made) -> dict[str, Program]:
+        return assemble_joint_space(self.kernels.programs.equations, self.followed, what)
+
+    def _sizes(self) -> dict[str, int]:
+        n = self.n
+        found = {"inverse": n, "loads": n, "position": self.kernels.n, "screws": 6 * n, "mass": n * (n + 1) // 2, "momenta": 4 + 6 * n}
+        return {f"joint_{name}": size for name, size in found.items()}

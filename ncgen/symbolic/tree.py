@@ -1,15 +1,18 @@
 """The bodies of a mechanism as a tree: which one carries which, and how each can move beside the one that carries it.
 
 What two bodies share tells their freedoms: a point 3, a point and a direction 1, a direction 4, two directions 3, nothing 6; in the
-plane a point 1, a direction 2, nothing 3. On a direction that they share a slider has 1 of the 4, a cylindrical joint 2. A spanning tree
+plane a point 1, a direction 2, nothing 3. On a direction that they share a slider has 1 of these, a cylindrical joint 2. Beside the ground
+held components of a body's points and vectors count, too: a point with a held y goes along x and z. A spanning tree
 takes the joints with the fewest freedoms first. Whatever it does not use, elements shared across it and rows of the user's, closes loops.
 Source: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody Systems (1994), chapter 8.
 """
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from heapq import heapify, heappop, heappush
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -84,21 +87,33 @@ class Tree:
 
 def spanning_tree(model: Model) -> Tree:
     """The tree of a model's bodies."""
-    waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], _sliding(model)
+    waiting, sliding = [body for body in model.bodies.values() if _is_solid(body)], sliding_of(model)
     loose = tuple(body for body in model.bodies.values() if not _is_solid(body))
     links: list[Link] = []
     best: dict[Body, tuple[int | None, tuple[Screw, ...]]] = {
-        body: (None, _joint(body, [e for e in body.elements if e.fixed], sliding.get(frozenset({body, model.ground})))) for body in waiting
+        body: (None, _on_ground(body, sliding.get(frozenset({body, model.ground})))) for body in waiting
     }
-    while waiting:
-        body = min(waiting, key=lambda b: len(best[b][1]))
-        waiting.remove(body)
+    rank = {body: k for k, body in enumerate(waiting)}
+    users: dict[Spatial, list[Body]] = defaultdict(list)
+    for body in waiting:
+        for element in body.elements:
+            users[element].append(body)
+    heap = [(len(best[body][1]), rank[body]) for body in waiting]
+    heapify(heap)
+    taken: set[Body] = set()
+    while heap:
+        freedoms, number = heappop(heap)
+        body = waiting[number]
+        if body in taken or freedoms != len(best[body][1]):
+            continue
+        taken.add(body)
         links.append(Link(body, *best[body]))
         mine = set(body.elements)
-        for other in waiting:
+        for other in {user: None for element in body.elements for user in users[element] if user not in taken}:
             shared = [e for e in other.elements if e in mine]
-            if shared and len(screws := _joint(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
+            if len(screws := joint_between(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
                 best[other] = (len(links) - 1, screws)
+                heappush(heap, (len(screws), rank[other]))
     home: dict[Spatial, int] = {}
     for number, link in enumerate(links):
         for element in link.body.elements:
@@ -128,9 +143,11 @@ class Slide:
 
     points: tuple[Point, ...]
     turns: bool
+    across: tuple[Combination, ...] = ()
+    """Directions that the line is perpendicular to."""
 
 
-def _sliding(model: Model) -> dict[frozenset[Body], Slide]:
+def sliding_of(model: Model) -> dict[frozenset[Body], Slide]:
     """{two bodies: how one slides along the other}, of the model's sliders and cylindrical joints."""
     bodies = {**model.bodies, model.ground.name: model.ground}
     found: dict[frozenset[Body], Slide] = {}
@@ -139,11 +156,13 @@ def _sliding(model: Model) -> dict[frozenset[Body], Slide]:
         if row.owner.kind == "joint" and kind in SLIDING and isinstance(along := row.arguments.get("a"), Combination):
             pair = frozenset(bodies[name] for name in names.split("-"))
             known = found.setdefault(pair, Slide(tuple(e for e in along.elements if isinstance(e, Point)), True))
-            found[pair] = Slide(known.points, known.turns and SLIDING[kind])
+            other = row.arguments.get("b")
+            across = (*known.across, other) if isinstance(other, Combination) else known.across
+            found[pair] = Slide(known.points, known.turns and SLIDING[kind], across)
     return found
 
 
-def _joint(body: Body, shared: Sequence[Spatial], slide: Slide | None) -> tuple[Screw, ...]:
+def joint_between(body: Body, shared: Sequence[Spatial], slide: Slide | None) -> tuple[Screw, ...]:
     """How a body can move where these elements of it are held; slide: what rows say besides."""
     held = next((e for e in shared if isinstance(e, Point)), None)
     point = held or body.points[0]
@@ -152,11 +171,53 @@ def _joint(body: Body, shared: Sequence[Spatial], slide: Slide | None) -> tuple[
         turns, axes = ([] if directions else [as_combination(NORMAL)]), AXES[:2]
     else:
         turns, axes = ([] if len(directions) > 1 else directions or list(AXES)), AXES
-    if slide and held is None and len(directions) == 1:
+    if slide and held is None and (along := _line(slide, directions)):
         point = next((e for e in slide.points if e in body.elements), point)
-        turns, axes = (turns if slide.turns else []), directions
+        turns, axes = (turns if slide.turns else []), (along,)
     moves = [] if held else [Screw(axis) for axis in axes]
     return (*moves, *(Screw(axis, point) for axis in turns))
+
+
+def _on_ground(body: Body, slide: Slide | None) -> tuple[Screw, ...]:
+    """How a body can move beside the ground, with which it shares what is fixed, and held components of what moves."""
+    shared = [e for e in body.elements if e.fixed]
+    screws = joint_between(body, shared, slide)
+    moves = [screw for screw in screws if screw.point is None]
+    if len(moves) != (2 if body.frame.planar else 3):
+        return screws
+    turns = [screw for screw in screws if screw.point] if not (body.frame.planar and _is_level(body)) else []
+    point = max(body.points, key=lambda p: sum(c.fixed for c in p.components))
+    kept = [screw for screw, component in zip(moves, point.components, strict=False) if not component.fixed]
+    return (*kept, *(Screw(screw.axis, point) for screw in turns))
+
+
+def _is_level(body: Body) -> bool:
+    """True if a direction of a planar body has a held component, so that the body does not turn."""
+    first, *others = body.points
+    pairs = [tuple(zip(first.components[:2], other.components[:2], strict=True)) for other in others]
+    segments = any(a.fixed and b.fixed for pair in pairs for a, b in pair)
+    return segments or any(c.fixed for v in body.vectors if not _is_normal(as_combination(v)) for c in v.components[:2])
+
+
+def _line(slide: Slide, directions: Sequence[Combination]) -> Combination | None:
+    """The direction, of those that are shared, along which a slider goes."""
+    if len(directions) == 1:
+        return directions[0]
+    normals = [a.initial / float(np.linalg.norm(a.initial)) for a in slide.across]
+    if len(_independent(normals)) < 2:
+        return None
+    return next(
+        (d for d in directions if all(abs(float(d.initial @ n)) < PARALLEL * float(np.linalg.norm(d.initial)) for n in normals)), None
+    )
+
+
+def _independent(directions: Sequence[np.ndarray]) -> list[np.ndarray]:
+    """Up to two of them that are not parallel."""
+    found: list[np.ndarray] = []
+    for direction in directions:
+        if len(found) < 2 and all(float(np.linalg.norm(np.cross(direction, other))) > PARALLEL for other in found):
+            found.append(direction)
+    return found
 
 
 def _directions(elements: Iterable[Spatial]) -> list[Combination]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ctypes
 import json
 import shutil
 import subprocess
@@ -11,7 +12,6 @@ import numpy as np
 import pytest
 
 import ncgen
-from ncgen.errors import ModelError
 from ncgen.exchange.export import export
 
 pytestmark = pytest.mark.skipif(not shutil.which("cc"), reason="no C compiler")
@@ -87,7 +87,68 @@ def test_names_that_are_equal_in_capitals_stay_apart(tmp_path):
     assert "CRANE_JOINT_ROLL = 1," in header and "CRANE_JOINT_ROLL_2 = 2," in header
 
 
-def test_loops_are_refused(tmp_path):
-    with pytest.raises(ModelError, match="robot: joint space is that of an open tree"):
-        export(ncgen.load("robot"), "joints", tmp_path)
-    assert not list(tmp_path.iterdir())
+def library(model, folder: Path) -> ctypes.CDLL:
+    """The sources as a shared library, compiled without a warning."""
+    export(model, "joints", folder)
+    flags = ["-std=c99", "-O1", "-ffp-contract=off", "-Wall", "-Wextra", "-Wpedantic", "-Werror", "-shared", "-fPIC"]
+    subprocess.run(["cc", *flags, f"{model.name}_joints.c", "-o", "joints.so", "-lm"], cwd=folder, check=True, capture_output=True)
+    return ctypes.CDLL(str(folder / "joints.so"))
+
+
+def called(function, *arguments):
+    """A function of C on numbers, integers and arrays, which it may write to."""
+    kinds = {float: ctypes.c_double, int: ctypes.c_int}
+    given = [kinds[type(a)](a) if type(a) in kinds else a.ctypes.data_as(ctypes.POINTER(ctypes.c_double)) for a in arguments]
+    return function(*given)
+
+
+def test_slopes_of_the_crane_equal_pinocchio(tmp_path):
+    """But for the damper, which only the model has: it changes accelerations by rates, and those by forces are checked with it."""
+    model = ncgen.load(ROBOTS / "crane.urdf")
+    lib, names = library(model, tmp_path), ncgen.joint_space(ncgen.compile(model, "numpy")).rates
+    record = next(r for r in json.loads((ROBOTS / "crane.json").read_text())["states"] if not r["floating"])
+    order = np.array([record["joints"].index(name) for name in names])
+    x = np.array([record["values"][name] for name in names])
+    v, a, forces = (np.array(record[name])[order] for name in ("v", "a", "forces"))
+    p, roll = np.zeros(1), names.index("roll")
+    by_x, by_v, by_forces = np.zeros((3, len(x), len(x)))
+    assert called(lib.crane_inverse_dynamics_slopes, x, v, a, p, by_x, by_v) == 0
+    for found, expected in zip((by_x, by_v), record["inverse_slopes"], strict=True):
+        np.testing.assert_allclose(found, np.array(expected)[np.ix_(order, order)], rtol=0, atol=1e-11)
+    forces[roll] += 0.7 * v[roll]
+    assert called(lib.crane_forward_dynamics_slopes, 0.0, x, v, forces, p, by_x, by_v, by_forces) == 0
+    by_v[:, roll] += 0.7 * by_forces[:, roll]
+    for found, expected in zip((by_x, by_v, by_forces), record["forward_slopes"], strict=True):
+        np.testing.assert_allclose(found, np.array(expected)[np.ix_(order, order)], rtol=0, atol=1e-9 * np.max(np.abs(expected)))
+
+
+def test_a_loop_in_c(tmp_path):
+    """A Stewart platform beside the same programs here, whose tests have a closed form: everything but loops' closing is theirs, and
+    positions are looked at."""
+    model = ncgen.load("stewart")
+    lib = library(model, tmp_path)
+    space = ncgen.joint_space(ncgen.compile(model, "numpy"))
+    kernels, n = space.kernels, space.n
+    rates = int((tmp_path / "stewart_joints.h").read_text().split("STEWART_ALL = ")[1].split()[0])
+    everything = np.array((ctypes.c_double * rates).in_dll(lib, "stewart_joint_start"))
+    rng = np.random.default_rng(2)
+    for _ in range(3):
+        x = space.values(kernels.q0) + rng.uniform(-0.2, 0.2, n)
+        v, a, found, q = rng.normal(size=n), rng.normal(size=n), np.zeros(n), np.zeros(kernels.n)
+        p = kernels.p0.copy() if len(kernels.p0) else np.zeros(1)
+        assert called(lib.stewart_close, 0.0, x, p, everything, q) == 0
+        assert np.max(np.abs(kernels.phi(q) / kernels.row_sizes)) < 1e-13
+        np.testing.assert_allclose(space.values(q), x, rtol=0, atol=1e-15)
+        assert called(lib.stewart_inverse_dynamics, x, v, a, p, everything, found) == 0
+        np.testing.assert_allclose(found, space.inverse_dynamics(q, v, a), rtol=0, atol=1e-9)
+        assert called(lib.stewart_forward_dynamics, 0.0, x, v, a, p, everything, found) == 0
+        np.testing.assert_allclose(found, space.forward_dynamics(q, v, a), rtol=0, atol=1e-9)
+        point = next(each for each in model.bodies["platform"].points)
+        jacobian = np.zeros((6, n))
+        assert called(lib.stewart_jacobian, kernels.index[point.x.name], q, p, jacobian) == 0
+        np.testing.assert_allclose(jacobian, space.jacobian(point.name, q), rtol=0, atol=1e-12)
+        parts = np.zeros((3, n, n))
+        assert called(lib.stewart_forward_dynamics_slopes, 0.0, x, v, a, p, everything, *parts) == 0
+        for part, expected in zip(parts, space.forward_dynamics_slopes(q, v, a), strict=True):
+            np.testing.assert_allclose(part, expected, rtol=0, atol=1e-9 * np.max(np.abs(expected)))
+    assert called(lib.stewart_close, 0.0, x + 50.0, p, everything, q) == 1  # legs that long do not meet

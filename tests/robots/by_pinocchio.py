@@ -54,7 +54,21 @@ def record(floating, rng):
     pin.forwardKinematics(model, data, q)
     pin.computeJointJacobians(model, data, q)
     hook = model.getJointId("swing")
-    return {
+    momentum = pin.computeCentroidalMomentum(model, data, q, X @ v)
+    more = {
+        "momentum": [*momentum.linear.tolist(), *momentum.angular.tolist()],
+        "centre": pin.centerOfMass(model, data, q, X @ v).tolist(),
+        "centre_jacobian": (pin.jacobianCenterOfMass(model, data, q) @ X).tolist(),
+        "spatial": (pin.getJointJacobian(model, data, hook, pin.WORLD) @ X).tolist(),
+        "kinetic": pin.computeKineticEnergy(model, data, q, X @ v),
+        "potential": pin.computePotentialEnergy(model, data, q),
+    }
+    if not floating:
+        slopes = pin.computeRNEADerivatives(model, data, q, v, a)
+        more |= {"inverse_slopes": [part.tolist() for part in slopes[:2]]}
+        slopes = pin.computeABADerivatives(model, data, q, v, forces)
+        more |= {"forward_slopes": [part.tolist() for part in slopes]}
+    return more | {
         "floating": floating, "values": values, "turn": turn.tolist(), "shift": shift.tolist(), "joints": order,
         "v": v.tolist(), "a": a.tolist(), "forces": forces.tolist(),
         "mass": (X.T @ M @ X).tolist(),

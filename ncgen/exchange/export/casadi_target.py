@@ -19,7 +19,7 @@ from ncgen.program.cost import cost
 from ncgen.program.dynamics import accelerations, cheapest
 from ncgen.program.state_functions import Argument, Function, Result, closed_functions, open_functions, with_derivatives
 from ncgen.solver.compiled import samples, split_of
-from ncgen.solver.joint_space import JointSpace, joint_space
+from ncgen.solver.joint_space import JointsOfTree, joint_space
 from ncgen.solver.outputs import uses_loads
 from ncgen.solver.partition import choose_partitions
 
@@ -57,11 +57,13 @@ class State:
             self.functions = closed_functions(equations, ways[cheapest(ways)], rows, len(split.independent))
 
 
-def _open(package: Package) -> JointSpace | None:
+def _open(package: Package) -> JointsOfTree | None:
     """The joint space of a tree whose joints turn or slide about one axis each, so that their rates are those of their values."""
     try:
         space = joint_space(package.kernels)
     except ModelError:
+        return None
+    if not isinstance(space, JointsOfTree):
         return None
     simple = all(len(link.screws) <= 1 for link in space.tree.links)
     return space if simple and np.allclose(space.placed(space.values(package.q)), package.q, rtol=0, atol=1e-9) else None

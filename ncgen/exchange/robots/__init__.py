@@ -11,6 +11,7 @@ from pathlib import Path
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.markup import read_markup
 from ncgen.exchange.robots.robot import Robot
+from ncgen.exchange.text import as_path
 from ncgen.model import Model
 
 SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
@@ -18,8 +19,11 @@ SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
 FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""
 
-WRITTEN = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
+WRITTEN = {".urdf": "urdf", ".sdf": "sdf", ".xml": "mjcf", ".mjcf": "mjcf"}
 """{how a file's name ends: module} of formats that are written, too."""
+
+CLOSED = ("sdf", "mjcf")
+"""Formats that say loops."""
 
 
 def read_robot(path: Path) -> Robot:
@@ -30,23 +34,31 @@ def read_robot(path: Path) -> Robot:
     return import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").robot_of(root, path)
 
 
-def load_robot(path: Path, floating: bool | None = None) -> Model:
-    """The model of a robot's file. floating: the root is a free body; None for what the file says.
+def load_robot(
+    path: Path, floating: bool | None = None, limits: bool = False, friction: bool = False, loops: str | Path | None = None
+) -> Model:
+    """The model of a robot's file.
 
+    floating: the root is a free body; None for what the file says
+    limits, friction: of joints, as springs and couples; else they are left out
+    loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
     Raises ModelError with file and line.
     """
+    from ncgen.exchange.robots.loops import beside, closed
     from ncgen.exchange.robots.natural import model_of
 
-    return model_of(read_robot(path), floating)
+    robot = read_robot(path)
+    table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
+    return model_of(closed(robot, table) if table else robot, floating, limits, friction)
 
 
 def robot_text(model: Model, suffix: str) -> str:
-    """A model whose bodies are an open tree as a robot's file. suffix: one of `WRITTEN`.
+    """A model as a robot's file; where its bodies are no open tree, as SDF or MJCF. suffix: one of `WRITTEN`.
 
-    Raises ModelError naming what the format cannot say: a loop, a load that belongs to no joint, a joint that it does not have.
+    Raises ModelError naming what the format cannot say: a loop, a row or a load that belongs to no joint, a joint that it does not have.
     """
     from ncgen.exchange.robots.outward import robot_of
 
     if suffix not in WRITTEN:
         raise ModelError(f"{model.name}: files of links and joints end with {', '.join(WRITTEN)}; {shown(suffix)} is none of them")
-    return import_module(f"ncgen.exchange.robots.{WRITTEN[suffix]}").text_of(robot_of(model))
+    return import_module(f"ncgen.exchange.robots.{WRITTEN[suffix]}").text_of(robot_of(model, loops=WRITTEN[suffix] in CLOSED))

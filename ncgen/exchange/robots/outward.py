@@ -14,6 +14,7 @@ import numpy as np
 
 from ncgen.compiler import compile
 from ncgen.errors import ModelError
+from ncgen.exchange.robots.linkage import linkage_of
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot
 from ncgen.model import Model
@@ -21,7 +22,7 @@ from ncgen.model.arithmetic import unit
 from ncgen.model.bodies import Body
 from ncgen.model.forces import TorsionSpring
 from ncgen.model.values import Value, evaluate
-from ncgen.solver.joint_space import JointSpace, joint_space
+from ncgen.solver.joint_space import JointsOfTree, joint_space
 from ncgen.symbolic.tree import Link as Carried
 from ncgen.symbolic.tree import Screw
 
@@ -31,9 +32,23 @@ ROUNDING = 1e-15
 """A coordinate that begins this near to 0 begins there (rad; m)."""
 
 
-def robot_of(model: Model) -> Robot:
-    """The robot that a model is. Raises ModelError naming what closes a loop, and any load that belongs to no joint."""
-    return _Teller(model).robot()
+def robot_of(model: Model, loops: bool = False) -> Robot:
+    """The robot that a model is. Raises ModelError naming what closes a loop, and any load that belongs to no joint.
+
+    loops: it may have some (`ncgen.exchange.robots.linkage`)
+    """
+    refuse_loads(model)
+    try:
+        space = joint_space(compile(model, backend="numpy"))
+    except ModelError:
+        if not loops:
+            raise
+        return linkage_of(model)
+    if isinstance(space, JointsOfTree):
+        return _Teller(space).robot()
+    if not loops:
+        raise ModelError(f"{space.why}; a file of links and joints cannot say it, but SDF (.sdf) and MJCF (.xml) can")
+    return linkage_of(model)
 
 
 class _AtJoint(TypedDict):
@@ -46,10 +61,8 @@ class _AtJoint(TypedDict):
 
 
 class _Teller:
-    def __init__(self, model: Model) -> None:
-        self.model = model
-        self._refuse_loads()
-        self.space: JointSpace = joint_space(compile(model, backend="numpy"))
+    def __init__(self, space: JointsOfTree) -> None:
+        self.space, self.model = space, space.kernels.model
         self.names = [link.body.name for link in self.space.tree.links]
         self.root = next(name for name in (ROOT, f"{ROOT}_", f"{ROOT}__") if name not in self.names)
         self.coordinates = {k: (c, share) for c, (k, share) in self.space.followed.items()}
@@ -135,16 +148,16 @@ class _Teller:
             if isinstance(spring, TorsionSpring) and spring.coordinate.name == coordinate:
                 yield spring
 
-    def _refuse_loads(self) -> None:
-        """Raise ModelError naming the first load that no joint has."""
-        model = self.model
-        loads = [load.label for load in (*model.forces, *model.potentials)]
-        loads += [spring.label for spring in model.springs if not isinstance(spring, TorsionSpring) or spring.law is not None]
-        loads += [getattr(function, "__name__", "callback") for function in model.callbacks]
-        if loads:
-            raise ModelError(
-                f"{model.name}: {loads[0]} is no spring or damper of a joint; a file of links and joints cannot say it, leave it out"
-            )
+
+def refuse_loads(model: Model) -> None:
+    """Raise ModelError naming the first load that no joint has."""
+    loads = [load.label for load in (*model.forces, *model.potentials)]
+    loads += [spring.label for spring in model.springs if not isinstance(spring, TorsionSpring) or spring.law is not None]
+    loads += [getattr(function, "__name__", "callback") for function in model.callbacks]
+    if loads:
+        raise ModelError(
+            f"{model.name}: {loads[0]} is no spring or damper of a joint; a file of links and joints cannot say it, leave it out"
+        )
 
 
 def _turned(axis: np.ndarray, angle: float, position: np.ndarray) -> Placement:

@@ -6,15 +6,18 @@ loop. Without a joint to the world the robot is a free body.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 
-from ncgen.errors import shown
+from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung, unique
+from ncgen.exchange.robots.written import document, element, number_text
 
 KINDS = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "spherical",
@@ -23,10 +26,15 @@ KINDS = {
 """Joint types of the format, and what they are here."""
 
 OMITTED = {
-    "limit": "limits of joints", "collision": "collision shapes", "visual": "visual shapes", "sensor": "sensors", "plugin": "plugins",
-    "light": "lights",
+    "limit": "limits of joints", "collision": "collision shapes", "sensor": "sensors", "plugin": "plugins", "light": "lights",
 }  # fmt: skip
 """What is not modelled: tags, and words for them."""
+
+ACTING, FORCES = ("revolute", "continuous", "prismatic", "screw"), ("damping", "spring_stiffness")
+"""Joints that have one coordinate, along which something can act, and what can."""
+
+UNLIMITED = 1e15
+"""Limits beyond this are none."""
 
 WORLD, MODEL = "world", "__model__"
 
@@ -41,12 +49,13 @@ def robot_of(root: Markup, path: Path) -> Robot:
     for tag, what in (("include", "included files are not read"), ("model", "nested models are not read")):
         if found := model.first(tag):
             found.refuse(f"{what}; write its links and joints out")
-    return _Reader(root, world, model).robot()
+    return _Reader(root, world, model, path).robot()
 
 
 class _Reader:
-    def __init__(self, root: Markup, world: Markup, model: Markup) -> None:
-        self.root, self.world, self.model = root, world, model
+    def __init__(self, root: Markup, world: Markup, model: Markup, path: Path) -> None:
+        self.root, self.world, self.model, self.path = root, world, model, path
+        self.looks: list[Shape | Unseen] = []
         self.version = tuple(int(part) for part in root.attributes.get("version", "1.7").split(".") if part.isdigit())
         self.named = {each.name(): each for each in (*model.all("link"), *model.all("joint"), *model.all("frame"))}
         self.known: dict[str, Placement] = {MODEL: Placement()}
@@ -84,8 +93,12 @@ class _Reader:
         return replace(found, base=self.stands @ found.base)
 
     def _omitted(self) -> tuple[str, ...]:
+        several = (each for each in self.model.all("joint") if each.attributes.get("type") not in ACTING)
+        damped = sum(_number(each, name) != 0.0 for joint in several for each in joint.walk() if each.tag == "dynamics" for name in FORCES)
+        words = (f"damping and springs of joints of several freedoms ({damped})",) if damped else ()
         dynamics = (each for each in self.model.walk() if each.tag == "dynamics")
-        return self.model.counted(OMITTED, sum(_number(each, "friction") != 0.0 for each in dynamics))
+        frictions = sum(_number(each, "friction") != 0.0 for each in dynamics)
+        return (*self.model.counted(OMITTED, frictions), *words, *unseen(self.looks))
 
     # -- where things are ----------------------------------------------------------------------
 
@@ -114,7 +127,33 @@ class _Reader:
 
     def _link(self, each: Markup) -> Link:
         inertial = each.first("inertial")
-        return Link(each.name(), None if inertial is None else _mass(inertial), each.place)
+        looks = [self._look(visual) for visual in each.all("visual")]
+        self.looks += looks
+        return Link(each.name(), None if inertial is None else _mass(inertial), each.place, seen(looks))
+
+    def _look(self, visual: Markup) -> Shape | Unseen:
+        """What is seen of a link, in its frame."""
+        geometry, material, pose = (visual.first(tag) for tag in ("geometry", "material", "pose"))
+        inside = geometry.children[0] if geometry and geometry.children else None
+        diffuse = material.first("diffuse") if material else None
+        colour = colour_of(diffuse.content(len(diffuse.text.split()))) if diffuse and len(diffuse.text.split()) in (3, 4) else None
+        place = _pose(pose)
+        if inside is None:
+            return Unseen("none")
+        match inside.tag:
+            case "box":
+                return shape("box", inside.only("size").content(3), place, colour)
+            case "sphere":
+                return shape("sphere", inside.only("radius").content(1), place, colour)
+            case "ellipsoid":
+                return shape("ellipsoid", inside.only("radii").content(3), place, colour)
+            case "cylinder" | "capsule" as kind:
+                return shape(kind, [*inside.only("radius").content(1), *inside.only("length").content(1)], place, colour)
+            case "mesh":
+                scale = inside.first("scale")
+                return mesh(inside.only("uri").text, scale.content(3) if scale else (1.0, 1.0, 1.0), place, colour, self.path)
+            case other:
+                return Unseen(other)
 
     def _joint(self, each: Markup) -> Joint:
         """With its own placement in the model in place of that in its parent."""
@@ -127,7 +166,7 @@ class _Reader:
                 each.refuse(f"joint {name}: its {tag} {shown(link)} is no link of this model")
         axis, second = each.first("axis"), each.first("axis2")
         pitch = each.first("screw_thread_pitch")
-        dynamics = axis.first("dynamics") if axis else None
+        dynamics = axis.first("dynamics") if axis and kind in ACTING else None
         return Joint(
             name,
             KINDS[kind],
@@ -140,6 +179,8 @@ class _Reader:
             stiffness=_number(dynamics, "spring_stiffness"),
             rest=_number(dynamics, "spring_reference"),
             pitch=pitch.content(1)[0] if pitch else 0.0,
+            limits=_limits(axis) if kind in ACTING else None,
+            friction=_number(dynamics, "friction"),
             where=each.place,
         )
 
@@ -156,6 +197,15 @@ class _Reader:
         if self.version <= (1, 4) or (flag is not None and flag.text.strip() in ("1", "true")):
             base = MODEL
         return found if base is None else self._place(joint.name()).inverse().along(self._place(base).along(found))
+
+
+def _limits(axis: Markup | None) -> tuple[float, float] | None:
+    """Those of a joint, which may be infinite as 1e16, or None."""
+    limit = axis.first("limit") if axis is not None else None
+    if limit is None or (limit.first("lower") is None and limit.first("upper") is None):
+        return None
+    lower, upper = _number(limit, "lower", -UNLIMITED), _number(limit, "upper", UNLIMITED)
+    return None if lower <= -UNLIMITED and upper >= UNLIMITED else (lower, upper)
 
 
 def _pose(pose: Markup | None) -> Placement:
@@ -183,3 +233,70 @@ ENTRIES = {"ixx": 1.0, "iyy": 1.0, "izz": 1.0, "ixy": 0.0, "ixz": 0.0, "iyz": 0.
 def _number(inside: Markup | None, tag: str, default: float = 0.0) -> float:
     found = inside.first(tag) if inside is not None else None
     return default if found is None else found.content(1)[0]
+
+
+# -- writing -----------------------------------------------------------------------------------
+
+WORDS = {"spherical": "ball"}
+"""The format's words where they are other ones."""
+
+
+def text_of(robot: Robot) -> str:
+    """A robot as SDF 1.7, loops among its joints. Raises ModelError naming a joint that the format cannot say."""
+    frames = {robot.root: robot.base}
+    joints = []
+    for joint in robot.joints:
+        frames[joint.child] = frames[joint.parent] @ joint.placement
+        if joint.kind != "floating":
+            joints.append(_joint_text(joint, frames[joint.child]))
+        elif joint.parent != robot.root or robot.links[robot.root].mass or sum(j.parent == robot.root for j in robot.joints) > 1:
+            raise ModelError(f"joint {joint.name}: SDF cannot say that a link moves freely beside others; a robot hangs together")
+    free = {joint.parent for joint in robot.joints if joint.kind == "floating"}
+    joints += [_joint_text(loop, robot.base @ loop.placement) for loop in robot.loops]
+    hidden = free | ({WORLD} if not robot.floats else set())
+    if not robot.floats and robot.root != WORLD and not free:
+        joints.insert(0, _joint_text(Joint(f"{robot.root}_rests", "fixed", WORLD, robot.root), robot.base))
+    links = [_link_text(link, frames[name]) for name, link in robot.links.items() if name not in hidden]
+    model = element("model", [*links, *joints], name=robot.name)
+    return document(element("sdf", [element("world", [element("gravity", [_written(robot.gravity)]), model], name="world")], version="1.7"))
+
+
+def _written(values: Iterable[float]) -> str:
+    return " ".join(number_text(x) for x in values)
+
+
+def _placed(frame: Placement, **attributes: str) -> str:
+    return element("pose", [_written((*frame.position, *frame.rpy))], **attributes)
+
+
+def _link_text(link: Link, frame: Placement) -> str:
+    mass = link.mass
+    parts = [_placed(frame)]
+    if mass is not None:
+        (xx, xy, xz), (_, yy, yz), (_, _, zz) = mass.tensor
+        named = zip(ENTRIES, (xx, yy, zz, xy, xz, yz), strict=True)
+        inertia = element("inertia", [element(name, [_written((value,))]) for name, value in named])
+        parts.append(element("inertial", [_placed(Placement(position=mass.com)), element("mass", [_written((mass.mass,))]), inertia]))
+    return element("link", parts, name=link.name)
+
+
+def _joint_text(joint: Joint, frame: Placement) -> str:
+    """frame: of the joint in the model."""
+    kind = WORDS.get(joint.kind, joint.kind)
+    for what, value in (("a rotor", joint.armature), (f"a {kind} joint", kind not in KINDS), ("a mimic", joint.mimic)):
+        if value:
+            raise ModelError(f"joint {joint.name}: SDF cannot say {what}; write MJCF (.xml)")
+    parts = [element("parent", [joint.parent]), element("child", [joint.child]), _placed(frame, relative_to=MODEL)]
+    if kind in ("revolute", "prismatic", "universal", "screw"):
+        dynamics = {
+            "damping": joint.damping,
+            "spring_stiffness": joint.stiffness,
+            "spring_reference": joint.rest if joint.stiffness else 0.0,
+        }
+        said = [element(name, [_written((value,))]) for name, value in dynamics.items() if value]
+        parts.append(element("axis", [element("xyz", [_written(joint.axis)]), *([element("dynamics", said)] if said else [])]))
+    if joint.second is not None:
+        parts.append(element("axis2", [element("xyz", [_written(joint.second)])]))
+    if kind == "screw":
+        parts.append(element("screw_thread_pitch", [_written((joint.pitch,))]))
+    return element("joint", parts, name=joint.name, type=kind)

@@ -9,7 +9,7 @@ import numpy as np
 
 
 def element(tag: str, inside: Iterable[str] = (), **attributes: str | float | np.ndarray | Iterable[float]) -> str:
-    """An element with its children, each of which is one, too; a last underscore of an attribute's name is left out."""
+    """An element with its children, elements or text; a last underscore of an attribute's name is left out."""
     said = "".join(f" {name.rstrip('_')}={quoteattr(_text(value))}" for name, value in attributes.items())
     lines = [line for child in inside for line in child.splitlines()]
     return f"<{tag}{said}/>" if not lines else "\n".join([f"<{tag}{said}>", *(f"  {line}" for line in lines), f"</{tag}>"])
@@ -23,8 +23,9 @@ def document(root: str) -> str:
 def _text(value: str | float | np.ndarray | Iterable[float]) -> str:
     if isinstance(value, str):
         return value
-    return " ".join(_number(float(x)) for x in np.atleast_1d(np.asarray(value, dtype=float)))
+    return " ".join(number_text(float(x)) for x in np.atleast_1d(np.asarray(value, dtype=float)))
 
 
-def _number(x: float) -> str:
-    return repr(x + 0.0).removesuffix(".0")  # −0 is 0
+def number_text(x: float) -> str:
+    """The shortest text that reads back to the same bits."""
+    return repr(float(x) + 0.0).removesuffix(".0")  # −0 is 0

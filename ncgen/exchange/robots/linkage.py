@@ -1,0 +1,300 @@
+"""A mechanism with loops as a robot: what a file of links and joints can say of it that may close loops.
+
+The file begins where the model begins: there every joint's coordinate is 0, since only there loops are known to close. Springs' rests move
+along. Beside bodies, rods between two points (`m.distance`, bodies of two points) become links on a universal joint and a ball, measured
+lengths (`m.length`) pairs of links without mass that slide on each other; in the plane they have hinges.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
+from ncgen.model import Model
+from ncgen.model.arithmetic import unit
+from ncgen.model.bodies import Body
+from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, as_combination
+from ncgen.model.forces import TorsionSpring
+from ncgen.model.values import Value, evaluate
+from ncgen.symbolic.tree import Screw, joint_between, sliding_of, spanning_tree
+
+WORLD = "world"
+
+ALONG = 1e-9
+"""Sine of the angle up to which an axis is that of a joint."""
+
+NORMAL = np.array([0.0, 0.0, 1.0])
+
+
+def linkage_of(model: Model) -> Robot:
+    """The robot that a model is, loops among its joints. Raises ModelError naming a row, a coordinate or a load that it cannot say."""
+    return _Linkage(model).robot()
+
+
+@dataclass(eq=False)
+class _Part:
+    """A link: elements that move with it; body: None of what has no mass."""
+
+    name: str
+    elements: list[Spatial]
+    body: Body | None = None
+    position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+class _Linkage:
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        self.names = {body.name for body in model.bodies.values()} | {WORLD}
+        self.tree = spanning_tree(model)
+        self.is_planar = all(body.frame.planar for body in model.bodies.values())
+        fixed = [e for e in model.elements.values() if isinstance(e, Spatial) and e.fixed]
+        self.world = _Part(WORLD, fixed, model.ground)
+        self.parts = [self.world, *(_Part(link.body.name, link.body.elements, link.body) for link in self.tree.links)]
+        self.joints: list[Joint] = []
+        self.loops: list[Joint] = []
+        self.at: dict[Joint, tuple[_Part, _Part]] = {}
+        self.said: set[str] = set()
+
+    def robot(self) -> Robot:
+        self._refuse()
+        for number in range(len(self.tree.links)):
+            self._hang(number)
+        for number in range(len(self.tree.links)):
+            self._close(number)
+        self._universals()
+        for body in self.tree.loose:
+            self._rod(body.name, body.points, body)
+        for row in self.model.rows:
+            if row.owner.kind == "user":
+                self._rod(self._free(f"rod_{row.label.rsplit(' ', 1)[-1]}"), _points(row.direction("a")))
+        for element in self.model.elements.values():
+            if isinstance(element, Length) and element.name not in self.said:
+                self._leg(element)
+        self._coordinates()
+        self._hold()
+        floats = not any(WORLD in (joint.parent, joint.child) for joint in (*self.joints, *self.loops))
+        parts = self.parts[1:] if floats else self.parts
+        links = {part.name: Link(part.name, self._mass(part)) for part in parts}
+        x, y, z = (self._number(g, "gravity") for g in self.model.gravity_field)
+        robot = Robot(self.model.name, links, tuple(self.joints), tuple(self.loops), gravity=(x, y, z), floats=floats)
+        return hung(robot, {part.name: Placement(position=part.position) for part in parts})
+
+    # -- bodies --------------------------------------------------------------------------------
+
+    def _hang(self, number: int) -> None:
+        """The joint of the tree that carries a body; none where it moves freely."""
+        link, part = self.tree.links[number], self.parts[number + 1]
+        parent = self.world if link.parent is None else self.parts[link.parent + 1]
+        turning = next((screw.point for screw in link.screws if screw.point), None)
+        part.position = (turning or link.body.points[0]).initial
+        if len(link.screws) < 6:
+            self._join(f"joint_{part.name}", parent, part, link.screws)
+
+    def _close(self, number: int) -> None:
+        """Joints of what a body shares with others than the one that carries it."""
+        link, part = self.tree.links[number], self.parts[number + 1]
+        carrier = set(link.body.elements) if link.parent is None else set(self.tree.links[link.parent].body.elements)
+        slides = sliding_of(self.model)
+        for other in self.parts[: len(self.tree.links) + 1]:
+            home = None if other is self.world else self.parts.index(other) - 1
+            shared = [e for e in link.body.elements if e in other.elements]
+            mine = [e for e in shared if self.tree.home.get(e) == home and (link.parent is None or e not in carrier)]
+            if other is part or home == link.parent or not mine:
+                continue
+            screws = joint_between(link.body, shared, slides.get(frozenset({other.body or link.body, link.body})))
+            self._join(self._free(f"loop_{other.name}_{part.name}"), other, part, screws, closes=True)
+
+    def _join(self, name: str, parent: _Part, child: _Part, screws: Sequence[Screw], closes: bool = False) -> None:
+        turning = [screw for screw in screws if screw.point]
+        kind = {(0, 0): "fixed", (1, 1): "revolute", (1, 0): "prismatic", (3, 3): "spherical"}.get((len(screws), len(turning)))
+        if kind is None:
+            raise ModelError(
+                f"{self.model.name}: {child.name} has {len(screws)} freedoms ({len(turning)} of turning) beside {parent.name}; files say a "
+                "hinge, a slider, a ball, a universal joint or none: put a body without mass between"
+            )
+        axis = unit(screws[0].axis.initial) if kind in ("revolute", "prismatic") else NORMAL
+        place = next((screw.point.initial for screw in turning if screw.point), child.position)
+        self._add(Joint(name, kind, parent.name, child.name, Placement(position=place), axis), parent, child, closes)
+
+    def _add(self, joint: Joint, parent: _Part, child: _Part, closes: bool = False) -> None:
+        (self.loops if closes else self.joints).append(joint)
+        self.at[joint] = parent, child
+
+    def _put(self, old: Joint, new: Joint) -> None:
+        for joints in (self.joints, self.loops):
+            if old in joints:
+                joints[joints.index(old)] = new
+        self.at[new] = self.at.pop(old)
+
+    # -- rods and legs -------------------------------------------------------------------------
+
+    def _rod(self, name: str, ends: Sequence[Point], body: Body | None = None) -> None:
+        """A link between two points; what they belong to carries it."""
+        if len(ends) != 2 or (body and body.vectors):
+            raise ModelError(f"{self.model.name}: {body or name} does not tell its rotation; a file of links and joints cannot say it")
+        first, second = ends if self._part_of(ends[0]) else (ends[1], ends[0])
+        carrier, end = self._part_of(first), self._part_of(second)
+        if carrier is None:
+            raise ModelError(f"{self.model.name}: {name} hangs on no body; say first what carries it")
+        rod = _Part(name, [first, second], body, first.initial)
+        self.parts.append(rod)
+        self._pivot(self._free(f"{name}_{first.name}"), carrier, rod, first.initial, unit(second.initial - first.initial))
+        if end is not None:
+            self._ball(self._free(f"{name}_{second.name}"), rod, end, second.initial)
+
+    def _leg(self, length: Length) -> None:
+        """Two links without mass that slide on each other, with the coordinate's name."""
+        row = next((row for row in self.model.rows if row.owner.kind == "coordinate" and row.owner.name == length.name), None)
+        if row is None or row.type is None or row.type.key != "length":
+            return
+        end, start = _points(row.direction("a"))
+        name, foot, head = length.name, self._part_of(start), self._part_of(end)
+        if foot is None or head is None:
+            raise ModelError(f"{self.model.name}: coordinate {name} is measured to {(end if foot else start).name}, which is on no body")
+        along = unit(end.initial - start.initial)
+        lower = _Part(self._free(f"{name}_lower"), [start], None, start.initial)
+        upper = _Part(self._free(f"{name}_upper"), [end], None, start.initial)
+        self.parts += [lower, upper]
+        self._pivot(self._free(f"{name}_foot"), foot, lower, start.initial, along)
+        joint = Joint(name, "prismatic", lower.name, upper.name, Placement(position=start.initial), along, **self._acting(length))
+        self._add(joint, lower, upper)
+        self._ball(self._free(f"{name}_head"), upper, head, end.initial)
+        self.said.add(name)
+
+    def _pivot(self, name: str, parent: _Part, child: _Part, place: np.ndarray, along: np.ndarray) -> None:
+        """A hinge in the plane, else a universal joint, across a rod."""
+        if self.is_planar:
+            self._add(Joint(name, "revolute", parent.name, child.name, Placement(position=place), NORMAL), parent, child)
+            return
+        across = unit(np.cross(along, np.eye(3)[int(np.argmin(np.abs(along)))]))
+        second = unit(np.cross(along, across))
+        self._add(Joint(name, "universal", parent.name, child.name, Placement(position=place), across, second), parent, child)
+
+    def _ball(self, name: str, rod: _Part, end: _Part, place: np.ndarray) -> None:
+        kind = "revolute" if self.is_planar else "spherical"
+        parent, child = (end, rod) if end is self.world else (rod, end)
+        self._add(Joint(name, kind, parent.name, child.name, Placement(position=place), NORMAL), parent, child, closes=True)
+
+    def _part_of(self, element: Spatial) -> _Part | None:
+        return next((part for part in self.parts if element in part.elements), None)
+
+    # -- coordinates and rows ------------------------------------------------------------------
+
+    def _universals(self) -> None:
+        """Balls that a row makes universal joints."""
+        for row in self.model.rows:
+            kind, _, names = row.owner.name.partition(" ")
+            if row.owner.kind != "joint" or kind != "universal":
+                continue
+            axes = [row.direction(name) for name in ("u", "v")]
+            for joint in (*self.joints, *self.loops):
+                parent, child = self.at[joint]
+                if joint.kind == "spherical" and {parent.name, child.name} == set(names.replace("ground", WORLD).split("-")):
+                    first, second = axes if self._carries(parent, axes[0]) else axes[::-1]
+                    new = replace(joint, kind="universal", axis=unit(first.initial), second=unit(second.initial))
+                    self._put(joint, new)
+                    self.said.add(row.label)
+                    break
+
+    def _coordinates(self) -> None:
+        """Joints get the names, signs, springs and dampers of the coordinates that follow them."""
+        for element in self.model.elements.values():
+            if not isinstance(element, Relative) or element.name in self.said:
+                continue
+            told = (self._following(element, joint) for joint in (*self.joints, *self.loops))
+            found = next((each for each in told if each), None)
+            if found is None:
+                raise ModelError(
+                    f"{self.model.name}: coordinate {element.name} is that of no hinge or slider; a file of links and joints cannot say it"
+                )
+            old, sign = found
+            self._put(old, replace(old, name=element.name, axis=sign * old.axis, **self._acting(element)))
+            self.said.add(element.name)
+
+    def _following(self, element: Relative, joint: Joint) -> tuple[Joint, float] | None:
+        """The joint and the sign of a coordinate in it."""
+        parent, child = self.at[joint]
+        if isinstance(element, Angle):
+            axis, ends, kind = element.axis.initial, (element.start, element.end), "revolute"
+        else:
+            row = next(row for row in self.model.rows if row.owner.kind == "coordinate" and row.owner.name == element.name)
+            if row.type is None or row.type.key != "slide":
+                return None
+            end, start = _points(row.direction("a"))
+            axis, ends, kind = row.direction("n").initial, (as_combination(start), as_combination(end)), "prismatic"
+        if joint.kind != kind or np.linalg.norm(np.cross(unit(axis), joint.axis)) > ALONG:
+            return None
+        sign = float(np.sign(unit(axis) @ joint.axis))
+        if self._carries(parent, ends[0]) and self._carries(child, ends[1]):
+            return joint, sign
+        if self._carries(child, ends[0]) and self._carries(parent, ends[1]):
+            return joint, -sign
+        return None
+
+    def _carries(self, part: _Part, direction: Combination) -> bool:
+        """True if all of a direction moves with a link."""
+        return all(e in part.elements for e in direction.elements)
+
+    def _hold(self) -> None:
+        """Bodies that move freely hang on the first joint that names them as its child, where there is one."""
+        carried = {joint.child for joint in self.joints}
+        for part in self.parts[1:]:
+            if part.name not in carried and (found := next((loop for loop in self.loops if loop.child == part.name), None)):
+                self.loops.remove(found)
+                self.joints.append(found)
+
+    def _refuse(self) -> None:
+        """Raise ModelError naming the first row or rotor that the format does not say."""
+        model = self.model
+        if model.rotors:
+            raise ModelError(f"{model.name}: with loops no rotor is written, here that of {model.rotors[0].coordinate.name}; leave it out")
+        for row in model.rows:
+            kind = row.owner.name.partition(" ")[0]
+            is_rod = row.owner.kind == "user" and row.type is not None and row.type.key == "distance"
+            is_joint = row.owner.kind == "joint" and kind in ("universal", "prismatic")
+            if not (is_rod or is_joint or row.owner.kind in ("body", "coordinate")):
+                raise ModelError(
+                    f"{model.name}: row {row.label} ({row.owner}) is that of no joint; a file of links and joints cannot say it"
+                )
+
+    # -- numbers -------------------------------------------------------------------------------
+
+    def _acting(self, coordinate: Relative) -> dict[str, float]:
+        """Springs and dampers at a coordinate that is 0 where the model begins."""
+        stiffness = damping = torque = 0.0
+        for spring in self.model.springs:
+            if isinstance(spring, TorsionSpring) and spring.coordinate.name == coordinate.name:
+                own = self._number(spring.stiffness, spring.label)
+                stiffness += own
+                damping += self._number(spring.damping, spring.label)
+                torque += own * (self._number(spring.free, spring.label) - float(coordinate.initial[0]))
+        return {"stiffness": stiffness, "damping": damping, "rest": torque / stiffness if stiffness else 0.0}
+
+    def _mass(self, part: _Part) -> Mass | None:
+        if part.body is None or part.body.inertia is None:
+            return None
+        inertia = part.body.inertia
+        numbers = [self._number(x, f"body {part.name}") for x in (inertia.mass, *inertia.com, *inertia.tensor.flat)]
+        return Mass(numbers[0], np.array(numbers[1:4]) - part.position, np.array(numbers[4:]).reshape(3, 3))
+
+    def _number(self, value: Value, what: str) -> float:
+        return evaluate(value, self.model.parameters, what)
+
+    def _free(self, name: str) -> str:
+        while name in self.names:
+            name += "_"
+        self.names.add(name)
+        return name
+
+
+def _points(segment: Combination) -> list[Point]:
+    """The two points of a segment, its end first."""
+    ends = sorted(segment.terms, key=lambda term: -float(term[0]))
+    if len(ends) != 2 or not all(isinstance(element, Point) for _, element in ends):
+        raise ModelError(f"{segment} is not a segment between two points; a file of links and joints cannot say it")
+    return [element for _, element in ends if isinstance(element, Point)]
