@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from rich.console import Console
 from rich.text import Text
 
+from ncgen.comparisons import arms
 from ncgen.comparisons.batches import RUNS, STATES, batch_records
 from ncgen.comparisons.falls import fall_records
 from ncgen.comparisons.generation import generation_records
@@ -37,6 +38,8 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
     yield "generation and compilation, seconds", generation_records(model.name) if model.name in example_names() else []
     title = f"batch of {STATES:,} states, of {RUNS:,} simulations: ns a state, gain over one at a time, relative difference"
     yield title, list(batch_records(kernels))
+    if model.name == "arm":
+        yield from ((arms.title(records[0]["count"]), records) for records in arms.arm_records())
 
 
 def gradient_section(model: Model) -> Iterator[tuple[str, list[dict]]]:
@@ -79,7 +82,7 @@ def show(console: Console, title: str, records: list[dict]) -> None:
     if not records:
         return
     tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows, "generation": generation_rows}
-    tables["gradients"] = _gradient_rows
+    tables |= {"gradients": _gradient_rows, "arm": arms.rows}
     console.print(Text(title, style="bold"))
     for line in aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
         console.print(line, markup=False)

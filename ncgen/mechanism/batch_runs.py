@@ -148,7 +148,8 @@ class LaneDynamics:
         threads: int | None,
     ) -> int:
         """One call of the library for states q, zd, p at some instants; out: (array, kind) to be filled."""
-        q, zd, p = (np.ascontiguousarray(a, dtype=float) for a in state)
+        q, zd, p = state
+        q, zd, p = (np.ascontiguousarray(a, dtype=float) for a in (q, zd, p[0] if p.ndim == 2 and p.strides[0] == 0 else p))
         threads = thread_count(threads, self.kernels.name) if self.has_threads else 1
         work = aligned(threads * self._library.ncgen_batch_run_workspace(self._model, self._dynamics))
         place = partial(pointer, self._ffi)

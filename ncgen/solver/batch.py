@@ -233,7 +233,7 @@ class States:
         (size,) = counts
         if not size:
             raise ModelError(f"{kernels.name}: a batch of no states; give at least one row")
-        q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0))
+        q, p = _rows(kernels, "q0", q, size, kernels.n), _rows(kernels, "p", p, size, len(kernels.p0), np.asarray)
         q, faults = closed(kernels, q, t, p) if assembled else (q, {})
         if len(faults) == size:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
@@ -462,10 +462,13 @@ def all_independent(rates: Mapping, names: tuple[str, ...]) -> tuple[str, ...]:
     return names
 
 
-def _rows(kernels: Kernels, name: str, array: np.ndarray, count: int, size: int) -> np.ndarray:
+def _rows(
+    kernels: Kernels, name: str, array: np.ndarray, count: int, size: int, laid: Callable[[np.ndarray], np.ndarray] = np.ascontiguousarray
+) -> np.ndarray:
+    """laid: how a row for all becomes many: one after the other, or as it is, with the same memory for each (np.asarray)."""
     if array.shape not in ((size,), (count, size)):
         raise ModelError(f"{kernels.name}: {name} has shape {array.shape}; {(size,)} or {(count, size)} is needed")
-    return np.ascontiguousarray(np.broadcast_to(array, (count, size)))
+    return laid(np.broadcast_to(array, (count, size)))
 
 
 def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, dict[int, str]]:

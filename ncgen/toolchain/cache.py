@@ -36,9 +36,10 @@ class Built:
     spent: float
 
 
-def compiled(files: dict[str, str], flags: tuple[str, ...] = FLAGS, libraries: tuple[str, ...] = LIBRARIES) -> Built:
+def compiled(files: dict[str, str], flags: tuple[str, ...] = FLAGS, libraries: tuple[str, ...] = LIBRARIES, patience: float = 0.0) -> Built:
     """The library of some C sources, from the cache or compiled now by the first compiler that works.
 
+    patience: seconds that a compiler may take at least, where headers are much longer than what is given here
     A flag that a compiler refuses is left out if code is only slower without it. What was left out and which compilers failed
     is said in one warning, and found out once in a process.
     Raises CompileError with the compiler's log if there is none, or none that works.
@@ -52,7 +53,7 @@ def compiled(files: dict[str, str], flags: tuple[str, ...] = FLAGS, libraries: t
         while True:
             taken = compilers.accepted(compiler, (*flags, *compilers.own_flags()))
             try:
-                built = build(files, compiler, taken, libraries)
+                built = build(files, compiler, taken, libraries, patience=patience)
             except CompileError as error:
                 if refused := compilers.examine(compiler, taken, error):
                     news += [f"{compiler.name} refuses {flag} and is used without it" for flag in refused if flag not in compilers.UNSAID]
@@ -87,6 +88,7 @@ def build(
     flags: tuple[str, ...] = FLAGS,
     libraries: tuple[str, ...] = LIBRARIES,
     loads: bool = True,
+    patience: float = 0.0,
 ) -> Built:
     """The library of some C sources by one compiler, from the cache or compiled now.
 
@@ -98,7 +100,7 @@ def build(
         if record := _record(folder / key, loads):
             return Built(folder / key / LIBRARY, 0.0, record["seconds"])
     try:
-        return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads))
+        return written(lambda folder: _build(folder / key, files, compiler, flags, libraries, loads, patience))
     except OSError as error:
         raise CompileError(
             f"there is no room to compile in: {error.strerror or error}; set NCGEN_CACHE_DIR to a folder with some"
@@ -117,7 +119,13 @@ def _key(files: dict[str, str], compiler: Compiler, flags: tuple[str, ...], libr
 
 
 def _build(
-    entry: Path, files: dict[str, str], compiler: Compiler, flags: tuple[str, ...], libraries: tuple[str, ...], loads: bool
+    entry: Path,
+    files: dict[str, str],
+    compiler: Compiler,
+    flags: tuple[str, ...],
+    libraries: tuple[str, ...],
+    loads: bool,
+    patience: float,
 ) -> Built:
     """Compile and publish an entry. Raises OSError where its folder does not take it."""
     work = Path(tempfile.mkdtemp(prefix=TEMPORARY, dir=entry.parent))
@@ -125,7 +133,7 @@ def _build(
         if problem := intruder(work):  # on some network drives nothing belongs to who made it
             raise PermissionError(errno.EACCES, problem)
         start = time.perf_counter()
-        command, log = compilers.make_library(work, files, compiler, flags, libraries, loads)
+        command, log = compilers.make_library(work, files, compiler, flags, libraries, loads, patience)
         seconds = time.perf_counter() - start
         record = {"command": command, "seconds": round(seconds, 3), "log": log, "library": _digest(work / LIBRARY)}
         (work / RECORD).write_bytes(sealed(record))

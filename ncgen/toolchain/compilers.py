@@ -145,16 +145,22 @@ def _machine() -> str:
 
 
 def make_library(
-    folder: Path, files: dict[str, str], compiler: Compiler, flags: tuple[str, ...], libraries: tuple[str, ...], loads: bool = True
+    folder: Path,
+    files: dict[str, str],
+    compiler: Compiler,
+    flags: tuple[str, ...],
+    libraries: tuple[str, ...],
+    loads: bool = True,
+    patience: float = 0.0,
 ) -> tuple[list[str], str]:
     """Write sources into a folder and compile them to LIBRARY there; the command and what the compiler said.
 
-    loads: whether this process must be able to load what comes out
+    loads: whether this process must be able to load what comes out; patience: seconds that it may take at least
     Raises CompileError with the compiler's log if it fails, OSError where the folder cannot hold what is written.
     """
     for name, text in files.items():
         (folder / name).write_text(text, encoding="utf-8")
-    patience = min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000)
+    patience = max(patience, min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
     groups = _groups({name: len(text) for name, text in files.items() if name.endswith(".c")})
     inputs, log = [name for group in groups for name in group], ""
     if len(groups) > 1:

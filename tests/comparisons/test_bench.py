@@ -6,7 +6,7 @@ import math
 import pytest
 
 import ncgen
-from ncgen.comparisons import batches, falls, paper_tables, precision, rates
+from ncgen.comparisons import arms, batches, falls, paper_tables, precision, rates
 from ncgen.comparisons.bench import _simulation_rows, aligned, bench, kernel_records
 from ncgen.comparisons.rivals import articulated, handwritten
 from ncgen.exchange.examples import example_module
@@ -124,3 +124,14 @@ def test_the_articulated_body_algorithm_of_another_generator():
     assert records[rates.ARTICULATED]["error"] < 1e-12 and records[rates.ARTICULATED]["operations"] > 300
     robot = ncgen.compile(ncgen.load("robot"), "c")
     assert articulated.rival(robot, split_of(choose_partitions(robot, ncgen.assemble(robot)).velocity)) is None
+
+
+def test_arms_beside_what_is_installed(monkeypatch):
+    """ncgen and every program that is there find the same accelerations; Pinocchio's headers take minutes and are left out."""
+    monkeypatch.setattr(arms, "_ready", lambda count: 1.0)
+    monkeypatch.setattr(arms.pinocchio, "in_cpp", lambda *given: None)
+    monkeypatch.setattr(arms, "ROUNDS", 3)
+    (records,) = arms.arm_records([2])
+    assert {r["tool"] for r in records} >= {arms.FIRST, "ncgen: a stage of a default run"}
+    assert all(r["error"] < 1e-12 and r["seconds"] > 0 for r in records)
+    assert [row[0] for row in arms.rows(records)] == ["", *(r["tool"] for r in records)]

@@ -7,6 +7,7 @@ Source: Featherstone, Rigid Body Dynamics Algorithms (2008), table 7.1. Any: an 
 
 from __future__ import annotations
 
+import time
 from dataclasses import dataclass
 from importlib import import_module
 from types import ModuleType
@@ -57,21 +58,22 @@ class Joint:
     sign: float
 
 
-def rival(kernels: Kernels, split: Split) -> tuple[Call, int] | None:
-    """The accelerations of the independent angles as a function (t, q, żd, p), and its operations; None where CasADi is not installed or
-    the mechanism is no open tree of hinges that falls freely."""
+def rival(kernels: Kernels, split: Split) -> tuple[Call, int, float] | None:
+    """The accelerations of the independent angles as a function (t, q, żd, p), its operations, and the seconds until it could be called;
+    None where CasADi is not installed or the mechanism is no open tree of hinges that falls freely."""
     try:
         casadi = import_module("casadi")
         found = joints(kernels, split)
     except (ImportError, NoRecursion):
         return None
-    size = len(found)
+    size, start = len(found), time.perf_counter()
     function = _function(casadi, found, [evaluate(g, kernels.model.parameters, "gravity") for g in kernels.model.gravity_field])
     text = code(casadi, {"articulated": function}) + WRAPPER.format(
         places=", ".join(map(str, split.independent)), n=size, work=max(function.sz_w(), 1), whole=max(function.sz_iw(), 1)
     )
-    calls, _ = foreign({"articulated.c": text} | runtime_files("ncgen.h"), {"gamma": size}, "articulated_{}")
-    return calls["gamma"], function.n_instructions() - function.nnz_in() - function.nnz_out()
+    calls, built = foreign({"articulated.c": text} | runtime_files("ncgen.h"), {"gamma": size}, "articulated_{}")
+    ready = time.perf_counter() - start - built.seconds + built.spent
+    return calls["gamma"], function.n_instructions() - function.nnz_in() - function.nnz_out(), ready
 
 
 def joints(kernels: Kernels, split: Split) -> list[Joint]:

@@ -175,13 +175,19 @@ static void listen(run *r)
 /* The largest |phi| relative to the rows' sizes; not a number if one of them is not. */
 static ncgen_real residual(const run *r)
 {
-    ncgen_real largest = ncgen_splat(0.0), sum = largest;
-    for (int i = 0; i < r->model->n_rows; ++i) {
-        const ncgen_real size = NCGEN_ABS(r->phi[i]) * r->per_size[i];
-        largest = ncgen_select(size > largest, size, largest);
-        sum += size;
+    enum { CHAINS = 4 }; /* which do not wait for each other */
+    ncgen_real largest[CHAINS] = {{0}}, sum[CHAINS] = {{0}};
+    for (int first = 0; first < r->model->n_rows; first += CHAINS)
+        for (int k = 0; k < CHAINS && first + k < r->model->n_rows; ++k) {
+            const ncgen_real size = NCGEN_ABS(r->phi[first + k]) * r->per_size[first + k];
+            largest[k] = ncgen_select(size > largest[k], size, largest[k]);
+            sum[k] += size;
+        }
+    for (int k = 1; k < CHAINS; ++k) {
+        largest[0] = ncgen_select(largest[k] > largest[0], largest[k], largest[0]);
+        sum[0] += sum[k];
     }
-    return ncgen_select(sum == sum, largest, sum);
+    return ncgen_select(sum[0] == sum[0], largest[0], sum[0]);
 }
 
 /* The dependent coordinates of some lanes at time t, from r->q on, which has the independent ones; those that close. */
@@ -656,6 +662,12 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
             ncgen_spread(r.n, block, n, q + first * n, r.q);
             ncgen_spread(r.nz, block, nz, zd + first * nz, r.y);
             ncgen_spread(model->n_parameters, block, p_stride, p + first * p_stride, r.p);
+            if (left >= 2 * NCGEN_LANES) {
+                ncgen_foresee(NCGEN_LANES * n, q + (first + NCGEN_LANES) * n);
+                ncgen_foresee(NCGEN_LANES * nz, zd + (first + NCGEN_LANES) * nz);
+                ncgen_foresee(NCGEN_LANES * p_stride, p + (first + NCGEN_LANES) * p_stride);
+                ncgen_foresee(NCGEN_LANES * nz, out_zdd + (first + NCGEN_LANES) * nz);
+            }
             r.senseless = r.singular = none;
             ncgen_mask good = accelerate(&r, ncgen_splat(t), r.y, close_position(&r, ncgen_splat(t), ~none));
             for (int i = 0; i < r.nz; ++i)

@@ -62,6 +62,13 @@ static inline __attribute__((always_inline)) void ncgen_read_square(const double
         lanes[k] = square[k];
 }
 
+/* Numbers that are needed soon are called from memory while something else is computed. */
+static inline void ncgen_foresee(long count, const double *numbers)
+{
+    for (long i = 0; i < count; i += 8) /* a line of the cache */
+        __builtin_prefetch(numbers + i);
+}
+
 /* Rows of `width` numbers, one for each lane, into lanes; lanes beyond `count` repeat the last row. */
 static inline void ncgen_spread(int width, int count, long stride, const double *rows, ncgen_real *lanes)
 {
