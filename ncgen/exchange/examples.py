@@ -26,18 +26,28 @@ SUFFIXES = (".toml", ".py", *robots.SUFFIXES)
 """Of files that a model can be in."""
 
 
-def load(name: str | Path, *, floating: bool | None = None) -> Model:
+def load(
+    name: str | Path,
+    *,
+    floating: bool | None = None,
+    limits: bool = False,
+    friction: bool = False,
+    loops: str | Path | None = None,
+) -> Model:
     """The model of an example, of a TOML file, of a robot's file (URDF, SDF, MJCF), or of a Python file that has a function `build()`
     returning a model.
 
     floating: a robot's root is a free body (True) or part of the ground (False); None for what its file says
+    limits, friction: a robot's joints have the stops and the dry friction of its file, as springs and smooth couples
+    loops: a TOML file that says what closes a robot's loops; None for ROBOT.loops.toml beside its file, if there is one
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
     path = as_path(name, "the name of an example or the path of a file")
     if path.suffix in robots.SUFFIXES and is_file(path):
-        return robots.load_robot(path, floating)
-    if floating is not None:
-        raise ModelError(f"{path.name}: floating is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says what is fixed")
+        return robots.load_robot(path, floating, limits, friction, loops)
+    for word, given in (("floating", floating is not None), ("limits", limits), ("friction", friction), ("loops", loops is not None)):
+        if given:
+            raise ModelError(f"{path.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")
     if _is_example(name):
         if str(name) not in example_names():
             raise _no_such(name)

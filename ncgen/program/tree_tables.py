@@ -102,11 +102,12 @@ class OpenTree:
         self.terms = [self._terms(screw) for screw in self.screws]
         self.pairs: list[tuple[int, int, int, int]] = []
         self.singles: list[tuple[int, int, int, int, int, int]] = []
+        self.rotors: list[tuple[int, int, float]] = []
         self.measured: dict[int, tuple[int, float]] = {}
         self._take_rows()
         places = self._places()
-        self._take_masses(mass, places)
         self._take_measured(places)
+        self._take_masses(mass, places)
         for place in places:
             self._check(place)
 
@@ -141,8 +142,12 @@ class OpenTree:
         found: dict[tuple[int, int, int], dict[tuple[int, int], int]] = defaultdict(dict)
         for (i, j), value in pattern.positions().items():
             if i >= j:
+                if i == j and i in self.measured:
+                    screw, ratio = self.measured[i]
+                    self.rotors.append((screw, value, ratio**2))
+                    continue
                 if i not in self.where or j not in self.where:
-                    raise NoTables("a coordinate of no body has mass")
+                    raise NoTables("a mass couples coordinates of no body")
                 (a, x), (b, y) = sorted((self.where[i], self.where[j]))
                 found[self._carrier(a, b), a, b][x, y] = value
         for (link, a, b), entries in sorted(found.items()):
@@ -327,7 +332,8 @@ class OpenTree:
                 place[c] = k
         counts = {
             "n_links": len(links), "n_screws": len(self.screws), "n_elements": len(self.elements), "n_fixed": len(self.fixed),
-            "n_measured": len(self.measured), "most_rows": max(map(len, self.closes)), "most_unknowns": max(map(len, self.unknowns)),
+            "n_measured": len(self.measured), "n_rotors": len(self.rotors),
+            "most_rows": max(map(len, self.closes)), "most_unknowns": max(map(len, self.unknowns)),
         }  # fmt: skip
         indices = {
             "parent": [-1 if link.parent is None else link.parent for link in self.tree.links],
@@ -345,6 +351,7 @@ class OpenTree:
             "single_start": _starts(_count(len(links), [single[0] for single in self.singles])),
             "singles": _flat([single[1:] for single in self.singles]),
             "measured": _flat([(c, k) for c, (k, _) in self.measured.items()]),
+            "rotors": _flat([rotor[:2] for rotor in self.rotors]),
             "row_start": _starts([len(rows) for rows in self.closes]),
             "rows": _flat(self.closes),
             "group": self.group,
@@ -356,6 +363,7 @@ class OpenTree:
             "weights": [weight for terms in self.terms for weight, _ in terms],
             "heaviness": self.heaviness,
             "ratios": [ratio for _, ratio in self.measured.values()],
+            "gears": [rotor[2] for rotor in self.rotors],
             "fixed": [component.initial for component in self.fixed],
         }
         return TreeTables(counts, indices, numbers)

@@ -14,6 +14,9 @@ from ncgen.solver.rank import freedom
 AWAY = 0.3
 """How far from the start, in natural sizes."""
 
+LEAST = 1e-3
+"""Smaller accelerations, in natural sizes, are differences of larger ones."""
+
 
 def apart(kernels: Kernels, seed: int) -> float:
     """The largest difference of the accelerations, over the largest; parameters are drawn, too."""
@@ -26,7 +29,7 @@ def apart(kernels: Kernels, seed: int) -> float:
     sizes = np.array([1.0 if screw.point else kernels.length for screw in tree.screws])
     qd = tree.velocities(q, sizes * generator.uniform(-1, 1, len(tree.screws)))[: kernels.n]
     by_tables, by_matrix = (_accelerations(kernels, form, q, qd, p) / kernels.column_sizes for form in ("tree", "dense"))
-    return float(np.max(np.abs(by_tables - by_matrix)) / np.max(np.abs(by_matrix)))
+    return float(np.max(np.abs(by_tables - by_matrix)) / max(np.max(np.abs(by_matrix)), LEAST))
 
 
 def _accelerations(kernels: Kernels, form: compiled.Form, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> np.ndarray:

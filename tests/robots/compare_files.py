@@ -3,9 +3,10 @@
     python tests/robots/compare_files.py FOLDER …
 
 It prints a line for every file below the folders: rates, coordinates, seconds until ready, operations of an inverse dynamics, and the
-largest error over 20 random states of mass matrix, gravity, Coriolis terms and forward dynamics (URDF), or of mass matrix, bias and
-passive forces (MJCF), each over 1 + the largest entry; or the reason why a file is refused. Joints that mimic others move by themselves
-here, as they do in Pinocchio. The packages example-robot-data, gymnasium and dm_control have such folders.
+largest error over 20 random states of mass matrix, gravity, Coriolis terms, forward dynamics, centroidal momentum (URDF), or of mass matrix,
+bias and passive forces (MJCF), and of the Jacobian of a point of the outermost bodies, each over 1 + the largest entry; for up to 12 rates of
+URDF also of the derivatives of inverse and forward dynamics; or the reason why a file is refused. Joints that mimic others move by
+themselves here, as they do in Pinocchio. A last line counts what there was. The packages example-robot-data, gymnasium and dm_control have such folders.
 """
 
 import sys
@@ -19,15 +20,21 @@ import ncgen
 from ncgen.errors import NcgenError
 from ncgen.exchange.robots import SUFFIXES, read_robot
 from ncgen.exchange.robots.natural import model_of, word
+from ncgen.exchange.robots.robot import Joint, Robot, together
 from ncgen.program.cost import cost
 
-STATES = 20
+STATES, BODIES, SLOPED = 20, 3, 12
+"""States; outermost bodies whose Jacobians are looked at; most rates whose derivatives are."""
 
 
 def main(folders: list[str]) -> None:
     files = sorted(file for folder in folders for suffix in SUFFIXES for file in Path(folder).rglob(f"*{suffix}"))
+    found = []
     for file in files:
-        print(f"{file.parent.name}/{file.name}: {line(file)}", flush=True)
+        found.append(line(file))
+        print(f"{file.parent.name}/{file.name}: {found[-1]}", flush=True)
+    counts = [sum(text.startswith(word) for text in found) for word in ("refused", "nothing moves")]
+    print(f"{len(files)} files, {len(files) - sum(counts)} compared, {counts[0]} refused, {counts[1]} in which nothing moves")
 
 
 def line(file: Path) -> str:
@@ -46,7 +53,7 @@ def line(file: Path) -> str:
         return f"refused: {error}"
     seconds = time.perf_counter() - start
     operations = cost(space.made("basics")["joint_inverse"]).total
-    errors = {".urdf": beside_pinocchio, ".sdf": lambda *_: {}}.get(file.suffix, beside_mujoco)(file, space)
+    errors = {".urdf": beside_pinocchio, ".sdf": lambda *_: {}}.get(file.suffix, beside_mujoco)(file, space, robot)
     said = ", ".join(f"{name} {error:.0e}" for name, error in errors.items())
     return f"{space.n} rates, {kernels.n} coordinates, {seconds:.1f} s, {operations} operations; {said}"
 
@@ -59,7 +66,16 @@ class Worst(dict):
         self[name] = max(self.get(name, 0.0), float(np.max(np.abs(found - expected), initial=0.0) / size))
 
 
-def beside_pinocchio(file: Path, space) -> Worst:
+def outermost(robot: Robot) -> list[Joint]:
+    """Joints of the last links, which all that carries them moves."""
+    return list(together(robot).joints)[-BODIES:]
+
+
+def space_has_mass(space) -> bool:
+    return any(link.body.inertia for link in space.tree.links)
+
+
+def beside_pinocchio(file: Path, space, robot: Robot) -> Worst:
     import pinocchio as pin
 
     model, rng, worst = pin.buildModelFromUrdf(str(file)), np.random.default_rng(0), Worst()
@@ -80,13 +96,32 @@ def beside_pinocchio(file: Path, space) -> Worst:
         worst.look("mass", space.mass_matrix(here), mass[np.ix_(order, order)])
         worst.look("gravity", space.gravity(here), gravity[order])
         worst.look("Coriolis", space.coriolis(here, v[order]), (bias - gravity)[order])
+        momentum = pin.computeCentroidalMomentum(model, data, q, v)
+        if kept := space_has_mass(space):
+            worst.look("momentum", space.momentum(here, v[order]), np.array([*momentum.linear, *momentum.angular]))
+        pin.computeJointJacobians(model, data, q)
+        for joint in outermost(robot):
+            j = model.getJointId(joint.name)
+            body = word(joint.child, "link")
+            point = space.kernels.model.bodies[body].points[0]
+            theirs = pin.getJointJacobian(model, data, j, pin.LOCAL_WORLD_ALIGNED)
+            theirs[:3] += np.cross(theirs[3:].T, space.element(point, here) - data.oMi[j].translation).T
+            worst.look("Jacobian", space.jacobian(point.name, here, body), theirs[:, order])
+        if kept and space.n <= SLOPED and np.linalg.cond(mass) < 1e6:
+            a = rng.normal(size=model.nv)
+            found, theirs = space.inverse_dynamics_slopes(here, v[order], a[order]), pin.computeRNEADerivatives(model, data, q, v, a)
+            for mine, other in zip(found[:2], theirs[:2], strict=True):
+                worst.look("slopes of inverse", mine, other[np.ix_(order, order)])
+            undamped = space.forward_dynamics_slopes(here, v[order], forces[order] - space.loads(here, v[order]))
+            theirs = pin.computeABADerivatives(model, data, q, v, forces)
+            worst.look("slopes of forward", undamped.position, theirs[0][np.ix_(order, order)])
         if np.linalg.cond(mass) < 1e12:
             mine = space.forward_dynamics(here, v[order], forces[order] - space.loads(here, v[order]))
             worst.look("forward", mine, pin.aba(model, data, q, v, forces)[order])
     return worst
 
 
-def beside_mujoco(file: Path, space) -> Worst:
+def beside_mujoco(file: Path, space, robot: Robot) -> Worst:
     import mujoco
 
     mujoco.set_mju_user_warning(print)  # else it writes a file where Python happens to run
@@ -95,6 +130,7 @@ def beside_mujoco(file: Path, space) -> Worst:
     data = mujoco.MjData(model)
     joints = [j for j in range(model.njnt) if model.jnt_type[j] >= 2]
     names = [word(model.joint(j).name or f"joint{j}", "joint") for j in joints]
+    bodies = {model.body(i).name or f"body{i}": i for i in range(1, model.nbody)}
     mine, dofs = [space.rates.index(name) for name in names], [model.jnt_dofadr[j] for j in joints]
     for _ in range(STATES):
         data.qpos[:], values, v = model.qpos0, rng.uniform(-1, 1, len(joints)), np.zeros(space.n)
@@ -106,6 +142,13 @@ def beside_mujoco(file: Path, space) -> Worst:
         here = space.position(dict(zip(names, values, strict=True)))
         worst.look("mass", space.mass_matrix(here)[np.ix_(mine, mine)], mass[np.ix_(dofs, dofs)])
         worst.look("bias", space.inverse_dynamics(here, v)[mine], data.qfrc_bias[dofs])
+        for joint in outermost(robot):
+            body, rows = word(joint.child, "link"), np.zeros((2, 3, model.nv))
+            if body not in space.kernels.model.bodies or joint.child not in bodies:
+                continue
+            point = space.kernels.model.bodies[body].points[0]
+            mujoco.mj_jac(model, data, rows[0], rows[1], space.element(point, here), bodies[joint.child])
+            worst.look("Jacobian", space.jacobian(point.name, here, body)[:, mine], np.concatenate(rows)[:, dofs])
         worst.look("passive", space.loads(here, v)[mine], data.qfrc_passive[dofs])
     return worst
 

@@ -223,7 +223,7 @@ def test_a_large_file_is_not_read(write):
 
 
 def test_floating_is_for_robots(write):
-    with pytest.raises(ModelError, match=r"floating is for a robot's file \(.urdf, .sdf, .xml, .mjcf\); a model says what is fixed"):
+    with pytest.raises(ModelError, match=r"floating is for a robot's file \(.urdf, .sdf, .xml, .mjcf\); a model says itself what it has"):
         ncgen.load("pendulum", floating=True)
 
 

@@ -109,3 +109,16 @@ def test_refusals():
     slow = ncgen.compile(linkage(), "numpy")
     with pytest.raises(ModelError, match="^linkage: its motion is not written out in C, so it has no second derivatives"):
         ncgen.hessian(slow, 0.1, 2, lambda q, qd: (0.0, None, None, None))
+
+
+@pytest.mark.parametrize("method", ["trapezoidal", "generalized-alpha", "radau", "bdf"])
+def test_implicit_methods_are_refused_at_every_door(method):
+    """Their steps are not differentiated; the same words say so, and which ones are."""
+    kernels = ncgen.compile(linkage(), "numpy")
+    told = f"^integrator: {method!r} given; derivatives go through steps of .*rk4.*dop853"
+    with pytest.raises(ModelError, match=told):
+        ncgen.sensitivities(kernels, 0.1, 2, method)
+    with pytest.raises(ModelError, match=told):
+        ncgen.gradient(kernels, 0.1, 2, lambda q, qd: (0.0, None, None), method)
+    with pytest.raises(ModelError, match=told):
+        ncgen.hessian(kernels, 0.1, 2, lambda q, qd: (0.0, None, None, None), integrator=method)

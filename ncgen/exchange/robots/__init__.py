@@ -11,6 +11,7 @@ from pathlib import Path
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.markup import read_markup
 from ncgen.exchange.robots.robot import Robot
+from ncgen.exchange.text import as_path
 from ncgen.model import Model
 
 SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
@@ -33,14 +34,22 @@ def read_robot(path: Path) -> Robot:
     return import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").robot_of(root, path)
 
 
-def load_robot(path: Path, floating: bool | None = None) -> Model:
-    """The model of a robot's file. floating: the root is a free body; None for what the file says.
+def load_robot(
+    path: Path, floating: bool | None = None, limits: bool = False, friction: bool = False, loops: str | Path | None = None
+) -> Model:
+    """The model of a robot's file.
 
+    floating: the root is a free body; None for what the file says
+    limits, friction: of joints, as springs and couples; else they are left out
+    loops: a file that says loops (`ncgen.exchange.robots.loops`); None for ROBOT.loops.toml beside the robot's file, if there is one
     Raises ModelError with file and line.
     """
+    from ncgen.exchange.robots.loops import beside, closed
     from ncgen.exchange.robots.natural import model_of
 
-    return model_of(read_robot(path), floating)
+    robot = read_robot(path)
+    table = beside(path) if loops is None else as_path(loops, "the path of a file with loops")
+    return model_of(closed(robot, table) if table else robot, floating, limits, friction)
 
 
 def robot_text(model: Model, suffix: str) -> str:

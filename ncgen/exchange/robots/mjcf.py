@@ -160,7 +160,15 @@ class _Reader:
             damping=float(m.dof_damping[dof]),
             stiffness=float(m.jnt_stiffness[j]),
             rest=spring,
+            limits=self._limits(j) if m.jnt_limited[j] else None,
+            friction=float(m.dof_frictionloss[dof]),
         )
+
+    def _limits(self, j: int) -> tuple[float, float]:
+        """Where the coordinate is 0 in the position of the file."""
+        m = self.m
+        low, high = (float(value - m.qpos0[m.jnt_qposadr[j]]) for value in m.jnt_range[j])
+        return low, high
 
     def _equalities(self) -> tuple[list[Joint], dict[str, Mimic]]:
         """Joints that close loops, and who follows whom."""

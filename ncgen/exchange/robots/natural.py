@@ -7,6 +7,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layout, Place, Solid, lay_out
 from ncgen.exchange.robots.robot import Mass, Robot, together
+from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, unit
 from ncgen.model.bodies import Body
@@ -19,13 +20,20 @@ NOTHING = 1e-15
 """Moments of inertia below this share of the mass (m²) are rounding of whoever wrote the file."""
 
 
-def model_of(robot: Robot, floating: bool | None = None) -> Model:
+def model_of(robot: Robot, floating: bool | None = None, limits: bool = False, friction: bool = False) -> Model:
     """The model of a robot whose joints are ordered, with all joint coordinates at 0.
 
     floating: the root is a free body instead of part of the ground; None for what the robot's file says
+    limits, friction: joints have stops and dry friction (`ncgen.exchange.robots.stops`); else they are among what is left out
     Raises ModelError naming a link with an impossible inertia, or a joint that cannot be as it is said.
     """
-    return _Builder(together(robot), robot.floats if floating is None else floating).build()
+    builder = _Builder(together(robot), robot.floats if floating is None else floating)
+    model = builder.build()
+    acting = [(hold.joint, builder.coordinates[hold.joint.name]) for hold in builder.layout.holds if hold.joint.name in builder.coordinates]
+    for asked, add, words in ((limits, add_stops, LIMITS), (friction, add_friction, FRICTION)):
+        if asked:
+            model.left_out = left(model.left_out, words, add(model, acting))
+    return model
 
 
 class _Builder:
@@ -101,7 +109,7 @@ class _Builder:
         elif joint.kind == "prismatic":
             start, end, axis = self._point(hold.start), self._point(hold.end), self._vector(hold.axis)
             self.model.prismatic(a, b, start, end, axis)
-            if not hold.closes:
+            if not hold.closes or joint.damping or joint.stiffness:
                 self.coordinates[joint.name] = self.model.slide(self._free(joint.name), start, end, hold.sign * axis)
         elif joint.kind == "planar":
             self.model.planar(a, b, self._point(hold.start), self._point(hold.end), self._vector(hold.axis))

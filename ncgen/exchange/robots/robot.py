@@ -83,6 +83,7 @@ class Joint:
     axis (3,): a unit vector in the joint's frame; second (3,): the other axis of a universal joint
     armature: of a rotor that turns with the coordinate (kg m²; kg along a distance), ratio of the gear squared in it
     damping: N m s/rad or N s/m; stiffness: N m/rad or N/m, of a spring at rest where the coordinate is `rest`; pitch: m a turn of a screw
+    limits: lowest and highest value (rad or m); friction: dry, N m or N
     """
 
     name: str
@@ -97,6 +98,8 @@ class Joint:
     stiffness: float = 0.0
     rest: float = 0.0
     pitch: float = 0.0
+    limits: tuple[float, float] | None = None
+    friction: float = 0.0
     mimic: Mimic | None = None
     where: str = ""
 

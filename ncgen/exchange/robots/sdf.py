@@ -31,6 +31,12 @@ OMITTED = {
 }  # fmt: skip
 """What is not modelled: tags, and words for them."""
 
+ACTING, FORCES = ("revolute", "continuous", "prismatic", "screw"), ("damping", "spring_stiffness")
+"""Joints that have one coordinate, along which something can act, and what can."""
+
+UNLIMITED = 1e15
+"""Limits beyond this are none."""
+
 WORLD, MODEL = "world", "__model__"
 
 
@@ -88,8 +94,12 @@ class _Reader:
         return replace(found, base=self.stands @ found.base)
 
     def _omitted(self) -> tuple[str, ...]:
+        several = (each for each in self.model.all("joint") if each.attributes.get("type") not in ACTING)
+        damped = sum(_number(each, name) != 0.0 for joint in several for each in joint.walk() if each.tag == "dynamics" for name in FORCES)
+        words = (f"damping and springs of joints of several freedoms ({damped})",) if damped else ()
         dynamics = (each for each in self.model.walk() if each.tag == "dynamics")
-        return self.model.counted(OMITTED, sum(_number(each, "friction") != 0.0 for each in dynamics)) + unseen(self.looks)
+        frictions = sum(_number(each, "friction") != 0.0 for each in dynamics)
+        return (*self.model.counted(OMITTED, frictions), *words, *unseen(self.looks))
 
     # -- where things are ----------------------------------------------------------------------
 
@@ -157,7 +167,7 @@ class _Reader:
                 each.refuse(f"joint {name}: its {tag} {shown(link)} is no link of this model")
         axis, second = each.first("axis"), each.first("axis2")
         pitch = each.first("screw_thread_pitch")
-        dynamics = axis.first("dynamics") if axis else None
+        dynamics = axis.first("dynamics") if axis and kind in ACTING else None
         return Joint(
             name,
             KINDS[kind],
@@ -170,6 +180,8 @@ class _Reader:
             stiffness=_number(dynamics, "spring_stiffness"),
             rest=_number(dynamics, "spring_reference"),
             pitch=pitch.content(1)[0] if pitch else 0.0,
+            limits=_limits(axis) if kind in ACTING else None,
+            friction=_number(dynamics, "friction"),
             where=each.place,
         )
 
@@ -186,6 +198,15 @@ class _Reader:
         if self.version <= (1, 4) or (flag is not None and flag.text.strip() in ("1", "true")):
             base = MODEL
         return found if base is None else self._place(joint.name()).inverse().along(self._place(base).along(found))
+
+
+def _limits(axis: Markup | None) -> tuple[float, float] | None:
+    """Those of a joint, which may be infinite as 1e16, or None."""
+    limit = axis.first("limit") if axis is not None else None
+    if limit is None or (limit.first("lower") is None and limit.first("upper") is None):
+        return None
+    lower, upper = _number(limit, "lower", -UNLIMITED), _number(limit, "upper", UNLIMITED)
+    return None if lower <= -UNLIMITED and upper >= UNLIMITED else (lower, upper)
 
 
 def _pose(pose: Markup | None) -> Placement:

@@ -123,9 +123,15 @@ def _joint(each: Markup) -> Joint:
         _pose(each),
         _axis(each) if kind not in ("fixed", "floating") else np.array([1.0, 0.0, 0.0]),
         damping=dynamics.number("damping", 0.0) if dynamics else 0.0,
+        limits=_limits(each.first("limit")) if kind in ("revolute", "prismatic") else None,
+        friction=dynamics.number("friction", 0.0) if dynamics else 0.0,
         mimic=Mimic(mimic.name("joint"), mimic.number("multiplier", 1.0), mimic.number("offset", 0.0)) if mimic else None,
         where=each.place,
     )
+
+
+def _limits(limit: Markup | None) -> tuple[float, float] | None:
+    return None if limit is None else (limit.number("lower", 0.0), limit.number("upper", 0.0))
 
 
 def _axis(joint: Markup) -> np.ndarray:

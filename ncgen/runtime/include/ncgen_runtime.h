@@ -72,7 +72,7 @@ typedef struct ncgen_motion {
  * entry of the mass matrix is one that is not of that form. A measured coordinate grows `ratio` times as fast as its screw. Rows close
  * the position link by link: none of them has coordinates of later links. */
 typedef struct ncgen_tree {
-    int n_links, n_screws, n_elements, n_fixed, n_measured;
+    int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors;
     int most_rows, most_unknowns;  /* of a link */
     const int *parent;             /* of a link; -1: the ground */
     const int *reference;          /* 3 components of a point of each link */
@@ -91,6 +91,8 @@ typedef struct ncgen_tree {
     const int *singles;            /* 5 of each entry: element and axis, element and axis, number of its value */
     const int *measured;           /* 2 of each measured coordinate: itself, its screw */
     const ncgen_scalar *ratios;
+    const int *rotors;             /* 2 of each inertia along a measured coordinate: its screw, number of its value in the mass matrix */
+    const ncgen_scalar *gears;     /* ratios squared */
     const int *row_start, *rows;   /* n_links + 1: the rows that close a link */
     const int *group;              /* of a coordinate: the link with which it closes */
     const int *place;              /* of a coordinate: its number there */

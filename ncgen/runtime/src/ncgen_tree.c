@@ -395,6 +395,10 @@ static int factor(ncgen_tree_work *w)
     int is_regular = 1;
     for (int i = 0; i < INERTIA * tree->n_links; ++i)
         w->inertia[i] = 0;
+    for (int k = 0; k < tree->n_screws; ++k)
+        w->pivot[k] = 0;
+    for (int i = 0; i < tree->n_rotors; ++i)
+        w->pivot[tree->rotors[2 * i]] += tree->gears[i] * w->mass[tree->rotors[2 * i + 1]];
     for (int link = tree->n_links - 1; link >= 0; --link) {
         ncgen_real *inertia = w->inertia + INERTIA * link, d[3];
         add_pairs(w, link, inertia);
@@ -403,7 +407,7 @@ static int factor(ncgen_tree_work *w)
             ncgen_real *momentum = w->momentum + 6 * k;
             const ncgen_real *axis = w->axis + 3 * k;
             find_momentum(inertia, tree->turns[k], axis, momentum);
-            const ncgen_real pivot = dot(axis, momentum + (tree->turns[k] ? 0 : 3));
+            const ncgen_real pivot = w->pivot[k] + dot(axis, momentum + (tree->turns[k] ? 0 : 3));
             is_regular &= pivot > 0;
             w->pivot[k] = 1 / pivot;
             add_product(-w->pivot[k], momentum, momentum, inertia);

@@ -1,0 +1,65 @@
+"""Limits and dry friction of joints as springs and couples, where they are asked for: smooth enough for every integrator, and not rigid.
+
+A stop is the spring of Hunt & Crossley (1975), k s (1 + d ṡ) where the joint is s beyond its limit. Dry friction F is F tanh(v / v₀), so a
+joint that stands under less than F creeps at up to v₀. k, d and v₀ are parameters of the model.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import sympy
+
+from ncgen.exchange.robots.robot import Joint
+from ncgen.model import Model
+from ncgen.model.elements import Relative
+
+STIFFNESS, LOSS = 1e4, 0.5
+"""Of stops: N m/rad or N/m, and s/rad or s/m."""
+
+CREEP = 1e-2
+"""The rate up to which dry friction is a damper (rad/s or m/s)."""
+
+LIMITS, FRICTION = "limits of joints", "friction of joints"
+"""The words for both among what is left out."""
+
+
+def add_stops(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
+    """Stops of the joints that have limits; how many there are."""
+    limited = [(joint, coordinate) for joint, coordinate in joints if joint.limits is not None]
+    if limited:
+        k, d = model.parameter("stop_stiffness", STIFFNESS, "N/m or N m/rad"), model.parameter("stop_loss", LOSS, "s/m or s/rad")
+    for joint, coordinate in limited:
+        assert joint.limits is not None, "a joint without limits among those with"
+        lower, upper = joint.limits
+        model.torsion_spring(coordinate, law=lambda x, v: k * (beyond(x - upper) * (1 + d * v) - beyond(lower - x) * (1 - d * v)),
+                             label=f"stops of {coordinate.name}")  # fmt: skip
+    return len(limited)
+
+
+def add_friction(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
+    """Dry friction of the joints that have some; how many there are."""
+    rough = [(joint, coordinate) for joint, coordinate in joints if joint.friction]
+    if rough:
+        creep = model.parameter("friction_creep", CREEP, "m/s or rad/s")
+    for joint, coordinate in rough:
+        model.torsion_spring(coordinate, law=lambda x, v: joint.friction * sympy.tanh(v / creep), label=f"friction of {coordinate.name}")
+    return len(rough)
+
+
+def beyond(s: sympy.Expr) -> sympy.Expr:
+    """s where it is positive, else 0."""
+    return (s + sympy.Abs(s)) / 2
+
+
+def left(omitted: Iterable[str], words: str, done: int) -> tuple[str, ...]:
+    """What is left out, less so many of a kind."""
+    found = []
+    for said in omitted:
+        what, _, count = said.rpartition(" (")
+        rest = int(count.rstrip(")")) - done if what == words else None
+        if rest is None:
+            found.append(said)
+        elif rest:
+            found.append(f"{words} ({rest})")
+    return tuple(found)
