@@ -21,7 +21,7 @@ from ncgen.view.triangles import Mesh
 LARGEST = 50_000_000
 """Bytes of a file."""
 
-MOST = 800
+MOST = 400
 """Triangles that are kept of a mesh."""
 
 KINDS = (".stl", ".obj", ".dae")

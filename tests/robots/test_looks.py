@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ncgen
+from ncgen.exchange.robots import robot_text
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.model.shapes import rotation_of
 
@@ -122,6 +123,20 @@ def test_mjcf(tmp_path):
     mine = file @ mesh.rotation.T + mesh.position
     gaps = np.linalg.norm(theirs[:, None] - mine, axis=2).min(axis=0)
     assert mesh.file == str(tmp_path / "hand.obj") and gaps.max() < 1e-6
+
+
+@pytest.mark.parametrize(("suffix", "hidden"), [(".urdf", 0), (".sdf", 1)])
+def test_shapes_go_out_and_come_back(tmp_path, suffix, hidden):
+    """Where they were, with their sizes and colours. What rests is the world in SDF, which has no shapes there."""
+    (tmp_path / "hand.stl").write_text(TRIANGLE)
+    text = URDF.replace("package://looks/meshes/hand.stl", "hand.stl")
+    first = loaded(tmp_path, "looking.urdf", text)
+    second = loaded(tmp_path, f"back{suffix}", robot_text(first, suffix))
+    assert [solid.kind for solid in second.drawing.solids] == ["box", "cylinder", "mesh", "ellipsoid"][hidden:]
+    for a, b in zip(first.drawing.solids[hidden:], second.drawing.solids, strict=True):
+        assert (a.body.name, a.sizes, a.colour, a.file) == (b.body.name, b.sizes, b.colour, b.file)
+        np.testing.assert_allclose(b.position, a.position, atol=1e-14)
+        np.testing.assert_allclose(b.rotation[:, 2], a.rotation[:, 2], atol=1e-14)
 
 
 def test_a_robot_goes_through_a_model_file(tmp_path):

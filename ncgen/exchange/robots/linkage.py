@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.exchange.robots.looks import Shape, shapes_on
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
 from ncgen.model import Model
@@ -79,7 +80,7 @@ class _Linkage:
         self._hold()
         floats = not any(WORLD in (joint.parent, joint.child) for joint in (*self.joints, *self.loops))
         parts = self.parts[1:] if floats else self.parts
-        links = {part.name: Link(part.name, self._mass(part)) for part in parts}
+        links = {part.name: Link(part.name, self._mass(part), shapes=self._shapes(part)) for part in parts}
         x, y, z = (self._number(g, "gravity") for g in self.model.gravity_field)
         robot = Robot(self.model.name, links, tuple(self.joints), tuple(self.loops), gravity=(x, y, z), floats=floats)
         return hung(robot, {part.name: Placement(position=part.position) for part in parts})
@@ -274,6 +275,10 @@ class _Linkage:
                 damping += self._number(spring.damping, spring.label)
                 torque += own * (self._number(spring.free, spring.label) - float(coordinate.initial[0]))
         return {"stiffness": stiffness, "damping": damping, "rest": torque / stiffness if stiffness else 0.0}
+
+    def _shapes(self, part: _Part) -> tuple[Shape, ...]:
+        body = self.model.ground if part is self.world else part.body
+        return shapes_on(self.model, body, part.position) if body else ()
 
     def _mass(self, part: _Part) -> Mass | None:
         if part.body is None or part.body.inertia is None:

@@ -11,6 +11,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from urllib.parse import unquote
 
+import numpy as np
+
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.text import is_file
 from ncgen.model import Model
@@ -78,6 +80,26 @@ def unseen(found: Iterable[Shape | Unseen]) -> tuple[str, ...]:
     kinds = [each.what for each in hidden if not each.is_file]
     said = [f"meshes that are not there, {missing[0]} first ({len(missing)})"] if missing else []
     return (*said, *([f"shapes of other kinds, {kinds[0]} first ({len(kinds)})"] if kinds else []))
+
+
+def shapes_on(model: Model, body: Body, origin: np.ndarray) -> tuple[Shape, ...]:
+    """Shapes of a body as files say them, in a frame along the global axes: wheels and capsules as cylinders, no polygons."""
+    found = []
+    for solid in model.drawing.solids:
+        if solid.body is not body or solid.kind == "polygon":
+            continue
+        kind = "cylinder" if solid.kind in ("wheel", "capsule") else solid.kind
+        sizes, place = solid.sizes, Placement(solid.rotation, solid.position - origin)
+        if kind == "ellipsoid" and len(set(sizes)) == 1:
+            kind, sizes = "sphere", sizes[:1]
+        file = str((model.drawing.folder or Path()) / solid.file) if solid.file else ""
+        found.append(Shape(kind, sizes, place, solid.colour, file))
+    return tuple(found)
+
+
+def rgba_of(colour: str) -> tuple[float, ...]:
+    """Numbers from 0 to 1 of #rrggbb, and 1."""
+    return (*(int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)), 1.0)
 
 
 def mesh(name: str, scale: Sequence[float], place: Placement, colour: str | None, robot: Path) -> Shape | Unseen:

@@ -15,6 +15,7 @@ import numpy as np
 from ncgen.compiler import compile
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.linkage import linkage_of
+from ncgen.exchange.robots.looks import shapes_on
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot
 from ncgen.model import Model
@@ -70,8 +71,9 @@ class _Teller:
 
     def robot(self) -> Robot:
         tree = self.space.tree
-        links = [Link(self.root, None)]
-        links += [Link(link.body.name, self._mass(link.body, origin)) for link, origin in zip(tree.links, self.origins, strict=True)]
+        links = [Link(self.root, None, shapes=shapes_on(self.model, self.model.ground, np.zeros(3)))]
+        for link, origin in zip(tree.links, self.origins, strict=True):
+            links.append(Link(link.body.name, self._mass(link.body, origin), shapes=shapes_on(self.model, link.body, origin)))
         joints = [self._joint(number) for number in range(len(tree.links))]
         x, y, z = (self._number(g, "gravity") for g in self.model.gravity_field)
         return Robot(self.model.name, {link.name: link for link in links}, tuple(joints), gravity=(x, y, z)).ordered()

@@ -9,11 +9,12 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
+from xml.sax.saxutils import escape
 
 import numpy as np
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung, unique
@@ -269,9 +270,20 @@ def _placed(frame: Placement, **attributes: str) -> str:
     return element("pose", [_written((*frame.position, *frame.rpy))], **attributes)
 
 
+def _visual_text(shape: Shape, number: int) -> str:
+    names = {"box": ["size"], "cylinder": ["radius", "length"], "sphere": ["radius"], "ellipsoid": ["radii"], "mesh": ["scale"]}[shape.kind]
+    sizes = [shape.sizes] if len(names) == 1 else [(size,) for size in shape.sizes]
+    inside = [element("uri", [escape(f"file://{shape.file}")])] if shape.file else []
+    inside += [element(name, [_written(size)]) for name, size in zip(names, sizes, strict=True)]
+    colour = [element("material", [element("diffuse", [_written(rgba_of(shape.colour))])])] if shape.colour else []
+    return element(
+        "visual", [_placed(shape.placement), element("geometry", [element(shape.kind, inside)]), *colour], name=f"visual{number}"
+    )
+
+
 def _link_text(link: Link, frame: Placement) -> str:
     mass = link.mass
-    parts = [_placed(frame)]
+    parts = [_placed(frame), *(_visual_text(shape, number) for number, shape in enumerate(link.shapes, 1))]
     if mass is not None:
         (xx, xy, xz), (_, yy, yz), (_, _, zz) = mass.tensor
         named = zip(ENTRIES, (xx, yy, zz, xy, xz, yz), strict=True)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from ncgen.errors import ModelError
-from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
@@ -147,14 +147,32 @@ def text_of(robot: Robot) -> str:
     return document(element("robot", [*map(_link_text, robot.links.values()), *map(_joint_text, robot.joints)], name=robot.name))
 
 
+def _visual_text(shape: Shape) -> list[str]:
+    """Nothing for an ellipsoid, which the format does not have."""
+    match shape.kind:
+        case "box":
+            inside = element("box", size=shape.sizes)
+        case "cylinder":
+            inside = element("cylinder", radius=shape.sizes[0], length=shape.sizes[1])
+        case "sphere":
+            inside = element("sphere", radius=shape.sizes[0])
+        case "mesh":
+            inside = element("mesh", filename=shape.file, scale=shape.sizes)
+        case _:
+            return []
+    colour = [element("material", [element("color", rgba=rgba_of(shape.colour))], name=shape.colour)] if shape.colour else []
+    origin = element("origin", xyz=shape.placement.position, rpy=shape.placement.rpy)
+    return [element("visual", [origin, element("geometry", [inside]), *colour])]
+
+
 def _link_text(link: Link) -> str:
-    mass = link.mass
+    mass, visuals = link.mass, [text for shape in link.shapes for text in _visual_text(shape)]
     if mass is None:
-        return element("link", name=link.name)
+        return element("link", visuals, name=link.name)
     (ixx, ixy, ixz), (_, iyy, iyz), (_, _, izz) = mass.tensor
     inertia = element("inertia", ixx=ixx, ixy=ixy, ixz=ixz, iyy=iyy, iyz=iyz, izz=izz)
     inertial = element("inertial", [element("origin", xyz=mass.com), element("mass", value=mass.mass), inertia])
-    return element("link", [inertial], name=link.name)
+    return element("link", [inertial, *visuals], name=link.name)
 
 
 def _joint_text(joint: Joint) -> str:
