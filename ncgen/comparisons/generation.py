@@ -22,7 +22,7 @@ STEPS = 100
 """Of a motion by rk4."""
 
 SCRIPT = """
-import json, sys, time
+import json, resource, sys, time
 import numpy, scipy.linalg, cffi.cparser, ncgen.compiler
 import ncgen.mechanism.batch, ncgen.mechanism.library, ncgen.mechanism.numpy_module, ncgen.mechanism.recall, ncgen.symbolic.numbering
 from ncgen.exchange.examples import example_module, load
@@ -30,21 +30,23 @@ name, count, cold, emission, steps = json.loads(sys.argv[1])
 if cold:
     import sympy, ncgen.emit.sources, ncgen.program.assemble, ncgen.symbolic.equations
 model = load(name) if count is None else example_module(name).build(count)
+spent = lambda: sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 timings = ncgen.compiler.Timings()
-start = time.perf_counter()
+start, before = time.perf_counter(), spent()
 kernels = ncgen.compiler.compile(model, "c", emission, timings)
 seconds = time.perf_counter() - start - timings.seconds.get("import", 0.0)
+processor = spent() - before
 from ncgen.emit.naming import identifier
 from ncgen.comparisons.rivals.generated import code_bytes
 code = code_bytes(kernels.library, identifier(kernels.name), kernels.programs.programs)
-found = {"seconds": seconds, "stages": timings.seconds, "code": sum(code.values())}
+found = {"seconds": seconds, "processor": processor, "stages": timings.seconds, "code": sum(code.values())}
 if steps:
-    import resource
     from ncgen import simulate
     from ncgen.solver.rank import freedom
-    from ncgen.mechanism.runtime import prepare
-    prepare(kernels)
-    spent = lambda: sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    from ncgen.mechanism.runtime import beside
+    runtime = beside()
+    runtime.start()
+    runtime.join()
     start = spent()
     freedom(kernels)
     found["freedom"] = spent() - start
