@@ -50,11 +50,15 @@ if steps:
     start = spent()
     freedom(kernels)
     found["freedom"] = spent() - start
-    for name, count in (("first", steps // 5), ("short", steps // 5), ("long", steps + steps // 5)):
+    few, many = steps // 5, steps + steps // 5
+    given = model.simulation_options | {"integrator": "rk4", "max_step": 1e-4, "points": 2}
+    runs = [("first", few), ("short", few), ("long", many)], [("", few), ("few", few), ("many", many)]
+    for name, count, engine in [(*each, engine) for engine, some in zip(("auto", "c"), runs) for each in some]:
         start = spent()
-        run = simulate(kernels, integrator="rk4", max_step=1e-4, points=2, **model.simulation_options | {"duration": count * 1e-4})
+        run = simulate(kernels, engine=engine, **given | {"duration": count * 1e-4})
         found[name] = spent() - start
-    found |= {"steps": (found["long"] - found["short"]) / steps, "engine": run.engine}
+        found.setdefault("engine", run.engine)
+    found |= {"steps": (found["long"] - found["short"]) / steps, "matrix": (found["many"] - found["few"]) / steps}
 json.dump(found, sys.stdout)
 """
 
@@ -78,7 +82,8 @@ def growth_records(name: str = "chain", lengths: Iterable[int] | None = None, st
 
 def _measured(folder: str, name: str, count: int | None, cold: bool, emission: str, steps: int) -> dict:
     """From a process of its own. freedom, first: seconds of processor time for the degrees of freedom, and until a first motion of a fifth
-    of the steps is over, compilers included; short: the same again; steps: for one more step."""
+    of the steps is over, compilers included; short: the same again; steps: for one more step; matrix: for one by the
+    factored matrix."""
     command = [sys.executable, "-c", SCRIPT, json.dumps([name, count, cold, emission, steps])]
     done = subprocess.run(command, env=os.environ | {"NCGEN_CACHE_DIR": folder}, capture_output=True, text=True)
     if done.returncode:
