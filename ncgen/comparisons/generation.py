@@ -15,7 +15,7 @@ from collections.abc import Iterable, Iterator
 
 from ncgen.errors import NcgenError
 
-LENGTHS = {"chain": (100, 320, 1000, 3200, 10000), "arm": (20, 50, 100, 200, 500, 1000)}
+LENGTHS = {"chain": (100, 320, 1000, 3200, 10000), "arm": (20, 50, 70, 200, 1000)}
 """Links of a chain, joints of an arm."""
 
 STEPS = 100
