@@ -155,12 +155,13 @@ def generation_rows(records: list[dict]) -> list[tuple[str, ...]]:
     """Titles and lines; what takes longest has columns of its own."""
     stages = ("symbolic", "program", "emit", "build")
     moves = any("steps" in r for r in records)
-    motion = ("freedom", "first run", "again", "a step, us", "engine") if moves else ()
+    motion = ("processor", "freedom", "first run", "again", "a step, us", "engine", "by the matrix, us") if moves else ()
     rows: list[tuple[str, ...]] = [("", "in all", *stages, "code, bytes", *motion)]
     for r in records:
         parts = [f"{r['stages'][stage]:.3f}" if stage in r["stages"] else "" for stage in stages]
         if moves:
-            motion = (*(f"{r[name]:.3f}" for name in ("freedom", "first", "short")), f"{1e6 * r['steps']:.0f}", r["engine"])
+            taken = (f"{r[name]:.3f}" for name in ("processor", "freedom", "first", "short"))
+            motion = (*taken, f"{1e6 * r['steps']:.0f}", r["engine"], f"{1e6 * r['matrix']:.0f}")
         rows.append((r["tool"], f"{r['seconds']:.3f}", *parts, f"{r['code']:,}", *motion))
     return rows
 

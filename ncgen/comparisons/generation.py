@@ -15,14 +15,14 @@ from collections.abc import Iterable, Iterator
 
 from ncgen.errors import NcgenError
 
-LENGTHS = {"chain": (100, 320, 1000, 3200, 10000), "arm": (20, 50, 100, 200, 500, 1000)}
+LENGTHS = {"chain": (100, 320, 1000, 3200, 10000), "arm": (20, 50, 70, 200, 1000)}
 """Links of a chain, joints of an arm."""
 
 STEPS = 100
 """Of a motion by rk4."""
 
 SCRIPT = """
-import json, sys, time
+import json, resource, sys, time
 import numpy, scipy.linalg, cffi.cparser, ncgen.compiler
 import ncgen.mechanism.batch, ncgen.mechanism.library, ncgen.mechanism.numpy_module, ncgen.mechanism.recall, ncgen.symbolic.numbering
 from ncgen.exchange.examples import example_module, load
@@ -30,29 +30,35 @@ name, count, cold, emission, steps = json.loads(sys.argv[1])
 if cold:
     import sympy, ncgen.emit.sources, ncgen.program.assemble, ncgen.symbolic.equations
 model = load(name) if count is None else example_module(name).build(count)
+spent = lambda: sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
 timings = ncgen.compiler.Timings()
-start = time.perf_counter()
+start, before = time.perf_counter(), spent()
 kernels = ncgen.compiler.compile(model, "c", emission, timings)
 seconds = time.perf_counter() - start - timings.seconds.get("import", 0.0)
+processor = spent() - before
 from ncgen.emit.naming import identifier
 from ncgen.comparisons.rivals.generated import code_bytes
 code = code_bytes(kernels.library, identifier(kernels.name), kernels.programs.programs)
-found = {"seconds": seconds, "stages": timings.seconds, "code": sum(code.values())}
+found = {"seconds": seconds, "processor": processor, "stages": timings.seconds, "code": sum(code.values())}
 if steps:
-    import resource
     from ncgen import simulate
     from ncgen.solver.rank import freedom
-    from ncgen.mechanism.runtime import prepare
-    prepare(kernels)
-    spent = lambda: sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    from ncgen.mechanism.runtime import beside
+    runtime = beside()
+    runtime.start()
+    runtime.join()
     start = spent()
     freedom(kernels)
     found["freedom"] = spent() - start
-    for name, count in (("first", steps // 5), ("short", steps // 5), ("long", steps + steps // 5)):
+    few, many = steps // 5, steps + steps // 5
+    given = model.simulation_options | {"integrator": "rk4", "max_step": 1e-4, "points": 2}
+    runs = [("first", few), ("short", few), ("long", many)], [("", few), ("few", few), ("many", many)]
+    for name, count, engine in [(*each, engine) for engine, some in zip(("auto", "c"), runs) for each in some]:
         start = spent()
-        run = simulate(kernels, integrator="rk4", max_step=1e-4, points=2, **model.simulation_options | {"duration": count * 1e-4})
+        run = simulate(kernels, engine=engine, **given | {"duration": count * 1e-4})
         found[name] = spent() - start
-    found |= {"steps": (found["long"] - found["short"]) / steps, "engine": run.engine}
+        found.setdefault("engine", run.engine)
+    found |= {"steps": (found["long"] - found["short"]) / steps, "matrix": (found["many"] - found["few"]) / steps}
 json.dump(found, sys.stdout)
 """
 
@@ -76,7 +82,8 @@ def growth_records(name: str = "chain", lengths: Iterable[int] | None = None, st
 
 def _measured(folder: str, name: str, count: int | None, cold: bool, emission: str, steps: int) -> dict:
     """From a process of its own. freedom, first: seconds of processor time for the degrees of freedom, and until a first motion of a fifth
-    of the steps is over, compilers included; short: the same again; steps: for one more step."""
+    of the steps is over, compilers included; short: the same again; steps: for one more step; matrix: for one by the
+    factored matrix."""
     command = [sys.executable, "-c", SCRIPT, json.dumps([name, count, cold, emission, steps])]
     done = subprocess.run(command, env=os.environ | {"NCGEN_CACHE_DIR": folder}, capture_output=True, text=True)
     if done.returncode:

@@ -228,6 +228,7 @@ class OpenTree:
         """Closed positions: where the mechanism is, and two around it, with other parameters where there are any."""
         first, *others = self.around.looks
         found = [self._closed(self.around.q, first)]
+        self._check_rows(found[0], [r for r, row in enumerate(self.rows) if all(c in self.where for c in row)])
         for k, x in enumerate(self._random()):
             moved = self.velocities(found[0].q, x)[: self.n] * (-1) ** k
             guess = found[0].q + ASIDE * moved / np.max(np.abs(moved) / self.around.columns)
@@ -298,14 +299,19 @@ class OpenTree:
 
     def _check(self, place: Place) -> None:
         """Raise NoTables where a row does not allow what the joints do, or lets more move."""
+        self._check_rows(place, range(len(self.rows)))
+        if any(rank != freedom for rank, _, freedom in self._ranks(place)):
+            raise NoTables("a body can move otherwise than by its joint")
+
+    def _check_rows(self, place: Place, rows: Sequence[int]) -> None:
+        """Raise NoTables where one of these rows, or a fixed component, does not allow what the joints do."""
         jacobian = scipy.sparse.csr_array((place.phi_q, self.pattern.indices, self.pattern.indptr), shape=self.pattern.shape)
         for x in self._random():
             v = self.velocities(place.q, x)
             moved, held, least = v[: self.n], v[self.n :], SAME * np.max(np.abs(v[: self.n]))
-            if np.any(np.abs(jacobian @ moved) > SAME * (abs(jacobian) @ np.abs(moved))) or np.any(np.abs(held) > least):
+            off, terms = np.abs(jacobian @ moved), abs(jacobian) @ np.abs(moved)
+            if np.any(off[rows] > SAME * terms[rows]) or np.any(np.abs(held) > least):
                 raise NoTables("rows close loops")
-        if any(rank != freedom for rank, _, freedom in self._ranks(place)):
-            raise NoTables("a body can move otherwise than by its joint")
 
     def is_regular(self, place: Place) -> bool:
         """True where all rows are independent, link by link."""

@@ -80,7 +80,7 @@ def _stands_still(history: list[float]) -> bool:
 def _damped_step(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, sizes: np.ndarray, value: np.ndarray) -> np.ndarray:
     """Levenberg-Marquardt: the damping fades with the residual, so the end is Newton's."""
     rows = kernels.holonomic
-    damping = min(1e-3, np.linalg.norm(value) ** 2)
+    damping = float(min(1e-3, np.linalg.norm(value) ** 2))
     if len(rows) >= DENSE:
         return least_damped(scaled(kernels.phi_q(q, t, p)[rows], 1 / kernels.row_sizes[rows], sizes), -value, damping)
     jacobian = kernels.jacobian(q, t, p)[rows] * sizes / kernels.row_sizes[rows, None]

@@ -23,7 +23,7 @@ from ncgen.solver.partition import BETTER, Partition, Partitions, choose_partiti
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
 from ncgen.solver.rank import closeness_at, freedom_at, trial_positions
-from ncgen.solver.run import EMITTED, Form
+from ncgen.solver.run import EMITTED, Form, Partitioned
 from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
 from ncgen.symbolic.tree import spanning_tree
@@ -324,7 +324,7 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
     return found
 
 
-def run(path: Path, kernels: CompiledKernels, task: Task, form: Form) -> str | None:
+def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> str | None:
     """Complete a path over a time grid, from its last row on if it has any, to its end or to a `Stop`; where the independent
     coordinates become bad, go on with others.
 
@@ -386,7 +386,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Form) -> str | N
 
 
 def _for_next(
-    kernels: CompiledKernels, partitions: Partitions, form: Form, number_of_choices: int, q: np.ndarray, p: np.ndarray, number: str
+    kernels: CompiledKernels, partitions: Partitions, form: Partitioned, number_of_choices: int, q: np.ndarray, p: np.ndarray, number: str
 ) -> DenseDynamics | EmittedDynamics:
     """The state derivative of the choice that a run goes on with: dense after many, or where a later one has no order to be written out."""
     if number_of_choices <= MOST_EMITTED:

@@ -69,8 +69,11 @@ def _system(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) -> 
 
 
 def least_energy(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None, held: scipy.sparse.csr_array) -> KKT:
-    """The equations of the changes, in natural sizes, that constraints allow with the least kinetic energy; held (k, n): rows besides."""
-    if kernels.n + kernels.m + held.shape[0] <= LARGE:
+    """The equations of the changes, in natural sizes, that constraints allow with the least kinetic energy.
+
+    held (k, n): rows besides, of one number each
+    """
+    if kernels.n + kernels.m + held.nnz <= LARGE:
         rows = np.vstack([scaled_jacobian(kernels, q, t, p), held.toarray()])
         return KKT(scaled_mass(kernels, q, t, p)[0], rows, kernels)
     columns = kernels.column_sizes

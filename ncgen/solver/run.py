@@ -44,8 +44,11 @@ ENGINES = (AUTO, "c", "emitted", "refined", "python")
 EMITTED: tuple[Literal["emitted"], Literal["refined"]] = ("emitted", "refined")
 """Engines for which the state derivative is written out for a mechanism."""
 
-Form: TypeAlias = Literal["dense", "emitted", "refined", "tree"]
+Partitioned: TypeAlias = Literal["dense", "emitted", "refined"]
 """Of a state derivative in C: eliminated by the runtime, written out, or that with iterative refinement."""
+
+Form: TypeAlias = Literal[Partitioned, "tree"]
+"""Over all coordinates also by a recursion in loops over tables."""
 
 NUMBERS = ("double", "float", "long double")
 """Number types of C."""

@@ -227,7 +227,7 @@ class _Motion:
         kernels, task = compiled.checked_compiled(self.kernels), self._task()
         if task.method.is_constrained:
             return compiled.run_constrained(self.path, kernels, task, form)
-        return compiled.run(self.path, kernels, task, form)
+        return compiled.run(self.path, kernels, task, "dense" if form == "tree" else form)
 
     def _in_python(self) -> None:
         from ncgen.solver import full_coordinates, python_engine, steppers  # and SciPy's integrators

@@ -55,7 +55,7 @@ def independent_rows(matrix: scipy.sparse.csr_array) -> IndependentRows | None:
 
 def least_damped(matrix: scipy.sparse.csr_array, right: np.ndarray, damping: float) -> np.ndarray:
     """x (n,) with the least |A x − right|² + damping |x|²."""
-    gram = (matrix @ matrix.T + damping * scipy.sparse.eye_array(matrix.shape[0])).tocsc()
+    gram = (matrix @ matrix.T + damping * scipy.sparse.eye_array(len(right))).tocsc()
     return matrix.T @ scipy.sparse.linalg.splu(gram, permc_spec="MMD_AT_PLUS_A").solve(right)
 
 

@@ -62,9 +62,13 @@ def undetermined(kernels: Kernels, weight: np.ndarray, jacobian: np.ndarray) -> 
 
 def factored(weight: Matrix, left: Matrix, jacobian: Matrix, kernels: Kernels, corner: float) -> Solution:
     """A function that solves [W L; A −corner] [x; y] = right once. Raises SingularError where that has no inverse."""
-    if sum(jacobian.shape) > LARGE:
+    if _rows(weight) + _rows(jacobian) > LARGE:
         return _sparse(weight, left, jacobian, kernels, corner)
-    return _dense(*map(_full, (weight, left, jacobian)), kernels, corner)
+    return _dense(_full(weight), _full(left), _full(jacobian), kernels, corner)
+
+
+def _rows(matrix: Matrix) -> int:
+    return matrix.shape[0] if matrix.shape else 0
 
 
 def _full(matrix: Matrix) -> np.ndarray:
@@ -84,7 +88,7 @@ def _dense(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: 
 
 
 def _sparse(weight: Matrix, left: Matrix, jacobian: Matrix, kernels: Kernels, corner: float) -> Solution:
-    diagonal = -corner * eye_array(jacobian.shape[0])
+    diagonal = -corner * eye_array(_rows(jacobian))
     try:
         factors = splu(csc_array(block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), diagonal]])))
     except RuntimeError:  # SuperLU's word for an exactly singular matrix
