@@ -10,9 +10,10 @@ from pathlib import Path
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.markup import read_markup
-from ncgen.exchange.robots.robot import Robot
+from ncgen.exchange.robots.robot import Robot, together
 from ncgen.exchange.text import as_path
 from ncgen.model import Model
+from ncgen.model.bodies import check_inertia
 
 SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
 
@@ -32,6 +33,26 @@ def read_robot(path: Path) -> Robot:
     if root.tag not in FORMATS:
         root.refuse(f"<{root.tag}> begins no robot; a file begins with {' or '.join(f'<{tag}>' for tag in FORMATS)}")
     return import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").robot_of(root, path)
+
+
+def problems_of(path: Path) -> list[str]:
+    """All that is wrong with links and joints of a robot's file, one line each: of URDF and SDF; else the first problem is raised."""
+    root = read_markup(path)
+    module = import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}") if root.tag in FORMATS else None
+    found = module.problems_of(root, path) if hasattr(module, "problems_of") else []
+    return found or _impossible(read_robot(path))
+
+
+def _impossible(robot: Robot) -> list[str]:
+    """Links, with what is fixed to them, whose inertia no body has."""
+    found = []
+    for link in together(robot).links.values():
+        try:
+            if link.mass is not None:
+                check_inertia(link.name, link.mass.mass, link.mass.com, link.mass.tensor)
+        except ModelError as error:
+            found.append(f"{link.where}: {error}")
+    return found
 
 
 def load_robot(
