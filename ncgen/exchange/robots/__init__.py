@@ -20,6 +20,9 @@ SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
 FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""
 
+TOLD = ("robot", "sdf")
+"""Tags of formats that tell all problems of links and joints; MuJoCo tells the first one."""
+
 WRITTEN = {".urdf": "urdf", ".sdf": "sdf", ".xml": "mjcf", ".mjcf": "mjcf"}
 """{how a file's name ends: module} of formats that are written, too."""
 
@@ -38,9 +41,11 @@ def read_robot(path: Path) -> Robot:
 def problems_of(path: Path) -> list[str]:
     """All that is wrong with links and joints of a robot's file, one line each: of URDF and SDF; else the first problem is raised."""
     root = read_markup(path)
-    module = import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}") if root.tag in FORMATS else None
-    found = module.problems_of(root, path) if hasattr(module, "problems_of") else []
-    return found or _impossible(read_robot(path))
+    if root.tag in TOLD:
+        found = import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").problems_of(root, path)
+        if found:
+            return found
+    return _impossible(read_robot(path))
 
 
 def _impossible(robot: Robot) -> list[str]:

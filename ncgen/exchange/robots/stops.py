@@ -37,7 +37,7 @@ def add_stops(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
     k, d = model.parameter("stop_stiffness", STIFFNESS, "N/m or N m/rad"), model.parameter("stop_loss", LOSS, "s/m or s/rad")
     for joint, coordinate in limited:
         assert joint.limits is not None, "a joint without limits among those with"
-        model.torsion_spring(coordinate, law=_stop(*joint.limits, k, d), label=f"stops of {coordinate.name}")
+        model.torsion_spring(coordinate, law=_stop(*joint.limits, k.symbol, d.symbol), label=f"stops of {coordinate.name}")
     return len(limited)
 
 
@@ -53,7 +53,7 @@ def add_friction(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
         return 0
     creep = model.parameter("friction_creep", CREEP, "m/s or rad/s")
     for joint, coordinate in rough:
-        model.torsion_spring(coordinate, law=_rough(joint.friction, creep), label=f"friction of {coordinate.name}")
+        model.torsion_spring(coordinate, law=_rough(joint.friction, creep.symbol), label=f"friction of {coordinate.name}")
     return len(rough)
 
 
