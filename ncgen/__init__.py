@@ -33,6 +33,7 @@ _HOMES = {
     "inverse_dynamics": "ncgen.solver.inverse_dynamics",
     "sensitivities": "ncgen.solver.sensitivity",
     "gradient": "ncgen.solver.sensitivity",
+    "hessian": "ncgen.solver.sensitivity",
     "equilibrium": "ncgen.solver.statics",
     "linearise": "ncgen.solver.linearise",
     "joint_space": "ncgen.solver.joint_space",
@@ -68,6 +69,7 @@ __all__ = [
     "freedom",
     "generate",
     "gradient",
+    "hessian",
     "inspect",
     "inverse_dynamics",
     "jax",
@@ -103,7 +105,7 @@ if TYPE_CHECKING:
     from ncgen.solver.linearise import linearise
     from ncgen.solver.position import move, solve_position, sweep
     from ncgen.solver.rank import freedom
-    from ncgen.solver.sensitivity import gradient, sensitivities
+    from ncgen.solver.sensitivity import gradient, hessian, sensitivities
     from ncgen.solver.simulate import simulate
     from ncgen.solver.simulation import start
     from ncgen.solver.simulations import start_batch

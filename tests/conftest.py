@@ -10,6 +10,9 @@ from pathlib import Path
 # Small matrices gain nothing from threads, and the test workers already use every core.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
+# Nearly half of the suite's time would be the compiler's. What is optimised more is the same source: NCGEN_CFLAGS= python -m pytest
+os.environ.setdefault("NCGEN_CFLAGS", "-O1")
+
 import pytest  # noqa: E402
 
 import ncgen  # noqa: E402
@@ -25,9 +28,9 @@ def run_folder(tmp_path_factory) -> Path:
 
 @pytest.fixture(scope="session", autouse=True)
 def own_cache(run_folder):
-    """Compiled libraries go to a folder of this test run, shared by its workers."""
+    """Compiled libraries go to a folder of this test run, shared by its workers; or to one that several runs have in common."""
     with pytest.MonkeyPatch.context() as patch:
-        folder = run_folder / "ncgen-cache"
+        folder = Path(os.environ.get("NCGEN_TEST_CACHE") or run_folder / "ncgen-cache")
         patch.setenv("NCGEN_CACHE_DIR", str(folder))
         yield folder
 

@@ -26,6 +26,7 @@ def build(n: int = 7) -> Model:
     before, angles = m.vector("y", axis(-1), fixed=True), []
     for i in range(n):
         m.body(f"link{i + 1}", points[i : i + 2], axes[i : i + 2], mass=mass(i, n), inertia=inertia(i, n))
+        show(m, i)
         angles.append(m.angle(f"psi{i + 1}", before, axes[i + 1], axes[i]))
         m.torque(angles[i], m.parameter(f"tau{i + 1}", 0.0, "N m"))
         m.arrow(points[i], axes[i])
@@ -35,6 +36,13 @@ def build(n: int = 7) -> Model:
     m.line(*points)
     m.simulation(duration=0.5, zd0={angle.name: 0.5 * (-1) ** i for i, angle in enumerate(angles)})
     return m
+
+
+def show(m: Model, i: int) -> None:
+    """Link i (from 0) as a box and the drum of its hinge."""
+    width, before, after = WIDTH * (1 - 0.05 * i), m.elements[f"r{i}"].initial, m.elements[f"r{i + 1}"].initial
+    m.box(f"link{i + 1}", (0.8 * width, 0.8 * width, 0.95 * LENGTH), (before + after) / 2, (0, i * LEAN, 0))
+    m.cylinder(f"link{i + 1}", 0.6 * width, 1.3 * width, before, axis(i))
 
 
 def frame(i: int) -> np.ndarray:

@@ -36,6 +36,7 @@ def build(lean: float = 20.0, speed: float = 1.5, steer: float = 0.5, spokes: in
     rim = [m.attach_point(disc, f"P{k}", place) for k, place in enumerate(places, 1)]
     for point, following in zip(rim, rim[1:] + rim[:1]):
         m.line(C, point, following)
+    m.wheel(disc, RADIUS, 0.1 * RADIUS, C.initial, axle)
     m.arrow(C, u)
     # Turning at `steer` about the vertical carries the axle's tip backwards.
     m.simulation(duration=3.0, zd0={"C.x": speed, "u.x": -steer * math.cos(tilt)})

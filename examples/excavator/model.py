@@ -31,6 +31,13 @@ LUGS = {
 }
 """Hinges of cylinders and linkage (m): along the part from its own hinge, and across to the left."""
 
+OUTLINES = {
+    "boom": [(-0.1, -0.03), (0.8, -0.18), (1.05, -0.12), (1.97, -0.07), (1.99, 0.06), (0.9, 0.3), (-0.04, 0.1)],
+    "stick": [(-0.38, 0.08), (-0.05, -0.1), (1.39, -0.05), (1.41, 0.05), (1.1, 0.12), (0.15, 0.31), (-0.34, 0.19)],
+    "bucket": [(-0.06, -0.05), (0.59, 0.0), (0.5, 0.12), (0.45, 0.3), (0.3, 0.36), (0.05, 0.27), (-0.07, 0.05)],
+}
+"""What the parts look like from the side (m), in the same way."""
+
 CENTRES = {"boom": (0.85, 0.05), "stick": (0.50, 0.05), "bucket": (0.28, 0.08)}
 """Centres of mass (m), in the same way."""
 
@@ -62,6 +69,10 @@ def build() -> Model:
     m.gravity((0, -9.81, 0))
     for path in ("OLBDO", "RBHCKR", "CTFC", "HEF", "GL", "DR", "KE"):
         m.line(*(points[name] for name in path))
+    for start, end in ends.values():
+        m.telescope(points[start], points[end], 0.055)
+    m.bar(H, E, 0.035)
+    m.bar(E, F, 0.035)
     m.simulation(duration=PERIOD)
     return m
 
@@ -71,6 +82,7 @@ def part(m: Model, name: str, hinge: Point, end: str) -> dict[str, Point]:
     start, turn, mass, span = hinge.initial[:2], START[name], MASSES[name], SPANS[name]
     tip = m.point(end, place(start, turn, (span, 0)))
     body = m.body(name, [hinge, tip], mass=mass, com=place(start, turn, CENTRES[name]), inertia=mass * span**2 / 12)
+    m.polygon(body, [place(start, turn, corner).tolist() for corner in OUTLINES[name]], 0.06)
     return {end: tip} | {lug: m.attach_point(body, lug, place(start, turn, offset)) for lug, offset in LUGS[name].items()}
 
 

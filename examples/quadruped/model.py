@@ -45,6 +45,7 @@ def build(ground: bool = True) -> Model:
     ahead, left, up = (m.vector(name, axis) for name, axis in zip(("ahead", "left", "up"), np.eye(3), strict=True))
     middle = m.point("T", (0, 0, height))
     trunk = m.body("trunk", [middle], [ahead, left, up], TRUNK, inertia=box(TRUNK, 0.4, 0.2, 0.1))
+    m.box(trunk, (0.4, 0.14, 0.08))
     hips = [m.attach_point(trunk, f"H{i}", (*place, height)) for i, place in enumerate(HIPS, 1)]
     for i, hip in enumerate(hips, 1):
         foot = leg(m, i, hip, ahead, left)
@@ -59,7 +60,8 @@ def build(ground: bool = True) -> Model:
 def leg(m: Model, i: int, hip: Point, ahead: Vector, left: Vector) -> Point:
     """Leg number i at a hip point, and its foot; even legs are lifted while odd ones stand."""
     axle = m.vector(f"u{i}", (0, 1, 0))
-    m.body(f"hip{i}", [hip], [ahead, axle], HIP, inertia=box(HIP, 0.08, 0.06, 0.08))
+    body = m.body(f"hip{i}", [hip], [ahead, axle], HIP, inertia=box(HIP, 0.08, 0.06, 0.08))
+    m.cylinder(body, 0.035, 0.06, axis=(0, 1, 0))
     foot_place = hip.initial - [0, 0, UPPER * math.cos(OPEN) + np.sqrt(LOWER**2 - (UPPER * math.sin(OPEN)) ** 2)]
     foot = m.point(f"F{i}", foot_place)
     swing = sp.sin(2 * sp.pi * m.time / PERIOD) * (-1) ** i
@@ -72,6 +74,10 @@ def leg(m: Model, i: int, hip: Point, ahead: Vector, left: Vector) -> Point:
         theta = m.angle(f"theta{i}{end}", ahead, knee - hip, axle)
         motor(m, theta, sp.pi / 2 - sign * (OPEN + lifted))
         m.line(hip, knee, foot)
+        m.bar(hip, knee, 0.014)
+        m.bar(knee, foot, 0.009)
+        m.sphere(f"upper{i}{end}", 0.017, knee.initial)
+    m.sphere(f"lower{i}a", 0.016, foot.initial)
     return foot
 
 

@@ -135,4 +135,27 @@ def build(angles: Sequence[Sequence[float]] = ANGLES, scale: bool = True, form: 
     )
     model.gravity((0, 0, -9.81))
     model.simulation(duration=0.5)  # the fall of Table 9
+    show(model)
     return model
+
+
+def show(m: Model) -> None:
+    """What the bodies look like, in the manner of Figure 4; the shapes are ours."""
+    r = dict(enumerate(P[:, :3], 1))
+    up, across = np.array([0, 0, 1.0]), np.array([1.0, 0, 0])
+    m.cylinder(m.ground, 0.3, 0.12, r[1] - 0.06 * up)
+    m.cylinder("body2", 0.22, 0.25, r[1] + 0.125 * up)
+    m.polygon("body2", [(0, -0.16, 0.2), (0, 0.16, 0.2), (0, 0.3, 0.66), (0, 0.2, 0.78), (0, -0.2, 0.82), (0, -0.27, 0.72)], 0.2)
+    m.capsule("body3", 0.09, L24, middle(2, 4), r[4] - r[2])
+    m.capsule("body4", 0.035, L35, middle(3, 5), r[5] - r[3])
+    for joint, body in ((2, "body3"), (3, "body4"), (4, "body5"), (5, "body5")):
+        m.cylinder(body, 0.11 if joint % 2 == 0 else 0.06, 0.3, r[joint], across)
+    m.polygon(
+        "body5", [(0, 0.3, 1.7), (0, 0.4, 2.0), (0, 0.3, 2.13), (0, 0.15, 2.1), (0, -0.25, 1.88), (0, -0.25, 1.76), (0, 0.1, 1.68)], 0.2
+    )
+    m.capsule("body6", 0.11, 0.4 * L67, middle(6, 7, 0.2), r[7] - r[6])
+    m.cylinder("body7", 0.075, 0.6 * L67, middle(6, 7, 0.7), r[7] - r[6])
+    m.cylinder("body7", 0.08, 0.2, r[7], across)
+    m.box("body8", (0.12, 0.6 * L78, 0.1), middle(7, 8, 0.3))
+    m.cylinder("body9", 0.06, 0.4 * L78, middle(7, 8, 0.8), r[8] - r[7])
+    m.cylinder("body9", 0.09, 0.03, r[8], r[8] - r[7])

@@ -71,6 +71,13 @@ def build() -> Model:
     m.line(R, T, L, U, T)
     m.line(U, W, L)
     m.line(C, S, D)
+    for start, end, radius in ((upper["UF"], U, 0.014), (upper["UB"], U, 0.014), (lower["LF"], L, 0.02), (lower["LB"], L, 0.02)):
+        m.bar(start, end, radius)
+    m.bar(L, U, 0.025)
+    m.bar(R, T, 0.011)
+    m.bar(T, W, 0.02)
+    m.telescope(D, S, 0.025)
+    m.wheel("spindle", 0.33, 0.2, W.initial, (0, 1, 0))
     m.arrow(W, axis)
     m.simulation(duration=2 * PERIOD)
     return m

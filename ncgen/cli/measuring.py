@@ -21,7 +21,9 @@ def bench(
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
     instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
     gradients: Annotated[bool, typer.Option("--gradients", help="derivatives of a motion by inertial data, beside differences")] = False,
-    growth: Annotated[bool, typer.Option("--growth", help="of the chain: generation and compilation of 100 to 5000 links")] = False,
+    growth: Annotated[
+        bool, typer.Option("--growth", help="of the chain or the arm: generation and steps of longer and longer ones")
+    ] = False,
     peers: Annotated[bool, typer.Option("--peers", help="N four-bars beside other simulators, those that are installed")] = False,
     limit: Annotated[float, typer.Option(help="with --peers: seconds after which a run is stopped")] = 20.0,
     html: Annotated[Path | None, typer.Option(help="with --precision: write a report into this file")] = None,
@@ -60,15 +62,15 @@ def bench(
 
 
 def _growth(model: Model, json_output: bool) -> None:
-    """Seconds and bytes of longer and longer chains."""
+    """Seconds and bytes of longer and longer chains and arms."""
     from ncgen.comparisons.bench import aligned, generation_rows
     from ncgen.comparisons.generation import LENGTHS, growth_records
 
-    if model.name != "chain":
-        raise ModelError(f"--growth: {model.name} has one size; choose chain")
+    if model.name not in LENGTHS:
+        raise ModelError(f"--growth: {model.name} has one size; choose {' or '.join(LENGTHS)}")
     records = []
-    with progress("generating chains", len(LENGTHS)) as advance:
-        for done, record in enumerate(growth_records(), 1):
+    with progress(f"generating {model.name}s", len(LENGTHS[model.name])) as advance:
+        for done, record in enumerate(growth_records(model.name), 1):
             records.append(record)
             advance(done)
     if json_output:

@@ -151,10 +151,14 @@ def _gradient_rows(records: list[dict]) -> list[tuple[str, ...]]:
 def generation_rows(records: list[dict]) -> list[tuple[str, ...]]:
     """Titles and lines; what takes longest has columns of its own."""
     stages = ("symbolic", "program", "emit", "build")
-    rows: list[tuple[str, ...]] = [("", "in all", *stages, "code, bytes")]
+    moves = any("steps" in r for r in records)
+    motion = ("freedom", "first run", "again", "a step, us", "engine") if moves else ()
+    rows: list[tuple[str, ...]] = [("", "in all", *stages, "code, bytes", *motion)]
     for r in records:
-        parts = (f"{r['stages'][stage]:.3f}" if stage in r["stages"] else "" for stage in stages)
-        rows.append((r["tool"], f"{r['seconds']:.3f}", *parts, f"{r['code']:,}"))
+        parts = [f"{r['stages'][stage]:.3f}" if stage in r["stages"] else "" for stage in stages]
+        if moves:
+            motion = (*(f"{r[name]:.3f}" for name in ("freedom", "first", "short")), f"{1e6 * r['steps']:.0f}", r["engine"])
+        rows.append((r["tool"], f"{r['seconds']:.3f}", *parts, f"{r['code']:,}", *motion))
     return rows
 
 

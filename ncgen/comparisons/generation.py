@@ -1,4 +1,5 @@
-"""From a model to kernels that can be called: seconds the first time, with an empty cache, and again from it; and its growth.
+"""From a model to kernels that can be called: seconds the first time, with an empty cache, and again from it; and its growth, with what
+a motion takes.
 
 Every figure comes from a process of its own, so that nothing derived before helps. Imports are not counted.
 """
@@ -14,15 +15,18 @@ from collections.abc import Iterable, Iterator
 
 from ncgen.errors import NcgenError
 
-LENGTHS = (100, 320, 640, 1280, 2560, 5000)
-"""Links of a chain."""
+LENGTHS = {"chain": (100, 320, 1000, 3200, 10000), "arm": (20, 50, 100, 200, 500, 1000)}
+"""Links of a chain, joints of an arm."""
+
+STEPS = 100
+"""Of a motion by rk4."""
 
 SCRIPT = """
 import json, sys, time
 import numpy, scipy.linalg, cffi.cparser, ncgen.compiler
 import ncgen.mechanism.batch, ncgen.mechanism.library, ncgen.mechanism.numpy_module, ncgen.mechanism.recall, ncgen.symbolic.numbering
 from ncgen.exchange.examples import example_module, load
-name, count, cold, emission = json.loads(sys.argv[1])
+name, count, cold, emission, steps = json.loads(sys.argv[1])
 if cold:
     import sympy, ncgen.emit.sources, ncgen.program.assemble, ncgen.symbolic.equations
 model = load(name) if count is None else example_module(name).build(count)
@@ -33,7 +37,23 @@ seconds = time.perf_counter() - start - timings.seconds.get("import", 0.0)
 from ncgen.emit.naming import identifier
 from ncgen.comparisons.rivals.generated import code_bytes
 code = code_bytes(kernels.library, identifier(kernels.name), kernels.programs.programs)
-json.dump({"seconds": seconds, "stages": timings.seconds, "code": sum(code.values())}, sys.stdout)
+found = {"seconds": seconds, "stages": timings.seconds, "code": sum(code.values())}
+if steps:
+    import resource
+    from ncgen import simulate
+    from ncgen.solver.rank import freedom
+    from ncgen.mechanism.runtime import prepare
+    prepare(kernels)
+    spent = lambda: sum(sum(resource.getrusage(who)[:2]) for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN))
+    start = spent()
+    freedom(kernels)
+    found["freedom"] = spent() - start
+    for name, count in (("first", steps // 5), ("short", steps // 5), ("long", steps + steps // 5)):
+        start = spent()
+        run = simulate(kernels, integrator="rk4", max_step=1e-4, points=2, **model.simulation_options | {"duration": count * 1e-4})
+        found[name] = spent() - start
+    found |= {"steps": (found["long"] - found["short"]) / steps, "engine": run.engine}
+json.dump(found, sys.stdout)
 """
 
 
@@ -41,21 +61,23 @@ def generation_records(name: str) -> list[dict]:
     """The first time and again, with all kernels. Raises NcgenError where it fails."""
     with tempfile.TemporaryDirectory() as folder:
         return [
-            {"case": "generation", "tool": tool, "error": None, **_measured(folder, name, None, cold, "auto")}
+            {"case": "generation", "tool": tool, "error": None, **_measured(folder, name, None, cold, "auto", 0)}
             for tool, cold in (("the first time", True), ("again", False))
         ]
 
 
-def growth_records(name: str = "chain", lengths: Iterable[int] = LENGTHS) -> Iterator[dict]:
-    """A chain of more and more links, in loops over tables."""
-    for count in lengths:
+def growth_records(name: str = "chain", lengths: Iterable[int] | None = None, steps: int = STEPS) -> Iterator[dict]:
+    """A chain of more and more links, or an arm, in loops over tables; steps: of a motion, 0 for none."""
+    for count in lengths or LENGTHS[name]:
         with tempfile.TemporaryDirectory() as folder:
-            found = _measured(folder, name, count, True, "tabled")
-        yield {"case": "growth", "tool": f"{count} links", "error": None, **found}
+            found = _measured(folder, name, count, True, "tabled", steps)
+        yield {"case": "growth", "tool": f"{count} {'links' if name == 'chain' else 'joints'}", "error": None, **found}
 
 
-def _measured(folder: str, name: str, count: int | None, cold: bool, emission: str) -> dict:
-    command = [sys.executable, "-c", SCRIPT, json.dumps([name, count, cold, emission])]
+def _measured(folder: str, name: str, count: int | None, cold: bool, emission: str, steps: int) -> dict:
+    """From a process of its own. freedom, first: seconds of processor time for the degrees of freedom, and until a first motion of a fifth
+    of the steps is over, compilers included; short: the same again; steps: for one more step."""
+    command = [sys.executable, "-c", SCRIPT, json.dumps([name, count, cold, emission, steps])]
     done = subprocess.run(command, env=os.environ | {"NCGEN_CACHE_DIR": folder}, capture_output=True, text=True)
     if done.returncode:
         raise NcgenError(f"{name}: it cannot be generated: {done.stderr.strip().splitlines()[-1]}")

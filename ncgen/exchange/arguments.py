@@ -111,6 +111,11 @@ def _numbers(model: Model | None, raw: object) -> list[int | float]:
     return [_number(model, item) for item in _list(raw)]
 
 
+def _rows(model: Model | None, raw: object) -> list[list[int | float]]:
+    """A list of lists of numbers."""
+    return [_numbers(model, item) for item in _list(raw)]
+
+
 def _values(model: Model | None, raw: object) -> list[int | float | Expr]:
     """A list of numbers and expressions of parameters."""
     return [_value(model, item) for item in _list(raw)]
@@ -194,6 +199,7 @@ CONVERSIONS: dict[str, Callable[[Model | None, object], object]] = {
     "bool | str": _held,
     "Number": _number,
     "Numbers": _numbers,
+    "Sequence[Numbers]": _rows,
     "Value": _value,
     "Values": _values,
     "Tensor": _tensor,

@@ -54,7 +54,9 @@ def load(
         return _checked(example_module(name))
     if not is_file(path):
         raise _no_such(name)
-    return load_toml(path) if path.suffix == ".toml" else _checked(_import(path))
+    model = load_toml(path) if path.suffix == ".toml" else _checked(_import(path))
+    model.drawing.folder = path.resolve().parent
+    return model
 
 
 def example_names() -> list[str]:

@@ -30,6 +30,7 @@ from ncgen.mechanism.written import Seen, Written, motion_source
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
+from ncgen.program.tree_tables import TreeTables
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load
@@ -317,18 +318,31 @@ class ConstrainedDynamics(Dynamics):
 
     seen: called for independent coordinates of the positions, and typical positions, where the motion is to be written out; without it, or
         where there are none or no tree of bodies that could be seen in them, it comes from the matrix
+    tables: of an open tree, by which it moves where nothing is written out
     """
 
-    def __init__(self, kernels: CompiledKernels, number: str = "double", seen: Callable[[], Seen | None] | None = None) -> None:
+    def __init__(
+        self,
+        kernels: CompiledKernels,
+        number: str = "double",
+        seen: Callable[[], Seen | None] | None = None,
+        tables: TreeTables | None = None,
+    ) -> None:
         super().__init__(kernels, number)
         self.singular_mass = singular = not is_definite(kernels)
-        self.plan = plan(kernels.mass_pattern, kernels.phi_q_pattern, rows_first=singular)
+        patterns = kernels.mass_pattern, kernels.phi_q_pattern
+        self.plan = kernels.remember("elimination", (), lambda: plan(*patterns, rows_first=singular))
         self._elimination = self._ffi.new("ncgen_elimination *", {"size": self.plan.size, "nonzeros": self.plan.nonzeros})
         self._keep({name: getattr(self.plan, name) for name in Elimination.ARRAYS}, self._elimination, np.intc)
         self._dynamics.elimination = self._elimination
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
         self._seen = seen
         self.is_emitted = seen is not None and self._take_motion(seen)
+        if tables is not None:
+            self._tree = self._ffi.new("ncgen_tree *", tables.counts)
+            self._keep(tables.indices, self._tree, np.intc)
+            self._keep(tables.numbers, self._tree, self.number.dtype)
+            self._dynamics.tree = self._tree
 
     def _take_motion(self, seen: Callable[[], Seen | None]) -> bool:
         """The emitted motion, if there is one: whether there is."""
@@ -357,11 +371,11 @@ class ConstrainedDynamics(Dynamics):
         return motion_source(self.kernels, self._seen, kind)
 
     @cached_property
-    def transposed(self) -> InC:
-        """The emitted motion's ncgen_seeded_motion, transposed; compiled when first asked for."""
+    def transposed(self) -> tuple[InC, InC]:
+        """The emitted motion's ncgen_seeded_motion, transposed, and the library that it lives in; compiled when first asked for."""
         getter = f"{identifier(self.kernels.name)}_adjoint"
-        _, self._adjoint = _load(self.differentiated_source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
-        return self._ffi.cast("const ncgen_seeded_motion *", getattr(self._adjoint, getter)())
+        _, home = _load(self.differentiated_source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
+        return self._ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), home
 
     @property
     def interface(self) -> tuple[Interface, InC]:

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
-from ncgen.mechanism.batch import aligned, in_lanes
+from ncgen.mechanism.batch import aligned, in_lanes, pointer
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
+from ncgen.mechanism.sweep import SMALL, Numbers, Sizes, Sweep, dual_numbers
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
 
@@ -56,63 +57,67 @@ class Taped:
     def _take_room(self, method: str, steps: int) -> None:
         """A tape for so many steps."""
         kernels, method_in_c = self._kernels, number_in_c(INTEGRATORS[method])
-        stages = INTEGRATORS[method].coefficients.stages
-        self._times, self._states = np.empty(steps + 1), np.empty((steps * (2 * stages + 3) + 2) * kernels.n)
+        self._step_size = (2 * INTEGRATORS[method].coefficients.stages + 3) * kernels.n
+        self._times, self._states = np.empty(steps + 1), np.empty(steps * self._step_size + 2 * kernels.n)
         tape = {"room": steps, "times": self._real(self._times), "states": self._real(self._states)}
         self._tape = self._ffi.new("ncgen_tape *", tape)
-        run = {"is_driven": "nu" in kernels.programs.programs, "method": method_in_c, "p": self._real(self._p), "tape": self._tape}
-        run |= {"n_coordinates": kernels.n, "n_parameters": self._parameters, "n_prepared": self._dynamics.prepared}
-        self._run = self._ffi.new("ncgen_taped *", run)
+        is_driven = "nu" in kernels.programs.programs
+        self._sizes = Sizes(kernels.n, self._parameters, self._dynamics.prepared, is_driven, method_in_c)
 
     @property
     def not_differentiable(self) -> float | None:
         """When (s) the first step began that went otherwise, beside a singular position; None where there is none."""
         return float(self._times[self._tape.other - 1]) if self._tape.other else None
 
-    def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How a sum with these weights (n,) of the velocities that the joints allow at the start changes with q, (n,), and p, (n_p,)."""
-        n = self._kernels.n
-        slopes = self._back(self._dynamics.transposed.velocities, weights, self._states[:n], self._states[n : 2 * n])
-        return slopes[:n], self._by_parameters(slopes[2 * n :])
-
-    def closing_back(self, weights: np.ndarray) -> np.ndarray:
-        """How a sum with these weights (n,) of a step of Newton's method at the start changes with p, (n_p,)."""
-        n = self._kernels.n
-        return self._by_parameters(self._back(self._dynamics.transposed.closing, weights, self._states[:n])[n:])
-
-    def _back(self, transposed: InC, weights: np.ndarray, *state: np.ndarray) -> np.ndarray:
-        """What a transposed part says at the start; state: what it reads besides time and p."""
-        found = np.empty(sum(map(len, state)) + len(self._p))
-        transposed(self._times[0], *(self._real(a) for a in (*state, self._p, np.ascontiguousarray(weights), found)))
-        return found
-
-    def _by_parameters(self, slopes: np.ndarray) -> np.ndarray:
-        """Slopes (n_p,) by parameters from those by parameters and what is prepared of them."""
-        own, prepared = slopes[: self._parameters].copy(), slopes[self._parameters :]
-        if len(prepared):
-            more = np.empty_like(own)
-            self._dynamics.transposed.prepare(*(self._real(a) for a in (self._p, np.ascontiguousarray(prepared), more)))
-            own += more
-        return own
+    @cached_property
+    def back(self) -> Sweep:
+        """The way back through the run."""
+        transposed, home = self._dynamics.transposed
+        numbers = Numbers(self._ffi, self._library, transposed, np.dtype(float), home)
+        return Sweep(numbers, self._sizes, self._times, self._states, self._p)
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """How a number changes with q and q̇ at the start, (n,) each, and with p, (n_p,), from how it does with q and q̇ at all times of the
         grid, (K, n) each."""
-        n = self._kernels.n
-        weights, slopes = np.zeros((len(self._times), 2 * n)), np.empty(2 * n + self._parameters)
-        weights[self._seen] = np.hstack([by_q, by_qd])
-        work = np.empty(self._library.ncgen_adjoint_workspace(self._run))
-        self._library.ncgen_adjoint(self._run, self._dynamics.transposed, self._real(weights), self._real(slopes), self._real(work))
-        return slopes[:n], slopes[n : 2 * n], slopes[2 * n :]
+        return self.back.backward(self.at_all_steps(by_q, by_qd))
+
+    def at_all_steps(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
+        """Weights (steps + 1, 2 n) of [q, q̇] from those at the times of the grid."""
+        seen = np.hstack([by_q, by_qd])
+        weights = np.zeros((len(self._times), seen.shape[1]), dtype=seen.dtype)
+        weights[self._seen] = seen
+        return weights
 
     def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all times of the grid, (K, n, D) each, with those of both at the start, (n, D), and of p, (n_p, D)."""
-        n, columns = self._kernels.n, dp.shape[1]
+        changes = self._along(dq, dqd, dp, None)[self._seen]
+        n = self._sizes.n_coordinates
+        return changes[:, :n], changes[:, n:]
+
+    def second(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[Sweep]]:
+        """The same, and for every direction the way back in dual numbers."""
+        sizes, columns = self._sizes, dp.shape[1]
+        used = len(self._states) - (self._tape.room - self._tape.steps) * self._step_size
+        taped = np.empty((used + sizes.n_prepared, columns))
+        changes, n = self._along(dq, dqd, dp, taped)[self._seen], sizes.n_coordinates
+        numbers = self._kernels.remember("dual numbers", (), self._dual_numbers)
+        sweeps = []
+        for k in range(columns):
+            states = self._states[:used] + SMALL * 1j * taped[:used, k]
+            p = self._p + SMALL * 1j * np.concatenate([dp[:, k], taped[used:, k]])
+            sweeps.append(Sweep(numbers, sizes, self._times, states, p))
+        return changes[:, :n], changes[:, n:], sweeps
+
+    def _along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray, taped: np.ndarray | None) -> np.ndarray:
+        """Changes (steps + 1, 2 n, D) where steps begin and end, and where they are wanted of all that is on the tape."""
         seeds = np.vstack([dq, dqd, dp]).astype(float, order="C")
-        changes = np.empty((len(self._times), 2 * n, columns))
+        changes = np.empty((len(self._times), 2 * self._sizes.n_coordinates, dp.shape[1]))
         lanes = self._kernels.remember("directions", (), lambda: _Directions(self._kernels, self._dynamics))
-        lanes(self._run, self._times, self._states, seeds, changes)
-        return changes[self._seen, :n], changes[self._seen, n:]
+        lanes(self._sizes, self._p, self._times, self._states, seeds, changes, taped)
+        return changes
+
+    def _dual_numbers(self) -> Numbers:
+        return dual_numbers(self._dynamics.differentiated_source("adjoint"), f"{identifier(self._kernels.name)}_adjoint")
 
     def _real(self, array: np.ndarray) -> InC:
         return self._ffi.from_buffer("double[]", array)
@@ -134,11 +139,14 @@ class _Directions:
         _, self._emitted = in_lanes(files, f"const void *{getter}(void);", runtime_abi())
         self._motion = getattr(self._emitted, getter)()
 
-    def __call__(self, run: InC, times: np.ndarray, states: np.ndarray, seeds: np.ndarray, changes: np.ndarray) -> None:
-        sizes = run.n_coordinates, run.n_parameters, run.n_prepared
-        work = aligned(self._library.ncgen_directions_workspace(*sizes, run.method))
-        arrays = [self._ffi.from_buffer("double[]", a) for a in (times, states, seeds, changes, work)]
-        p = self._ffi.cast("double *", run.p)
+    def __call__(
+        self, sizes: Sizes, p: np.ndarray, times: np.ndarray, states: np.ndarray, seeds: np.ndarray, changes: np.ndarray,
+        taped: np.ndarray | None,
+    ) -> None:  # fmt: skip
+        counts = sizes.n_coordinates, sizes.n_parameters, sizes.n_prepared
+        work = aligned(self._library.ncgen_directions_workspace(*counts, sizes.method))
+        given = [pointer(self._ffi, a) for a in (p, times, states, seeds, changes, taped, work)]
+        p_in_c, *tape, seeds_in_c = given[:4]
         self._library.ncgen_directions(
-            self._motion, *sizes, run.is_driven, run.method, p, len(times) - 1, *arrays[:2], seeds.shape[1], *arrays[2:]
+            self._motion, *counts, sizes.is_driven, sizes.method, p_in_c, len(times) - 1, *tape, seeds.shape[1], seeds_in_c, *given[4:]
         )

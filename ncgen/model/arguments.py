@@ -224,6 +224,11 @@ def _numbers(model: Contents, given: object, where: str) -> tuple[float, ...]:
     return tuple(_number(model, each, f"{where}, {k}") for k, each in enumerate(sequence(given, where, "a list of numbers"), 1))
 
 
+def _rows(model: Contents, given: object, where: str) -> tuple[tuple[float, ...], ...]:
+    many = tuple(given) if isinstance(given, np.ndarray) and given.ndim == 2 else sequence(given, where, "a list of places")
+    return tuple(_numbers(model, each, f"{where}, {k}") for k, each in enumerate(many, 1))
+
+
 def _values(model: Contents, given: object, where: str) -> tuple[Value, ...]:
     given = sequence(given, where, "three numbers")
     marks = AXES if len(given) <= len(AXES) else map(str, range(1, len(given) + 1))
@@ -252,5 +257,6 @@ READERS: dict[str, Reader[object]] = {
     "bool | str": _held,
     "Number": _number,
     "Numbers": _numbers,
+    "Sequence[Numbers]": _rows,
 }
 """{annotation: reader(model, what was given, where)}."""

@@ -78,8 +78,8 @@ class _State:
     """
 
     def __init__(self, model: Contents, arguments: Iterable[object]) -> None:
-        collections = [value for value in vars(model).values() if isinstance(value, (list, dict))]
-        self._lengths = [(each, len(each)) for each in [*collections, *vars(model.drawing).values()]]
+        held = (*vars(model).values(), *vars(model.drawing).values())
+        self._lengths = [(each, len(each)) for each in held if isinstance(each, (list, dict))]
         self._bodies = [(body, body.copy()) for body in (*arguments, model.ground) if isinstance(body, Body)]
         self._model, self._chosen = model, model.chosen_independent
 

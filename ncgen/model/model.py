@@ -23,11 +23,11 @@ from ncgen.errors import ModelError, shown
 from ncgen.model.bodies import Body
 from ncgen.model.coordinates import check_form
 from ncgen.model.drawing import Drawing
-from ncgen.model.elements import Point, Vector
 from ncgen.model.facts import fact
 from ncgen.model.joints import Joints
 from ncgen.model.loads import Loads
 from ncgen.model.names import check_word, normal
+from ncgen.model.pictures import Pictures
 from ncgen.model.rigid import Frame
 from ncgen.model.rows import Owner
 
@@ -39,7 +39,7 @@ LONGEST_NAME = 100
 """Characters of a model's name, which becomes a file name."""
 
 
-class Model(Joints, Loads):
+class Model(Joints, Loads, Pictures):
     """A mechanism in natural coordinates.
 
     name: becomes the prefix of the generated code
@@ -104,18 +104,6 @@ class Model(Joints, Loads):
     def simulation(self, **options: object) -> None:
         """What `ncgen run` does with this model unless told otherwise: arguments of `ncgen.simulate` by name."""
         self.simulation_options = {normal(key): _with_names(value) for key, value in options.items()}
-
-    @fact
-    def line(self, *points: Point) -> None:
-        """Draw a line through these points."""
-        if len(points) < 2:
-            raise ModelError(f"line: {len(points)} points given; give two or more")
-        self.drawing.lines += zip(points, points[1:])
-
-    @fact
-    def arrow(self, point: Point, vector: Vector) -> None:
-        """Draw a unit vector at a point."""
-        self.drawing.arrows.append((point, vector))
 
     @classmethod
     def from_tables(cls, P: Table, U: Table, CONSTR: Table, **options: Unpack[TableOptions]) -> Model:

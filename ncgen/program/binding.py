@@ -87,17 +87,19 @@ class Derived:
 
     def __init__(self) -> None:
         self.expressions: list[sympy.Expr] = []
+        self._places: dict[sympy.Expr, int] = {}
 
     def index(self, expression: sympy.Expr) -> int:
-        if expression not in self.expressions:
+        if expression not in self._places:
+            self._places[expression] = len(self.expressions)
             self.expressions.append(expression)
-        return self.expressions.index(expression)
+        return self._places[expression]
 
 
 def bind(term: Term, equations: Terms, derived: Derived) -> Bound:
     """Find the sources of every scalar and constant of a term."""
     bound = Bound(term, lowered(term.template))
-    positions = {p.name: i for i, p in enumerate(equations.parameters)} if equations.parameters else {}
+    positions = equations.parameter_index
 
     def value(v: Value, name: str) -> Source:
         if is_number(v):

@@ -10,8 +10,6 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-import numpy as np
-
 from ncgen.compiler import Timings, compile, sources_of
 from ncgen.emit.environment import render
 from ncgen.errors import shortened
@@ -23,11 +21,11 @@ from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.position import CONSISTENT, residual
 from ncgen.solver.rank import freedom
-from ncgen.view.chosen import above_lowest, grouped
-from ncgen.view.curves import curves
+from ncgen.view.curves_of_motion import curves_of_motion
 from ncgen.view.scene import scene_of
 from ncgen.view.sketch import sketch
 from ncgen.view.spots import spots
+from ncgen.view.svg import Drawing
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectory import Trajectory
@@ -44,8 +42,8 @@ LONGEST = 80
 INSTANTS = 200
 """Of a motion, that a card looks at."""
 
-PANELS, LINES = 2, 6
-"""Pictures of coordinates, and curves in each."""
+LINES = 6
+"""Of redundant rows, and twice as many coordinates, that are shown at once."""
 
 
 @dataclass(frozen=True)
@@ -61,7 +59,7 @@ class Table:
 @dataclass(frozen=True)
 class Picture:
     title: str
-    svg: str
+    svg: Drawing
 
 
 @dataclass
@@ -123,7 +121,7 @@ def of_trajectory(run: Trajectory) -> str:
     card.add("constraint error", lambda: [f"constraint error {seen.violation().max():.1e}"])
     card.add("end", lambda: [_end(run)])
     card.add("drawing", lambda: [Picture(f"t = {run.t[-1]:.4g} s", sketch(scene_of(seen), -1))])
-    card.add("curves", lambda: _curves(seen))
+    card.add("curves", lambda: [Picture("", curves_of_motion(seen))])
     return card.html()
 
 
@@ -206,17 +204,6 @@ def _end(run: Trajectory) -> Table:
     rows = [("", "end", "velocity")]
     rows += [_cells((name, f"{run[name][-1]:.9g}", f"{run[f'rate({name})'][-1]:.9g}")) for name in names[:LISTED]]
     return Table("independent coordinates", rows, numbers=True, open=len(names) <= 2 * LINES)
-
-
-def _curves(run: Trajectory) -> list[Picture]:
-    """Coordinates and energies one below the other, as far as they are numbers."""
-    drawn = [curves(run.t, {name: run[name] for name in names[:LINES]}, label) for label, names in [*grouped(run).items()][:PANELS]]
-    kinetic, potential = above_lowest(run)
-    if np.isfinite(kinetic + potential).any():
-        drawn.append(
-            curves(run.t, {"kinetic": kinetic, "potential above its lowest": potential, "total": kinetic + potential}, "energy (J)")
-        )
-    return [Picture("", "<br/>".join(drawn))]
 
 
 def _count(number: int, one: str, many: str) -> str:

@@ -8,7 +8,7 @@ import time
 from importlib.metadata import PackageNotFoundError, version
 
 from ncgen import __version__
-from ncgen.toolchain.compilers import FLAGS, find_compiler
+from ncgen.toolchain.compilers import FLAGS, find_compiler, own_flags
 
 PACKAGES = ("numpy", "scipy", "sympy", "casadi", "jax", "symforce", "exudyn", "pin", "mujoco")
 
@@ -21,7 +21,7 @@ def machine() -> dict[str, str]:
         "cores": str(os.cpu_count()),
         "system": platform.platform(),
         "compiler": compiler.identity if (compiler := find_compiler()) else "none",
-        "flags": " ".join(FLAGS),
+        "flags": " ".join((*FLAGS, *own_flags())),
         "clock": f"resolution {1e9 * resolution:.0f} ns",
         "ncgen": __version__,
         "python": platform.python_version(),

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from ncgen.emit.sources import Sources
+from ncgen.emit.sources import Sources, write_text
 from ncgen.solver.rank import Freedom
 from ncgen.solver.trajectory import Trajectory
+from ncgen.view.curves_of_motion import curves_of_motion
+from ncgen.view.scene import scene_of
+from ncgen.view.sketch import sketch
 
 
 def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: list[Path]) -> dict:
@@ -42,12 +45,10 @@ def run_record(run: Trajectory, found: Freedom, folder: Path | None, outputs: li
 
 def write_outputs(sources: Sources, run: Trajectory, folder: Path) -> list[Path]:
     """Sources, trajectory, drawing and animation of a run; returns the paths in the order written."""
-    from ncgen.view.figure import figure, plot, save
-
     paths = sources.write(folder / "sources")
     paths.append(run.to_npz(folder / "trajectory.npz"))
     paths.append(run.to_csv(folder / "trajectory.csv"))
-    paths.append(save(figure(run.model), folder / "drawing.png"))
-    paths.append(save(plot(run), folder / "motion.png"))
+    paths.append(write_text(folder / "drawing.svg", sketch(scene_of(run.model)).file()))
+    paths.append(write_text(folder / "motion.svg", curves_of_motion(run).file()))
     paths.append(run.animate(folder / "animation.html"))
     return paths

@@ -17,6 +17,7 @@ from ncgen.solver import given
 from ncgen.solver.finite import is_finite, watched
 from ncgen.solver.given import Given
 from ncgen.solver.position import CONSISTENT, TOLERANCE, check_finite, residual
+from ncgen.solver.sparse_rows import DENSE, least_damped, scaled
 
 LIMIT = 100
 LONGEST_STEP = 0.1
@@ -65,8 +66,7 @@ def assemble(
             if len(history) == 1 or is_finite(q):
                 check_finite(kernels, q, t, p)
             break
-        jacobian = watched(kernels).jacobian(q, t, p)[rows] * sizes / kernels.row_sizes[rows, None]
-        step = _damped_step(jacobian, value)
+        step = _damped_step(watched(kernels), q, t, p, sizes, value)
         step *= min(1.0, LONGEST_STEP / max(np.max(np.abs(step), initial=0.0), 1e-300))
         q = q + sizes * step
     raise ConvergenceError(_open_rows(kernels, value, tolerance), tuple(history))
@@ -77,9 +77,13 @@ def _stands_still(history: list[float]) -> bool:
     return len(history) > 1 and history[-1] > SLOW * history[-2]
 
 
-def _damped_step(jacobian: np.ndarray, value: np.ndarray) -> np.ndarray:
+def _damped_step(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, sizes: np.ndarray, value: np.ndarray) -> np.ndarray:
     """Levenberg-Marquardt: the damping fades with the residual, so the end is Newton's."""
+    rows = kernels.holonomic
     damping = min(1e-3, np.linalg.norm(value) ** 2)
+    if len(rows) >= DENSE:
+        return least_damped(scaled(kernels.phi_q(q, t, p)[rows], 1 / kernels.row_sizes[rows], sizes), -value, damping)
+    jacobian = kernels.jacobian(q, t, p)[rows] * sizes / kernels.row_sizes[rows, None]
     stacked = np.vstack([jacobian, np.sqrt(damping) * np.eye(jacobian.shape[1])])
     return np.linalg.lstsq(stacked, np.concatenate([-value, np.zeros(jacobian.shape[1])]), rcond=None)[0]
 

@@ -18,10 +18,11 @@ from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.formalisms import accelerations_by
+from ncgen.solver.open_tree import open_tree
 from ncgen.solver.partition import BETTER, Partition, Partitions, choose_partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
-from ncgen.solver.rank import freedom_at, trial_positions
+from ncgen.solver.rank import closeness_at, freedom_at, trial_positions
 from ncgen.solver.run import EMITTED, Form
 from ncgen.solver.task import Task
 from ncgen.solver.tolerances import Tolerances
@@ -118,21 +119,34 @@ def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form
     """The state derivative over all coordinates, made once for every kernels object, number type and form.
 
     form: "emitted" for accelerations that are written out, seen in positions around the model's own start, so that they are the same in
-        every run
+        every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
     """
     from ncgen.mechanism.runtime import ConstrainedDynamics
 
     seen = partial(own_positions, kernels) if form == "emitted" else None
-    return kernels.remember("constrained dynamics", (number, form), lambda: ConstrainedDynamics(kernels, number, seen))
+    tree = open_tree(kernels) if form == "tree" else None
+    tables = tree.tables if tree else None
+    return kernels.remember("constrained dynamics", (number, form), lambda: ConstrainedDynamics(kernels, number, seen, tables))
+
+
+def form_of(kernels: Kernels, method: Method) -> Form:
+    """What accelerations a run over all coordinates takes where nobody says: of a recursion over the tree of bodies that is written out
+    and compiled, or in loops over tables, or of the factored matrix."""
+    if is_written_out(kernels, method):
+        return "emitted"
+    return "tree" if _may_recur(kernels, method) and open_tree(kernels) else "dense"
+
+
+def _may_recur(kernels: Kernels, method: Method) -> bool:
+    """True where a recursion could give the accelerations of a method."""
+    if refusal(kernels, method, "c", "double") or not (method.formalism.name == "lagrange" and method.integrator.tableau):
+        return False
+    return method.options.get("stabilisation") == "projection"
 
 
 def is_written_out(kernels: Kernels, method: Method) -> bool:
     """True where a run over all coordinates takes its accelerations from a recursion that is written out and compiled."""
-    if refusal(kernels, method, "c", "double") or not (method.formalism.name == "lagrange" and method.integrator.tableau):
-        return False
-    if method.options.get("stabilisation") != "projection":
-        return False
-    return all_coordinates(checked_compiled(kernels), form="emitted").is_emitted
+    return _may_recur(kernels, method) and all_coordinates(checked_compiled(kernels), form="emitted").is_emitted
 
 
 def own_positions(kernels: Kernels) -> Seen | None:
@@ -303,7 +317,8 @@ def samples(kernels: Kernels, q: np.ndarray, p: np.ndarray) -> list[Sample]:
         other = p + ASIDE * generator.uniform(-1, 1, len(p)) * np.where(p == 0.0, 1.0, np.abs(p))
         t = float(ASIDE * generator.uniform())
         try:
-            found.append(Sample(t, solve_position(kernels, found[-1].q, t, refresh_branches(kernels, q, other)).q, other))
+            close = solve_position(kernels, found[-1].q, t, refresh_branches(kernels, q, other), tolerance=closeness_at(kernels, q))
+            found.append(Sample(t, close.q, other))
         except NcgenError:
             continue  # these parameters leave no position
     return found

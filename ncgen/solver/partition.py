@@ -14,7 +14,9 @@ import numpy as np
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.lapack import dgetrf, dgetrs
+from ncgen.solver.open_tree import open_tree
 from ncgen.solver.rank import Freedom, best_rows, column_order, freedom, scaled_jacobian
+from ncgen.solver.sparse_rows import DENSE
 
 Factors: TypeAlias = tuple[np.ndarray, np.ndarray] | tuple[()]
 """LU and exchanges of rows of a square matrix; nothing of an empty one."""
@@ -106,6 +108,8 @@ def choose_partition(
             raise SingularError(singular_message(kernels, found))
         rows = np.array(found.kept_rows, dtype=int)
     wanted = [_position(kernels, name) for name in independent]
+    if kernels.m == len(rows) >= DENSE and (measured := _measured(kernels, wanted)):
+        return Partition(rows, np.setdiff1d(np.arange(kernels.n), measured), np.array(measured))
     jacobian = scaled_jacobian(kernels, q, t, p)[rows]
     count = len(rows)
     if len(wanted) > kernels.n - count:
@@ -121,6 +125,14 @@ def choose_partition(
         names = ", ".join(independent) or "the coordinates"
         raise SingularError(f"{names} do not determine the position here: the partition is singular; choose other independent coordinates")
     return partition
+
+
+def _measured(kernels: Kernels, wanted: list[int]) -> list[int]:
+    """Coordinates that measure the joints of a large open tree, one each, those that are wanted first; [] where they are none of these."""
+    tree = open_tree(kernels)
+    measured = {screw: c for c, (screw, _) in tree.measured.items()} if tree else {}
+    found = set(measured.values())
+    return wanted + sorted(found - set(wanted)) if tree and len(found) == len(tree.screws) and set(wanted) <= found else []
 
 
 def _position(kernels: Kernels, name: str) -> int:

@@ -17,6 +17,7 @@ from ncgen.solver import given
 from ncgen.solver.finite import check_instant, is_finite, watched
 from ncgen.solver.geometry import angles, measured_angles
 from ncgen.solver.given import Given
+from ncgen.solver.sparse_rows import DENSE, independent_rows, scaled
 
 TOLERANCE = 1e-12
 LIMIT = 40
@@ -76,12 +77,23 @@ def solve_position(
         if len(history) > limit or not np.isfinite(history[-1]):
             raise ConvergenceError(_failure(kernels, value, history), tuple(history))
         rows = kernels.holonomic
-        jacobian = watched(kernels).jacobian(q, t, p)[np.ix_(rows, free)] / sizes[rows, None]
-        step = np.linalg.lstsq(jacobian, -value[rows], rcond=1e-10)[0]
+        step = _least_step(watched(kernels), q, t, p, rows, free, -value[rows])
         q, value = _damped(kernels, q, free, step, value, t, p)
         history.append(float(np.max(np.abs(value), initial=0.0)))
     check_mirror_roots(kernels, q, p, history)
     return Position(q, len(history) - 1, history[-1], tuple(history))
+
+
+def _least_step(
+    kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, rows: np.ndarray, free: np.ndarray, right: np.ndarray
+) -> np.ndarray:
+    """The smallest change of some coordinates that changes rows, in their natural sizes, as wanted."""
+    sizes = kernels.row_sizes[rows]
+    if DENSE <= len(rows) <= len(free):
+        jacobian = kernels.phi_q(q, t, p)[rows][:, free]
+        if found := independent_rows(scaled(jacobian, 1 / sizes, np.ones(len(free)))):
+            return found.least(right)
+    return np.linalg.lstsq(kernels.jacobian(q, t, p)[np.ix_(rows, free)] / sizes[:, None], right, rcond=1e-10)[0]
 
 
 def _damped(

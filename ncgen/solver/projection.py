@@ -9,13 +9,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.formalisms.instant import scaled_mass
-from ncgen.solver.formalisms.kkt import KKT
+from ncgen.solver.formalisms.kkt import KKT, LARGE
 from ncgen.solver.position import TOLERANCE, residual
-from ncgen.solver.rank import scaled_jacobian
+from ncgen.solver.rank import scaled_jacobian, sparse_jacobian
+from ncgen.solver.sparse_rows import scaled
 
 LIMIT = 12
 
@@ -54,13 +56,24 @@ def project(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: 
 def project_velocity(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> np.ndarray:
     """The velocity nearest to q̇ that satisfies Φ_q q̇ = ν; a consistent one comes back to the last bit."""
     rows, sizes = kernels.row_sizes, kernels.column_sizes
-    jacobian, nu = scaled_jacobian(kernels, q, t, p), kernels.nu(q, t, p) / rows
+    jacobian, nu = sparse_jacobian(kernels, q, t, p), kernels.nu(q, t, p) / rows
     rest = nu - jacobian @ (qd / sizes)
-    terms = np.abs(jacobian) @ np.abs(qd / sizes) + np.abs(nu)
+    terms = abs(jacobian) @ np.abs(qd / sizes) + np.abs(nu)
     if np.all(np.abs(rest) <= 4 * np.finfo(float).eps * terms):
         return qd
     return qd + sizes * _system(kernels, q, t, p).solve(np.zeros(kernels.n), rest)[0]
 
 
 def _system(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) -> KKT:
-    return KKT(scaled_mass(kernels, q, t, p)[0], scaled_jacobian(kernels, q, t, p), kernels)
+    return least_energy(kernels, q, t, p, scipy.sparse.csr_array((0, kernels.n)))
+
+
+def least_energy(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None, held: scipy.sparse.csr_array) -> KKT:
+    """The equations of the changes, in natural sizes, that constraints allow with the least kinetic energy; held (k, n): rows besides."""
+    if kernels.n + kernels.m + held.shape[0] <= LARGE:
+        rows = np.vstack([scaled_jacobian(kernels, q, t, p), held.toarray()])
+        return KKT(scaled_mass(kernels, q, t, p)[0], rows, kernels)
+    columns = kernels.column_sizes
+    mass = scaled(kernels.mass(q, t, p), columns, columns)
+    rows = scipy.sparse.csr_array(scipy.sparse.vstack([sparse_jacobian(kernels, q, t, p), held]))
+    return KKT(mass / (float(np.max(mass.diagonal(), initial=0.0)) or 1.0), rows, kernels)

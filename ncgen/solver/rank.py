@@ -5,20 +5,22 @@ Rank is numerical and is taken at several consistent positions, because one posi
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import cast
 
 import numpy as np
 import scipy.linalg
 import scipy.sparse
-import scipy.sparse.linalg
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.program.sampling import firmly
 from ncgen.solver import given
 from ncgen.solver.given import Given
+from ncgen.solver.open_tree import is_open_tree
 from ncgen.solver.position import TOLERANCE, check_finite, solve_position
+from ncgen.solver.sparse_rows import DENSE, independent_rows, scaled
 
 RELATIVE_ZERO = 1e-9
 """Singular values below this, relative to the largest, count as zero."""
@@ -35,13 +37,6 @@ REMEMBERED = 16
 
 NEIGHBOUR = 1e-3
 """How far a neighbouring position is, likewise."""
-
-
-DENSE = 200
-"""From this many rows, a sparse test of independence comes before the dense analysis."""
-
-CLEAR = 1e12
-"""Rows are clearly independent when the condition number of Φ_q Φ_qᵀ, scaled, is below this."""
 
 
 def numerical_rank(jacobian: np.ndarray) -> int:
@@ -75,24 +70,35 @@ def scaled_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarr
     return kernels.jacobian(q, t, p) * kernels.column_sizes / kernels.row_sizes[:, None]
 
 
+def sparse_jacobian(kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> scipy.sparse.csr_array:
+    """`scaled_jacobian`, sparse."""
+    return scaled(kernels.phi_q(q, t, p), 1 / kernels.row_sizes, kernels.column_sizes)
+
+
+def _allowed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) -> Callable[[np.ndarray], np.ndarray] | None:
+    """What leaves of any change of the coordinates the part that the rows allow; None where they allow nothing."""
+    if DENSE <= kernels.m < kernels.n and (rows := independent_rows(sparse_jacobian(kernels, q, t, p))):
+        return rows.allowed
+    basis = null_space(scaled_jacobian(kernels, q, t, p))
+    return (lambda x: basis @ (basis.T @ x)) if basis.shape[1] else None  # which does not depend on the choice of the basis
+
+
+def closeness_at(kernels: Kernels, q: np.ndarray) -> float:
+    """The tolerance of positions around q: far from the origin they close as well as coordinates can be told apart there."""
+    return max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / kernels.column_sizes, initial=0.0)))
+
+
 def trial_positions(
     kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None, count: int = POSITIONS, distance: float = DISTANCE
 ) -> list[np.ndarray]:
-    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same.
-
-    Far from the origin they close as well as coordinates can be told apart there.
-    """
+    """Consistent positions around q, reached along random motions; the seed is fixed, so they are always the same."""
     generator = np.random.default_rng(0)
-    sizes = kernels.column_sizes
-    tolerance = max(TOLERANCE, 8 * np.finfo(float).eps * float(np.max(np.abs(q) / sizes, initial=0.0)))
-    basis = null_space(scaled_jacobian(kernels, q, t, p))
+    sizes, tolerance, allowed = kernels.column_sizes, closeness_at(kernels, q), _allowed(kernels, q, t, p)
     found = [np.asarray(q, dtype=float)]
     for attempt in range(4 * count):
-        if len(found) > count:
+        if len(found) > count or allowed is None:
             break
-        if not basis.shape[1]:
-            break
-        step = basis @ (basis.T @ generator.standard_normal(kernels.n))  # which does not depend on the choice of the basis
+        step = allowed(generator.standard_normal(kernels.n))
         guess = q + distance / (1 + attempt // count) * sizes * step / max(np.max(np.abs(step)), 1e-300)
         try:
             found.append(solve_position(kernels, guess, t, p, tolerance=tolerance).q)
@@ -152,33 +158,10 @@ def freedom_at(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Free
     )
 
 
-def rows_are_clearly_independent(jacobian: scipy.sparse.csr_array) -> bool:
-    """Whether a sparse Jacobian (m, n) certainly has full row rank; False leaves the question open.
-
-    Φ_q Φ_qᵀ is factorised and its condition number estimated in the 1-norm (Higham and Tisseur 2000), which bounds
-    that in the 2-norm for a symmetric matrix: below CLEAR, every singular value of Φ_q is far above RELATIVE_ZERO.
-    """
-    gram = (jacobian @ jacobian.T).tocsc()
-    try:
-        factors = scipy.sparse.linalg.splu(gram, permc_spec="MMD_AT_PLUS_A")
-    except RuntimeError:  # SuperLU's word for an exactly singular matrix
-        return False
-    operator = cast(Any, scipy.sparse.linalg.LinearOperator)  # what it is made of stands in __new__, where no type is found
-    inverse = operator(gram.shape, factors.solve, rmatvec=factors.solve, dtype=float)
-    norm = cast(float, scipy.sparse.linalg.onenormest(inverse))  # with vectors only if they are asked for
-    return bool(norm * scipy.sparse.linalg.norm(gram, 1) < CLEAR)
-
-
-def _sparse_jacobian(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> scipy.sparse.csr_array:
-    """`scaled_jacobian`, sparse."""
-    rows, columns = (scipy.sparse.diags_array(sizes) for sizes in (1 / kernels.row_sizes, kernels.column_sizes))
-    return rows @ kernels.phi_q(q, t, p) @ columns
-
-
 def _freedom(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> Freedom:
     m, n = kernels.m, kernels.n
     check_finite(kernels, q, t, p)
-    if DENSE <= m <= n and rows_are_clearly_independent(_sparse_jacobian(kernels, q, t, p)):
+    if DENSE <= m <= n and (independent_rows(sparse_jacobian(kernels, q, t, p)) or is_open_tree(kernels, q, t, p)):
         return Freedom(m, m, n - m, (), tuple(range(m)), np.zeros((n, 0)), 1)
     positions = trial_positions(kernels, q, t, p)
     jacobians = [scaled_jacobian(kernels, x, t, p) for x in positions]

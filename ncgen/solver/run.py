@@ -44,7 +44,7 @@ ENGINES = (AUTO, "c", "emitted", "refined", "python")
 EMITTED: tuple[Literal["emitted"], Literal["refined"]] = ("emitted", "refined")
 """Engines for which the state derivative is written out for a mechanism."""
 
-Form: TypeAlias = Literal["dense", "emitted", "refined"]
+Form: TypeAlias = Literal["dense", "emitted", "refined", "tree"]
 """Of a state derivative in C: eliminated by the runtime, written out, or that with iterative refinement."""
 
 NUMBERS = ("double", "float", "long double")

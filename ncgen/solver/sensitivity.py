@@ -54,6 +54,20 @@ class Gradient:
         return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), SHOWN)}>"
 
 
+@dataclass(frozen=True, eq=False)
+class Hessian:
+    """The value of an objective, its derivatives by name, and how these change along directions: products (columns, D), rows in the order
+    of `names`. Along all of them one by one this is the Hessian."""
+
+    value: float
+    slopes: dict[str, float]
+    products: np.ndarray
+    names: tuple[str, ...]
+
+    def __repr__(self) -> str:
+        return f"<Hessian of {self.value:.6g} by {shortened(', '.join(self.names), SHOWN)}: {self.products.shape[1]} directions>"
+
+
 def sensitivities(
     kernels: Kernels,
     duration: float,
@@ -94,8 +108,50 @@ def gradient(
     """
     motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
     value, *slopes = objective(motion.q, motion.qd)
-    by_q, by_qd = (np.zeros_like(motion.q) if a is None else np.asarray(a, dtype=float) for a in slopes)
+    by_q, by_qd = (_filled(a, motion.q) for a in slopes)
     return Gradient(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)))
+
+
+def hessian(
+    kernels: Kernels,
+    duration: float,
+    steps: int,
+    objective: Callable[[np.ndarray, np.ndarray], tuple],
+    directions: np.ndarray | None = None,
+    integrator: str = "rk4",
+    rtol: float | None = None,
+    **start: Unpack[InitialArguments],
+) -> Hessian:
+    """Second derivatives of one number that depends on a motion: how its gradient changes along directions, exact like the gradient.
+
+    objective: from q and qd (K, n) to (value, its derivatives by q and by qd, each (K, n), change), where change(dq, dqd) says how these
+        two derivatives change with q and qd; None stands for what is zero, such as the change where the number is a weighted sum
+    directions: changes of parameters, z and rates at the start, in the order of `names`, (columns, D); None for all, one by one
+    steps, integrator, rtol, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
+    """
+    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
+    if not isinstance(motion, TapedMotion):
+        raise ModelError(
+            f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
+        )
+    count = len(motion.names)
+    along = np.eye(count) if directions is None else np.asarray(directions, dtype=float)
+    if along.ndim != 2 or len(along) != count:
+        rows = shortened(", ".join(motion.names), SHOWN)
+        raise ModelError(f"directions: they have shape {along.shape}; give ({count}, D), a row for each of {rows}")
+    value, *slopes, change = objective(motion.q, motion.qd)
+    by_q, by_qd = (_filled(a, motion.q) for a in slopes)
+
+    def changed(dq: np.ndarray, dqd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        first, second = (None, None) if change is None else change(dq, dqd)
+        return _filled(first, dq), _filled(second, dq)
+
+    products = motion.second(by_q, by_qd, changed, along)
+    return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)), products, motion.names)
+
+
+def _filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
+    return np.zeros_like(like) if array is None else np.asarray(array, dtype=float)
 
 
 def motion_of(

@@ -95,8 +95,9 @@ def simulate(
     engine: "c" (the whole run in compiled code), "emitted" (the same with the state derivative written out for this mechanism and its
         independent coordinates, and compiled, which takes a second or so), "refined" (emitted, with a step of
         iterative refinement, which keeps digits where the fixed order of pivots is unlucky), "python" (the reference), or
-        "auto": C where it can be, and where the formalism is lagrange accelerations that are written out for this mechanism, if it has
-        bodies and not more than 60 joints; the trajectory's `engine` says which it was and why
+        "auto": C where it can be, and where the formalism is lagrange accelerations by a recursion over the tree of bodies: written out for
+        this mechanism ("emitted") up to 60 joints, in loops over tables ("tree") for longer trees without loops; the trajectory's `engine`
+        says which it was and why
     number: what C computes with: "double", "float" (as a small controller would) or "long double"; tolerances finer than
         its rounding are raised to that, and the trajectory has doubles in any case
     stop: {coordinate: value} to end where a coordinate, or a velocity {"rate(psi)": 0.0}, passes a value; with a direction,
@@ -189,14 +190,14 @@ class _Motion:
             if self.choice.method.is_constrained:
                 self.path = Path.empty(kernels.n, self.start.partitions)  # what C has left of it is done again
             self._in_python()
-        self.engine = f"python: {refused}" if refused else form if form in EMITTED else "c"
+        self.engine = f"python: {refused}" if refused else "c" if form == "dense" else form
 
     def _form(self) -> Form:
         """What state derivative C is given: as named, else one that is written out where there is one over all coordinates."""
         if self.run.engine in EMITTED:
             return self.run.engine
         is_open = self.run.engine == AUTO and self.run.number == "double"
-        return "emitted" if is_open and compiled.is_written_out(self.kernels, self.choice.method) else "dense"
+        return compiled.form_of(self.kernels, self.choice.method) if is_open else "dense"
 
     def _go_on_implicit(self) -> str | None:
         """Take the implicit method, with independent coordinates for where the path has come to: why that cannot be done in C, or None."""

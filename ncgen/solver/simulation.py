@@ -210,7 +210,7 @@ def prepared(kernels: Kernels, integrator: str, rtol: float, atol: float | None,
     if refused := compiled.refusal(kernels, method, "c", "double"):
         raise ModelError(f"{kernels.name} cannot be stepped: {refused}; use ncgen.simulate")
     kernels = compiled.checked_compiled(kernels)
-    form = "emitted" if compiled.is_written_out(kernels, method) else "dense"
+    form = compiled.form_of(kernels, method)
     here = begin(kernels, at, partitioned=False)
     rank = freedom_at(kernels, here.q, at.t, here.p).rank
     least = NEAR_ZERO * rtol if atol is None else positive(atol, "atol")

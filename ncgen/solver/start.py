@@ -10,18 +10,19 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
+import scipy.sparse
+import scipy.sparse.linalg
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import check_choices, refresh_branches
-from ncgen.solver.formalisms.instant import scaled_mass
-from ncgen.solver.formalisms.kkt import KKT
 from ncgen.solver.partition import Partition, Partitions, choose_partitions, determined, kinematics
 from ncgen.solver.position import check_finite, check_mirror_roots
-from ncgen.solver.projection import project_velocity
-from ncgen.solver.rank import REMEMBERED, scaled_jacobian
+from ncgen.solver.projection import least_energy, project_velocity
+from ncgen.solver.rank import REMEMBERED
 from ncgen.solver.run import Initial
+from ncgen.solver.sparse_rows import DENSE
 
 NOTICEABLE = 1e-9
 """Changes of a given velocity up to this, relative to the largest velocity, are rounding and not reported."""
@@ -123,6 +124,10 @@ def _independent_rates(kernels: Kernels, partition: Partition, given: dict[str, 
 
 def velocity_from_rates(kernels: Kernels, partition: Partition, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """All velocities (n,) from those of the independent coordinates."""
+    if kernels.m >= DENSE and len(kernels.holonomic) == kernels.m:
+        held = scipy.sparse.csr_array((np.ones(len(rates)), (np.arange(len(rates)), partition.independent)), (len(rates), kernels.n))
+        rows = scipy.sparse.vstack([kernels.phi_q(q, t, p)[partition.rows], held], format="csc")
+        return scipy.sparse.linalg.splu(rows).solve(np.concatenate([kernels.nu(q, t, p)[partition.rows], rates]))
     frame = kinematics(kernels, partition, q, t, p)
     return frame.R @ rates + frame.particular(kernels.nu(q, t, p))
 
@@ -151,6 +156,6 @@ def given_velocity(kernels: Kernels, qd0: dict[str, float] | np.ndarray, q: np.n
 def _least_energy(kernels: Kernels, where: np.ndarray, rates: np.ndarray, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
     """Velocities of least kinetic energy among those with the given rates: the given ones are rows like the others."""
     sizes = kernels.column_sizes
-    rows = np.vstack([scaled_jacobian(kernels, q, t, p), np.eye(kernels.n)[where]])
+    held = scipy.sparse.csr_array((np.ones(len(where)), (np.arange(len(where)), where)), (len(where), kernels.n))
     right = np.concatenate([kernels.nu(q, t, p) / kernels.row_sizes, rates / sizes[where]])
-    return sizes * KKT(scaled_mass(kernels, q, t, p)[0], rows, kernels).solve(np.zeros(kernels.n), right)[0]
+    return sizes * least_energy(kernels, q, t, p, held).solve(np.zeros(kernels.n), right)[0]

@@ -10,23 +10,41 @@ ones, the columns R of allowed motions and N(q, p), a step of Newton's method, w
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property
+from typing import TypeAlias
 
 import numpy as np
 
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.library import CompiledKernels
+from ncgen.mechanism.sweep import SMALL, Sweep
 from ncgen.mechanism.taped import Taped
 from ncgen.solver.compiled import all_coordinates, closeness
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.partition import determined, kinematics
+from ncgen.solver.partition import Kinematics, determined, kinematics
 from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial
 from ncgen.solver.start import begin
 from ncgen.solver.tolerances import Tolerances
 
+Change: TypeAlias = Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""From changes of q and q̇ at all instants, (K, n) each, to those of a number's derivatives by them."""
+
 REMEDIES = defaultdict(lambda: "take shorter steps", full="take a shorter motion, or a larger rtol", short="end it before")
 """What to do about a run that did not arrive, by its status."""
+
+
+@dataclass(frozen=True)
+class _Start:
+    """What derivatives need at the start: R of positions and of velocities, (n, nz) each, and how the model's own position follows
+    parameters, (n, n_p); frames: the factors behind R."""
+
+    frames: tuple[Kinematics, Kinematics]
+    positions: np.ndarray
+    velocities: np.ndarray
+    by_parameters: np.ndarray
 
 
 class TapedMotion:
@@ -71,9 +89,13 @@ class TapedMotion:
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D); those by z and its rates may be left out."""
+        return self._run.forward(*self._seeds(directions))
+
+    def _seeds(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """Changes of q and q̇ at the start, (n, D) each, and of p, (n_p, D), along directions."""
         n, count = self.kernels.n, len(directions)
         by_start = np.array([np.concatenate(self._start_back(weights))[:count] for weights in np.eye(2 * n)]) @ directions
-        return self._run.forward(by_start[:n], by_start[n:], directions[: len(self.p)])
+        return by_start[:n], by_start[n:], directions[: len(self.p)]
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
         """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
@@ -81,32 +103,66 @@ class TapedMotion:
         by_start, by_z, by_rates = self._start_back(np.concatenate(by_state))
         return np.concatenate([by_p + by_start, by_z, by_rates])
 
-    def _start_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How a sum with these weights (2 n,) of q and q̇ at the start changes with p, z and ż: the transpose of what stands above."""
+    def second(self, by_q: np.ndarray, by_qd: np.ndarray, change: Change, directions: np.ndarray) -> np.ndarray:
+        """How the derivatives of a number change along directions (columns, D), (columns, D): the way back, in dual numbers.
+
+        by_q, by_qd: its derivatives by q and q̇ at all instants, (K, n) each; change: how they change with q and q̇
+        """
+        seeds = self._seeds(directions)
+        q, qd, sweeps = self._run.second(*seeds)
+        found = np.empty(directions.shape)
+        for k, sweep in enumerate(sweeps):
+            changes = change(q[:, :, k], qd[:, :, k])
+            weights = (own + SMALL * 1j * more for own, more in zip((by_q, by_qd), changes, strict=True))
+            *by_state, by_p = sweep.backward(self._run.at_all_steps(*weights))
+            start = self._start_along(*(seed[:, k] for seed in seeds))
+            by_start, by_z, by_rates = self._start_back(np.concatenate(by_state), sweep, start)
+            found[:, k] = np.imag(np.concatenate([by_p + by_start, by_z, by_rates])) / SMALL
+        return found
+
+    def _start_along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> _Start:
+        """What there is at the start, in dual numbers."""
+        kernels, start = self.kernels, self._start
+        given = {"t": self.t[0], "q": self._begun.q, "qd": np.zeros(kernels.n), "p": self.p}
+
+        def acceleration(allowed: np.ndarray) -> np.ndarray:
+            """How Φ_q q̈ − γ changes while nothing moves."""
+            return kernels.dense_tangent("phidd_q", qdd=allowed, **given) @ dq + kernels.dense_tangent("phidd_p", qdd=allowed, **given) @ dp
+
+        still = acceleration(np.zeros(kernels.n))
+        R = []
+        for frame in start.frames:
+            changes = [-frame.particular(acceleration(np.ascontiguousarray(column)) - still) for column in frame.R.T]
+            R.append(frame.R + SMALL * 1j * np.array(changes).reshape(-1, kernels.n).T)
+        return _Start(start.frames, R[0], R[1], kernels.start_p(self.p + SMALL * 1j * dp))
+
+    def _start_back(
+        self, weights: np.ndarray, sweep: Sweep | None = None, start: _Start | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How a sum with these weights (2 n,) of q and q̇ at the start changes with p, z and ż: the transpose of what stands above.
+
+        sweep, start: in dual numbers where the weights are
+        """
         n, position, velocity = self.kernels.n, self._partitions.position, self._partitions.velocity
-        allowed_positions, allowed_velocities = self._allowed
+        back, start = sweep or self._run.back, start or self._start
+        allowed_positions, allowed_velocities = start.positions, start.velocities
         by_rates = allowed_velocities.T @ weights[n:]
         rest = weights[n:].copy()
         rest[velocity.independent] -= by_rates
-        by_q, by_p = self._run.velocities_back(rest)
+        by_q, by_p = back.velocities_back(rest)
         by_q = by_q + weights[:n]
         by_z = allowed_positions.T @ by_q
         by_q[position.independent] -= by_z
-        by_p = by_p + self._run.closing_back(by_q)
+        by_p = by_p + back.closing_back(by_q)
         if self._follows:
-            by_p += self._start_p[position.independent].T @ by_z
+            by_p = by_p + start.by_parameters[position.independent].T @ by_z
         return by_p, by_z, by_rates
 
     @cached_property
-    def _start_p(self) -> np.ndarray:
-        return self.kernels.start_p(self.p)
-
-    @cached_property
-    def _allowed(self) -> tuple[np.ndarray, np.ndarray]:
-        """R of positions and of velocities at the start."""
+    def _start(self) -> _Start:
         parts = self._partitions.position, self._partitions.velocity
-        first, second = (kinematics(self.kernels, part, self._begun.q, self.t[0], self.p).R for part in parts)
-        return first, second
+        first, second = (kinematics(self.kernels, part, self._begun.q, self.t[0], self.p) for part in parts)
+        return _Start((first, second), first.R, second.R, self.kernels.start_p(self.p))
 
     def _check(self) -> None:
         """Raises DomainError, ConvergenceError or ModelError where the run did not arrive, or not by steps that have derivatives."""

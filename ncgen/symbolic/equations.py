@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Collection, Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from typing import TypeAlias
 
@@ -27,7 +27,7 @@ from ncgen.model.values import Parameter, Scalar, Value, as_sympy, is_number, to
 from ncgen.symbolic import templates
 from ncgen.symbolic.inertia import Exact, StandardInertia, centre_weights, standard_inertia
 from ncgen.symbolic.numbering import Terms
-from ncgen.symbolic.omissions import angle_row_type
+from ncgen.symbolic.omissions import Pairs, angle_row_type, perpendicular_pairs
 from ncgen.symbolic.templates import TIME, Template
 
 LinearForm: TypeAlias = tuple[tuple[Scalar, Component], ...]
@@ -35,6 +35,10 @@ LinearForm: TypeAlias = tuple[tuple[Scalar, Component], ...]
 
 Amount: TypeAlias = Exact | float
 """What is added up before it is rounded."""
+
+
+MANY = 16
+"""Forces written alike from which they share a template: as many equal terms make a loop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,23 +85,24 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
     massless: bodies whose masses and weights are left out
     """
     omitted: list[str] = []
-    rows = [_row(model, number, row, omitted) for number, row in enumerate(model.rows)]
+    perpendicular, names = perpendicular_pairs(model), Names(model)
+    rows = [_row(names, number, row, perpendicular, omitted) for number, row in enumerate(model.rows)]
     bodies = [body for body in model.bodies.values() if body.inertia and body not in massless]
     if owner is not None:
         rows = [term for term in rows if term.owner == owner]
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
     released = _released(model, owner)
     masses, forces = _inertia_terms(model, bodies, released, model.rotors if owner is None else ())
-    for force in model.forces:
-        if owner in (None, _bearer(model, force)):
-            forces.append(_load(model, force) if isinstance(force, Load) else _force(model, force, released))
+    own = [force for force in model.forces if owner is None or owner == _bearer(model, force)]
+    forces += _alike([_load(names, force) if isinstance(force, Load) else _force(names, force, released) for force in own])
     forces += build_springs(model).forces if owner is None else ()
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
 
 
 def build_springs(model: Model) -> Equations:
     """The springs and potentials of a model alone: what pulls without belonging to a body."""
-    springs, potentials = (_load(model, spring) for spring in model.springs), (_potential(model, each) for each in model.potentials)
+    names = Names(model)
+    springs, potentials = (_load(names, spring) for spring in model.springs), (_potential(names, each) for each in model.potentials)
     return Equations(model, (), (), (*springs, *potentials))
 
 
@@ -109,10 +114,10 @@ def _released(model: Model, owner: Owner | None) -> frozenset[Component]:
 # -- rows ---------------------------------------------------------------------------------------
 
 
-def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
+def _row(names: Names, number: int, row: Row, perpendicular: Pairs, omitted: list[str]) -> Term:
     if row.type is None:
         where = f"row {number + 1} ({row.label})"
-        scalars, data = _names(model, row.written, where)
+        scalars, data = names.mentioned(row.written, where)
         if row.level == "position":
             _refuse_rates(row.written, scalars, f"{where}: an equation of position", "use m.constrain_velocity")
         make = templates.velocity_row_template if row.level == "velocity" else templates.expression_row_template
@@ -123,7 +128,7 @@ def _row(model: Model, number: int, row: Row, omitted: list[str]) -> Term:
                 f"{where}: {shown(row.written)}: {error}; a velocity constraint is a sum of coefficients times rates"
             ) from None
         return Term(template, _forms(scalars), tuple(data), row.owner, row.label, number, row.equation)
-    row_type = angle_row_type(model, row, row.type, omitted)
+    row_type = angle_row_type(row, row.type, perpendicular, omitted)
     template = templates.row_template(row_type.key)
     forms = _forms([row.arguments[name] for name in (*row_type.vectors, *row_type.scalars)])
     data = (*(row.data[name] for name in row_type.data), _scale(row, row_type))
@@ -155,18 +160,26 @@ def _scale(row: Row, kind: RowType) -> Scalar:
 # -- what users write ---------------------------------------------------------------------------
 
 
-def _names(model: Model, expression: Scalar | sympy.Tuple, where: str) -> tuple[list[Component], list[Parameter]]:
-    """The coordinates (by themselves or by their rates) and parameters an expression mentions, in model order."""
-    mentioned = {s.name for s in symbols_in(sympy.sympify(expression))}
-    coordinates = [c for c in model.components if c.name in mentioned or rate_name(c.name) in mentioned]
-    parameters = [p for p in model.numbers.values() if p.name in mentioned]
-    known = {TIME.name} | {p.name for p in parameters} | {n for c in coordinates for n in (c.name, rate_name(c.name))}
-    if mentioned - known:
-        name = sorted(mentioned - known)[0]
-        raise ModelError(
-            f"{where}: {shortened(name, SHOWN)} is neither a coordinate, a rate, a parameter, an input nor m.time; correct the expression"
-        )
-    return coordinates, parameters
+class Names:
+    """What expressions can mention of a model, by name."""
+
+    def __init__(self, model: Model) -> None:
+        self.model = model
+        components = list(enumerate(model.components))
+        self._coordinates = {c.name: (k, c) for k, c in components} | {rate_name(c.name): (k, c) for k, c in components}
+        self._numbers = {p.name: (k, p) for k, p in enumerate(model.numbers.values())}
+
+    def mentioned(self, expression: Scalar | sympy.Tuple, where: str) -> tuple[list[Component], list[Parameter]]:
+        """The coordinates (by themselves or by their rates) and parameters an expression mentions, in model order."""
+        names = {s.name for s in symbols_in(sympy.sympify(expression))}
+        if unknown := sorted(names - self._coordinates.keys() - self._numbers.keys() - {TIME.name}):
+            raise ModelError(
+                f"{where}: {shortened(unknown[0], SHOWN)} is neither a coordinate, a rate, a parameter, an input nor m.time; correct the "
+                "expression"
+            )
+        coordinates = dict(self._coordinates[name] for name in names if name in self._coordinates)
+        numbers = dict(self._numbers[name] for name in names if name in self._numbers)
+        return [c for _, c in sorted(coordinates.items())], [p for _, p in sorted(numbers.items())]
 
 
 def _refuse_rates(expression: Scalar, coordinates: Iterable[Component], what: str, remedy: str) -> None:
@@ -181,31 +194,46 @@ def _words(things: Iterable[Component | Parameter]) -> tuple[str, ...]:
     return tuple(thing.name for thing in things)
 
 
-def _load(model: Model, load: Load) -> Term:
+def _load(names: Names, load: Load) -> Term:
     """A force type of the catalogue at its place."""
     kind, make = load.type, templates.force_template
     arguments, data = load.given()
     if load.law is not None:
         used = {s.name for s in symbols_in(load.law)} - {*LAW, TIME.name}
-        data = [p for p in model.parameters.values() if p.name in used]
+        data = [p for p in names.model.parameters.values() if p.name in used]
         if used - set(_words(data)):
             raise ModelError(f"{load.label}: {sorted(used)[0]} is not a parameter; a law is made of length, rate, m.time and parameters")
         kind, make = templates.law_type(kind, load.label, load.law, _words(data)), templates.derived_force
     written = sympy.Tuple(*map(as_sympy, data))
-    if _names(model, written, load.label)[0] or TIME in written.free_symbols:
+    if names.mentioned(written, load.label)[0] or TIME in written.free_symbols:
         raise ModelError(f"{load.label}: give numbers or parameters; for what varies, use m.force or m.torque")
     equation = describe(kind.equation, dict(zip((*kind.vectors, *kind.scalars, *kind.data), (*arguments, *data), strict=True)))
     return Term(make(kind), _forms(arguments), tuple(data), Owner("user", load.label), load.label, equation=equation)
 
 
-def _force(model: Model, force: Force, released: Collection[Component]) -> Term:
+def _force(names: Names, force: Force, released: Collection[Component]) -> Term:
     components = {c: sympy.sympify(e) for c, e in force.components if not c.fixed or c in released}
-    scalars, data = _names(model, sympy.Tuple(*components.values()), force.label)
+    scalars, data = names.mentioned(sympy.Tuple(*components.values()), force.label)
     scalars = list(dict.fromkeys([*scalars, *components]))
     along = {scalars.index(c): e for c, e in components.items()}
     template = templates.user_force(force.label, _words(scalars), _words(data), along)
     equation = ", ".join(f"{told(e)} along {c.name}" for c, e in components.items())
     return Term(template, _forms(scalars), tuple(data), Owner("user", force.label), force.label, equation=equation)
+
+
+def _alike(forces: Sequence[Term]) -> list[Term]:
+    """Forces that the user wrote in the same words but for names share a template where they are many, so that they become a loop."""
+    shared: dict[tuple[object, ...], list[int]] = defaultdict(list)
+    plain: dict[int, Template] = {}
+    for k, term in enumerate(forces):
+        if term.template.equation == templates.USER_FORCE:
+            plain[k] = templates.without_names(term.template)
+            shared[tuple(plain[k].outputs.items())].append(k)
+    found = list(forces)
+    for numbers in shared.values():
+        for k in numbers if len(numbers) >= MANY else ():
+            found[k] = replace(forces[k], template=plain[numbers[0]])
+    return found
 
 
 def _bearer(model: Model, force: Force | Couple) -> Owner | None:
@@ -219,8 +247,8 @@ def _bearer(model: Model, force: Force | Couple) -> Owner | None:
     return None
 
 
-def _potential(model: Model, potential: Potential) -> Term:
-    scalars, data = _names(model, potential.expression, potential.label)
+def _potential(names: Names, potential: Potential) -> Term:
+    scalars, data = names.mentioned(potential.expression, potential.label)
     _refuse_rates(potential.expression, scalars, f"{potential.label}: a potential", "use m.force or m.torque")
     expression = sympy.sympify(potential.expression)
     template = templates.user_potential(potential.label, _words(scalars), _words(data), expression)

@@ -40,6 +40,11 @@ class Numbering:
         """What stands in the kernels' p: parameters, then inputs."""
         return list(self.model.numbers.values())
 
+    @cached_property
+    def parameter_index(self) -> dict[str, int]:
+        """{name: its place in p}."""
+        return {parameter.name: i for i, parameter in enumerate(self.parameters)}
+
 
 class Terms(Numbering):
     """The numbering, and the terms that refer to it: rows of constraints, masses, forces, and in words what was omitted."""

@@ -30,6 +30,7 @@ from ncgen.model.names import LAW
 
 TIME = sympy.Symbol("t", real=True)
 SCALE = "scale"
+USER_FORCE = "user force"
 
 
 class Output(NamedTuple):
@@ -192,7 +193,15 @@ def _working(components: dict[int, sympy.Expr], scalars: tuple[str, ...]) -> Out
 
 def user_force(key: str, scalars: tuple[str, ...], data: tuple[str, ...], components: dict[int, sympy.Expr]) -> Template:
     """A force the user wrote out; components: expression by the number of its scalar."""
-    return Template(key, "user force", scalars, data, _working(components, scalars))
+    return Template(key, USER_FORCE, scalars, data, _working(components, scalars))
+
+
+def without_names(template: Template) -> Template:
+    """The same with numbers for the names of its scalars and data."""
+    scalars, data = tuple(f"x{k}" for k in range(len(template.scalars))), tuple(f"c{k}" for k in range(len(template.data)))
+    old = [*symbols(template.scalars), *rates(template.scalars), *symbols(template.data)]
+    rules = dict(zip(old, [*symbols(scalars), *rates(scalars), *symbols(data)], strict=True))
+    return Template("user-forces", template.equation, scalars, data, {key: replaced(e, rules) for key, e in template.outputs.items()})
 
 
 def user_potential(key: str, scalars: tuple[str, ...], data: tuple[str, ...], potential: sympy.Expr) -> Template:

@@ -9,8 +9,10 @@ Source: García de Jalón & Bayo, Kinematic and Dynamic Simulation of Multibody 
 
 from __future__ import annotations
 
+from collections import defaultdict
 from collections.abc import Collection, Iterable, Sequence
 from dataclasses import dataclass, field
+from heapq import heapify, heappop, heappush
 from itertools import accumulate, pairwise
 
 import numpy as np
@@ -91,15 +93,27 @@ def spanning_tree(model: Model) -> Tree:
     best: dict[Body, tuple[int | None, tuple[Screw, ...]]] = {
         body: (None, _on_ground(body, sliding.get(frozenset({body, model.ground})))) for body in waiting
     }
-    while waiting:
-        body = min(waiting, key=lambda b: len(best[b][1]))
-        waiting.remove(body)
+    rank = {body: k for k, body in enumerate(waiting)}
+    users: dict[Spatial, list[Body]] = defaultdict(list)
+    for body in waiting:
+        for element in body.elements:
+            users[element].append(body)
+    heap = [(len(best[body][1]), rank[body]) for body in waiting]
+    heapify(heap)
+    taken: set[Body] = set()
+    while heap:
+        freedoms, number = heappop(heap)
+        body = waiting[number]
+        if body in taken or freedoms != len(best[body][1]):
+            continue
+        taken.add(body)
         links.append(Link(body, *best[body]))
         mine = set(body.elements)
-        for other in waiting:
+        for other in {user: None for element in body.elements for user in users[element] if user not in taken}:
             shared = [e for e in other.elements if e in mine]
-            if shared and len(screws := joint_between(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
+            if len(screws := joint_between(other, shared, sliding.get(frozenset({body, other})))) < len(best[other][1]):
                 best[other] = (len(links) - 1, screws)
+                heappush(heap, (len(screws), rank[other]))
     home: dict[Spatial, int] = {}
     for number, link in enumerate(links):
         for element in link.body.elements:

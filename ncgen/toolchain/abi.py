@@ -36,6 +36,9 @@ NUMBERS = {
     "long double": Number("long double", ("-DNCGEN_LONG_DOUBLE",), np.dtype(np.longdouble)),
 }
 
+DUAL = Number("double _Complex", ("-include", "ncgen_dual.h", "-fcx-limited-range"), np.dtype(np.complex128))
+"""A double with its change along a direction (ncgen_dual.h)."""
+
 STRUCTS = {
     "ncgen.h": ("ncgen_model", "ncgen_tangents", "ncgen_parameter_tangents"),
     "ncgen_runtime.h": (
@@ -48,6 +51,7 @@ STRUCTS = {
         "ncgen_signals",
         "ncgen_statistics",
         "ncgen_tape",
+        "ncgen_tree",
     ),  # fmt: skip
     "ncgen_differentiated.h": ("ncgen_seeded_motion", "ncgen_taped"),
     "ncgen_driven.h": ("ncgen_driven", "ncgen_moment"),
@@ -67,8 +71,8 @@ def marked(text: str, part: str = "cdef") -> str:
 @cache
 def abi(number: str = "double") -> FFI:
     """The types of ncgen.h."""
-    ffi = FFI()
-    ffi.cdef(f"typedef {number} ncgen_real; typedef {number} ncgen_scalar;" + declared("ncgen.h"))
+    ffi, scalar = FFI(), "double" if number == DUAL.name else number
+    ffi.cdef(f"typedef {number} ncgen_real; typedef {scalar} ncgen_scalar;" + declared("ncgen.h"))
     return _completed(ffi, "ncgen.h")
 
 

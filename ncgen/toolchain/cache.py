@@ -50,7 +50,7 @@ def compiled(files: dict[str, str], flags: tuple[str, ...] = FLAGS, libraries: t
             failures.append(known)
             continue
         while True:
-            taken = compilers.accepted(compiler, flags)
+            taken = compilers.accepted(compiler, (*flags, *compilers.own_flags()))
             try:
                 built = build(files, compiler, taken, libraries)
             except CompileError as error:

@@ -30,7 +30,7 @@ FLAGS = ("-std=c99", "-O3", "-march=native", "-fno-tree-slp-vectorize", "-ffp-co
 """No -ffast-math: sums keep their order. Fused multiply-adds, where the processor has them, halve the rounding error of the
 robot's kernels and save a quarter of their time; the price is a last bit that depends on the processor."""
 
-OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp")
+OPTIONAL = ("-march=native", "-fno-tree-slp-vectorize", "-ffp-contract=fast", "-fno-math-errno", "-fopenmp", "-fcx-limited-range")
 """Flags that make code faster and no different: a compiler that refuses one is used without it."""
 
 UNSAID = ("-fopenmp",)
@@ -49,6 +49,18 @@ FEW_SOURCES = 8
 """A compiler is given at least as many where there are several."""
 
 PROBE = {"probe.c": "int ncgen_probe(void) { return 1; }\n"}
+
+
+def own_flags() -> tuple[str, ...]:
+    """What NCGEN_CFLAGS adds to the flags of every library that ncgen compiles for itself, such as -O1: quicker to compile, slower to run.
+
+    Raises CompileError where it cannot be read.
+    """
+    asked = os.environ.get("NCGEN_CFLAGS", "")
+    try:
+        return tuple(shlex.split(asked))
+    except ValueError as error:
+        raise CompileError(f"NCGEN_CFLAGS={asked}: {error}; correct NCGEN_CFLAGS or unset it") from None
 
 
 @dataclass(frozen=True)

@@ -7,6 +7,9 @@ import numpy as np
 AZIMUTH, ELEVATION = 40.0, 20.0
 """The turn of the eye about Z, from X, and its height (degrees)."""
 
+LIGHT = np.array([0.4, -0.12, 0.9]) / np.linalg.norm([0.4, -0.12, 0.9])
+"""Towards the light, over the eye's left shoulder."""
+
 
 def screen() -> np.ndarray:
     """The screen's rightward and upward directions in a spatial scene, the columns of a 3×2 matrix."""

@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from matplotlib import rc_context
 from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from mpl_toolkits.mplot3d.art3d import Poly3DCollection
 
 from ncgen.emit.sources import write_bytes
 from ncgen.errors import NcgenError
@@ -20,6 +22,7 @@ from ncgen.view.eye import AZIMUTH, ELEVATION, screen
 from ncgen.view.histories import plot
 from ncgen.view.labels import LabelPlaces
 from ncgen.view.scene import Scene, scene_of
+from ncgen.view.still import palette, shadows, solids
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectory import Trajectory
@@ -32,16 +35,26 @@ VECTOR_LABEL: dict[str, Any] = dict(color=VECTOR, fontsize=9, ha="center", va="c
 FLAT_ARROW: dict[str, Any] = dict(angles="xy", scale_units="xy", scale=1, width=0.005, headwidth=4, zorder=2)
 SPATIAL_ARROW: dict[str, Any] = dict(arrow_length_ratio=0.25, linewidth=1.4)
 
+SHADOW = palette()["shadow"]
+
+OVER_SOLIDS = 0.5
+"""How thick lines and points are over solids, over what they are alone."""
+
+TALL = 0.9
+"""The size of what is higher than wide, so that its axes stay in the picture."""
+
 METADATA = {".png": {"Software": None}, ".svg": {"Date": None, "Creator": None}}
 """What a saved file does not say, by suffix: nothing that changes with the day or the version."""
 
 
-def figure(model_or_run: Model | Trajectory, frame: int = 0) -> Figure:
+def figure(model_or_run: Model | Trajectory, frame: int = 0, *, names: bool | None = None) -> Figure:
     """A drawing of the mechanism: the model's initial position, or one time of a trajectory.
 
     frame: index of the time; negative ones count from the end
+    names: whether points have names, and unit vectors are drawn with theirs; default: where bodies have no shapes
 
-    A planar scene is drawn in its plane, without the vectors normal to it. Raises NcgenError for a frame the run lacks.
+    Shapes are drawn as solids, points and lines over them. A planar scene is drawn in its plane, without the vectors normal to it.
+    Raises NcgenError for a frame the run lacks.
     """
     scene = scene_of(model_or_run)
     if not -len(scene.t) <= frame < len(scene.t):
@@ -49,7 +62,9 @@ def figure(model_or_run: Model | Trajectory, frame: int = 0) -> Figure:
     chart = empty(6.4, 5.6)
     axes = _flat_axes(chart, scene) if scene.planar else _spatial_axes(chart, scene)
     axes.set_title(scene.name if isinstance(model_or_run, Model) else f"{scene.name}, t = {scene.t[frame]:.4g} s")
-    _draw(axes, scene, frame)
+    if scene.has_shapes:
+        _draw_solids(axes, scene, frame)
+    _draw(axes, scene, frame, not scene.has_shapes if names is None else names)
     return settle(chart) if scene.planar else chart
 
 
@@ -86,32 +101,50 @@ def _spatial_axes(chart: Figure, scene: Scene) -> Axes:
     axes.set(xlabel="X (m)", ylabel="Y (m)", zlabel="Z (m)")
     for axis, *limits in zip("xyz", low, high, strict=True):
         axes.set(**{f"{axis}lim": limits})
-    axes.set_box_aspect(sides)
+    axes.set_box_aspect(sides, zoom=TALL if scene.has_shapes and sides[2] == sides.max() else 1.0)
     for axis, side in zip((axes.xaxis, axes.yaxis, axes.zaxis), sides, strict=True):
         axis.set_major_locator(MaxNLocator(nbins=max(2, round(6 * side / sides.max()))))
         axis.pane.set(facecolor="white", edgecolor=GRID["color"])
     return axes
 
 
-def _draw(axes: Axes, scene: Scene, frame: int) -> None:
-    """Segments, arrows, points and names of one frame, in axes of two or three dimensions."""
+def _draw_solids(axes: Any, scene: Scene, frame: int) -> None:
+    """Shapes, what is nearest to the eye last; in space with their shadows on the lowest plane."""
+    right, up = screen().T
+    towards = np.array([0.0, 0.0, 1.0]) if scene.planar else np.cross(right, up)
+    triangles, colours = solids(scene, frame, towards)
+    style: dict[str, Any] = dict(facecolors=colours, edgecolors=colours, linewidths=0.4, gid="solid")
+    if scene.planar:
+        order = np.argsort(triangles[..., 2].mean(axis=1), kind="stable")
+        style |= dict(facecolors=colours[order], edgecolors=colours[order])
+        axes.add_collection(PolyCollection(list(triangles[order, :, :2]), zorder=0.8, **style))
+        return
+    axes.computed_zorder = False
+    fallen = shadows(triangles, scene.bounds[0, 2])
+    axes.add_collection3d(Poly3DCollection(fallen, facecolors=SHADOW, edgecolors=SHADOW, linewidths=0.4, zorder=0.2, gid="shadow"))
+    axes.add_collection3d(Poly3DCollection(triangles, zorder=0.5, zsort="average", **style))
+
+
+def _draw(axes: Axes, scene: Scene, frame: int, names: bool) -> None:
+    """Segments, points, and if asked for arrows and names of one frame, in axes of two or three dimensions."""
     seen, style = (np.eye(2), FLAT_ARROW) if scene.planar else (screen(), SPATIAL_ARROW)
     points = scene.positions[frame, :, : len(seen)]
-    shafts = [(arrow, arrow.direction[frame, : len(seen)] * scene.arrow_length) for arrow in scene.arrows]
+    shafts = [(arrow, arrow.direction[frame, : len(seen)] * scene.arrow_length) for arrow in scene.arrows if names]
+    share = OVER_SOLIDS if scene.has_shapes else 1.0
     arrows = [(arrow, shaft) for arrow, shaft in shafts if np.linalg.norm(shaft) > 1e-6 * scene.size]
     places = LabelPlaces(seen, 0.045 * scene.size)
 
     for start, end in scene.segments:
-        axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8, zorder=1, gid="segment")
+        axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.8 * share, zorder=1, gid="segment")
         places.avoid(points[start], points[end])
-    for start, end in scene.springs:
+    for start, end in () if scene.has_shapes else scene.springs:
         axes.plot(*points[[start, end]].T, color=LINE, linewidth=1.0, linestyle="--", zorder=1, gid="spring")
     for arrow, shaft in arrows:
         axes.quiver(*points[arrow.point], *shaft, color=VECTOR, gid="arrow", **style)
         places.avoid(points[arrow.point], points[arrow.point] + shaft)
     for point, fixed in zip(points, scene.fixed, strict=True):
-        axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5, zorder=3, gid="point")
-    for name, point in zip(scene.points, points, strict=True):
+        axes.plot(*point[:, None], color=LINE, marker="s" if fixed else "o", markersize=4.5 * share, zorder=3, gid="point")
+    for name, point in zip(scene.points, points, strict=True) if names else ():
         axes.text(*places.beside(point), s=name, **POINT_LABEL)
     for arrow, shaft in arrows:
         axes.text(*places.beside(points[arrow.point] + shaft), s=arrow.name, **VECTOR_LABEL)
@@ -120,7 +153,10 @@ def _draw(axes: Axes, scene: Scene, frame: int) -> None:
 def _limits(scene: Scene) -> np.ndarray:
     """The box (m), shape (2, 3), that holds points and arrows at all times, never thinner than a third of its length."""
     tips = [scene.positions[:, arrow.point] + scene.arrow_length * arrow.direction for arrow in scene.arrows]
-    everything = np.concatenate([scene.positions.reshape(-1, 3), *tips])
+    everything = np.concatenate([scene.positions.reshape(-1, 3), scene.bounds, *tips])
     low, high = everything.min(axis=0), everything.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, scene.size / 6) + 0.08 * scene.size
-    return np.array([middle - half, middle + half])
+    low, high = middle - half, middle + half
+    if scene.has_shapes:
+        low[2] = scene.bounds[0, 2]  # where shadows lie
+    return np.array([low, high])

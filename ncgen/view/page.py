@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import base64
 import json
 import os
 from dataclasses import dataclass, field
@@ -12,7 +13,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.emit.sources import write_text
+from ncgen.model.elements import Point
+from ncgen.view.carriers import Carrier, Direction
+from ncgen.view.eye import LIGHT
 from ncgen.view.scene import Scene
+from ncgen.view.triangles import Mesh, cylinder, spring
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -20,6 +25,9 @@ if TYPE_CHECKING:
 DIGITS = 7
 """Significant digits of embedded numbers that are only looked at."""
 
+
+LARGEST = 65535
+"""The largest number of 16 bits."""
 
 HEIGHT = 560
 """Of the frame in a notebook (px)."""
@@ -49,7 +57,7 @@ class Page:
 
 def drawing(scene: Scene) -> dict:
     """All of a scene that does not move, as templates/html/drawing.js.jinja reads it."""
-    vectors = scene.vectors
+    vectors = scene.moving
     return {
         "name": scene.name,
         "planar": scene.planar,
@@ -62,7 +70,67 @@ def drawing(scene: Scene) -> dict:
         "springs": scene.springs,
         "vectors": vectors,
         "arrows": [[arrow.point, vectors.index(arrow.name)] for arrow in scene.arrows],
+        **_shapes(scene),
     }
+
+
+def _shapes(scene: Scene) -> dict:
+    """The shapes of a scene, as templates/html/solids.js.jinja reads them: each mesh once, and where it stands in its carrier's frame."""
+    packed: list[dict] = []
+
+    def number(mesh: Mesh) -> int:
+        found = _packed(mesh)
+        if found not in packed:
+            packed.append(found)
+        return packed.index(found)
+
+    carriers = range(len(scene.carriers))
+    surfaces = [
+        {
+            "mesh": number(surface.mesh),
+            "carrier": surface.carrier,
+            "matrix": rounded(surface.matrix),
+            "shift": rounded(surface.shift),
+            "color": surface.colour,
+        }
+        for surface in scene.surfaces
+    ]
+    return {
+        "surfaces": surfaces,
+        "struts": [[strut.start, strut.end, strut.radius, strut.length, strut.colour] for strut in scene.struts],
+        "bar": number(cylinder(1.0, 0.0, 1.0)) if scene.struts else -1,
+        "coil": number(spring()) if scene.has_shapes and scene.springs else -1,
+        "carriers": [_carrier(carrier, scene) for carrier in scene.carriers],
+        "reach": [rounded([place for s in scene.surfaces if s.carrier == k for place in s.reach]) for k in carriers],
+        "meshes": packed,
+        "light": rounded(LIGHT),
+    }
+
+
+def _carrier(carrier: Carrier, scene: Scene) -> dict:
+    """Vectors and points by their numbers."""
+
+    def said(direction: Direction) -> int | list:
+        if isinstance(direction, str):
+            return scene.moving.index(direction)
+        return [scene.points.index(part.name) if isinstance(part, Point) else part for part in direction]
+
+    origin = -1 if carrier.origin is None else scene.points.index(carrier.origin.name)
+    body = -1 if carrier.body is None else carrier.body
+    return {"body": body, "origin": origin, "first": said(carrier.first), "second": said(carrier.second)}
+
+
+def _packed(mesh: Mesh) -> dict:
+    """Vertices as numbers of 16 bits between the lowest and the highest, triangles as such numbers, both in 64 letters."""
+    low = mesh.vertices.min(axis=0)
+    step = np.ptp(mesh.vertices, axis=0) / LARGEST
+    places = (mesh.vertices - low) / np.where(step > 0, step, 1.0)
+    found = {"vertices": _letters(places), "triangles": _letters(mesh.triangles), "low": rounded(low), "step": rounded(step)}
+    return found if mesh.normals is None else found | {"normals": _letters((mesh.normals + 1) / 2 * LARGEST)}
+
+
+def _letters(numbers: np.ndarray) -> str:
+    return base64.b64encode(np.round(numbers).astype("<u2").tobytes()).decode()
 
 
 def script_json(data: object) -> str:

@@ -46,7 +46,8 @@ def chosen_frames(count: int) -> np.ndarray:
 
 def _motion(scene: Scene) -> dict:
     """The scene as plain lists; a vector drawn at several points is stored once."""
-    directions = {arrow.name: arrow.direction for arrow in scene.arrows}
+    known = {arrow.name: arrow.direction for arrow in scene.arrows} | dict(scene.directions)
+    directions = {name: known[name] for name in scene.moving}
     return drawing(scene) | {
         "t": rounded(scene.t),
         "positions": rounded(scene.positions),

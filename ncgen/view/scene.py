@@ -5,15 +5,19 @@ Natural coordinates are a drawing already: points, lines between them, and unit 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import combinations
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
 from ncgen.errors import NcgenError
 from ncgen.model import Model
 from ncgen.model.elements import Combination, Point, Vector
+from ncgen.view.carriers import Carrier, vectors_of
+from ncgen.view.surfaces import Strut, Surface, bodies_drawn, carriers_of, surfaces_of
 
 if TYPE_CHECKING:
     from ncgen.solver.trajectory import Trajectory
@@ -39,6 +43,17 @@ class Arrow:
     name: str
 
 
+class _Shapes(TypedDict):
+    """The part of a scene that is shapes, by the names of its fields."""
+
+    surfaces: tuple[Surface, ...]
+    struts: tuple[Strut, ...]
+    carriers: tuple[Carrier, ...]
+    axes: np.ndarray
+    origins: np.ndarray
+    directions: dict[str, np.ndarray]
+
+
 @dataclass(frozen=True, eq=False)
 class Scene:
     """A mechanism at K times.
@@ -50,6 +65,9 @@ class Scene:
     segments, springs: pairs of point indices
     arrows: the unit vectors, each at its point
     bodies: the names of the bodies that have points, with the indices of these
+    surfaces, struts: shapes; carriers: of the bodies that have some
+    axes, origins: of the carriers' frames, shapes (K, C, 3, 3) and (K, C, 3)
+    directions: {name: (K, 3)} of the vectors that carriers need
     """
 
     name: str
@@ -61,6 +79,12 @@ class Scene:
     springs: tuple[tuple[int, int], ...]
     arrows: tuple[Arrow, ...]
     bodies: tuple[tuple[str, tuple[int, ...]], ...] = ()
+    surfaces: tuple[Surface, ...] = ()
+    struts: tuple[Strut, ...] = ()
+    carriers: tuple[Carrier, ...] = ()
+    axes: np.ndarray = field(default_factory=lambda: np.zeros((1, 0, 3, 3)))
+    origins: np.ndarray = field(default_factory=lambda: np.zeros((1, 0, 3)))
+    directions: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
     def vectors(self) -> list[str]:
@@ -68,9 +92,24 @@ class Scene:
         return list(dict.fromkeys(arrow.name for arrow in self.arrows))
 
     @property
+    def moving(self) -> list[str]:
+        """The names of the vectors whose directions a moving picture needs: those that are drawn, and those that carry shapes."""
+        return list(dict.fromkeys([*self.vectors, *self.directions]))
+
+    @property
+    def has_shapes(self) -> bool:
+        return bool(self.surfaces or self.struts)
+
+    @cached_property
     def bounds(self) -> np.ndarray:
-        """Lowest and highest coordinates of all points at all times (m), shape (2, 3)."""
-        return np.array([self.positions.min(axis=(0, 1)), self.positions.max(axis=(0, 1))])
+        """Lowest and highest coordinates of all points and shapes at all times (m), shape (2, 3)."""
+        everything = [self.positions.reshape(-1, 3), *(self._reach(surface).reshape(-1, 3) for surface in self.surfaces)]
+        return np.array([np.min([e.min(axis=0) for e in everything], axis=0), np.max([e.max(axis=0) for e in everything], axis=0)])
+
+    def _reach(self, surface: Surface) -> np.ndarray:
+        """What a shape reaches to (K, R, 3)."""
+        k = surface.carrier
+        return surface.reach @ self.axes[:, k].transpose(0, 2, 1) + self.origins[:, k, None]
 
     @property
     def size(self) -> float:
@@ -85,14 +124,21 @@ class Scene:
 
     @property
     def planar(self) -> bool:
-        """True if all points have the same z at all times."""
-        low, high = self.bounds
-        return bool(high[2] - low[2] <= FLAT * self.size)
+        """True if all points have the same z at all times, whatever the shapes."""
+        return bool(np.ptp(self.positions[..., 2]) <= FLAT * self.size)
 
     def at(self, frames: np.ndarray) -> Scene:
         """The scene at some of its times only; `frames` are indices, shape (F,)."""
         arrows = tuple(Arrow(arrow.point, arrow.direction[frames], arrow.name) for arrow in self.arrows)
-        return replace(self, t=self.t[frames], positions=self.positions[frames], arrows=arrows)
+        return replace(
+            self,
+            t=self.t[frames],
+            positions=self.positions[frames],
+            arrows=arrows,
+            axes=self.axes[frames],
+            origins=self.origins[frames],
+            directions={name: history[frames] for name, history in self.directions.items()},
+        )
 
 
 def scene_of(model_or_run: Model | Trajectory) -> Scene:
@@ -111,17 +157,47 @@ def scene_of(model_or_run: Model | Trajectory) -> Scene:
         return _finite(values, model_or_run.name, element, t)
 
     index = {point: i for i, point in enumerate(points)}
+    places = {point: history(point) for point in points}
     return Scene(
         name=model_or_run.name,
         t=t,
         points=tuple(point.name for point in points),
-        positions=np.stack([history(point) for point in points], axis=1),
+        positions=np.stack(list(places.values()), axis=1),
         fixed=np.array([point.fixed for point in points]),
         segments=tuple((index[start], index[end]) for start, end in lines(model)),
         springs=tuple((index[start], index[end]) for start, end in springs(model)),
         arrows=tuple(Arrow(index[point], history(vector), vector.name) for point, vector in arrows(model)),
-        bodies=tuple((body.name, tuple(index[point] for point in body.points)) for body in model.bodies.values() if body.points),
+        bodies=tuple((body.name, tuple(index[point] for point in body.points)) for body in bodies_drawn(model)),
+        **_shapes(model, index, places, history, len(t)),
     )
+
+
+def _shapes(
+    model: Model, index: Mapping[Point, int], places: Mapping[Point, np.ndarray], history: Callable[[Vector], np.ndarray], count: int
+) -> _Shapes:
+    """The part of a scene that is shapes."""
+    found = carriers_of(model)
+    needed = {vector: history(vector) for body, carrier in found for vector in vectors_of(carrier, body)}
+    directions = {vector.name: values for vector, values in needed.items()}
+    start = {point: point.initial[None] for point in places}, {vector.name: vector.initial[None] for vector in needed}
+    begins = [(body, carrier.placed(*start, 1)) for body, carrier in found]
+    frames = [carrier.placed(places, directions, count) for _, carrier in found]
+    return {
+        "surfaces": surfaces_of(model, {body: (k, axes[0], origin[0]) for k, (body, (axes, origin)) in enumerate(begins)}),
+        "struts": tuple(_struts(model, index)),
+        "carriers": tuple(carrier for _, carrier in found),
+        "axes": np.stack([axes for axes, _ in frames], axis=1) if frames else np.zeros((count, 0, 3, 3)),
+        "origins": np.stack([origin for _, origin in frames], axis=1) if frames else np.zeros((count, 0, 3)),
+        "directions": directions,
+    }
+
+
+def _struts(model: Model, index: Mapping[Point, int]) -> Iterator[Strut]:
+    """A bar has the colour of the body that it is a part of, and what is longer or shorter that of the ground."""
+    bodies = bodies_drawn(model)
+    for strut in model.drawing.struts:
+        owner = next((k for k, body in enumerate(bodies) if strut.start in body.points and strut.end in body.points), -1)
+        yield Strut(index[strut.start], index[strut.end], strut.radius, strut.length, strut.colour or owner)
 
 
 def lines(model: Model) -> list[tuple[Point, Point]]:
@@ -137,19 +213,27 @@ def lines(model: Model) -> list[tuple[Point, Point]]:
 
 
 def springs(model: Model) -> list[tuple[Point, Point]]:
-    """Where the model asks for no lines, the ends of every force of the catalogue that pulls between two points."""
-    if model.drawing.lines:
+    """The ends of every force of the catalogue that pulls between two points, where the model asks for no lines, or has shapes.
+
+    A strut in the same place stands for it.
+    """
+    if model.drawing.lines and not model.drawing.has_shapes:
         return []
+    struts = {frozenset((strut.start, strut.end)) for strut in model.drawing.struts}
     places = [place.elements for load in model.springs for place in load.given()[0] if isinstance(place, Combination)]
     ends = [tuple(element for element in elements if isinstance(element, Point)) for elements in places]
-    return [pair for pair in ends if len(pair) == 2]
+    return [pair for pair in ends if len(pair) == 2 and frozenset(pair) not in struts]
 
 
 def arrows(model: Model) -> list[tuple[Point, Vector]]:
-    """The arrows the model asks for; where it asks for no drawing at all, each body's vectors at its first point."""
+    """The arrows the model asks for; where it asks for no drawing at all, each body's vectors at its first point.
+
+    Auxiliary vectors, whose names the model chose (`link.aux`), are not among the latter.
+    """
     if model.drawing.arrows or model.drawing.lines:
         return model.drawing.arrows
-    places = [(body.points[0], vector) for body in model.bodies.values() if body.points for vector in body.vectors]
+    bodies = [body for body in model.bodies.values() if body.points]
+    places = [(body.points[0], vector) for body in bodies for vector in body.vectors if not vector.name.startswith(f"{body.name}.")]
     return list(dict.fromkeys(places))
 
 

@@ -7,7 +7,7 @@ import numpy as np
 from ncgen.view.eye import screen
 from ncgen.view.labels import LabelPlaces
 from ncgen.view.scene import Scene
-from ncgen.view.svg import INK, RED, TEXT, element, path, text
+from ncgen.view.svg import INK, RED, TEXT, Drawing, path, text
 
 WIDTH, HEIGHT, MARGIN = 250.0, 210.0, 22.0
 """Of a picture (px)."""
@@ -22,8 +22,8 @@ HEAD = 6.0
 """Of an arrow (px)."""
 
 
-def sketch(scene: Scene, frame: int = 0) -> str:
-    """One time of a scene as an <svg> element; a planar scene without the vectors normal to it."""
+def sketch(scene: Scene, frame: int = 0) -> Drawing:
+    """One time of a scene; a planar scene without the vectors normal to it."""
     points, tips = _on_screen(scene, frame)
     places = LabelPlaces(np.eye(2), OFFSET)
     arrows = [(arrow.name, points[arrow.point], tip) for arrow, tip in zip(scene.arrows, tips, strict=True)]
@@ -44,7 +44,7 @@ def sketch(scene: Scene, frame: int = 0) -> str:
         for name, point, colour in named:
             x, y = places.beside(point)
             parts.append(text(x, y + 4, name, colour=colour))
-    return element(f"<g {TEXT}>{''.join(parts)}</g>", WIDTH, HEIGHT, f"{scene.name} at t = {scene.t[frame]:.4g} s")
+    return Drawing(f"<g {TEXT}>{''.join(parts)}</g>", WIDTH, HEIGHT, f"{scene.name} at t = {scene.t[frame]:.4g} s")
 
 
 def _on_screen(scene: Scene, frame: int) -> tuple[np.ndarray, np.ndarray]:

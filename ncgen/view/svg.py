@@ -1,10 +1,12 @@
-"""Small pictures as SVG text for a page's own text: in its colour and on its ground, whether light or dark, and quick to make.
+"""Pictures as SVG text, quick to make: matplotlib, which is imported for longer than all of `ncgen run` takes, is not needed.
 
-matplotlib is not needed for them; larger pictures are made with it (`figure`, `histories`).
+Within a page they have its colour and its ground, whether light or dark; as a file they are black on white.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from html import escape
 
 import numpy as np
@@ -19,12 +21,41 @@ COLOURS = ("#3b82f6", "#e07b39", "#35a06b", "#c2569b", "#8b6fe0", "#b0912a")
 RED = "#e0455e"
 
 
-def element(content: str, width: float, height: float, label: str) -> str:
-    """An <svg> element of some size (px) that shrinks with its column; label: what it shows, for those who do not see it."""
-    return (
-        f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{escape(label)}" viewBox="0 0 {width:g} {height:g}" '
-        f'width="{width:g}" style="max-width:100%;height:auto;overflow:visible">{content}</svg>'
-    )
+ENLARGED = 2.4
+"""How much larger than in a page's text a picture is as a file."""
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """A picture of some size (px); label: what it shows, for those who do not see it."""
+
+    content: str
+    width: float
+    height: float
+    label: str
+
+    def __str__(self) -> str:
+        """An <svg> element that shrinks with its column."""
+        return self._element(f'width="{self.width:g}" style="max-width:100%;height:auto;overflow:visible"', self.content)
+
+    def file(self) -> str:
+        """The text of a file of its own."""
+        ground = f'<rect width="{self.width:g}" height="{self.height:g}" fill="white"/>'
+        size = f'width="{ENLARGED * self.width:g}" height="{ENLARGED * self.height:g}" color="black"'
+        return self._element(size, ground + self.content) + "\n"
+
+    def _element(self, size: str, content: str) -> str:
+        box = f'viewBox="0 0 {self.width:g} {self.height:g}"'
+        return f'<svg xmlns="http://www.w3.org/2000/svg" role="img" aria-label="{escape(self.label)}" {box} {size}>{content}</svg>'
+
+
+def below_each_other(drawings: Sequence[Drawing], label: str) -> Drawing:
+    """One picture of several, in their order."""
+    content, top = [], 0.0
+    for drawing in drawings:
+        content.append(f'<g transform="translate(0 {top:g})">{drawing.content}</g>')
+        top += drawing.height
+    return Drawing("".join(content), max((drawing.width for drawing in drawings), default=0.0), top, label)
 
 
 def text(x: float, y: float, words: str, anchor: str = "middle", colour: str = "currentColor", size: int = 11) -> str:

@@ -19,7 +19,7 @@ INSPECT_KEYS = {"name", "coordinates", "free", "rows", "rank", "dof", "redundant
 RUN_KEYS = {
     "name", "dof", "time", "final", "final_velocity", "violation", "energy_drift", "steps", "wall_seconds", "backend", "outputs",
 }  # fmt: skip
-ARTEFACTS = {"trajectory.npz", "trajectory.csv", "drawing.png", "motion.png", "animation.html"}
+ARTEFACTS = {"trajectory.npz", "trajectory.csv", "drawing.svg", "motion.svg", "animation.html"}
 
 
 def sources(name):

@@ -14,8 +14,11 @@ from pathlib import Path
 CHROMIUM = shutil.which("chromium")
 FLAGS = (
     "--headless --no-sandbox --disable-gpu --disable-quic --no-first-run --disable-background-networking --disable-component-update "
-    "--disable-sync --hide-scrollbars --remote-debugging-pipe"
+    "--disable-sync --hide-scrollbars --enable-unsafe-swiftshader --remote-debugging-pipe"
 )
+REMARK = "GPU stall due to ReadPixels"
+"""What the browser says of WebGL where it has no graphics processor."""
+
 PATIENCE = 60
 """Seconds that a page may take to say that it is ready."""
 
@@ -130,5 +133,6 @@ class Browser:
         first, _, self._rest = self._rest.partition(b"\0")
         message = json.loads(first)
         if message.get("method") in ("Runtime.consoleAPICalled", "Runtime.exceptionThrown", "Log.entryAdded"):
-            self.said.append(message["params"])
+            if REMARK not in json.dumps(message["params"]):
+                self.said.append(message["params"])
         return message

@@ -75,3 +75,42 @@ def test_identification_recovers_the_truth(monkeypatch, capsys, tmp_path):
     assert its.runs > 3 * experiment.runs
     said = table(identification, "identify", results, monkeypatch, capsys, tmp_path)
     assert all(f"{value:.6f}" in said for value in found.x)
+
+
+def toe(numbers, angle):
+    """Of Jansen's leg, by the intersection of circles in real pairs, so that numbers a to m may be complex."""
+    a, b, c, d, e, f, g, h, i, j, k, l, m = numbers
+
+    def corner(p, to_p, q, to_q):
+        way = q - p
+        square = way @ way
+        along = (to_p**2 - to_q**2 + square) / (2 * square)
+        return p + along * way + np.sqrt(to_p**2 / square - along**2) * np.array([-way[1], way[0]])
+
+    P, M = np.array([-a, -l]), m * np.array([np.cos(angle), np.sin(angle)])
+    U, L = corner(P, b, M, j), corner(M, k, P, c)
+    K = corner(L, g, corner(P, d, U, e), f)
+    return corner(L, i, K, h)
+
+
+def test_a_leg_through_given_points(monkeypatch, capsys, tmp_path):
+    """Derivatives are those of the circles; the leg found passes within the points' rounding, and most of its numbers are Jansen's."""
+    synthesis = example_module("jansen", "synthesis.py")
+    found, leg, _ = synthesis.synthesise("exact")
+
+    def misses(x):
+        numbers = np.array(synthesis.TRUE, dtype=complex)
+        numbers[synthesis.FREE] = x
+        return np.concatenate([toe(numbers, angle) - point for angle, point in zip(synthesis.ANGLES, leg.points, strict=True)])
+
+    for x in (synthesis.guess(), found.x):
+        if x is not found.x:
+            leg.last = list(synthesis.turned(leg.kernels, synthesis.whole(x)))
+        closed = np.array([misses(x + 1e-30j * unit).imag / 1e-30 for unit in np.eye(len(x))]).T
+        np.testing.assert_allclose(leg.slopes(x), closed, atol=1e-11)
+        np.testing.assert_allclose(leg.misses(x), misses(x).real, atol=1e-12)
+    assert np.max(np.hypot(*leg.misses(found.x).reshape(-1, 2).T)) < 1e-4
+    assert np.max(np.abs(leg.slopes(found.x).T @ leg.misses(found.x))) < 1e-9
+    assert np.max(np.abs(found.x - synthesis.TRUE[synthesis.FREE])) < 2e-3 < np.max(np.abs(found.x - synthesis.guess()))
+    said = table(synthesis, "synthesise", {"2-point": (found, leg, 1.0)}, monkeypatch, capsys, tmp_path)
+    assert f"{100 * found.x[0]:8.3f}" in said

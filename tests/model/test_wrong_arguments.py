@@ -86,6 +86,18 @@ def calls(s) -> dict[str, dict]:
         "callback": {"function": print},
         "line": {"points": [s.A, s.B]},
         "arrow": {"point": s.A, "vector": s.u},
+        "box": {"body": s.rod, "size": (1, 2, 3), "position": (0, 0, 1), "rotation": (0, 0, 1.5), "colour": "#ff8800"},
+        "cylinder": {"body": s.rod, "radius": 1.0, "length": 2.0, "position": (0, 0, 1), "axis": (0, 0, -1), "colour": "#ff8800"},
+        "capsule": {"body": s.rod, "radius": 1.0, "length": 2.0, "position": (0, 0, 1), "axis": (0, 2, 0), "colour": "#ff8800"},
+        "wheel": {"body": s.rod, "radius": 1.0, "width": 0.2, "position": (0, 0, 1), "axis": (1, 0, 0), "colour": "#ff8800"},
+        "sphere": {"body": s.rod, "radius": 1.0, "position": (0, 0, 1), "colour": "#ff8800"},
+        "ellipsoid": {"body": s.rod, "radii": (1, 2, 3), "position": (0, 0, 1), "rotation": (0, 0, 1.5), "colour": "#ff8800"},
+        "polygon": {"body": s.rod, "corners": [(0, 0, 1), (1, 0, 1), (1, 1, 1)], "thickness": 0.1, "colour": "#ff8800"},
+        "mesh": {
+            "body": s.rod, "file": "rod.stl", "position": (0, 0, 1), "rotation": (0, 0, 1.5), "scale": (1, 1, -1), "colour": "#ff8800"
+        },
+        "bar": {"start": s.A, "end": s.B, "radius": 0.1, "colour": "#ff8800"},
+        "telescope": {"start": s.A, "end": s.B, "radius": 0.1, "length": 0.5, "colour": "#ff8800"},
     }  # fmt: skip
 
 
@@ -131,6 +143,19 @@ WRONG = {
     "Number": NO_NUMBERS,
     "str": [None, 5, True, [], b"new", 2.5, object()],
     "bool": ["yes", 1, 0.0, [], object(), None],
+    "Sequence[Numbers]": [
+        None,
+        5,
+        "abc",
+        b"abc",
+        {},
+        {1, 2},
+        [1, 2, 3],
+        [(1, 2, 3)],
+        [(1, 2), (3, 4), "ab"],
+        [(0, 0, math.nan)] * 3,
+        object(),
+    ],
     "bool | str": [1, 2.5, ["z"], object(), None, "w"],
     "Sequence[Point]": [*NO_THINGS[:6], "nobody", {"A": 1}, [None], [3], ["nobody"], [["A"]]],
     "Sequence[Vector]": [*NO_THINGS[:6], "nobody", [None], ["nobody"]],

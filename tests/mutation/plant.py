@@ -1,11 +1,13 @@
 """Faults planted one at a time, and whether the tests notice.
 
-    python tests/mutation/plant.py COUNT [SEED] [--room program emit solver runtime]
+    python tests/mutation/plant.py COUNT [SEED] [--room program emit solver runtime] [--seconds 100] [--again LOG]
 
 A fault is one small change of a source: a comparison, an operation, a number, a condition, a statement that is left out. It is made in a
-copy of the repository, where the tests of its room run until one fails. Printed is a line a fault as it is decided, and at the end how
-many of each room were caught. A seed gives the same faults as long as the sources are the same. Some faults change nothing that anybody
-could see (a smaller limit, a name in a message); they count as survivors.
+copy of the repository, where the tests of its room run until one fails, those first that mention its module, for so many seconds of the
+processor's time: what is not noticed by then counts as a survivor, so the rate that is printed is a lower bound. Printed is a line a
+fault as it is decided, and at the end how many of each room were caught. A seed gives the same faults as long as the sources are the
+same; --again plants only those that survived in the output of such a run, to give their tests more time. Some faults change nothing
+that anybody could see (a smaller limit, a name in a message); they count as survivors.
 """
 
 from __future__ import annotations
@@ -15,7 +17,9 @@ import ast
 import os
 import random
 import re
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
@@ -27,7 +31,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 600
-"""Seconds that the tests of a fault may take; a fault that makes them hang is noticed."""
+"""Seconds that a test may take; one that hangs notices the fault."""
 
 TESTS = {
     "program": ("tests/program", "tests/emit", "tests/kernels", "tests/export/test_wasm.py"),
@@ -146,20 +150,49 @@ def is_source(fault: Fault) -> bool:
     return True
 
 
-def is_noticed(fault: Fault, copy: Path) -> bool:
-    """Whether a test of its room fails on a copy of the repository with the fault."""
+def tests_of(fault: Fault) -> list[str]:
+    """What may notice a fault: of its room's tests first the files that mention its module, those that do so most often before others."""
+    stem = re.escape(Path(fault.file).stem.removeprefix("ncgen_"))
+    counts = {
+        path: len(re.findall(rf"\b{stem}\b", path.read_text(encoding="utf-8")))
+        for place in TESTS[fault.room]
+        for path in sorted((ROOT / place).rglob("test_*.py") if (ROOT / place).is_dir() else [ROOT / place])
+    }
+    likely = sorted((path for path in counts if counts[path]), key=lambda path: -counts[path])
+    return [*(str(path.relative_to(ROOT)) for path in likely), *TESTS[fault.room]]
+
+
+def is_noticed(fault: Fault, copy: Path, seconds: int) -> bool:
+    """Whether a test of its room fails on a copy of the repository with the fault, before `seconds` of the processor's time are over."""
     path = copy / fault.file
     sound = path.read_text(encoding="utf-8")
     path.write_text(fault.planted(sound), encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *TESTS[fault.room]]
-    surroundings = os.environ | {"PYTHONPATH": str(copy), "OPENBLAS_NUM_THREADS": "1", "PYTHONDONTWRITEBYTECODE": "1"}
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests_of(fault)]
+    # One cache for all faults: what lies there is found by all that made it, so it belongs to sources without the fault or with it.
+    cache = str(copy.parent / "cache")
+    surroundings = os.environ | {
+        "PYTHONPATH": str(copy),
+        "NCGEN_TEST_CACHE": cache,
+        "OPENBLAS_NUM_THREADS": "1",
+        "PYTHONDONTWRITEBYTECODE": "1",
+    }
+
+    def limit() -> None:
+        resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
+
     try:
-        done = subprocess.run(command, cwd=copy, env=surroundings, capture_output=True, timeout=PATIENCE)
-        return done.returncode != 0
-    except subprocess.TimeoutExpired:
+        done = subprocess.run(command, cwd=copy, env=surroundings, capture_output=True, timeout=PATIENCE + 10 * seconds, preexec_fn=limit)
+        return done.returncode not in (0, -signal.SIGXCPU, -signal.SIGKILL)
+    except subprocess.TimeoutExpired:  # it waits for something that never comes
         return True
     finally:
         path.write_text(sound, encoding="utf-8")
+
+
+def told(fault: Fault) -> str:
+    """A fault in one line."""
+    old = (ROOT / fault.file).read_text(encoding="utf-8")[fault.start : fault.start + fault.length]
+    return f"{fault.file}:{fault.line} {fault.kind} {old!r} -> {fault.new!r}"
 
 
 def main() -> None:
@@ -167,26 +200,29 @@ def main() -> None:
     asked.add_argument("count", type=int)
     asked.add_argument("seed", type=int, nargs="?", default=0)
     asked.add_argument("--room", nargs="+", choices=TESTS, default=list(TESTS))
+    asked.add_argument("--seconds", type=int, default=100)
+    asked.add_argument("--again", type=Path)
     given = asked.parse_args()
     chance = random.Random(given.seed)
     everything = {room: faults(room) for room in given.room}
     offered = (chance.choice(everything[room]) for room in iter(lambda: chance.choice(given.room), None))
     chosen = list(islice(filter(is_source, offered), given.count))
+    if given.again:
+        survivors = set(re.findall(r"^SURVIVED (.*)$", given.again.read_text(encoding="utf-8"), re.M))
+        chosen = [fault for fault in chosen if told(fault) in survivors]
     tally: Counter[tuple[str, bool]] = Counter()
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder) / "copy"
         shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", "*-output"))
         for fault in chosen:
-            noticed = is_noticed(fault, copy)
+            noticed = is_noticed(fault, copy, given.seconds)
             tally[fault.room, noticed] += 1
-            old = (ROOT / fault.file).read_text(encoding="utf-8")[fault.start : fault.start + fault.length]
-            verdict = "caught  " if noticed else "SURVIVED"
-            print(f"{verdict} {fault.file}:{fault.line} {fault.kind} {old!r} -> {fault.new!r}", flush=True)
+            print(f"{'caught  ' if noticed else 'SURVIVED'} {told(fault)}", flush=True)
     for room in given.room:
         caught, all_of_it = tally[room, True], tally[room, True] + tally[room, False]
         print(f"{room}: {caught} of {all_of_it} caught")
     caught = sum(count for (_, noticed), count in tally.items() if noticed)
-    print(f"in all: {caught} of {given.count}, {100 * caught / max(given.count, 1):.0f} %")
+    print(f"in all: {caught} of {len(chosen)}, {100 * caught / max(len(chosen), 1):.0f} %")
 
 
 if __name__ == "__main__":

@@ -13,7 +13,10 @@ import signal
 import subprocess
 import sys
 import tempfile
+import threading
 import time
+from collections.abc import Callable
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -134,25 +137,29 @@ def bits(folder: Path, count: int) -> None:
 
 
 def killed(folder: Path, count: int) -> None:
-    """A Dask cluster of which a worker is killed every five seconds, once something has arrived since the last (else workers on a machine
-    that is slow to start them would never come to work): nothing is lost, nothing comes twice, and bits are the same."""
+    """A Dask cluster of two of which a worker is killed every five seconds, in turns, whatever it does: nothing is lost, nothing comes
+    twice, and bits are the same."""
     from distributed import LocalCluster
 
     model, vary = robot(folder)
     expected, alone = timed(model, vary, count)
-    dead: list[tuple[float, int]] = []
+    dead: list[int] = []
+    over = threading.Event()
     with LocalCluster(n_workers=2, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL) as cluster:
-        begun = time.perf_counter()
 
-        def kill_one(done: int, *_: object) -> None:
-            last, then = dead[-1] if dead else (begun, 0)
-            if time.perf_counter() - last > 5.0 and done > then:
-                processes = [nanny.process.process.pid for nanny in cluster.workers.values() if nanny.process and nanny.process.process]
-                if processes:
-                    os.kill(processes[len(dead) % len(processes)], signal.SIGKILL)
-                    dead.append((time.perf_counter(), done))
+        def kill() -> None:
+            while not over.wait(5.0):
+                nanny = list(cluster.workers.values())[len(dead) % 2]
+                process = nanny.process and nanny.process.process
+                if process and process.pid:
+                    os.kill(process.pid, signal.SIGKILL)
+                    dead.append(process.pid)
 
-        found, seconds = timed(model, vary, count, folder=folder / "killed", workers=cluster.scheduler_address, progress=kill_one)
+        killing = threading.Thread(target=kill, daemon=True)
+        killing.start()
+        found, seconds = timed(model, vary, count, folder=folder / "killed", workers=cluster.scheduler_address)
+        over.set()
+        killing.join()
     same = all(np.array_equal(found[key], expected[key]) for key in expected.keys())
     once = np.array_equal(found.variant, np.arange(count))
     print(
@@ -206,7 +213,8 @@ def row(numbers: Any) -> str:
 
 
 def mujoco(folder: Path, count: int) -> None:
-    """An open arm of three hinges falls for 0.5 s from other velocities: variants a second beside the largest error (rad), two threads."""
+    """An open arm of three hinges falls for 0.5 s from other velocities: variants a second beside the largest error (rad), two threads;
+    beside MuJoCo's rollout and, where it is installed, MJX (mujoco-mjx), which JAX compiles for many states, in double precision."""
     from mujoco import MjData, MjModel, rollout
 
     model = example_module("arm").build(LINKS)
@@ -236,12 +244,39 @@ def mujoco(folder: Path, count: int) -> None:
                 ends.append(state[:, -1, 1 : 1 + LINKS].copy())
         return np.concatenate(ends), time.perf_counter() - clock
 
-    for what, run, settings in (("ncgen, rtol", own, (1e-4, 1e-6, 1e-8)), ("MuJoCo, RK4, steps", other, (25, 50, 100, 200, 400))):
+    ways: list[tuple[str, Callable, tuple[float, ...]]] = [("ncgen, rtol", own, (1e-4, 1e-6, 1e-8))]
+    ways.append(("MuJoCo, RK4, steps", other, (25, 50, 100, 200, 400)))
+    if find_spec("mujoco.mjx"):
+        ways.append(("MJX, RK4, steps", in_mjx(rates), (25, 50, 100)))
+    for what, run, settings in ways:
         for setting in settings:
             run(setting, few)
             ends, seconds = run(setting, count)
             error = np.abs(ends[:few] - exact).max()
             print(f"{what} {setting:g}: {count / seconds:.0f} variants/s, error {error:.1e} rad")
+
+
+def in_mjx(rates: np.ndarray) -> Callable[[int, int], tuple[np.ndarray, float]]:
+    """What runs the arm in MJX; the first call of a number of states is compiled, so the time is that of a second one."""
+    import jax
+    from mujoco import MjModel, mjx
+
+    jax.config.update("jax_enable_x64", True)
+
+    def run(steps: int, size: int) -> tuple[np.ndarray, float]:
+        made = mjx.put_model(MjModel.from_xml_string(arm_in_mujoco(0.5 / steps)))
+        begin = mjx.make_data(made)
+
+        def fall(rate: jax.Array) -> jax.Array:
+            return jax.lax.fori_loop(0, steps, lambda _, data: mjx.step(made, data), begin.replace(qvel=rate)).qpos
+
+        many = jax.jit(jax.vmap(fall))
+        many(rates[:size]).block_until_ready()
+        clock = time.perf_counter()
+        ends = np.asarray(many(rates[:size]))
+        return ends, time.perf_counter() - clock
+
+    return run
 
 
 WAYS = {

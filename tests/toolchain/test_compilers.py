@@ -70,6 +70,20 @@ def test_options_in_cc_are_kept(monkeypatch, cache):
     build({"extra.c": "int extra(void) { return TINY_EXTRA; }\n"}, compiler)
 
 
+def test_own_flags_come_last(monkeypatch, cache):
+    """What NCGEN_CFLAGS says holds against ncgen's own flags, and is another library; what cannot be read is refused in one line."""
+    source = {"extra.c": "#ifdef __FAST_MATH__\nint extra(void) { return 1; }\n#endif\n"}
+    monkeypatch.setenv("NCGEN_CFLAGS", "-O1 -ffast-math")
+    fast = compiled(source)
+    assert ctypes.CDLL(str(fast.library)).extra() == 1
+    monkeypatch.setenv("NCGEN_CFLAGS", "")
+    assert compiled(source).library != fast.library
+    monkeypatch.setenv("NCGEN_CFLAGS", "-O1 '-g")
+    with pytest.raises(CompileError) as caught:
+        compiled(source)
+    assert "NCGEN_CFLAGS=-O1 '-g" in one_line(caught)
+
+
 def test_a_relative_path_in_cc(scripted, monkeypatch, tmp_path, cache):
     """$CC may be a path relative to where the user is."""
     scripted('exec $CC "$@"')
@@ -283,7 +297,7 @@ def test_a_flag_that_is_refused_is_left_out(scripted, cache, said, flag, tmp_pat
     """Code is slower without it and no different; only -fopenmp is not worth a word. The second time it is known."""
     refuse = f'for word; do [ "$word" = {flag} ] && {{ echo "error: unknown option $word" >&2; exit 1; }}; done'
     scripted(f'echo >> {tmp_path}/log; {refuse}; exec $CC "$@"')
-    flags = (*LANES[:-2], "-fopenmp")
+    flags = (*LANES[:-2], "-fopenmp", "-fcx-limited-range")
     assert ctypes.CDLL(str(compiled(TINY, flags).library)).tiny() == 7
     asked = (tmp_path / "log").read_text().count("\n")
     compiled(TINY | {"more.c": "int more;\n"}, flags)

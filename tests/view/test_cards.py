@@ -103,7 +103,7 @@ def test_what_is_wrong_is_said():
     assert "freedoms: open: the mechanism does not close" in said and "2 rows" in said
 
 
-@pytest.mark.parametrize("broken", ["freedom", "inspect", "spots", "sketch", "scene_of", "curves", "grouped"])
+@pytest.mark.parametrize("broken", ["freedom", "inspect", "spots", "sketch", "scene_of", "curves_of_motion"])
 def test_a_part_that_fails_leaves_the_others(fourbar, run, monkeypatch, broken):
     def fail(*_: object) -> None:
         raise RuntimeError("<b>it & is</b> broken")

@@ -24,7 +24,7 @@ def texts(axes, gid):
 
 def test_the_robot_is_drawn_as_in_figure_3(robot_model):
     """Ten lines, nine arrows, eight points, each with its name, in three dimensions with equal scales."""
-    (axes,) = figure(robot_model).axes
+    (axes,) = figure(robot_model, names=True).axes
     assert axes.name == "3d"
     assert len(artists(axes, "segment")) == 10
     assert len(artists(axes, "arrow")) == 9

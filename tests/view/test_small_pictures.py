@@ -14,13 +14,14 @@ from ncgen.view import curves, sketch
 from ncgen.view.curves import curves as drawn
 from ncgen.view.scene import scene_of
 from ncgen.view.spots import MOST, spots
+from ncgen.view.svg import Drawing, below_each_other
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def lines(svg: str) -> list[list[np.ndarray]]:
+def lines(drawing: Drawing) -> list[list[np.ndarray]]:
     """Of every path its pieces, (K, 2) each."""
-    paths = [path.get("d") for path in ElementTree.fromstring(svg).iter(f"{SVG}path")]
+    paths = [path.get("d") for path in ElementTree.fromstring(str(drawing)).iter(f"{SVG}path")]
     return [[np.array(re.findall(r"-?[\d.]+", piece), dtype=float).reshape(-1, 2) for piece in d.split("M")[1:]] for d in paths]
 
 
@@ -41,7 +42,7 @@ def test_what_cannot_move_is_square_and_springs_are_dashed():
     A, B = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0))
     m.body("bob", points=[B], mass=1.0)
     m.spring(A, B, stiffness=1.0, free_length=1.0)
-    svg = ElementTree.fromstring(sketch.sketch(scene_of(m)))
+    svg = ElementTree.fromstring(str(sketch.sketch(scene_of(m))))
     assert len(list(svg.iter(f"{SVG}rect"))) == len(list(svg.iter(f"{SVG}circle"))) == 1
     (path,) = svg.iter(f"{SVG}path")
     assert path.get("stroke-dasharray")
@@ -67,7 +68,23 @@ def test_curves_of_odd_numbers(values):
 def test_spots_share_cells_where_there_are_many():
     """A diagonal of 10,000 becomes one of at most a hundred cells."""
     n = 10_000
-    svg = spots(Pattern((n, n), tuple(range(n + 1)), tuple(range(n))), "diagonal")
-    cells = re.findall(r"M(\d+) (\d+)h", svg)
+    drawn_cells = spots(Pattern((n, n), tuple(range(n + 1)), tuple(range(n))), "diagonal").content
+    cells = re.findall(r"M(\d+) (\d+)h", drawn_cells)
     assert len(cells) == MOST and all(a == b for a, b in cells)
-    assert spots(Pattern((0, 0), (0,), ()), "empty").startswith("<svg")
+    assert str(spots(Pattern((0, 0), (0,), ()), "empty")).startswith("<svg")
+
+
+def test_a_file_is_whole_and_black_on_white():
+    """As a file a picture brings its ground, its size and its name; within a page it takes those of the page."""
+    run = drawn(np.array([0.0, 1.0]), {"up": np.array([0.0, 1.0])}, "s (m)")
+    file = ElementTree.fromstring(run.file())
+    assert float(file.get("width")) > curves.WIDTH and file.get("color") == "black" and file.get("aria-label") == run.label
+    assert file.find(f"{SVG}rect").get("fill") == "white" and ElementTree.fromstring(str(run)).find(f"{SVG}rect") is None
+
+
+def test_pictures_below_each_other_do_not_cover_each_other():
+    one = drawn(np.array([0.0, 1.0]), {"up": np.array([0.0, 1.0])}, "s (m)")
+    both = below_each_other([one, one], "twice")
+    assert (both.width, both.height) == (one.width, 2 * one.height)
+    first, second = ElementTree.fromstring(both.file()).findall(f"{SVG}g")
+    assert (first.get("transform"), second.get("transform")) == ("translate(0 0)", f"translate(0 {one.height:g})")

@@ -9,12 +9,12 @@ from ncgen.emit.environment import render
 from ncgen.exchange.export.package import Package
 from ncgen.exchange.export.wasm_target import assembled
 from ncgen.model import Model
-from ncgen.model.elements import Combination, Component, Element, Point, Relative, Spatial
+from ncgen.model.elements import Combination, Component, Element, Point, Relative, Spatial, Vector
 from ncgen.model.rows import Row
 from ncgen.program.blocks import Pattern, Program
 from ncgen.program.initial import assemble_described
 from ncgen.view.page import drawing, rounded, script_json, script_text
-from ncgen.view.scene import Scene, arrows, scene_of
+from ncgen.view.scene import Scene, scene_of
 
 USED = ("phi", "phi_q", "nu", "mass", "energy")
 """The kernels that the page calls, as far as the mechanism has them."""
@@ -49,8 +49,8 @@ def _used(package: Package) -> list[Program]:
 def _drawn(model: Model, scene: Scene) -> list[Spatial]:
     """The points and vectors of the picture, in its order."""
     points = [element for element in model.elements.values() if isinstance(element, Point)]
-    vectors = {vector.name: vector for _, vector in arrows(model)}
-    return [*points, *(vectors[name] for name in scene.vectors)]
+    vectors = {name: e for name, e in model.elements.items() if isinstance(e, Vector)}
+    return [*points, *(vectors[name] for name in scene.moving)]
 
 
 def _scene(scene: Scene, drawn: list[Spatial]) -> dict:

@@ -15,6 +15,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung
@@ -35,6 +36,15 @@ CONNECT, WELD, COUPLING, TENDONS = 0, 1, 2, 3
 
 NO_GRAVITY = 1 << 7
 """MuJoCo's flag for gravity that is switched off."""
+
+PLANE, MESH, SHAPES = 0, 7, {2: "sphere", 3: "capsule", 4: "ellipsoid", 5: "cylinder", 6: "box"}
+"""MuJoCo's numbers of geometries."""
+
+LAST_SEEN = 2
+"""Groups of geometries beyond this one are hidden in MuJoCo's viewer, unless they are asked for: collision shapes by custom."""
+
+GREY = [0.5, 0.5, 0.5, 1.0]
+"""The colour of what has none."""
 
 LEAST = 1e-15
 """MuJoCo's smallest mass and moment of inertia."""
@@ -68,11 +78,14 @@ def robot_of(root: Markup, path: Path) -> Robot:
 
 class _Reader:
     def __init__(self, compiled: Compiled, root: Markup, path: Path) -> None:
-        self.m, self.where = compiled, path.name
+        self.m, self.where, self.path = compiled, path.name, path
+        meshes = (each.attributes for each in root.walk() if each.tag == "mesh")
+        self.shifted = {said.get("name") or Path(said.get("file", "")).stem for said in meshes if {"refpos", "refquat"} & said.keys()}
+        self.looks = [self._look(g) for g in range(compiled.ngeom)]
         self.name = root.attributes.get("model") or path.stem
         self.bodies = [WORLD, *(compiled.body(i).name or f"body{i}" for i in range(1, compiled.nbody))]
         self.places: dict[str, Placement] = {WORLD: Placement()}
-        self.links: dict[str, Link] = {WORLD: Link(WORLD, None)}
+        self.links: dict[str, Link] = {WORLD: Link(WORLD, None, shapes=self._seen(0))}
         self.joints: list[Joint] = []
         self.joint_names: list[str] = [compiled.joint(j).name or f"joint{j}" for j in range(compiled.njnt)]
 
@@ -100,7 +113,36 @@ class _Reader:
             parent = child
         if not own:
             self.joints.append(Joint(f"{name}.fixed", "fixed", parent, name, place, where=self.where))
-        self.places[name], self.links[name] = place, Link(name, self._mass(i), self.where)
+        self.places[name], self.links[name] = place, Link(name, self._mass(i), self.where, self._seen(i))
+
+    def _seen(self, i: int) -> tuple[Shape, ...]:
+        """The shapes of a body."""
+        return seen(look for look, body in zip(self.looks, self.m.geom_bodyid, strict=True) if body == i and look)
+
+    def _look(self, g: int) -> Shape | Unseen | None:
+        """A shape in its body's frame; None for those that MuJoCo's viewer does not show either, and for planes, which are the ground."""
+        m = self.m
+        kind, rgba = int(m.geom_type[g]), [float(x) for x in m.geom_rgba[g]]
+        if m.geom_group[g] > LAST_SEEN or rgba[3] == 0 or kind == PLANE:
+            return None
+        place = Placement.of_quaternion(m.geom_pos[g], m.geom_quat[g])
+        colour = None if rgba == GREY and m.geom_matid[g] < 0 else colour_of(m.mat_rgba[m.geom_matid[g]] if rgba == GREY else rgba)
+        a, b, c = (float(x) for x in m.geom_size[g])
+        if kind == MESH:
+            return self._mesh(int(m.geom_dataid[g]), place, colour)
+        sizes = {"sphere": (a,), "capsule": (a, 2 * b), "ellipsoid": (a, b, c), "cylinder": (a, 2 * b), "box": (2 * a, 2 * b, 2 * c)}
+        name = SHAPES.get(kind, "")
+        return shape(name, sizes[name], place, colour) if name else Unseen(f"type {kind}")
+
+    def _mesh(self, number: int, place: Placement, colour: str | None) -> Shape | Unseen:
+        """Of a file, whose coordinates MuJoCo has moved to the mesh's principal axes."""
+        m = self.m
+        start = int(m.mesh_pathadr[number])
+        name = m.paths[start : m.paths.index(b"\0", start)].decode(errors="replace") if start >= 0 else f"{m.mesh(number).name}, no file"
+        if m.mesh(number).name in self.shifted:
+            return Unseen("mesh with refpos or refquat")
+        moved = Placement.of_quaternion(m.mesh_pos[number], m.mesh_quat[number])
+        return mesh(name, [float(x) for x in m.mesh_scale[number]], place @ moved.inverse(), colour, self.path)
 
     def _mass(self, i: int) -> Mass | None:
         m = self.m
@@ -173,7 +215,6 @@ class _Reader:
         counts = {
             "actuators": m.nu,
             "tendons": m.ntendon,
-            "shapes": m.ngeom,
             "sensors": m.nsensor,
             "limits of joints": int(np.sum(m.jnt_limited)),
             "bodies whose weight is compensated": int(np.sum(np.asarray(m.body_gravcomp) != 0)),
@@ -182,7 +223,7 @@ class _Reader:
             "armature or damping of free and ball joints": int(springs),
             "reference values of joints, whose coordinates begin at 0 here": int(np.sum(self._references() != 0)),
         }
-        return tuple(f"{what} ({count})" for what, count in counts.items() if count)
+        return (*(f"{what} ({count})" for what, count in counts.items() if count), *unseen(filter(None, self.looks)))
 
     def _references(self) -> np.ndarray:
         m = self.m

@@ -50,6 +50,8 @@ class _Builder:
         self._elements()
         for solid in self.layout.solids.values():
             self._body(solid)
+        for solid, body in self.bodies.items():
+            self._show(solid, body)
         for hold in self.layout.holds:
             self._join(hold)
         for hold in self.layout.holds:
@@ -93,6 +95,14 @@ class _Builder:
                 self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), _tensor(mass).tolist())
         except ModelError as error:
             raise ModelError(f"{link.where}: {error}") from None
+
+    def _show(self, solid: Solid, body: Body) -> None:
+        """What a link looks like, on its body."""
+        if self.floating and body is self.model.ground:
+            return
+        link, frame = self.robot.links[solid.name], self.layout.frames[solid.name]
+        for shape in link.shapes:
+            shape.seen_from(frame).show(self.model, body)
 
     # -- joints --------------------------------------------------------------------------------
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from ncgen.model.arithmetic import product, unit
+from ncgen.model.shapes import rotation_of
 
 FLAT = 1e-9
 """Cosine of the pitch below which roll and yaw are one."""
@@ -23,8 +24,7 @@ class Placement:
     @classmethod
     def of_rpy(cls, position: tuple[float, ...], rpy: tuple[float, ...]) -> Placement:
         """From roll, pitch and yaw about the fixed axes x, y, z (rad)."""
-        roll, pitch, yaw = rpy
-        return cls(product(product(_about(2, yaw), _about(1, pitch)), _about(0, roll)), np.array(position, dtype=float))
+        return cls(rotation_of(rpy), np.array(position, dtype=float))
 
     @classmethod
     def of_quaternion(cls, position: np.ndarray, quaternion: np.ndarray) -> Placement:
@@ -70,13 +70,3 @@ class Placement:
 
     def inverse(self) -> Placement:
         return Placement(self.rotation.T, -product(self.rotation.T, self.position))
-
-
-def _about(axis: int, angle: float) -> np.ndarray:
-    """A rotation about a coordinate axis; quarters of a turn are exact where the angle is one to rounding."""
-    c, s = (0.0 if abs(x) < 1e-15 else x for x in (math.cos(angle), math.sin(angle)))
-    after, last = (axis + 1) % 3, (axis + 2) % 3
-    found = np.eye(3)
-    found[after, after] = found[last, last] = c
-    found[last, after], found[after, last] = s, -s
-    return found

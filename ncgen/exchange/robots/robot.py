@@ -11,6 +11,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.looks import Shape
 from ncgen.exchange.robots.placement import Placement
 from ncgen.model.arithmetic import dot, product
 
@@ -51,11 +52,17 @@ class Mass:
 
 @dataclass(frozen=True, eq=False)
 class Link:
-    """mass: None for a link without inertia; where: its place in the file, for messages."""
+    """mass: None for a link without inertia; where: its place in the file, for messages; shapes: what it looks like, in its frame."""
 
     name: str
     mass: Mass | None
     where: str = ""
+    shapes: tuple[Shape, ...] = ()
+
+    def seen_from(self, frame: Placement) -> Link:
+        """The same, where its own frame stands in another one like this."""
+        mass = None if self.mass is None else self.mass.seen_from(frame)
+        return replace(self, mass=mass, shapes=tuple(shape.seen_from(frame) for shape in self.shapes))
 
 
 @dataclass(frozen=True, eq=False)
@@ -180,8 +187,7 @@ def hung(robot: Robot, places: Mapping[str, Placement]) -> Robot:
     frames = {**places, **{joint.child: joint.placement for joint in robot.joints}}
 
     def moved(link: Link) -> Link:
-        seen = frames[link.name].inverse() @ places[link.name]
-        return link if link.mass is None else replace(link, mass=link.mass.seen_from(seen))
+        return link.seen_from(frames[link.name].inverse() @ places[link.name])
 
     links = {name: moved(link) for name, link in robot.links.items()}
     joints = (replace(joint, placement=frames[joint.parent].inverse() @ joint.placement) for joint in robot.joints)
@@ -203,7 +209,7 @@ def unique(things: Iterable[Link | Joint], what: str) -> None:
 def together(robot: Robot) -> Robot:
     """The robot without fixed joints, and with their children in their parents. Joints must be ordered."""
     home: dict[str, tuple[str, Placement]] = {robot.root: (robot.root, Placement())}
-    masses = {name: link.mass for name, link in robot.links.items()}
+    links = dict(robot.links)
     joints = []
     for joint in robot.joints:
         body, place = home[joint.parent]
@@ -213,9 +219,8 @@ def together(robot: Robot) -> Robot:
             joints.append(replace(joint, parent=body, placement=here))
             continue
         home[joint.child] = body, here
-        own, more = masses[body], masses.pop(joint.child)
-        if more is not None:
-            masses[body] = more.seen_from(here) if own is None else own.plus(more.seen_from(here))
-    links = {name: replace(robot.links[name], mass=mass) for name, mass in masses.items()}
+        own, more = links[body], links.pop(joint.child).seen_from(here)
+        mass = own.mass.plus(more.mass) if own.mass and more.mass else own.mass or more.mass
+        links[body] = replace(own, mass=mass, shapes=(*own.shapes, *more.shapes))
     loops = tuple(replace(loop, parent=home[loop.parent][0], child=home[loop.child][0]) for loop in robot.loops)
     return replace(robot, links=links, joints=tuple(joints), loops=loops)

@@ -13,6 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from ncgen.errors import ModelError, shown
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung, unique
@@ -25,8 +26,7 @@ KINDS = {
 """Joint types of the format, and what they are here."""
 
 OMITTED = {
-    "limit": "limits of joints", "collision": "collision shapes", "visual": "visual shapes", "sensor": "sensors", "plugin": "plugins",
-    "light": "lights",
+    "limit": "limits of joints", "collision": "collision shapes", "sensor": "sensors", "plugin": "plugins", "light": "lights",
 }  # fmt: skip
 """What is not modelled: tags, and words for them."""
 
@@ -49,7 +49,7 @@ def robot_of(root: Markup, path: Path) -> Robot:
     for tag, what in (("include", "included files are not read"), ("model", "nested models are not read")):
         if found := model.first(tag):
             found.refuse(f"{what}; write its links and joints out")
-    return _Reader(root, world, model).robot()
+    return _Reader(root, world, model, path).robot()
 
 
 def problems_of(root: Markup, path: Path) -> list[str]:
@@ -58,13 +58,14 @@ def problems_of(root: Markup, path: Path) -> list[str]:
     models = world.all("model")
     if len(models) != 1:
         return []
-    reader = _Reader(root, world, models[0])
+    reader = _Reader(root, world, models[0], path)
     return [*refusals(reader._link, models[0].all("link")), *refusals(reader._joint, models[0].all("joint"))]
 
 
 class _Reader:
-    def __init__(self, root: Markup, world: Markup, model: Markup) -> None:
-        self.root, self.world, self.model = root, world, model
+    def __init__(self, root: Markup, world: Markup, model: Markup, path: Path) -> None:
+        self.root, self.world, self.model, self.path = root, world, model, path
+        self.looks: list[Shape | Unseen] = []
         self.version = tuple(int(part) for part in root.attributes.get("version", "1.7").split(".") if part.isdigit())
         self.named = {each.name(): each for each in (*model.all("link"), *model.all("joint"), *model.all("frame"))}
         self.known: dict[str, Placement] = {MODEL: Placement()}
@@ -106,7 +107,8 @@ class _Reader:
         damped = sum(_number(each, name) != 0.0 for joint in several for each in joint.walk() if each.tag == "dynamics" for name in FORCES)
         words = (f"damping and springs of joints of several freedoms ({damped})",) if damped else ()
         dynamics = (each for each in self.model.walk() if each.tag == "dynamics")
-        return (*self.model.counted(OMITTED, sum(_number(each, "friction") != 0.0 for each in dynamics)), *words)
+        frictions = sum(_number(each, "friction") != 0.0 for each in dynamics)
+        return (*self.model.counted(OMITTED, frictions), *words, *unseen(self.looks))
 
     # -- where things are ----------------------------------------------------------------------
 
@@ -135,7 +137,33 @@ class _Reader:
 
     def _link(self, each: Markup) -> Link:
         inertial = each.first("inertial")
-        return Link(each.name(), None if inertial is None else _mass(inertial), each.place)
+        looks = [self._look(visual) for visual in each.all("visual")]
+        self.looks += looks
+        return Link(each.name(), None if inertial is None else _mass(inertial), each.place, seen(looks))
+
+    def _look(self, visual: Markup) -> Shape | Unseen:
+        """What is seen of a link, in its frame."""
+        geometry, material, pose = (visual.first(tag) for tag in ("geometry", "material", "pose"))
+        inside = geometry.children[0] if geometry and geometry.children else None
+        diffuse = material.first("diffuse") if material else None
+        colour = colour_of(diffuse.content(len(diffuse.text.split()))) if diffuse and len(diffuse.text.split()) in (3, 4) else None
+        place = _pose(pose)
+        if inside is None:
+            return Unseen("none")
+        match inside.tag:
+            case "box":
+                return shape("box", inside.only("size").content(3), place, colour)
+            case "sphere":
+                return shape("sphere", inside.only("radius").content(1), place, colour)
+            case "ellipsoid":
+                return shape("ellipsoid", inside.only("radii").content(3), place, colour)
+            case "cylinder" | "capsule" as kind:
+                return shape(kind, [*inside.only("radius").content(1), *inside.only("length").content(1)], place, colour)
+            case "mesh":
+                scale = inside.first("scale")
+                return mesh(inside.only("uri").text, scale.content(3) if scale else (1.0, 1.0, 1.0), place, colour, self.path)
+            case other:
+                return Unseen(other)
 
     def _joint(self, each: Markup) -> Joint:
         """With its own placement in the model in place of that in its parent."""

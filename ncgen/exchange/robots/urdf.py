@@ -1,16 +1,18 @@
 """Robots from URDF, the unified robot description format of ROS (wiki.ros.org/urdf/XML).
 
-Read are links' inertias and all joints. Limits, friction, safety controllers, transmissions, sensors and collisions are listed as
-omitted; what is seen (`<visual>`) is not needed for motion.
+Read are links' inertias, what is seen of them (`<visual>`), and all joints. Limits, friction, safety controllers, transmissions, sensors
+and collisions are listed as omitted.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 
 from ncgen.errors import ModelError
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
@@ -32,27 +34,29 @@ UNLIMITED = 1e9
 OMITTED = {
     "transmission": "transmissions", "gazebo": "extensions for Gazebo", "ros2_control": "settings of ros2_control",
     "limit": "limits of joints", "safety_controller": "safety controllers", "calibration": "calibrations",
-    "collision": "collision shapes", "visual": "visual shapes", "sensor": "sensors", "contact": "contact coefficients",
+    "collision": "collision shapes", "sensor": "sensors", "contact": "contact coefficients",
 }  # fmt: skip
 """What is not modelled: tags, and words for them."""
 
 
 def robot_of(root: Markup, path: Path) -> Robot:
     """The robot of a file, from its root element. Raises ModelError with file and line."""
-    links = [_link(each) for each in root.all("link")]
+    looks = {each.name(): _looks(each, root, path) for each in root.all("link")}
+    links = [_link(each, looks[each.name()]) for each in root.all("link")]
     joints = [_joint(each) for each in root.all("joint")]
     if not links:
         root.refuse("<robot> has no <link>; give it one")
     unique(links, "link")
     unique(joints, "joint")
     name = root.attributes.get("name") or path.stem
+    beside = unseen(each for found in looks.values() for each in found)
     friction = sum(each.number("friction", 0.0) != 0.0 for each in root.walk() if each.tag == "dynamics")
-    return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=root.counted(OMITTED, friction)).ordered()
+    return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=root.counted(OMITTED, friction) + beside).ordered()
 
 
 def problems_of(root: Markup, path: Path) -> list[str]:
     """What is wrong with links and joints, each looked at by itself."""
-    return [*refusals(_link, root.all("link")), *refusals(_joint, root.all("joint"))]
+    return [*refusals(lambda each: _link(each, ()), root.all("link")), *refusals(_joint, root.all("joint"))]
 
 
 def _pose(each: Markup) -> Placement:
@@ -61,9 +65,44 @@ def _pose(each: Markup) -> Placement:
     return Placement() if origin is None else Placement.of_rpy(origin.numbers("xyz", 3, zeros), origin.numbers("rpy", 3, zeros))
 
 
-def _link(each: Markup) -> Link:
+def _link(each: Markup, looks: Iterable[Shape | Unseen]) -> Link:
     inertial = each.first("inertial")
-    return Link(each.name(), None if inertial is None else _mass(inertial), each.place)
+    return Link(each.name(), None if inertial is None else _mass(inertial), each.place, seen(looks))
+
+
+def _looks(link: Markup, root: Markup, path: Path) -> list[Shape | Unseen]:
+    """What is seen of a link."""
+    return [_look(visual, root, path) for visual in link.all("visual")]
+
+
+def _look(visual: Markup, root: Markup, path: Path) -> Shape | Unseen:
+    geometry = visual.first("geometry")
+    inside = geometry.children[0] if geometry and geometry.children else None
+    place, colour = _pose(visual), _colour(visual, root)
+    if inside is None:
+        return Unseen("none")
+    match inside.tag:
+        case "box":
+            return shape("box", inside.numbers("size", 3, (0.0, 0.0, 0.0)), place, colour)
+        case "sphere":
+            return shape("sphere", (inside.number("radius"),), place, colour)
+        case "cylinder" | "capsule" as kind:
+            return shape(kind, (inside.number("radius"), inside.number("length")), place, colour)
+        case "mesh":
+            return mesh(inside.attributes.get("filename", ""), inside.numbers("scale", 3, (1.0, 1.0, 1.0)), place, colour, path)
+        case other:
+            return Unseen(other)
+
+
+def _colour(visual: Markup, root: Markup) -> str | None:
+    """Of a visual's material, which may be told once for the whole robot."""
+    material = visual.first("material")
+    name = material.attributes.get("name") if material else None
+    known = (other for other in root.all("material") if name and other.attributes.get("name") == name)
+    for each in filter(None, (material, *known)):
+        if colour := each.first("color"):
+            return colour_of(colour.numbers("rgba", 4, (0.5, 0.5, 0.5, 1.0)))
+    return None
 
 
 def _mass(inertial: Markup) -> Mass | None:

@@ -54,6 +54,13 @@ size_t ncgen_adjoint_workspace(const ncgen_taped *run);
 void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *slopes,
                    ncgen_real *workspace);
 
+/* The transposed parts by themselves, for what comes before the run; numbers that are no doubles are passed by their place. */
+void ncgen_velocities_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,
+                           const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes);
+void ncgen_closing_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *p,
+                        const ncgen_real *weights, ncgen_real *slopes);
+void ncgen_prepare_back(const ncgen_seeded_motion *transposed, const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes);
+
 /* end functions */
 
 #ifdef __cplusplus

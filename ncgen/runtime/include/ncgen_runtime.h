@@ -64,6 +64,42 @@ typedef struct ncgen_motion {
     int n_prepared;
 } ncgen_motion;
 
+/* An open tree of bodies as tables: its motion by the articulated recursion, in loops over them, so that nothing is written out for a
+ * mechanism. A component is a coordinate, or n_coordinates + its number among the fixed ones.
+ *
+ * Links stand after their parents. A screw turns about the reference point of its link, or moves along an axis, which is a sum of weighted
+ * elements. Elements stand with the link nearest to the ground that they move with. A pair of elements of one body has mass M I, a single
+ * entry of the mass matrix is one that is not of that form. A measured coordinate grows `ratio` times as fast as its screw. Rows close
+ * the position link by link: none of them has coordinates of later links. */
+typedef struct ncgen_tree {
+    int n_links, n_screws, n_elements, n_fixed, n_measured, n_rotors;
+    int most_rows, most_unknowns;  /* of a link */
+    const int *parent;             /* of a link; -1: the ground */
+    const int *reference;          /* 3 components of a point of each link */
+    const int *screw_start;        /* n_links + 1 */
+    const int *turns, *is_carried; /* of a screw: does it turn? does its axis turn with the parent? */
+    const int *term_start;         /* n_screws + 1 */
+    const int *terms;              /* 3 components of each term of an axis */
+    const ncgen_scalar *weights;   /* of a term */
+    const int *element_start;      /* n_links + 1 */
+    const int *elements;           /* 3 components of each */
+    const int *is_point;
+    const ncgen_scalar *heaviness; /* of an element: how much its velocity counts where a joint's rates are found */
+    const int *pair_start;         /* n_links + 1 */
+    const int *pairs;              /* 3 of each pair: two elements, number of its value in the mass matrix */
+    const int *single_start;       /* n_links + 1 */
+    const int *singles;            /* 5 of each entry: element and axis, element and axis, number of its value */
+    const int *measured;           /* 2 of each measured coordinate: itself, its screw */
+    const ncgen_scalar *ratios;
+    const int *rotors;             /* 2 of each inertia along a measured coordinate: its screw, number of its value in the mass matrix */
+    const ncgen_scalar *gears;     /* ratios squared */
+    const int *row_start, *rows;   /* n_links + 1: the rows that close a link */
+    const int *group;              /* of a coordinate: the link with which it closes */
+    const int *place;              /* of a coordinate: its number there */
+    const int *unknowns, *order;   /* n_links + 1: where a link's own begin in the coordinates ordered by links */
+    const ncgen_scalar *fixed;     /* values of the fixed components */
+} ncgen_tree;
+
 typedef struct ncgen_dynamics {
     int n_independent;
     int n_dependent;        /* with formalisms over all coordinates: the rank of phi_q, if rows are redundant, else 0 */
@@ -82,6 +118,7 @@ typedef struct ncgen_dynamics {
     const int *rolling; /* n_rows: 1 for a rolling condition, which is no equation of position; NULL: there are none */
     const ncgen_partition *positions; /* NULL, or with rolling conditions and dense elimination: fewer velocities are
                                        * independent, of which the members above speak, than positions */
+    const ncgen_tree *tree; /* NULL, or where no motion is emitted an open tree for lagrange */
 } ncgen_dynamics;
 
 /* Stop where a coordinate or a velocity passes a value, or a function of (t, q, qd, p) passes zero. */

@@ -14,6 +14,8 @@ typedef struct sweep {
     ncgen_real *state;  /* 2 n: changes where the step begins, then where it ends */
     ncgen_real *slopes; /* 2 n for every stage */
     ncgen_real *found;  /* 2 n: what a program writes */
+    long count, first;  /* directions, and which one is in the first lane */
+    double *taped;      /* NULL, or where changes of the step's states go, as the tape has these */
 } sweep;
 
 static ncgen_real *take(ncgen_space *space, int count)
@@ -52,6 +54,30 @@ static void spread(int count, const double *x, ncgen_real *lanes)
         lanes[i] = zero + x[i];
 }
 
+/* Rows of `count` directions from the first one on into lanes, and back; lanes beyond the last direction are 0. */
+static void read_rows(int rows, long count, long first, const double *from, ncgen_real *lanes)
+{
+    for (int i = 0; i < rows; ++i) {
+        lanes[i] = (ncgen_real){0};
+        for (long lane = 0; lane < NCGEN_LANES && first + lane < count; ++lane)
+            lanes[i][lane] = from[i * count + first + lane];
+    }
+}
+
+static void write_rows(int rows, long count, long first, const ncgen_real *lanes, double *to)
+{
+    for (int i = 0; i < rows; ++i)
+        for (long lane = 0; lane < NCGEN_LANES && first + lane < count; ++lane)
+            to[i * count + first + lane] = lanes[i][lane];
+}
+
+/* What changes of a tape's rows: `rows` of them from `row` of the step on. */
+static void note(const sweep *s, int row, int rows, const ncgen_real *changes)
+{
+    if (s->taped)
+        write_rows(rows, s->count, s->first, changes, s->taped + (long)row * s->count);
+}
+
 /* found = the change of velocities; s->seed holds those of q and qd. */
 static void velocities(const sweep *s, double t)
 {
@@ -75,10 +101,12 @@ static void settle(const sweep *s, double t, const double *left, const double *c
 {
     const int n = s->n;
     ncgen_real *moved = s->slopes; /* n: the stages are behind */
+    note(s, 2 * n * s->method->stages, 2 * n, s->state);
     spread(n, closed, s->at);
     for (int i = 0; i < n; ++i)
         s->seed[i] = s->state[i];
     close(s, t);
+    note(s, 2 * n * (s->method->stages + 1), n, s->seed);
     for (int i = 0; i < n; ++i) {
         moved[i] = s->seed[i];
         s->seed[n + i] = s->state[i] - s->seed[i];
@@ -125,6 +153,7 @@ static void stages(const sweep *s, double t, double h, const double *states)
         }
         if (j == last)
             break;
+        note(s, j * size, size, s->seed);
         spread(size, states + j * size, s->at);
         s->motion->derivative(zero + (t + s->method->c[j] * h), s->at, s->at + s->n, s->p, s->seed, s->slopes + j * size);
     }
@@ -132,26 +161,9 @@ static void stages(const sweep *s, double t, double h, const double *states)
         s->state[i] = s->seed[i];
 }
 
-/* Rows of `count` directions from the first one on into lanes, and back; lanes beyond the last direction are 0. */
-static void read_rows(int rows, long count, long first, const double *from, ncgen_real *lanes)
-{
-    for (int i = 0; i < rows; ++i) {
-        lanes[i] = (ncgen_real){0};
-        for (long lane = 0; lane < NCGEN_LANES && first + lane < count; ++lane)
-            lanes[i][lane] = from[i * count + first + lane];
-    }
-}
-
-static void write_rows(int rows, long count, long first, const ncgen_real *lanes, double *to)
-{
-    for (int i = 0; i < rows; ++i)
-        for (long lane = 0; lane < NCGEN_LANES && first + lane < count; ++lane)
-            to[i * count + first + lane] = lanes[i][lane];
-}
-
 void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int is_driven, int method,
                       const double *p, long steps, const double *times, const double *states, long count, const double *seeds,
-                      double *changes, double *workspace)
+                      double *changes, double *taped, double *workspace)
 {
     const int size = 2 * n_coordinates;
     sweep s;
@@ -159,6 +171,8 @@ void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, i
     lay_out(&s, n_coordinates, n_parameters + n_prepared, method, &space);
     s.motion = motion;
     s.is_driven = is_driven;
+    s.count = count;
+    s.taped = NULL;
     spread(s.n_p, p, s.p);
     for (long first = 0; first < count; first += NCGEN_LANES) {
         read_rows(size, count, first, seeds, s.state);
@@ -168,12 +182,20 @@ void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, i
         for (int i = 0; i < s.n_p; ++i)
             s.brief[s.n + i] = s.seed[size + i];
         write_rows(size, count, first, s.state, changes);
+        s.first = first;
         for (long k = 0; k < steps; ++k) {
-            const double *step = states + (size_t)k * (size_t)(2 * s.method->stages + 3) * (size_t)s.n;
+            const size_t begins = (size_t)k * (size_t)(2 * s.method->stages + 3) * (size_t)s.n;
+            const double *step = states + begins;
+            s.taped = taped ? taped + begins * (size_t)count : NULL;
             const double *left = step + size * s.method->stages, *closed = left + size, *next = closed + s.n;
             stages(&s, times[k], times[k + 1] - times[k], step);
             settle(&s, times[k + 1], left, closed, next);
             write_rows(size, count, first, s.state, changes + (size_t)(k + 1) * (size_t)size * (size_t)count);
+        }
+        if (taped) {
+            s.taped = taped + (size_t)steps * (size_t)(2 * s.method->stages + 3) * (size_t)s.n * (size_t)count;
+            note(&s, 0, size, s.state);
+            note(&s, size, n_prepared, s.seed + size + n_parameters);
         }
     }
 }

@@ -136,3 +136,20 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
     }
     ncgen_copy(run->n_parameters, s.p, slopes + 2 * n);
 }
+
+void ncgen_velocities_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,
+                           const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes)
+{
+    transposed->velocities(t, q, qd, p, weights, slopes);
+}
+
+void ncgen_closing_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *p,
+                        const ncgen_real *weights, ncgen_real *slopes)
+{
+    transposed->closing(t, q, p, weights, slopes);
+}
+
+void ncgen_prepare_back(const ncgen_seeded_motion *transposed, const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes)
+{
+    transposed->prepare(p, weights, slopes);
+}

@@ -36,8 +36,12 @@ void ncgen_constrained_layout(ncgen_run *r, ncgen_constrained *w)
     w->residual = ncgen_take(space, r->n + r->m);
     w->nu = ncgen_take(space, r->m);
     w->phi = ncgen_take(space, r->m);
-    w->motion = r->options->formalism == NCGEN_LAGRANGE && !(r->options->frequency > 0) ? d->motion : NULL;
-    if (w->motion) {
+    const int may_recur = r->options->formalism == NCGEN_LAGRANGE && !(r->options->frequency > 0);
+    w->motion = may_recur ? d->motion : NULL;
+    w->is_recursive = may_recur && (d->motion || d->tree);
+    if (w->is_recursive && !w->motion)
+        ncgen_tree_layout(r, &w->tree);
+    if (w->is_recursive) {
         w->emitted = ncgen_take(space, 2 * r->n + r->m + 2);
         w->apart = ncgen_take(space, r->n);
         w->closed = r->options->tape ? ncgen_take(space, r->n) : NULL;
@@ -201,6 +205,8 @@ static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_scalar 
 {
     ncgen_real largest = 0;
     for (int i = 0; i < count; ++i) {
+        if (NCGEN_ABS(x[i]) <= largest * sizes[i]) /* which most are, and no division tells it */
+            continue;
         const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
         if (size != size)
             return size;
@@ -313,14 +319,41 @@ int ncgen_is_badly_ordered(const ncgen_run *r, ncgen_real growth)
     return !(growth < ncgen_tolerated(r, R(10.0)));
 }
 
-/* The state derivative by the emitted recursion; 0 where its order of elimination is a bad one. */
+void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
+{
+    ncgen_constrained *w = r->constrained;
+    if (w->motion)
+        w->motion->derivative(t, q, qd, r->p, out);
+    else
+        ncgen_tree_derivative(r, &w->tree, t, q, qd, out);
+}
+
+void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out)
+{
+    ncgen_constrained *w = r->constrained;
+    if (w->motion)
+        w->motion->velocities(t, q, qd, r->p, out);
+    else
+        ncgen_tree_velocities(r, &w->tree, t, q, qd, out);
+}
+
+void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
+{
+    ncgen_constrained *w = r->constrained;
+    if (w->motion)
+        w->motion->closing(t, q, r->p, out);
+    else
+        ncgen_tree_closing(r, &w->tree, t, q, out);
+}
+
+/* The state derivative by the recursion; 0 where its order of elimination is a bad one. */
 static int by_recursion(ncgen_run *r, ncgen_scalar t, ncgen_real *yd)
 {
     ncgen_constrained *w = r->constrained;
     const int n = r->n;
     if (ncgen_read_inputs(r, t) != NCGEN_OK)
         return 0; /* the same is found again, and told, on the way by the matrix */
-    w->motion->derivative(t, r->q, r->qd, r->p, w->emitted);
+    ncgen_recursive_derivative(r, t, r->q, r->qd, w->emitted);
     w->growth = w->emitted[2 * n + 1];
     if (ncgen_is_badly_ordered(r, w->growth))
         return 0;
@@ -336,7 +369,7 @@ static int choose_way(ncgen_run *r, ncgen_scalar t)
     const ncgen_scalar soon_bad = R(3.0), usual = R(1.5);
     ncgen_constrained *w = r->constrained;
     if (w->is_factored) {
-        w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
+        ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
         w->growth = w->emitted[r->n];
     }
     w->by_matrix = !(w->growth < ncgen_tolerated(r, soon_bad));
@@ -350,13 +383,13 @@ static int derivative(ncgen_run *r, ncgen_scalar t, ncgen_real *y, ncgen_real *y
     const int n = r->n;
     ncgen_copy(n, y, r->qd);
     ncgen_copy(n, y + n, r->q);
-    w->is_factored = !w->motion || w->by_matrix || !by_recursion(r, t, yd);
+    w->is_factored = !w->is_recursive || w->by_matrix || !by_recursion(r, t, yd);
     if (!w->is_factored) {
         w->jacobian_is_there = 0;
         r->statistics->evaluations += 1;
         return NCGEN_OK;
     }
-    r->statistics->fallbacks += w->motion != NULL;
+    r->statistics->fallbacks += w->is_recursive;
     const int status = ncgen_constrained_accelerations(r, t);
     if (status != NCGEN_OK)
         return status;
@@ -387,11 +420,11 @@ int ncgen_constrained_begin(ncgen_run *r, const ncgen_real *velocities)
     w->jacobian_is_there = 0;
     w->is_factored = 1;
     w->by_matrix = 0;
-    r->accept = w->motion ? choose_way : NULL;
+    r->accept = w->is_recursive ? choose_way : NULL;
     w->is_prepared = 0;
     for (int i = 0; i < n; ++i)
         w->right[i] = 0;
     for (int i = 0; i < r->m; ++i)
         w->nu[i] = 0;
-    return w->motion ? NCGEN_OK : prepare(r, t);
+    return w->is_recursive ? NCGEN_OK : prepare(r, t);
 }

@@ -4,12 +4,15 @@
 
 #include "ncgen_sparse.h"
 #include "ncgen_state.h"
+#include "ncgen_tree.h"
 
 typedef struct ncgen_constrained {
     ncgen_kkt kkt;
     int n_mass, n_phi_q;                       /* nonzeros */
     int jacobian_is_there;                     /* kkt.values hold Phi_q of the state that comes next */
-    const ncgen_motion *motion;                /* emitted, or NULL */
+    int is_recursive;                          /* is there a recursion over the tree of bodies? */
+    const ncgen_motion *motion;                /* it is emitted, or NULL: it is that of `tree` */
+    ncgen_tree_work tree;
     ncgen_real *emitted;                       /* 2 n + m + 2: room for what it writes */
     ncgen_real *apart;                         /* n: a position, and how far another one is from it */
     ncgen_real *closed;                        /* n: for a tape, where closing brought the last state, before it was moved on */
@@ -49,6 +52,10 @@ void ncgen_constrained_rows(ncgen_run *r);                         /* which of r
 ncgen_real ncgen_constrained_violation(const ncgen_run *r, const ncgen_real *rows);
 ncgen_real ncgen_constrained_size(const ncgen_run *r, const ncgen_real *x);
 int ncgen_constrained_is_dense(const ncgen_run *r);
+/* The functions of an ncgen_motion, emitted or by tables. */
+void ncgen_recursive_derivative(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
+void ncgen_recursive_velocities(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
+void ncgen_recursive_closing(ncgen_run *r, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
 ncgen_scalar ncgen_tolerated(const ncgen_run *r, ncgen_scalar limit); /* how much worse than usual things may be, for a limit without a tape */
 int ncgen_is_badly_ordered(const ncgen_run *r, ncgen_real growth); /* of an emitted elimination */
 

@@ -29,28 +29,51 @@ static ncgen_real *slope(const ncgen_run *r, const ncgen_stepping *w, int stage)
     return w->slopes + (size_t)stage * (size_t)r->ny;
 }
 
-/* sum = sum over the stages of weight times slope. */
+/* The next stage from j on, below `stages`, that has a weight; `stages` if there is none. */
+static int weighted(int j, int stages, const ncgen_scalar *weights)
+{
+    while (j < stages && !(NCGEN_ABS(weights[j]) > 0))
+        ++j;
+    return j < stages ? j : stages;
+}
+
+/* sum = sum over the stages of weight times slope, two of them at a time. */
 static void combine(const ncgen_run *r, const ncgen_stepping *w, int stages, const ncgen_scalar *weights,
                     ncgen_real *NCGEN_RESTRICT sum)
 {
-    for (int i = 0; i < r->ny; ++i)
+    const int ny = r->ny;
+    int j = weighted(0, stages, weights), next = weighted(j + 1, stages, weights);
+    for (int i = 0; j >= stages && i < ny; ++i)
         sum[i] = 0;
-    for (int j = 0; j < stages; ++j) {
-        const ncgen_scalar weight = weights[j];
-        const ncgen_real *NCGEN_RESTRICT k = slope(r, w, j);
-        if (!(NCGEN_ABS(weight) > 0))
-            continue;
-        for (int i = 0; i < r->ny; ++i)
-            sum[i] += weight * k[i];
+    for (int begun = 0; j < stages; begun = 1) {
+        const ncgen_scalar weight = weights[j], other = next < stages ? weights[next] : 0;
+        const ncgen_real *NCGEN_RESTRICT k = slope(r, w, j), *NCGEN_RESTRICT l = slope(r, w, next < stages ? next : j);
+        if (!begun)
+            for (int i = 0; i < ny; ++i)
+                sum[i] = weight * k[i] + other * l[i];
+        else
+            for (int i = 0; i < ny; ++i)
+                sum[i] = sum[i] + weight * k[i] + other * l[i];
+        j = weighted(next + 1, stages, weights);
+        next = weighted(j + 1, stages, weights);
     }
 }
 
 static void advance(const ncgen_run *r, const ncgen_stepping *w, ncgen_scalar h, int stages, const ncgen_scalar *weights,
-                    ncgen_real *y_new)
+                    ncgen_real *NCGEN_RESTRICT y_new)
 {
+    const ncgen_real *NCGEN_RESTRICT y = r->y;
+    const int ny = r->ny, first = weighted(0, stages, weights);
+    if (first < stages && weighted(first + 1, stages, weights) == stages) { /* as in most stages of few */
+        const ncgen_real *NCGEN_RESTRICT k = slope(r, w, first);
+        const ncgen_scalar weight = weights[first];
+        for (int i = 0; i < ny; ++i)
+            y_new[i] = y[i] + h * (weight * k[i]);
+        return;
+    }
     combine(r, w, stages, weights, y_new);
-    for (int i = 0; i < r->ny; ++i)
-        y_new[i] = r->y[i] + h * y_new[i];
+    for (int i = 0; i < ny; ++i)
+        y_new[i] = y[i] + h * y_new[i];
 }
 
 /* new_y onto the constraints; at the end of a step the statistics tell how far it was moved. */

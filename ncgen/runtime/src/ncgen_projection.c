@@ -82,15 +82,16 @@ int ncgen_project_velocity(ncgen_run *r, ncgen_scalar t)
 }
 
 /* Newton steps of the emitted motion for r->q, which leave the independent coordinates as they are; 0 where they do not close, or move the
- * others by much more than the rows are violated, in natural sizes: where these coordinates hardly say where the mechanism is. */
+ * others by much more than the rows are violated, in natural sizes: where these coordinates hardly say where the mechanism is. Link by link no
+ * coordinate stays as it is, and links pass on what moves the one before. */
 static int close_position(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t)
 {
     const ncgen_scalar nearly_closed = NCGEN_SQRT(r->rounding) * R(10.0), too_far = R(0.1), nothing = 100 * r->rounding;
     for (int k = 0; k < POSITION_LIMIT; ++k) {
-        w->motion->closing(t, r->q, r->p, w->emitted);
+        ncgen_recursive_closing(r, t, r->q, w->emitted);
         r->statistics->newton_steps += 1;
         const ncgen_real moved = ncgen_constrained_size(r, w->emitted), violation = ncgen_constrained_violation(r, w->emitted + r->n);
-        if (!(moved < too_far) || (violation > 0 && moved > ncgen_tolerated(r, R(10.0)) * violation + nothing))
+        if (!(moved < too_far) || (w->motion && violation > 0 && moved > ncgen_tolerated(r, R(10.0)) * violation + nothing))
             return 0;
         for (int i = 0; i < r->n; ++i)
             r->q[i] += w->emitted[i];
@@ -108,18 +109,20 @@ static int approach(ncgen_run *r, const ncgen_constrained *w, ncgen_scalar t, nc
     ncgen_real *moved = w->emitted, *driven = w->emitted + n + 1;
     for (int i = 0; i < n; ++i)
         w->apart[i] -= r->q[i];
-    if (ncgen_constrained_size(r, w->apart) <= enough)
+    const ncgen_real length = ncgen_constrained_size(r, w->apart);
+    if (length <= enough)
         return 1;
-    w->motion->velocities(t, r->q, w->apart, r->p, moved);
+    ncgen_recursive_velocities(r, t, r->q, w->apart, moved);
     const int is_bad = ncgen_is_badly_ordered(r, moved[n]);
     if (r->model->nu) {
         for (int i = 0; i < n; ++i)
             w->apart[i] = 0;
-        w->motion->velocities(t, r->q, w->apart, r->p, driven);
+        ncgen_recursive_velocities(r, t, r->q, w->apart, driven);
     }
     for (int i = 0; i < n; ++i)
         r->q[i] += moved[i] - (r->model->nu ? driven[i] : 0);
-    return !is_bad && close_position(r, w, t); /* what is straight leaves the constraints, always to the same side */
+    /* what is straight leaves the constraints, always to the same side, by about the square of its length */
+    return !is_bad && (length * length < R(0.01) * r->rounding || close_position(r, w, t));
 }
 
 /* Position and velocity by the emitted motion, in r->q and r->qd; 0 where its order of elimination is a bad one. As below, both are
@@ -133,7 +136,7 @@ static int close_by_recursion(ncgen_run *r, const ncgen_constrained *w, ncgen_sc
         ncgen_copy(r->n, r->q, w->closed);
     if (!approach(r, w, t, enough))
         return 0;
-    w->motion->velocities(t, r->q, r->qd, r->p, w->emitted);
+    ncgen_recursive_velocities(r, t, r->q, r->qd, w->emitted);
     ncgen_copy(r->n, w->emitted, r->qd);
     return ncgen_is_finite(r->n, r->qd);
 }
@@ -145,7 +148,7 @@ static int project(ncgen_run *r, ncgen_scalar t, ncgen_real *y, int factors_are_
     int status = NCGEN_OK;
     ncgen_copy(r->n, y, r->qd);
     ncgen_copy(r->n, y + r->n, r->q);
-    if (!w->motion || w->by_matrix || !close_by_recursion(r, w, t, enough)) {
+    if (!w->is_recursive || w->by_matrix || !close_by_recursion(r, w, t, enough)) {
         ncgen_copy(r->n, y, r->qd);
         ncgen_copy(r->n, y + r->n, r->q);
         status = factors_are_near ? NCGEN_OK : refresh(r, t);

@@ -10,7 +10,14 @@ ncgen_real *ncgen_take(ncgen_space *space, int count)
 
 void ncgen_copy(int count, const ncgen_real *from, ncgen_real *to)
 {
-    for (int i = 0; i < count; ++i)
+    int i = 0;
+    for (; i + 3 < count; i += 4) { /* four at a time, also where no compiler unrolls, and without a call of memcpy */
+        to[i] = from[i];
+        to[i + 1] = from[i + 1];
+        to[i + 2] = from[i + 2];
+        to[i + 3] = from[i + 3];
+    }
+    for (; i < count; ++i)
         to[i] = from[i];
 }
 
@@ -49,11 +56,19 @@ void ncgen_solve_positive_again(int size, const ncgen_real *a, ncgen_real *right
     }
 }
 
-/* With an infinite number or none the sum is, too, and to look at the sum alone costs least. */
+/* With an infinite number or none the sum is, too, and to look at the sum alone costs least; four sums do not wait for each other. */
 int ncgen_is_finite(int count, const ncgen_real *x)
 {
-    ncgen_real sum = 0;
-    for (int i = 0; i < count; ++i)
-        sum += x[i];
+    ncgen_real a = 0, b = 0, c = 0, d = 0;
+    int i = 0;
+    for (; i + 3 < count; i += 4) {
+        a += x[i];
+        b += x[i + 1];
+        c += x[i + 2];
+        d += x[i + 3];
+    }
+    for (; i < count; ++i)
+        a += x[i];
+    const ncgen_real sum = (a + b) + (c + d);
     return sum - sum >= 0;
 }

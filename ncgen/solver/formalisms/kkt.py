@@ -11,13 +11,15 @@ from collections.abc import Callable
 from typing import TypeAlias
 
 import numpy as np
-from scipy.sparse import block_array, csc_array, eye_array
+from scipy.sparse import block_array, csc_array, csr_array, eye_array
 from scipy.sparse.linalg import splu
 
 from ncgen.errors import SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.lapack import dgetrf, dgetrs
 from ncgen.solver.massless import massless
+
+Matrix: TypeAlias = np.ndarray | csr_array
 
 Solution: TypeAlias = Callable[[np.ndarray], np.ndarray]
 """From a right-hand side to [x; y]."""
@@ -34,7 +36,7 @@ LARGE = 300
 class KKT:
     """The factored system for W (n, n) and A (m, n); `left` (n, m) stands for Aᵀ where it is not the transpose of A."""
 
-    def __init__(self, weight: np.ndarray, jacobian: np.ndarray, kernels: Kernels, left: np.ndarray | None = None) -> None:
+    def __init__(self, weight: Matrix, jacobian: Matrix, kernels: Kernels, left: Matrix | None = None) -> None:
         self.weight, self.jacobian = weight, jacobian
         self.left = jacobian.T if left is None else left
         self._solve = factored(weight, self.left, jacobian, kernels, EPSILON)
@@ -58,9 +60,15 @@ def undetermined(kernels: Kernels, weight: np.ndarray, jacobian: np.ndarray) -> 
     return massless(kernels, np.vstack([weight, jacobian]))
 
 
-def factored(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: Kernels, corner: float) -> Solution:
+def factored(weight: Matrix, left: Matrix, jacobian: Matrix, kernels: Kernels, corner: float) -> Solution:
     """A function that solves [W L; A −corner] [x; y] = right once. Raises SingularError where that has no inverse."""
-    return (_sparse if sum(jacobian.shape) > LARGE else _dense)(weight, left, jacobian, kernels, corner)
+    if sum(jacobian.shape) > LARGE:
+        return _sparse(weight, left, jacobian, kernels, corner)
+    return _dense(*map(_full, (weight, left, jacobian)), kernels, corner)
+
+
+def _full(matrix: Matrix) -> np.ndarray:
+    return matrix if isinstance(matrix, np.ndarray) else matrix.toarray()
 
 
 def _dense(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: Kernels, corner: float) -> Solution:
@@ -75,10 +83,10 @@ def _dense(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: 
     return lambda right: dgetrs(lu, exchanges, right)[0]
 
 
-def _sparse(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: Kernels, corner: float) -> Solution:
+def _sparse(weight: Matrix, left: Matrix, jacobian: Matrix, kernels: Kernels, corner: float) -> Solution:
     diagonal = -corner * eye_array(jacobian.shape[0])
     try:
         factors = splu(csc_array(block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), diagonal]])))
     except RuntimeError:  # SuperLU's word for an exactly singular matrix
-        raise undetermined(kernels, weight, jacobian) from None
+        raise undetermined(kernels, _full(weight), _full(jacobian)) from None
     return factors.solve

@@ -1,0 +1,161 @@
+"""Synthesis of a walking leg: twelve lengths with which the toe passes twelve given points at twelve angles of the crank.
+
+The points are those of Theo Jansen's own leg, to tenths of a millimetre as somebody would measure them on a drawing; the search begins with
+lengths that are wrong by up to 4 %. Of his thirteen numbers d is held: with others for d, e, f, g and h the toe walks nearly the same way.
+The squares of the 24 distances are minimised by scipy's least squares, once with the exact derivatives ∂q/∂p = −Φ_q⁻¹ Φ_p, once with
+finite differences.
+
+    python examples/jansen/synthesis.py [--plot FILE]
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.optimize import OptimizeResult, least_squares
+
+import ncgen
+from ncgen import Model
+from ncgen.exchange.examples import example_module
+from ncgen.solver.position import solve_position
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from ncgen.mechanism.kernels import Kernels
+
+JANSEN = example_module("jansen")
+TRUE = np.array(list(JANSEN.LENGTHS.values())) / 100
+"""Jansen's numbers a to m (m)."""
+
+FREE = [k for k, letter in enumerate(JANSEN.LENGTHS) if letter != "d"]
+"""Those that are looked for."""
+
+ANGLES = 2 * np.pi / 12 * np.arange(12)
+BETWEEN = 4
+"""Positions on the way from one angle to the next, where none is known near it."""
+
+WRONG, ROUNDED = 0.04, 4
+"""How wrong lengths are at first, at most and relative; digits of the points, in m."""
+
+
+def build() -> Model:
+    """The leg with its thirteen numbers as parameters, its crank at the angle t (rad)."""
+    m = Model("leg")
+    number = {letter: m.parameter(letter, value / 100) for letter, value in JANSEN.LENGTHS.items()}
+    place = JANSEN.closed_position()
+    place["P"] = (-number["a"], -number["l"])
+    points = {name: m.point(name, where, fixed=name in "OP") for name, where in place.items()}
+    for letter, (start, end) in JANSEN.RODS.items():
+        m.distance(points[start], points[end], number[letter])
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.drive(m.angle("psi", start=x, end=points["M"] - points["O"], axis=z), m.time)
+    return m
+
+
+class Leg:
+    """Distances of the toe from the points, and their derivatives by the lengths that are free, x (12,)."""
+
+    def __init__(self) -> None:
+        self.kernels = ncgen.compile(build())
+        self.toe = [self.kernels.index["T.x"], self.kernels.index["T.y"]]
+        self.evaluations, self.known = 0, b""
+        self.last = list(turned(self.kernels, TRUE))
+        self.points = np.round(np.array(self.last)[:, self.toe], ROUNDED)
+
+    def positions(self, p: np.ndarray) -> np.ndarray:
+        """q (12, n) at the angles, each from the last one there; kept for whoever asks for the same numbers again."""
+        if p.tobytes() != self.known:
+            self.evaluations += 1
+            self.last = [solve_position(self.kernels, q, t, p).q for q, t in zip(self.last, ANGLES, strict=True)]
+            self.known = p.tobytes()
+        return np.array(self.last)
+
+    def misses(self, x: np.ndarray) -> np.ndarray:
+        """(24,)"""
+        return (self.positions(whole(x))[:, self.toe] - self.points).ravel()
+
+    def slopes(self, x: np.ndarray) -> np.ndarray:
+        """(24, 12): Φ(q(p), t, p) = 0 stays so, hence Φ_q dq = −Φ_p dp."""
+        p, rows = whole(x), []
+        for t, q in zip(ANGLES, self.positions(p), strict=True):
+            change = -np.linalg.solve(self.kernels.jacobian(q, t, p), self.kernels.phi_p(q, t, p).toarray())
+            rows.append(change[np.ix_(self.toe, FREE)])
+        return np.concatenate(rows)
+
+
+def whole(x: np.ndarray) -> np.ndarray:
+    """All thirteen numbers."""
+    p = TRUE.copy()
+    p[FREE] = x
+    return p
+
+
+def turned(kernels: Kernels, p: np.ndarray, start: np.ndarray | None = None) -> Iterator[np.ndarray]:
+    """Positions at the angles, from one to the next in small turns."""
+    q = kernels.q0 if start is None else start
+    for k in range(len(ANGLES) * BETWEEN):
+        q = solve_position(kernels, q, 2 * np.pi * k / (len(ANGLES) * BETWEEN), p).q
+        if k % BETWEEN == 0:
+            yield q
+
+
+def guess() -> np.ndarray:
+    """Lengths x to begin with."""
+    return (TRUE * (1 + WRONG * np.random.default_rng(2).uniform(-1, 1, len(TRUE))))[FREE]
+
+
+def synthesise(derivatives: str) -> tuple[OptimizeResult, Leg, float]:
+    """The leg found, with its count of evaluations, and the seconds it took; derivatives: exact, 2-point or 3-point."""
+    leg = Leg()
+    jac: Any = leg.slopes if derivatives == "exact" else derivatives  # scipy takes either, and has no annotations
+    leg.slopes(TRUE[FREE])  # the tangent kernels are compiled when first used
+    leg.last = list(turned(leg.kernels, whole(guess())))
+    leg.evaluations, leg.known = 0, b""
+    begun = time.perf_counter()
+    found = least_squares(leg.misses, guess(), jac, xtol=1e-9, ftol=1e-9, gtol=1e-14, max_nfev=60)
+    return found, leg, time.perf_counter() - begun
+
+
+def main() -> None:
+    results = {derivatives: synthesise(derivatives) for derivatives in ("exact", "2-point", "3-point")}
+    print(f"{'derivatives':12} {'sum of squares':>20} {'largest gradient':>17} {'steps':>6} {'evaluations':>12} {'ms':>7}")
+    for derivatives, (found, leg, seconds) in results.items():
+        evaluations = leg.evaluations
+        slope = np.max(np.abs(leg.slopes(found.x).T @ leg.misses(found.x)))
+        print(f"{derivatives:12} {2 * found.cost:20.13e} {slope:17.1e} {found.nfev:6} {evaluations:12} {1e3 * seconds:7.1f}")
+    found, leg, _ = results["exact"]
+    print(f"\nfarthest from a point: {1e3 * np.max(np.hypot(*leg.misses(found.x).reshape(-1, 2).T)):.3f} mm\n")
+    print(f"{'':2} {'Jansen':>7} {'start':>8} {'found':>8}  cm")
+    for letter, true, start, x in zip(leg.kernels.parameters, TRUE, whole(guess()), whole(found.x), strict=True):
+        print(f"{letter:2} {100 * true:7.2f} {100 * start:8.3f} {100 * x:8.3f}")
+    if "--plot" in sys.argv:
+        plot(leg, whole(found.x), sys.argv[sys.argv.index("--plot") + 1])
+
+
+def plot(leg: Leg, p: np.ndarray, file: str) -> None:
+    """The points, and the toe's path by the lengths at the start and by those found."""
+    from matplotlib.figure import Figure
+
+    chart = Figure(figsize=(6, 3.6), layout="constrained")
+    axes = chart.add_subplot()
+    kernels = leg.kernels
+    for numbers, label, style in ((whole(guess()), "start", "--"), (p, "found", "-")):
+        q, path = next(turned(kernels, numbers)), []
+        for t in np.linspace(0, 2 * np.pi, 121):
+            q = solve_position(kernels, q, t, numbers).q
+            path.append(q[leg.toe])
+        axes.plot(*np.array(path).T, style, label=label)
+    axes.plot(*leg.points.T, "x", color="tab:red", label="points")
+    axes.set_xlabel("x of T (m)")
+    axes.set_ylabel("y of T (m)")
+    axes.set_aspect("equal")
+    axes.legend()
+    chart.savefig(file, dpi=90, metadata={"Software": None})
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,120 @@
+"""What links look like in a file, and the shapes of a model that they become.
+
+Meshes are names here: nothing opens them before a picture is made. Addresses are resolved on this machine alone, and nothing is fetched.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from urllib.parse import unquote
+
+from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.text import is_file
+from ncgen.model import Model
+from ncgen.model.bodies import Body
+
+PACKAGES = ("ROS_PACKAGE_PATH", "AMENT_PREFIX_PATH", "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH")
+"""Variables of the environment that name folders with packages and models, as ROS and Gazebo use them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Shape:
+    """A shape in the frame of a link, with the words of `ncgen.model.shapes.Solid`; file: an absolute path."""
+
+    kind: str
+    sizes: tuple[float, ...]
+    placement: Placement
+    colour: str | None = None
+    file: str = ""
+
+    def seen_from(self, frame: Placement) -> Shape:
+        """The same, where its own frame stands in another one like this."""
+        return replace(self, placement=frame @ self.placement)
+
+    def show(self, model: Model, body: Body) -> None:
+        """On a body of a model. The shape must be told in the global frame."""
+        place, sizes = self.placement.position.tolist(), self.sizes
+        turn, axis = self.placement.rpy, self.placement.rotation[:, 2].tolist()
+        match self.kind:
+            case "box":
+                model.box(body, sizes, place, turn, colour=self.colour)
+            case "cylinder":
+                model.cylinder(body, sizes[0], sizes[1], place, axis, colour=self.colour)
+            case "capsule":
+                model.capsule(body, sizes[0], sizes[1], place, axis, colour=self.colour)
+            case "sphere":
+                model.sphere(body, sizes[0], place, colour=self.colour)
+            case "ellipsoid":
+                model.ellipsoid(body, sizes, place, turn, colour=self.colour)
+            case "mesh":
+                model.mesh(body, self.file, place, turn, sizes, colour=self.colour)
+
+
+@dataclass(frozen=True)
+class Unseen:
+    """What is not shown: a kind of geometry, or the name of a mesh whose file is not there."""
+
+    what: str
+    is_file: bool = False
+
+
+def shape(kind: str, sizes: Sequence[float], place: Placement, colour: str | None) -> Shape | Unseen:
+    """A shape whose sizes are numbers; one of no size is not seen."""
+    return Shape(kind, tuple(map(float, sizes)), place, colour) if all(size > 0 for size in sizes) else Unseen(f"{kind} of no size")
+
+
+def seen(found: Iterable[Shape | Unseen]) -> tuple[Shape, ...]:
+    """Those that are seen."""
+    return tuple(each for each in found if isinstance(each, Shape))
+
+
+def unseen(found: Iterable[Shape | Unseen]) -> tuple[str, ...]:
+    """The others, in words."""
+    hidden = [each for each in found if isinstance(each, Unseen)]
+    missing = list(dict.fromkeys(each.what for each in hidden if each.is_file))
+    kinds = [each.what for each in hidden if not each.is_file]
+    said = [f"meshes that are not there, {missing[0]} first ({len(missing)})"] if missing else []
+    return (*said, *([f"shapes of other kinds, {kinds[0]} first ({len(kinds)})"] if kinds else []))
+
+
+def mesh(name: str, scale: Sequence[float], place: Placement, colour: str | None, robot: Path) -> Shape | Unseen:
+    """A mesh by its address in a robot's file; robot: the path of that file."""
+    path = mesh_path(name, robot)
+    if path is None or not all(scale):
+        return Unseen(name[:80], is_file=True)
+    return Shape("mesh", tuple(map(float, scale)), place, colour, str(path))
+
+
+def mesh_path(name: str, robot: Path) -> Path | None:
+    """The file of an address: package://, model:// and file:// or a path from the robot's file; None where there is none."""
+    kind, mark, rest = name.strip().partition("://")
+    folder = robot.resolve().parent
+    if not mark:
+        found = [folder / name.strip()]
+    elif kind == "file":
+        found = [Path(unquote(rest))]
+    elif kind in ("package", "model"):
+        package, _, inside = rest.partition("/")
+        found = [root / inside for root in _packages(package, folder)]
+    else:
+        return None
+    return next((path for path in found if "\0" not in str(path) and is_file(path)), None)
+
+
+def _packages(package: str, folder: Path) -> Iterable[Path]:
+    """Folders of that name: the robot's file is in it or beside it, or the environment names where it is."""
+    for parent in (folder, *folder.parents):
+        if parent.name == package:
+            yield parent
+        yield parent / package
+    for variable in PACKAGES:
+        for place in filter(None, os.environ.get(variable, "").split(os.pathsep)):
+            yield from (Path(place) / package, Path(place) / "share" / package)
+
+
+def colour_of(rgba: Sequence[float]) -> str:
+    """#rrggbb of numbers from 0 to 1."""
+    return "#" + "".join(f"{round(255 * min(1.0, max(0.0, value))):02x}" for value in rgba[:3])

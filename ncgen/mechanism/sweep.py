@@ -1,0 +1,116 @@
+"""The way back through a taped run: how a number changes with where the run began and with its parameters, in doubles; in dual numbers, how
+that changes along a direction.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cache
+
+import numpy as np
+
+from ncgen.emit.runtime import HEADERS, PRINTED, RUNTIME_HEADERS, runtime_files
+from ncgen.mechanism.recall import Files
+from ncgen.toolchain.abi import DUAL, InC, Interface, declared, runtime_abi
+from ncgen.toolchain.compilers import FLAGS
+from ncgen.toolchain.loader import load
+
+SMALL = 2.0**-332
+"""What changes are multiplied by in dual numbers: what is of second order in it vanishes, and nothing of first order does."""
+
+IN_DUAL_NUMBERS = ("ncgen_adjoint.c", "ncgen_dual.c", "ncgen_vectors.h")
+
+
+@dataclass(frozen=True, eq=False)
+class Numbers:
+    """What sweeps are computed with: the runtime's library, an emitted motion transposed for it, NumPy's type of its numbers, and the
+    library that the motion lives in."""
+
+    ffi: Interface
+    library: InC
+    transposed: InC
+    dtype: np.dtype
+    home: InC
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The numbers of an `ncgen_taped`."""
+
+    n_coordinates: int
+    n_parameters: int
+    n_prepared: int
+    is_driven: bool
+    method: int
+
+
+class Sweep:
+    """Through a run whose steps began and ended at times (steps + 1,), with the states of its tape, and p with what is prepared of it."""
+
+    def __init__(self, numbers: Numbers, sizes: Sizes, times: np.ndarray, states: np.ndarray, p: np.ndarray) -> None:
+        self._numbers, self._sizes, ffi = numbers, sizes, numbers.ffi
+        self._times = np.ascontiguousarray(times)  # C reads these three where they are
+        self._states, self._p = (np.ascontiguousarray(a, dtype=numbers.dtype) for a in (states, p))
+        tape = {"steps": len(times) - 1, "times": ffi.from_buffer("ncgen_scalar[]", self._times), "states": self._real(self._states)}
+        self._tape = ffi.new("ncgen_tape *", tape)
+        self._run = ffi.new("ncgen_taped *", vars(sizes) | {"p": self._real(self._p), "tape": self._tape})
+
+    def backward(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """How a number changes with q and q̇ at the start, (n,) each, and with p, (n_p,), from how it does with [q, q̇] at all times,
+        (steps + 1, 2 n)."""
+        n, library = self._sizes.n_coordinates, self._numbers.library
+        slopes = self._empty(2 * n + self._sizes.n_parameters)
+        work = self._empty(library.ncgen_adjoint_workspace(self._run))
+        library.ncgen_adjoint(self._run, self._numbers.transposed, *map(self._real, (weights, slopes, work)))
+        return slopes[:n], slopes[n : 2 * n], slopes[2 * n :]
+
+    def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How a sum with these weights (n,) of the velocities that the joints allow at the start changes with q, (n,), and p, (n_p,)."""
+        n = self._sizes.n_coordinates
+        slopes = self._part("velocities", weights, self._states[:n], self._states[n : 2 * n])
+        return slopes[:n], self._by_parameters(slopes[2 * n :])
+
+    def closing_back(self, weights: np.ndarray) -> np.ndarray:
+        """How a sum with these weights (n,) of a step of Newton's method at the start changes with p, (n_p,)."""
+        n = self._sizes.n_coordinates
+        return self._by_parameters(self._part("closing", weights, self._states[:n])[n:])
+
+    def _part(self, name: str, weights: np.ndarray, *state: np.ndarray) -> np.ndarray:
+        """What a transposed part says at the start; state: what it reads besides time and p."""
+        found = self._empty(sum(map(len, state)) + len(self._p))
+        function = getattr(self._numbers.library, f"ncgen_{name}_back")
+        function(self._numbers.transposed, self._times[0], *map(self._real, (*state, self._p, weights, found)))
+        return found
+
+    def _by_parameters(self, slopes: np.ndarray) -> np.ndarray:
+        """Slopes (n_p,) by parameters from those by parameters and what is prepared of them."""
+        own, prepared = np.split(slopes, [self._sizes.n_parameters])
+        if not len(prepared):
+            return own
+        more = self._empty(len(own))
+        self._numbers.library.ncgen_prepare_back(self._numbers.transposed, *map(self._real, (self._p, prepared, more)))
+        return own + more
+
+    def _empty(self, size: int) -> np.ndarray:
+        return np.empty(size, dtype=self._numbers.dtype)
+
+    def _real(self, array: np.ndarray) -> InC:
+        return self._numbers.ffi.from_buffer("ncgen_real[]", np.ascontiguousarray(array, dtype=self._numbers.dtype))
+
+
+@cache
+def _in_dual_numbers() -> tuple[Interface, InC]:
+    """The sweep, the same for all mechanisms."""
+    return _load(runtime_files(*IN_DUAL_NUMBERS, *PRINTED), declared("ncgen_differentiated.h", "functions"))
+
+
+def _load(files: Files, declarations: str) -> tuple[Interface, InC]:
+    files = files | runtime_files("ncgen_dual.h", *RUNTIME_HEADERS, *HEADERS)
+    return load(files, declarations, runtime_abi(DUAL.name), (*FLAGS, *DUAL.flags))
+
+
+def dual_numbers(source: Files, getter: str) -> Numbers:
+    """Of a motion's source, transposed, whose function `getter` tells its parts."""
+    ffi, library = _in_dual_numbers()
+    _, home = _load(source, f"const ncgen_seeded_motion *{getter}(void);")
+    return Numbers(ffi, library, ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), DUAL.dtype, home)

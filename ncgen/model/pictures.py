@@ -1,0 +1,208 @@
+"""Declaring what is seen: lines, arrows, and the shapes of bodies. Nothing of it changes an equation or a byte of generated code.
+
+A shape stands where it is in the initial position, in global axes, as centres of mass and attached points do, and moves with its body.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.model.bodies import Body
+from ncgen.model.contents import Contents
+from ncgen.model.elements import Point, Vector
+from ncgen.model.facts import fact
+from ncgen.model.shapes import Solid, Strut, check_colour, check_sizes, normal_of, rotation_of, rotation_to
+from ncgen.model.values import Number, Numbers
+
+NO_TURN = (0.0, 0.0, 0.0)
+
+
+class Pictures(Contents):
+    """The part of a model that is only looked at."""
+
+    @fact
+    def line(self, *points: Point) -> None:
+        """Draw a line through these points."""
+        if len(points) < 2:
+            raise ModelError(f"line: {len(points)} points given; give two or more")
+        self.drawing.lines += zip(points, points[1:])
+
+    @fact
+    def arrow(self, point: Point, vector: Vector) -> None:
+        """Draw a unit vector at a point."""
+        self.drawing.arrows.append((point, vector))
+
+    @fact
+    def box(
+        self, body: Body, size: Numbers, position: Numbers | None = None, rotation: Numbers = NO_TURN, *, colour: str | None = None
+    ) -> None:
+        """Show a body as a box.
+
+        size: its sides (m) along its own axes
+        position: of its middle (m, global axes, initial position); default: the middle of the body's points
+        rotation: of its axes, roll, pitch and yaw (rad) about the fixed axes x, y, z; default: its axes are the global ones
+        colour: #rrggbb; default: one of its own for every body
+        """
+        self._solid(body, "box", check_sizes(size, 3, f"box of {body.name}", "size"), position, _turn(rotation, body), colour)
+
+    @fact
+    def cylinder(
+        self,
+        body: Body,
+        radius: Number,
+        length: Number,
+        position: Numbers | None = None,
+        axis: Numbers = (0, 0, 1),
+        *,
+        colour: str | None = None,
+    ) -> None:
+        """Show a body as a cylinder of some radius and length (m), its middle at a position, its axis along a direction; else as `box`."""
+        self._round(body, "cylinder", (radius, length), position, axis, colour)
+
+    @fact
+    def capsule(
+        self,
+        body: Body,
+        radius: Number,
+        length: Number,
+        position: Numbers | None = None,
+        axis: Numbers = (0, 0, 1),
+        *,
+        colour: str | None = None,
+    ) -> None:
+        """Show a body as a cylinder with round ends whose middles are `length` apart (m); else as `cylinder`."""
+        self._round(body, "capsule", (radius, length), position, axis, colour)
+
+    @fact
+    def wheel(
+        self,
+        body: Body,
+        radius: Number,
+        width: Number,
+        position: Numbers | None = None,
+        axis: Numbers = (0, 1, 0),
+        *,
+        colour: str | None = None,
+    ) -> None:
+        """Show a body as a wheel with spokes, which tell how it turns, of some radius and width (m); else as `cylinder`."""
+        self._round(body, "wheel", (radius, width), position, axis, colour)
+
+    @fact
+    def sphere(self, body: Body, radius: Number, position: Numbers | None = None, *, colour: str | None = None) -> None:
+        """Show a body as a sphere of some radius (m); else as `box`."""
+        sizes = check_sizes((radius,), 1, f"sphere of {body.name}", "radius") * 3
+        self._solid(body, "ellipsoid", sizes, position, np.eye(3), colour)
+
+    @fact
+    def ellipsoid(
+        self, body: Body, radii: Numbers, position: Numbers | None = None, rotation: Numbers = NO_TURN, *, colour: str | None = None
+    ) -> None:
+        """Show a body as an ellipsoid with radii (m) along its own axes; else as `box`."""
+        self._solid(body, "ellipsoid", check_sizes(radii, 3, f"ellipsoid of {body.name}", "radii"), position, _turn(rotation, body), colour)
+
+    @fact
+    def polygon(self, body: Body, corners: Sequence[Numbers], thickness: Number = 0.0, *, colour: str | None = None) -> None:
+        """Show a body as a flat polygon.
+
+        corners: in the order in which they stand around it (m, global axes, initial position)
+        thickness: half of it to either side (m)
+        """
+        where = f"polygon of {body.name}"
+        if len(corners) < 3:
+            raise ModelError(f"{where}: {len(corners)} corners given; give three or more")
+        places = np.array([_place(corner, where) for corner in corners])
+        normal = normal_of(places, where)
+        if not thickness >= 0:
+            raise ModelError(f"{where}: the thickness is {float(thickness):g} m; give a positive number, or none")
+        self._add(Solid(body, "polygon", (float(thickness),), places[0], rotation_to(normal), check_colour(colour, where), places))
+
+    @fact
+    def mesh(
+        self,
+        body: Body,
+        file: str,
+        position: Numbers = NO_TURN,
+        rotation: Numbers = NO_TURN,
+        scale: Numbers = (1, 1, 1),
+        *,
+        colour: str | None = None,
+    ) -> None:
+        """Show a body as the triangles of a file (STL, OBJ or DAE), which is opened when a picture is made.
+
+        file: its name, from the folder of the model's file, or from the working directory for a model in Python
+        position, rotation: of its coordinates in the global ones, as for `box`, in the body's initial position
+        scale: factors along its axes: (0.001, 0.001, 0.001) where it is in millimetres
+
+        A file that is missing or too large is told in one line when a picture is made, and left out.
+        """
+        where = f"mesh {file}"
+        if not file or "\0" in file or "://" in file:
+            raise ModelError(f"mesh of {body.name}: {file!r} is no name of a file; nothing is fetched from elsewhere")
+        if len(scale) != 3 or not all(scale):
+            raise ModelError(f"{where}: the scale is three numbers that are not 0")
+        place = _place(position, where)
+        factors = tuple(map(float, scale))
+        self._add(Solid(body, "mesh", factors, place, _turn(rotation, body), check_colour(colour, where), file=file))
+
+    @fact
+    def bar(self, start: Point, end: Point, radius: Number, *, colour: str | None = None) -> None:
+        """Show a round bar of some radius (m) from a point to another one."""
+        self._strut(start, end, radius, None, colour, "bar")
+
+    @fact
+    def telescope(self, start: Point, end: Point, radius: Number, length: Number | None = None, *, colour: str | None = None) -> None:
+        """Show a cylinder of variable length between two points, as that of an excavator: a barrel at the start, and a rod out of it.
+
+        radius: of the barrel; length: of the barrel; default: six tenths of the initial distance (m)
+        """
+        barrel = 0.6 * float(np.linalg.norm(end.initial - start.initial)) if length is None else length
+        (barrel,) = check_sizes((barrel,), 1, f"telescope {start.name}-{end.name}", "length")
+        self._strut(start, end, radius, barrel, colour, "telescope")
+
+    # -- helpers -------------------------------------------------------------------------------
+
+    def _round(
+        self, body: Body, kind: str, sizes: tuple[Number, Number], position: Numbers | None, axis: Numbers, colour: str | None
+    ) -> None:
+        where = f"{kind} of {body.name}"
+        direction = _place(axis, where)
+        if not direction.any():
+            raise ModelError(f"{where}: its axis is 0; give a direction")
+        self._solid(body, kind, check_sizes(sizes, 2, where, "radius or length"), position, rotation_to(direction), colour)
+
+    def _solid(
+        self, body: Body, kind: str, sizes: tuple[float, ...], position: Numbers | None, rotation: np.ndarray, colour: str | None
+    ) -> None:
+        where = f"{kind} of {body.name}"
+        if position is None and not body.points:
+            raise ModelError(f"{where}: it has no point to stand at; give its position")
+        place = np.mean([p.initial for p in body.points], axis=0) if position is None else _place(position, where)
+        self._add(Solid(body, kind, sizes, place, rotation, check_colour(colour, where)))
+
+    def _strut(self, start: Point, end: Point, radius: Number, length: float | None, colour: str | None, kind: str) -> None:
+        where = f"{kind} {start.name}-{end.name}"
+        if start is end:
+            raise ModelError(f"{where}: both ends are one point; give two")
+        (thick,) = check_sizes((radius,), 1, where, "radius")
+        self.drawing.struts.append(Strut(start, end, thick, length, check_colour(colour, where)))
+
+    def _add(self, solid: Solid) -> None:
+        if solid.body is not self.ground and not solid.body.points:
+            raise ModelError(f"{solid.kind} of {solid.body.name}: the body has no point that could carry it; give it one")
+        self.drawing.solids.append(solid)
+
+
+def _place(given: Numbers, where: str) -> np.ndarray:
+    """Three numbers, or two in the plane z = 0."""
+    if len(given) not in (2, 3):
+        raise ModelError(f"{where}: {len(given)} numbers given; give three, or two in the plane")
+    return np.array([*given, 0.0][:3], dtype=float)
+
+
+def _turn(rotation: Numbers, body: Body) -> np.ndarray:
+    if len(rotation) != 3:
+        raise ModelError(f"rotation of a shape of {body.name}: {len(rotation)} numbers given; give roll, pitch and yaw (rad)")
+    return rotation_of(tuple(map(float, rotation)))

@@ -1,0 +1,40 @@
+"""Accelerations of an open tree by its tables beside those of the factored matrix, at positions and velocities that are drawn."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.moving import Moving, Stepping
+from ncgen.solver import compiled
+from ncgen.solver.assembly import assemble
+from ncgen.solver.open_tree import open_tree
+from ncgen.solver.rank import freedom
+
+AWAY = 0.3
+"""How far from the start, in natural sizes."""
+
+LEAST = 1e-3
+"""Smaller accelerations, in natural sizes, are differences of larger ones."""
+
+
+def apart(kernels: Kernels, seed: int) -> float:
+    """The largest difference of the accelerations, over the largest; parameters are drawn, too."""
+    tree = open_tree(kernels)
+    assert tree is not None
+    generator = np.random.default_rng(seed)
+    p = kernels.p0 * generator.uniform(0.97, 1.03, len(kernels.p0)) + generator.uniform(-0.1, 0.1, len(kernels.p0)) * (kernels.p0 == 0)
+    moved = tree.velocities(kernels.q0, generator.uniform(-1, 1, len(tree.screws)))[: kernels.n]
+    q = assemble(kernels, kernels.q0 + AWAY * moved / np.max(np.abs(moved) / kernels.column_sizes), p=p)
+    sizes = np.array([1.0 if screw.point else kernels.length for screw in tree.screws])
+    qd = tree.velocities(q, sizes * generator.uniform(-1, 1, len(tree.screws)))[: kernels.n]
+    by_tables, by_matrix = (_accelerations(kernels, form, q, qd, p) / kernels.column_sizes for form in ("tree", "dense"))
+    return float(np.max(np.abs(by_tables - by_matrix)) / max(np.max(np.abs(by_matrix)), LEAST))
+
+
+def _accelerations(kernels: Kernels, form: compiled.Form, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> np.ndarray:
+    dynamics = compiled.all_coordinates(compiled.checked_compiled(kernels), form=form)
+    moving = Moving(Stepping(dynamics, "dop853", freedom(kernels).rank, 1e-8, 1e-10, None, 1e-12))
+    moving.q[:], moving.qd[:], moving.p[:] = q, qd, p
+    assert moving.evaluate() == "ok"
+    return moving.qdd.copy()
