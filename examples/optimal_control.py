@@ -97,21 +97,22 @@ def library(model: ncgen.Model, flags: str = "-O1 -ffp-contract=off") -> Path:
 
 
 def by_ncgen(problem: Problem) -> Found:
-    """Positions s and rates v of the independent coordinates are unknowns, closed loops equations at every node."""
+    """Positions s and rates v are unknowns at every node: of joints where they are an open tree, else all coordinates with closed loops as
+    equations, and rates of the independent ones."""
     began = time.perf_counter()
     path, name = str(library(problem.model)), problem.model.name
-    dynamics, constraints = (casadi.external(f"{name}_{what}", path) for what in ("dynamics", "constraints"))
+    dynamics = casadi.external(f"{name}_dynamics", path)
     begin = casadi.external(f"{name}_start", path)()
     places = begin["places"].full().ravel().astype(int).tolist()
     S, V, U = (casadi.MX.sym(x, k, NODES) for x, k in (("S", dynamics.size1_in(1)), ("V", len(places)), ("U", len(problem.limits))))
     t, p = casadi.DM.zeros(1, NODES), casadi.repmat(begin["p"], 1, NODES)
     _, vd = dynamics.map(NODES)(t, S, V, casadi.diag(problem.limits) @ U, p)
-    phi = constraints.map(NODES)(t, S, p)
-    Z = S[places, :]
-    equations = [problem.steps(Z, V), problem.steps(V, vd), phi, *problem.ends(Z, V)]
-    way = problem.straight()
+    Z, way = S[places, :], problem.straight()
+    equations = [problem.steps(Z, V), problem.steps(V, vd), *problem.ends(Z, V)]
+    if has_loops := S.shape[0] > len(places):
+        equations.append(casadi.external(f"{name}_constraints", path).map(NODES)(t, S, p))
     speeds = np.repeat((problem.z1 - problem.z0)[:, None] / problem.seconds, NODES, 1)
-    return solved(problem, [(S, positions(problem, way)), (V, speeds)], U, equations, began)
+    return solved(problem, [(S, positions(problem, way) if has_loops else way), (V, speeds)], U, equations, began)
 
 
 def positions(problem: Problem, way: np.ndarray) -> np.ndarray:

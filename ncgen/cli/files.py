@@ -22,7 +22,8 @@ def new(file: Annotated[Path, typer.Argument(help="the file to write: NAME.toml"
 
 
 def check(file: Annotated[Path, typer.Argument(help="a model file: .toml, .py, .urdf, .sdf or .xml")]) -> None:
-    """Report everything that is wrong with a TOML model file, with line numbers; of a file of another kind the first problem."""
+    """Report everything that is wrong with a TOML model file, or with links and joints of a robot's file, with line numbers; else the first
+    problem."""
     from ncgen.compiler import generate as sources_of
     from ncgen.exchange.checking import checked
 
@@ -40,7 +41,7 @@ def convert(
     output: Annotated[Path | None, typer.Option("--output", "-o", help="file to write [default: print]")] = None,
     floating: Floating = None,
 ) -> None:
-    """Write a model as a TOML file, or an open tree as URDF or MJCF where the file's name ends with .urdf or .xml."""
+    """Write a model as a TOML file, or where the file's name ends with .sdf or .xml as a robot's, an open tree with .urdf, too."""
     from ncgen.emit.sources import write_text
     from ncgen.exchange.examples import load
     from ncgen.exchange.robots import WRITTEN, robot_text

@@ -12,10 +12,12 @@ from ncgen.solver.run import check_simulation
 
 
 def checked(path: Path) -> tuple[Model | None, list[str]]:
-    """The model as far as it could be read, and one line for each problem: of a TOML file all, with their lines.
+    """The model as far as it could be read, and one line for each problem: of a TOML file all, of a robot's file those of links and joints.
 
     Raises ModelError for the first problem of a file of another kind.
     """
+    if path.suffix in robots.SUFFIXES and (problems := robots.problems_of(path)):
+        return None, problems
     if path.suffix == ".py" or path.suffix in robots.SUFFIXES:
         model = load(path)
         check_simulation(model)

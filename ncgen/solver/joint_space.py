@@ -97,6 +97,9 @@ class JointSpace(ABC):
     kind: str
     """A word for the functions that are made for it."""
 
+    why: str = ""
+    """Why it is no open tree, where it is none."""
+
     def __init__(self, kernels: Kernels, tree: Tree, rates: tuple[str, ...]) -> None:
         self.kernels, self.tree = kernels, tree
         self.rates, self.n = rates, len(rates)
@@ -320,12 +323,11 @@ class JointSpace(ABC):
 
     def _solved(self, q: np.ndarray, right: np.ndarray) -> np.ndarray:
         """M⁻¹ right, right (…, n, k)."""
-        mass = self.mass_matrix(q)
         try:
-            np.linalg.cholesky(mass)
+            factors = np.linalg.cholesky(self.mass_matrix(q))
         except np.linalg.LinAlgError:
             raise SingularError(f"{self.kernels.name}: a joint moves nothing that has inertia; give its bodies mass") from None
-        return np.linalg.solve(mass, right)
+        return np.linalg.solve(np.swapaxes(factors, -1, -2), np.linalg.solve(factors, right))
 
     def inverse_dynamics_slopes(self, q: ArrayLike, v: ArrayLike | None = None, a: ArrayLike | None = None) -> InverseSlopes:
         """Exact derivatives of `inverse_dynamics` by positions, rates and accelerations of the joints.

@@ -195,12 +195,18 @@ def test_directions_are_the_same_derivatives(tmp_path, monkeypatch):
 
 
 def test_start_is_where_the_model_begins(tmp_path):
+    """Joints of an open tree, all coordinates where loops are closed."""
     model = ncgen.load("cartpole")
-    kernels, library = ncgen.compile(model), built(model, tmp_path)
+    space, library = ncgen.joint_space(ncgen.compile(model)), built(model, tmp_path / "open")
     begin = casadi.external("cartpole_start", library)()
+    assert np.allclose(begin["s"].full().ravel(), space.values(space.kernels.q0), atol=1e-14)
+    assert begin["v"].full().ravel() == pytest.approx([0.0, 0.1], abs=1e-15)  # zd0 of the example
+    assert [space.rates[int(k)] for k in begin["places"].full().ravel()] == ["s", "phi"]
+    model = ncgen.load("fourbar")
+    kernels, library = ncgen.compile(model), built(model, tmp_path / "closed")
+    begin = casadi.external("fourbar_start", library)()
     assert np.allclose(begin["s"].full().ravel(), kernels.q0, atol=1e-14)
-    assert begin["v"].full().ravel().tolist() == [0.0, 0.1]  # zd0 of the example
-    assert [kernels.coordinates[int(k)] for k in begin["places"].full().ravel()] == ["s", "phi"]
+    assert [kernels.coordinates[int(k)] for k in begin["places"].full().ravel()] == ["psi"]
 
 
 def test_a_swing_up_is_that_of_equations_by_hand():

@@ -171,8 +171,8 @@ class Pinocchio:
         return found.copy(), max(float(np.linalg.norm(a.translation - b.translation)) for a, b in ends)
 
     def accelerations_of_independent_rows(self, x: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, float]:
-        """The same under weight alone, from Pinocchio's matrices, by the null space of its rows: hinges that are parallel but for the file's
-        last digits make rows of singular values near 1e-8 of the largest, which its proximal solver takes half for rows that hold."""
+        """The same under weight alone, from Pinocchio's matrices, by the null space of its rows: redundant ones that rounding makes
+        independent by 1e-8 are taken half for rows that hold by its proximal solver."""
         pin, model, data = self.pin, self.model, self.data
         mass, aligned = pin.crba(model, data, x), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
         mass = np.triu(mass) + np.triu(mass, 1).T

@@ -3,10 +3,11 @@
     python tests/robots/compare_files.py FOLDER …
 
 It prints a line for every file below the folders: rates, coordinates, seconds until ready, operations of an inverse dynamics, and the
-largest error over 20 random states of mass matrix, gravity, Coriolis terms, forward dynamics, centroidal momentum (URDF), or of mass matrix,
-bias and passive forces (MJCF), and of the Jacobian of a point of the outermost bodies, each over 1 + the largest entry; for up to 12 rates of
-URDF also of the derivatives of inverse and forward dynamics; or the reason why a file is refused. Joints that mimic others move by
-themselves here, as they do in Pinocchio. A last line counts what there was. The packages example-robot-data, gymnasium and dm_control have such folders.
+largest error over 20 random states of mass matrix, gravity, Coriolis terms, forward dynamics, centroidal momentum (URDF), or of mass
+matrix, bias and passive forces (MJCF), and of the Jacobian of a point of the outermost bodies, each over 1 + the largest entry; for up to
+12 rates of URDF also of the derivatives of inverse and forward dynamics; or the reason why a file is refused. Joints that mimic others move
+by themselves here, as they do in Pinocchio. A last line counts what there was. The packages example-robot-data, gymnasium and dm_control
+have such folders.
 """
 
 import sys

@@ -69,7 +69,20 @@ def test_a_connection_closes_the_same_loop_as_a_hinge_of_sdf():
     np.testing.assert_allclose(runs[0], runs[1], rtol=0, atol=2e-8)
 
 
-TENDON = '<tendon><fixed name="t"><joint joint="spin" coef="1"/></fixed></tendon><equality><tendon tendon1="t"/></equality>'
+TENDON = """<tendon><fixed name="t"><joint joint="spin" coef="2"/><joint joint="nod" coef="-1"/></fixed>
+<fixed name="s"><joint joint="look" coef="3"/></fixed></tendon>
+<equality><tendon name="belt" tendon1="t" tendon2="s" polycoef="0 0.5 0 0 0"/></equality>"""
+
+
+def test_coupled_tendons_are_rows_over_joints(tmp_path):
+    """2 spin − nod = ½ · 3 look, from beginning to end."""
+    path = tmp_path / "gantry.xml"
+    path.write_text((HERE / "gantry.xml").read_text().replace("<actuator>", f"{TENDON}<actuator>", 1))
+    kernels, free = (ncgen.compile(ncgen.load(file), "numpy") for file in (path, HERE / "gantry.xml"))
+    assert ncgen.freedom(kernels).dof == ncgen.freedom(free).dof - 1
+    run = ncgen.simulate(kernels, 0.2, points=3)
+    assert max(np.ptp(run[name]) for name in ("spin", "nod", "look")) > 1e-3
+    np.testing.assert_allclose(2 * run["spin"] - run["nod"], 1.5 * run["look"], rtol=0, atol=1e-9)
 
 
 @pytest.mark.parametrize(
@@ -80,8 +93,8 @@ TENDON = '<tendon><fixed name="t"><joint joint="spin" coef="1"/></fixed></tendon
         ('mass="3"', 'mass="-3"', "gantry.xml: "),
         (
             "<actuator>",
-            f"{TENDON}<actuator>",
-            "equality equality0 is of a kind that is not read; connect and weld",
+            TENDON.replace("0 0.5 0 0 0", "0 0.5 1 0 0") + "<actuator>",
+            "equality belt is of a kind that is not read; connect and weld",
         ),
     ],
 )

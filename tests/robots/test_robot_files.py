@@ -8,6 +8,7 @@ import pytest
 import ncgen
 from ncgen import Model
 from ncgen.errors import ModelError
+from ncgen.exchange.checking import checked
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.toml_writer import to_toml
@@ -230,3 +231,27 @@ def test_floating_is_for_robots(write):
 def test_a_file_that_is_not_there():
     with pytest.raises(ModelError, match=r"nothing\.urdf: there is no such file or example"):
         ncgen.load("nothing.urdf")
+
+
+def test_check_tells_all_that_is_wrong(write):
+    """Three links and joints of a URDF, each with its line; and impossible inertias, if nothing else is wrong."""
+    text = TWO.replace('value="1"', 'value="-1"', 1).replace('xyz="0 1 0"', 'xyz="0 0 0"', 1).replace('<child link="c"/>', "")
+    model, problems = checked(write(text))
+    assert model is None
+    assert [problem.partition(": ")[0] for problem in problems] == ["two.urdf, line 3", "two.urdf, line 5", "two.urdf, line 6"]
+    assert "the mass is -1 kg" in problems[0] and "its axis is 0 0 0" in problems[1] and "has no <child>" in problems[2]
+    model, problems = checked(write(TWO.replace('izz="1"', 'izz="3"')))
+    assert [problem.partition(": no body has")[0] for problem in problems] == ["two.urdf, line 3: body b", "two.urdf, line 4: body c"]
+    model, problems = checked(write(TWO))
+    assert model is not None and problems == []
+    joints = JOINT.format("revolute", "") + JOINT.format("gearbox", "").replace('"j"', '"k"')
+    _, problems = checked(write(SDF.format(LINKS + joints), "m.sdf"))
+    assert ["has no axis" in problems[0], "'gearbox' is not read" in problems[1], len(problems)] == [True, True, 2]
+
+
+def test_meshes_that_are_not_there_are_nothing_to_motion(write):
+    """Nothing is opened or fetched for them."""
+    mesh = '<visual><geometry><mesh filename="http://127.0.0.1:9/none.stl"/></geometry></visual>'
+    model = ncgen.load(write(TWO.replace('<link name="b">', f'<link name="b">{mesh}')))
+    assert set(model.bodies) == {"b", "c"}
+    assert any("mesh" in said for said in model.left_out)

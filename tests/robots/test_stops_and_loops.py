@@ -31,14 +31,14 @@ def test_stops_push_back_and_say_nothing_between(bar):
     space = ncgen.joint_space(ncgen.compile(model, "numpy"))
     for angle, rate in ((0.0, 3.0), (-0.4, -1.0), (1.1, 1.0), (1.3, 0.7), (1.3, -0.7), (-0.9, 0.2), (-0.9, -0.2)):
         high, low = max(angle - 1.1, 0.0), max(-0.4 - angle, 0.0)
-        expected = -STIFFNESS * (high * (1 + LOSS * rate) - low * (1 - LOSS * rate))
+        expected = -STIFFNESS * (high * (1 + np.tanh(LOSS * rate)) - low * (1 - np.tanh(LOSS * rate)))
         assert space.loads(space.position({"hinge": angle}), [rate]) == pytest.approx([expected], abs=1e-9)
 
 
 def test_a_bar_rests_on_its_stop(bar):
     """m g l cos ψ = k s where it has come to rest, with friction that takes the swing."""
     kernels = ncgen.compile(ncgen.load(bar, limits=True, friction=True), "numpy")
-    run = ncgen.simulate(kernels, 8.0, rtol=1e-6, points=9)
+    run = ncgen.simulate(kernels, 3.0, rtol=1e-6, points=7)
     psi = run["hinge"][-1]
     assert np.min(run["hinge"]) < -0.4 < 0.0
     assert STIFFNESS * (-0.4 - psi) == pytest.approx(2 * 9.81 * 0.5 * np.cos(psi), abs=1.5)
@@ -80,7 +80,8 @@ def opened() -> str:
     text = '<robot name="fourbar"><link name="base"/>'
     for name, (mass, com, moments) in inertias.items():
         xx, yy, zz = moments.split()
-        text += f'<link name="{name}"><inertial><origin xyz="{com}"/><mass value="{mass}"/><inertia ixx="{xx}" iyy="{yy}" izz="{zz}"/></inertial></link>'
+        inertia = f'<mass value="{mass}"/><inertia ixx="{xx}" iyy="{yy}" izz="{zz}"/>'
+        text += f'<link name="{name}"><inertial><origin xyz="{com}"/>{inertia}</inertial></link>'
     for name, parent, child, xyz, rpy in (
         ("motor", "base", "crank", "0 0 1", "0 -1.0471975511965976 0"),
         ("elbow", "crank", "coupler", "1 0 0", "0 0 0"),

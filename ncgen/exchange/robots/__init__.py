@@ -10,14 +10,18 @@ from pathlib import Path
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.markup import read_markup
-from ncgen.exchange.robots.robot import Robot
+from ncgen.exchange.robots.robot import Robot, together
 from ncgen.exchange.text import as_path
 from ncgen.model import Model
+from ncgen.model.bodies import check_inertia
 
 SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
 
 FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""
+
+TOLD = ("robot", "sdf")
+"""Tags of formats that tell all problems of links and joints; MuJoCo tells the first one."""
 
 WRITTEN = {".urdf": "urdf", ".sdf": "sdf", ".xml": "mjcf", ".mjcf": "mjcf"}
 """{how a file's name ends: module} of formats that are written, too."""
@@ -32,6 +36,28 @@ def read_robot(path: Path) -> Robot:
     if root.tag not in FORMATS:
         root.refuse(f"<{root.tag}> begins no robot; a file begins with {' or '.join(f'<{tag}>' for tag in FORMATS)}")
     return import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").robot_of(root, path)
+
+
+def problems_of(path: Path) -> list[str]:
+    """All that is wrong with links and joints of a robot's file, one line each: of URDF and SDF; else the first problem is raised."""
+    root = read_markup(path)
+    if root.tag in TOLD:
+        found = import_module(f"ncgen.exchange.robots.{FORMATS[root.tag]}").problems_of(root, path)
+        if found:
+            return found
+    return _impossible(read_robot(path))
+
+
+def _impossible(robot: Robot) -> list[str]:
+    """Links, with what is fixed to them, whose inertia no body has."""
+    found = []
+    for link in together(robot).links.values():
+        try:
+            if link.mass is not None:
+                check_inertia(link.name, link.mass.mass, link.mass.com, link.mass.tensor)
+        except ModelError as error:
+            found.append(f"{link.where}: {error}")
+    return found
 
 
 def load_robot(

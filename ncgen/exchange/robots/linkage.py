@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from typing import TypedDict
 
 import numpy as np
 
@@ -45,6 +46,14 @@ class _Part:
     elements: list[Spatial]
     body: Body | None = None
     position: np.ndarray = field(default_factory=lambda: np.zeros(3))
+
+
+class _Acting(TypedDict):
+    """What acts along a coordinate, by the names of `Joint`."""
+
+    stiffness: float
+    damping: float
+    rest: float
 
 
 class _Linkage:
@@ -265,7 +274,7 @@ class _Linkage:
 
     # -- numbers -------------------------------------------------------------------------------
 
-    def _acting(self, coordinate: Relative) -> dict[str, float]:
+    def _acting(self, coordinate: Relative) -> _Acting:
         """Springs and dampers at a coordinate that is 0 where the model begins."""
         stiffness = damping = torque = 0.0
         for spring in self.model.springs:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import NoReturn
@@ -103,6 +103,17 @@ class Markup:
         if not abs(value) < 1e300:
             self.refuse(f"{what}: {shown(text)} is not finite; give a number")
         return value
+
+
+def refusals(read: Callable[[Markup], object], elements: Iterable[Markup]) -> list[str]:
+    """What a reader says against elements, one after the other."""
+    found = []
+    for each in elements:
+        try:
+            read(each)
+        except ModelError as error:
+            found.append(str(error))
+    return found
 
 
 def read_markup(path: Path) -> Markup:

@@ -18,7 +18,7 @@ from ncgen.errors import ModelError, NcgenError
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, hung
+from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung
 from ncgen.exchange.robots.written import document, element
 from ncgen.exchange.text import placed
 from ncgen.model.arithmetic import unit
@@ -31,7 +31,7 @@ WORLD = "world"
 KINDS = ("floating", "spherical", "prismatic", "revolute")
 """By MuJoCo's numbers of joint types."""
 
-CONNECT, WELD, COUPLING = 0, 1, 2
+CONNECT, WELD, COUPLING, TENDONS = 0, 1, 2, 3
 """MuJoCo's numbers of equalities."""
 
 NO_GRAVITY = 1 << 7
@@ -48,6 +48,9 @@ GREY = [0.5, 0.5, 0.5, 1.0]
 
 LEAST = 1e-15
 """MuJoCo's smallest mass and moment of inertia."""
+
+OVER_JOINT = 1
+"""MuJoCo's number of what a fixed tendon goes over."""
 
 BODY = 1
 """MuJoCo's number of the objects that connections may be told by."""
@@ -89,11 +92,11 @@ class _Reader:
     def robot(self) -> Robot:
         for i in range(1, self.m.nbody):
             self._body(i)
-        loops, followers = self._equalities()
+        loops, followers, rows = self._equalities()
         joints = tuple(replace(joint, mimic=followers.get(joint.name)) for joint in self.joints)
         off = self.m.opt.disableflags & NO_GRAVITY
         x, y, z = (0.0, 0.0, 0.0) if off else map(float, self.m.opt.gravity)
-        robot = Robot(self.name, self.links, joints, tuple(loops), gravity=(x, y, z), omitted=self._omitted())
+        robot = Robot(self.name, self.links, joints, tuple(loops), gravity=(x, y, z), omitted=self._omitted(), rows=tuple(rows))
         return hung(robot, self.places)
 
     def _body(self, i: int) -> None:
@@ -170,9 +173,9 @@ class _Reader:
         low, high = (float(value - m.qpos0[m.jnt_qposadr[j]]) for value in m.jnt_range[j])
         return low, high
 
-    def _equalities(self) -> tuple[list[Joint], dict[str, Mimic]]:
-        """Joints that close loops, and who follows whom."""
-        m, loops, followers = self.m, [], {}
+    def _equalities(self) -> tuple[list[Joint], dict[str, Mimic], list[Coupling]]:
+        """Joints that close loops, who follows whom, and rows of coupled tendons over joints."""
+        m, loops, followers, rows = self.m, [], {}, []
         for e in range(m.neq):
             name, kind = m.equality(e).name or f"equality{e}", int(m.eq_type[e])
             first, second, data = int(m.eq_obj1id[e]), int(m.eq_obj2id[e]), m.eq_data[e]
@@ -185,9 +188,25 @@ class _Reader:
                 loops.append(Joint(name, "spherical" if kind == CONNECT else "fixed", a, b, place, where=self.where))
             elif kind == COUPLING and second >= 0 and not np.any(data[2:5]):
                 followers[self.joint_names[first]] = Mimic(self.joint_names[second], float(data[1]), float(data[0]))
+            elif kind == TENDONS and not np.any(data[2:5]):
+                rows.append(self._tendons(name, first, second, float(data[0]), float(data[1])))
             else:
-                raise ModelError(f"{self.where}: equality {name} is of a kind that is not read; connect and weld bodies, or couple joints")
-        return loops, followers
+                raise ModelError(
+                    f"{self.where}: equality {name} is of a kind that is not read; connect and weld bodies, couple joints or tendons"
+                )
+        return loops, followers, rows
+
+    def _tendons(self, name: str, first: int, second: int, offset: float, factor: float) -> Coupling:
+        """One tendon's change of length is that of another times a factor, and an offset; second: -1 for none."""
+        m = self.m
+        shares: dict[str, float] = {}
+        for tendon, weight in ((first, 1.0), (second, -factor)):
+            for k in range(m.tendon_adr[tendon], m.tendon_adr[tendon] + m.tendon_num[tendon]) if tendon >= 0 else ():
+                if int(m.wrap_type[k]) != OVER_JOINT:
+                    raise ModelError(f"{self.where}: equality {name} couples tendons through points; only those over joints are read")
+                joint = self.joint_names[int(m.wrap_objid[k])]
+                shares[joint] = shares.get(joint, 0.0) + weight * float(m.wrap_prm[k])
+        return Coupling(name, shares, offset, self.where)
 
     def _omitted(self) -> tuple[str, ...]:
         m = self.m

@@ -6,7 +6,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.layout import Hold, Layout, Place, Solid, lay_out
-from ncgen.exchange.robots.robot import Mass, Robot, together
+from ncgen.exchange.robots.robot import Coupling, Mass, Robot, together
 from ncgen.exchange.robots.stops import FRICTION, LIMITS, add_friction, add_stops, left
 from ncgen.model import Model
 from ncgen.model.arithmetic import dot, unit
@@ -56,9 +56,13 @@ class _Builder:
             self._join(hold)
         for hold in self.layout.holds:
             self._follow(hold)
+        for coupling in self.robot.rows:
+            self._couple(coupling)
         self._draw()
         free = [c for hold in self.layout.holds if (c := self.coordinates.get(hold.joint.name)) and not hold.joint.mimic]
-        if not self.floating and not self.robot.loops and all(hold.joint.kind in ("revolute", "prismatic") for hold in self.layout.holds):
+        if not (self.floating or self.robot.loops or self.robot.rows) and all(
+            hold.joint.kind in ("revolute", "prismatic") for hold in self.layout.holds
+        ):
             model.independent(*free)
         model.gravity(self.robot.gravity)
         model.simulation(duration=DURATION)
@@ -155,6 +159,15 @@ class _Builder:
         if own is other:
             raise ModelError(f"{joint.where}: joint {joint.name} mimics itself; name another joint")
         self.model.constrain(own.symbol - mimic.factor * other.symbol - mimic.offset, f"{own.name} follows {other.name}")
+
+    def _couple(self, coupling: Coupling) -> None:
+        """The row of joints that move together."""
+        if missing := [name for name in coupling.shares if name not in self.coordinates]:
+            raise ModelError(
+                f"{coupling.where}: {coupling.name}: joint {missing[0]} is no hinge or slider, so nothing can be coupled to it"
+            )
+        total = sum(share * self.coordinates[name].symbol for name, share in coupling.shares.items())
+        self.model.constrain(total - coupling.offset, coupling.name)
 
     def _draw(self) -> None:
         """Every body from the joint that carries it to the others, and the axes of the joints."""

@@ -75,6 +75,16 @@ class Mimic:
 
 
 @dataclass(frozen=True, eq=False)
+class Coupling:
+    """A row over joints: Σ share · coordinate = offset (rad or m). shares: {joint: share}"""
+
+    name: str
+    shares: Mapping[str, float]
+    offset: float = 0.0
+    where: str = ""
+
+
+@dataclass(frozen=True, eq=False)
 class Joint:
     """A joint between two links.
 
@@ -106,7 +116,7 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class Robot:
-    """links by name; joints: each with one parent and one child, a tree; loops: joints besides, which close it
+    """links by name; joints: each with one parent and one child, a tree; loops: joints besides, which close it; rows over coordinates
 
     base: of the root in the world; gravity: m/s²; floats: whether the root is a free body
     omitted: what the file says and a model does not, in words
@@ -120,6 +130,7 @@ class Robot:
     gravity: tuple[float, float, float] = (0.0, 0.0, -9.81)
     floats: bool = False
     omitted: tuple[str, ...] = ()
+    rows: tuple[Coupling, ...] = ()
 
     def ordered(self) -> Robot:
         """The same with every joint after that which carries its parent. Raises ModelError unless the joints make one tree."""

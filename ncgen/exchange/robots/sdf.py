@@ -15,14 +15,14 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
-from ncgen.exchange.robots.markup import Markup
+from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung, unique
 from ncgen.exchange.robots.written import document, element, number_text
 
 KINDS = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "spherical",
-    "universal": "universal", "screw": "screw",
+    "universal": "universal", "revolute2": "universal", "screw": "screw",
 }  # fmt: skip
 """Joint types of the format, and what they are here."""
 
@@ -51,6 +51,16 @@ def robot_of(root: Markup, path: Path) -> Robot:
         if found := model.first(tag):
             found.refuse(f"{what}; write its links and joints out")
     return _Reader(root, world, model, path).robot()
+
+
+def problems_of(root: Markup, path: Path) -> list[str]:
+    """What is wrong with links and joints, each looked at by itself, where there is one model."""
+    world = root.first("world") or root
+    models = world.all("model")
+    if len(models) != 1:
+        return []
+    reader = _Reader(root, world, models[0], path)
+    return [*refusals(reader._link, models[0].all("link")), *refusals(reader._joint, models[0].all("joint"))]
 
 
 class _Reader:
@@ -175,7 +185,7 @@ class _Reader:
             ends["child"],
             self._place(name),
             self._axis(each, axis) if kind not in ("fixed", "ball") else np.array([0.0, 0.0, 1.0]),
-            self._axis(each, second) if kind == "universal" else None,
+            self._axis(each, second) if KINDS[kind] == "universal" else None,
             damping=_number(dynamics, "damping"),
             stiffness=_number(dynamics, "spring_stiffness"),
             rest=_number(dynamics, "spring_reference"),

@@ -1,18 +1,23 @@
 """Limits and dry friction of joints as springs and couples, where they are asked for: smooth enough for every integrator, and not rigid.
 
-A stop is the spring of Hunt & Crossley (1975), k s (1 + d ṡ) where the joint is s beyond its limit. Dry friction F is F tanh(v / v₀), so a
+A stop is a spring k s (1 + tanh(d ṡ)) where the joint is s beyond its limit: as that of Hunt & Crossley (1975) it begins with no force and
+loses energy, and it never pulls. Dry friction F is F tanh(v / v₀), so a
 joint that stands under less than F creeps at up to v₀. k, d and v₀ are parameters of the model.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
+from typing import TypeAlias
 
 import sympy
 
 from ncgen.exchange.robots.robot import Joint
 from ncgen.model import Model
 from ncgen.model.elements import Relative
+
+Law: TypeAlias = Callable[[sympy.Expr, sympy.Expr], sympy.Expr]
+"""Torque against growth, or tension, from a value and its rate."""
 
 STIFFNESS, LOSS = 1e4, 0.5
 """Of stops: N m/rad or N/m, and s/rad or s/m."""
@@ -27,24 +32,33 @@ LIMITS, FRICTION = "limits of joints", "friction of joints"
 def add_stops(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
     """Stops of the joints that have limits; how many there are."""
     limited = [(joint, coordinate) for joint, coordinate in joints if joint.limits is not None]
-    if limited:
-        k, d = model.parameter("stop_stiffness", STIFFNESS, "N/m or N m/rad"), model.parameter("stop_loss", LOSS, "s/m or s/rad")
+    if not limited:
+        return 0
+    k, d = model.parameter("stop_stiffness", STIFFNESS, "N/m or N m/rad"), model.parameter("stop_loss", LOSS, "s/m or s/rad")
     for joint, coordinate in limited:
         assert joint.limits is not None, "a joint without limits among those with"
-        lower, upper = joint.limits
-        model.torsion_spring(coordinate, law=lambda x, v: k * (beyond(x - upper) * (1 + d * v) - beyond(lower - x) * (1 - d * v)),
-                             label=f"stops of {coordinate.name}")  # fmt: skip
+        model.torsion_spring(coordinate, law=_stop(*joint.limits, k.symbol, d.symbol), label=f"stops of {coordinate.name}")
     return len(limited)
+
+
+def _stop(lower: float, upper: float, k: sympy.Expr, d: sympy.Expr) -> Law:
+    """The torque against growth between two limits, of a value x and its rate v."""
+    return lambda x, v: k * (beyond(x - upper) * (1 + sympy.tanh(d * v)) - beyond(lower - x) * (1 - sympy.tanh(d * v)))
 
 
 def add_friction(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
     """Dry friction of the joints that have some; how many there are."""
     rough = [(joint, coordinate) for joint, coordinate in joints if joint.friction]
-    if rough:
-        creep = model.parameter("friction_creep", CREEP, "m/s or rad/s")
+    if not rough:
+        return 0
+    creep = model.parameter("friction_creep", CREEP, "m/s or rad/s")
     for joint, coordinate in rough:
-        model.torsion_spring(coordinate, law=lambda x, v: joint.friction * sympy.tanh(v / creep), label=f"friction of {coordinate.name}")
+        model.torsion_spring(coordinate, law=_rough(joint.friction, creep.symbol), label=f"friction of {coordinate.name}")
     return len(rough)
+
+
+def _rough(force: float, creep: sympy.Expr) -> Law:
+    return lambda x, v: force * sympy.tanh(v / creep)
 
 
 def beyond(s: sympy.Expr) -> sympy.Expr:

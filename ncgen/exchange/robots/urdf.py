@@ -13,7 +13,7 @@ import numpy as np
 
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
-from ncgen.exchange.robots.markup import Markup
+from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, unique
 from ncgen.exchange.robots.written import document, element
@@ -52,6 +52,11 @@ def robot_of(root: Markup, path: Path) -> Robot:
     beside = unseen(each for found in looks.values() for each in found)
     friction = sum(each.number("friction", 0.0) != 0.0 for each in root.walk() if each.tag == "dynamics")
     return Robot(name, {link.name: link for link in links}, tuple(joints), omitted=root.counted(OMITTED, friction) + beside).ordered()
+
+
+def problems_of(root: Markup, path: Path) -> list[str]:
+    """What is wrong with links and joints, each looked at by itself."""
+    return [*refusals(lambda each: _link(each, ()), root.all("link")), *refusals(_joint, root.all("joint"))]
 
 
 def _pose(each: Markup) -> Placement:
