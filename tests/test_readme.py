@@ -30,7 +30,7 @@ def test_the_program_of_the_robots_page_runs(monkeypatch):
     monkeypatch.chdir(ROOT)
     page = (ROOT / "docs" / "robots.md").read_text(encoding="utf-8")
     names: dict = {}
-    exec(re.search(r"```python\n(.*?)```", page, re.S)[1], names)
+    exec(next(block for block in re.findall(r"```python\n(.*?)```", page, re.S) if "space.jacobian" in block), names)
     assert names["J"].shape == (6, 6) and names["M"].shape == (6, 6)
     assert abs(names["a"]).max() < 1e-12
 
@@ -64,6 +64,7 @@ def test_measured_tables_have_a_command_each():
         fences = re.findall(r"^```(.*)$", page.read_text(encoding="utf-8"), re.M)[::2]
         assert len(renew.commands(page)) == fences.count(""), page
     page = (ROOT / "docs" / "performance.md").read_text(encoding="utf-8")
-    assert renew.renewed(page, lambda command: "new").count("-->\n```\nnew\n```\n") == 4
+    tables = len(renew.commands(ROOT / "docs" / "performance.md"))
+    assert tables and renew.renewed(page, lambda command: "new").count("-->\n```\nnew\n```\n") == tables
     assert renew.renewed(page, lambda command: "") != page
-    assert renew.renewed(page, lambda command: "\n  a  b\nc\n").count("-->\n```\n  a  b\nc\n```\n") == 4  # titles keep their columns
+    assert renew.renewed(page, lambda command: "\n  a  b\nc\n").count("-->\n```\n  a  b\nc\n```\n") == tables  # titles keep their columns

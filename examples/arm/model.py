@@ -40,9 +40,9 @@ def build(n: int = 7) -> Model:
 
 def show(m: Model, i: int) -> None:
     """Link i (from 0) as a box and the drum of its hinge."""
-    width, before, after = WIDTH * (1 - 0.05 * i), m.elements[f"r{i}"].initial, m.elements[f"r{i + 1}"].initial
-    m.box(f"link{i + 1}", (0.8 * width, 0.8 * width, 0.95 * LENGTH), (before + after) / 2, (0, i * LEAN, 0))
-    m.cylinder(f"link{i + 1}", 0.6 * width, 1.3 * width, before, axis(i))
+    width, before, after = WIDTH * max(0.3, 1 - 0.05 * i), m.elements[f"r{i}"].initial, m.elements[f"r{i + 1}"].initial
+    m.box(m.bodies[f"link{i + 1}"], (0.8 * width, 0.8 * width, 0.95 * LENGTH), (before + after) / 2, (0, i * LEAN, 0))
+    m.cylinder(m.bodies[f"link{i + 1}"], 0.6 * width, 1.3 * width, before, axis(i))
 
 
 def frame(i: int) -> np.ndarray:

@@ -20,9 +20,9 @@ def build(spin: float = 150.0, precession: float = -4.61538) -> Model:
     angles = np.radians([90, 210, 330])
     P, Q, R = rim = [m.point(name, (RADIUS * math.cos(a), HEIGHT, RADIUS * math.sin(a))) for name, a in zip("PQR", angles)]
     m.body("top", [O, P, Q, R], mass=15.0, com=(0, HEIGHT, 0), inertia=(0.234375, 0.46875, 0.234375))
-    m.cylinder("top", RADIUS, 0.03, (0, HEIGHT, 0), (0, 1, 0))
-    m.cylinder("top", 0.02, HEIGHT, (0, HEIGHT / 2, 0), (0, 1, 0))
-    m.box("top", (0.06, 0.034, 0.4), (0.1, HEIGHT, 0))  # a mark, which tells how it turns
+    m.cylinder(m.bodies["top"], RADIUS, 0.03, (0, HEIGHT, 0), (0, 1, 0))
+    m.cylinder(m.bodies["top"], 0.02, HEIGHT, (0, HEIGHT / 2, 0), (0, 1, 0))
+    m.box(m.bodies["top"], (0.06, 0.034, 0.4), (0.1, HEIGHT, 0))  # a mark, which tells how it turns
     m.gravity((0, 0, -9.81))
     for point, following in zip(rim, (Q, R, P)):
         m.line(O, point, following)

@@ -76,8 +76,8 @@ def leg(m: Model, i: int, hip: Point, ahead: Vector, left: Vector) -> Point:
         m.line(hip, knee, foot)
         m.bar(hip, knee, 0.014)
         m.bar(knee, foot, 0.009)
-        m.sphere(f"upper{i}{end}", 0.017, knee.initial)
-    m.sphere(f"lower{i}a", 0.016, foot.initial)
+        m.sphere(m.bodies[f"upper{i}{end}"], 0.017, knee.initial)
+    m.sphere(m.bodies[f"lower{i}a"], 0.016, foot.initial)
     return foot
 
 

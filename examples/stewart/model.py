@@ -37,7 +37,7 @@ def build(stiffness: float = 2e5, damping: float = 4e3) -> Model:
     for foot, head in zip(feet, heads, strict=True):
         m.line(foot, head)
         m.telescope(foot, head, 0.07)
-    m.polygon("platform", [head.initial.tolist() for head in heads], 0.12)
+    m.polygon(m.bodies["platform"], [head.initial.tolist() for head in heads], 0.12)
     m.polygon(m.ground, [foot.initial.tolist() for foot in feet], 0.06)
     m.arrow(heads[0], normal)
     m.simulation(duration=3.0, zd0={"s1": 0.6, "s2": -0.3, "s4": 0.4})

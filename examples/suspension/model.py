@@ -77,7 +77,7 @@ def build() -> Model:
     m.bar(R, T, 0.011)
     m.bar(T, W, 0.02)
     m.telescope(D, S, 0.025)
-    m.wheel("spindle", 0.33, 0.2, W.initial, (0, 1, 0))
+    m.wheel(m.bodies["spindle"], 0.33, 0.2, W.initial, (0, 1, 0))
     m.arrow(W, axis)
     m.simulation(duration=2 * PERIOD)
     return m

@@ -111,7 +111,7 @@ class Tree:
                 return d / np.linalg.norm(d)
 
     def is_clear(self, body: Body, d: np.ndarray) -> bool:
-        return self.flat or body not in self.base or abs(d @ self.base[body][1]) > CLEAR * np.linalg.norm(d)
+        return bool(self.flat or body not in self.base or abs(d @ self.base[body][1]) > CLEAR * np.linalg.norm(d))
 
     def step(self, size: float) -> np.ndarray:
         return size * self.direction()

@@ -155,7 +155,7 @@ class Dynamics:
             rolling[kernels.holonomic] = 0
             self._keep({"rolling": rolling}, self._dynamics, np.intc)
 
-    def _keep(self, arrays: Mapping[str, Sequence[int] | np.ndarray], struct: InC, dtype: DTypeLike) -> None:
+    def _keep(self, arrays: Mapping[str, Sequence[float] | np.ndarray], struct: InC, dtype: DTypeLike) -> None:
         """Let members of a struct point to arrays, which live as long as this object."""
         for name, values in arrays.items():
             array = np.array(values if len(values) else (0,), dtype=dtype)

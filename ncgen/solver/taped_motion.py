@@ -36,7 +36,7 @@ REMEDIES = defaultdict(lambda: "take shorter steps", full="take a shorter motion
 """What to do about a run that did not arrive, by its status."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class _Start:
     """What derivatives need at the start: R of positions and of velocities, (n, nz) each, and how the model's own position follows
     parameters, (n, n_p); frames: the factors behind R."""

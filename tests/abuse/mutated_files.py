@@ -271,6 +271,7 @@ def _argument(chance, kind: str, names: dict[str, list[str]]) -> str:
         "bool | str": ["true", "false", '"z"', '"xz"', '"w"'],
         "Number": [number],
         "Numbers": [f"[0, {number}, 2]", "[0, 1, 0.5, 2]", "[0.0, 0.5, 1.0, 2.5]", "[1, 2]"],
+        "Sequence[Numbers]": ["[[0, 0], [1, 0], [0, 1]]", f"[[0, 0, 0], [{number}, 0, 0], [0, 1, {number}]]", "[[0, 0]]"],
         "Value": [value],
         "Values": [f"[{value}, 0, 1]", f"[{value}, 0]", "[0, 0, 1]", f"[{value}, {value}, {value}]", "[1, 0, 0]"],
         "Tensor": [value, "[1, 1, 1]", "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[[{value}, 0, 0], [0, 1, 0], [0, 0, 1]]", f"[{value}, 1, 1]"],

@@ -54,7 +54,7 @@ def test_synthesis_finds_an_optimum(monkeypatch, capsys, tmp_path):
         np.testing.assert_allclose(linkage.misses(lengths), misses(synthesis, lengths), atol=1e-12)
         np.testing.assert_allclose(linkage.slopes(lengths), closed_slopes(synthesis, lengths), atol=1e-11)
     gradient, rough_gradient = (np.max(np.abs(closed_slopes(synthesis, x).T @ misses(synthesis, x))) for x in (found.x, rough.x))
-    assert gradient < 1e-13 < rough_gradient
+    assert gradient < 1e-12 < rough_gradient  # 1e-14 to 3e-13, by the compiler's rounding
     assert np.max(np.abs(misses(synthesis, found.x))) < 1e-3
     assert other.evaluations > 2 * linkage.evaluations
     said = table(synthesis, "synthesise", results, monkeypatch, capsys, tmp_path)

@@ -49,7 +49,7 @@ class InPython:
 
         The library knows one mechanism at a time: what was made before is no longer to be called.
         """
-        home = Path(self.mujoco.__file__).parent
+        home = Path(str(self.mujoco.__file__)).parent
         found = sorted(home.glob("libmujoco.so*"))
         if not found:
             return None

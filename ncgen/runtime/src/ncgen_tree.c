@@ -460,7 +460,7 @@ static void solve(ncgen_tree_work *w, ncgen_real *change)
 }
 
 /* M at a position, unless it is constant and known. */
-static void find_mass(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q)
+static void mass_at(const ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q)
 {
     if (r->model->mass && !(w->mass_is_there && r->model->mass_is_constant))
         r->model->mass(t, q, r->p, w->mass);
@@ -482,7 +482,7 @@ void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     for (int i = 0; i < n; ++i)
         w->bias[i] = w->force[i] = 0;
     spread_changes(r, w, w->bias);
-    find_mass(r, w, t, q);
+    mass_at(r, w, t, q);
     if (r->model->force && r->model->force(t, q, out, r->p, w->force) != NCGEN_OK)
         is_regular = 0;
     ncgen_times_mass(r, w->mass, w->bias, w->inertial);
@@ -507,7 +507,7 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     const ncgen_tree *tree = w->tree;
     place(r, w, q);
     int is_regular = find_twists(r, w, qd, out) == NCGEN_OK;
-    find_mass(r, w, t, q);
+    mass_at(r, w, t, q);
     for (int i = 0; i < n; ++i)
         w->bias[i] = qd[i] - out[i];
     ncgen_times_mass(r, w->mass, w->bias, w->force);
