@@ -139,11 +139,15 @@ def test_ctrl_c_ends_it(tmp_path):
     path = tmp_path / "mine.toml"
     path.write_text('name = "mine"\nnonsense = 1\n')
     command = [sys.executable, "-m", "ncgen", "watch", "mine.toml"]
+    heard = lambda: signal.signal(signal.SIGINT, signal.default_int_handler)  # noqa: E731  who runs the tests in the background ignores it
     with subprocess.Popen(
-        command, cwd=tmp_path, env=dict(os.environ), text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        command, cwd=tmp_path, env=dict(os.environ), text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE, preexec_fn=heard
     ) as process:
         assert process.stdout and "mine.toml, line 2: nonsense: unknown" in process.stdout.readline()
         time.sleep(EVERY)
         process.send_signal(signal.SIGINT)
-        out, err = process.communicate(timeout=20)
+        try:
+            out, err = process.communicate(timeout=20)
+        finally:
+            process.kill()  # one that does not end would be waited for
     assert (process.returncode, out, err) == (130, "", "ncgen: mine.toml is watched no longer\n")
