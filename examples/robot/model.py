@@ -149,9 +149,11 @@ def show(m: Model) -> None:
     m.capsule(m.bodies["body3"], 0.09, L24, middle(2, 4), r[4] - r[2])
     m.capsule(m.bodies["body4"], 0.035, L35, middle(3, 5), r[5] - r[3])
     for joint, body in ((2, "body3"), (3, "body4"), (4, "body5"), (5, "body5")):
-        m.cylinder(body, 0.11 if joint % 2 == 0 else 0.06, 0.3, r[joint], across)
+        m.cylinder(m.bodies[body], 0.11 if joint % 2 == 0 else 0.06, 0.3, r[joint], across)
     m.polygon(
-        "body5", [(0, 0.3, 1.7), (0, 0.4, 2.0), (0, 0.3, 2.13), (0, 0.15, 2.1), (0, -0.25, 1.88), (0, -0.25, 1.76), (0, 0.1, 1.68)], 0.2
+        m.bodies["body5"],
+        [(0, 0.3, 1.7), (0, 0.4, 2.0), (0, 0.3, 2.13), (0, 0.15, 2.1), (0, -0.25, 1.88), (0, -0.25, 1.76), (0, 0.1, 1.68)],
+        0.2,
     )
     m.capsule(m.bodies["body6"], 0.11, 0.4 * L67, middle(6, 7, 0.2), r[7] - r[6])
     m.cylinder(m.bodies["body7"], 0.075, 0.6 * L67, middle(6, 7, 0.7), r[7] - r[6])
