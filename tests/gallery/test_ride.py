@@ -1,4 +1,4 @@
-"""The suspension's design for ride: its balance by weight, its gradient by differences of runs with error control, and its optimum."""
+"""The suspension's design for ride: its balance by weight, its gradient beside differences of the same cost, and its optimum."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 600
-"""Seconds that a test may take; one that hangs notices the fault."""
+"""Seconds, beside ten times those of the processor, after which tests wait for something that never comes: they notice the fault."""
 
 TESTS = {
     "program": ("tests/program", "tests/emit", "tests/kernels", "tests/export/test_wasm.py"),
