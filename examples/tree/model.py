@@ -6,6 +6,7 @@ Dimensions are drawn from the seed: slender boxes of 0.3 to 0.6 m and 0.5 to 1.5
 import numpy as np
 
 from ncgen import Model
+from ncgen.model.arithmetic import dot, norm, unit
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Point, Vector
 
@@ -108,10 +109,10 @@ class Tree:
         while True:
             d = self.rng.standard_normal(2 if self.flat else 3)
             if body is None or self.is_clear(body, d):
-                return d / np.linalg.norm(d)
+                return unit(d)
 
     def is_clear(self, body: Body, d: np.ndarray) -> bool:
-        return bool(self.flat or body not in self.base or abs(d @ self.base[body][1]) > CLEAR * np.linalg.norm(d))
+        return bool(self.flat or body not in self.base or abs(dot(d, self.base[body][1])) > CLEAR * norm(d))
 
     def step(self, size: float) -> np.ndarray:
         return size * self.direction()
@@ -121,8 +122,7 @@ class Tree:
 
     def across(self, axis: np.ndarray) -> np.ndarray:
         """A random unit vector at right angles to another one."""
-        d = np.cross(axis, self.direction())
-        return d / np.linalg.norm(d)
+        return unit(np.cross(axis, self.direction()))
 
     # -- bodies and joints ----------------------------------------------------------------------
 
@@ -130,10 +130,9 @@ class Tree:
         """A box from a point to a new one, its end."""
         m, length, mass = self.m, self.rng.uniform(0.3, 0.6), self.rng.uniform(0.5, 1.5)
         while True:  # downward rather than upward, and not nearly along the body's vector
-            along = self.direction() - 0.5 * np.eye(3)[1 if self.flat else 2, : 2 if self.flat else 3]
-            along = along / np.linalg.norm(along)
+            along = unit(self.direction() - 0.5 * np.eye(3)[1 if self.flat else 2, : 2 if self.flat else 3])
             normal = np.zeros(3) if self.flat else np.cross(along, vectors[0].initial)
-            if self.flat or np.linalg.norm(normal) > CLEAR:
+            if self.flat or norm(normal) > CLEAR:
                 break
         end = m.point(f"B{i}", start.initial[: len(along)] + length * along)
         if self.flat:
@@ -141,7 +140,7 @@ class Tree:
         else:
             tensor = mass / 12 * ((length**2 + WIDTH**2) * np.eye(3) + (WIDTH**2 - length**2) * np.outer(along, along))
             body = m.body(f"body{i}", [start, end], vectors, mass, inertia=tensor)
-        self.end[body], self.base[body] = end, (start.initial, normal / max(float(np.linalg.norm(normal)), CLEAR))
+        self.end[body], self.base[body] = end, (start.initial, normal / max(norm(normal), CLEAR))
         return body
 
     def vector(self, name: str, direction: np.ndarray, parent: Body) -> Vector:

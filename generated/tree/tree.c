@@ -24,12 +24,12 @@ static const int tree_index_3[90] = {
 };
 
 static const ncgen_scalar tree_number_1[3] = {
-    R(0.0), -R(0.32529282163452683), R(0.0)
+    R(0.0), -R(0.32529282163452694), R(0.0)
 };
 static const ncgen_scalar tree_number_2[63] = {
     R(0.12540449756030506), R(0.12540449756030506), R(0.12540449756030506), R(0.12673522018455083),
-    R(0.12673522018455083), R(0.12673522018455083), R(0.2458527706884049), R(0.2458527706884049),
-    R(0.2458527706884049), R(0.24703374823863228), R(0.24703374823863228), R(0.24703374823863228),
+    R(0.12673522018455083), R(0.12673522018455083), R(0.24585277068840458), R(0.24585277068840458),
+    R(0.24585277068840458), R(0.24703374823863228), R(0.24703374823863228), R(0.24703374823863228),
     R(0.24703374823863256), R(0.24703374823863256), R(0.24703374823863256),
     R(0.004955035762732117), R(0.004955035762732117), R(0.004955035762732117),
     R(0.10411628279404682), R(0.10411628279404682), R(0.10411628279404682), R(0.3212059604038241),
@@ -39,49 +39,48 @@ static const ncgen_scalar tree_number_2[63] = {
     R(0.1180388538749144), R(0.00048182885763377857), R(0.00048182885763377857),
     R(0.00048182885763377857), R(0.008019267008768384), R(0.008019267008768384),
     R(0.008019267008768384), R(0.6118147698737251), R(0.6118147698737251), R(0.6118147698737251),
-    R(0.002766813827318368), R(0.002766813827318368), R(0.002766813827318368),
+    R(0.0027668138273183674), R(0.0027668138273183674), R(0.0027668138273183674),
     R(0.16410011877115183), R(0.16410011877115183), R(0.16410011877115183),
-    R(0.00015089928583358891), R(0.00015089928583358891), R(0.00015089928583358891),
-    R(0.20491975755156272), R(0.20491975755156272), R(0.20491975755156272),
+    R(0.00015089928583359035), R(0.00015089928583359035), R(0.00015089928583359035),
+    R(0.20491975755156275), R(0.20491975755156275), R(0.20491975755156275),
     R(0.00018614845236442038), R(0.00018614845236442038), R(0.00018614845236442038),
-    R(0.24428884847371998), R(0.24428884847371998), R(0.24428884847371998),
-    R(0.002067836129142932), R(0.002067836129142932), R(0.002067836129142932)
+    R(0.2442888484737204), R(0.2442888484737204), R(0.2442888484737204), R(0.002067836129142933),
+    R(0.002067836129142933), R(0.002067836129142933)
 };
 static const ncgen_scalar tree_number_3[90] = {
     R(0.12465146584631805), R(0.12465146584631805), R(0.12465146584631805),
-    -R(0.0002331995904379694), -R(0.0002331995904379694), -R(0.0002331995904379694),
-    -R(0.0028946448389294862), -R(0.0028946448389294862), -R(0.0028946448389294862),
-    R(0.198744748703305), R(0.198744748703305), R(0.198744748703305), R(0.017861456440955093),
-    R(0.017861456440955093), R(0.017861456440955093), -R(0.017861456440955093),
-    -R(0.017861456440955093), -R(0.017861456440955093), R(0.10291127471325942),
+    -R(0.00023319959043797053), -R(0.00023319959043797053), -R(0.00023319959043797053),
+    -R(0.002894644838929484), -R(0.002894644838929484), -R(0.002894644838929484),
+    R(0.198744748703305), R(0.198744748703305), R(0.198744748703305), R(0.01786145644095509),
+    R(0.01786145644095509), R(0.01786145644095509), -R(0.01786145644095509),
+    -R(0.01786145644095509), -R(0.01786145644095509), R(0.10291127471325942),
     R(0.10291127471325942), R(0.10291127471325942), R(0.0002671181304141156),
     R(0.0002671181304141156), R(0.0002671181304141156), R(3.743935350367495e-05),
     R(3.743935350367495e-05), R(3.743935350367495e-05), R(0.09853022559387584),
     R(0.09853022559387584), R(0.09853022559387584), -R(0.00030455748391779056),
     -R(0.00030455748391779056), -R(0.00030455748391779056), R(0.11775746228571858),
-    R(0.11775746228571858), R(0.11775746228571858), R(0.0003530226273436999),
-    R(0.0003530226273436999), R(0.0003530226273436999), R(0.00016578694846490545),
-    R(0.00016578694846490545), R(0.00016578694846490545), -R(0.00016578694846490545),
-    -R(0.00016578694846490545), -R(0.00016578694846490545), -R(0.0003530226273436999),
-    -R(0.0003530226273436999), -R(0.0003530226273436999), R(0.0007696743785858583),
-    R(0.0007696743785858583), R(0.0007696743785858583), -R(0.0005006694897238469),
-    -R(0.0005006694897238469), -R(0.0005006694897238469), R(0.1640591486679108),
-    R(0.1640591486679108), R(0.1640591486679108), -R(9.079177143014016e-05),
-    -R(9.079177143014016e-05), -R(9.079177143014016e-05), R(9.079177143014016e-05),
-    R(9.079177143014016e-05), R(9.079177143014016e-05), R(0.2049035052632014),
-    R(0.2049035052632014), R(0.2049035052632014), -R(6.351208101203272e-05),
-    -R(6.351208101203272e-05), -R(6.351208101203272e-05), R(6.351208101203272e-05),
-    R(6.351208101203272e-05), R(6.351208101203272e-05), -R(0.029061812463961726),
-    -R(0.029061812463961726), -R(0.029061812463961726), -R(0.026715995103105773),
-    -R(0.026715995103105773), -R(0.026715995103105773), R(0.026715995103105773),
-    R(0.026715995103105773), R(0.026715995103105773), -R(0.05251856234960718),
-    -R(0.05251856234960718), -R(0.05251856234960718), R(0.05251856234960718),
-    R(0.05251856234960718), R(0.05251856234960718), R(0.00758795217599183), R(0.00758795217599183),
-    R(0.00758795217599183)
+    R(0.11775746228571858), R(0.11775746228571858), R(0.0003530226273436998),
+    R(0.0003530226273436998), R(0.0003530226273436998), R(0.00016578694846490534),
+    R(0.00016578694846490534), R(0.00016578694846490534), -R(0.00016578694846490534),
+    -R(0.00016578694846490534), -R(0.00016578694846490534), -R(0.0003530226273436998),
+    -R(0.0003530226273436998), -R(0.0003530226273436998), R(0.0007696743785858583),
+    R(0.0007696743785858583), R(0.0007696743785858583), -R(0.0005006694897238459),
+    -R(0.0005006694897238459), -R(0.0005006694897238459), R(0.1640591486679108),
+    R(0.1640591486679108), R(0.1640591486679108), -R(9.079177143014686e-05),
+    -R(9.079177143014686e-05), -R(9.079177143014686e-05), R(9.079177143014686e-05),
+    R(9.079177143014686e-05), R(9.079177143014686e-05), R(0.2049035052632014),
+    R(0.2049035052632014), R(0.2049035052632014), -R(6.351208101203032e-05),
+    -R(6.351208101203032e-05), -R(6.351208101203032e-05), R(6.351208101203032e-05),
+    R(6.351208101203032e-05), R(6.351208101203032e-05), -R(0.029061812463961847),
+    -R(0.029061812463961847), -R(0.029061812463961847), -R(0.02671599510310579),
+    -R(0.02671599510310579), -R(0.02671599510310579), R(0.02671599510310579),
+    R(0.02671599510310579), R(0.02671599510310579), -R(0.0525185623496072), -R(0.0525185623496072),
+    -R(0.0525185623496072), R(0.0525185623496072), R(0.0525185623496072), R(0.0525185623496072),
+    R(0.0075879521759918325), R(0.0075879521759918325), R(0.0075879521759918325)
 };
 
 
-/* phi: 515 operations, 2 of them elementary functions */
+/* phi: 516 operations, 2 of them elementary functions */
 int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi)
 {
     ncgen_real sine[1], cosine[1];
@@ -104,17 +103,17 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         const ncgen_real x4 = R(1.406418206936413) * (x1 * x1 + x2 * x2 + x3 * x3 - R(0.12638951541224686));
         phi[0] = x4;
         /* row 2: 1002 angle u1, B1-C1 (body1): u.a - L c = 0 with u = u1, a = B1-C1, L = 0.355513, c = -0.514152 */
-        const ncgen_real x5 = R(0.978378014003481) * x1 - R(0.2055394176475697) * x2 + R(0.023021935359610755) * x3;
+        const ncgen_real x5 = R(0.9783780140034811) * x1 - R(0.20553941764756972) * x2 + R(0.02302193535961076) * x3;
         phi[1] = R(2.812836413872826) * (x5 + R(0.182787864111084));
         /* row 3: C1 on u1 (joint cylindrical ground-body1): a.b - c = 0 with a = C1-A1, b = across1, c = 0 */
         const ncgen_real x6 = C1_x - R(0.4033939876449078);
         const ncgen_real x7 = C1_y + R(0.13859416720759762);
-        const ncgen_real x8 = R(3.459422735905943) * (R(0.20559390823170282) * x6 + R(0.9786373919373889) * x7);
+        const ncgen_real x8 = R(3.4594227359059415) * (R(0.20559390823170282) * x6 + R(0.9786373919373889) * x7);
         phi[2] = x8;
         /* row 4: C1 on u1 (joint cylindrical ground-body1): a.b - c = 0 with a = C1-A1, b = across2, c = 0 */
-        const ncgen_real x9 = R(0.022530126777680626) * x6 - R(0.004733169665640008) * x7;
+        const ncgen_real x9 = R(0.02253012677768063) * x6 - R(0.004733169665640009) * x7;
         const ncgen_real x10 = x9 - R(0.999734960123081) * (C1_z + R(0.10050542341046638));
-        phi[3] = R(3.459422735905943) * x10;
+        phi[3] = R(3.4594227359059415) * x10;
         /* row 5: 1001 unit body1.across (body1): |u|^2 - 1 = 0 with u = body1.across */
         const ncgen_real body1_across_x = q[6];
         const ncgen_real body1_across_y = q[7];
@@ -124,10 +123,10 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         phi[4] = x12;
         /* row 6: 1002 angle body1.across, B1-C1 (body1): u.a - L c = 0 with u = body1.across, a = B1-C1, L = 0.355513, c = 0.750705 */
         const ncgen_real x13 = x1 * body1_across_x + x2 * body1_across_y + x3 * body1_across_z;
-        phi[5] = -(R(2.812836413872826) * (x13 + R(0.2668854448219195)));
+        phi[5] = -(R(2.812836413872826) * (x13 + R(0.26688544482191945)));
         /* row 7: 1003 angle body1.across, u1 (body1): u.v - c = 0 with u = body1.across, v = u1, c = 0 */
-        const ncgen_real x14 = R(0.2055394176475697) * body1_across_y - R(0.978378014003481) * body1_across_x;
-        phi[6] = x14 - R(0.023021935359610755) * body1_across_z;
+        const ncgen_real x14 = R(0.20553941764756972) * body1_across_y - R(0.9783780140034811) * body1_across_x;
+        phi[6] = x14 - R(0.02302193535961076) * body1_across_z;
         /* row 8: no turning about u1 (joint prismatic ground-body1): a.b - c = 0 with a = across1, b = body1.across, c = 0 */
         const ncgen_real x15 = R(0.20559390823170282) * body1_across_x + R(0.9786373919373889) * body1_across_y;
         phi[7] = x15;
@@ -154,19 +153,19 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         phi[10] = -(R(1.8413870046243508) * x21);
         /* row 12: combination u2.x (body1): (e - c a x b).x = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
         const ncgen_real x22 = u2_x - R(6.643659059829012) * B1_x + R(6.643659059829012) * C1_x;
-        const ncgen_real x23 = x22 + R(1.114606262815693) + R(1.5877966427517298) * body1_across_x;
+        const ncgen_real x23 = x22 + R(1.1146062628156927) + R(1.5877966427517296) * body1_across_x;
         phi[11] = x23;
         /* row 13: combination u2.y (body1): (e - c a x b).y = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
         const ncgen_real x24 = u2_y - R(6.643659059829012) * B1_y + R(6.643659059829012) * C1_y;
-        const ncgen_real x25 = x24 - R(0.23415849384025142) + R(1.5877966427517298) * body1_across_y;
+        const ncgen_real x25 = x24 - R(0.23415849384025142) + R(1.5877966427517296) * body1_across_y;
         phi[12] = x25;
         /* row 14: combination u2.z (body1): (e - c a x b).z = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
         const ncgen_real x26 = u2_z - R(6.643659059829012) * B1_z + R(6.643659059829012) * C1_z;
-        const ncgen_real x27 = x26 + R(0.026227483617460867) + R(1.5877966427517298) * body1_across_z;
+        const ncgen_real x27 = x26 + R(0.02622748361746087) + R(1.5877966427517296) * body1_across_z;
         phi[13] = x27;
-        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -1.9082e-17 */
+        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -5.20417e-18 */
         const ncgen_real x28 = u2_x * (C2_x - B1_x) + u2_y * (C2_y - B1_y) + u2_z * (C2_z - B1_z);
-        phi[14] = R(5.501799325588828) * (x28 + R(1.9081958235744878e-17));
+        phi[14] = R(5.501799325588827) * (x28 + R(5.204170427930421e-18));
         /* row 16: 1000 distance C3-B3 (body3): |a|^2 - L^2 = 0 with a = C3-B3, L = 0.388155 */
         const ncgen_real C3_x = q[18];
         const ncgen_real B3_x = q[21];
@@ -233,23 +232,23 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         const ncgen_real x53 = R(0.5) * (u5_x * u5_x + u5_y * u5_y + u5_z * u5_z - R(1.0));
         phi[25] = x53;
         /* row 27: 1002 angle u5, B5-B3 (body5): u.a - L c = 0 with u = u5, a = B5-B3, L = 0.575721, c = 0.441547 */
-        const ncgen_real x54 = x49 * u5_x + x50 * u5_y + x51 * u5_z + R(0.2542079174263748);
+        const ncgen_real x54 = x49 * u5_x + x50 * u5_y + x51 * u5_z + R(0.2542079174263747);
         phi[26] = -(R(1.7369520505944511) * x54);
         /* row 28: 1000 distance A6-B6 (body6): |a|^2 - L^2 = 0 with a = A6-B6, L = 0.572367 */
         const ncgen_real B6_x = q[36];
         const ncgen_real x55 = R(1.6674299624307862) - B6_x;
         const ncgen_real B6_y = q[37];
-        const ncgen_real x56 = -R(0.14245646258359973) - B6_y;
+        const ncgen_real x56 = -R(0.14245646258359976) - B6_y;
         const ncgen_real B6_z = q[38];
-        const ncgen_real x57 = -R(0.04616645326494942) - B6_z;
-        const ncgen_real x58 = x55 * x55 + x56 * x56 + x57 * x57 - R(0.32760399977635646);
-        phi[27] = R(0.8735653644608391) * x58;
+        const ncgen_real x57 = -R(0.046166453264949434) - B6_z;
+        const ncgen_real x58 = x55 * x55 + x56 * x56 + x57 * x57 - R(0.32760399977635635);
+        phi[27] = R(0.8735653644608392) * x58;
         /* row 29: 1002 angle u6, B6-A6 (body6): u.a - L c = 0 with u = u6, a = B6-A6, L = 0.572367, c = -0.91435 */
-        const ncgen_real x59 = B6_y + R(0.14245646258359973);
+        const ncgen_real x59 = B6_y + R(0.14245646258359976);
         const ncgen_real x60 = R(0.5393427284878356) * x59 - R(0.5832731832042249) * x55;
-        const ncgen_real x61 = B6_z + R(0.04616645326494942);
-        const ncgen_real x62 = R(0.6073728796893285) * x61 - x60 + R(0.5233440353191492);
-        phi[28] = R(1.7471307289216782) * x62;
+        const ncgen_real x61 = B6_z + R(0.046166453264949434);
+        const ncgen_real x62 = R(0.6073728796893285) * x61 - x60 + R(0.5233440353191491);
+        phi[28] = R(1.7471307289216784) * x62;
         /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
         const ncgen_real B7_x = q[45];
         const ncgen_real x63 = B6_x - B7_x;
@@ -257,8 +256,8 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         const ncgen_real x64 = B6_y - B7_y;
         const ncgen_real B7_z = q[47];
         const ncgen_real x65 = B6_z - B7_z;
-        const ncgen_real x66 = x63 * x63 + x64 * x64 + x65 * x65 - R(0.2358893228745352);
-        phi[29] = R(1.0294751372251325) * x66;
+        const ncgen_real x66 = x63 * x63 + x64 * x64 + x65 * x65 - R(0.23588932287453515);
+        phi[29] = R(1.0294751372251327) * x66;
         /* row 31: 1001 unit v7 (body7): |u|^2 - 1 = 0 with u = v7 */
         const ncgen_real v7_x = q[42];
         const ncgen_real v7_y = q[43];
@@ -266,8 +265,8 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         const ncgen_real x67 = R(0.5) * (v7_x * v7_x + v7_y * v7_y + v7_z * v7_z - R(1.0));
         phi[30] = x67;
         /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
-        const ncgen_real x68 = R(0.07096391930196262) - (x63 * v7_x + x64 * v7_y + x65 * v7_z);
-        phi[31] = R(2.058950274450265) * x68;
+        const ncgen_real x68 = R(0.07096391930196268) - (x63 * v7_x + x64 * v7_y + x65 * v7_z);
+        phi[31] = R(2.0589502744502655) * x68;
         /* row 33: 1001 unit u7 (body6): |u|^2 - 1 = 0 with u = u7 */
         const ncgen_real u7_x = q[39];
         const ncgen_real u7_y = q[40];
@@ -275,8 +274,8 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         const ncgen_real x69 = R(0.5) * (u7_x * u7_x + u7_y * u7_y + u7_z * u7_z - R(1.0));
         phi[32] = x69;
         /* row 34: 1002 angle u7, B6-A6 (body6): u.a - L c = 0 with u = u7, a = B6-A6, L = 0.572367, c = 0.293172 */
-        const ncgen_real x70 = u7_y * x59 - u7_x * x55 + u7_z * x61 - R(0.16780178661364006);
-        phi[33] = R(1.7471307289216782) * x70;
+        const ncgen_real x70 = u7_y * x59 - u7_x * x55 + u7_z * x61 - R(0.16780178661364004);
+        phi[33] = R(1.7471307289216784) * x70;
         /* row 35: 1003 angle u7, u6 (body6): u.v - c = 0 with u = u7, v = u6, c = 0.000765644 */
         const ncgen_real x71 = R(0.5832731832042249) * u7_x + R(0.5393427284878356) * u7_y;
         const ncgen_real x72 = R(0.6073728796893285) * u7_z - x71 - R(0.0007656440017393546);
@@ -303,15 +302,15 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         phi[38] = R(1.7718760161029732) * x78;
         /* row 40: combination u8.x (body6): (e - c a x b).x = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
         const ncgen_real x79 = u8_x - R(5.293527486883154) * B6_x + R(8.826586338579911);
-        const ncgen_real x80 = x79 + R(1.310609035154057) + R(1.0040373108430047) * u7_x;
+        const ncgen_real x80 = x79 + R(1.3106090351540571) + R(1.0040373108430047) * u7_x;
         phi[39] = x80;
         /* row 41: combination u8.y (body6): (e - c a x b).y = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
-        const ncgen_real x81 = u8_y - R(5.293527486883154) * B6_y - R(0.7540972003704268);
-        const ncgen_real x82 = x81 + R(1.211897740810928) + R(1.0040373108430047) * u7_y;
+        const ncgen_real x81 = u8_y - R(5.293527486883154) * B6_y - R(0.7540972003704269);
+        const ncgen_real x82 = x81 + R(1.2118977408109282) + R(1.0040373108430047) * u7_y;
         phi[40] = x82;
         /* row 42: combination u8.z (body6): (e - c a x b).z = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
-        const ncgen_real x83 = u8_z - R(5.293527486883154) * B6_z - R(0.2443833893299163);
-        const ncgen_real x84 = x83 - R(1.3647608132014082) + R(1.0040373108430047) * u7_z;
+        const ncgen_real x83 = u8_z - R(5.293527486883154) * B6_z - R(0.24438338932991638);
+        const ncgen_real x84 = x83 - R(1.3647608132014084) + R(1.0040373108430047) * u7_z;
         phi[41] = x84;
         /* row 43: 1000 distance C9-B9 (body9): |a|^2 - L^2 = 0 with a = C9-B9, L = 0.32099 */
         const ncgen_real C9_x = q[57];
@@ -323,8 +322,8 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         const ncgen_real C9_z = q[59];
         const ncgen_real B9_z = q[62];
         const ncgen_real x87 = C9_z - B9_z;
-        const ncgen_real x88 = x85 * x85 + x86 * x86 + x87 * x87 - R(0.10303486735294418);
-        phi[42] = R(1.5576787532931573) * x88;
+        const ncgen_real x88 = x85 * x85 + x86 * x86 + x87 * x87 - R(0.10303486735294425);
+        phi[42] = R(1.5576787532931566) * x88;
         /* row 44: 1001 unit u9 (body9): |u|^2 - 1 = 0 with u = u9 */
         const ncgen_real u9_x = q[54];
         const ncgen_real u9_y = q[55];
@@ -332,32 +331,32 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         const ncgen_real x89 = R(0.5) * (u9_x * u9_x + u9_y * u9_y + u9_z * u9_z - R(1.0));
         phi[43] = x89;
         /* row 45: 1002 angle u9, B9-C9 (body9): u.a - L c = 0 with u = u9, a = B9-C9, L = 0.32099, c = -0.884833 */
-        const ncgen_real x90 = R(0.28402281654519834) - (x85 * u9_x + x86 * u9_y + x87 * u9_z);
-        phi[44] = R(3.1153575065863146) * x90;
+        const ncgen_real x90 = R(0.2840228165451984) - (x85 * u9_x + x86 * u9_y + x87 * u9_z);
+        phi[44] = R(3.1153575065863133) * x90;
         /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
-        const ncgen_real x91 = R(0.16625000468798268) - (x49 * u9_x + x50 * u9_y + x51 * u9_z);
+        const ncgen_real x91 = R(0.16625000468798273) - (x49 * u9_x + x50 * u9_y + x51 * u9_z);
         phi[45] = R(1.7369520505944511) * x91;
         /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
-        const ncgen_real x92 = u5_x * u9_x + u5_y * u9_y + u5_z * u9_z + R(0.8596043791406993);
+        const ncgen_real x92 = u5_x * u9_x + u5_y * u9_y + u5_z * u9_z + R(0.8596043791406991);
         phi[46] = x92;
         /* row 48: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, c = 0 */
-        const ncgen_real x93 = R(1.3709670732165997) * B3_x - R(1.3709670732165997) * B5_x;
-        const ncgen_real x94 = x93 - R(0.8243161177497516) * u5_x - R(0.9365090269632762) * u9_x;
+        const ncgen_real x93 = R(1.3709670732166) * B3_x - R(1.3709670732166) * B5_x - R(0.8243161177497514) * u5_x;
+        const ncgen_real x94 = x93 - R(0.9365090269632762) * u9_x;
         const ncgen_real x95 = C9_x - B5_x;
-        const ncgen_real x96 = R(1.3709670732165997) * B3_y - R(1.3709670732165997) * B5_y;
-        const ncgen_real x97 = x96 - R(0.8243161177497516) * u5_y - R(0.9365090269632762) * u9_y;
+        const ncgen_real x96 = R(1.3709670732166) * B3_y - R(1.3709670732166) * B5_y - R(0.8243161177497514) * u5_y;
+        const ncgen_real x97 = x96 - R(0.9365090269632762) * u9_y;
         const ncgen_real x98 = C9_y - B5_y;
-        const ncgen_real x99 = R(1.3709670732165997) * B3_z - R(1.3709670732165997) * B5_z;
-        const ncgen_real x100 = x99 - R(0.8243161177497516) * u5_z - R(0.9365090269632762) * u9_z;
+        const ncgen_real x99 = R(1.3709670732166) * B3_z - R(1.3709670732166) * B5_z - R(0.8243161177497514) * u5_z;
+        const ncgen_real x100 = x99 - R(0.9365090269632762) * u9_z;
         const ncgen_real x101 = C9_z - B5_z;
         const ncgen_real x102 = R(4.912537209069163) * (x95 * x94 + x98 * x97 + x101 * x100);
         phi[47] = x102;
         /* row 49: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = 1.42165*B5-1.42165*B3-1.96459*u5-1.45242*u9, c = 0 */
-        const ncgen_real x103 = R(1.4216454961232068) * B5_x - R(1.4216454961232068) * B3_x;
+        const ncgen_real x103 = R(1.4216454961232066) * B5_x - R(1.4216454961232066) * B3_x;
         const ncgen_real x104 = x103 - R(1.9645893557830132) * u5_x - R(1.4524210430491507) * u9_x;
-        const ncgen_real x105 = R(1.4216454961232068) * B5_y - R(1.4216454961232068) * B3_y;
+        const ncgen_real x105 = R(1.4216454961232066) * B5_y - R(1.4216454961232066) * B3_y;
         const ncgen_real x106 = x105 - R(1.9645893557830132) * u5_y - R(1.4524210430491507) * u9_y;
-        const ncgen_real x107 = R(1.4216454961232068) * B5_z - R(1.4216454961232068) * B3_z;
+        const ncgen_real x107 = R(1.4216454961232066) * B5_z - R(1.4216454961232066) * B3_z;
         const ncgen_real x108 = x107 - R(1.9645893557830132) * u5_z - R(1.4524210430491507) * u9_z;
         const ncgen_real x109 = R(4.912537209069163) * (x95 * x104 + x98 * x106 + x101 * x108);
         phi[48] = x109;
@@ -370,7 +369,7 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         phi[49] = x111;
         /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
         const ncgen_real x112 = x85 * body9_across_x + x86 * body9_across_y + x87 * body9_across_z;
-        phi[50] = R(3.1153575065863146) * (R(0.14448133834053023) - x112);
+        phi[50] = R(3.1153575065863133) * (R(0.14448133834053029) - x112);
         /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
         const ncgen_real x113 = u9_x * body9_across_x + u9_y * body9_across_y + u9_z * body9_across_z;
         phi[51] = x113;
@@ -382,12 +381,12 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         const ncgen_real x116 = u9_x * (body9_across_z * x97 - body9_across_y * x100) + u9_y * (body9_across_x * x100 - body9_across_z * x94);
         const ncgen_real x117 = x116 + u9_z * (body9_across_y * x94 - body9_across_x * x97);
         const ncgen_real cos_screw9_angle = cosine[0];
-        phi[52] = x115 - x117 * cos_screw9_angle;
+        phi[52] = R(1.0000000000000002) * (x115 - x117 * cos_screw9_angle);
         /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
         const ncgen_real screw9_slide = q[67];
         phi[53] = u9_x * x95 + u9_y * x98 + u9_z * x101 - screw9_slide;
         /* row 55: screw screw9 (joint screw body5-body9): -0.0159154943091895*screw9.angle + screw9.slide - 0.178560799123083 = 0 */
-        const ncgen_real x118 = screw9_slide - R(0.17856079912308329) - R(0.015915494309189534) * screw9_angle;
+        const ncgen_real x118 = screw9_slide - R(0.17856079912308323) - R(0.015915494309189534) * screw9_angle;
         phi[54] = x118;
         /* row 56: combination B9.x (body1): (e - c a x b).x = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
         const ncgen_real x119 = B9_x - R(1.6667736465720742) * C1_x + R(0.6667736465720743) * B1_x;
@@ -399,21 +398,21 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
         phi[56] = x122;
         /* row 58: combination B9.z (body1): (e - c a x b).z = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
         const ncgen_real x123 = B9_z - R(1.6667736465720742) * C1_z + R(0.6667736465720743) * B1_z;
-        const ncgen_real x124 = x123 - R(0.016897391096381588) - R(0.5547001275152568) * body1_across_z;
+        const ncgen_real x124 = x123 - R(0.01689739109638159) - R(0.5547001275152568) * body1_across_z;
         phi[57] = x124;
         /* row 59: combination D2.x (body6): (e - c a x b).x = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
         const ncgen_real D2_x = q[68];
-        const ncgen_real x125 = D2_x - R(3.6345826421390472) + R(1.1797513083191438) * B6_x;
+        const ncgen_real x125 = D2_x - R(3.6345826421390472) + R(1.179751308319144) * B6_x;
         const ncgen_real x126 = x125 - R(0.42334342325374547) - R(0.40564427130721065) * u7_x;
         phi[58] = x126;
         /* row 60: combination D2.y (body6): (e - c a x b).y = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
         const ncgen_real D2_y = q[69];
-        const ncgen_real x127 = D2_y + R(0.3105196606951187) + R(1.1797513083191438) * B6_y;
+        const ncgen_real x127 = D2_y + R(0.31051966069511877) + R(1.179751308319144) * B6_y;
         const ncgen_real x128 = x127 - R(0.39145841701607964) - R(0.40564427130721065) * u7_y;
         phi[59] = x128;
         /* row 61: combination D2.z (body6): (e - c a x b).z = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
         const ncgen_real D2_z = q[70];
-        const ncgen_real x129 = D2_z + R(0.10063138690472812) + R(1.1797513083191438) * B6_z;
+        const ncgen_real x129 = D2_z + R(0.10063138690472814) + R(1.179751308319144) * B6_z;
         const ncgen_real x130 = x129 + R(0.44083513777648864) - R(0.40564427130721065) * u7_z;
         phi[60] = x130;
         /* row 62: 1000 distance B3-D2 (user model): |a|^2 - L^2 = 0 with a = B3-D2, L = 1.45801 */
@@ -426,7 +425,7 @@ int tree_phi(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real 
 
     return NCGEN_OK;
 }
-/* phi_q: 388 operations, 2 of them elementary functions */
+/* phi_q: 395 operations, 2 of them elementary functions */
 int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT phi_q)
 {
     ncgen_real sine[1], cosine[1];
@@ -455,17 +454,17 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[4] = x5;
         const ncgen_real x6 = -x3;
         phi_q[5] = x6;
-        phi_q[6] = NCGEN_SPLAT(R(2.752017304321569));
-        phi_q[7] = NCGEN_SPLAT(-R(0.578148758445299));
-        phi_q[8] = NCGEN_SPLAT(R(0.06475693809733953));
-        phi_q[9] = NCGEN_SPLAT(-R(2.752017304321569));
-        phi_q[10] = NCGEN_SPLAT(R(0.578148758445299));
-        phi_q[11] = NCGEN_SPLAT(-R(0.06475693809733953));
-        phi_q[12] = NCGEN_SPLAT(R(0.7112362405005127));
-        phi_q[13] = NCGEN_SPLAT(R(3.3855204438758983));
-        phi_q[14] = NCGEN_SPLAT(R(0.07794123281755165));
-        phi_q[15] = NCGEN_SPLAT(-R(0.016374034754215373));
-        phi_q[16] = NCGEN_SPLAT(-R(3.4585058509298077));
+        phi_q[6] = NCGEN_SPLAT(R(2.7520173043215697));
+        phi_q[7] = NCGEN_SPLAT(-R(0.5781487584452991));
+        phi_q[8] = NCGEN_SPLAT(R(0.06475693809733955));
+        phi_q[9] = NCGEN_SPLAT(-R(2.7520173043215697));
+        phi_q[10] = NCGEN_SPLAT(R(0.5781487584452991));
+        phi_q[11] = NCGEN_SPLAT(-R(0.06475693809733955));
+        phi_q[12] = NCGEN_SPLAT(R(0.7112362405005124));
+        phi_q[13] = NCGEN_SPLAT(R(3.385520443875897));
+        phi_q[14] = NCGEN_SPLAT(R(0.07794123281755164));
+        phi_q[15] = NCGEN_SPLAT(-R(0.01637403475421537));
+        phi_q[16] = NCGEN_SPLAT(-R(3.4585058509298063));
         /* row 5: 1001 unit body1.across (body1): |u|^2 - 1 = 0 with u = body1.across */
         const ncgen_real body1_across_x = q[6];
         phi_q[17] = body1_across_x;
@@ -486,9 +485,9 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[26] = x4;
         phi_q[27] = x5;
         phi_q[28] = x6;
-        phi_q[29] = NCGEN_SPLAT(-R(0.978378014003481));
-        phi_q[30] = NCGEN_SPLAT(R(0.2055394176475697));
-        phi_q[31] = NCGEN_SPLAT(-R(0.023021935359610755));
+        phi_q[29] = NCGEN_SPLAT(-R(0.9783780140034811));
+        phi_q[30] = NCGEN_SPLAT(R(0.20553941764756972));
+        phi_q[31] = NCGEN_SPLAT(-R(0.02302193535961076));
         phi_q[32] = NCGEN_SPLAT(R(0.20559390823170282));
         phi_q[33] = NCGEN_SPLAT(R(0.9786373919373889));
         /* row 9: 1000 distance C2-B2 (body2): |a|^2 - L^2 = 0 with a = C2-B2, L = 0.543069 */
@@ -532,26 +531,26 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[51] = x18;
         phi_q[52] = NCGEN_SPLAT(R(6.643659059829012));
         phi_q[53] = NCGEN_SPLAT(-R(6.643659059829012));
-        phi_q[54] = NCGEN_SPLAT(R(1.5877966427517298));
+        phi_q[54] = NCGEN_SPLAT(R(1.5877966427517296));
         phi_q[55] = NCGEN_SPLAT(R(1.0));
         phi_q[56] = NCGEN_SPLAT(R(6.643659059829012));
         phi_q[57] = NCGEN_SPLAT(-R(6.643659059829012));
-        phi_q[58] = NCGEN_SPLAT(R(1.5877966427517298));
+        phi_q[58] = NCGEN_SPLAT(R(1.5877966427517296));
         phi_q[59] = NCGEN_SPLAT(R(1.0));
         phi_q[60] = NCGEN_SPLAT(R(6.643659059829012));
         phi_q[61] = NCGEN_SPLAT(-R(6.643659059829012));
-        phi_q[62] = NCGEN_SPLAT(R(1.5877966427517298));
+        phi_q[62] = NCGEN_SPLAT(R(1.5877966427517296));
         phi_q[63] = NCGEN_SPLAT(R(1.0));
-        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -1.9082e-17 */
-        const ncgen_real x19 = R(5.501799325588828) * u2_x;
+        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -5.20417e-18 */
+        const ncgen_real x19 = R(5.501799325588827) * u2_x;
         phi_q[64] = -x19;
-        const ncgen_real x20 = R(5.501799325588828) * u2_y;
+        const ncgen_real x20 = R(5.501799325588827) * u2_y;
         phi_q[65] = -x20;
-        const ncgen_real x21 = R(5.501799325588828) * u2_z;
+        const ncgen_real x21 = R(5.501799325588827) * u2_z;
         phi_q[66] = -x21;
-        phi_q[67] = R(5.501799325588828) * (C2_x - B1_x);
-        phi_q[68] = R(5.501799325588828) * (C2_y - B1_y);
-        phi_q[69] = R(5.501799325588828) * (C2_z - B1_z);
+        phi_q[67] = R(5.501799325588827) * (C2_x - B1_x);
+        phi_q[68] = R(5.501799325588827) * (C2_y - B1_y);
+        phi_q[69] = R(5.501799325588827) * (C2_z - B1_z);
         phi_q[70] = x19;
         phi_q[71] = x20;
         phi_q[72] = x21;
@@ -675,26 +674,26 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[137] = x48;
         /* row 28: 1000 distance A6-B6 (body6): |a|^2 - L^2 = 0 with a = A6-B6, L = 0.572367 */
         const ncgen_real B6_x = q[36];
-        const ncgen_real x49 = -(R(1.7471307289216782) * (R(1.6674299624307862) - B6_x));
+        const ncgen_real x49 = -(R(1.7471307289216784) * (R(1.6674299624307862) - B6_x));
         phi_q[138] = x49;
         const ncgen_real B6_y = q[37];
-        const ncgen_real x50 = -(R(1.7471307289216782) * (-R(0.14245646258359973) - B6_y));
+        const ncgen_real x50 = -(R(1.7471307289216784) * (-R(0.14245646258359976) - B6_y));
         phi_q[139] = x50;
         const ncgen_real B6_z = q[38];
-        const ncgen_real x51 = -(R(1.7471307289216782) * (-R(0.04616645326494942) - B6_z));
-        phi_q[140] = x51;
+        const ncgen_real x51 = R(1.7471307289216784) * (-R(0.046166453264949434) - B6_z);
+        phi_q[140] = -x51;
         phi_q[141] = NCGEN_SPLAT(-R(1.0190545017320651));
-        phi_q[142] = NCGEN_SPLAT(-R(0.942302254361559));
+        phi_q[142] = NCGEN_SPLAT(-R(0.9423022543615591));
         phi_q[143] = NCGEN_SPLAT(R(1.0611598220188754));
         /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
         const ncgen_real B7_x = q[45];
-        const ncgen_real x52 = R(2.058950274450265) * (B6_x - B7_x);
+        const ncgen_real x52 = R(2.0589502744502655) * (B6_x - B7_x);
         phi_q[144] = x52;
         const ncgen_real B7_y = q[46];
-        const ncgen_real x53 = R(2.058950274450265) * (B6_y - B7_y);
+        const ncgen_real x53 = R(2.0589502744502655) * (B6_y - B7_y);
         phi_q[145] = x53;
         const ncgen_real B7_z = q[47];
-        const ncgen_real x54 = R(2.058950274450265) * (B6_z - B7_z);
+        const ncgen_real x54 = R(2.0589502744502655) * (B6_z - B7_z);
         phi_q[146] = x54;
         const ncgen_real x55 = -x52;
         phi_q[147] = x55;
@@ -710,11 +709,11 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real v7_z = q[44];
         phi_q[152] = v7_z;
         /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
-        const ncgen_real x58 = R(2.058950274450265) * v7_x;
+        const ncgen_real x58 = R(2.0589502744502655) * v7_x;
         phi_q[153] = -x58;
-        const ncgen_real x59 = R(2.058950274450265) * v7_y;
+        const ncgen_real x59 = R(2.0589502744502655) * v7_y;
         phi_q[154] = -x59;
-        const ncgen_real x60 = R(2.058950274450265) * v7_z;
+        const ncgen_real x60 = R(2.0589502744502655) * v7_z;
         phi_q[155] = -x60;
         phi_q[156] = x55;
         phi_q[157] = x56;
@@ -730,12 +729,12 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real u7_z = q[41];
         phi_q[164] = u7_z;
         /* row 34: 1002 angle u7, B6-A6 (body6): u.a - L c = 0 with u = u7, a = B6-A6, L = 0.572367, c = 0.293172 */
-        phi_q[165] = R(1.7471307289216782) * u7_x;
-        phi_q[166] = R(1.7471307289216782) * u7_y;
-        phi_q[167] = R(1.7471307289216782) * u7_z;
+        phi_q[165] = R(1.7471307289216784) * u7_x;
+        phi_q[166] = R(1.7471307289216784) * u7_y;
+        phi_q[167] = R(1.7471307289216784) * u7_z;
         phi_q[168] = x49;
-        phi_q[169] = R(1.7471307289216782) * (B6_y + R(0.14245646258359973));
-        phi_q[170] = R(1.7471307289216782) * (B6_z + R(0.04616645326494942));
+        phi_q[169] = R(1.7471307289216784) * (B6_y + R(0.14245646258359976));
+        phi_q[170] = R(1.7471307289216784) * (B6_z + R(0.046166453264949434));
         phi_q[171] = NCGEN_SPLAT(-R(0.5832731832042249));
         phi_q[172] = NCGEN_SPLAT(-R(0.5393427284878356));
         phi_q[173] = NCGEN_SPLAT(R(0.6073728796893285));
@@ -794,15 +793,15 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         /* row 43: 1000 distance C9-B9 (body9): |a|^2 - L^2 = 0 with a = C9-B9, L = 0.32099 */
         const ncgen_real C9_x = q[57];
         const ncgen_real B9_x = q[60];
-        const ncgen_real x70 = R(3.1153575065863146) * (C9_x - B9_x);
+        const ncgen_real x70 = R(3.1153575065863133) * (C9_x - B9_x);
         phi_q[207] = x70;
         const ncgen_real C9_y = q[58];
         const ncgen_real B9_y = q[61];
-        const ncgen_real x71 = R(3.1153575065863146) * (C9_y - B9_y);
+        const ncgen_real x71 = R(3.1153575065863133) * (C9_y - B9_y);
         phi_q[208] = x71;
         const ncgen_real C9_z = q[59];
         const ncgen_real B9_z = q[62];
-        const ncgen_real x72 = R(3.1153575065863146) * (C9_z - B9_z);
+        const ncgen_real x72 = R(3.1153575065863133) * (C9_z - B9_z);
         phi_q[209] = x72;
         const ncgen_real x73 = -x70;
         phi_q[210] = x73;
@@ -821,11 +820,11 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[216] = x73;
         phi_q[217] = x74;
         phi_q[218] = x75;
-        const ncgen_real x76 = R(3.1153575065863146) * u9_x;
+        const ncgen_real x76 = R(3.1153575065863133) * u9_x;
         phi_q[219] = -x76;
-        const ncgen_real x77 = R(3.1153575065863146) * u9_y;
+        const ncgen_real x77 = R(3.1153575065863133) * u9_y;
         phi_q[220] = -x77;
-        const ncgen_real x78 = R(3.1153575065863146) * u9_z;
+        const ncgen_real x78 = R(3.1153575065863133) * u9_z;
         phi_q[221] = -x78;
         phi_q[222] = x76;
         phi_q[223] = x77;
@@ -852,27 +851,27 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[239] = u5_z;
         /* row 48: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, c = 0 */
         const ncgen_real x82 = C9_x - B5_x;
-        const ncgen_real x83 = R(6.734926759585194) * x82;
+        const ncgen_real x83 = R(6.734926759585195) * x82;
         phi_q[240] = x83;
         const ncgen_real x84 = C9_y - B5_y;
-        const ncgen_real x85 = R(6.734926759585194) * x84;
+        const ncgen_real x85 = R(6.734926759585195) * x84;
         phi_q[241] = x85;
         const ncgen_real x86 = C9_z - B5_z;
-        const ncgen_real x87 = R(6.734926759585194) * x86;
+        const ncgen_real x87 = R(6.734926759585195) * x86;
         phi_q[242] = x87;
         phi_q[243] = -(R(4.049483600481092) * x82);
         phi_q[244] = -(R(4.049483600481092) * x84);
         phi_q[245] = -(R(4.049483600481092) * x86);
-        const ncgen_real x88 = R(1.3709670732165997) * B3_x - R(1.3709670732165997) * B5_x;
-        const ncgen_real x89 = x88 - R(0.8243161177497516) * u5_x - R(0.9365090269632762) * u9_x;
+        const ncgen_real x88 = R(1.3709670732166) * B3_x - R(1.3709670732166) * B5_x - R(0.8243161177497514) * u5_x;
+        const ncgen_real x89 = x88 - R(0.9365090269632762) * u9_x;
         const ncgen_real x90 = R(4.912537209069163) * x89;
         phi_q[246] = -(x90 + x83);
-        const ncgen_real x91 = R(1.3709670732165997) * B3_y - R(1.3709670732165997) * B5_y;
-        const ncgen_real x92 = x91 - R(0.8243161177497516) * u5_y - R(0.9365090269632762) * u9_y;
+        const ncgen_real x91 = R(1.3709670732166) * B3_y - R(1.3709670732166) * B5_y - R(0.8243161177497514) * u5_y;
+        const ncgen_real x92 = x91 - R(0.9365090269632762) * u9_y;
         const ncgen_real x93 = R(4.912537209069163) * x92;
         phi_q[247] = -(x93 + x85);
-        const ncgen_real x94 = R(1.3709670732165997) * B3_z - R(1.3709670732165997) * B5_z;
-        const ncgen_real x95 = x94 - R(0.8243161177497516) * u5_z - R(0.9365090269632762) * u9_z;
+        const ncgen_real x94 = R(1.3709670732166) * B3_z - R(1.3709670732166) * B5_z - R(0.8243161177497514) * u5_z;
+        const ncgen_real x95 = x94 - R(0.9365090269632762) * u9_z;
         const ncgen_real x96 = R(4.912537209069163) * x95;
         phi_q[248] = -(x96 + x87);
         phi_q[249] = -(R(4.600635441586251) * x82);
@@ -882,24 +881,24 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[253] = x93;
         phi_q[254] = x96;
         /* row 49: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = 1.42165*B5-1.42165*B3-1.96459*u5-1.45242*u9, c = 0 */
-        const ncgen_real x97 = R(6.983886397810844) * x82;
+        const ncgen_real x97 = R(6.983886397810843) * x82;
         phi_q[255] = -x97;
-        const ncgen_real x98 = R(6.983886397810844) * x84;
+        const ncgen_real x98 = R(6.983886397810843) * x84;
         phi_q[256] = -x98;
-        const ncgen_real x99 = R(6.983886397810844) * x86;
+        const ncgen_real x99 = R(6.983886397810843) * x86;
         phi_q[257] = -x99;
         phi_q[258] = -(R(9.65111831082527) * x82);
         phi_q[259] = -(R(9.65111831082527) * x84);
         phi_q[260] = -(R(9.65111831082527) * x86);
-        const ncgen_real x100 = R(1.4216454961232068) * B5_x - R(1.4216454961232068) * B3_x;
+        const ncgen_real x100 = R(1.4216454961232066) * B5_x - R(1.4216454961232066) * B3_x;
         const ncgen_real x101 = x100 - R(1.9645893557830132) * u5_x - R(1.4524210430491507) * u9_x;
         const ncgen_real x102 = R(4.912537209069163) * x101;
         phi_q[261] = x97 - x102;
-        const ncgen_real x103 = R(1.4216454961232068) * B5_y - R(1.4216454961232068) * B3_y;
+        const ncgen_real x103 = R(1.4216454961232066) * B5_y - R(1.4216454961232066) * B3_y;
         const ncgen_real x104 = x103 - R(1.9645893557830132) * u5_y - R(1.4524210430491507) * u9_y;
         const ncgen_real x105 = R(4.912537209069163) * x104;
         phi_q[262] = x98 - x105;
-        const ncgen_real x106 = R(1.4216454961232068) * B5_z - R(1.4216454961232068) * B3_z;
+        const ncgen_real x106 = R(1.4216454961232066) * B5_z - R(1.4216454961232066) * B3_z;
         const ncgen_real x107 = x106 - R(1.9645893557830132) * u5_z - R(1.4524210430491507) * u9_z;
         const ncgen_real x108 = R(4.912537209069163) * x107;
         phi_q[263] = x99 - x108;
@@ -917,11 +916,11 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real body9_across_z = q[65];
         phi_q[272] = body9_across_z;
         /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
-        const ncgen_real x109 = R(3.1153575065863146) * body9_across_x;
+        const ncgen_real x109 = R(3.1153575065863133) * body9_across_x;
         phi_q[273] = -x109;
-        const ncgen_real x110 = R(3.1153575065863146) * body9_across_y;
+        const ncgen_real x110 = R(3.1153575065863133) * body9_across_y;
         phi_q[274] = -x110;
-        const ncgen_real x111 = R(3.1153575065863146) * body9_across_z;
+        const ncgen_real x111 = R(3.1153575065863133) * body9_across_z;
         phi_q[275] = -x111;
         phi_q[276] = x109;
         phi_q[277] = x110;
@@ -942,41 +941,45 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real cos_screw9_angle = cosine[0];
         const ncgen_real x113 = cos_screw9_angle * (u9_z * body9_across_y - u9_y * body9_across_z);
         const ncgen_real x114 = sin_screw9_angle * (body9_across_x - u9_x * x112) - x113;
-        const ncgen_real x115 = R(1.3709670732165997) * x114;
+        const ncgen_real x115 = R(1.3709670732166002) * x114;
         phi_q[288] = x115;
         const ncgen_real x116 = cos_screw9_angle * (u9_x * body9_across_z - u9_z * body9_across_x);
         const ncgen_real x117 = sin_screw9_angle * (body9_across_y - u9_y * x112) - x116;
-        const ncgen_real x118 = R(1.3709670732165997) * x117;
+        const ncgen_real x118 = R(1.3709670732166002) * x117;
         phi_q[289] = x118;
         const ncgen_real x119 = cos_screw9_angle * (u9_y * body9_across_x - u9_x * body9_across_y);
         const ncgen_real x120 = sin_screw9_angle * (body9_across_z - u9_z * x112) - x119;
-        const ncgen_real x121 = R(1.3709670732165997) * x120;
+        const ncgen_real x121 = R(1.3709670732166002) * x120;
         phi_q[290] = x121;
-        phi_q[291] = -(R(0.8243161177497516) * x114);
-        phi_q[292] = -(R(0.8243161177497516) * x117);
-        phi_q[293] = -(R(0.8243161177497516) * x120);
+        phi_q[291] = -(R(0.8243161177497517) * x114);
+        phi_q[292] = -(R(0.8243161177497517) * x117);
+        phi_q[293] = -(R(0.8243161177497517) * x120);
         phi_q[294] = -x115;
         phi_q[295] = -x118;
         phi_q[296] = -x121;
         const ncgen_real x122 = u9_x * x89 + u9_y * x92 + u9_z * x95;
         const ncgen_real x123 = body9_across_z * x92 - body9_across_y * x95;
         const ncgen_real x124 = sin_screw9_angle * (x89 * x112 + body9_across_x * x122) + cos_screw9_angle * x123;
-        phi_q[297] = -(x124 + R(0.9365090269632762) * x114);
-        const ncgen_real x125 = body9_across_x * x95 - body9_across_z * x89;
-        const ncgen_real x126 = sin_screw9_angle * (x92 * x112 + body9_across_y * x122) + cos_screw9_angle * x125;
-        phi_q[298] = -(x126 + R(0.9365090269632762) * x117);
-        const ncgen_real x127 = body9_across_y * x89 - body9_across_x * x92;
-        const ncgen_real x128 = sin_screw9_angle * (x95 * x112 + body9_across_z * x122) + cos_screw9_angle * x127;
-        phi_q[299] = -(x128 + R(0.9365090269632762) * x120);
-        const ncgen_real x129 = sin_screw9_angle * (x89 - u9_x * x122) - cos_screw9_angle * (u9_y * x95 - u9_z * x92);
-        phi_q[300] = x129;
-        const ncgen_real x130 = sin_screw9_angle * (x92 - u9_y * x122) - cos_screw9_angle * (u9_z * x89 - u9_x * x95);
-        phi_q[301] = x130;
-        const ncgen_real x131 = sin_screw9_angle * (x95 - u9_z * x122) - cos_screw9_angle * (u9_x * x92 - u9_y * x89);
-        phi_q[302] = x131;
-        const ncgen_real x132 = body9_across_x * x89 + body9_across_y * x92 + body9_across_z * x95;
-        const ncgen_real x133 = sin_screw9_angle * (u9_x * x123 + u9_y * x125 + u9_z * x127);
-        phi_q[303] = cos_screw9_angle * (x132 - x112 * x122) + x133;
+        const ncgen_real x125 = R(1.0000000000000002) * x124 + R(0.9365090269632764) * x114;
+        phi_q[297] = -x125;
+        const ncgen_real x126 = body9_across_x * x95 - body9_across_z * x89;
+        const ncgen_real x127 = sin_screw9_angle * (x92 * x112 + body9_across_y * x122) + cos_screw9_angle * x126;
+        const ncgen_real x128 = R(1.0000000000000002) * x127 + R(0.9365090269632764) * x117;
+        phi_q[298] = -x128;
+        const ncgen_real x129 = body9_across_y * x89 - body9_across_x * x92;
+        const ncgen_real x130 = sin_screw9_angle * (x95 * x112 + body9_across_z * x122) + cos_screw9_angle * x129;
+        const ncgen_real x131 = R(1.0000000000000002) * x130 + R(0.9365090269632764) * x120;
+        phi_q[299] = -x131;
+        const ncgen_real x132 = sin_screw9_angle * (x89 - u9_x * x122) - cos_screw9_angle * (u9_y * x95 - u9_z * x92);
+        phi_q[300] = R(1.0000000000000002) * x132;
+        const ncgen_real x133 = sin_screw9_angle * (x92 - u9_y * x122) - cos_screw9_angle * (u9_z * x89 - u9_x * x95);
+        phi_q[301] = R(1.0000000000000002) * x133;
+        const ncgen_real x134 = sin_screw9_angle * (x95 - u9_z * x122) - cos_screw9_angle * (u9_x * x92 - u9_y * x89);
+        phi_q[302] = R(1.0000000000000002) * x134;
+        const ncgen_real x135 = body9_across_x * x89 + body9_across_y * x92 + body9_across_z * x95;
+        const ncgen_real x136 = sin_screw9_angle * (u9_x * x123 + u9_y * x126 + u9_z * x129);
+        const ncgen_real x137 = R(1.0000000000000002) * (cos_screw9_angle * (x135 - x112 * x122) + x136);
+        phi_q[303] = x137;
         /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
         phi_q[304] = -u9_x;
         phi_q[305] = -u9_y;
@@ -1002,33 +1005,33 @@ int tree_phi_q(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         phi_q[325] = NCGEN_SPLAT(R(0.6667736465720743));
         phi_q[326] = NCGEN_SPLAT(-R(0.5547001275152568));
         phi_q[327] = NCGEN_SPLAT(R(1.0));
-        phi_q[328] = NCGEN_SPLAT(R(1.1797513083191438));
+        phi_q[328] = NCGEN_SPLAT(R(1.179751308319144));
         phi_q[329] = NCGEN_SPLAT(-R(0.40564427130721065));
         phi_q[330] = NCGEN_SPLAT(R(1.0));
-        phi_q[331] = NCGEN_SPLAT(R(1.1797513083191438));
+        phi_q[331] = NCGEN_SPLAT(R(1.179751308319144));
         phi_q[332] = NCGEN_SPLAT(-R(0.40564427130721065));
         phi_q[333] = NCGEN_SPLAT(R(1.0));
-        phi_q[334] = NCGEN_SPLAT(R(1.1797513083191438));
+        phi_q[334] = NCGEN_SPLAT(R(1.179751308319144));
         phi_q[335] = NCGEN_SPLAT(-R(0.40564427130721065));
         phi_q[336] = NCGEN_SPLAT(R(1.0));
         /* row 62: 1000 distance B3-D2 (user model): |a|^2 - L^2 = 0 with a = B3-D2, L = 1.45801 */
         const ncgen_real D2_x = q[68];
-        const ncgen_real x134 = R(0.6858663254139654) * (B3_x - D2_x);
-        phi_q[337] = x134;
+        const ncgen_real x138 = R(0.6858663254139654) * (B3_x - D2_x);
+        phi_q[337] = x138;
         const ncgen_real D2_y = q[69];
-        const ncgen_real x135 = R(0.6858663254139654) * (B3_y - D2_y);
-        phi_q[338] = x135;
+        const ncgen_real x139 = R(0.6858663254139654) * (B3_y - D2_y);
+        phi_q[338] = x139;
         const ncgen_real D2_z = q[70];
-        const ncgen_real x136 = R(0.6858663254139654) * (B3_z - D2_z);
-        phi_q[339] = x136;
-        phi_q[340] = -x134;
-        phi_q[341] = -x135;
-        phi_q[342] = -x136;
+        const ncgen_real x140 = R(0.6858663254139654) * (B3_z - D2_z);
+        phi_q[339] = x140;
+        phi_q[340] = -x138;
+        phi_q[341] = -x139;
+        phi_q[342] = -x140;
     }
 
     return NCGEN_OK;
 }
-/* gamma: 493 operations, 2 of them elementary functions */
+/* gamma: 494 operations, 2 of them elementary functions */
 int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT gamma)
 {
     ncgen_real sine[1], cosine[1];
@@ -1085,9 +1088,9 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         gamma[11] = NCGEN_SPLAT(R(0.0));
         gamma[12] = NCGEN_SPLAT(R(0.0));
         gamma[13] = NCGEN_SPLAT(R(0.0));
-        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -1.9082e-17 */
+        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -5.20417e-18 */
         const ncgen_real x10 = du2_x * (dC2_x - dB1_x) + du2_y * (dC2_y - dB1_y) + du2_z * (dC2_z - dB1_z);
-        gamma[14] = -(R(11.003598651177656) * x10);
+        gamma[14] = -(R(11.003598651177654) * x10);
         /* row 16: 1000 distance C3-B3 (body3): |a|^2 - L^2 = 0 with a = C3-B3, L = 0.388155 */
         const ncgen_real dC3_x = qd[18];
         const ncgen_real dB3_x = qd[21];
@@ -1145,7 +1148,7 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real dB6_x = qd[36];
         const ncgen_real dB6_y = qd[37];
         const ncgen_real dB6_z = qd[38];
-        const ncgen_real x26 = R(1.7471307289216782) * (dB6_x * dB6_x + dB6_y * dB6_y + dB6_z * dB6_z);
+        const ncgen_real x26 = R(1.7471307289216784) * (dB6_x * dB6_x + dB6_y * dB6_y + dB6_z * dB6_z);
         gamma[27] = -x26;
         gamma[28] = NCGEN_SPLAT(R(0.0));
         /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
@@ -1155,7 +1158,7 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x28 = dB6_y - dB7_y;
         const ncgen_real dB7_z = qd[47];
         const ncgen_real x29 = dB6_z - dB7_z;
-        const ncgen_real x30 = R(2.058950274450265) * (x27 * x27 + x28 * x28 + x29 * x29);
+        const ncgen_real x30 = R(2.0589502744502655) * (x27 * x27 + x28 * x28 + x29 * x29);
         gamma[29] = -x30;
         /* row 31: 1001 unit v7 (body7): |u|^2 - 1 = 0 with u = v7 */
         const ncgen_real dv7_x = qd[42];
@@ -1163,7 +1166,7 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real dv7_z = qd[44];
         gamma[30] = -(dv7_x * dv7_x + dv7_y * dv7_y + dv7_z * dv7_z);
         /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
-        const ncgen_real x31 = R(4.11790054890053) * (x27 * dv7_x + x28 * dv7_y + x29 * dv7_z);
+        const ncgen_real x31 = R(4.117900548900531) * (x27 * dv7_x + x28 * dv7_y + x29 * dv7_z);
         gamma[31] = x31;
         /* row 33: 1001 unit u7 (body6): |u|^2 - 1 = 0 with u = u7 */
         const ncgen_real du7_x = qd[39];
@@ -1171,7 +1174,7 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real du7_z = qd[41];
         gamma[32] = -(du7_x * du7_x + du7_y * du7_y + du7_z * du7_z);
         /* row 34: 1002 angle u7, B6-A6 (body6): u.a - L c = 0 with u = u7, a = B6-A6, L = 0.572367, c = 0.293172 */
-        const ncgen_real x32 = R(3.4942614578433564) * (dB6_x * du7_x + dB6_y * du7_y + dB6_z * du7_z);
+        const ncgen_real x32 = R(3.494261457843357) * (dB6_x * du7_x + dB6_y * du7_y + dB6_z * du7_z);
         gamma[33] = -x32;
         gamma[34] = NCGEN_SPLAT(R(0.0));
         /* row 36: 1003 angle u7, v7 (joint universal body6-body7): u.v - c = 0 with u = u7, v = v7, c = 0 */
@@ -1207,7 +1210,7 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real dC9_z = qd[59];
         const ncgen_real dB9_z = qd[62];
         const ncgen_real x41 = dC9_z - dB9_z;
-        const ncgen_real x42 = R(3.1153575065863146) * (x39 * x39 + x40 * x40 + x41 * x41);
+        const ncgen_real x42 = R(3.1153575065863133) * (x39 * x39 + x40 * x40 + x41 * x41);
         gamma[42] = -x42;
         /* row 44: 1001 unit u9 (body9): |u|^2 - 1 = 0 with u = u9 */
         const ncgen_real du9_x = qd[54];
@@ -1215,7 +1218,7 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real du9_z = qd[56];
         gamma[43] = -(du9_x * du9_x + du9_y * du9_y + du9_z * du9_z);
         /* row 45: 1002 angle u9, B9-C9 (body9): u.a - L c = 0 with u = u9, a = B9-C9, L = 0.32099, c = -0.884833 */
-        const ncgen_real x43 = R(6.230715013172629) * (x39 * du9_x + x40 * du9_y + x41 * du9_z);
+        const ncgen_real x43 = R(6.2307150131726265) * (x39 * du9_x + x40 * du9_y + x41 * du9_z);
         gamma[44] = x43;
         /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
         const ncgen_real x44 = R(3.4739041011889022) * (x21 * du9_x + x22 * du9_y + x23 * du9_z);
@@ -1224,23 +1227,23 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x45 = -(R(2.0) * (du5_x * du9_x + du5_y * du9_y + du5_z * du9_z));
         gamma[46] = x45;
         /* row 48: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, c = 0 */
-        const ncgen_real x46 = R(1.3709670732165997) * dB3_x - R(1.3709670732165997) * dB5_x;
-        const ncgen_real x47 = x46 - R(0.8243161177497516) * du5_x - R(0.9365090269632762) * du9_x;
+        const ncgen_real x46 = R(1.3709670732166) * dB3_x - R(1.3709670732166) * dB5_x - R(0.8243161177497514) * du5_x;
+        const ncgen_real x47 = x46 - R(0.9365090269632762) * du9_x;
         const ncgen_real x48 = dC9_x - dB5_x;
-        const ncgen_real x49 = R(1.3709670732165997) * dB3_y - R(1.3709670732165997) * dB5_y;
-        const ncgen_real x50 = x49 - R(0.8243161177497516) * du5_y - R(0.9365090269632762) * du9_y;
+        const ncgen_real x49 = R(1.3709670732166) * dB3_y - R(1.3709670732166) * dB5_y - R(0.8243161177497514) * du5_y;
+        const ncgen_real x50 = x49 - R(0.9365090269632762) * du9_y;
         const ncgen_real x51 = dC9_y - dB5_y;
-        const ncgen_real x52 = R(1.3709670732165997) * dB3_z - R(1.3709670732165997) * dB5_z;
-        const ncgen_real x53 = x52 - R(0.8243161177497516) * du5_z - R(0.9365090269632762) * du9_z;
+        const ncgen_real x52 = R(1.3709670732166) * dB3_z - R(1.3709670732166) * dB5_z - R(0.8243161177497514) * du5_z;
+        const ncgen_real x53 = x52 - R(0.9365090269632762) * du9_z;
         const ncgen_real x54 = dC9_z - dB5_z;
         const ncgen_real x55 = R(9.825074418138326) * (x48 * x47 + x51 * x50 + x54 * x53);
         gamma[47] = -x55;
         /* row 49: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = 1.42165*B5-1.42165*B3-1.96459*u5-1.45242*u9, c = 0 */
-        const ncgen_real x56 = R(1.4216454961232068) * dB5_x - R(1.4216454961232068) * dB3_x;
+        const ncgen_real x56 = R(1.4216454961232066) * dB5_x - R(1.4216454961232066) * dB3_x;
         const ncgen_real x57 = x56 - R(1.9645893557830132) * du5_x - R(1.4524210430491507) * du9_x;
-        const ncgen_real x58 = R(1.4216454961232068) * dB5_y - R(1.4216454961232068) * dB3_y;
+        const ncgen_real x58 = R(1.4216454961232066) * dB5_y - R(1.4216454961232066) * dB3_y;
         const ncgen_real x59 = x58 - R(1.9645893557830132) * du5_y - R(1.4524210430491507) * du9_y;
-        const ncgen_real x60 = R(1.4216454961232068) * dB5_z - R(1.4216454961232068) * dB3_z;
+        const ncgen_real x60 = R(1.4216454961232066) * dB5_z - R(1.4216454961232066) * dB3_z;
         const ncgen_real x61 = x60 - R(1.9645893557830132) * du5_z - R(1.4524210430491507) * du9_z;
         const ncgen_real x62 = R(9.825074418138326) * (x48 * x57 + x51 * x59 + x54 * x61);
         gamma[48] = -x62;
@@ -1252,24 +1255,24 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         gamma[49] = -(x63 + dbody9_across_z * dbody9_across_z);
         /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
         const ncgen_real x64 = x39 * dbody9_across_x + x40 * dbody9_across_y + x41 * dbody9_across_z;
-        gamma[50] = R(6.230715013172629) * x64;
+        gamma[50] = R(6.2307150131726265) * x64;
         /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
         const ncgen_real x65 = du9_x * dbody9_across_x + du9_y * dbody9_across_y + du9_z * dbody9_across_z;
         gamma[51] = -(R(2.0) * x65);
         /* row 53: 1012 angle screw9.angle (coordinate screw9.angle): sin psi [a.b - (a.n)(b.n)/ln^2] - cos psi (a x b).n/ln = 0 with a = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, b = body9.across, n = u9, psi = screw9.angle, ln = 1 */
         const ncgen_real B3_y = q[22];
         const ncgen_real B5_y = q[34];
-        const ncgen_real x66 = R(1.3709670732165997) * B3_y - R(1.3709670732165997) * B5_y;
         const ncgen_real u5_y = q[31];
+        const ncgen_real x66 = R(1.3709670732166) * B3_y - R(1.3709670732166) * B5_y - R(0.8243161177497514) * u5_y;
         const ncgen_real u9_y = q[55];
-        const ncgen_real x67 = x66 - R(0.8243161177497516) * u5_y - R(0.9365090269632762) * u9_y;
+        const ncgen_real x67 = x66 - R(0.9365090269632762) * u9_y;
         const ncgen_real body9_across_z = q[65];
         const ncgen_real B3_z = q[23];
         const ncgen_real B5_z = q[35];
-        const ncgen_real x68 = R(1.3709670732165997) * B3_z - R(1.3709670732165997) * B5_z;
         const ncgen_real u5_z = q[32];
+        const ncgen_real x68 = R(1.3709670732166) * B3_z - R(1.3709670732166) * B5_z - R(0.8243161177497514) * u5_z;
         const ncgen_real u9_z = q[56];
-        const ncgen_real x69 = x68 - R(0.8243161177497516) * u5_z - R(0.9365090269632762) * u9_z;
+        const ncgen_real x69 = x68 - R(0.9365090269632762) * u9_z;
         const ncgen_real x70 = dbody9_across_z * x67 + x50 * body9_across_z - dbody9_across_y * x69;
         const ncgen_real body9_across_y = q[64];
         const ncgen_real x71 = x70 - x53 * body9_across_y;
@@ -1277,9 +1280,9 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x72 = u9_x * (dbody9_across_z * x50 - dbody9_across_y * x53) + u9_z * (dbody9_across_y * x47 - dbody9_across_x * x50);
         const ncgen_real B3_x = q[21];
         const ncgen_real B5_x = q[33];
-        const ncgen_real x73 = R(1.3709670732165997) * B3_x - R(1.3709670732165997) * B5_x;
         const ncgen_real u5_x = q[30];
-        const ncgen_real x74 = x73 - R(0.8243161177497516) * u5_x - R(0.9365090269632762) * u9_x;
+        const ncgen_real x73 = R(1.3709670732166) * B3_x - R(1.3709670732166) * B5_x - R(0.8243161177497514) * u5_x;
+        const ncgen_real x74 = x73 - R(0.9365090269632762) * u9_x;
         const ncgen_real x75 = dbody9_across_y * x74 + x47 * body9_across_y - dbody9_across_x * x67;
         const ncgen_real body9_across_x = q[63];
         const ncgen_real x76 = x75 - x50 * body9_across_x;
@@ -1310,7 +1313,7 @@ int tree_gamma(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x98 = x69 * body9_across_x - x74 * body9_across_z;
         const ncgen_real x99 = cos_screw9_angle * (x83 * (u9_y * x98 + (u9_x * x95 + u9_z * x96)));
         const ncgen_real x100 = x94 - sin_screw9_angle * (x93 * (x97 + du9_y * x98)) - x99;
-        gamma[52] = x100;
+        gamma[52] = R(1.0000000000000002) * x100;
         /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
         gamma[53] = -(R(2.0) * (du9_x * x48 + du9_y * x51 + du9_z * x54));
         gamma[54] = NCGEN_SPLAT(R(0.0));
@@ -1342,22 +1345,22 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
     {
         mass[0] = NCGEN_SPLAT(R(0.2508089951206101));
         mass[1] = NCGEN_SPLAT(R(0.12465146584631805));
-        mass[2] = NCGEN_SPLAT(-R(0.0002331995904379694));
+        mass[2] = NCGEN_SPLAT(-R(0.00023319959043797053));
         mass[3] = NCGEN_SPLAT(R(0.2508089951206101));
         mass[4] = NCGEN_SPLAT(R(0.12465146584631805));
-        mass[5] = NCGEN_SPLAT(-R(0.0002331995904379694));
+        mass[5] = NCGEN_SPLAT(-R(0.00023319959043797053));
         mass[6] = NCGEN_SPLAT(R(0.2508089951206101));
         mass[7] = NCGEN_SPLAT(R(0.12465146584631805));
-        mass[8] = NCGEN_SPLAT(-R(0.0002331995904379694));
+        mass[8] = NCGEN_SPLAT(-R(0.00023319959043797053));
         mass[9] = NCGEN_SPLAT(R(0.12465146584631805));
         mass[10] = NCGEN_SPLAT(R(0.25347044036910166));
-        mass[11] = NCGEN_SPLAT(-R(0.0028946448389294862));
+        mass[11] = NCGEN_SPLAT(-R(0.002894644838929484));
         mass[12] = NCGEN_SPLAT(R(0.12465146584631805));
         mass[13] = NCGEN_SPLAT(R(0.25347044036910166));
-        mass[14] = NCGEN_SPLAT(-R(0.0028946448389294862));
+        mass[14] = NCGEN_SPLAT(-R(0.002894644838929484));
         mass[15] = NCGEN_SPLAT(R(0.12465146584631805));
         mass[16] = NCGEN_SPLAT(R(0.25347044036910166));
-        mass[17] = NCGEN_SPLAT(-R(0.0028946448389294862));
+        mass[17] = NCGEN_SPLAT(-R(0.002894644838929484));
         /* body2 */
         const ncgen_real B2_y = q[16];
         const ncgen_real C2_y = q[13];
@@ -1382,7 +1385,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real u2_z = q[11];
         const ncgen_real x11 = u2_z * x3;
         const ncgen_real x12 = R(0.033602139980750366) * (x10 + x11);
-        const ncgen_real x13 = x12 + R(0.017861456440955093);
+        const ncgen_real x13 = x12 + R(0.01786145644095509);
         mass[21] = x13;
         const ncgen_real x14 = R(0.033602139980750366) * x1;
         const ncgen_real u2_x = q[9];
@@ -1393,7 +1396,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x18 = u2_x * x17;
         const ncgen_real x19 = -x18;
         mass[23] = x19;
-        const ncgen_real x20 = -R(0.017861456440955093) - x12;
+        const ncgen_real x20 = -R(0.01786145644095509) - x12;
         mass[24] = x20;
         mass[25] = x15;
         mass[26] = x18;
@@ -1408,13 +1411,13 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[30] = x25;
         const ncgen_real x26 = u2_x * x6;
         const ncgen_real x27 = R(0.033602139980750366) * (x11 + x26);
-        const ncgen_real x28 = x27 + R(0.017861456440955093);
+        const ncgen_real x28 = x27 + R(0.01786145644095509);
         mass[31] = x28;
         const ncgen_real x29 = u2_y * x17;
         const ncgen_real x30 = -x29;
         mass[32] = x30;
         mass[33] = x24;
-        const ncgen_real x31 = -R(0.017861456440955093) - x27;
+        const ncgen_real x31 = -R(0.01786145644095509) - x27;
         mass[34] = x31;
         mass[35] = x29;
         mass[36] = x9;
@@ -1428,11 +1431,11 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x36 = -x35;
         mass[40] = x36;
         const ncgen_real x37 = R(0.033602139980750366) * (x10 + x26);
-        const ncgen_real x38 = x37 + R(0.017861456440955093);
+        const ncgen_real x38 = x37 + R(0.01786145644095509);
         mass[41] = x38;
         mass[42] = x33;
         mass[43] = x35;
-        const ncgen_real x39 = -R(0.017861456440955093) - x37;
+        const ncgen_real x39 = -R(0.01786145644095509) - x37;
         mass[44] = x39;
         mass[45] = x13;
         mass[46] = x25;
@@ -1554,9 +1557,9 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[115] = x76;
         mass[116] = x60;
         mass[117] = x62;
-        mass[118] = NCGEN_SPLAT(R(0.0003530226273436999));
+        mass[118] = NCGEN_SPLAT(R(0.0003530226273436998));
         mass[119] = NCGEN_SPLAT(R(0.11775746228571858));
-        mass[120] = NCGEN_SPLAT(R(0.00016578694846490545));
+        mass[120] = NCGEN_SPLAT(R(0.00016578694846490534));
         mass[121] = NCGEN_SPLAT(R(0.10291127471325942));
         mass[122] = x61;
         const ncgen_real x77 = u4_x * u4_x;
@@ -1580,9 +1583,9 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x89 = R(0.09853022559387584) - x78;
         mass[129] = x89;
         mass[130] = x79;
-        mass[131] = NCGEN_SPLAT(R(0.0003530226273436999));
+        mass[131] = NCGEN_SPLAT(R(0.0003530226273436998));
         mass[132] = NCGEN_SPLAT(R(0.11775746228571858));
-        mass[133] = NCGEN_SPLAT(R(0.00016578694846490545));
+        mass[133] = NCGEN_SPLAT(R(0.00016578694846490534));
         mass[134] = NCGEN_SPLAT(R(0.10291127471325942));
         mass[135] = x63;
         mass[136] = x80;
@@ -1602,9 +1605,9 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[142] = x79;
         const ncgen_real x98 = R(0.09853022559387584) - x90;
         mass[143] = x98;
-        mass[144] = NCGEN_SPLAT(R(0.0003530226273436999));
+        mass[144] = NCGEN_SPLAT(R(0.0003530226273436998));
         mass[145] = NCGEN_SPLAT(R(0.11775746228571858));
-        mass[146] = NCGEN_SPLAT(R(0.00016578694846490545));
+        mass[146] = NCGEN_SPLAT(R(0.00016578694846490534));
         mass[147] = NCGEN_SPLAT(R(0.0002671181304141156));
         mass[148] = x69;
         mass[149] = x83;
@@ -1674,36 +1677,36 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[201] = x63;
         mass[202] = x80;
         mass[203] = x90 + R(0.19810164746972558);
-        mass[204] = NCGEN_SPLAT(R(0.0003530226273436999));
+        mass[204] = NCGEN_SPLAT(R(0.0003530226273436998));
         mass[205] = NCGEN_SPLAT(R(0.0009636577152675571));
-        mass[206] = NCGEN_SPLAT(-R(0.0003530226273436999));
+        mass[206] = NCGEN_SPLAT(-R(0.0003530226273436998));
         mass[207] = NCGEN_SPLAT(R(0.0007696743785858583));
-        mass[208] = NCGEN_SPLAT(R(0.0003530226273436999));
+        mass[208] = NCGEN_SPLAT(R(0.0003530226273436998));
         mass[209] = NCGEN_SPLAT(R(0.0009636577152675571));
-        mass[210] = NCGEN_SPLAT(-R(0.0003530226273436999));
+        mass[210] = NCGEN_SPLAT(-R(0.0003530226273436998));
         mass[211] = NCGEN_SPLAT(R(0.0007696743785858583));
-        mass[212] = NCGEN_SPLAT(R(0.0003530226273436999));
+        mass[212] = NCGEN_SPLAT(R(0.0003530226273436998));
         mass[213] = NCGEN_SPLAT(R(0.0009636577152675571));
-        mass[214] = NCGEN_SPLAT(-R(0.0003530226273436999));
+        mass[214] = NCGEN_SPLAT(-R(0.0003530226273436998));
         mass[215] = NCGEN_SPLAT(R(0.0007696743785858583));
         mass[216] = NCGEN_SPLAT(R(0.11775746228571858));
-        mass[217] = NCGEN_SPLAT(-R(0.0003530226273436999));
+        mass[217] = NCGEN_SPLAT(-R(0.0003530226273436998));
         mass[218] = NCGEN_SPLAT(R(0.2360777077498288));
-        mass[219] = NCGEN_SPLAT(-R(0.00016578694846490545));
+        mass[219] = NCGEN_SPLAT(-R(0.00016578694846490534));
         mass[220] = NCGEN_SPLAT(R(0.11775746228571858));
-        mass[221] = NCGEN_SPLAT(-R(0.0003530226273436999));
+        mass[221] = NCGEN_SPLAT(-R(0.0003530226273436998));
         mass[222] = NCGEN_SPLAT(R(0.2360777077498288));
-        mass[223] = NCGEN_SPLAT(-R(0.00016578694846490545));
+        mass[223] = NCGEN_SPLAT(-R(0.00016578694846490534));
         mass[224] = NCGEN_SPLAT(R(0.11775746228571858));
-        mass[225] = NCGEN_SPLAT(-R(0.0003530226273436999));
+        mass[225] = NCGEN_SPLAT(-R(0.0003530226273436998));
         mass[226] = NCGEN_SPLAT(R(0.2360777077498288));
-        mass[227] = NCGEN_SPLAT(-R(0.00016578694846490545));
+        mass[227] = NCGEN_SPLAT(-R(0.00016578694846490534));
         /* body7; body8 */
         const ncgen_real v7_y = q[43];
         const ncgen_real x111 = v7_y * v7_y;
         const ncgen_real v7_z = q[44];
         const ncgen_real x112 = v7_z * v7_z;
-        const ncgen_real x113 = R(0.0012794075119190499) * (x111 + x112);
+        const ncgen_real x113 = R(0.0012794075119190614) * (x111 + x112);
         const ncgen_real u8_y = q[49];
         const ncgen_real x114 = u8_y * u8_y;
         const ncgen_real u8_z = q[50];
@@ -1711,7 +1714,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x116 = R(0.0011688427429590558) * (x114 + x115);
         mass[228] = x116 + (x113 + R(1.2236295397474501));
         const ncgen_real v7_x = q[42];
-        const ncgen_real x117 = R(0.0012794075119190499) * v7_x;
+        const ncgen_real x117 = R(0.0012794075119190614) * v7_x;
         const ncgen_real x118 = v7_y * x117;
         const ncgen_real u8_x = q[48];
         const ncgen_real x119 = R(0.0011688427429590558) * u8_x;
@@ -1731,12 +1734,12 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real B6_z = q[38];
         const ncgen_real x127 = B7_z - B6_z;
         const ncgen_real x128 = v7_z * x127;
-        const ncgen_real x129 = R(0.0012794075119190499) * (x126 + x128) - R(9.079177143014016e-05);
+        const ncgen_real x129 = R(0.0012794075119190614) * (x126 + x128) - R(9.079177143014686e-05);
         mass[231] = x129;
         const ncgen_real B7_x = q[45];
         const ncgen_real B6_x = q[36];
         const ncgen_real x130 = B7_x - B6_x;
-        const ncgen_real x131 = R(0.0012794075119190499) * x130;
+        const ncgen_real x131 = R(0.0012794075119190614) * x130;
         const ncgen_real x132 = v7_y * x131;
         const ncgen_real x133 = -x132;
         mass[232] = x133;
@@ -1754,7 +1757,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real B8_z = q[53];
         const ncgen_real x139 = B8_z - B6_z;
         const ncgen_real x140 = u8_z * x139;
-        const ncgen_real x141 = R(0.0011688427429590558) * (x138 + x140) - R(6.351208101203272e-05);
+        const ncgen_real x141 = R(0.0011688427429590558) * (x138 + x140) - R(6.351208101203032e-05);
         mass[237] = x141;
         const ncgen_real B8_x = q[51];
         const ncgen_real x142 = B8_x - B6_x;
@@ -1769,25 +1772,25 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[240] = x148;
         mass[241] = x120;
         mass[242] = x123;
-        mass[243] = NCGEN_SPLAT(-R(0.0005006694897238469));
+        mass[243] = NCGEN_SPLAT(-R(0.0005006694897238459));
         /* body7; body8 */
         mass[244] = x121;
         const ncgen_real x149 = v7_x * v7_x;
-        const ncgen_real x150 = R(0.0012794075119190499) * (x112 + x149);
+        const ncgen_real x150 = R(0.0012794075119190614) * (x112 + x149);
         const ncgen_real x151 = u8_x * u8_x;
         const ncgen_real x152 = R(0.0011688427429590558) * (x115 + x151);
         mass[245] = x152 + (x150 + R(1.2236295397474501));
-        const ncgen_real x153 = v7_z * (R(0.0012794075119190499) * v7_y);
+        const ncgen_real x153 = v7_z * (R(0.0012794075119190614) * v7_y);
         const ncgen_real x154 = u8_z * (R(0.0011688427429590558) * u8_y);
         const ncgen_real x155 = -(x153 + x154);
         mass[246] = x155;
         /* body7 */
-        const ncgen_real x156 = R(0.0012794075119190499) * x125;
+        const ncgen_real x156 = R(0.0012794075119190614) * x125;
         const ncgen_real x157 = v7_x * x156;
         const ncgen_real x158 = -x157;
         mass[247] = x158;
         const ncgen_real x159 = v7_x * x130;
-        const ncgen_real x160 = R(0.0012794075119190499) * (x128 + x159) - R(9.079177143014016e-05);
+        const ncgen_real x160 = R(0.0012794075119190614) * (x128 + x159) - R(9.079177143014686e-05);
         mass[248] = x160;
         const ncgen_real x161 = v7_z * x156;
         const ncgen_real x162 = -x161;
@@ -1802,7 +1805,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x166 = -x165;
         mass[253] = x166;
         const ncgen_real x167 = u8_x * x142;
-        const ncgen_real x168 = R(0.0011688427429590558) * (x140 + x167) - R(6.351208101203272e-05);
+        const ncgen_real x168 = R(0.0011688427429590558) * (x140 + x167) - R(6.351208101203032e-05);
         mass[254] = x168;
         const ncgen_real x169 = u8_z * x164;
         const ncgen_real x170 = -x169;
@@ -1811,22 +1814,22 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x171 = R(0.2049035052632014) - x152;
         mass[257] = x171;
         mass[258] = x154;
-        mass[259] = NCGEN_SPLAT(-R(0.0005006694897238469));
+        mass[259] = NCGEN_SPLAT(-R(0.0005006694897238459));
         /* body7; body8 */
         mass[260] = x124;
         mass[261] = x155;
-        const ncgen_real x172 = R(0.0012794075119190499) * (x111 + x149);
+        const ncgen_real x172 = R(0.0012794075119190614) * (x111 + x149);
         const ncgen_real x173 = R(0.0011688427429590558) * (x114 + x151);
         mass[262] = x173 + (x172 + R(1.2236295397474501));
         /* body7 */
-        const ncgen_real x174 = R(0.0012794075119190499) * x127;
+        const ncgen_real x174 = R(0.0012794075119190614) * x127;
         const ncgen_real x175 = v7_x * x174;
         const ncgen_real x176 = -x175;
         mass[263] = x176;
         const ncgen_real x177 = v7_y * x174;
         const ncgen_real x178 = -x177;
         mass[264] = x178;
-        const ncgen_real x179 = R(0.0012794075119190499) * (x126 + x159) - R(9.079177143014016e-05);
+        const ncgen_real x179 = R(0.0012794075119190614) * (x126 + x159) - R(9.079177143014686e-05);
         mass[265] = x179;
         mass[266] = x122;
         mass[267] = x153;
@@ -1840,20 +1843,20 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         const ncgen_real x184 = u8_y * x181;
         const ncgen_real x185 = -x184;
         mass[270] = x185;
-        const ncgen_real x186 = R(0.0011688427429590558) * (x138 + x167) - R(6.351208101203272e-05);
+        const ncgen_real x186 = R(0.0011688427429590558) * (x138 + x167) - R(6.351208101203032e-05);
         mass[271] = x186;
         mass[272] = x123;
         mass[273] = x154;
         const ncgen_real x187 = R(0.2049035052632014) - x173;
         mass[274] = x187;
-        mass[275] = NCGEN_SPLAT(-R(0.0005006694897238469));
+        mass[275] = NCGEN_SPLAT(-R(0.0005006694897238459));
         /* body7 */
         mass[276] = x129;
         mass[277] = x158;
         mass[278] = x176;
         const ncgen_real x188 = x125 * x125;
         const ncgen_real x189 = x127 * x127;
-        const ncgen_real x190 = R(0.0012794075119190499) * (x188 + x189) + R(0.00030179857166717783);
+        const ncgen_real x190 = R(0.0012794075119190614) * (x188 + x189) + R(0.0003017985716671807);
         mass[279] = x190;
         const ncgen_real x191 = -(x125 * x131);
         mass[280] = x191;
@@ -1868,7 +1871,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[287] = x178;
         mass[288] = x191;
         const ncgen_real x194 = x130 * x130;
-        const ncgen_real x195 = R(0.0012794075119190499) * (x189 + x194) + R(0.00030179857166717783);
+        const ncgen_real x195 = R(0.0012794075119190614) * (x189 + x194) + R(0.0003017985716671807);
         mass[289] = x195;
         const ncgen_real x196 = -(x127 * x156);
         mass[290] = x196;
@@ -1881,7 +1884,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[296] = x179;
         mass[297] = x192;
         mass[298] = x196;
-        const ncgen_real x198 = R(0.0012794075119190499) * (x188 + x194) + R(0.00030179857166717783);
+        const ncgen_real x198 = R(0.0012794075119190614) * (x188 + x194) + R(0.0003017985716671807);
         mass[299] = x198;
         mass[300] = x134;
         mass[301] = x161;
@@ -1963,7 +1966,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[360] = x208;
         mass[361] = x144;
         mass[362] = x146;
-        mass[363] = x116 + R(0.40983951510312544);
+        mass[363] = x116 + R(0.4098395151031255);
         const ncgen_real x215 = -x120;
         mass[364] = x215;
         const ncgen_real x216 = -x123;
@@ -1975,7 +1978,7 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[370] = x212;
         mass[371] = x169;
         mass[372] = x215;
-        mass[373] = x152 + R(0.40983951510312544);
+        mass[373] = x152 + R(0.4098395151031255);
         const ncgen_real x217 = -x154;
         mass[374] = x217;
         mass[375] = x123;
@@ -1986,76 +1989,76 @@ int tree_mass(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real
         mass[380] = x214;
         mass[381] = x216;
         mass[382] = x217;
-        mass[383] = x173 + R(0.40983951510312544);
-        mass[384] = NCGEN_SPLAT(R(0.00016578694846490545));
+        mass[383] = x173 + R(0.4098395151031255);
+        mass[384] = NCGEN_SPLAT(R(0.00016578694846490534));
         mass[385] = NCGEN_SPLAT(R(0.0007696743785858583));
-        mass[386] = NCGEN_SPLAT(-R(0.00016578694846490545));
+        mass[386] = NCGEN_SPLAT(-R(0.00016578694846490534));
         mass[387] = NCGEN_SPLAT(R(0.016038534017536767));
-        mass[388] = NCGEN_SPLAT(-R(0.05251856234960718));
-        mass[389] = NCGEN_SPLAT(R(0.05251856234960718));
-        mass[390] = NCGEN_SPLAT(R(0.00758795217599183));
-        mass[391] = NCGEN_SPLAT(R(0.00016578694846490545));
+        mass[388] = NCGEN_SPLAT(-R(0.0525185623496072));
+        mass[389] = NCGEN_SPLAT(R(0.0525185623496072));
+        mass[390] = NCGEN_SPLAT(R(0.0075879521759918325));
+        mass[391] = NCGEN_SPLAT(R(0.00016578694846490534));
         mass[392] = NCGEN_SPLAT(R(0.0007696743785858583));
-        mass[393] = NCGEN_SPLAT(-R(0.00016578694846490545));
+        mass[393] = NCGEN_SPLAT(-R(0.00016578694846490534));
         mass[394] = NCGEN_SPLAT(R(0.016038534017536767));
-        mass[395] = NCGEN_SPLAT(-R(0.05251856234960718));
-        mass[396] = NCGEN_SPLAT(R(0.05251856234960718));
-        mass[397] = NCGEN_SPLAT(R(0.00758795217599183));
-        mass[398] = NCGEN_SPLAT(R(0.00016578694846490545));
+        mass[395] = NCGEN_SPLAT(-R(0.0525185623496072));
+        mass[396] = NCGEN_SPLAT(R(0.0525185623496072));
+        mass[397] = NCGEN_SPLAT(R(0.0075879521759918325));
+        mass[398] = NCGEN_SPLAT(R(0.00016578694846490534));
         mass[399] = NCGEN_SPLAT(R(0.0007696743785858583));
-        mass[400] = NCGEN_SPLAT(-R(0.00016578694846490545));
+        mass[400] = NCGEN_SPLAT(-R(0.00016578694846490534));
         mass[401] = NCGEN_SPLAT(R(0.016038534017536767));
-        mass[402] = NCGEN_SPLAT(-R(0.05251856234960718));
-        mass[403] = NCGEN_SPLAT(R(0.05251856234960718));
-        mass[404] = NCGEN_SPLAT(R(0.00758795217599183));
-        mass[405] = NCGEN_SPLAT(-R(0.05251856234960718));
-        mass[406] = NCGEN_SPLAT(R(0.48857769694743997));
-        mass[407] = NCGEN_SPLAT(-R(0.029061812463961726));
-        mass[408] = NCGEN_SPLAT(-R(0.026715995103105773));
-        mass[409] = NCGEN_SPLAT(-R(0.05251856234960718));
-        mass[410] = NCGEN_SPLAT(R(0.48857769694743997));
-        mass[411] = NCGEN_SPLAT(-R(0.029061812463961726));
-        mass[412] = NCGEN_SPLAT(-R(0.026715995103105773));
-        mass[413] = NCGEN_SPLAT(-R(0.05251856234960718));
-        mass[414] = NCGEN_SPLAT(R(0.48857769694743997));
-        mass[415] = NCGEN_SPLAT(-R(0.029061812463961726));
-        mass[416] = NCGEN_SPLAT(-R(0.026715995103105773));
-        mass[417] = NCGEN_SPLAT(-R(0.0002331995904379694));
-        mass[418] = NCGEN_SPLAT(-R(0.0028946448389294862));
-        mass[419] = NCGEN_SPLAT(R(0.05251856234960718));
-        mass[420] = NCGEN_SPLAT(-R(0.029061812463961726));
-        mass[421] = NCGEN_SPLAT(R(0.4917055413768098));
-        mass[422] = NCGEN_SPLAT(R(0.026715995103105773));
-        mass[423] = NCGEN_SPLAT(-R(0.0002331995904379694));
-        mass[424] = NCGEN_SPLAT(-R(0.0028946448389294862));
-        mass[425] = NCGEN_SPLAT(R(0.05251856234960718));
-        mass[426] = NCGEN_SPLAT(-R(0.029061812463961726));
-        mass[427] = NCGEN_SPLAT(R(0.4917055413768098));
-        mass[428] = NCGEN_SPLAT(R(0.026715995103105773));
-        mass[429] = NCGEN_SPLAT(-R(0.0002331995904379694));
-        mass[430] = NCGEN_SPLAT(-R(0.0028946448389294862));
-        mass[431] = NCGEN_SPLAT(R(0.05251856234960718));
-        mass[432] = NCGEN_SPLAT(-R(0.029061812463961726));
-        mass[433] = NCGEN_SPLAT(R(0.4917055413768098));
-        mass[434] = NCGEN_SPLAT(R(0.026715995103105773));
-        mass[435] = NCGEN_SPLAT(R(0.00758795217599183));
-        mass[436] = NCGEN_SPLAT(-R(0.026715995103105773));
-        mass[437] = NCGEN_SPLAT(R(0.026715995103105773));
-        mass[438] = NCGEN_SPLAT(R(0.004135672258285864));
-        mass[439] = NCGEN_SPLAT(R(0.00758795217599183));
-        mass[440] = NCGEN_SPLAT(-R(0.026715995103105773));
-        mass[441] = NCGEN_SPLAT(R(0.026715995103105773));
-        mass[442] = NCGEN_SPLAT(R(0.004135672258285864));
-        mass[443] = NCGEN_SPLAT(R(0.00758795217599183));
-        mass[444] = NCGEN_SPLAT(-R(0.026715995103105773));
-        mass[445] = NCGEN_SPLAT(R(0.026715995103105773));
-        mass[446] = NCGEN_SPLAT(R(0.004135672258285864));
-        mass[447] = NCGEN_SPLAT(-R(0.0005006694897238469));
-        mass[448] = NCGEN_SPLAT(R(0.005533627654636736));
-        mass[449] = NCGEN_SPLAT(-R(0.0005006694897238469));
-        mass[450] = NCGEN_SPLAT(R(0.005533627654636736));
-        mass[451] = NCGEN_SPLAT(-R(0.0005006694897238469));
-        mass[452] = NCGEN_SPLAT(R(0.005533627654636736));
+        mass[402] = NCGEN_SPLAT(-R(0.0525185623496072));
+        mass[403] = NCGEN_SPLAT(R(0.0525185623496072));
+        mass[404] = NCGEN_SPLAT(R(0.0075879521759918325));
+        mass[405] = NCGEN_SPLAT(-R(0.0525185623496072));
+        mass[406] = NCGEN_SPLAT(R(0.4885776969474408));
+        mass[407] = NCGEN_SPLAT(-R(0.029061812463961847));
+        mass[408] = NCGEN_SPLAT(-R(0.02671599510310579));
+        mass[409] = NCGEN_SPLAT(-R(0.0525185623496072));
+        mass[410] = NCGEN_SPLAT(R(0.4885776969474408));
+        mass[411] = NCGEN_SPLAT(-R(0.029061812463961847));
+        mass[412] = NCGEN_SPLAT(-R(0.02671599510310579));
+        mass[413] = NCGEN_SPLAT(-R(0.0525185623496072));
+        mass[414] = NCGEN_SPLAT(R(0.4885776969474408));
+        mass[415] = NCGEN_SPLAT(-R(0.029061812463961847));
+        mass[416] = NCGEN_SPLAT(-R(0.02671599510310579));
+        mass[417] = NCGEN_SPLAT(-R(0.00023319959043797053));
+        mass[418] = NCGEN_SPLAT(-R(0.002894644838929484));
+        mass[419] = NCGEN_SPLAT(R(0.0525185623496072));
+        mass[420] = NCGEN_SPLAT(-R(0.029061812463961847));
+        mass[421] = NCGEN_SPLAT(R(0.49170554137680916));
+        mass[422] = NCGEN_SPLAT(R(0.02671599510310579));
+        mass[423] = NCGEN_SPLAT(-R(0.00023319959043797053));
+        mass[424] = NCGEN_SPLAT(-R(0.002894644838929484));
+        mass[425] = NCGEN_SPLAT(R(0.0525185623496072));
+        mass[426] = NCGEN_SPLAT(-R(0.029061812463961847));
+        mass[427] = NCGEN_SPLAT(R(0.49170554137680916));
+        mass[428] = NCGEN_SPLAT(R(0.02671599510310579));
+        mass[429] = NCGEN_SPLAT(-R(0.00023319959043797053));
+        mass[430] = NCGEN_SPLAT(-R(0.002894644838929484));
+        mass[431] = NCGEN_SPLAT(R(0.0525185623496072));
+        mass[432] = NCGEN_SPLAT(-R(0.029061812463961847));
+        mass[433] = NCGEN_SPLAT(R(0.49170554137680916));
+        mass[434] = NCGEN_SPLAT(R(0.02671599510310579));
+        mass[435] = NCGEN_SPLAT(R(0.0075879521759918325));
+        mass[436] = NCGEN_SPLAT(-R(0.02671599510310579));
+        mass[437] = NCGEN_SPLAT(R(0.02671599510310579));
+        mass[438] = NCGEN_SPLAT(R(0.004135672258285866));
+        mass[439] = NCGEN_SPLAT(R(0.0075879521759918325));
+        mass[440] = NCGEN_SPLAT(-R(0.02671599510310579));
+        mass[441] = NCGEN_SPLAT(R(0.02671599510310579));
+        mass[442] = NCGEN_SPLAT(R(0.004135672258285866));
+        mass[443] = NCGEN_SPLAT(R(0.0075879521759918325));
+        mass[444] = NCGEN_SPLAT(-R(0.02671599510310579));
+        mass[445] = NCGEN_SPLAT(R(0.02671599510310579));
+        mass[446] = NCGEN_SPLAT(R(0.004135672258285866));
+        mass[447] = NCGEN_SPLAT(-R(0.0005006694897238459));
+        mass[448] = NCGEN_SPLAT(R(0.005533627654636735));
+        mass[449] = NCGEN_SPLAT(-R(0.0005006694897238459));
+        mass[450] = NCGEN_SPLAT(R(0.005533627654636735));
+        mass[451] = NCGEN_SPLAT(-R(0.0005006694897238459));
+        mass[452] = NCGEN_SPLAT(R(0.005533627654636735));
     }
 
     return NCGEN_OK;
@@ -2174,13 +2177,13 @@ int tree_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real dB6_x = qd[36];
         const ncgen_real x26 = dB7_x - dB6_x;
         const ncgen_real dv7_z = qd[44];
-        const ncgen_real x27 = R(0.0025588150238380998) * (x25 * dv7_x - dv7_z * x26);
+        const ncgen_real x27 = R(0.0025588150238381228) * (x25 * dv7_x - dv7_z * x26);
         const ncgen_real v7_z = q[44];
         const ncgen_real dv7_y = qd[43];
         const ncgen_real dB7_y = qd[46];
         const ncgen_real dB6_y = qd[37];
         const ncgen_real x28 = dB7_y - dB6_y;
-        const ncgen_real x29 = R(0.0025588150238380998) * (dv7_y * x26 - x28 * dv7_x);
+        const ncgen_real x29 = R(0.0025588150238381228) * (dv7_y * x26 - x28 * dv7_x);
         const ncgen_real v7_y = q[43];
         const ncgen_real x30 = v7_z * x27 - v7_y * x29;
         const ncgen_real dB8_z = qd[53];
@@ -2199,7 +2202,7 @@ int tree_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         const ncgen_real x36 = u8_z * x33 - u8_y * x35;
         force[36] = -(x30 + x36);
         const ncgen_real v7_x = q[42];
-        const ncgen_real x37 = R(0.0025588150238380998) * (x28 * dv7_z - x25 * dv7_y);
+        const ncgen_real x37 = R(0.0025588150238381228) * (x28 * dv7_z - x25 * dv7_y);
         const ncgen_real x38 = x29 * v7_x - v7_z * x37;
         const ncgen_real u8_x = q[48];
         const ncgen_real x39 = R(0.0023376854859181117) * (x34 * du8_z - x31 * du8_y);
@@ -2239,16 +2242,16 @@ int tree_force(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_rea
         force[50] = x33 * x48 - x39 * x46;
         force[51] = x36;
         force[52] = x40;
-        force[53] = x42 - R(6.030629029793666);
+        force[53] = x42 - R(6.030629029793667);
         force[54] = NCGEN_SPLAT(R(0.0));
         force[55] = NCGEN_SPLAT(R(0.0));
         force[56] = NCGEN_SPLAT(R(0.0));
         force[57] = NCGEN_SPLAT(R(0.0));
         force[58] = NCGEN_SPLAT(R(0.0));
-        force[59] = NCGEN_SPLAT(-R(4.507850826782922));
+        force[59] = NCGEN_SPLAT(-R(4.507850826782929));
         force[60] = NCGEN_SPLAT(R(0.0));
         force[61] = NCGEN_SPLAT(R(0.0));
-        force[62] = NCGEN_SPLAT(-R(4.507850826782945));
+        force[62] = NCGEN_SPLAT(-R(4.507850826782938));
         force[63] = NCGEN_SPLAT(R(0.0));
         force[64] = NCGEN_SPLAT(R(0.0));
         force[65] = NCGEN_SPLAT(R(0.0));
@@ -2358,7 +2361,7 @@ int tree_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         const ncgen_real v7_z = q[44];
         const ncgen_real x28 = x26 * dv7_x + v7_x * x27 - x21 * dv7_z - v7_z * x22;
         const ncgen_real x29 = x23 * dv7_z + v7_z * x24 - x26 * dv7_y - v7_y * x27;
-        const ncgen_real x30 = R(0.0006397037559595249) * (x25 * x25 + x28 * x28 + x29 * x29);
+        const ncgen_real x30 = R(0.0006397037559595307) * (x25 * x25 + x28 * x28 + x29 * x29);
         const ncgen_real B8_x = q[51];
         const ncgen_real x31 = B8_x - B6_x;
         const ncgen_real du8_y = qd[49];
@@ -2385,17 +2388,17 @@ int tree_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
         /* C1.z; B1.z; B9.z; C2.z; B2.z; C3.z; B3.z; B4.z; B5.z; B6.z; B7.z; B8.z; C9.z */
         const ncgen_real C1_z = q[2];
         const ncgen_real B1_z = q[5];
-        const ncgen_real x41 = R(3.680979434103369) * B1_z + (R(3.680979434103369) * C1_z - R(0.32529282163452683));
+        const ncgen_real x41 = R(3.680979434103369) * B1_z + (R(3.680979434103369) * C1_z - R(0.32529282163452694));
         const ncgen_real B9_z = q[62];
-        const ncgen_real x42 = R(6.796488125221388) * C2_z + (R(4.507850826782945) * B9_z + x41);
+        const ncgen_real x42 = R(6.796488125221388) * C2_z + (R(4.507850826782938) * B9_z + x41);
         const ncgen_real C3_z = q[20];
         const ncgen_real x43 = R(3.0523210733562736) * C3_z + (R(6.796488125221393) * B2_z + x42);
         const ncgen_real x44 = R(2.90995867475393) * B4_z + (R(9.433402766158926) * B3_z + x43);
         const ncgen_real B5_z = q[35];
         const ncgen_real x45 = R(17.905780076706737) * B6_z + (R(3.4711230180487203) * B5_z + x44);
-        const ncgen_real x46 = R(6.030629029793666) * B8_z + (R(4.829064578722204) * B7_z + x45);
+        const ncgen_real x46 = R(6.030629029793667) * B8_z + (R(4.829064578722204) * B7_z + x45);
         const ncgen_real C9_z = q[59];
-        energy[1] = R(4.507850826782922) * C9_z + x46;
+        energy[1] = R(4.507850826782929) * C9_z + x46;
     }
 
     /* mass-diagonal: m v^2 / 2 */
@@ -2433,7 +2436,7 @@ int tree_energy(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_re
 
     return NCGEN_OK;
 }
-/* constraints: 1231 operations, 2 of them elementary functions */
+/* constraints: 1240 operations, 2 of them elementary functions */
 int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncgen_real *NCGEN_RESTRICT qd, const ncgen_real *NCGEN_RESTRICT p, ncgen_real *NCGEN_RESTRICT constraints)
 {
     ncgen_real sine[1], cosine[1];
@@ -2479,30 +2482,30 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x14 = R(2.812836413872826) * (x11 * x11 + x12 * x12 + x13 * x13);
         constraints[405] = -x14;
         /* row 2: 1002 angle u1, B1-C1 (body1): u.a - L c = 0 with u = u1, a = B1-C1, L = 0.355513, c = -0.514152 */
-        const ncgen_real x15 = R(0.978378014003481) * x1 - R(0.2055394176475697) * x2 + R(0.023021935359610755) * x3;
+        const ncgen_real x15 = R(0.9783780140034811) * x1 - R(0.20553941764756972) * x2 + R(0.02302193535961076) * x3;
         constraints[1] = R(2.812836413872826) * (x15 + R(0.182787864111084));
-        constraints[68] = NCGEN_SPLAT(R(2.752017304321569));
-        constraints[69] = NCGEN_SPLAT(-R(0.578148758445299));
-        constraints[70] = NCGEN_SPLAT(R(0.06475693809733953));
-        constraints[71] = NCGEN_SPLAT(-R(2.752017304321569));
-        constraints[72] = NCGEN_SPLAT(R(0.578148758445299));
-        constraints[73] = NCGEN_SPLAT(-R(0.06475693809733953));
+        constraints[68] = NCGEN_SPLAT(R(2.7520173043215697));
+        constraints[69] = NCGEN_SPLAT(-R(0.5781487584452991));
+        constraints[70] = NCGEN_SPLAT(R(0.06475693809733955));
+        constraints[71] = NCGEN_SPLAT(-R(2.7520173043215697));
+        constraints[72] = NCGEN_SPLAT(R(0.5781487584452991));
+        constraints[73] = NCGEN_SPLAT(-R(0.06475693809733955));
         constraints[406] = NCGEN_SPLAT(R(0.0));
         /* row 3: C1 on u1 (joint cylindrical ground-body1): a.b - c = 0 with a = C1-A1, b = across1, c = 0 */
         const ncgen_real x16 = C1_x - R(0.4033939876449078);
         const ncgen_real x17 = C1_y + R(0.13859416720759762);
         const ncgen_real x18 = R(0.20559390823170282) * x16 + R(0.9786373919373889) * x17;
-        constraints[2] = R(3.459422735905943) * x18;
-        constraints[74] = NCGEN_SPLAT(R(0.7112362405005127));
-        constraints[75] = NCGEN_SPLAT(R(3.3855204438758983));
+        constraints[2] = R(3.4594227359059415) * x18;
+        constraints[74] = NCGEN_SPLAT(R(0.7112362405005124));
+        constraints[75] = NCGEN_SPLAT(R(3.385520443875897));
         constraints[407] = NCGEN_SPLAT(R(0.0));
         /* row 4: C1 on u1 (joint cylindrical ground-body1): a.b - c = 0 with a = C1-A1, b = across2, c = 0 */
-        const ncgen_real x19 = R(0.022530126777680626) * x16 - R(0.004733169665640008) * x17;
+        const ncgen_real x19 = R(0.02253012677768063) * x16 - R(0.004733169665640009) * x17;
         const ncgen_real x20 = x19 - R(0.999734960123081) * (C1_z + R(0.10050542341046638));
-        constraints[3] = R(3.459422735905943) * x20;
-        constraints[76] = NCGEN_SPLAT(R(0.07794123281755165));
-        constraints[77] = NCGEN_SPLAT(-R(0.016374034754215373));
-        constraints[78] = NCGEN_SPLAT(-R(3.4585058509298077));
+        constraints[3] = R(3.4594227359059415) * x20;
+        constraints[76] = NCGEN_SPLAT(R(0.07794123281755164));
+        constraints[77] = NCGEN_SPLAT(-R(0.01637403475421537));
+        constraints[78] = NCGEN_SPLAT(-R(3.4585058509298063));
         constraints[408] = NCGEN_SPLAT(R(0.0));
         /* row 5: 1001 unit body1.across (body1): |u|^2 - 1 = 0 with u = body1.across */
         const ncgen_real body1_across_x = q[6];
@@ -2521,7 +2524,7 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[409] = -(x23 + dbody1_across_z * dbody1_across_z);
         /* row 6: 1002 angle body1.across, B1-C1 (body1): u.a - L c = 0 with u = body1.across, a = B1-C1, L = 0.355513, c = 0.750705 */
         const ncgen_real x24 = x1 * body1_across_x + x2 * body1_across_y + x3 * body1_across_z;
-        constraints[5] = -(R(2.812836413872826) * (x24 + R(0.2668854448219195)));
+        constraints[5] = -(R(2.812836413872826) * (x24 + R(0.26688544482191945)));
         const ncgen_real x25 = R(2.812836413872826) * body1_across_x;
         constraints[82] = -x25;
         const ncgen_real x26 = R(2.812836413872826) * body1_across_y;
@@ -2537,11 +2540,11 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x28 = x11 * dbody1_across_x + x12 * dbody1_across_y + x13 * dbody1_across_z;
         constraints[410] = R(5.625672827745652) * x28;
         /* row 7: 1003 angle body1.across, u1 (body1): u.v - c = 0 with u = body1.across, v = u1, c = 0 */
-        const ncgen_real x29 = R(0.2055394176475697) * body1_across_y - R(0.978378014003481) * body1_across_x;
-        constraints[6] = x29 - R(0.023021935359610755) * body1_across_z;
-        constraints[91] = NCGEN_SPLAT(-R(0.978378014003481));
-        constraints[92] = NCGEN_SPLAT(R(0.2055394176475697));
-        constraints[93] = NCGEN_SPLAT(-R(0.023021935359610755));
+        const ncgen_real x29 = R(0.20553941764756972) * body1_across_y - R(0.9783780140034811) * body1_across_x;
+        constraints[6] = x29 - R(0.02302193535961076) * body1_across_z;
+        constraints[91] = NCGEN_SPLAT(-R(0.9783780140034811));
+        constraints[92] = NCGEN_SPLAT(R(0.20553941764756972));
+        constraints[93] = NCGEN_SPLAT(-R(0.02302193535961076));
         constraints[411] = NCGEN_SPLAT(R(0.0));
         /* row 8: no turning about u1 (joint prismatic ground-body1): a.b - c = 0 with a = across1, b = body1.across, c = 0 */
         const ncgen_real x30 = R(0.20559390823170282) * body1_across_x + R(0.9786373919373889) * body1_across_y;
@@ -2616,51 +2619,51 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[415] = x50;
         /* row 12: combination u2.x (body1): (e - c a x b).x = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
         const ncgen_real x51 = u2_x - R(6.643659059829012) * B1_x + R(6.643659059829012) * C1_x;
-        const ncgen_real x52 = x51 + R(1.114606262815693) + R(1.5877966427517298) * body1_across_x;
+        const ncgen_real x52 = x51 + R(1.1146062628156927) + R(1.5877966427517296) * body1_across_x;
         constraints[11] = x52;
         constraints[114] = NCGEN_SPLAT(R(6.643659059829012));
         constraints[115] = NCGEN_SPLAT(-R(6.643659059829012));
-        constraints[116] = NCGEN_SPLAT(R(1.5877966427517298));
+        constraints[116] = NCGEN_SPLAT(R(1.5877966427517296));
         constraints[117] = NCGEN_SPLAT(R(1.0));
         constraints[416] = NCGEN_SPLAT(R(0.0));
         /* row 13: combination u2.y (body1): (e - c a x b).y = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
         const ncgen_real x53 = u2_y - R(6.643659059829012) * B1_y + R(6.643659059829012) * C1_y;
-        const ncgen_real x54 = x53 - R(0.23415849384025142) + R(1.5877966427517298) * body1_across_y;
+        const ncgen_real x54 = x53 - R(0.23415849384025142) + R(1.5877966427517296) * body1_across_y;
         constraints[12] = x54;
         constraints[118] = NCGEN_SPLAT(R(6.643659059829012));
         constraints[119] = NCGEN_SPLAT(-R(6.643659059829012));
-        constraints[120] = NCGEN_SPLAT(R(1.5877966427517298));
+        constraints[120] = NCGEN_SPLAT(R(1.5877966427517296));
         constraints[121] = NCGEN_SPLAT(R(1.0));
         constraints[417] = NCGEN_SPLAT(R(0.0));
         /* row 14: combination u2.z (body1): (e - c a x b).z = 0 with e = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, a = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, b = u2-6.64366*B1+6.64366*C1-1.13924*u1+1.5878*body1.across, c = 0 */
         const ncgen_real x55 = u2_z - R(6.643659059829012) * B1_z + R(6.643659059829012) * C1_z;
-        const ncgen_real x56 = x55 + R(0.026227483617460867) + R(1.5877966427517298) * body1_across_z;
+        const ncgen_real x56 = x55 + R(0.02622748361746087) + R(1.5877966427517296) * body1_across_z;
         constraints[13] = x56;
         constraints[122] = NCGEN_SPLAT(R(6.643659059829012));
         constraints[123] = NCGEN_SPLAT(-R(6.643659059829012));
-        constraints[124] = NCGEN_SPLAT(R(1.5877966427517298));
+        constraints[124] = NCGEN_SPLAT(R(1.5877966427517296));
         constraints[125] = NCGEN_SPLAT(R(1.0));
         constraints[418] = NCGEN_SPLAT(R(0.0));
-        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -1.9082e-17 */
+        /* row 15: C2 in plane (joint planar body1-body2): a.b - c = 0 with a = C2-B1, b = u2, c = -5.20417e-18 */
         const ncgen_real x57 = C2_x - B1_x;
         const ncgen_real x58 = C2_y - B1_y;
         const ncgen_real x59 = C2_z - B1_z;
-        const ncgen_real x60 = u2_x * x57 + u2_y * x58 + u2_z * x59 + R(1.9081958235744878e-17);
-        constraints[14] = R(5.501799325588828) * x60;
-        const ncgen_real x61 = R(5.501799325588828) * u2_x;
+        const ncgen_real x60 = u2_x * x57 + u2_y * x58 + u2_z * x59 + R(5.204170427930421e-18);
+        constraints[14] = R(5.501799325588827) * x60;
+        const ncgen_real x61 = R(5.501799325588827) * u2_x;
         constraints[126] = -x61;
-        const ncgen_real x62 = R(5.501799325588828) * u2_y;
+        const ncgen_real x62 = R(5.501799325588827) * u2_y;
         constraints[127] = -x62;
-        const ncgen_real x63 = R(5.501799325588828) * u2_z;
+        const ncgen_real x63 = R(5.501799325588827) * u2_z;
         constraints[128] = -x63;
-        constraints[129] = R(5.501799325588828) * x57;
-        constraints[130] = R(5.501799325588828) * x58;
-        constraints[131] = R(5.501799325588828) * x59;
+        constraints[129] = R(5.501799325588827) * x57;
+        constraints[130] = R(5.501799325588827) * x58;
+        constraints[131] = R(5.501799325588827) * x59;
         constraints[132] = x61;
         constraints[133] = x62;
         constraints[134] = x63;
         const ncgen_real x64 = du2_x * (dC2_x - dB1_x) + du2_y * (dC2_y - dB1_y) + du2_z * (dC2_z - dB1_z);
-        constraints[419] = -(R(11.003598651177656) * x64);
+        constraints[419] = -(R(11.003598651177654) * x64);
         /* row 16: 1000 distance C3-B3 (body3): |a|^2 - L^2 = 0 with a = C3-B3, L = 0.388155 */
         const ncgen_real C3_x = q[18];
         const ncgen_real B3_x = q[21];
@@ -2850,7 +2853,7 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real du5_z = qd[32];
         constraints[430] = -(du5_x * du5_x + du5_y * du5_y + du5_z * du5_z);
         /* row 27: 1002 angle u5, B5-B3 (body5): u.a - L c = 0 with u = u5, a = B5-B3, L = 0.575721, c = 0.441547 */
-        const ncgen_real x128 = x113 * u5_x + x114 * u5_y + x115 * u5_z + R(0.2542079174263748);
+        const ncgen_real x128 = x113 * u5_x + x114 * u5_y + x115 * u5_z + R(0.2542079174263747);
         constraints[26] = -(R(1.7369520505944511) * x128);
         const ncgen_real x129 = R(1.7369520505944511) * u5_x;
         constraints[191] = -x129;
@@ -2870,28 +2873,28 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real B6_x = q[36];
         const ncgen_real x133 = R(1.6674299624307862) - B6_x;
         const ncgen_real B6_y = q[37];
-        const ncgen_real x134 = -R(0.14245646258359973) - B6_y;
+        const ncgen_real x134 = -R(0.14245646258359976) - B6_y;
         const ncgen_real B6_z = q[38];
-        const ncgen_real x135 = -R(0.04616645326494942) - B6_z;
-        const ncgen_real x136 = x133 * x133 + x134 * x134 + x135 * x135 - R(0.32760399977635646);
-        constraints[27] = R(0.8735653644608391) * x136;
-        const ncgen_real x137 = -(R(1.7471307289216782) * x133);
+        const ncgen_real x135 = -R(0.046166453264949434) - B6_z;
+        const ncgen_real x136 = x133 * x133 + x134 * x134 + x135 * x135 - R(0.32760399977635635);
+        constraints[27] = R(0.8735653644608392) * x136;
+        const ncgen_real x137 = -(R(1.7471307289216784) * x133);
         constraints[200] = x137;
-        constraints[201] = -(R(1.7471307289216782) * x134);
-        constraints[202] = -(R(1.7471307289216782) * x135);
+        constraints[201] = -(R(1.7471307289216784) * x134);
+        constraints[202] = -(R(1.7471307289216784) * x135);
         const ncgen_real dB6_x = qd[36];
         const ncgen_real dB6_y = qd[37];
         const ncgen_real dB6_z = qd[38];
-        const ncgen_real x138 = R(1.7471307289216782) * (dB6_x * dB6_x + dB6_y * dB6_y + dB6_z * dB6_z);
+        const ncgen_real x138 = R(1.7471307289216784) * (dB6_x * dB6_x + dB6_y * dB6_y + dB6_z * dB6_z);
         constraints[432] = -x138;
         /* row 29: 1002 angle u6, B6-A6 (body6): u.a - L c = 0 with u = u6, a = B6-A6, L = 0.572367, c = -0.91435 */
-        const ncgen_real x139 = B6_y + R(0.14245646258359973);
+        const ncgen_real x139 = B6_y + R(0.14245646258359976);
         const ncgen_real x140 = R(0.5393427284878356) * x139 - R(0.5832731832042249) * x133;
-        const ncgen_real x141 = B6_z + R(0.04616645326494942);
-        const ncgen_real x142 = R(0.6073728796893285) * x141 - x140 + R(0.5233440353191492);
-        constraints[28] = R(1.7471307289216782) * x142;
+        const ncgen_real x141 = B6_z + R(0.046166453264949434);
+        const ncgen_real x142 = R(0.6073728796893285) * x141 - x140 + R(0.5233440353191491);
+        constraints[28] = R(1.7471307289216784) * x142;
         constraints[203] = NCGEN_SPLAT(-R(1.0190545017320651));
-        constraints[204] = NCGEN_SPLAT(-R(0.942302254361559));
+        constraints[204] = NCGEN_SPLAT(-R(0.9423022543615591));
         constraints[205] = NCGEN_SPLAT(R(1.0611598220188754));
         constraints[433] = NCGEN_SPLAT(R(0.0));
         /* row 30: 1000 distance B6-B7 (body7): |a|^2 - L^2 = 0 with a = B6-B7, L = 0.485684 */
@@ -2901,13 +2904,13 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x144 = B6_y - B7_y;
         const ncgen_real B7_z = q[47];
         const ncgen_real x145 = B6_z - B7_z;
-        const ncgen_real x146 = x143 * x143 + x144 * x144 + x145 * x145 - R(0.2358893228745352);
-        constraints[29] = R(1.0294751372251325) * x146;
-        const ncgen_real x147 = R(2.058950274450265) * x143;
+        const ncgen_real x146 = x143 * x143 + x144 * x144 + x145 * x145 - R(0.23588932287453515);
+        constraints[29] = R(1.0294751372251327) * x146;
+        const ncgen_real x147 = R(2.0589502744502655) * x143;
         constraints[206] = x147;
-        const ncgen_real x148 = R(2.058950274450265) * x144;
+        const ncgen_real x148 = R(2.0589502744502655) * x144;
         constraints[207] = x148;
-        const ncgen_real x149 = R(2.058950274450265) * x145;
+        const ncgen_real x149 = R(2.0589502744502655) * x145;
         constraints[208] = x149;
         const ncgen_real x150 = -x147;
         constraints[209] = x150;
@@ -2921,7 +2924,7 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x154 = dB6_y - dB7_y;
         const ncgen_real dB7_z = qd[47];
         const ncgen_real x155 = dB6_z - dB7_z;
-        const ncgen_real x156 = R(2.058950274450265) * (x153 * x153 + x154 * x154 + x155 * x155);
+        const ncgen_real x156 = R(2.0589502744502655) * (x153 * x153 + x154 * x154 + x155 * x155);
         constraints[434] = -x156;
         /* row 31: 1001 unit v7 (body7): |u|^2 - 1 = 0 with u = v7 */
         const ncgen_real v7_x = q[42];
@@ -2937,13 +2940,13 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real dv7_z = qd[44];
         constraints[435] = -(dv7_x * dv7_x + dv7_y * dv7_y + dv7_z * dv7_z);
         /* row 32: 1002 angle v7, B7-B6 (body7): u.a - L c = 0 with u = v7, a = B7-B6, L = 0.485684, c = -0.146111 */
-        const ncgen_real x158 = R(0.07096391930196262) - (x143 * v7_x + x144 * v7_y + x145 * v7_z);
-        constraints[31] = R(2.058950274450265) * x158;
-        const ncgen_real x159 = R(2.058950274450265) * v7_x;
+        const ncgen_real x158 = R(0.07096391930196268) - (x143 * v7_x + x144 * v7_y + x145 * v7_z);
+        constraints[31] = R(2.0589502744502655) * x158;
+        const ncgen_real x159 = R(2.0589502744502655) * v7_x;
         constraints[215] = -x159;
-        const ncgen_real x160 = R(2.058950274450265) * v7_y;
+        const ncgen_real x160 = R(2.0589502744502655) * v7_y;
         constraints[216] = -x160;
-        const ncgen_real x161 = R(2.058950274450265) * v7_z;
+        const ncgen_real x161 = R(2.0589502744502655) * v7_z;
         constraints[217] = -x161;
         constraints[218] = x150;
         constraints[219] = x151;
@@ -2951,7 +2954,7 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[221] = x159;
         constraints[222] = x160;
         constraints[223] = x161;
-        const ncgen_real x162 = R(4.11790054890053) * (x153 * dv7_x + x154 * dv7_y + x155 * dv7_z);
+        const ncgen_real x162 = R(4.117900548900531) * (x153 * dv7_x + x154 * dv7_y + x155 * dv7_z);
         constraints[436] = x162;
         /* row 33: 1001 unit u7 (body6): |u|^2 - 1 = 0 with u = u7 */
         const ncgen_real u7_x = q[39];
@@ -2967,15 +2970,15 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real du7_z = qd[41];
         constraints[437] = -(du7_x * du7_x + du7_y * du7_y + du7_z * du7_z);
         /* row 34: 1002 angle u7, B6-A6 (body6): u.a - L c = 0 with u = u7, a = B6-A6, L = 0.572367, c = 0.293172 */
-        const ncgen_real x164 = x139 * u7_y - x133 * u7_x + x141 * u7_z - R(0.16780178661364006);
-        constraints[33] = R(1.7471307289216782) * x164;
-        constraints[227] = R(1.7471307289216782) * u7_x;
-        constraints[228] = R(1.7471307289216782) * u7_y;
-        constraints[229] = R(1.7471307289216782) * u7_z;
+        const ncgen_real x164 = x139 * u7_y - x133 * u7_x + x141 * u7_z - R(0.16780178661364004);
+        constraints[33] = R(1.7471307289216784) * x164;
+        constraints[227] = R(1.7471307289216784) * u7_x;
+        constraints[228] = R(1.7471307289216784) * u7_y;
+        constraints[229] = R(1.7471307289216784) * u7_z;
         constraints[230] = x137;
-        constraints[231] = R(1.7471307289216782) * x139;
-        constraints[232] = R(1.7471307289216782) * x141;
-        const ncgen_real x165 = R(3.4942614578433564) * (dB6_x * du7_x + dB6_y * du7_y + dB6_z * du7_z);
+        constraints[231] = R(1.7471307289216784) * x139;
+        constraints[232] = R(1.7471307289216784) * x141;
+        const ncgen_real x165 = R(3.494261457843357) * (dB6_x * du7_x + dB6_y * du7_y + dB6_z * du7_z);
         constraints[438] = -x165;
         /* row 35: 1003 angle u7, u6 (body6): u.v - c = 0 with u = u7, v = u6, c = 0.000765644 */
         const ncgen_real x166 = R(0.5832731832042249) * u7_x + R(0.5393427284878356) * u7_y;
@@ -3056,23 +3059,23 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[443] = x188;
         /* row 40: combination u8.x (body6): (e - c a x b).x = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
         const ncgen_real x189 = u8_x - R(5.293527486883154) * B6_x + R(8.826586338579911);
-        const ncgen_real x190 = x189 + R(1.310609035154057) + R(1.0040373108430047) * u7_x;
+        const ncgen_real x190 = x189 + R(1.3106090351540571) + R(1.0040373108430047) * u7_x;
         constraints[39] = x190;
         constraints[260] = NCGEN_SPLAT(-R(5.293527486883154));
         constraints[261] = NCGEN_SPLAT(R(1.0040373108430047));
         constraints[262] = NCGEN_SPLAT(R(1.0));
         constraints[444] = NCGEN_SPLAT(R(0.0));
         /* row 41: combination u8.y (body6): (e - c a x b).y = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
-        const ncgen_real x191 = u8_y - R(5.293527486883154) * B6_y - R(0.7540972003704268);
-        const ncgen_real x192 = x191 + R(1.211897740810928) + R(1.0040373108430047) * u7_y;
+        const ncgen_real x191 = u8_y - R(5.293527486883154) * B6_y - R(0.7540972003704269);
+        const ncgen_real x192 = x191 + R(1.2118977408109282) + R(1.0040373108430047) * u7_y;
         constraints[40] = x192;
         constraints[263] = NCGEN_SPLAT(-R(5.293527486883154));
         constraints[264] = NCGEN_SPLAT(R(1.0040373108430047));
         constraints[265] = NCGEN_SPLAT(R(1.0));
         constraints[445] = NCGEN_SPLAT(R(0.0));
         /* row 42: combination u8.z (body6): (e - c a x b).z = 0 with e = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, a = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, b = u8-5.29353*B6+5.29353*A6-2.24699*u6+1.00404*u7, c = 0 */
-        const ncgen_real x193 = u8_z - R(5.293527486883154) * B6_z - R(0.2443833893299163);
-        const ncgen_real x194 = x193 - R(1.3647608132014082) + R(1.0040373108430047) * u7_z;
+        const ncgen_real x193 = u8_z - R(5.293527486883154) * B6_z - R(0.24438338932991638);
+        const ncgen_real x194 = x193 - R(1.3647608132014084) + R(1.0040373108430047) * u7_z;
         constraints[41] = x194;
         constraints[266] = NCGEN_SPLAT(-R(5.293527486883154));
         constraints[267] = NCGEN_SPLAT(R(1.0040373108430047));
@@ -3088,13 +3091,13 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real C9_z = q[59];
         const ncgen_real B9_z = q[62];
         const ncgen_real x197 = C9_z - B9_z;
-        const ncgen_real x198 = x195 * x195 + x196 * x196 + x197 * x197 - R(0.10303486735294418);
-        constraints[42] = R(1.5576787532931573) * x198;
-        const ncgen_real x199 = R(3.1153575065863146) * x195;
+        const ncgen_real x198 = x195 * x195 + x196 * x196 + x197 * x197 - R(0.10303486735294425);
+        constraints[42] = R(1.5576787532931566) * x198;
+        const ncgen_real x199 = R(3.1153575065863133) * x195;
         constraints[269] = x199;
-        const ncgen_real x200 = R(3.1153575065863146) * x196;
+        const ncgen_real x200 = R(3.1153575065863133) * x196;
         constraints[270] = x200;
-        const ncgen_real x201 = R(3.1153575065863146) * x197;
+        const ncgen_real x201 = R(3.1153575065863133) * x197;
         constraints[271] = x201;
         const ncgen_real x202 = -x199;
         constraints[272] = x202;
@@ -3111,7 +3114,7 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real dC9_z = qd[59];
         const ncgen_real dB9_z = qd[62];
         const ncgen_real x207 = dC9_z - dB9_z;
-        const ncgen_real x208 = R(3.1153575065863146) * (x205 * x205 + x206 * x206 + x207 * x207);
+        const ncgen_real x208 = R(3.1153575065863133) * (x205 * x205 + x206 * x206 + x207 * x207);
         constraints[447] = -x208;
         /* row 44: 1001 unit u9 (body9): |u|^2 - 1 = 0 with u = u9 */
         const ncgen_real u9_x = q[54];
@@ -3127,24 +3130,24 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real du9_z = qd[56];
         constraints[448] = -(du9_x * du9_x + du9_y * du9_y + du9_z * du9_z);
         /* row 45: 1002 angle u9, B9-C9 (body9): u.a - L c = 0 with u = u9, a = B9-C9, L = 0.32099, c = -0.884833 */
-        const ncgen_real x210 = R(0.28402281654519834) - (x195 * u9_x + x196 * u9_y + x197 * u9_z);
-        constraints[44] = R(3.1153575065863146) * x210;
+        const ncgen_real x210 = R(0.2840228165451984) - (x195 * u9_x + x196 * u9_y + x197 * u9_z);
+        constraints[44] = R(3.1153575065863133) * x210;
         constraints[278] = x202;
         constraints[279] = x203;
         constraints[280] = x204;
-        const ncgen_real x211 = R(3.1153575065863146) * u9_x;
+        const ncgen_real x211 = R(3.1153575065863133) * u9_x;
         constraints[281] = -x211;
-        const ncgen_real x212 = R(3.1153575065863146) * u9_y;
+        const ncgen_real x212 = R(3.1153575065863133) * u9_y;
         constraints[282] = -x212;
-        const ncgen_real x213 = R(3.1153575065863146) * u9_z;
+        const ncgen_real x213 = R(3.1153575065863133) * u9_z;
         constraints[283] = -x213;
         constraints[284] = x211;
         constraints[285] = x212;
         constraints[286] = x213;
-        const ncgen_real x214 = R(6.230715013172629) * (x205 * du9_x + x206 * du9_y + x207 * du9_z);
+        const ncgen_real x214 = R(6.2307150131726265) * (x205 * du9_x + x206 * du9_y + x207 * du9_z);
         constraints[449] = x214;
         /* row 46: 1002 angle u9, B5-B3 (body5): u.a - L c = 0 with u = u9, a = B5-B3, L = 0.575721, c = -0.288768 */
-        const ncgen_real x215 = R(0.16625000468798268) - (x113 * u9_x + x114 * u9_y + x115 * u9_z);
+        const ncgen_real x215 = R(0.16625000468798273) - (x113 * u9_x + x114 * u9_y + x115 * u9_z);
         constraints[45] = R(1.7369520505944511) * x215;
         const ncgen_real x216 = R(1.7369520505944511) * u9_x;
         constraints[287] = -x216;
@@ -3161,7 +3164,7 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x219 = R(3.4739041011889022) * (x123 * du9_x + x124 * du9_y + x125 * du9_z);
         constraints[450] = x219;
         /* row 47: 1003 angle u9, u5 (body5): u.v - c = 0 with u = u9, v = u5, c = -0.859604 */
-        const ncgen_real x220 = u5_x * u9_x + u5_y * u9_y + u5_z * u9_z + R(0.8596043791406993);
+        const ncgen_real x220 = u5_x * u9_x + u5_y * u9_y + u5_z * u9_z + R(0.8596043791406991);
         constraints[46] = x220;
         constraints[296] = u9_x;
         constraints[297] = u9_y;
@@ -3172,22 +3175,22 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x221 = -(R(2.0) * (du5_x * du9_x + du5_y * du9_y + du5_z * du9_z));
         constraints[451] = x221;
         /* row 48: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = -1.37097*B5+1.37097*B3-0.824316*u5-0.936509*u9, c = 0 */
-        const ncgen_real x222 = R(1.3709670732165997) * B3_x - R(1.3709670732165997) * B5_x;
-        const ncgen_real x223 = x222 - R(0.8243161177497516) * u5_x - R(0.9365090269632762) * u9_x;
+        const ncgen_real x222 = R(1.3709670732166) * B3_x - R(1.3709670732166) * B5_x - R(0.8243161177497514) * u5_x;
+        const ncgen_real x223 = x222 - R(0.9365090269632762) * u9_x;
         const ncgen_real x224 = C9_x - B5_x;
-        const ncgen_real x225 = R(1.3709670732165997) * B3_y - R(1.3709670732165997) * B5_y;
-        const ncgen_real x226 = x225 - R(0.8243161177497516) * u5_y - R(0.9365090269632762) * u9_y;
+        const ncgen_real x225 = R(1.3709670732166) * B3_y - R(1.3709670732166) * B5_y - R(0.8243161177497514) * u5_y;
+        const ncgen_real x226 = x225 - R(0.9365090269632762) * u9_y;
         const ncgen_real x227 = C9_y - B5_y;
-        const ncgen_real x228 = R(1.3709670732165997) * B3_z - R(1.3709670732165997) * B5_z;
-        const ncgen_real x229 = x228 - R(0.8243161177497516) * u5_z - R(0.9365090269632762) * u9_z;
+        const ncgen_real x228 = R(1.3709670732166) * B3_z - R(1.3709670732166) * B5_z - R(0.8243161177497514) * u5_z;
+        const ncgen_real x229 = x228 - R(0.9365090269632762) * u9_z;
         const ncgen_real x230 = C9_z - B5_z;
         const ncgen_real x231 = R(4.912537209069163) * (x223 * x224 + x226 * x227 + x229 * x230);
         constraints[47] = x231;
-        const ncgen_real x232 = R(6.734926759585194) * x224;
+        const ncgen_real x232 = R(6.734926759585195) * x224;
         constraints[302] = x232;
-        const ncgen_real x233 = R(6.734926759585194) * x227;
+        const ncgen_real x233 = R(6.734926759585195) * x227;
         constraints[303] = x233;
-        const ncgen_real x234 = R(6.734926759585194) * x230;
+        const ncgen_real x234 = R(6.734926759585195) * x230;
         constraints[304] = x234;
         constraints[305] = -(R(4.049483600481092) * x224);
         constraints[306] = -(R(4.049483600481092) * x227);
@@ -3204,31 +3207,31 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[314] = x235;
         constraints[315] = x236;
         constraints[316] = x237;
-        const ncgen_real x238 = R(1.3709670732165997) * dB3_x - R(1.3709670732165997) * dB5_x;
-        const ncgen_real x239 = x238 - R(0.8243161177497516) * du5_x - R(0.9365090269632762) * du9_x;
+        const ncgen_real x238 = R(1.3709670732166) * dB3_x - R(1.3709670732166) * dB5_x - R(0.8243161177497514) * du5_x;
+        const ncgen_real x239 = x238 - R(0.9365090269632762) * du9_x;
         const ncgen_real x240 = dC9_x - dB5_x;
-        const ncgen_real x241 = R(1.3709670732165997) * dB3_y - R(1.3709670732165997) * dB5_y;
-        const ncgen_real x242 = x241 - R(0.8243161177497516) * du5_y - R(0.9365090269632762) * du9_y;
+        const ncgen_real x241 = R(1.3709670732166) * dB3_y - R(1.3709670732166) * dB5_y - R(0.8243161177497514) * du5_y;
+        const ncgen_real x242 = x241 - R(0.9365090269632762) * du9_y;
         const ncgen_real x243 = dC9_y - dB5_y;
-        const ncgen_real x244 = R(1.3709670732165997) * dB3_z - R(1.3709670732165997) * dB5_z;
-        const ncgen_real x245 = x244 - R(0.8243161177497516) * du5_z - R(0.9365090269632762) * du9_z;
+        const ncgen_real x244 = R(1.3709670732166) * dB3_z - R(1.3709670732166) * dB5_z - R(0.8243161177497514) * du5_z;
+        const ncgen_real x245 = x244 - R(0.9365090269632762) * du9_z;
         const ncgen_real x246 = dC9_z - dB5_z;
         const ncgen_real x247 = R(9.825074418138326) * (x239 * x240 + x242 * x243 + x245 * x246);
         constraints[452] = -x247;
         /* row 49: C9 on u9 (joint cylindrical body5-body9): a.b - c = 0 with a = C9-B5, b = 1.42165*B5-1.42165*B3-1.96459*u5-1.45242*u9, c = 0 */
-        const ncgen_real x248 = R(1.4216454961232068) * B5_x - R(1.4216454961232068) * B3_x;
+        const ncgen_real x248 = R(1.4216454961232066) * B5_x - R(1.4216454961232066) * B3_x;
         const ncgen_real x249 = x248 - R(1.9645893557830132) * u5_x - R(1.4524210430491507) * u9_x;
-        const ncgen_real x250 = R(1.4216454961232068) * B5_y - R(1.4216454961232068) * B3_y;
+        const ncgen_real x250 = R(1.4216454961232066) * B5_y - R(1.4216454961232066) * B3_y;
         const ncgen_real x251 = x250 - R(1.9645893557830132) * u5_y - R(1.4524210430491507) * u9_y;
-        const ncgen_real x252 = R(1.4216454961232068) * B5_z - R(1.4216454961232068) * B3_z;
+        const ncgen_real x252 = R(1.4216454961232066) * B5_z - R(1.4216454961232066) * B3_z;
         const ncgen_real x253 = x252 - R(1.9645893557830132) * u5_z - R(1.4524210430491507) * u9_z;
         const ncgen_real x254 = R(4.912537209069163) * (x224 * x249 + x227 * x251 + x230 * x253);
         constraints[48] = x254;
-        const ncgen_real x255 = R(6.983886397810844) * x224;
+        const ncgen_real x255 = R(6.983886397810843) * x224;
         constraints[317] = -x255;
-        const ncgen_real x256 = R(6.983886397810844) * x227;
+        const ncgen_real x256 = R(6.983886397810843) * x227;
         constraints[318] = -x256;
-        const ncgen_real x257 = R(6.983886397810844) * x230;
+        const ncgen_real x257 = R(6.983886397810843) * x230;
         constraints[319] = -x257;
         constraints[320] = -(R(9.65111831082527) * x224);
         constraints[321] = -(R(9.65111831082527) * x227);
@@ -3245,11 +3248,11 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[329] = x258;
         constraints[330] = x259;
         constraints[331] = x260;
-        const ncgen_real x261 = R(1.4216454961232068) * dB5_x - R(1.4216454961232068) * dB3_x;
+        const ncgen_real x261 = R(1.4216454961232066) * dB5_x - R(1.4216454961232066) * dB3_x;
         const ncgen_real x262 = x261 - R(1.9645893557830132) * du5_x - R(1.4524210430491507) * du9_x;
-        const ncgen_real x263 = R(1.4216454961232068) * dB5_y - R(1.4216454961232068) * dB3_y;
+        const ncgen_real x263 = R(1.4216454961232066) * dB5_y - R(1.4216454961232066) * dB3_y;
         const ncgen_real x264 = x263 - R(1.9645893557830132) * du5_y - R(1.4524210430491507) * du9_y;
-        const ncgen_real x265 = R(1.4216454961232068) * dB5_z - R(1.4216454961232068) * dB3_z;
+        const ncgen_real x265 = R(1.4216454961232066) * dB5_z - R(1.4216454961232066) * dB3_z;
         const ncgen_real x266 = x265 - R(1.9645893557830132) * du5_z - R(1.4524210430491507) * du9_z;
         const ncgen_real x267 = R(9.825074418138326) * (x240 * x262 + x243 * x264 + x246 * x266);
         constraints[453] = -x267;
@@ -3270,12 +3273,12 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[454] = -(x270 + dbody9_across_z * dbody9_across_z);
         /* row 51: 1002 angle body9.across, B9-C9 (body9): u.a - L c = 0 with u = body9.across, a = B9-C9, L = 0.32099, c = -0.450111 */
         const ncgen_real x271 = x195 * body9_across_x + x196 * body9_across_y + x197 * body9_across_z;
-        constraints[50] = R(3.1153575065863146) * (R(0.14448133834053023) - x271);
-        const ncgen_real x272 = R(3.1153575065863146) * body9_across_x;
+        constraints[50] = R(3.1153575065863133) * (R(0.14448133834053029) - x271);
+        const ncgen_real x272 = R(3.1153575065863133) * body9_across_x;
         constraints[335] = -x272;
-        const ncgen_real x273 = R(3.1153575065863146) * body9_across_y;
+        const ncgen_real x273 = R(3.1153575065863133) * body9_across_y;
         constraints[336] = -x273;
-        const ncgen_real x274 = R(3.1153575065863146) * body9_across_z;
+        const ncgen_real x274 = R(3.1153575065863133) * body9_across_z;
         constraints[337] = -x274;
         constraints[338] = x272;
         constraints[339] = x273;
@@ -3284,7 +3287,7 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[342] = x203;
         constraints[343] = x204;
         const ncgen_real x275 = x205 * dbody9_across_x + x206 * dbody9_across_y + x207 * dbody9_across_z;
-        constraints[455] = R(6.230715013172629) * x275;
+        constraints[455] = R(6.2307150131726265) * x275;
         /* row 52: 1003 angle body9.across, u9 (body9): u.v - c = 0 with u = body9.across, v = u9, c = 0 */
         const ncgen_real x276 = u9_x * body9_across_x + u9_y * body9_across_y + u9_z * body9_across_z;
         constraints[51] = x276;
@@ -3310,64 +3313,69 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         const ncgen_real x286 = u9_z * x285;
         const ncgen_real x287 = x282 + x284 + x286;
         const ncgen_real cos_screw9_angle = cosine[0];
-        constraints[52] = x280 * sin_screw9_angle - x287 * cos_screw9_angle;
-        const ncgen_real x288 = cos_screw9_angle * (u9_z * body9_across_y - u9_y * body9_across_z);
-        const ncgen_real x289 = sin_screw9_angle * (body9_across_x - u9_x * x276) - x288;
-        const ncgen_real x290 = R(1.3709670732165997) * x289;
-        constraints[350] = x290;
-        const ncgen_real x291 = cos_screw9_angle * (u9_x * body9_across_z - u9_z * body9_across_x);
-        const ncgen_real x292 = sin_screw9_angle * (body9_across_y - u9_y * x276) - x291;
-        const ncgen_real x293 = R(1.3709670732165997) * x292;
-        constraints[351] = x293;
-        const ncgen_real x294 = cos_screw9_angle * (u9_y * body9_across_x - u9_x * body9_across_y);
-        const ncgen_real x295 = sin_screw9_angle * (body9_across_z - u9_z * x276) - x294;
-        const ncgen_real x296 = R(1.3709670732165997) * x295;
-        constraints[352] = x296;
-        constraints[353] = -(R(0.8243161177497516) * x289);
-        constraints[354] = -(R(0.8243161177497516) * x292);
-        constraints[355] = -(R(0.8243161177497516) * x295);
-        constraints[356] = -x290;
-        constraints[357] = -x293;
-        constraints[358] = -x296;
-        const ncgen_real x297 = sin_screw9_angle * (body9_across_x * x278 + x223 * x276) + x281 * cos_screw9_angle;
-        constraints[359] = -(x297 + R(0.9365090269632762) * x289);
-        const ncgen_real x298 = sin_screw9_angle * (body9_across_y * x278 + x226 * x276) + x283 * cos_screw9_angle;
-        constraints[360] = -(x298 + R(0.9365090269632762) * x292);
-        const ncgen_real x299 = sin_screw9_angle * (body9_across_z * x278 + x229 * x276) + x285 * cos_screw9_angle;
-        constraints[361] = -(x299 + R(0.9365090269632762) * x295);
-        const ncgen_real x300 = sin_screw9_angle * (x223 - u9_x * x278) - cos_screw9_angle * (u9_y * x229 - u9_z * x226);
-        constraints[362] = x300;
-        const ncgen_real x301 = sin_screw9_angle * (x226 - u9_y * x278) - cos_screw9_angle * (u9_z * x223 - u9_x * x229);
-        constraints[363] = x301;
-        const ncgen_real x302 = sin_screw9_angle * (x229 - u9_z * x278) - cos_screw9_angle * (u9_x * x226 - u9_y * x223);
-        constraints[364] = x302;
-        constraints[365] = x280 * cos_screw9_angle + sin_screw9_angle * x287;
-        const ncgen_real x303 = x226 * dbody9_across_z + body9_across_z * x242 - x229 * dbody9_across_y;
-        const ncgen_real x304 = x303 - body9_across_y * x245;
-        const ncgen_real x305 = u9_x * (x242 * dbody9_across_z - x245 * dbody9_across_y) + u9_z * (x239 * dbody9_across_y - x242 * dbody9_across_x);
-        const ncgen_real x306 = x223 * dbody9_across_y + body9_across_y * x239 - x226 * dbody9_across_x;
-        const ncgen_real x307 = x306 - body9_across_x * x242;
-        const ncgen_real x308 = du9_x * x304 + x305 + du9_z * x307 - u9_y * (x239 * dbody9_across_z - x245 * dbody9_across_x);
-        const ncgen_real x309 = x223 * dbody9_across_z + body9_across_z * x239 - x229 * dbody9_across_x;
-        const ncgen_real x310 = x309 - body9_across_x * x245;
+        const ncgen_real x288 = R(1.0000000000000002) * (x280 * sin_screw9_angle - x287 * cos_screw9_angle);
+        constraints[52] = x288;
+        const ncgen_real x289 = cos_screw9_angle * (u9_z * body9_across_y - u9_y * body9_across_z);
+        const ncgen_real x290 = sin_screw9_angle * (body9_across_x - u9_x * x276) - x289;
+        const ncgen_real x291 = R(1.3709670732166002) * x290;
+        constraints[350] = x291;
+        const ncgen_real x292 = cos_screw9_angle * (u9_x * body9_across_z - u9_z * body9_across_x);
+        const ncgen_real x293 = sin_screw9_angle * (body9_across_y - u9_y * x276) - x292;
+        const ncgen_real x294 = R(1.3709670732166002) * x293;
+        constraints[351] = x294;
+        const ncgen_real x295 = cos_screw9_angle * (u9_y * body9_across_x - u9_x * body9_across_y);
+        const ncgen_real x296 = sin_screw9_angle * (body9_across_z - u9_z * x276) - x295;
+        const ncgen_real x297 = R(1.3709670732166002) * x296;
+        constraints[352] = x297;
+        constraints[353] = -(R(0.8243161177497517) * x290);
+        constraints[354] = -(R(0.8243161177497517) * x293);
+        constraints[355] = -(R(0.8243161177497517) * x296);
+        constraints[356] = -x291;
+        constraints[357] = -x294;
+        constraints[358] = -x297;
+        const ncgen_real x298 = sin_screw9_angle * (body9_across_x * x278 + x223 * x276) + x281 * cos_screw9_angle;
+        const ncgen_real x299 = R(1.0000000000000002) * x298 + R(0.9365090269632764) * x290;
+        constraints[359] = -x299;
+        const ncgen_real x300 = sin_screw9_angle * (body9_across_y * x278 + x226 * x276) + x283 * cos_screw9_angle;
+        const ncgen_real x301 = R(1.0000000000000002) * x300 + R(0.9365090269632764) * x293;
+        constraints[360] = -x301;
+        const ncgen_real x302 = sin_screw9_angle * (body9_across_z * x278 + x229 * x276) + x285 * cos_screw9_angle;
+        const ncgen_real x303 = R(1.0000000000000002) * x302 + R(0.9365090269632764) * x296;
+        constraints[361] = -x303;
+        const ncgen_real x304 = sin_screw9_angle * (x223 - u9_x * x278) - cos_screw9_angle * (u9_y * x229 - u9_z * x226);
+        constraints[362] = R(1.0000000000000002) * x304;
+        const ncgen_real x305 = sin_screw9_angle * (x226 - u9_y * x278) - cos_screw9_angle * (u9_z * x223 - u9_x * x229);
+        constraints[363] = R(1.0000000000000002) * x305;
+        const ncgen_real x306 = sin_screw9_angle * (x229 - u9_z * x278) - cos_screw9_angle * (u9_x * x226 - u9_y * x223);
+        constraints[364] = R(1.0000000000000002) * x306;
+        const ncgen_real x307 = R(1.0000000000000002) * (x280 * cos_screw9_angle + sin_screw9_angle * x287);
+        constraints[365] = x307;
+        const ncgen_real x308 = x226 * dbody9_across_z + body9_across_z * x242 - x229 * dbody9_across_y;
+        const ncgen_real x309 = x308 - body9_across_y * x245;
+        const ncgen_real x310 = u9_x * (x242 * dbody9_across_z - x245 * dbody9_across_y) + u9_z * (x239 * dbody9_across_y - x242 * dbody9_across_x);
+        const ncgen_real x311 = x223 * dbody9_across_y + body9_across_y * x239 - x226 * dbody9_across_x;
+        const ncgen_real x312 = x311 - body9_across_x * x242;
+        const ncgen_real x313 = du9_x * x309 + x310 + du9_z * x312 - u9_y * (x239 * dbody9_across_z - x245 * dbody9_across_x);
+        const ncgen_real x314 = x223 * dbody9_across_z + body9_across_z * x239 - x229 * dbody9_across_x;
+        const ncgen_real x315 = x314 - body9_across_x * x245;
         const ncgen_real dscrew9_angle = qd[66];
-        const ncgen_real x311 = dscrew9_angle * dscrew9_angle;
-        const ncgen_real x312 = cos_screw9_angle * (R(2.0) * (x308 - du9_y * x310)) + sin_screw9_angle * (x280 * x311);
-        const ncgen_real x313 = x223 * du9_x + x226 * du9_y + x229 * du9_z + u9_x * x239 + u9_y * x242;
-        const ncgen_real x314 = x313 + u9_z * x245;
-        const ncgen_real x315 = body9_across_x * du9_x + body9_across_y * du9_y + body9_across_z * du9_z;
-        const ncgen_real x316 = x315 + u9_x * dbody9_across_x + u9_y * dbody9_across_y + u9_z * dbody9_across_z;
-        const ncgen_real x317 = x239 * dbody9_across_x + x242 * dbody9_across_y + x245 * dbody9_across_z;
-        const ncgen_real x318 = x317 - x278 * x277 - x276 * (du9_x * x239 + du9_y * x242 + du9_z * x245);
-        const ncgen_real x319 = x312 - sin_screw9_angle * (R(2.0) * (x318 - x314 * x316));
-        const ncgen_real x320 = x223 * dbody9_across_x + x226 * dbody9_across_y + x229 * dbody9_across_z;
-        const ncgen_real x321 = x320 + body9_across_x * x239 + body9_across_y * x242 + body9_across_z * x245;
-        const ncgen_real x322 = R(2.0) * dscrew9_angle;
-        const ncgen_real x323 = cos_screw9_angle * ((x321 - x278 * x316 - x276 * x314) * x322);
-        const ncgen_real x324 = u9_x * x304 + u9_z * x307 + x281 * du9_x + x285 * du9_z - u9_y * x310;
-        const ncgen_real x325 = x319 - x323 - sin_screw9_angle * (x322 * (x324 + x283 * du9_y));
-        const ncgen_real x326 = x325 - cos_screw9_angle * (x311 * (x284 + (x282 + x286)));
-        constraints[457] = x326;
+        const ncgen_real x316 = dscrew9_angle * dscrew9_angle;
+        const ncgen_real x317 = cos_screw9_angle * (R(2.0) * (x313 - du9_y * x315)) + sin_screw9_angle * (x280 * x316);
+        const ncgen_real x318 = x223 * du9_x + x226 * du9_y + x229 * du9_z + u9_x * x239 + u9_y * x242;
+        const ncgen_real x319 = x318 + u9_z * x245;
+        const ncgen_real x320 = body9_across_x * du9_x + body9_across_y * du9_y + body9_across_z * du9_z;
+        const ncgen_real x321 = x320 + u9_x * dbody9_across_x + u9_y * dbody9_across_y + u9_z * dbody9_across_z;
+        const ncgen_real x322 = x239 * dbody9_across_x + x242 * dbody9_across_y + x245 * dbody9_across_z;
+        const ncgen_real x323 = x322 - x278 * x277 - x276 * (du9_x * x239 + du9_y * x242 + du9_z * x245);
+        const ncgen_real x324 = x317 - sin_screw9_angle * (R(2.0) * (x323 - x319 * x321));
+        const ncgen_real x325 = x223 * dbody9_across_x + x226 * dbody9_across_y + x229 * dbody9_across_z;
+        const ncgen_real x326 = x325 + body9_across_x * x239 + body9_across_y * x242 + body9_across_z * x245;
+        const ncgen_real x327 = R(2.0) * dscrew9_angle;
+        const ncgen_real x328 = cos_screw9_angle * ((x326 - x278 * x321 - x276 * x319) * x327);
+        const ncgen_real x329 = u9_x * x309 + u9_z * x312 + x281 * du9_x + x285 * du9_z - u9_y * x315;
+        const ncgen_real x330 = x324 - x328 - sin_screw9_angle * (x327 * (x329 + x283 * du9_y));
+        const ncgen_real x331 = x330 - cos_screw9_angle * (x316 * (x284 + (x282 + x286)));
+        constraints[457] = R(1.0000000000000002) * x331;
         /* row 54: slide screw9.slide (coordinate screw9.slide): a.n - s = 0 with a = C9-B5, n = u9, s = screw9.slide */
         const ncgen_real screw9_slide = q[67];
         constraints[53] = u9_x * x224 + u9_y * x227 + u9_z * x230 - screw9_slide;
@@ -3383,33 +3391,33 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[375] = NCGEN_SPLAT(-R(1.0));
         constraints[458] = -(R(2.0) * (du9_x * x240 + du9_y * x243 + du9_z * x246));
         /* row 55: screw screw9 (joint screw body5-body9): -0.0159154943091895*screw9.angle + screw9.slide - 0.178560799123083 = 0 */
-        const ncgen_real x327 = screw9_slide - R(0.17856079912308329) - R(0.015915494309189534) * screw9_angle;
-        constraints[54] = x327;
+        const ncgen_real x332 = screw9_slide - R(0.17856079912308323) - R(0.015915494309189534) * screw9_angle;
+        constraints[54] = x332;
         constraints[376] = NCGEN_SPLAT(-R(0.015915494309189534));
         constraints[377] = NCGEN_SPLAT(R(1.0));
         constraints[459] = NCGEN_SPLAT(R(0.0));
         /* row 56: combination B9.x (body1): (e - c a x b).x = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
-        const ncgen_real x328 = B9_x - R(1.6667736465720742) * C1_x + R(0.6667736465720743) * B1_x;
-        const ncgen_real x329 = x328 - R(0.7180993120031693) - R(0.5547001275152568) * body1_across_x;
-        constraints[55] = x329;
+        const ncgen_real x333 = B9_x - R(1.6667736465720742) * C1_x + R(0.6667736465720743) * B1_x;
+        const ncgen_real x334 = x333 - R(0.7180993120031693) - R(0.5547001275152568) * body1_across_x;
+        constraints[55] = x334;
         constraints[378] = NCGEN_SPLAT(-R(1.6667736465720742));
         constraints[379] = NCGEN_SPLAT(R(0.6667736465720743));
         constraints[380] = NCGEN_SPLAT(-R(0.5547001275152568));
         constraints[381] = NCGEN_SPLAT(R(1.0));
         constraints[460] = NCGEN_SPLAT(R(0.0));
         /* row 57: combination B9.y (body1): (e - c a x b).y = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
-        const ncgen_real x330 = B9_y - R(1.6667736465720742) * C1_y + R(0.6667736465720743) * B1_y;
-        const ncgen_real x331 = x330 + R(0.1508595985290883) - R(0.5547001275152568) * body1_across_y;
-        constraints[56] = x331;
+        const ncgen_real x335 = B9_y - R(1.6667736465720742) * C1_y + R(0.6667736465720743) * B1_y;
+        const ncgen_real x336 = x335 + R(0.1508595985290883) - R(0.5547001275152568) * body1_across_y;
+        constraints[56] = x336;
         constraints[382] = NCGEN_SPLAT(-R(1.6667736465720742));
         constraints[383] = NCGEN_SPLAT(R(0.6667736465720743));
         constraints[384] = NCGEN_SPLAT(-R(0.5547001275152568));
         constraints[385] = NCGEN_SPLAT(R(1.0));
         constraints[461] = NCGEN_SPLAT(R(0.0));
         /* row 58: combination B9.z (body1): (e - c a x b).z = 0 with e = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, a = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, b = B9-1.66677*C1+0.666774*B1+0.733969*u1-0.5547*body1.across, c = 0 */
-        const ncgen_real x332 = B9_z - R(1.6667736465720742) * C1_z + R(0.6667736465720743) * B1_z;
-        const ncgen_real x333 = x332 - R(0.016897391096381588) - R(0.5547001275152568) * body1_across_z;
-        constraints[57] = x333;
+        const ncgen_real x337 = B9_z - R(1.6667736465720742) * C1_z + R(0.6667736465720743) * B1_z;
+        const ncgen_real x338 = x337 - R(0.01689739109638159) - R(0.5547001275152568) * body1_across_z;
+        constraints[57] = x338;
         constraints[386] = NCGEN_SPLAT(-R(1.6667736465720742));
         constraints[387] = NCGEN_SPLAT(R(0.6667736465720743));
         constraints[388] = NCGEN_SPLAT(-R(0.5547001275152568));
@@ -3417,54 +3425,54 @@ int tree_constraints(ncgen_real t, const ncgen_real *NCGEN_RESTRICT q, const ncg
         constraints[462] = NCGEN_SPLAT(R(0.0));
         /* row 59: combination D2.x (body6): (e - c a x b).x = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
         const ncgen_real D2_x = q[68];
-        const ncgen_real x334 = D2_x - R(3.6345826421390472) + R(1.1797513083191438) * B6_x;
-        const ncgen_real x335 = x334 - R(0.42334342325374547) - R(0.40564427130721065) * u7_x;
-        constraints[58] = x335;
-        constraints[390] = NCGEN_SPLAT(R(1.1797513083191438));
+        const ncgen_real x339 = D2_x - R(3.6345826421390472) + R(1.179751308319144) * B6_x;
+        const ncgen_real x340 = x339 - R(0.42334342325374547) - R(0.40564427130721065) * u7_x;
+        constraints[58] = x340;
+        constraints[390] = NCGEN_SPLAT(R(1.179751308319144));
         constraints[391] = NCGEN_SPLAT(-R(0.40564427130721065));
         constraints[392] = NCGEN_SPLAT(R(1.0));
         constraints[463] = NCGEN_SPLAT(R(0.0));
         /* row 60: combination D2.y (body6): (e - c a x b).y = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
         const ncgen_real D2_y = q[69];
-        const ncgen_real x336 = D2_y + R(0.3105196606951187) + R(1.1797513083191438) * B6_y;
-        const ncgen_real x337 = x336 - R(0.39145841701607964) - R(0.40564427130721065) * u7_y;
-        constraints[59] = x337;
-        constraints[393] = NCGEN_SPLAT(R(1.1797513083191438));
+        const ncgen_real x341 = D2_y + R(0.31051966069511877) + R(1.179751308319144) * B6_y;
+        const ncgen_real x342 = x341 - R(0.39145841701607964) - R(0.40564427130721065) * u7_y;
+        constraints[59] = x342;
+        constraints[393] = NCGEN_SPLAT(R(1.179751308319144));
         constraints[394] = NCGEN_SPLAT(-R(0.40564427130721065));
         constraints[395] = NCGEN_SPLAT(R(1.0));
         constraints[464] = NCGEN_SPLAT(R(0.0));
         /* row 61: combination D2.z (body6): (e - c a x b).z = 0 with e = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, a = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, b = D2-2.17975*A6+1.17975*B6+0.725806*u6-0.405644*u7, c = 0 */
         const ncgen_real D2_z = q[70];
-        const ncgen_real x338 = D2_z + R(0.10063138690472812) + R(1.1797513083191438) * B6_z;
-        const ncgen_real x339 = x338 + R(0.44083513777648864) - R(0.40564427130721065) * u7_z;
-        constraints[60] = x339;
-        constraints[396] = NCGEN_SPLAT(R(1.1797513083191438));
+        const ncgen_real x343 = D2_z + R(0.10063138690472814) + R(1.179751308319144) * B6_z;
+        const ncgen_real x344 = x343 + R(0.44083513777648864) - R(0.40564427130721065) * u7_z;
+        constraints[60] = x344;
+        constraints[396] = NCGEN_SPLAT(R(1.179751308319144));
         constraints[397] = NCGEN_SPLAT(-R(0.40564427130721065));
         constraints[398] = NCGEN_SPLAT(R(1.0));
         constraints[465] = NCGEN_SPLAT(R(0.0));
         /* row 62: 1000 distance B3-D2 (user model): |a|^2 - L^2 = 0 with a = B3-D2, L = 1.45801 */
-        const ncgen_real x340 = B3_x - D2_x;
-        const ncgen_real x341 = B3_y - D2_y;
-        const ncgen_real x342 = B3_z - D2_z;
-        const ncgen_real x343 = x340 * x340 + x341 * x341 + x342 * x342 - R(2.125793325415224);
-        constraints[61] = R(0.3429331627069827) * x343;
-        const ncgen_real x344 = R(0.6858663254139654) * x340;
-        constraints[399] = x344;
-        const ncgen_real x345 = R(0.6858663254139654) * x341;
-        constraints[400] = x345;
-        const ncgen_real x346 = R(0.6858663254139654) * x342;
-        constraints[401] = x346;
-        constraints[402] = -x344;
-        constraints[403] = -x345;
-        constraints[404] = -x346;
+        const ncgen_real x345 = B3_x - D2_x;
+        const ncgen_real x346 = B3_y - D2_y;
+        const ncgen_real x347 = B3_z - D2_z;
+        const ncgen_real x348 = x345 * x345 + x346 * x346 + x347 * x347 - R(2.125793325415224);
+        constraints[61] = R(0.3429331627069827) * x348;
+        const ncgen_real x349 = R(0.6858663254139654) * x345;
+        constraints[399] = x349;
+        const ncgen_real x350 = R(0.6858663254139654) * x346;
+        constraints[400] = x350;
+        const ncgen_real x351 = R(0.6858663254139654) * x347;
+        constraints[401] = x351;
+        constraints[402] = -x349;
+        constraints[403] = -x350;
+        constraints[404] = -x351;
         const ncgen_real dD2_x = qd[68];
-        const ncgen_real x347 = dB3_x - dD2_x;
+        const ncgen_real x352 = dB3_x - dD2_x;
         const ncgen_real dD2_y = qd[69];
-        const ncgen_real x348 = dB3_y - dD2_y;
+        const ncgen_real x353 = dB3_y - dD2_y;
         const ncgen_real dD2_z = qd[70];
-        const ncgen_real x349 = dB3_z - dD2_z;
-        const ncgen_real x350 = R(0.6858663254139654) * (x347 * x347 + x348 * x348 + x349 * x349);
-        constraints[466] = -x350;
+        const ncgen_real x354 = dB3_z - dD2_z;
+        const ncgen_real x355 = R(0.6858663254139654) * (x352 * x352 + x353 * x353 + x354 * x354);
+        constraints[466] = -x355;
     }
 
     return NCGEN_OK;
@@ -3609,26 +3617,26 @@ static const char *const tree_row_names[] = {
 };
 
 static const ncgen_scalar tree_initial_position[] = {
-    R(0.12057859077284366), -R(0.07917979858642832), -R(0.10716027224425073),
-    R(0.3357481157353335), R(0.026316056923382403), -R(0.36976685138863635),
-    R(0.022530126777680622), -R(0.004733169665640007), -R(0.9997349601230809),
-    R(0.2791334414420854), R(0.9425523009770954), -R(0.18352024899580077), R(0.5021311432499596),
-    -R(0.010666152986855977), -R(0.30663812262441836), R(0.5854566440731734),
-    R(0.4920555826438416), -R(0.49439205385329615), R(0.7822289935132852), R(0.04368481187190587),
-    R(0.052038540816059714), R(0.427623619598443), -R(0.11266650563271988), R(0.03028385018114844),
-    -R(0.120813703405434), R(0.5587099662848283), -R(0.8205164365468067), R(0.7466280205391259),
-    R(0.2484384514840847), -R(0.12805910803617343), -R(0.36110053335992875),
-    -R(0.1615094938667467), -R(0.9184340412888029), R(0.7794162485663987), -R(0.38182176173353244),
-    -R(0.33748267306356894), R(1.8214991075131297), R(0.10862103890287789), -R(0.5369075118256328),
-    -R(0.14086944024513562), -R(0.6699438066897242), -R(0.7289246165983856),
-    -R(0.6608433052195238), -R(0.48460210576324775), R(0.5731028921898416), R(2.2281929468710633),
-    -R(0.08609297646315003), -R(0.3564195728300402), -R(0.3536016068163979), R(0.7898364927303637),
-    -R(0.5011229573749936), R(2.2524287918244865), R(0.38411673436198446), -R(0.2983299352167507),
-    R(0.5793841406486662), R(0.5361804939452548), R(0.6138603224491948), R(0.897356147236082),
-    -R(0.2726764319118269), -R(0.2125247752758573), R(0.7077059981821071), -R(0.30300674320911564),
-    -R(0.4697168446196822), R(0.3680289528610501), -R(0.8441033573636718), R(0.3899284702908681),
-    R(1.5707963267948966), R(0.20356079912308328), R(1.8518672287643323), -R(0.3189659237171258),
-    -R(0.20373328009649033)
+    R(0.12057859077284361), -R(0.0791797985864283), -R(0.10716027224425075), R(0.3357481157353334),
+    R(0.026316056923382417), -R(0.36976685138863635), R(0.02253012677768063),
+    -R(0.004733169665640009), -R(0.999734960123081), R(0.2791334414420854), R(0.9425523009770954),
+    -R(0.18352024899580077), R(0.5021311432499596), -R(0.010666152986855963),
+    -R(0.30663812262441836), R(0.5854566440731734), R(0.4920555826438416), -R(0.49439205385329615),
+    R(0.7822289935132852), R(0.04368481187190587), R(0.052038540816059714), R(0.427623619598443),
+    -R(0.11266650563271988), R(0.03028385018114844), -R(0.120813703405434), R(0.5587099662848283),
+    -R(0.8205164365468067), R(0.7466280205391259), R(0.2484384514840847), -R(0.12805910803617343),
+    -R(0.3611005333599287), -R(0.16150949386674668), -R(0.9184340412888028), R(0.7794162485663987),
+    -R(0.38182176173353244), -R(0.33748267306356894), R(1.8214991075131297),
+    R(0.10862103890287786), -R(0.5369075118256328), -R(0.14086944024513562),
+    -R(0.6699438066897242), -R(0.7289246165983856), -R(0.6608433052195238),
+    -R(0.48460210576324775), R(0.5731028921898416), R(2.2281929468710633), -R(0.08609297646315003),
+    -R(0.3564195728300403), -R(0.3536016068163979), R(0.7898364927303637), -R(0.5011229573749936),
+    R(2.2524287918244865), R(0.38411673436198446), -R(0.2983299352167507), R(0.5793841406486661),
+    R(0.5361804939452548), R(0.6138603224491946), R(0.897356147236082), -R(0.2726764319118269),
+    -R(0.21252477527585734), R(0.707705998182107), -R(0.30300674320911564),
+    -R(0.46971684461968227), R(0.3680289528610499), -R(0.8441033573636716), R(0.3899284702908681),
+    R(1.5707963267948966), R(0.20356079912308322), R(1.8518672287643323), -R(0.31896592371712584),
+    -R(0.2037332800964904)
 };
 
 static const int tree_phi_q_indptr[63] = {
@@ -3692,7 +3700,7 @@ const ncgen_model *tree_model(void)
         .struct_size = (unsigned)sizeof(ncgen_model),
         .real_size = (unsigned)sizeof(ncgen_real),
         .name = "tree",
-        .fingerprint = "0768645dead997e3",
+        .fingerprint = "22f12e6356ca35c5",
         .n_coordinates = 71,
         .n_rows = 62,
         .n_parameters = 0,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import Floating, ModelName, err, out, progress
+from ncgen.cli.terminal import Floating, Having, ModelName, err, of_robots, out, progress
 from ncgen.errors import ModelError
 from ncgen.exchange.export import targets
 
@@ -40,6 +40,7 @@ def convert(
     model: ModelName,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="file to write [default: print]")] = None,
     floating: Floating = None,
+    having: Having = None,
 ) -> None:
     """Write a model as a TOML file, or where the file's name ends with .sdf or .xml as a robot's, an open tree with .urdf, too."""
     from ncgen.emit.sources import write_text
@@ -47,7 +48,7 @@ def convert(
     from ncgen.exchange.robots import WRITTEN, robot_text
     from ncgen.exchange.toml_writer import to_toml
 
-    loaded = load(model, floating=floating)
+    loaded = load(model, **of_robots(floating, having))
     suffix = output.suffix.lower() if output else ""
     text = robot_text(loaded, suffix) if suffix in WRITTEN else to_toml(loaded)
     if output is None:
@@ -68,12 +69,13 @@ def export(
         ),
     ] = None,
     floating: Floating = None,
+    having: Having = None,
 ) -> None:
     """Write a mechanism for use without Python: a folder that builds and runs by its own README."""
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export as written
 
-    loaded = load(model, floating=floating)
+    loaded = load(model, **of_robots(floating, having))
     with progress(f"exporting {loaded.name}", None):
         paths = written(loaded, to, output or Path(f"{loaded.name}-{to}"), platform or ())
     for path in paths:

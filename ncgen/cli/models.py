@@ -11,7 +11,7 @@ import typer
 
 from ncgen.cli.assignments import assigned, beside_its_own
 from ncgen.cli.completion import words_of
-from ncgen.cli.terminal import Backend, Emission, Floating, Json, ModelName, err, out, progress
+from ncgen.cli.terminal import Backend, Emission, Floating, Having, Json, ModelName, err, of_robots, out, progress
 from ncgen.errors import Interrupted
 
 if TYPE_CHECKING:
@@ -39,6 +39,7 @@ def inspect(
     along: Annotated[Path | None, typer.Option(help="a trajectory.npz: show how healthy that motion is")] = None,
     json_output: Json = False,
     floating: Floating = None,
+    having: Having = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
 ) -> None:
@@ -49,7 +50,7 @@ def inspect(
     from ncgen.report.screen import show_inspection
 
     recorded = None if along is None else Recorded.read(along)
-    kernels, _, seconds = _compiled(model, floating, backend, emission)
+    kernels, _, seconds = _compiled(model, of_robots(floating, having), backend, emission)
     if recorded is not None:
         health = recorded.health(kernels)
         if json_output:
@@ -73,13 +74,14 @@ def generate(
     model: ModelName,
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the sources [default: generated/MODEL]")] = None,
     floating: Floating = None,
+    having: Having = None,
     emission: Emission = "auto",
 ) -> None:
     """Write the C and NumPy sources of a model."""
     from ncgen.compiler import generate as sources_of
     from ncgen.exchange.examples import load
 
-    loaded = load(model, floating=floating)
+    loaded = load(model, **of_robots(floating, having))
     folder = output or Path("generated") / loaded.name
     for path in sources_of(loaded, emission).write(folder):
         out.print(str(path), markup=False)
@@ -110,6 +112,7 @@ def run(
     max_step: Annotated[float | None, typer.Option(help="longest step, or the step of methods with a fixed one (s)")] = None,
     points: Annotated[int | None, typer.Option(help="instants in the trajectory [default: 101]")] = None,
     floating: Floating = None,
+    having: Having = None,
     backend: Backend = "auto",
     emission: Emission = "auto",
     output: Annotated[Path | None, typer.Option("--output", "-o", help="folder for the files [default: MODEL-output]")] = None,
@@ -139,7 +142,7 @@ def run(
         if backend != "numpy" and engine != "python":
             runtime.start()
 
-    kernels, sources, seconds = _compiled(model, floating, backend, emission, check)
+    kernels, sources, seconds = _compiled(model, of_robots(floating, having), backend, emission, check)
     found = freedom(kernels)
     if runtime.is_alive():
         with progress("compiling the runtime", None):
@@ -167,11 +170,11 @@ def run(
 
 
 def _compiled(
-    name: str, floating: bool | None, backend: str, emission: str, check: Callable[[Model], object] | None = None
+    name: str, words: dict[str, Any], backend: str, emission: str, check: Callable[[Model], object] | None = None
 ) -> tuple[Kernels, Sources, dict[str, float]]:
     """Kernels, sources and the seconds of every stage, with the stages shown while they run.
 
-    check: of the model, before anything is made of it
+    words: what `ncgen.load` is told of a robot; check: of the model, before anything is made of it
     """
     from ncgen.compiler import Timings, check_words, compile, sources_of
     from ncgen.exchange.examples import load
@@ -179,7 +182,7 @@ def _compiled(
     check_words(backend, emission)
     timings = Timings()
     with progress(f"generating and compiling {name}", None):
-        model = timings.stage("model", lambda: load(name, floating=floating))
+        model = timings.stage("model", lambda: load(name, **words))
         if check:
             check(model)
         sources = sources_of(model, emission, timings)

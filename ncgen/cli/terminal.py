@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 from rich.console import Console
@@ -13,7 +13,7 @@ from ncgen.cli.completion import models, words_of
 from ncgen.errors import ModelError
 from ncgen.report.bar import err, progress, timed
 
-__all__ = ["err", "out", "progress", "timed", "writable"]
+__all__ = ["err", "of_robots", "out", "progress", "timed", "writable"]
 
 out = Console(highlight=False, soft_wrap=True)
 
@@ -24,11 +24,26 @@ ModelName = Annotated[
 Floating = Annotated[
     bool | None, typer.Option("--floating/--fixed", help="a robot's base moves freely, or is ground [default: its file's]")
 ]
+JOINTS = ("limits", "friction")
+"""What a robot's joints have where it is asked for, by the names of `ncgen.load`."""
+
+Having = Annotated[
+    list[str] | None,
+    typer.Option("--with", help="limits or friction of a robot's joints, as its file says; may be repeated", autocompletion=lambda: JOINTS),
+]
 Json = Annotated[bool, typer.Option("--json", help="print one JSON object")]
 Backend = Annotated[str, typer.Option(help="auto, c or numpy", autocompletion=words_of("ncgen.compiler", "BACKENDS"))]
 Emission = Annotated[str, typer.Option(help="auto, tabled or unrolled", autocompletion=words_of("ncgen.program.programs", "EMISSIONS"))]
 
 PICTURES = (".svg", ".png")
+
+
+def of_robots(floating: bool | None, having: list[str] | None) -> dict[str, Any]:
+    """What `ncgen.load` is told of a robot. Raises ModelError naming a word that --with does not know."""
+    for word in having or ():
+        if word not in JOINTS:
+            raise ModelError(f"--with {word}: a robot's joints can have {' or '.join(JOINTS)}")
+    return {"floating": floating, **{word: True for word in having or ()}}
 
 
 def writable(option: str, path: Path | None, suffixes: tuple[str, ...] = ()) -> None:

@@ -125,11 +125,13 @@ def test_mjcf(tmp_path):
     assert mesh.file == str(tmp_path / "hand.obj") and gaps.max() < 1e-6
 
 
-@pytest.mark.parametrize(("suffix", "hidden"), [(".urdf", 0), (".sdf", 1)])
+@pytest.mark.parametrize(("suffix", "hidden"), [(".urdf", 0), (".sdf", 1), (".xml", 0)])
 def test_shapes_go_out_and_come_back(tmp_path, suffix, hidden):
     """Where they were, with their sizes and colours. What rests is the world in SDF, which has no shapes there."""
-    (tmp_path / "hand.stl").write_text(TRIANGLE)
-    text = URDF.replace("package://looks/meshes/hand.stl", "hand.stl")
+    if suffix == ".xml":
+        pytest.importorskip("mujoco")
+    (tmp_path / "hand.obj").write_text(OBJ)
+    text = URDF.replace("package://looks/meshes/hand.stl", "hand.obj")
     first = loaded(tmp_path, "looking.urdf", text)
     second = loaded(tmp_path, f"back{suffix}", robot_text(first, suffix))
     assert [solid.kind for solid in second.drawing.solids] == ["box", "cylinder", "mesh", "ellipsoid"][hidden:]

@@ -113,6 +113,28 @@ def test_a_mimic_follows(write):
     np.testing.assert_allclose(two, -2 * one, atol=1e-12)
 
 
+GEARS = """<link name="wheel"><inertial><pose>0.2 0 0 0 0 0</pose><mass>2</mass><inertia><iyy>0.3</iyy></inertia></inertial></link>
+<link name="pinion"><pose>1 0 0 0 0 0</pose><inertial><mass>1</mass><inertia><iyy>0.05</iyy></inertia></inertial></link>
+<joint name="slow" type="revolute"><parent>world</parent><child>wheel</child><axis><xyz>0 -1 0</xyz></axis></joint>
+<joint name="fast" type="revolute"><parent>world</parent><child>pinion</child><axis><xyz>0 1 0</xyz>{}</axis></joint>"""
+GEARBOX = """<joint name="gears" type="gearbox"><parent>wheel</parent><child>pinion</child><gearbox_ratio>4</gearbox_ratio>
+<gearbox_reference_body>world</gearbox_reference_body><axis><xyz>0 1 0</xyz></axis><axis2><xyz>0 1 0</xyz></axis2></joint>"""
+MIMIC = '<mimic joint="slow"><multiplier>4</multiplier><offset>0.3</offset><reference>0.075</reference></mimic>'
+
+
+@pytest.mark.parametrize("inside", [GEARS.format("") + GEARBOX, GEARS.format(MIMIC)])
+def test_gears_of_sdf(write, inside):
+    """θ₂ = −4 θ₁ about one axis: the coordinates, about opposite ones, are 1 : 4, and (I₁ + 16 I₂) ψ̈ = −m g l cos ψ."""
+    kernels = ncgen.compile(ncgen.load(write(SDF.format(inside), "m.sdf")), "numpy")
+    assert ncgen.freedom(kernels).dof == 1
+    run = ncgen.simulate(kernels, 0.6, rtol=1e-10, points=13)
+    assert np.ptp(run["slow"]) > 0.1
+    np.testing.assert_allclose(run["fast"], 4 * run["slow"], rtol=0, atol=1e-12)
+    inertia = 0.3 + 2 * 0.2**2 + 16 * 0.05
+    speed = np.sqrt(2 * 2 * 9.81 * 0.2 * -np.sin(run["slow"]) / inertia)
+    np.testing.assert_allclose(np.abs(run["rate(slow)"]), speed, rtol=0, atol=1e-8)
+
+
 def test_hinges_on_one_axis_hang_one_after_the_other(write):
     """The second of two bodies that turn about one line hangs on the first, not on what carries both."""
     text = TWO.replace('<origin xyz="1 0 0"/>', "")
@@ -197,7 +219,12 @@ BAD_SDF = [
     ('<sdf version="1.7"/>', "0 models; a robot's file has one"),
     (SDF.format(""), "<model> has no <link>"),
     (SDF.format("<include/>"), "included files are not read; write its links and joints out"),
-    (SDF.format(LINKS + JOINT.format("gearbox", "")), "joint j: the type 'gearbox' is not read; known are fixed, revolute"),
+    (SDF.format(LINKS + JOINT.format("piston", "")), "joint j: the type 'piston' is not read; known are fixed, revolute"),
+    (SDF.format(LINKS + JOINT.format("gearbox", "")), "<joint> has no <gearbox_reference_body>; give it one"),
+    (
+        SDF.format(LINKS + JOINT.format("gearbox", "<gearbox_reference_body>b</gearbox_reference_body><axis><xyz>0 1 0</xyz></axis>")),
+        "joint j: no hinge along its axis joins its parent 'a' to 'b'; give it one",
+    ),
     (SDF.format(LINKS + JOINT.format("revolute", "")), "joint j: it has no axis; give it one"),
     (SDF.format(LINKS + JOINT.format("revolute", "<axis><xyz>0 0 0</xyz></axis>")), "joint j: its axis is 0 0 0"),
     (SDF.format('<link name="a"/>' + JOINT.format("ball", "")), "joint j: its child 'b' is no link of this model"),
@@ -244,9 +271,9 @@ def test_check_tells_all_that_is_wrong(write):
     assert [problem.partition(": no body has")[0] for problem in problems] == ["two.urdf, line 3: body b", "two.urdf, line 4: body c"]
     model, problems = checked(write(TWO))
     assert model is not None and problems == []
-    joints = JOINT.format("revolute", "") + JOINT.format("gearbox", "").replace('"j"', '"k"')
+    joints = JOINT.format("revolute", "") + JOINT.format("piston", "").replace('"j"', '"k"')
     _, problems = checked(write(SDF.format(LINKS + joints), "m.sdf"))
-    assert ["has no axis" in problems[0], "'gearbox' is not read" in problems[1], len(problems)] == [True, True, 2]
+    assert ["has no axis" in problems[0], "'piston' is not read" in problems[1], len(problems)] == [True, True, 2]
 
 
 def test_meshes_that_are_not_there_are_nothing_to_motion(write):

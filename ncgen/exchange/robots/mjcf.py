@@ -7,6 +7,7 @@ armatures are rotors. Coordinates are 0 in the position that the file describes.
 from __future__ import annotations
 
 import warnings
+from collections.abc import Mapping
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -15,12 +16,12 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from ncgen.errors import ModelError, NcgenError
-from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, seen, shape, unseen
+from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung
 from ncgen.exchange.robots.written import document, element
-from ncgen.exchange.text import placed
+from ncgen.exchange.text import is_file, placed
 from ncgen.model.arithmetic import unit
 
 Compiled: TypeAlias = Any
@@ -45,6 +46,9 @@ LAST_SEEN = 2
 
 GREY = [0.5, 0.5, 0.5, 1.0]
 """The colour of what has none."""
+
+MESHES = (".stl", ".obj", ".msh")
+"""Files with meshes that MuJoCo reads."""
 
 LEAST = 1e-15
 """MuJoCo's smallest mass and moment of inertia."""
@@ -244,15 +248,40 @@ def text_of(robot: Robot) -> str:
         carried[joint.parent].append(joint)
         frames[joint.child] = frames[joint.parent] @ joint.placement
 
+    meshes = dict.fromkeys((shape.file, shape.sizes) for link in robot.links.values() for shape in _written(link))
+    names = {mesh: f"mesh{number}" for number, mesh in enumerate((mesh for mesh in meshes if mesh[0]), 1)}
+
+    def geoms(name: str) -> list[str]:
+        return [_geom_text(shape, names) for shape in _written(robot.links[name])]
+
     def body(joint: Joint) -> str:
-        parts = [*_joint_text(joint), *_inertial(robot.links[joint.child]), *map(body, carried[joint.child])]
+        own = joint.child
+        parts = [*_joint_text(joint), *_inertial(robot.links[own]), *geoms(own), *map(body, carried[own])]
         return element("body", parts, name=joint.child, pos=joint.placement.position, quat=joint.placement.quaternion)
 
     compiler = element("compiler", angle="radian", inertiafromgeom="false")
-    parts = [compiler, element("option", gravity=robot.gravity), element("worldbody", map(body, carried[robot.root]))]
+    parts = [compiler, element("option", gravity=robot.gravity)]
+    if names:
+        parts.append(element("asset", [element("mesh", name=name, file=file, scale=scale) for (file, scale), name in names.items()]))
+    parts.append(element("worldbody", [*geoms(robot.root), *map(body, carried[robot.root])]))
     if robot.loops:
         parts.append(element("equality", [text for loop in robot.loops for text in _loop_text(loop, frames, robot.root)]))
     return document(element("mujoco", parts, model=robot.name))
+
+
+def _written(link: Link) -> list[Shape]:
+    """The shapes of a link that the format can say: meshes are there, and in a format that MuJoCo reads."""
+    return [shape for shape in link.shapes if not shape.file or (Path(shape.file).suffix.lower() in MESHES and is_file(Path(shape.file)))]
+
+
+def _geom_text(shape: Shape, meshes: Mapping[tuple[str, tuple[float, ...]], str]) -> str:
+    """To look at only: without mass, and it touches nothing."""
+    halves = {"cylinder": (1.0, 0.5), "box": (0.5, 0.5, 0.5)}
+    sizes = [factor * size for factor, size in zip(halves.get(shape.kind, (1.0,) * len(shape.sizes)), shape.sizes, strict=True)]
+    said: dict[str, Any] = {"mesh": meshes[shape.file, shape.sizes]} if shape.file else {"size": sizes}
+    said |= {"rgba": rgba_of(shape.colour)} if shape.colour else {}
+    place = {"pos": shape.placement.position, "quat": shape.placement.quaternion}
+    return element("geom", type=shape.kind, **said, **place, mass=0.0, contype=0.0, conaffinity=0.0, group=1.0)
 
 
 def _loop_text(loop: Joint, frames: dict[str, Placement], root: str) -> list[str]:

@@ -17,8 +17,9 @@ from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
 from ncgen.exchange.robots.markup import Markup, refusals
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung, unique
+from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung, unique
 from ncgen.exchange.robots.written import document, element, number_text
+from ncgen.model.arithmetic import dot
 
 KINDS = {
     "fixed": "fixed", "revolute": "revolute", "continuous": "revolute", "prismatic": "prismatic", "ball": "spherical",
@@ -31,11 +32,17 @@ OMITTED = {
 }  # fmt: skip
 """What is not modelled: tags, and words for them."""
 
+GEARBOX = "gearbox"
+"""The joint type that moves nothing: it couples two hinges."""
+
 ACTING, FORCES = ("revolute", "continuous", "prismatic", "screw"), ("damping", "spring_stiffness")
 """Joints that have one coordinate, along which something can act, and what can."""
 
 UNLIMITED = 1e15
 """Limits beyond this are none."""
+
+ALIGNED = 1 - 1e-9
+"""Cosine of the angle from which on two axes are one."""
 
 WORLD, MODEL = "world", "__model__"
 
@@ -60,7 +67,7 @@ def problems_of(root: Markup, path: Path) -> list[str]:
     if len(models) != 1:
         return []
     reader = _Reader(root, world, models[0], path)
-    return [*refusals(reader._link, models[0].all("link")), *refusals(reader._joint, models[0].all("joint"))]
+    return [*refusals(reader._link, models[0].all("link")), *refusals(reader._joint, reader.moving)]
 
 
 class _Reader:
@@ -69,13 +76,15 @@ class _Reader:
         self.looks: list[Shape | Unseen] = []
         self.version = tuple(int(part) for part in root.attributes.get("version", "1.7").split(".") if part.isdigit())
         self.named = {each.name(): each for each in (*model.all("link"), *model.all("joint"), *model.all("frame"))}
+        gears = [each for each in model.all("joint") if each.attributes.get("type") == GEARBOX]
+        self.gears, self.moving = gears, [each for each in model.all("joint") if each not in gears]
         self.known: dict[str, Placement] = {MODEL: Placement()}
         self.stands = _pose(model.first("pose"))
         self.waiting: list[str] = []
 
     def robot(self) -> Robot:
         links = [self._link(each) for each in self.model.all("link")]
-        joints = [self._joint(each) for each in self.model.all("joint")]
+        joints = [self._joint(each) for each in self.moving]
         if not links:
             self.model.refuse("<model> has no <link>; give it one")
         unique(links, "link")
@@ -87,7 +96,8 @@ class _Reader:
             links.insert(0, Link(WORLD, None))
         gravity = self.world.first("gravity")
         field = gravity.content(3) if gravity is not None else (0.0, 0.0, -9.81)
-        return self._tree(links, joints, (field[0], field[1], field[2]), floats)
+        gears = tuple(self._gear(each, joints) for each in self.gears)
+        return replace(self._tree(links, joints, (field[0], field[1], field[2]), floats), rows=gears)
 
     def _tree(self, links: list[Link], joints: list[Joint], gravity: tuple[float, float, float], floats: bool) -> Robot:
         """The first joint of every link carries it, others close loops."""
@@ -170,7 +180,7 @@ class _Reader:
         """With its own placement in the model in place of that in its parent."""
         name, kind = each.name(), each.name("type")
         if kind not in KINDS:
-            each.refuse(f"joint {name}: the type {shown(kind)} is not read; known are {', '.join(KINDS)}")
+            each.refuse(f"joint {name}: the type {shown(kind)} is not read; known are {', '.join((*KINDS, GEARBOX))}")
         ends = {tag: each.only(tag).text.strip() for tag in ("parent", "child")}
         for tag, link in ends.items():
             if link != WORLD and (link not in self.named or self.named[link].tag != "link"):
@@ -192,8 +202,24 @@ class _Reader:
             pitch=pitch.content(1)[0] if pitch else 0.0,
             limits=_limits(axis) if kind in ACTING else None,
             friction=_number(dynamics, "friction"),
+            mimic=_mimic(axis) if kind in ACTING else None,
             where=each.place,
         )
+
+    def _gear(self, each: Markup, joints: list[Joint]) -> Coupling:
+        """The child's angle beside the reference body is −ratio times the parent's, each about an axis of the gearbox's own."""
+        name, body = each.name(), each.only("gearbox_reference_body").text.strip()
+        shares: dict[str, float] = {}
+        for tag, axis, share in (("parent", "axis", _number(each, "gearbox_ratio", 1.0)), ("child", "axis2", 1.0)):
+            link = each.only(tag).text.strip()
+            about = self._place(name).along(self._axis(each, each.first(axis)))
+            hinges = (joint for joint in joints if joint.kind == "revolute" and {joint.parent, joint.child} == {link, body})
+            along = {joint.name: dot(joint.placement.along(joint.axis), about) * (1 if joint.child == link else -1) for joint in hinges}
+            hinge = next((joint for joint, cosine in along.items() if abs(cosine) > ALIGNED), None)
+            if hinge is None:
+                each.refuse(f"joint {name}: no hinge along its {axis} joins its {tag} {shown(link)} to {shown(body)}; give it one")
+            shares[hinge] = shares.get(hinge, 0.0) + share * float(np.sign(along[hinge]))
+        return Coupling(name, shares, where=each.place)
 
     def _axis(self, joint: Markup, axis: Markup | None) -> np.ndarray:
         """In the joint's frame."""
@@ -208,6 +234,15 @@ class _Reader:
         if self.version <= (1, 4) or (flag is not None and flag.text.strip() in ("1", "true")):
             base = MODEL
         return found if base is None else self._place(joint.name()).inverse().along(self._place(base).along(found))
+
+
+def _mimic(axis: Markup | None) -> Mimic | None:
+    """Which joint an axis follows (SDF 1.10 on)."""
+    said = axis.first("mimic") if axis is not None else None
+    if said is None:
+        return None
+    factor = _number(said, "multiplier", 1.0)
+    return Mimic(said.name("joint"), factor, _number(said, "offset") - factor * _number(said, "reference"))
 
 
 def _limits(axis: Markup | None) -> tuple[float, float] | None:
