@@ -174,3 +174,23 @@ def test_completion_in_bash(folder):
     code = "import sys; sys.argv = ['ncgen']; from ncgen.cli import main; main()"
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=60)
     assert done.stdout.split() == ["slidercrank", "slidercrank3d"]
+
+
+STOPPED = """<robot name="bar"><link name="a"/>
+<link name="b"><inertial><origin xyz="0.5 0 0"/><mass value="2"/><inertia ixx="0.01" iyy="0.3" izz="0.3"/></inertial></link>
+<joint name="hinge" type="revolute"><parent link="a"/><child link="b"/><axis xyz="0 -1 0"/>
+<limit lower="-0.4" upper="1.1" effort="1" velocity="1"/><dynamics friction="1.5"/></joint></robot>"""
+
+
+def test_stops_and_friction_of_a_robot(ncgen_main, folder):
+    """What is asked for is no longer left out; a bar with a stop at −0.4 rad comes to rest there."""
+    Path("bar.urdf").write_text(STOPPED, encoding="utf-8")
+    omitted = json.loads(ncgen_main("inspect", "bar.urdf", "--with", "limits", "--json").out)["omitted"]
+    assert [what for what in omitted if "not modelled" in what] == ["friction of joints (1): not modelled"]
+    both = "--with", "limits", "--with", "friction"
+    said = ncgen_main("run", "bar.urdf", *both, "--duration", "3", "--rtol", "1e-6", "--no-files", "--json")
+    assert json.loads(said.out)["final"]["hinge"] == pytest.approx(-0.4, abs=2e-3)
+    refused = ncgen_main("convert", "bar.urdf", "--with", "limit")
+    assert refused.code == 2 and refused.err.strip() == "ncgen: --with limit: a robot's joints can have limits or friction"
+    refused = ncgen_main("convert", "pendulum", "--with", "limits")
+    assert refused.code == 2 and "limits is for a robot's file" in refused.err

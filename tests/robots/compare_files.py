@@ -6,8 +6,8 @@ It prints a line for every file below the folders: rates, coordinates, seconds u
 largest error over 20 random states of mass matrix, gravity, Coriolis terms, forward dynamics, centroidal momentum (URDF), or of mass
 matrix, bias and passive forces (MJCF), and of the Jacobian of a point of the outermost bodies, each over 1 + the largest entry; for up to
 12 rates of URDF also of the derivatives of inverse and forward dynamics; or the reason why a file is refused. Joints that mimic others move
-by themselves here, as they do in Pinocchio. A last line counts what there was. The packages example-robot-data, gymnasium and dm_control
-have such folders.
+by themselves here, as they do in Pinocchio, and what closes loops or couples joints is left out, as it is of MuJoCo's mass matrix. A last
+line counts what there was. The packages example-robot-data, gymnasium and dm_control have such folders.
 """
 
 import sys
@@ -43,7 +43,7 @@ def line(file: Path) -> str:
     start = time.perf_counter()
     try:
         robot = read_robot(file)
-        robot = replace(robot, joints=tuple(replace(joint, mimic=None) for joint in robot.joints))
+        robot = replace(robot, joints=tuple(replace(joint, mimic=None) for joint in robot.joints), loops=(), rows=())
         model = model_of(robot)
         if not model.bodies:
             return "nothing moves"
