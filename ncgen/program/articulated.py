@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import TypeAlias
 
 from ncgen.program.composite import Inertia, massless
-from ncgen.program.space import Space, Tensor, Vector
+from ncgen.program.space import PLACES, Space, Tensor, Vector
 from ncgen.program.tree_motion import TreePlace
 
 Rows: TypeAlias = tuple[Vector, Vector, Vector]
@@ -36,17 +36,33 @@ class Articulated:
         x, y, z = (space.add(a, b) for a, b in zip(self.mixed, other.mixed, strict=True))
         return Articulated(space.plus(self.turning, other.turning), (x, y, z), space.plus(self.along, other.along))
 
+    def shifted(self, space: Space, shift: Vector | None) -> Articulated:
+        """The same about a point that is `shift` d back from the reference point: B + d × M and I + d × (B + d × M)ᵀ − B d ×."""
+        if shift is None:
+            return self
+        xx, yy, zz, xy, xz, yz = self.along
+        along = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
+        mixed = _transposed([space.add(b, space.cross(shift, m)) for b, m in zip(_transposed(self.mixed), along, strict=True)])
+        outer = _transposed([space.cross(shift, row) for row in mixed])
+        inner = [space.cross(row, shift) for row in self.mixed]
+        more = [space.graph.sub(outer[i][j], inner[i][j]) for i, j in PLACES]
+        return Articulated(space.plus(self.turning, (more[0], more[1], more[2], more[3], more[4], more[5])), mixed, self.along)
+
     def times(self, space: Space, axis: Vector, lever: Vector) -> tuple[Vector, Vector]:
         """Angular and linear momentum for a screw."""
         angular = space.add(space.turned(self.turning, axis), _times(space, self.mixed, lever))
-        x, y, z = zip(*self.mixed, strict=True)
-        return angular, space.add(_times(space, (x, y, z), axis), space.turned(self.along, lever))
+        return angular, space.add(_times(space, _transposed(self.mixed), axis), space.turned(self.along, lever))
 
     def less(self, space: Space, angular: Vector, linear: Vector, reciprocal: int) -> Articulated:
         """Without what a joint with this momentum does not pass on."""
         turned, moved = space.times(reciprocal, angular), space.times(reciprocal, linear)
         x, y, z = (space.sub(row, space.times(turned[i], linear)) for i, row in enumerate(self.mixed))
         return Articulated(space.less(self.turning, turned, angular), (x, y, z), space.less(self.along, moved, linear))
+
+
+def _transposed(rows: Sequence[Vector]) -> Rows:
+    x, y, z = zip(*rows, strict=True)
+    return x, y, z
 
 
 def _times(space: Space, rows: Rows, vector: Vector) -> Vector:
@@ -79,13 +95,14 @@ def accelerations(place: TreePlace, bodies: Sequence[Inertia | None], right: dic
             moment, force = space.add(moment, space.times(share, angular)), space.add(force, space.times(share, linear))
         parent = links[number].parent
         if parent is not None and here is not None:
-            before = beyond[parent]
+            before, here = beyond[parent], here.shifted(space, place.shift[number])
             beyond[parent] = here.plus(space, before) if before else here
+            force, moment = place.leaving(number, (force, moment))
             pull[parent] = space.add(pull[parent][0], moment), space.add(pull[parent][1], force)
     found: dict[int, int] = {}
     moving = [nothing] * len(links)
     for number, link in enumerate(links):
-        turning, lift = moving[link.parent] if link.parent is not None else nothing
+        turning, lift = place.arriving(number, moving[link.parent] if link.parent is not None else nothing)
         for k in place.own[number]:
             angular, linear, reciprocal, rest = steps[k]
             known = graph.add(space.dot(angular, turning), space.dot(linear, lift))

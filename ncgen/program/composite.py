@@ -35,6 +35,15 @@ class Inertia:
     def plus(self, space: Space, other: Inertia) -> Inertia:
         return Inertia(space.graph.add(self.mass, other.mass), space.add(self.first, other.first), space.plus(self.tensor, other.tensor))
 
+    def shifted(self, space: Space, shift: Vector | None) -> Inertia:
+        """The same about a point that is `shift` back from the reference point (Steiner)."""
+        if shift is None:
+            return self
+        graph, moved = space.graph, space.times(self.mass, shift)
+        twice = space.sum((self.first, self.first, moved))  # h dᵀ + d hᵀ + m d dᵀ, symmetric, from (2 h + m d) and d
+        spread = [graph.mul(graph.const(0.5), graph.add(graph.mul(twice[i], shift[j]), graph.mul(twice[j], shift[i]))) for i, j in PLACES]
+        return Inertia(self.mass, space.add(self.first, moved), space.plus(self.tensor, space.turning(spread)))
+
     def momentum(self, space: Space, axis: Vector, lever: Vector) -> tuple[Vector, Vector]:
         """Linear and angular momentum for the screw (axis, lever) at rate 1."""
         linear = space.add(space.times(self.mass, lever), space.cross(axis, self.first))
@@ -80,8 +89,7 @@ def inertia_of(
         return graph.sum((*spread, graph.mul(offset[i], base[j]), graph.mul(base[i], first[j])))
 
     xx, yy, zz, xy, xz, yz = (second(i, j) for i, j in PLACES)
-    turning = (graph.add(yy, zz), graph.add(xx, zz), graph.add(xx, yy), graph.neg(xy), graph.neg(xz), graph.neg(yz))
-    return Inertia(S[0][0], first, turning)
+    return Inertia(S[0][0], first, space.turning((xx, yy, zz, xy, xz, yz)))
 
 
 def _form(space: Space, form: tuple[tuple[float, tuple[Component, ...]], ...], node: Callable[[Component], int]) -> Vector:
@@ -113,12 +121,15 @@ def mass_matrix(place: TreePlace, inertias: Sequence[Inertia | None]) -> Matrix:
     H: Matrix = {}
     for number in reversed(range(len(links))):
         for k in place.own[number]:
-            linear, angular = composite[number].momentum(space, place.columns[k].axis, place.columns[k].along)
-            for j in (j for j in place.path[number] if j <= k):
-                other = place.columns[j]
+            at = {number: composite[number].momentum(space, place.columns[k].axis, place.columns[k].along)}
+            chain = place.chain(number)
+            for inner, outer in zip(chain[-2::-1], chain[:0:-1], strict=True):
+                at[inner] = place.leaving(outer, at[outer])
+            for home, j in ((link, j) for link in chain for j in place.own[link] if j <= k):
+                (linear, angular), other = at[home], place.columns[j]
                 H[k, j] = H[j, k] = space.graph.add(space.dot(other.axis, angular), space.dot(other.along, linear))
         if (parent := links[number].parent) is not None:
-            composite[parent] = composite[parent].plus(space, composite[number])
+            composite[parent] = composite[parent].plus(space, composite[number].shifted(space, place.shift[number]))
     return H
 
 

@@ -54,6 +54,7 @@ class _Joints:
         """Of a link, None for the ground."""
         if number is not None and number not in self.twists:
             before = self._twist(self.place.tree.links[number].parent)
+            before = self.place.arriving(number, before)
             self.twists[number] = self.place.turned(before, zip(self._of(number), self.place.own[number], strict=True))
         return self.twists[number]
 
@@ -93,7 +94,7 @@ class _Joints:
 
     def _beside(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""
-        twist = self._twist(self.place.tree.links[number].parent)
+        twist = self.place.arriving(number, self._twist(self.place.tree.links[number].parent))
         return self.space.sub(self._velocity(element), self.place.carried(element, number, twist))
 
     def _velocity(self, element: Spatial) -> Vector:

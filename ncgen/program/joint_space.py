@@ -78,7 +78,7 @@ def momenta(place: TreePlace) -> list[int]:
             found[6 * k : 6 * k + 6] = [*linear, *space.add(angular, space.cross(reference, linear))]
         parent = links[number].parent
         if parent is not None:
-            composite[parent] = composite[parent].plus(space, here)
+            composite[parent] = composite[parent].plus(space, here.shifted(space, place.shift[number]))
         else:
             total = graph.add(total, here.mass)
             first = space.sum((first, here.first, space.times(here.mass, reference)))

@@ -60,6 +60,12 @@ class Space:
         xx, yy, zz, xy, xz, yz = (self.graph.add(i, j) for i, j in zip(a, b, strict=True))
         return xx, yy, zz, xy, xz, yz
 
+    def turning(self, spread: Sequence[int]) -> Tensor:
+        """tr(P) 1 − P, the inertia of what lies as P = Σ m r rᵀ says: nodes xx, yy, zz, xy, xz, yz of it."""
+        add, neg = self.graph.add, self.graph.neg
+        xx, yy, zz, xy, xz, yz = spread
+        return add(yy, zz), add(xx, zz), add(xx, yy), neg(xy), neg(xz), neg(yz)
+
     def less(self, tensor: Tensor, a: Vector, b: Vector) -> Tensor:
         """The tensor without a bᵀ, of which one is a multiple of the other."""
         xx, yy, zz, xy, xz, yz = (self.graph.sub(node, self.graph.mul(a[i], b[j])) for node, (i, j) in zip(tensor, PLACES, strict=True))

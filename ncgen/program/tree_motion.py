@@ -1,8 +1,9 @@
 """How the elements of a tree of bodies move with the rates of its joints, as nodes.
 
-Everything is in global axes about one reference point a tree: the screw of a joint on axis u through r is (u, r × u), a body's twist
+Everything is in global axes about a reference point: the screw of a joint on axis u through r is (u, r × u), a body's twist
 (ω, v) the sum of its joints' screws times rates, and an element moves with v + ω × r, or ω × r where it is a vector. The reference
-is a point of the tree, taken as if it stood still, so that a mechanism far from the origin loses no digits.
+is a point of the tree, taken as if it stood still, so that a mechanism far from the origin loses no digits; nearly always one serves all
+links (`ncgen.program.references`).
 """
 
 from __future__ import annotations
@@ -13,8 +14,9 @@ from typing import TypeAlias
 
 from ncgen.model.elements import Combination, Component, Point, Spatial
 from ncgen.program.lines import Lines
+from ncgen.program.references import reference_points
 from ncgen.program.space import Space, Vector
-from ncgen.symbolic.tree import Link, Screw, Tree
+from ncgen.symbolic.tree import Screw, Tree
 
 Loads: TypeAlias = dict[int, tuple[Vector, Vector]]
 """{link: force, and moment about the reference point}."""
@@ -33,7 +35,8 @@ class TreePlace:
 
     def __init__(self, lines: Lines, tree: Tree) -> None:
         self.lines, self.tree, self.space = lines, tree, Space(lines.graph)
-        self.reference = self._references()
+        self.reference = [self.vector(point) for point in reference_points(tree, lines.equations.model.parameters)]
+        self.shift = [self._shift(number) for number in range(len(tree.links))]
         self.own, self.path = tree.rates, tree.paths
         self.columns = [self._column(screw, number) for number, link in enumerate(tree.links) for screw in link.screws]
 
@@ -61,9 +64,14 @@ class TreePlace:
 
     def moved(self, element: Spatial, link: int) -> dict[int, Vector]:
         """{rate: velocity of an element that moves with a link, at rate 1}."""
-        space, lever = self.space, self.lever(element, link)
-        turned = {k: space.cross(self.columns[k].axis, lever) for k in self.path[link]}
+        space = self.space  # every screw is told from the reference point of its own link
+        turned = {k: space.cross(self.columns[k].axis, self.lever(element, home)) for home in self.chain(link) for k in self.own[home]}
         return {k: space.add(self.columns[k].along, v) if isinstance(element, Point) else v for k, v in turned.items()}
+
+    def chain(self, link: int) -> list[int]:
+        """The links from the root to this one."""
+        parent = self.tree.links[link].parent
+        return [*(self.chain(parent) if parent is not None else []), link]
 
     def twists(self, rates: Sequence[int]) -> list[tuple[Vector, Vector]]:
         """(ω, v) of every link where the joints have these rates, or (ω̇, v̇) where the rates change like this."""
@@ -71,8 +79,20 @@ class TreePlace:
         found: list[tuple[Vector, Vector]] = []
         for number, link in enumerate(self.tree.links):
             before = found[link.parent] if link.parent is not None else (space.zero, space.zero)
-            found.append(self.turned(before, ((rates[k], k) for k in self.own[number])))
+            found.append(self.turned(self.arriving(number, before), ((rates[k], k) for k in self.own[number])))
         return found
+
+    def arriving(self, number: int, twist: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+        """A twist of a link's parent, or its change, as it is at the link's reference point."""
+        turning, along = twist
+        shift = self.shift[number]
+        return twist if shift is None else (turning, self.space.add(along, self.space.cross(turning, shift)))
+
+    def leaving(self, number: int, load: tuple[Vector, Vector]) -> tuple[Vector, Vector]:
+        """Force and moment on a link, or momenta, about the reference point of its parent."""
+        force, moment = load
+        shift = self.shift[number]
+        return load if shift is None else (force, self.space.add(moment, self.space.cross(shift, force)))
 
     def turned(self, twist: tuple[Vector, Vector], rates: Iterable[tuple[int, int]]) -> tuple[Vector, Vector]:
         """A twist with that of some screws added; rates: (rate, number of the screw)."""
@@ -105,36 +125,22 @@ class TreePlace:
                 found[k] = self.space.graph.add(space.dot(column.axis, moment), space.dot(column.along, force))
             if (parent := self.tree.links[number].parent) is not None:
                 before = loads.get(parent, (space.zero, space.zero))
+                force, moment = self.leaving(number, (force, moment))
                 loads[parent] = (space.add(before[0], force), space.add(before[1], moment))
         return found
 
-    def _references(self) -> list[Vector]:
-        """For every link the reference point of its tree: the joint of the tree's outermost link.
-
-        Small bodies are out there, and their inertia about a distant point would drown in that of the long lever; of the bodies near
-        the root the lever is what counts.
-        """
-        root: list[int] = []
-        depth: list[int] = []
-        outermost: dict[int, int] = {}
-        for number, link in enumerate(self.tree.links):
-            root.append(number if link.parent is None else root[link.parent])
-            depth.append(0 if link.parent is None else depth[link.parent] + 1)
-            if depth[number] >= depth[outermost.setdefault(root[number], number)]:
-                outermost[root[number]] = number
-        points = {first: _joint_point(self.tree.links[last]) for first, last in outermost.items()}
-        return [self.vector(points[first]) for first in root]
+    def _shift(self, number: int) -> Vector | None:
+        """From the parent's reference point to that of a link, None where it is the same."""
+        parent = self.tree.links[number].parent
+        if parent is None or self.reference[number] == self.reference[parent]:
+            return None
+        return self.space.sub(self.reference[number], self.reference[parent])
 
     def _column(self, screw: Screw, link: int) -> Column:
         axis = self.combined(screw.axis)
         if screw.point is None:
             return Column(self.space.zero, axis)
         return Column(axis, self.space.cross(self.lever(screw.point, link), axis))
-
-
-def _joint_point(link: Link) -> Point:
-    """A point that a link turns about, or its first one."""
-    return next((screw.point for screw in link.screws if screw.point is not None), link.body.points[0])
 
 
 def add_force(place: TreePlace, loads: Loads, element: Spatial, axis: int, node: int) -> None:
@@ -169,8 +175,8 @@ class TreeVelocity:
         place, space = self.place, self.place.space
         link = place.tree.links[number]
         nothing = (space.zero, space.zero)
-        turning, along = self.twists[link.parent] if link.parent is not None else nothing
-        change, lift = self.changes[link.parent] if link.parent is not None else nothing
+        turning, along = place.arriving(number, self.twists[link.parent] if link.parent is not None else nothing)
+        change, lift = place.arriving(number, self.changes[link.parent] if link.parent is not None else nothing)
         before, speed = turning, None
         for screw, k in zip(link.screws, place.own[number], strict=True):
             rate, column = self.rates[k], place.columns[k]

@@ -1,13 +1,15 @@
 """Faults planted one at a time, and whether the tests notice.
 
+    python -m pytest --cov=ncgen --cov-context=test     # once: which test runs which line, in .coverage
     python tests/mutation/plant.py COUNT [SEED] [--room program emit solver runtime] [--seconds 100] [--again LOG]
 
-A fault is one small change of a source: a comparison, an operation, a number, a condition, a statement that is left out. It is made in a
-copy of the repository, where the tests of its room run until one fails, those first that mention its module, for so many seconds of the
-processor's time: what is not noticed by then counts as a survivor, so the rate that is printed is a lower bound. Printed is a line a
-fault as it is decided, and at the end how many of each room were caught. A seed gives the same faults as long as the sources are the
-same; --again plants only those that survived in the output of such a run, to give their tests more time. Some faults change nothing
-that anybody could see (a smaller limit, a name in a message); they count as survivors.
+A fault is one small change of a source: a comparison turned round, or off by one where it counts something; another operation; a number one
+greater, or of the other sign; a condition or a statement left out. It is made in a copy of the repository, where tests run until one fails
+or the seconds of the processor are over: of a fault in Python those that run its line, the shortest first, of one in C those of its room,
+the files first that mention its module. What is not noticed by then counts as a survivor, so the rate that is printed is a lower bound.
+Printed is a line a fault as it is decided, and at the end how many of each room were caught. A seed gives the same faults as long as the
+sources are the same; --again plants only those that survived in the output of such a run, to give their tests more time. Some faults change
+nothing that anybody could see (a limit, a faster way to the same result); they count as survivors, too.
 """
 
 from __future__ import annotations
@@ -29,9 +31,14 @@ from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
 
+from coverage import CoverageData
+
 ROOT = Path(__file__).resolve().parents[2]
 PATIENCE = 600
 """Seconds, beside ten times those of the processor, after which tests wait for something that never comes: they notice the fault."""
+
+REACH, MOST = 6, 150
+"""Lines before a fault at which its statement may begin; tests that are run at most."""
 
 TESTS = {
     "program": ("tests/program", "tests/emit", "tests/kernels", "tests/export/test_wasm.py"),
@@ -59,7 +66,10 @@ class Fault:
         return text[: self.start] + self.new + text[self.start + self.length :]
 
 
-COMPARED = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "=="}
+BOUNDED = {"<": "<=", "<=": "<", ">": ">=", ">=": ">", "==": "!=", "!=": "=="}
+"""Off by one, where whole numbers are compared; between others nobody could see it."""
+
+COMPARED = {"<": ">=", "<=": ">", ">": "<=", ">=": "<", "==": "!=", "!=": "=="}
 COMBINED = {"+": "-", "-": "+", "*": "/", "/": "*", "and": "or", "or": "and", "&&": "||", "||": "&&"}
 
 
@@ -85,13 +95,13 @@ def python_faults(text: str) -> Iterator[tuple[int, int, str, str]]:
 
     for node in _evaluated(ast.parse(text)):
         if isinstance(node, ast.Compare):
-            yield from between(node.left, node.comparators[0], COMPARED, "comparison")
+            yield from between(node.left, node.comparators[0], BOUNDED if _counts(node) else COMPARED, "comparison")
         elif isinstance(node, ast.BinOp):
             yield from between(node.left, node.right, COMBINED, "operation")
         elif isinstance(node, ast.BoolOp):
             yield from between(node.values[0], node.values[1], COMBINED, "condition")
         elif isinstance(node, ast.Constant) and type(node.value) in (int, float):
-            yield (*span(node), repr(node.value + 1 if isinstance(node.value, int) else node.value * 2 or 1.0), "number")
+            yield (*span(node), _other(node.value), "number")
         elif isinstance(node, ast.UnaryOp) and isinstance(node.op, (ast.Not, ast.USub)):
             start, _ = span(node)
             yield start, span(node.operand)[0] - start, "", "sign"
@@ -99,14 +109,36 @@ def python_faults(text: str) -> Iterator[tuple[int, int, str, str]]:
             yield (*span(node), "pass", "statement")
 
 
+def _counts(compared: ast.Compare) -> bool:
+    """Whether a comparison is with a whole number or the length of something."""
+    sides = (compared.left, *compared.comparators)
+    return any(
+        isinstance(side, ast.Constant)
+        and type(side.value) is int
+        or isinstance(side, ast.Call)
+        and isinstance(side.func, ast.Name)
+        and side.func.id == "len"
+        for side in sides
+    )
+
+
+def _other(value: float) -> str:
+    """Another number: a whole one is one greater, others have the other sign."""
+    return repr(value + 1 if isinstance(value, int) else -value or 1.0)
+
+
 def _evaluated(tree: ast.AST) -> Iterator[ast.AST]:
-    """Nodes that are computed when the code runs: not annotations, not what only a type checker sees."""
+    """Nodes that are computed when the code runs: not annotations, not what only a type checker sees, not what must be so anyway."""
     waiting: list[ast.AST] = [tree]
     while waiting:
         node = waiting.pop()
         yield node
         for name, value in ast.iter_fields(node):
-            if name in ("annotation", "returns") or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test)):
+            if (
+                name in ("annotation", "returns")
+                or isinstance(node, ast.Assert)
+                or (isinstance(node, ast.If) and "TYPE_CHECKING" in ast.unparse(node.test))
+            ):
                 continue
             waiting += [child for child in (value if isinstance(value, list) else [value]) if isinstance(child, ast.AST)]
 
@@ -120,11 +152,12 @@ def c_faults(text: str) -> Iterator[tuple[int, int, str, str]]:
     for found in C_TOKEN.finditer(hidden):
         token = found[0]
         if token in COMPARED:
-            yield found.start(), len(token), COMPARED[token], "comparison"
+            line = hidden[hidden.rfind("\n", 0, found.start()) + 1 : found.end()]
+            yield found.start(), len(token), (BOUNDED if "for (" in line else COMPARED)[token], "comparison"
         elif token in COMBINED:
             yield found.start(), len(token), COMBINED[token], "operation"
         elif token[0].isdigit():
-            yield found.start(), len(token), str(int(token) + 1) if token.isdigit() else repr(float(token) * 2 or 1.0), "number"
+            yield found.start(), len(token), _other(int(token) if token.isdigit() else float(token)), "number"
 
 
 def faults(room: str) -> list[Fault]:
@@ -150,8 +183,32 @@ def is_source(fault: Fault) -> bool:
     return True
 
 
-def tests_of(fault: Fault) -> list[str]:
-    """What may notice a fault: of its room's tests first the files that mention its module, those that do so most often before others."""
+class Reached:
+    """Which tests run a line, by the coverage that a run of all tests has measured."""
+
+    def __init__(self, file: Path) -> None:
+        self.data = CoverageData(str(file))
+        self.data.read()
+        self.size = Counter(
+            context
+            for path in self.data.measured_files()
+            for contexts in self.data.contexts_by_lineno(path).values()
+            for context in contexts
+        )
+
+    def tests(self, fault: Fault) -> list[str] | None:
+        """Those of a line, which run the fewest other lines first; none where nothing runs it, None where it is run by an import."""
+        lines = self.data.contexts_by_lineno(str(ROOT / fault.file))
+        # What stands on several lines is known by some of them.
+        contexts = next((lines[line] for line in range(fault.line, fault.line - REACH, -1) if lines.get(line)), [])
+        found = {context.partition("|")[0]: self.size[context] for context in contexts if context}
+        return None if "" in contexts and not found else sorted(found, key=lambda test: found[test])[:MOST]
+
+
+def tests_of(fault: Fault, reached: Reached) -> list[str]:
+    """What may notice a fault: the tests that run its line; else of its room's tests the files first that mention its module most often."""
+    if fault.file.endswith(".py") and (tests := reached.tests(fault)) is not None:
+        return tests
     stem = re.escape(Path(fault.file).stem.removeprefix("ncgen_"))
     counts = {
         path: len(re.findall(rf"\b{stem}\b", path.read_text(encoding="utf-8")))
@@ -162,12 +219,14 @@ def tests_of(fault: Fault) -> list[str]:
     return [*(str(path.relative_to(ROOT)) for path in likely), *TESTS[fault.room]]
 
 
-def is_noticed(fault: Fault, copy: Path, seconds: int) -> bool:
-    """Whether a test of its room fails on a copy of the repository with the fault, before `seconds` of the processor's time are over."""
+def is_noticed(fault: Fault, copy: Path, seconds: int, tests: list[str]) -> bool:
+    """Whether a test fails on a copy of the repository with the fault, before `seconds` of the processor's time are over."""
+    if not tests:
+        return False
     path = copy / fault.file
     sound = path.read_text(encoding="utf-8")
     path.write_text(fault.planted(sound), encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests_of(fault)]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]
     # One cache for all faults: what lies there is found by all that made it, so it belongs to sources without the fault or with it.
     cache = str(copy.parent / "cache")
     surroundings = os.environ | {
@@ -203,6 +262,7 @@ def main() -> None:
     asked.add_argument("--seconds", type=int, default=100)
     asked.add_argument("--again", type=Path)
     given = asked.parse_args()
+    reached = Reached(ROOT / ".coverage")
     chance = random.Random(given.seed)
     everything = {room: faults(room) for room in given.room}
     offered = (chance.choice(everything[room]) for room in iter(lambda: chance.choice(given.room), None))
@@ -215,7 +275,7 @@ def main() -> None:
         copy = Path(folder) / "copy"
         shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", "*-output"))
         for fault in chosen:
-            noticed = is_noticed(fault, copy, given.seconds)
+            noticed = is_noticed(fault, copy, given.seconds, tests_of(fault, reached))
             tally[fault.room, noticed] += 1
             print(f"{'caught  ' if noticed else 'SURVIVED'} {told(fault)}", flush=True)
     for room in given.room:

@@ -22,7 +22,10 @@ from ncgen.solver.rank import trial_positions
 
 EXACT = ("null-space", "lagrange", "augmented-lagrangian", "udwadia-phohomsiri")
 ALL_COORDINATES = (*EXACT, "penalty")
-DURATION = {"quadruped": 0.01, "flyball": 0.003, "andrews": 0.003, "slidercrank": 0.01, "robot": 0.05, "heavytop": 0.03}
+DURATION = {
+    "andrews": 0.003, "cam": 0.02, "delta": 0.02, "excavator": 0.05, "flyball": 0.002, "heavytop": 0.03, "quadruped": 0.005, "robot": 0.05,
+    "slidercrank": 0.01, "tree": 0.03,
+}  # fmt: skip
 """Seconds a motion is compared for; 0.1 where nothing stands here."""
 
 
