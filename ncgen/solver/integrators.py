@@ -13,6 +13,7 @@ from scipy.integrate import DenseOutput, OdeSolver
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import Integrator
 from ncgen.methods.tableau import Tableau
+from ncgen.solver.caught import Caught
 from ncgen.solver.fixed_step import FixedStep
 from ncgen.solver.ode import Derivative
 from ncgen.solver.sundials import CvodeAdams, CvodeBdf
@@ -42,11 +43,15 @@ class Adams(scipy.integrate.OdeSolver):
         **extra: object,
     ) -> None:
         super().__init__(fun, t0, y0, t_bound, vectorized)
-        self._engine = scipy.integrate.ode(self.fun).set_integrator(
+        self._caught = Caught()
+        self._engine = scipy.integrate.ode(self._slope).set_integrator(
             "vode", method="adams", rtol=rtol, atol=atol, max_step=0.0 if np.isinf(max_step) else max_step,
             first_step=first_step or 0.0, nsteps=100000,
         )  # fmt: skip
         self._engine.set_initial_value(y0, t0)
+
+    def _slope(self, t: float, y: np.ndarray) -> np.ndarray:
+        return np.broadcast_to(self._caught.call(self.fun, t, y), y.shape)
 
     def _step_impl(self) -> tuple[bool, str | None]:
         with warnings.catch_warnings():
@@ -54,7 +59,9 @@ class Adams(scipy.integrate.OdeSolver):
             try:
                 self._engine.integrate(self.t_bound, step=True)
             except UserWarning as problem:
+                self._caught.tell()
                 return False, str(problem)
+        self._caught.tell()
         self.t, self.y = self._engine.t, self._engine.y.copy()
         if self.direction * (self.t - self.t_bound) > 0:
             # VODE steps past the end; come back by its own interpolation.

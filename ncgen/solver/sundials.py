@@ -15,6 +15,7 @@ import scipy.integrate
 from scipy.integrate import DenseOutput
 
 from ncgen.errors import ModelError
+from ncgen.solver.caught import Caught
 from ncgen.solver.ode import Derivative, Slope
 
 
@@ -39,7 +40,7 @@ class Cvode(scipy.integrate.OdeSolver):
         **extra: object,
     ) -> None:
         super().__init__(fun, t0, y0, t_bound, vectorized)
-        self._problem: Exception | None = None
+        self._caught = Caught()
         slope = {}
         if jac is not None:
             self._jac, slope = jac, {"jacfn": self._fill_jacobian}
@@ -50,26 +51,15 @@ class Cvode(scipy.integrate.OdeSolver):
         self._engine.init_step(t0, self.y.copy())
 
     def _fill(self, t: float, y: np.ndarray, yp: np.ndarray) -> None:
-        """Exceptions must not pass through CVODE's C: they are kept, and the step is made to fail."""
-        try:
-            yp[:] = self.fun(t, y.copy())
-        except Exception as problem:
-            self._problem = self._problem or problem  # what follows from a number that is none says less
-            yp[:] = np.nan
+        yp[:] = self._caught.call(self.fun, t, y)
 
     def _fill_jacobian(self, t: float, y: np.ndarray, yp: np.ndarray, slopes: np.ndarray) -> None:
-        try:
-            slopes[:, :] = self._jac(t, y.copy())
-        except Exception as problem:
-            self._problem = self._problem or problem  # what follows from a number that is none says less
-            slopes[:, :] = np.nan
+        slopes[:, :] = self._caught.call(self._jac, t, y)
 
     def _step_impl(self) -> tuple[bool, str | None]:
-        self._problem = None
         with contextlib.redirect_stdout(io.StringIO()):  # scikit-sundae prints CVODE's failures; they are raised below
             found = self._engine.step(self.t_bound, method="onestep", tstop=self.t_bound)
-        if self._problem is not None:
-            raise self._problem
+        self._caught.tell()
         if found.status < 0 or not np.all(np.isfinite(found.y)):
             return False, str(found.message)
         self.t, self.y = float(np.ravel(found.t)[-1]), np.atleast_2d(found.y)[-1].copy()

@@ -12,6 +12,7 @@ from scipy.special import ellipj, ellipk
 import ncgen
 from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.methods.table import INTEGRATORS, find_integrator, other_names
+from ncgen.solver.integrators import ODE_SOLVERS
 from ncgen.solver.shared_tolerance import sharing
 
 ERROR = {"rk4": 1e-8, "trapezoidal": 1e-6}
@@ -218,3 +219,23 @@ def test_hopeless_steps_are_given_up_as_soon_at_zero_as_later(solver):
         assert "step size" in steps.step() and steps.status == "failed"
         counts.append(len(calls))
     assert counts[0] < 1.5 * counts[1]
+
+
+@pytest.mark.parametrize("name", ["adams", "lsoda"])
+def test_what_raises_is_told_by_itself(name):
+    """Also where a tracer, such as a debugger's, runs Python between the exception and its end: the library must not go on calling."""
+
+    def broken(t: float, y: np.ndarray) -> np.ndarray:
+        if t > 0.1:
+            raise ValueError(f"beyond {len(y)}")
+        return -y
+
+    solver = ODE_SOLVERS[name](broken, 0.0, np.ones(3), 1.0, rtol=1e-6)
+    before = sys.gettrace()
+    sys.settrace(lambda *event: None)
+    try:
+        with pytest.raises(ValueError, match="beyond 3"):
+            while solver.status == "running":
+                solver.step()
+    finally:
+        sys.settrace(before)
