@@ -178,22 +178,27 @@ def _end(segment: Combination) -> Point:
 
 
 def _combined_rows(frame: Frame, element: Spatial, parameters: dict[str, Parameter]) -> list[Row]:
-    """element = origin + Σ weight · direction, one linear row a component."""
+    """element = origin + Σ weight · direction, one linear row a component.
+
+    What lies beside the plane of two directions, but too near to it to be a third one, takes their cross product besides.
+    """
     direction = _direction(frame, element)
     size = arithmetic.norm(direction.initial) if isinstance(element, Point) else 1.0
     parametric = frame.is_parametric or direction.is_parametric
     weights = _parametric_weights(frame, element, direction, size, parameters) if parametric else _weights(frame, direction, size)
-    turned = weights.pop() if frame.is_crossed else 0.0
+    turned = weights.pop() if len(weights) > len(frame.directions) else 0.0
     e = direction
     for weight, other in zip(weights, frame.directions, strict=True):
         if weight != 0.0:
             e = e - other * weight
-    a, b = (frame.directions[0], frame.directions[1]) if frame.is_crossed else (e, e)
+    a, b = (frame.directions[0], frame.directions[1]) if frame.is_crossed or turned != 0.0 else (e, e)
     return [row.affine(axis, e, a, b, turned, size, frame.owner, f"combination {element.name}") for axis in range(3)]
 
 
 def _weights(frame: Frame, direction: Combination, size: float) -> list[float]:
     base = frame.matrix().T
+    if len(base) == 2:
+        base = np.vstack([base, np.cross(*base)])
     weights = arithmetic.weights(base, direction.initial)
     return [0.0 if abs(w) * arithmetic.norm(d) < SAME * size else w for w, d in zip(weights, base, strict=True)]
 

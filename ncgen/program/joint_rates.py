@@ -2,6 +2,7 @@
 
 An element e of a link moves with its parent, and beside it with t_k ẋ_k of every screw k of the joint. What it moves beside the parent
 gives the rates: of one screw by the element that it moves most, of several by least squares over the link's elements, each with its mass.
+An element that rests says so as well: where a loop closes on the ground, it may be all that tells how a link turns about a line.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from ncgen.model.elements import Spatial
+from ncgen.model.elements import Point, Spatial
 from ncgen.program.elimination import Matrix, solve_positive
 from ncgen.program.rates import Rates
 from ncgen.program.sampling import roughly
@@ -21,6 +22,10 @@ CONSTANT = 1e-12
 
 LIGHTEST = 1e-2
 """An element without mass counts as one with this share of the heaviest one's."""
+
+
+STILL = 1e-12
+"""The square of what a screw moves an element by, over the element's size, below which the element says nothing of the screw's rate."""
 
 
 def measured_rates(rates: Rates, masses: Matrix) -> list[int]:
@@ -60,7 +65,8 @@ class _Joints:
 
     def _measured(self, number: int) -> list[int]:
         own, link = self.place.own[number], self.place.tree.links[number]
-        moved = {e: self.place.moved(e, number) for e in link.body.elements if not e.fixed}
+        moved = {e: self.place.moved(e, number) for e in link.body.elements}
+        moved = {e: v for e, v in moved.items() if not e.fixed or any(self._reach(v[k]) > STILL * self._size(e) ** 2 for k in own)}
         weights = self._weights(moved)
         if len(own) == 1:
             (k,) = own
@@ -73,6 +79,11 @@ class _Joints:
         beside = {e: self._beside(e, number) for e in moved}
         right = [self._sum(weights, {e: self.space.dot(moved[e][k], v) for e, v in beside.items()}) for k in own]
         return solve_positive(self.graph, matrix, len(own), right)
+
+    def _size(self, element: Spatial) -> float:
+        """The natural size of an element's coordinates, of one that rests that of its kind."""
+        own = [float(self.rates.natural[c]) for c, (e, _) in self.rates.where.items() if e is element]
+        return max(own, default=self.rates.length if isinstance(element, Point) else 1.0)
 
     def _reach(self, moved: Vector) -> float:
         """How far a screw moves an element at least, squared."""
@@ -107,8 +118,9 @@ class _Joints:
         sizes, masses = {}, {}
         for e in elements:
             places = [c for c, (element, _) in self.rates.where.items() if element is e]
-            sizes[e] = float(max(self.rates.natural[c] for c in places)) ** 2
-            masses[e] = float(max(np.max(self._values(self.masses[c, c])) if (c, c) in self.masses else 0.0 for c in places)) * sizes[e]
+            sizes[e] = self._size(e) ** 2
+            found = (float(np.max(self._values(self.masses[c, c]))) for c in places if (c, c) in self.masses)
+            masses[e] = max(found, default=0.0) * sizes[e]
         heaviest = max(masses.values()) or 1.0
         return {e: roughly(max(masses[e] / heaviest, LIGHTEST) / sizes[e]) for e in sizes}
 

@@ -70,6 +70,22 @@ def test_further_elements_are_linear_and_keep_no_mirror_image():
     assert np.max(np.abs(kernels.phi(q))) < 1e-14
 
 
+@pytest.mark.parametrize("height", [9e-4, 1e-5, -1e-7])
+def test_what_lies_nearly_in_a_plane_stays_beside_it(height):
+    """Too near to the plane of the others to be a base direction, and not moved into it: found by the rotation itself."""
+    m = ncgen.Model("plate")
+    corners = {"A": (0, 0, 0), "B": (2, 0, 0), "C": (0, 1, 0), "D": (0.7, 0.4, height)}
+    n = np.array([0.6, 0.8, height]) / np.linalg.norm([0.6, 0.8, height])
+    m.body("plate", [m.point(name, at) for name, at in corners.items()], [m.vector("n", n)])
+    kernels = ncgen.compile(m, backend="numpy")
+    rotation = np.linalg.qr(np.random.default_rng(3).standard_normal((3, 3)))[0]
+    rotation *= np.sign(np.linalg.det(rotation))
+    for turn in (np.eye(3), rotation):
+        q = np.concatenate([*(turn @ at for at in corners.values()), turn @ n])
+        assert np.max(np.abs(kernels.phi(q))) < 1e-14
+    assert freedom(m).dof == 6
+
+
 def test_a_distant_point_hides_no_other():
     """Four points of a plane, one of them 9e18 m away: three do for a base, and the fourth is seen to depend on them."""
     m = ncgen.Model("long")

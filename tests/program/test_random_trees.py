@@ -6,6 +6,7 @@ python -m pytest -m slow tests/program/test_random_trees.py     # 2,000 of them
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterable
 
 import mpmath
 import numpy as np
@@ -35,9 +36,6 @@ def compare(seed: int, counts: Counter) -> str | None:
     flat = seed % 3 == 0
     model = BUILD(int(rng.integers(1, 11)), seed, int(rng.integers(4)), flat)
     kernels = ncgen.compile(model, "numpy")
-    seen = own_positions(kernels)
-    if seen is None:
-        return f"{seed}: no positions"
     q, sizes = ncgen.assemble(kernels), kernels.column_sizes
     _, values, right = np.linalg.svd(scaled_jacobian(kernels, q))
     free = right[int(np.sum(values > 1e-9 * values[0])) :]
@@ -54,7 +52,10 @@ def compare(seed: int, counts: Counter) -> str | None:
     except Near:
         counts["too near a singular position"] += 1
         return None
-    ways, _ = assemble_motions(kernels.programs.equations, seen[1], sizes)
+    seen = own_positions(kernels)
+    if seen is None:
+        counts["moves by the matrix"] += 1
+    ways, _ = assemble_motions(kernels.programs.equations, seen[1], sizes) if seen else ({}, None)
     scale = max(float(np.max(np.abs(a))) for a in expected.values())
     for name, program in ways.items():
         counts[name] += 1
@@ -86,7 +87,7 @@ def is_closed(model: ncgen.Model) -> bool:
     return sum(word in JOINTS for word in words) > words.count("body") or "distance" in words
 
 
-def look(seeds: range) -> tuple[Counter, list[str]]:
+def look(seeds: Iterable[int]) -> tuple[Counter, list[str]]:
     counts: Counter = Counter()
     with mpmath.workdps(50):
         found = [said for seed in seeds if (said := compare(seed, counts))]
@@ -98,11 +99,18 @@ def test_a_few_random_trees():
     assert not found and counts["with loops"] and counts["plane"]
 
 
+@pytest.mark.parametrize("seed", [433, 521, 526, 640])
+def test_trees_that_were_wrong(seed):
+    """A link whose turning about a line only an element that rests tells; a body one of whose vectors lies within 1e-4 of a plane."""
+    counts, found = look([seed])
+    assert not found and counts["composite"] == 1
+
+
 @pytest.mark.slow
 def test_two_thousand_random_trees(record_property):
     counts, found = look(range(1, MANY + 1))
     record_property("counts", f"seeds 1 to {MANY}: {dict(counts)}")
     print(dict(counts))
     assert not found, "\n".join(found)
-    assert counts["too near a singular position"] < MANY / 20
+    assert counts["too near a singular position"] < MANY / 20 and counts["moves by the matrix"] < MANY / 200
     assert all(counts[joint] > 100 for joint in JOINTS) and min(counts["with loops"], counts["open"], counts["plane"]) > MANY / 5
