@@ -412,4 +412,5 @@ class EmittedDynamics(Dynamics):
         emitted = getattr(self._emitted, getter)()
         for name in ("newton", "acceleration"):
             setattr(self._dynamics, name, self._ffi.cast("void *", getattr(emitted, name)))
+        self._dynamics.closes = emitted.closes
         self._describe(written.split, self._dynamics)  # what to fall back upon

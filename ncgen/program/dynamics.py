@@ -2,7 +2,7 @@
 
 Both are one straight line of operations with the factorisation of Φ_q^d emitted into it:
 
-    newton(t, q, p)            -> Δq of the dependent coordinates, Φ
+    newton(t, q, p)            -> Δq of the dependent coordinates, Φ unless they are closed by it
     acceleration(t, q, zd, p)  -> q̇, z̈, power, amplification
 
 with q̇ = R ż + S ν, (RᵀMR) z̈ = Rᵀ(Q − M S γ) (the paper's eqs 51-54). `amplification` is ‖R‖², in natural units: how
@@ -58,11 +58,16 @@ MANY = 2000
 
 @dataclass(frozen=True)
 class DynamicsPrograms:
-    """newton gives Δq in the order of split.dependent, then Φ; acceleration gives [q̇ (n), z̈ (nz), power, amplification]."""
+    """newton gives Δq in the order of split.dependent, then Φ unless it closes; acceleration [q̇ (n), z̈ (nz), power, amplification]."""
 
     newton: Program
     acceleration: Program
     split: Split
+
+    @property
+    def closes(self) -> bool:
+        """Whether positions are closed by one correction, wherever it begins."""
+        return self.newton.size == len(self.split.dependent)
 
 
 @dataclass(frozen=True)

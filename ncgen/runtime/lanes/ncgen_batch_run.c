@@ -19,7 +19,8 @@
 
 enum {
     NEWTON_LIMIT = 40,
-    REPEAT_LIMIT = 8
+    REPEAT_LIMIT = 8,
+    CHAINS = 4 /* of operations that do not wait for each other */
 };
 
 /* A residual or an amplification that leaves no digit of the solution. */
@@ -172,22 +173,34 @@ static void listen(run *r)
         end(r, r->running, NCGEN_INTERRUPTED);
 }
 
+/* The larger of two numbers that are not negative, in every lane: their bits ascend as they do, and those of what is no number are above. */
+static ncgen_real larger(ncgen_real a, ncgen_real b)
+{
+    return ncgen_select((ncgen_mask)a > (ncgen_mask)b, a, b);
+}
+
 /* The largest |phi| relative to the rows' sizes; not a number if one of them is not. */
 static ncgen_real residual(const run *r)
 {
-    enum { CHAINS = 4 }; /* which do not wait for each other */
-    ncgen_real largest[CHAINS] = {{0}}, sum[CHAINS] = {{0}};
+    ncgen_real largest[CHAINS] = {{0}};
     for (int first = 0; first < r->model->n_rows; first += CHAINS)
-        for (int k = 0; k < CHAINS && first + k < r->model->n_rows; ++k) {
-            const ncgen_real size = NCGEN_ABS(r->phi[first + k]) * r->per_size[first + k];
-            largest[k] = ncgen_select(size > largest[k], size, largest[k]);
-            sum[k] += size;
-        }
-    for (int k = 1; k < CHAINS; ++k) {
-        largest[0] = ncgen_select(largest[k] > largest[0], largest[k], largest[0]);
+        for (int k = 0; k < CHAINS && first + k < r->model->n_rows; ++k)
+            largest[k] = larger(NCGEN_ABS(r->phi[first + k]) * r->per_size[first + k], largest[k]);
+    for (int k = 1; k < CHAINS; ++k)
+        largest[0] = larger(largest[k], largest[0]);
+    return largest[0];
+}
+
+/* Lanes in which all of some numbers are finite: an infinite one or one that is none makes their sum the same. */
+static ncgen_mask sensible(int count, const ncgen_real *x)
+{
+    ncgen_real sum[CHAINS] = {{0}};
+    for (int first = 0; first < count; first += CHAINS)
+        for (int k = 0; k < CHAINS && first + k < count; ++k)
+            sum[k] += x[first + k];
+    for (int k = 1; k < CHAINS; ++k)
         sum[0] += sum[k];
-    }
-    return ncgen_select(sum[0] == sum[0], largest[0], sum[0]);
+    return sum[0] - sum[0] == 0.0;
 }
 
 /* The dependent coordinates of some lanes at time t, from r->q on, which has the independent ones; those that close. */
@@ -198,7 +211,7 @@ static ncgen_mask close_position(run *r, ncgen_real t, ncgen_mask open)
     for (int iteration = 0; iteration <= NEWTON_LIMIT && ncgen_any(open); ++iteration) {
         if (d->newton(t, r->q, r->p, r->step) != NCGEN_OK)
             break;
-        const ncgen_real size = residual(r);
+        const ncgen_real size = d->closes ? ncgen_splat(0.0) : residual(r);
         if (iteration == 0)
             r->senseless |= open & ~(size == size);
         open &= size < broken_down;
@@ -218,10 +231,7 @@ static ncgen_mask accelerate(run *r, ncgen_real t, const ncgen_real *zd, ncgen_m
     if (!ncgen_any(closed) || r->dynamics->acceleration(t, r->q, zd, r->p, r->out) != NCGEN_OK)
         return closed & 0;
     const ncgen_mask regular = closed & (r->out[r->n + r->nz + 1] < broken_down);
-    ncgen_real sum = ncgen_splat(0.0); /* an infinite number or one that is none makes the sum the same */
-    for (int i = 0; i <= r->n + r->nz; ++i)
-        sum += r->out[i];
-    const ncgen_mask finite = sum - sum == 0.0;
+    const ncgen_mask finite = sensible(r->n + r->nz + 1, r->out);
     r->singular |= closed & ~regular;
     r->senseless |= regular & ~finite;
     return regular & finite;

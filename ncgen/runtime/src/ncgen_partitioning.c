@@ -263,10 +263,11 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
         int status = emitted ? r->dynamics->newton(t, r->q, r->p, r->partitioning->step) : ncgen_phi(r, t, r->q, r->partitioning->phi);
         if (status != NCGEN_OK)
             return status;
-        const ncgen_real size = residual(r);
+        const int closes = emitted && r->dynamics->closes;
+        const ncgen_real size = closes ? 0 : residual(r);
         if (!(size < R(1.0e30)))
             return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;
-        if (!emitted || (r->partitioning->lu && !ncgen_is_finite(d->n_dependent, r->partitioning->step)))
+        if (!emitted || (!closes && r->partitioning->lu && !ncgen_is_finite(d->n_dependent, r->partitioning->step)))
             status = dense_step(r, t);
         if (status != NCGEN_OK)
             return status;
