@@ -103,9 +103,7 @@ def posture(count: int) -> Posture:
         given = {"t": number(0), "p": [number(float(x)) for x in kernels.p0]}
         q = [number(float(x)) for x in start]
         for _ in range(100):
-            steps = evaluate(programs.newton, given | {"q": q}, MPMATH, number)[: len(split.dependent)]
-            for c, step in zip(split.dependent, steps, strict=True):
-                q[c] += step
+            steps = programs.close(q, evaluate(programs.newton, given | {"q": q}, MPMATH, number))
             if max(map(abs, steps)) < 1e-40:
                 break
         found = evaluate(programs.acceleration, given | {"q": q, "zd": [number(float(x)) for x in rates]}, MPMATH, number)

@@ -41,7 +41,7 @@ class Hinge:
 def assemble_closed_positions(
     equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, moved: Sequence[int] | None = None
 ) -> Program:
-    """The program newton(t, q, p) -> Δq that closes exactly, of the dependent coordinates, or of those `moved` and then Φ, which is 0.
+    """The program newton(t, q, p) -> the dependent coordinates; with `moved` Δq of these, which closes exactly, then Φ, which is 0.
 
     Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
     """
@@ -62,7 +62,8 @@ def assemble_closed_positions(
         raise NoRecursion("the bodies' shapes depend on parameters")
     zero = graph.const(0.0)
     if moved is None:
-        return lines.program("newton", ("t", "q", "p"), [corrections[c] for c in split.dependent])
+        places = [placed[element][axis] for element, axis in map(where.__getitem__, split.dependent)]
+        return lines.program("newton", ("t", "q", "p"), places)
     return lines.program("newton", ("t", "q", "p"), [*(corrections.get(c, zero) for c in moved), *[zero] * len(equations.rows)])
 
 

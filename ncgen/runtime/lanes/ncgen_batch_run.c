@@ -59,6 +59,7 @@ typedef struct run {
     const ncgen_options *options;
     output to;               /* of the block's first state */
     int n, nz, ny;
+    int given, given_end;    /* the coordinates from which positions are closed: the independent ones and those between, or all */
     common *shared;
     int listens;             /* 1: in the thread that asks the watch */
     ncgen_mask running;
@@ -98,6 +99,13 @@ static void lay_out(run *r, ncgen_real *workspace)
     r->n = r->model->n_coordinates;
     r->nz = r->dynamics->n_independent;
     r->ny = 2 * r->nz + 1;
+    r->given = r->dynamics->closes ? r->n : 0;
+    r->given_end = r->dynamics->closes ? 0 : r->n;
+    for (int i = 0; i < r->nz && r->dynamics->closes; ++i) {
+        const int place = r->dynamics->independent[i];
+        r->given = place < r->given ? place : r->given;
+        r->given_end = place >= r->given_end ? place + 1 : r->given_end;
+    }
     r->p = take(&workspace, r->model->n_parameters);
     r->q = take(&workspace, r->n);
     r->out = take(&workspace, r->n + r->nz + 2);
@@ -195,12 +203,25 @@ static ncgen_real residual(const run *r)
 static ncgen_mask sensible(int count, const ncgen_real *x)
 {
     ncgen_real sum[CHAINS] = {{0}};
-    for (int first = 0; first < count; first += CHAINS)
-        for (int k = 0; k < CHAINS && first + k < count; ++k)
+    int first = 0;
+    for (; first + CHAINS <= count; first += CHAINS)
+        for (int k = 0; k < CHAINS; ++k)
             sum[k] += x[first + k];
+    for (; first < count; ++first)
+        sum[0] += x[first];
     for (int k = 1; k < CHAINS; ++k)
         sum[0] += sum[k];
     return sum[0] - sum[0] == 0.0;
+}
+
+/* The dependent coordinates of some lanes as newton wrote them in closed form. */
+static ncgen_mask take_places(run *r, ncgen_mask lanes)
+{
+    const ncgen_dynamics *d = r->dynamics;
+#pragma GCC unroll 4
+    for (int i = 0; i < d->n_dependent; ++i)
+        r->q[d->dependent[i]] = ncgen_select(lanes, r->step[i], r->q[d->dependent[i]]);
+    return lanes;
 }
 
 /* The dependent coordinates of some lanes at time t, from r->q on, which has the independent ones; those that close. */
@@ -211,7 +232,9 @@ static ncgen_mask close_position(run *r, ncgen_real t, ncgen_mask open)
     for (int iteration = 0; iteration <= NEWTON_LIMIT && ncgen_any(open); ++iteration) {
         if (d->newton(t, r->q, r->p, r->step) != NCGEN_OK)
             break;
-        const ncgen_real size = d->closes ? ncgen_splat(0.0) : residual(r);
+        if (d->closes)
+            return take_places(r, open);
+        const ncgen_real size = residual(r);
         if (iteration == 0)
             r->senseless |= open & ~(size == size);
         open &= size < broken_down;
@@ -669,7 +692,7 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
         for (long b = 0; b < blocks; ++b) {
             const long first = b * NCGEN_LANES, left = count - first;
             const int block = left < NCGEN_LANES ? (int)left : NCGEN_LANES;
-            ncgen_spread(r.n, block, n, q + first * n, r.q);
+            ncgen_spread(r.given_end - r.given, block, n, q + first * n + r.given, r.q + r.given);
             ncgen_spread(r.nz, block, nz, zd + first * nz, r.y);
             ncgen_spread(model->n_parameters, block, p_stride, p + first * p_stride, r.p);
             if (left >= 2 * NCGEN_LANES) {
