@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import mpmath
 import numpy as np
 
+from ncgen.comparisons.batches import STATES
 from ncgen.comparisons.rivals import articulated, mujoco, pinocchio, relative_error
 from ncgen.comparisons.rivals.exact import DIGITS, MPMATH
 from ncgen.compiler import compile
@@ -34,6 +35,7 @@ from ncgen.report.clock import Run, measure, repeated
 from ncgen.report.derivative import motion
 from ncgen.report.repeat import Call, runner
 from ncgen.solver.assembly import assemble
+from ncgen.solver.batch import accelerations_batch
 from ncgen.solver.compiled import all_coordinates, dynamics, split_of
 from ncgen.solver.partition import choose_partitions
 
@@ -61,13 +63,15 @@ print(time.perf_counter() - start)
 
 @dataclass(frozen=True)
 class Contender:
-    """values: the accelerations of the angles, after a run; operations, ready (seconds from the model): None where nobody knows"""
+    """values: the accelerations of the angles, after a run; operations, ready (seconds from the model): None where nobody knows;
+    states: how many of them one call of the run computes"""
 
     name: str
     run: Run
     values: Callable[[], np.ndarray]
     operations: int | None = None
     ready: float | None = None
+    states: int = 1
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,9 +107,7 @@ def posture(count: int) -> Posture:
         given = {"t": number(0), "p": [number(float(x)) for x in kernels.p0]}
         q = [number(float(x)) for x in start]
         for _ in range(100):
-            steps = evaluate(programs.newton, given | {"q": q}, MPMATH, number)[: len(split.dependent)]
-            for c, step in zip(split.dependent, steps, strict=True):
-                q[c] += step
+            steps = programs.close(q, evaluate(programs.newton, given | {"q": q}, MPMATH, number))
             if max(map(abs, steps)) < 1e-40:
                 break
         found = evaluate(programs.acceleration, given | {"q": q, "zd": [number(float(x)) for x in rates]}, MPMATH, number)
@@ -123,7 +125,8 @@ def arm_records(counts: Iterable[int] = COUNTS) -> Iterator[list[dict]]:
         first = spent[FIRST].least
         records = []
         for c in contenders:
-            times = {"seconds": spent[c.name].least, "low": spent[c.name].low, "high": spent[c.name].high}
+            spread = spent[c.name]
+            times = {name: x / c.states for name, x in (("seconds", spread.least), ("low", spread.low), ("high", spread.high))}
             error = relative_error(c.values(), place.expected)
             record = {"case": "arm", "count": count, "tool": c.name, "error": error, "operations": c.operations, "ready": c.ready}
             records.append(record | times | {"ratio": times["seconds"] / first})
@@ -145,6 +148,7 @@ def own(place: Posture) -> Iterator[Contender]:
     yield Contender(FIRST, runner(0.0, q, place.rates, kernels.p0, calls[:1], calls[1]), zdd, both)
     alone = runner(0.0, q, place.rates, kernels.p0, [], calls[1])
     yield Contender("ncgen: accelerations", alone, zdd, cost(acceleration).total)
+    yield _side_by_side(place, both)
     counts, made = motion(kernels), all_coordinates(kernels, form="emitted")
     if counts is not None and made.is_emitted:
         stage = Call(made._dynamics.motion.derivative, 2 * n + 2, (kernels, made))
@@ -154,6 +158,14 @@ def own(place: Posture) -> Iterator[Contender]:
         found = list(place.split.independent)
         ready = _ready(len(found))
         yield Contender("ncgen: a stage of a default run", run, lambda: stage.out[n : 2 * n][found], counts["derivative"], ready)
+
+
+def _side_by_side(place: Posture, operations: int) -> Contender:
+    """Many states in one call on one core; the whole call from Python, in place."""
+    q, rates = (np.tile(x, (STATES, 1)) for x in (place.q, place.rates))
+    batch = accelerations_batch(place.kernels, q, rates)
+    run = repeated(lambda: accelerations_batch(place.kernels, batch.q, rates, threads=1, out=batch))
+    return Contender(f"ncgen: {STATES:,} states in one call", run, lambda: batch.zdd[-1], operations, states=STATES)
 
 
 def _ready(count: int) -> float | None:
@@ -192,7 +204,7 @@ def others(place: Posture) -> Iterator[Contender]:
 
 
 def title(count: int) -> str:
-    return f"arm of {count} joints: accelerations in a random posture; least ns a call, operations, error against 50 digits"
+    return f"arm of {count} joints: accelerations in a random posture; least ns a state, operations, error against 50 digits"
 
 
 def rows(records: list[dict]) -> list[tuple[str, ...]]:

@@ -95,9 +95,7 @@ def _rates(programs: DynamicsPrograms, start: np.ndarray, p: np.ndarray, y: list
         q[place] = value
     for _ in range(50):
         found = evaluate(programs.newton, given, MPMATH, mpmath.mpf)
-        for place, step in zip(split.dependent, found, strict=False):
-            q[place] += step
-        if max(map(abs, found[: len(split.dependent)]), default=0) < mpmath.mpf(10) ** (5 - DIGITS):
+        if max(map(abs, programs.close(q, found)), default=0) < mpmath.mpf(10) ** (5 - DIGITS):
             break
     found = evaluate(programs.acceleration, {**given, "zd": y[:count]}, MPMATH, mpmath.mpf)
     return found[len(q) : len(q) + count] + [found[place] for place in split.independent]

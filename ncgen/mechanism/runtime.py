@@ -49,7 +49,7 @@ def _runtime(number: str) -> tuple[Interface, InC]:
     return _load(runtime_files(*runtime_names()), number, functions)
 
 
-def beside() -> Thread:
+def beside(number: str = "double") -> Thread:
     """A thread that compiles the runtime, if it is not in the cache, while something else goes on; to be started, and joined before a run.
 
     What goes wrong there goes wrong again, and is told, where the runtime is needed.
@@ -57,7 +57,7 @@ def beside() -> Thread:
 
     def compiling() -> None:
         with suppress(NcgenError):
-            _runtime("double")
+            _runtime(number)
 
     return Thread(target=compiling, daemon=True)
 
@@ -328,6 +328,10 @@ class ConstrainedDynamics(Dynamics):
         seen: Callable[[], Seen | None] | None = None,
         tables: TreeTables | None = None,
     ) -> None:
+        runtime = beside(number)
+        runtime.start()
+        motion = None if seen is None else self._written_out(kernels, number, seen)
+        runtime.join()
         super().__init__(kernels, number)
         self.singular_mass = singular = not is_definite(kernels)
         patterns = kernels.mass_pattern, kernels.phi_q_pattern
@@ -337,21 +341,25 @@ class ConstrainedDynamics(Dynamics):
         self._dynamics.elimination = self._elimination
         self._dynamics.singular_mass, self._dynamics.conservative = singular, is_conservative(kernels)
         self._seen = seen
-        self.is_emitted = seen is not None and self._take_motion(seen)
+        self.is_emitted = motion is not None
+        if motion is not None:
+            function, self._motion = motion
+            self._dynamics.motion = self._ffi.cast("const ncgen_motion *", function())
         if tables is not None:
             self._tree = self._ffi.new("ncgen_tree *", tables.counts)
             self._keep(tables.indices, self._tree, np.intc)
             self._keep(tables.numbers, self._tree, self.number.dtype)
             self._dynamics.tree = self._tree
 
-    def _take_motion(self, seen: Callable[[], Seen | None]) -> bool:
-        """The emitted motion, if there is one: whether there is."""
-        kernels = self.kernels
-        if files := motion_source(kernels, seen):
-            getter = f"{identifier(kernels.name)}_recursion"
-            _, self._motion = _load(files, self.number.name, f"const ncgen_motion *{getter}(void);")
-            self._dynamics.motion = self._ffi.cast("const ncgen_motion *", getattr(self._motion, getter)())
-        return bool(files)
+    @staticmethod
+    def _written_out(kernels: CompiledKernels, number: str, seen: Callable[[], Seen | None]) -> tuple[Callable[[], InC], InC] | None:
+        """What gives the emitted motion, if there is one, and the library that it lives in."""
+        files = motion_source(kernels, seen)
+        if not files:
+            return None
+        getter = f"{identifier(kernels.name)}_recursion"
+        _, home = _load(files, number, f"const ncgen_motion *{getter}(void);")
+        return getattr(home, getter), home
 
     @property
     def prepared(self) -> int:
@@ -412,4 +420,5 @@ class EmittedDynamics(Dynamics):
         emitted = getattr(self._emitted, getter)()
         for name in ("newton", "acceleration"):
             setattr(self._dynamics, name, self._ffi.cast("void *", getattr(emitted, name)))
+        self._dynamics.closes = emitted.closes
         self._describe(written.split, self._dynamics)  # what to fall back upon

@@ -41,7 +41,7 @@ class Hinge:
 def assemble_closed_positions(
     equations: Terms, split: Split, samples: Sequence[Sample], sizes: np.ndarray, moved: Sequence[int] | None = None
 ) -> Program:
-    """The program newton(t, q, p) -> Δq of the coordinates `moved` (None: the dependent ones), Φ with one that closes exactly: Φ is 0.
+    """The program newton(t, q, p) -> the dependent coordinates; with `moved` Δq of these, which closes exactly, then Φ, which is 0.
 
     Raises NoRecursion where the dependent coordinates are not those of an open tree of hinges whose angles are independent.
     """
@@ -61,8 +61,10 @@ def assemble_closed_positions(
     if any(np.max(np.abs(sampling[node])) > SAME * sizes[c] for c, node in corrections.items()):
         raise NoRecursion("the bodies' shapes depend on parameters")
     zero = graph.const(0.0)
-    steps = [corrections.get(c, zero) for c in (split.dependent if moved is None else moved)]
-    return lines.program("newton", ("t", "q", "p"), [*steps, *[zero] * len(equations.rows)])
+    if moved is None:
+        places = [placed[element][axis] for element, axis in map(where.__getitem__, split.dependent)]
+        return lines.program("newton", ("t", "q", "p"), places)
+    return lines.program("newton", ("t", "q", "p"), [*(corrections.get(c, zero) for c in moved), *[zero] * len(equations.rows)])
 
 
 def hinges_of(equations: Terms, tree: Tree, split: Split) -> list[Hinge]:

@@ -2,7 +2,7 @@
 
 Both are one straight line of operations with the factorisation of Φ_q^d emitted into it:
 
-    newton(t, q, p)            -> Δq of the dependent coordinates, Φ
+    newton(t, q, p)            -> Δq of the dependent coordinates, Φ; in closed form the dependent coordinates themselves
     acceleration(t, q, zd, p)  -> q̇, z̈, power, amplification
 
 with q̇ = R ż + S ν, (RᵀMR) z̈ = Rᵀ(Q − M S γ) (the paper's eqs 51-54). `amplification` is ‖R‖², in natural units: how
@@ -12,10 +12,10 @@ much an error of the independent coordinates grows in the others; infinite where
 from __future__ import annotations
 
 from collections import defaultdict
-from collections.abc import Sequence
+from collections.abc import MutableSequence, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 
@@ -58,11 +58,24 @@ MANY = 2000
 
 @dataclass(frozen=True)
 class DynamicsPrograms:
-    """newton gives Δq in the order of split.dependent, then Φ; acceleration gives [q̇ (n), z̈ (nz), power, amplification]."""
+    """newton gives Δq in the order of split.dependent, then Φ, or the dependent coordinates; acceleration [q̇ (n), z̈ (nz), power,
+    amplification]."""
 
     newton: Program
     acceleration: Program
     split: Split
+
+    @property
+    def closes(self) -> bool:
+        """Whether newton gives the dependent coordinates, in closed form."""
+        return self.newton.size == len(self.split.dependent)
+
+    def close(self, q: MutableSequence[Any], found: Sequence[Any]) -> list[Any]:
+        """Move the dependent coordinates of q as newton's results say; by how much each has moved."""
+        steps = [x - q[c] if self.closes else x for c, x in zip(self.split.dependent, found, strict=False)]
+        for c, step in zip(self.split.dependent, steps, strict=True):
+            q[c] += step
+        return steps
 
 
 @dataclass(frozen=True)

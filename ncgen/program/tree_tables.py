@@ -281,18 +281,17 @@ class OpenTree:
             turning, along = np.zeros(3), np.zeros(3)
             if link.parent is not None:
                 turning, before = twists[link.parent]
-                along = before + np.cross(turning, origins[number] - origins[link.parent])
+                along = before + _cross(turning, origins[number] - origins[link.parent])
             for k in self.own[number]:
                 if self.screws[k].point is None:
                     along = along + rates[k] * axes[k]
                 else:
                     turning = turning + rates[k] * axes[k]
             twists.append((turning, along))
-        for e, components in enumerate(self.components):
-            turning, along = twists[self.home[e]]
-            is_point, here = isinstance(self.elements[e], Point), values[components]
-            moved = np.cross(turning, here - origins[self.home[e]]) + along if is_point else np.cross(turning, here)
-            found[components] = moved
+        turning, along = np.array(twists)[self.home].transpose(1, 0, 2)
+        is_point = np.array([isinstance(element, Point) for element in self.elements])[:, None]
+        levers = values[self.components] - np.where(is_point, np.array(origins)[self.home], 0.0)
+        found[self.components] = np.cross(turning, levers) + np.where(is_point, along, 0.0)
         for c, (k, ratio) in self.measured.items():
             found[c] = ratio * rates[k]
         return found
@@ -385,3 +384,8 @@ def _flat(rows: Sequence[Sequence[int]]) -> list[int]:
 
 def _count(size: int, numbers: Sequence[int]) -> list[int]:
     return np.bincount(np.array(numbers, dtype=int), minlength=size).tolist()
+
+
+def _cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """a × b of two vectors (3,), as np.cross gives it in a tenth of the time."""
+    return np.array([a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]])

@@ -468,7 +468,7 @@ def _rows(
     """laid: how a row for all becomes many: one after the other, or as it is, with the same memory for each (np.asarray)."""
     if array.shape not in ((size,), (count, size)):
         raise ModelError(f"{kernels.name}: {name} has shape {array.shape}; {(size,)} or {(count, size)} is needed")
-    return laid(np.broadcast_to(array, (count, size)))
+    return laid(array if array.shape == (count, size) else np.broadcast_to(array, (count, size)))
 
 
 def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> tuple[np.ndarray, dict[int, str]]:

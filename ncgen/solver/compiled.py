@@ -17,11 +17,11 @@ from ncgen.program.programs import Split
 from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import refresh_branches
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.open_tree import open_tree
 from ncgen.solver.partition import BETTER, Partition, Partitions, choose_partitions, determined, other_partitions, quality, stuck_message
 from ncgen.solver.path import Path
 from ncgen.solver.position import TOLERANCE, solve_position
+from ncgen.solver.projection import least_energy
 from ncgen.solver.rank import closeness_at, freedom_at, trial_positions
 from ncgen.solver.run import EMITTED, Form, Partitioned
 from ncgen.solver.task import Task
@@ -123,7 +123,7 @@ def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form
     """
     from ncgen.mechanism.runtime import ConstrainedDynamics
 
-    seen = partial(own_positions, kernels) if form == "emitted" else None
+    seen = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
     tree = open_tree(kernels) if form == "tree" else None
     tables = tree.tables if tree else None
     return kernels.remember("constrained dynamics", (number, form), lambda: ConstrainedDynamics(kernels, number, seen, tables))
@@ -149,9 +149,14 @@ def is_written_out(kernels: Kernels, method: Method) -> bool:
     return _may_recur(kernels, method) and all_coordinates(checked_compiled(kernels), form="emitted").is_emitted
 
 
+def _has_few_rates(kernels: Kernels) -> bool:
+    """True for a tree of bodies that can be written out without compiling for long."""
+    return 0 < kernels.remember("freedoms of the tree", (), lambda: spanning_tree(kernels.model).freedoms) <= MOST_RATES
+
+
 def own_positions(kernels: Kernels) -> Seen | None:
     """Independent coordinates of the positions at a model's own start, and `samples` around it; None where there are none."""
-    if not 0 < spanning_tree(kernels.model).freedoms <= MOST_RATES:
+    if not _has_few_rates(kernels):
         return None
     try:
         q = assemble(kernels, kernels.q0)
@@ -174,7 +179,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
     q, qd, work, times = task.q, task.velocities, 0.0, grid
     if dynamics.singular_mass and not dynamics.is_emitted:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
-        accelerations_by("lagrange").motion(kernels, q, qd, float(grid[0]), p, {})
+        least_energy(kernels, q, float(grid[0]), p)
     settings = method.options
     projected = settings.get("stabilisation") == "projection" or settings.get("project_velocities", False)
     stabilised = settings.get("stabilisation") == "baumgarte"

@@ -46,7 +46,7 @@ def project(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float = 0.0, p: 
                 f"the relative residual is {history[-1]:.2g}; take smaller steps (rtol, max_step)",
                 tuple(history),
             )
-        step = _system(kernels, q, t, p).solve(np.zeros(kernels.n), -kernels.phi(q, t, p) / kernels.row_sizes)[0]
+        step = least_energy(kernels, q, t, p).solve(np.zeros(kernels.n), -kernels.phi(q, t, p) / kernels.row_sizes)[0]
         q = q + sizes * step
         history.append(residual(kernels, q, t, p))
     moved = float(np.max(np.abs(q - start) / sizes, initial=0.0))
@@ -61,18 +61,18 @@ def project_velocity(kernels: Kernels, q: np.ndarray, qd: np.ndarray, t: float =
     terms = abs(jacobian) @ np.abs(qd / sizes) + np.abs(nu)
     if np.all(np.abs(rest) <= 4 * np.finfo(float).eps * terms):
         return qd
-    return qd + sizes * _system(kernels, q, t, p).solve(np.zeros(kernels.n), rest)[0]
+    return qd + sizes * least_energy(kernels, q, t, p).solve(np.zeros(kernels.n), rest)[0]
 
 
-def _system(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None) -> KKT:
-    return least_energy(kernels, q, t, p, scipy.sparse.csr_array((0, kernels.n)))
-
-
-def least_energy(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray | None, held: scipy.sparse.csr_array) -> KKT:
+def least_energy(
+    kernels: Kernels, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None, held: scipy.sparse.csr_array | None = None
+) -> KKT:
     """The equations of the changes, in natural sizes, that constraints allow with the least kinetic energy.
 
     held (k, n): rows besides, of one number each
+    Raises SingularError where a motion that they allow has no inertia.
     """
+    held = scipy.sparse.csr_array((0, kernels.n)) if held is None else held
     if kernels.n + kernels.m + held.nnz <= LARGE:
         rows = np.vstack([scaled_jacobian(kernels, q, t, p), held.toarray()])
         return KKT(scaled_mass(kernels, q, t, p)[0], rows, kernels)

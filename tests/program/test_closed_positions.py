@@ -66,10 +66,9 @@ def test_positions_close_to_rounding_from_any_angles(make):
     for _ in range(5):
         q = found[0].q.copy()
         q[list(split.independent)] += rng.uniform(-3, 3, len(split.independent))
-        step = np.array(evaluate(program, {"t": 0.0, "q": q, "p": kernels.p0}))
-        q[list(split.dependent)] += step[: len(split.dependent)]
+        places = np.array(evaluate(program, {"t": 0.0, "q": q, "p": kernels.p0}))
+        q[list(split.dependent)] = places
         assert np.max(np.abs(kernels.phi(q, 0.0, kernels.p0)) / kernels.row_sizes) < 1e-14
-        assert not np.any(step[len(split.dependent) :])
 
 
 @pytest.mark.parametrize(

@@ -48,6 +48,7 @@ def dynamics_files(programs: DynamicsPrograms, equations: Terms, row_sizes: Iter
         "independent": [equations.free[i].name for i in split.independent],
         "independent_positions": split.independent,
         "dependent_positions": split.dependent,
+        "closes": int(programs.closes),
         "row_sizes": [number(float(size)) for size in row_sizes] or ["0"],
     }
     return {f"{prefix}_dynamics.{end}": render(f"c/dynamics.{end}.jinja", **records) for end in "ch"}

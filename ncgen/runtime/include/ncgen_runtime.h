@@ -19,7 +19,8 @@ extern "C" {
  *
  * newton and acceleration are emitted for one mechanism and one choice, with the elimination written out; where they are
  * NULL the runtime does the same with the model's kernels and dense elimination with row exchanges.
- * newton writes the correction of the dependent coordinates (n_dependent numbers), then phi (n_rows);
+ * newton writes the correction of the dependent coordinates (n_dependent numbers), then phi (n_rows); where it `closes` at once it
+ * writes the dependent coordinates themselves, and reads the independent ones alone;
  * acceleration writes qd (n_coordinates), zdd (n_independent), power, amplification: how much an error of the
  * independent coordinates grows in the others, squared. */
 typedef int ncgen_acceleration_kernel(ncgen_real t, const ncgen_real *q, const ncgen_real *zd, const ncgen_real *p,
@@ -119,6 +120,7 @@ typedef struct ncgen_dynamics {
     const ncgen_partition *positions; /* NULL, or with rolling conditions and dense elimination: fewer velocities are
                                        * independent, of which the members above speak, than positions */
     const ncgen_tree *tree; /* NULL, or where no motion is emitted an open tree for lagrange */
+    int closes;             /* 1: newton finds the dependent coordinates from the independent ones, in closed form */
 } ncgen_dynamics;
 
 /* Stop where a coordinate or a velocity passes a value, or a function of (t, q, qd, p) passes zero. */

@@ -19,7 +19,8 @@
 
 enum {
     NEWTON_LIMIT = 40,
-    REPEAT_LIMIT = 8
+    REPEAT_LIMIT = 8,
+    CHAINS = 4 /* of operations that do not wait for each other */
 };
 
 /* A residual or an amplification that leaves no digit of the solution. */
@@ -58,6 +59,7 @@ typedef struct run {
     const ncgen_options *options;
     output to;               /* of the block's first state */
     int n, nz, ny;
+    int given, given_end;    /* the coordinates from which positions are closed: the independent ones and those between, or all */
     common *shared;
     int listens;             /* 1: in the thread that asks the watch */
     ncgen_mask running;
@@ -97,6 +99,13 @@ static void lay_out(run *r, ncgen_real *workspace)
     r->n = r->model->n_coordinates;
     r->nz = r->dynamics->n_independent;
     r->ny = 2 * r->nz + 1;
+    r->given = r->dynamics->closes ? r->n : 0;
+    r->given_end = r->dynamics->closes ? 0 : r->n;
+    for (int i = 0; i < r->nz && r->dynamics->closes; ++i) {
+        const int place = r->dynamics->independent[i];
+        r->given = place < r->given ? place : r->given;
+        r->given_end = place >= r->given_end ? place + 1 : r->given_end;
+    }
     r->p = take(&workspace, r->model->n_parameters);
     r->q = take(&workspace, r->n);
     r->out = take(&workspace, r->n + r->nz + 2);
@@ -172,22 +181,47 @@ static void listen(run *r)
         end(r, r->running, NCGEN_INTERRUPTED);
 }
 
+/* The larger of two numbers that are not negative, in every lane: their bits ascend as they do, and those of what is no number are above. */
+static ncgen_real larger(ncgen_real a, ncgen_real b)
+{
+    return ncgen_select((ncgen_mask)a > (ncgen_mask)b, a, b);
+}
+
 /* The largest |phi| relative to the rows' sizes; not a number if one of them is not. */
 static ncgen_real residual(const run *r)
 {
-    enum { CHAINS = 4 }; /* which do not wait for each other */
-    ncgen_real largest[CHAINS] = {{0}}, sum[CHAINS] = {{0}};
+    ncgen_real largest[CHAINS] = {{0}};
     for (int first = 0; first < r->model->n_rows; first += CHAINS)
-        for (int k = 0; k < CHAINS && first + k < r->model->n_rows; ++k) {
-            const ncgen_real size = NCGEN_ABS(r->phi[first + k]) * r->per_size[first + k];
-            largest[k] = ncgen_select(size > largest[k], size, largest[k]);
-            sum[k] += size;
-        }
-    for (int k = 1; k < CHAINS; ++k) {
-        largest[0] = ncgen_select(largest[k] > largest[0], largest[k], largest[0]);
+        for (int k = 0; k < CHAINS && first + k < r->model->n_rows; ++k)
+            largest[k] = larger(NCGEN_ABS(r->phi[first + k]) * r->per_size[first + k], largest[k]);
+    for (int k = 1; k < CHAINS; ++k)
+        largest[0] = larger(largest[k], largest[0]);
+    return largest[0];
+}
+
+/* Lanes in which all of some numbers are finite: an infinite one or one that is none makes their sum the same. */
+static ncgen_mask sensible(int count, const ncgen_real *x)
+{
+    ncgen_real sum[CHAINS] = {{0}};
+    int first = 0;
+    for (; first + CHAINS <= count; first += CHAINS)
+        for (int k = 0; k < CHAINS; ++k)
+            sum[k] += x[first + k];
+    for (; first < count; ++first)
+        sum[0] += x[first];
+    for (int k = 1; k < CHAINS; ++k)
         sum[0] += sum[k];
-    }
-    return ncgen_select(sum[0] == sum[0], largest[0], sum[0]);
+    return sum[0] - sum[0] == 0.0;
+}
+
+/* The dependent coordinates of some lanes as newton wrote them in closed form. */
+static ncgen_mask take_places(run *r, ncgen_mask lanes)
+{
+    const ncgen_dynamics *d = r->dynamics;
+#pragma GCC unroll 4
+    for (int i = 0; i < d->n_dependent; ++i)
+        r->q[d->dependent[i]] = ncgen_select(lanes, r->step[i], r->q[d->dependent[i]]);
+    return lanes;
 }
 
 /* The dependent coordinates of some lanes at time t, from r->q on, which has the independent ones; those that close. */
@@ -198,6 +232,8 @@ static ncgen_mask close_position(run *r, ncgen_real t, ncgen_mask open)
     for (int iteration = 0; iteration <= NEWTON_LIMIT && ncgen_any(open); ++iteration) {
         if (d->newton(t, r->q, r->p, r->step) != NCGEN_OK)
             break;
+        if (d->closes)
+            return take_places(r, open);
         const ncgen_real size = residual(r);
         if (iteration == 0)
             r->senseless |= open & ~(size == size);
@@ -218,10 +254,7 @@ static ncgen_mask accelerate(run *r, ncgen_real t, const ncgen_real *zd, ncgen_m
     if (!ncgen_any(closed) || r->dynamics->acceleration(t, r->q, zd, r->p, r->out) != NCGEN_OK)
         return closed & 0;
     const ncgen_mask regular = closed & (r->out[r->n + r->nz + 1] < broken_down);
-    ncgen_real sum = ncgen_splat(0.0); /* an infinite number or one that is none makes the sum the same */
-    for (int i = 0; i <= r->n + r->nz; ++i)
-        sum += r->out[i];
-    const ncgen_mask finite = sum - sum == 0.0;
+    const ncgen_mask finite = sensible(r->n + r->nz + 1, r->out);
     r->singular |= closed & ~regular;
     r->senseless |= regular & ~finite;
     return regular & finite;
@@ -659,7 +692,7 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
         for (long b = 0; b < blocks; ++b) {
             const long first = b * NCGEN_LANES, left = count - first;
             const int block = left < NCGEN_LANES ? (int)left : NCGEN_LANES;
-            ncgen_spread(r.n, block, n, q + first * n, r.q);
+            ncgen_spread(r.given_end - r.given, block, n, q + first * n + r.given, r.q + r.given);
             ncgen_spread(r.nz, block, nz, zd + first * nz, r.y);
             ncgen_spread(model->n_parameters, block, p_stride, p + first * p_stride, r.p);
             if (left >= 2 * NCGEN_LANES) {

@@ -248,6 +248,16 @@ static int accelerate(ncgen_run *r, ncgen_scalar t, const ncgen_real *zd)
     return ncgen_partitioning_accelerate(r, t, zd);
 }
 
+/* The dependent coordinates as newton wrote them in closed form. */
+static int take_places(ncgen_run *r, ncgen_real *dependent)
+{
+    const ncgen_partition *d = &r->partitioning->positions->of;
+    for (int i = 0; i < d->n_dependent; ++i)
+        dependent[i] = r->q[d->dependent[i]] = r->partitioning->step[i];
+    r->statistics->newton_steps += 1;
+    return NCGEN_OK;
+}
+
 /* The dependent coordinates of y at time t for the independent ones. */
 int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
 {
@@ -263,6 +273,8 @@ int ncgen_partitioning_position(ncgen_run *r, ncgen_scalar t, ncgen_real *y)
         int status = emitted ? r->dynamics->newton(t, r->q, r->p, r->partitioning->step) : ncgen_phi(r, t, r->q, r->partitioning->phi);
         if (status != NCGEN_OK)
             return status;
+        if (emitted && r->dynamics->closes)
+            return take_places(r, dependent);
         const ncgen_real size = residual(r);
         if (!(size < R(1.0e30)))
             return ncgen_is_finite(1, &size) ? NCGEN_NOT_CONVERGED : NCGEN_DOMAIN;

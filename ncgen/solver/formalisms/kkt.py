@@ -37,9 +37,11 @@ class KKT:
     """The factored system for W (n, n) and A (m, n); `left` (n, m) stands for Aᵀ where it is not the transpose of A."""
 
     def __init__(self, weight: Matrix, jacobian: Matrix, kernels: Kernels, left: Matrix | None = None) -> None:
-        self.weight, self.jacobian = weight, jacobian
-        self.left = jacobian.T if left is None else left
-        self._solve = factored(weight, self.left, jacobian, kernels, EPSILON)
+        left = jacobian.T if left is None else left
+        if _is_large(weight, jacobian):
+            weight, left, jacobian = map(csr_array, (weight, left, jacobian))
+        self.weight, self.left, self.jacobian = weight, left, jacobian
+        self._solve = factored(weight, left, jacobian, kernels, EPSILON)
 
     def solve(self, force: np.ndarray, gamma: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """x (n,) and y (m,), or (n, k) and (m, k) for k right-hand sides, refined until the residual no longer falls."""
@@ -62,9 +64,13 @@ def undetermined(kernels: Kernels, weight: np.ndarray, jacobian: np.ndarray) -> 
 
 def factored(weight: Matrix, left: Matrix, jacobian: Matrix, kernels: Kernels, corner: float) -> Solution:
     """A function that solves [W L; A −corner] [x; y] = right once. Raises SingularError where that has no inverse."""
-    if _rows(weight) + _rows(jacobian) > LARGE:
+    if _is_large(weight, jacobian):
         return _sparse(weight, left, jacobian, kernels, corner)
     return _dense(_full(weight), _full(left), _full(jacobian), kernels, corner)
+
+
+def _is_large(weight: Matrix, jacobian: Matrix) -> bool:
+    return _rows(weight) + _rows(jacobian) > LARGE
 
 
 def _rows(matrix: Matrix) -> int:
