@@ -1,6 +1,6 @@
 """A motion on independent coordinates with its derivatives, in Python: for kernels of NumPy, and where no motion is written out.
 
-The motion is the classical Runge-Kutta method's, y = [ż; z], and what is differentiated is that very computation, through the solution
+Where nothing else is said the motion is the classical Runge-Kutta method's, y = [ż; z], and what is differentiated is that very computation, through the solution
 of the position problem by the implicit function theorem:
 
     dq = R dz − S Φ_p dp          dq̇ = R dż − S (½ Φ̈_q̇ dq + Φ̇_p dp)
@@ -10,6 +10,7 @@ of the position problem by the implicit function theorem:
 from __future__ import annotations
 
 from collections.abc import Iterator
+from functools import cached_property
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -20,12 +21,16 @@ from ncgen.solver.coordinate_partitioning import Start, dependent_position, moti
 from ncgen.solver.partition import Kinematics, determined, kinematics, quality
 from ncgen.solver.run import Initial
 from ncgen.solver.start import begin
+from ncgen.solver.trajectory import Trajectory
 
 WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
 NODES = (0.0, 0.5, 0.5, 1.0)
 """The classical Runge-Kutta method: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ w_i k_i."""
 
 TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")
+
+CLOSED = 1e-8
+"""What a step of a run may leave of the rule's equations: what Newton's method leaves of them, times a stiff slope."""
 
 POOR = 1e-5
 """Quality of a partition below which a motion on it has no digits left to differentiate."""
@@ -74,12 +79,7 @@ class PartitionedMotion:
 
     def forward(self) -> tuple[np.ndarray, np.ndarray]:
         """Derivatives of q and q̇ at all instants, (K, n, columns) each."""
-        count, nz, parameters = len(self.names), self.nz, len(self.p)
-        dp = np.eye(parameters, count)
-        dy = np.zeros((2 * nz, count))
-        dy[nz:, parameters : parameters + nz] = np.eye(nz)
-        dy[:nz, parameters + nz :] = np.eye(nz)
-        dy[nz:, :parameters] = self.z_by_p
+        dy, dp = self._seeds()
         q_by, qd_by = [], []
         for stages in self._stages:
             slopes, total = np.zeros_like(dy), np.zeros_like(dy)
@@ -92,6 +92,15 @@ class PartitionedMotion:
             dy = dy + self.h * total
         _, dq, dqd = self._last.forward(dy, dp)
         return np.array([*q_by, dq]), np.array([*qd_by, dqd])
+
+    def _seeds(self) -> tuple[np.ndarray, np.ndarray]:
+        """How y at the start and p change with every column."""
+        count, nz, parameters = len(self.names), self.nz, len(self.p)
+        dy = np.zeros((2 * nz, count))
+        dy[nz:, parameters : parameters + nz] = np.eye(nz)
+        dy[:nz, parameters + nz :] = np.eye(nz)
+        dy[nz:, :parameters] = self.z_by_p
+        return dy, np.eye(parameters, count)
 
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
         """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
@@ -107,6 +116,10 @@ class PartitionedMotion:
                 total += later
                 p_bar = p_bar + by_p
             adjoint = total
+        return self._by_columns(adjoint, p_bar)
+
+    def _by_columns(self, adjoint: np.ndarray, p_bar: np.ndarray) -> np.ndarray:
+        """From derivatives by y at the start and by p."""
         z, zd = adjoint[self.nz :], adjoint[: self.nz]
         return np.concatenate([p_bar + self.z_by_p.T @ z, z, zd])
 
@@ -136,6 +149,71 @@ class PartitionedMotion:
         self._qd.append(stage.qd)
 
 
+class TrapezoidalMotion(PartitionedMotion):
+    """The same by the trapezoidal rule, y₁ = y₀ + h/2 (f₀ + f₁), whose steps come from a run: (1 − h/2 J₁) dy₁ = (1 + h/2 J₀) dy₀ + …"""
+
+    def __init__(self, kernels: Kernels, initial: Initial, run: Trajectory, start_follows: bool) -> None:
+        """run: `simulate`'s on independent coordinates, whose instants are the ends of its steps."""
+        super().__init__(kernels, initial, run.t, start_follows)
+        self._run = run
+
+    @cached_property
+    def _instants(self) -> list[_Stage]:
+        """One stage an instant. Raises ModelError where the run was on other coordinates."""
+        independent, found = self.partition.independent, list[_Stage]()
+        guess = Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
+        for t, q, qd in zip(self.t, self._run.q, self._run.qd, strict=True):
+            y = np.concatenate([qd[independent], q[independent]])
+            found.append(_Stage(self, guess, t, y))
+            guess = Start(t, q, qd, self.p)
+            self._keep(found[-1])
+            self._check_step(found[-2:])
+        return found
+
+    def _check_step(self, stages: list[_Stage]) -> None:
+        before, after = stages[0], stages[-1]
+        if len(stages) > 1 and not np.allclose(after.y, before.y + self.h / 2 * (before.slope + after.slope), rtol=0, atol=CLOSED):
+            names = ", ".join(self.partition.names(self.kernels))
+            raise ModelError(
+                f"the step to t = {after.t:.6g} s went on with other independent coordinates than {names}; choose some that last (z)"
+            )
+
+    @property
+    def _stages(self) -> list[list[_Stage]]:
+        return [[stage] for stage in self._instants]
+
+    def forward(self) -> tuple[np.ndarray, np.ndarray]:
+        dy, dp = self._seeds()
+        still, half = np.zeros_like(dy), self.h / 2
+        first, *others = self._instants
+        slope, dq, dqd = first.forward(dy, dp)
+        q_by, qd_by = [dq], [dqd]
+        for stage in others:
+            right = dy + half * (slope + stage.forward(still, dp)[0])
+            dy = np.linalg.solve(self._matrix(stage), right)
+            slope, dq, dqd = stage.forward(dy, dp)
+            q_by.append(dq)
+            qd_by.append(dqd)
+        return np.array(q_by), np.array(qd_by)
+
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
+        nothing, half = np.zeros(self.kernels.n), self.h / 2
+        adjoint, p_bar, slope_bar = np.zeros(2 * self.nz), np.zeros(len(self.p)), np.zeros(2 * self.nz)
+        for k, stage in reversed(list(enumerate(self._instants))):
+            more, by_p = stage.backward(slope_bar, by_q[k], by_qd[k])
+            adjoint, p_bar = adjoint + more, p_bar + by_p
+            if k:
+                adjoint = np.linalg.solve(self._matrix(stage).T, adjoint)
+                slope_bar = half * adjoint
+                p_bar = p_bar + stage.backward(slope_bar, nothing, nothing)[1]
+        return self._by_columns(adjoint, p_bar)
+
+    def _matrix(self, stage: _Stage) -> np.ndarray:
+        """1 − h/2 J."""
+        every = np.eye(2 * self.nz)
+        return every - self.h / 2 * stage.forward(every, np.zeros((len(self.p), 2 * self.nz)))[0]
+
+
 class _Stage:
     """The state derivative at one instant, f(y) = [z̈; ż], with what its derivative needs: that from `_linearise` on."""
 
@@ -154,6 +232,7 @@ class _Stage:
     def __init__(self, motion: PartitionedMotion, guess: Start, t: float, y: np.ndarray) -> None:
         kernels, partition, nz = motion.kernels, motion.partition, motion.nz
         self.kernels, self.partition, self.nz, self.t, self.p = kernels, partition, nz, t, motion.p
+        self.y = y
         self.q, _ = dependent_position(kernels, partition, guess, t, y[nz:])
         now = motion_at(kernels, partition, t, self.q, y[:nz], motion.p)
         self.qd, self.qdd, self.lam = now.qd, now.qdd, now.lam

@@ -9,20 +9,25 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Unpack
+from typing import Any, TypeAlias, Unpack
 
 import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.methods.table import INTEGRATORS
+from ncgen.methods.table import INTEGRATORS, Integrator
 from ncgen.solver.compiled import checked_compiled, is_written_out
 from ncgen.solver.given import checked_kernels
-from ncgen.solver.partitioned_motion import PartitionedMotion
+from ncgen.solver.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.run import Initial, InitialArguments, count, positive
+from ncgen.solver.simulate import simulate
+from ncgen.solver.stepped_motion import SteppedMotion
 from ncgen.solver.taped_motion import TapedMotion
 from ncgen.solver.tolerances import Tolerances
+
+WHOLE = 1 + 1e-12
+"""A step that is longer than the grid's by this share: as many steps as there are instants, whatever rounding does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,6 +79,7 @@ def sensitivities(
     steps: int,
     integrator: str = "rk4",
     rtol: float | None = None,
+    options: dict[str, Any] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Sensitivities:
     """Derivatives of the whole motion, carried along with it.
@@ -86,7 +92,7 @@ def sensitivities(
         own initial position has parameters and no q0 is given: then z starts where they put it
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, **start)
     q_by, qd_by = motion.forward()
     return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, motion.names)
 
@@ -98,6 +104,7 @@ def gradient(
     objective: Callable[[np.ndarray, np.ndarray], tuple],
     integrator: str = "rk4",
     rtol: float | None = None,
+    options: dict[str, Any] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Gradient:
     """The gradient of one number that depends on a motion, by one sweep back through it.
@@ -106,7 +113,7 @@ def gradient(
         None stands for a derivative that is zero
     steps, integrator, rtol, start: as for `sensitivities`, with the same errors
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, **start)
     value, *slopes = objective(motion.q, motion.qd)
     by_q, by_qd = (_filled(a, motion.q) for a in slopes)
     return Gradient(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)))
@@ -120,6 +127,7 @@ def hessian(
     directions: np.ndarray | None = None,
     integrator: str = "rk4",
     rtol: float | None = None,
+    options: dict[str, Any] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Hessian:
     """Second derivatives of one number that depends on a motion: how its gradient changes along directions, exact like the gradient.
@@ -129,7 +137,7 @@ def hessian(
     directions: changes of parameters, z and rates at the start, in the order of `names`, (columns, D); None for all, one by one
     steps, integrator, rtol, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, **start)
     if not isinstance(motion, TapedMotion):
         raise ModelError(
             f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
@@ -154,23 +162,56 @@ def _filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
     return np.zeros_like(like) if array is None else np.asarray(array, dtype=float)
 
 
+Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion
+"""A motion that can be differentiated."""
+
+
 def motion_of(
-    kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, **start: Unpack[InitialArguments]
-) -> TapedMotion | PartitionedMotion:
+    kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, options: dict[str, Any] | None = None,
+    **start: Unpack[InitialArguments],
+) -> Motion:  # fmt: skip
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
     length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
-    explicit = [name for name, entry in INTEGRATORS.items() if entry.tableau]
-    if integrator not in explicit:
-        raise ModelError(f"integrator: {integrator!r} given; derivatives go through steps of {', '.join(explicit)}")
+    entry = _differentiable(integrator)
     tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), length)
-    if tolerances and not INTEGRATORS[integrator].coefficients.errors:
-        estimating = ", ".join(name for name in explicit if INTEGRATORS[name].coefficients.errors)
+    if tolerances and not (entry.tableau and entry.coefficients.errors):
+        estimating = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau and other.coefficients.errors)
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
     initial = Initial.asked(checked_kernels(kernels), **start)
     times = initial.t + length * np.arange(steps + 1) / steps
     follows = start.get("q0") is None
+    if not entry.tableau:
+        return _implicit_motion(kernels, initial, times, follows, entry, options, start)
+    if options:
+        raise ModelError(f"options: {integrator} has none")
     if is_written_out(kernels, Method.of("lagrange", integrator)):
         return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances)
     if integrator != "rk4":
         raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
     return PartitionedMotion(kernels, initial, times, follows)
+
+
+def _differentiable(integrator: str) -> Integrator:
+    """The entry of a method whose steps have derivatives. Raises ModelError."""
+    entry = INTEGRATORS.get(integrator)
+    if entry is None or not (entry.tableau or entry.has_fixed_step):
+        known = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau or other.has_fixed_step)
+        why = "" if entry is None else f"; {integrator} chooses order, steps or Jacobians by what it meets, so what it computes has jumps"
+        raise ModelError(f"integrator: {integrator!r} given; derivatives go through steps of {known}{why}")
+    return entry
+
+
+def _implicit_motion(
+    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, entry: Integrator, options: dict[str, Any] | None,
+    start: InitialArguments,
+) -> SteppedMotion | TrapezoidalMotion:  # fmt: skip
+    """By steps of `simulate`."""
+    method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    run = simulate(
+        kernels, float(times[-1] - times[0]), formalism=method.formalism.name, integrator=entry.name, max_step=step * WHOLE, points=times,
+        options=options, **start,
+    )  # fmt: skip
+    if entry.is_ordinary:
+        return TrapezoidalMotion(kernels, initial, run, follows)
+    return SteppedMotion(kernels, initial, (run.t, run.q, run.qd), follows, method)
