@@ -105,7 +105,7 @@ class _Motion:
         return run.q, run.qd
 
     def _back(self, p: Array, rates: Array, by_q: Array, by_qd: Array) -> tuple[np.ndarray, np.ndarray]:
-        slopes = self._run(np.array(p), np.array(rates)).backward(np.array(by_q), np.array(by_qd))
+        slopes, _ = self._run(np.array(p), np.array(rates)).backward(np.array(by_q), np.array(by_qd))
         return slopes[: len(self.kernels.p0)], slopes[len(slopes) - self.rates :]
 
     def _run(self, p: np.ndarray, rates: np.ndarray | None) -> TapedMotion | PartitionedMotion:

@@ -102,7 +102,12 @@ class _Step:
     def __init__(self, programs: Programs) -> None:
         self.programs, self.graph = programs, Graph()
         equations = programs.equations
-        self.n, self.m, self.n_p, self.n_w = len(equations.free), len(equations.rows), len(equations.parameters), len(equations.model.inputs)
+        self.n, self.m, self.n_p, self.n_w = (
+            len(equations.free),
+            len(equations.rows),
+            len(equations.parameters),
+            len(equations.model.inputs),
+        )
         self.rolling = [row.level != "position" for row in equations.model.rows]
         self.h = self.load("h", 0)
         t = self.load("t", 0)
@@ -222,7 +227,12 @@ def energy_momentum(step: _Step) -> Made:
     """
     n, m, h, q = step.n, step.m, step.h, step.q
     qd, lam = step.loads("u", 0, n), step.loads("u", n, m)
-    rates, push, gap, work = step.loads("u", n + m, n), step.loads("u", 2 * n + m, m), step.loads("u", 2 * n + 2 * m, m), step.load("u", 2 * n + 3 * m)
+    rates, push, gap, work = (
+        step.loads("u", n + m, n),
+        step.loads("u", 2 * n + m, m),
+        step.loads("u", 2 * n + 2 * m, m),
+        step.load("u", 2 * n + 3 * m),
+    )
     corrected, projected, sizes = step.load("h", 1), step.load("h", 2), step.loads("h", 3, n)
     rate = [(a + b) * 0.5 for a, b in zip(step.qd, qd, strict=True)]
     end, middle = sums(q, (h, rate)), sums(q, (h * 0.5, rate))
@@ -273,7 +283,9 @@ def assemble_step(programs: Programs, method: str) -> StepEquations:
     columns = {leaf: k for k, leaf in enumerate((array, i) for array, length in lengths.items() for i in range(length))}
     slopes = _slopes(step.graph, [node.place for node in (*F, *G)], columns)
     pattern = Pattern.of((len(F) + len(G), len(columns)), slopes)
-    program = line(step.graph, "step", INPUTS, [*(node.place for node in F), *(slopes[place] for place in sorted(slopes))], programs.equations)
+    program = line(
+        step.graph, "step", INPUTS, [*(node.place for node in F), *(slopes[place] for place in sorted(slopes))], programs.equations
+    )
     verify(program, {"t": 1, "h": 1 + extra(method, step.n), **lengths})
     return StepEquations(program, layout, pattern)
 

@@ -17,9 +17,11 @@ from scipy.linalg import cho_factor, cho_solve
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.taped import Driven
 from ncgen.solver.coordinate_partitioning import Start, dependent_position, motion_at
 from ncgen.solver.partition import Kinematics, determined, kinematics, quality
 from ncgen.solver.run import Initial
+from ncgen.solver.signals import Signals
 from ncgen.solver.start import begin
 from ncgen.solver.trajectory import Trajectory
 
@@ -43,9 +45,12 @@ class PartitionedMotion:
     z_by_p: where z starts, by the parameters
     """
 
-    def __init__(self, kernels: Kernels, initial: Initial, times: np.ndarray, start_follows: bool) -> None:
-        """start_follows: whether the position at the start is the model's own, which may change with parameters."""
+    def __init__(
+        self, kernels: Kernels, initial: Initial, times: np.ndarray, start_follows: bool, signals: Signals | None = None
+    ) -> None:  # fmt: skip
+        """start_follows: whether the position at the start is the model's own, which may change with parameters; signals: what drives it"""
         _check(kernels)
+        self.signals = signals
         begun = begin(kernels, initial, partitioned=True)
         self.kernels, self.p, self.t = kernels, begun.p, times
         self.h = (times[-1] - times[0]) / (len(times) - 1)
@@ -102,8 +107,11 @@ class PartitionedMotion:
         dy[nz:, :parameters] = self.z_by_p
         return dy, np.eye(parameters, count)
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
-        """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+        """Derivatives of a number by what has a name (columns,), and by what drove the run, from those by q and q̇ at all instants, (K, n)
+        each."""
+        t = self.t[:-1, None] + self.h * np.array(NODES)
+        driven = Driven(t, np.broadcast_to(self.t[:-1, None], t.shape), np.zeros((*t.shape, len(self.kernels.inputs))))
         adjoint, p_bar = self._last.backward(np.zeros(2 * self.nz), by_q[-1], by_qd[-1])
         nothing, h = np.zeros(self.kernels.n), self.h
         for k, stages in reversed(list(enumerate(self._stages))):
@@ -115,8 +123,9 @@ class PartitionedMotion:
                 later, by_p = stages[i].backward(h * WEIGHTS[i] * adjoint + ahead, *seen)
                 total += later
                 p_bar = p_bar + by_p
+                driven.values[k, i] = by_p[len(by_p) - driven.values.shape[2] :]
             adjoint = total
-        return self._by_columns(adjoint, p_bar)
+        return self._by_columns(adjoint, p_bar), driven
 
     def _by_columns(self, adjoint: np.ndarray, p_bar: np.ndarray) -> np.ndarray:
         """From derivatives by y at the start and by p."""
@@ -129,15 +138,19 @@ class PartitionedMotion:
         for t in self.t[:-1]:
             stages, slope = [], np.zeros_like(y)
             for node in NODES:
-                stage = _Stage(self, guess, t + node * self.h, y + node * self.h * slope)
+                stage = _Stage(self, guess, t + node * self.h, y + node * self.h * slope, self._present(t, t + node * self.h))
                 stages.append(stage)
                 slope = stage.slope
             self._keep(stages[0])
             guess = Start(t, stages[0].q, stages[0].qd, self.p)
             y = y + self.h * sum(w * s.slope for w, s in zip(WEIGHTS, stages, strict=True))
             yield stages
-        self._last = _Stage(self, guess, self.t[-1], y)
+        self._last = _Stage(self, guess, self.t[-1], y, self._present(self.t[-1], self.t[-1]))
         self._keep(self._last)
+
+    def _present(self, begun: float, t: float) -> np.ndarray:
+        """p with the inputs of a time inside a step that began at another one."""
+        return self.signals.begun_at(begun)(t, self.p) if self.signals else self.p
 
     def _keep(self, stage: _Stage) -> None:
         if quality(self.kernels, self.partition, stage.q, stage.t, self.p) < POOR:
@@ -164,7 +177,7 @@ class TrapezoidalMotion(PartitionedMotion):
         guess = Start(self.t[0], self.q0, np.zeros(self.kernels.n), self.p)
         for t, q, qd in zip(self.t, self._run.q, self._run.qd, strict=True):
             y = np.concatenate([qd[independent], q[independent]])
-            found.append(_Stage(self, guess, t, y))
+            found.append(_Stage(self, guess, t, y, self.p))
             guess = Start(t, q, qd, self.p)
             self._keep(found[-1])
             self._check_step(found[-2:])
@@ -196,7 +209,7 @@ class TrapezoidalMotion(PartitionedMotion):
             qd_by.append(dqd)
         return np.array(q_by), np.array(qd_by)
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
         nothing, half = np.zeros(self.kernels.n), self.h / 2
         adjoint, p_bar, slope_bar = np.zeros(2 * self.nz), np.zeros(len(self.p)), np.zeros(2 * self.nz)
         for k, stage in reversed(list(enumerate(self._instants))):
@@ -206,7 +219,8 @@ class TrapezoidalMotion(PartitionedMotion):
                 adjoint = np.linalg.solve(self._matrix(stage).T, adjoint)
                 slope_bar = half * adjoint
                 p_bar = p_bar + stage.backward(slope_bar, nothing, nothing)[1]
-        return self._by_columns(adjoint, p_bar)
+        none = np.empty((0, 0))
+        return self._by_columns(adjoint, p_bar), Driven(none, none, none[..., None])
 
     def _matrix(self, stage: _Stage) -> np.ndarray:
         """1 − h/2 J."""
@@ -229,12 +243,12 @@ class _Stage:
     phidd_p: np.ndarray
     balance_p: np.ndarray
 
-    def __init__(self, motion: PartitionedMotion, guess: Start, t: float, y: np.ndarray) -> None:
+    def __init__(self, motion: PartitionedMotion, guess: Start, t: float, y: np.ndarray, p: np.ndarray) -> None:
         kernels, partition, nz = motion.kernels, motion.partition, motion.nz
-        self.kernels, self.partition, self.nz, self.t, self.p = kernels, partition, nz, t, motion.p
+        self.kernels, self.partition, self.nz, self.t, self.p = kernels, partition, nz, t, p
         self.y = y
         self.q, _ = dependent_position(kernels, partition, guess, t, y[nz:])
-        now = motion_at(kernels, partition, t, self.q, y[:nz], motion.p)
+        now = motion_at(kernels, partition, t, self.q, y[:nz], p)
         self.qd, self.qdd, self.lam = now.qd, now.qdd, now.lam
         self.slope = np.concatenate([now.qdd[partition.independent], y[:nz]])
 

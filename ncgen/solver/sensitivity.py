@@ -7,8 +7,8 @@ whatever the number of parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
 from typing import Any, TypeAlias, Unpack
 
 import numpy as np
@@ -21,6 +21,7 @@ from ncgen.solver.compiled import checked_compiled, is_written_out
 from ncgen.solver.given import checked_kernels
 from ncgen.solver.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.run import Initial, InitialArguments, count, positive
+from ncgen.solver.signals import Signal, signals_of
 from ncgen.solver.simulate import simulate
 from ncgen.solver.stepped_motion import SteppedMotion
 from ncgen.solver.taped_motion import TapedMotion
@@ -50,10 +51,15 @@ class Sensitivities:
 
 @dataclass(frozen=True)
 class Gradient:
-    """The value of an objective and its derivatives by name: parameters, `z` and `rate(z)` of the independent coordinates."""
+    """The value of an objective and its derivatives by name: parameters, `z` and `rate(z)` of the independent coordinates.
+
+    Of an input that changes with time slopes say what adding one number to it at all times does; by_inputs {name: (samples,)} says it of
+    every value of those that are tables.
+    """
 
     value: float
     slopes: dict[str, float]
+    by_inputs: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), SHOWN)}>"
@@ -80,6 +86,7 @@ def sensitivities(
     integrator: str = "rk4",
     rtol: float | None = None,
     options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Sensitivities:
     """Derivatives of the whole motion, carried along with it.
@@ -92,7 +99,7 @@ def sensitivities(
         own initial position has parameters and no q0 is given: then z starts where they put it
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, options, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
     q_by, qd_by = motion.forward()
     return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, motion.names)
 
@@ -105,6 +112,7 @@ def gradient(
     integrator: str = "rk4",
     rtol: float | None = None,
     options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Gradient:
     """The gradient of one number that depends on a motion, by one sweep back through it.
@@ -113,10 +121,12 @@ def gradient(
         None stands for a derivative that is zero
     steps, integrator, rtol, start: as for `sensitivities`, with the same errors
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, options, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
     value, *slopes = objective(motion.q, motion.qd)
     by_q, by_qd = (_filled(a, motion.q) for a in slopes)
-    return Gradient(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)))
+    slopes, driven = motion.backward(by_q, by_qd)
+    by_inputs = motion.signals.by_values(driven.t, driven.begun, driven.values) if motion.signals else {}
+    return Gradient(float(value), dict(zip(motion.names, slopes.tolist(), strict=True)), by_inputs)
 
 
 def hessian(
@@ -128,6 +138,7 @@ def hessian(
     integrator: str = "rk4",
     rtol: float | None = None,
     options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Hessian:
     """Second derivatives of one number that depends on a motion: how its gradient changes along directions, exact like the gradient.
@@ -137,7 +148,8 @@ def hessian(
     directions: changes of parameters, z and rates at the start, in the order of `names`, (columns, D); None for all, one by one
     steps, integrator, rtol, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, options, **start)
+    _differentiable(integrator, twice=True)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
     if not isinstance(motion, TapedMotion):
         raise ModelError(
             f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
@@ -155,7 +167,7 @@ def hessian(
         return _filled(first, dq), _filled(second, dq)
 
     products = motion.second(by_q, by_qd, changed, along)
-    return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)), products, motion.names)
+    return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True)), products, motion.names)
 
 
 def _filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
@@ -168,7 +180,7 @@ Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion
 
 def motion_of(
     kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, options: dict[str, Any] | None = None,
-    **start: Unpack[InitialArguments],
+    inputs: Mapping[str, Signal] | None = None, **start: Unpack[InitialArguments],
 ) -> Motion:  # fmt: skip
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
     length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
@@ -179,39 +191,45 @@ def motion_of(
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
     initial = Initial.asked(checked_kernels(kernels), **start)
     times = initial.t + length * np.arange(steps + 1) / steps
-    follows = start.get("q0") is None
+    follows, signals = start.get("q0") is None, signals_of(kernels, inputs, initial.p)
     if not entry.tableau:
-        return _implicit_motion(kernels, initial, times, follows, entry, options, start)
+        return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
     if options:
         raise ModelError(f"options: {integrator} has none")
     if is_written_out(kernels, Method.of("lagrange", integrator)):
-        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances)
+        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances, signals)
     if integrator != "rk4":
         raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
-    return PartitionedMotion(kernels, initial, times, follows)
+    return PartitionedMotion(kernels, initial, times, follows, signals)
 
 
-def _differentiable(integrator: str) -> Integrator:
-    """The entry of a method whose steps have derivatives. Raises ModelError."""
-    entry = INTEGRATORS.get(integrator)
-    if entry is None or not (entry.tableau or entry.has_fixed_step):
-        known = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau or other.has_fixed_step)
-        why = "" if entry is None else f"; {integrator} chooses order, steps or Jacobians by what it meets, so what it computes has jumps"
-        raise ModelError(f"integrator: {integrator!r} given; derivatives go through steps of {known}{why}")
-    return entry
+def _differentiable(integrator: str, twice: bool = False) -> Integrator:
+    """The entry of a method whose steps have derivatives, or second ones. Raises ModelError."""
+    known = {name: entry for name, entry in INTEGRATORS.items() if entry.tableau or (entry.has_fixed_step and not twice)}
+    if integrator in known:
+        return known[integrator]
+    why = ""
+    if integrator in INTEGRATORS and not INTEGRATORS[integrator].has_fixed_step:
+        why = f"; {integrator} takes its order, steps or Jacobians by what it meets, so what it computes jumps with what it depends on"
+    what = "second derivatives" if twice else "derivatives"
+    raise ModelError(f"integrator: {integrator!r} given; {what} go through steps of {', '.join(known)}{why}")
 
 
 def _implicit_motion(
     kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, entry: Integrator, options: dict[str, Any] | None,
-    start: InitialArguments,
+    inputs: Mapping[str, Signal] | None, start: InitialArguments,
 ) -> SteppedMotion | TrapezoidalMotion:  # fmt: skip
     """By steps of `simulate`."""
+    signals = signals_of(kernels, inputs, initial.p)
+    if signals and entry.is_ordinary:
+        others = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau or (other.has_fixed_step and not other.is_ordinary))
+        raise ModelError(f"inputs: derivatives of driven motions do not go through steps of {entry.name}; take {others}")
     method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
     step = float(times[-1] - times[0]) / (len(times) - 1)
     run = simulate(
         kernels, float(times[-1] - times[0]), formalism=method.formalism.name, integrator=entry.name, max_step=step * WHOLE, points=times,
-        options=options, **start,
+        options=options, inputs=inputs, **start,
     )  # fmt: skip
     if entry.is_ordinary:
         return TrapezoidalMotion(kernels, initial, run, follows)
-    return SteppedMotion(kernels, initial, (run.t, run.q, run.qd), follows, method)
+    return SteppedMotion(kernels, initial, run, follows, method, signals)

@@ -10,7 +10,7 @@ one Newton step from their ends, which leaves rounding.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -19,6 +19,7 @@ import numpy as np
 from ncgen.errors import ModelError
 from ncgen.mechanism.functions import Functions, functions
 from ncgen.mechanism.kernels import Kernels
+from ncgen.mechanism.taped import Driven
 from ncgen.methods.method import Method
 from ncgen.program.step_equations import INPUTS, INSTANTS, StepEquations, assemble_step
 from ncgen.solver.branches import refresh_branches
@@ -30,6 +31,7 @@ from ncgen.solver.signals import Signals
 from ncgen.solver.start import begin
 from ncgen.solver.steppers.energy_momentum import STILL
 from ncgen.solver.steppers.generalized_alpha import newmark
+from ncgen.solver.trajectory import Trajectory
 
 SOLVED = 1e-7
 """A Newton step from the ends of a step of a run moves nothing by more than this, in natural sizes."""
@@ -96,16 +98,17 @@ class SteppedMotion:
     """
 
     def __init__(
-        self, kernels: Kernels, initial: Initial, states: tuple[np.ndarray, np.ndarray, np.ndarray], start_follows: bool, method: Method,
+        self, kernels: Kernels, initial: Initial, run: Trajectory, start_follows: bool, method: Method,
         signals: Signals | None = None,
     ) -> None:  # fmt: skip
-        """states: instants (K,), positions and velocities (K, n) of the run; start_follows: whether the position at the start is the
-        model's own, which may change with parameters; signals: what drives the run."""
+        """run: `simulate`'s, whose instants are the ends of its steps; start_follows: whether the position at the start is the model's own,
+        which may change with parameters; signals: what drives the run."""
         if kernels.model.callbacks:
             raise ModelError(f"{kernels.name}: a force of a Python function has no derivative here; write it as an expression")
         begun = begin(kernels, initial, partitioned=True)
-        self.kernels, self.p, self._method, self._signals = kernels, begun.p, method, signals
-        self.t, self.q, self.qd = states
+        self.kernels, self.p, self._method, self.signals = kernels, begun.p, method, signals
+        self.t, self.q, self.qd = run.t, run.q, run.qd
+        self._looks_back = not run.engine.startswith("python")  # a table's piece is that of the step's start
         self._partitions, self._follows = determined(begun.partitions), start_follows
         z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
@@ -201,10 +204,16 @@ class SteppedMotion:
 
     def _inputs(self, k: int) -> np.ndarray:
         """At the start, in the middle and at the end of a step."""
-        count, t, h = len(self.kernels.inputs), self.t[k], self.t[k + 1] - self.t[k]
-        signals = self._signals and self._signals.begun_at(float(t))
-        seen = [signals(float(x), self.p) if signals else self.p for x in (t, t + h / 2, self.t[k + 1])]
+        count, instants = len(self.kernels.inputs), zip(*(a[k].tolist() for a in self._instants), strict=True)
+        seen = [self.signals.begun_at(begun)(t, self.p) if self.signals else self.p for t, begun in instants]
         return np.concatenate([p[len(p) - count :] for p in seen])
+
+    @cached_property
+    def _instants(self) -> tuple[np.ndarray, np.ndarray]:
+        """When inputs are read (steps, 3), and times whose pieces of tables hold there."""
+        start, end = self.t[:-1], self.t[1:]
+        t = np.column_stack([start, (start + end) / 2, end])
+        return t, np.broadcast_to(start[:, None], t.shape) if self._looks_back else t
 
     # -- derivatives ---------------------------------------------------------------------------
 
@@ -233,25 +242,23 @@ class SteppedMotion:
         both = np.array(found)
         return both[:, :n], both[:, n:]
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
-        """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
-        seen, n = np.hstack([by_q, by_qd]), self.kernels.n
-        weights = np.zeros(4 * n if self._first else 2 * n)
-        inputs = np.zeros((len(self.t) - 1, len(INSTANTS), len(self.kernels.inputs)))
-        by_p = np.zeros(len(self.p))
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+        """As of `TapedMotion`."""
+        seen, n, inputs = np.hstack([by_q, by_qd]), self.kernels.n, len(self.kernels.inputs)
+        weights, by_p = np.zeros(4 * n if self._first else 2 * n), np.zeros(len(self.p))
+        driven = np.zeros((len(self.t) - 1, len(INSTANTS), inputs))
         weights[: 2 * n] += seen[-1]
         for k, linear in self._linears(backwards=True):
-            weights, driven, more = np.split(linear.backward(weights), [len(weights), len(weights) + inputs[0].size])
+            weights, felt, more = _parted(linear.backward(weights), driven.shape[1:], len(by_p))
             weights[: 2 * n] += seen[k]
-            inputs[k], by_p = driven.reshape(inputs[0].shape), by_p + more
-        by_p[len(by_p) - inputs.shape[2] :] += inputs.sum(axis=(0, 1))
+            driven[k], by_p = felt, by_p + more
         if before := self._before():
-            weights, driven, more = np.split(before.backward(weights), [2 * n, 2 * n + inputs[0].size])
-            weights, by_p = weights, by_p + more
-            by_p[len(by_p) - inputs.shape[2] :] += driven.reshape(inputs[0].shape).sum(axis=0)
+            weights, felt, more = _parted(before.backward(weights), driven.shape[1:], len(by_p))
+            driven[0], by_p = driven[0] + felt, by_p + more
+        by_p[len(by_p) - inputs :] += driven.sum(axis=(0, 1))
         found = np.vstack(self._start).T @ weights
         found[: len(by_p)] += by_p
-        return found
+        return found, Driven(*self._instants, driven)
 
     @cached_property
     def _start(self) -> tuple[np.ndarray, np.ndarray]:
@@ -265,11 +272,20 @@ class SteppedMotion:
             dz[:, :count] = kernels.start_p(p)[self._partitions.position.independent]
         q_by = place.R @ dz
         q_by[:, :count] -= _columns(place.particular, kernels.dense_tangent("phi_p", **given), kernels.n)
-        off = rate_slope(kernels, motion_at(kernels, self._partitions.velocity, t, q, qd[self._partitions.velocity.independent], p), p) @ q_by
+        off = (
+            rate_slope(kernels, motion_at(kernels, self._partitions.velocity, t, q, qd[self._partitions.velocity.independent], p), p) @ q_by
+        )
         off[:, :count] += kernels.dense_tangent("phid_p", **given)
         qd_by = rate.R @ np.eye(rate.R.shape[1], len(self.names), count + nz) - _columns(rate.particular, off, kernels.n)
         return q_by, qd_by
 
 
-def _columns(solve, right: np.ndarray, rows: int) -> np.ndarray:
+def _parted(slopes: np.ndarray, driven: tuple[int, ...], parameters: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Slopes by a state, by inputs at all instants of a step and by parameters."""
+    size = int(np.prod(driven))
+    state, inputs, by_p = np.split(slopes, [len(slopes) - parameters - size, len(slopes) - parameters])
+    return state, inputs.reshape(driven), by_p
+
+
+def _columns(solve: Callable[[np.ndarray], np.ndarray], right: np.ndarray, rows: int) -> np.ndarray:
     return np.array([solve(column) for column in right.T]).reshape(-1, rows).T

@@ -20,12 +20,13 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.sweep import SMALL, Sweep
-from ncgen.mechanism.taped import Segmented, taped
+from ncgen.mechanism.taped import Driven, Segmented, taped
 from ncgen.solver.compiled import all_coordinates, closeness
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.partition import Kinematics, determined, kinematics
 from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial
+from ncgen.solver.signals import Signals
 from ncgen.solver.start import begin
 from ncgen.solver.tolerances import Tolerances
 
@@ -61,10 +62,11 @@ class TapedMotion:
         start_follows: bool,
         method: str = "rk4",
         tolerances: Tolerances | None = None,
+        signals: Signals | None = None,
     ) -> None:
-        """start_follows: whether the position at the start is the model's own, which may change with parameters."""
+        """start_follows: whether the position at the start is the model's own, which may change with parameters; signals: what drives it"""
         begun = begin(kernels, initial, partitioned=True)
-        self.kernels, self.p, self.t = kernels, begun.p, times
+        self.kernels, self.p, self.t, self.signals = kernels, begun.p, times, signals
         self._partitions, self._begun, self._follows = determined(begun.partitions), begun, start_follows
         z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
@@ -72,7 +74,8 @@ class TapedMotion:
         rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
         dynamics = all_coordinates(kernels, form="emitted")
         start = begun.q, begun.qd, begun.p
-        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"))
+        told = signals.functions if signals else ()
+        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"), inputs=told)
         self._check()
 
     @property
@@ -97,11 +100,12 @@ class TapedMotion:
         by_start = np.array([np.concatenate(self._start_back(weights))[:count] for weights in np.eye(2 * n)]) @ directions
         return by_start[:n], by_start[n:], directions[: len(self.p)]
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
-        """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
-        *by_state, by_p = self._run.backward(by_q, by_qd)
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+        """Derivatives of a number by what has a name (columns,), and by what drove the run, from those by q and q̇ at all instants, (K, n)
+        each."""
+        *by_state, by_p, driven = self._run.backward(by_q, by_qd)
         by_start, by_z, by_rates = self._start_back(np.concatenate(by_state))
-        return np.concatenate([by_p + by_start, by_z, by_rates])
+        return np.concatenate([by_p + by_start, by_z, by_rates]), driven
 
     def second(self, by_q: np.ndarray, by_qd: np.ndarray, change: Change, directions: np.ndarray) -> np.ndarray:
         """How the derivatives of a number change along directions (columns, D), (columns, D): the way back, in dual numbers.
@@ -118,7 +122,7 @@ class TapedMotion:
         for k, sweep in enumerate(sweeps):
             changes = change(q[:, :, k], qd[:, :, k])
             weights = (own + SMALL * 1j * more for own, more in zip((by_q, by_qd), changes, strict=True))
-            *by_state, by_p = sweep.backward(self._run.at_all_steps(*weights))
+            *by_state, by_p, _ = sweep.backward(self._run.at_all_steps(*weights))
             start = self._start_along(*(seed[:, k] for seed in seeds))
             by_start, by_z, by_rates = self._start_back(np.concatenate(by_state), sweep, start)
             found[:, k] = np.imag(np.concatenate([by_p + by_start, by_z, by_rates])) / SMALL

@@ -188,7 +188,9 @@ def test_implicit_steps_against_complex_steps(mechanism, method):
     columns = wanted(plain, rates, method, options)
     assert found.names == tuple(columns)
     for k, motion in enumerate(columns.values()):
-        for own, by, (seen, change) in zip((found.q, found.qd), (found.q_by, found.qd_by), zip(motion.real, motion.imag, strict=True), strict=True):
+        for own, by, (seen, change) in zip(
+            (found.q, found.qd), (found.q_by, found.qd_by), zip(motion.real, motion.imag, strict=True), strict=True
+        ):
             np.testing.assert_allclose(own, seen, rtol=0, atol=1e-8)
             assert np.max(np.abs(by[:, :, k] - change / STEP)) <= 1e-9 * max(1.0, np.max(np.abs(change)) / STEP), found.names[k]
     a, b = np.random.default_rng(2).standard_normal((2, STEPS + 1, kernels.n))
