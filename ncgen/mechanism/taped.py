@@ -128,8 +128,8 @@ class Taped:
     def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Driven]:
         """How a number changes with q and q̇ at the start, (n,) each, with p, (n_p,), and with what drove the run, from how it does with q
         and q̇ at all times of the grid, (K, n) each."""
-        *found, by_inputs = self.back.backward(self.at_all_steps(by_q, by_qd))
-        return *found, replace(self.driven, values=by_inputs)
+        to_q, to_qd, by_p, by_inputs = self.back.backward(self.at_all_steps(by_q, by_qd))
+        return to_q, to_qd, by_p, replace(self.driven, values=by_inputs)
 
     def at_all_steps(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
         """Weights (steps + 1, 2 n) of [q, q̇] from those at the times of the grid."""
@@ -250,8 +250,8 @@ class _Directions:
         self._motion = getattr(self._emitted, getter)()
 
     def __call__(
-        self, sizes: Sizes, p: np.ndarray, inputs: np.ndarray, times: np.ndarray, states: np.ndarray, seeds: np.ndarray, changes: np.ndarray,
-        taped: np.ndarray | None,
+        self, sizes: Sizes, p: np.ndarray, inputs: np.ndarray, times: np.ndarray, states: np.ndarray, seeds: np.ndarray,
+        changes: np.ndarray, taped: np.ndarray | None,
     ) -> None:  # fmt: skip
         counts = sizes.n_coordinates, sizes.n_parameters, sizes.n_prepared
         work = aligned(self._library.ncgen_directions_workspace(*counts, sizes.method))

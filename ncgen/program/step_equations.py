@@ -111,7 +111,7 @@ class _Step:
         self.rolling = [row.level != "position" for row in equations.model.rows]
         self.h = self.load("h", 0)
         t = self.load("t", 0)
-        self.times = dict(zip(INSTANTS, (t, t + self.h * 0.5, t + self.h), strict=True))
+        self.times: dict[str, Node] = dict(zip(INSTANTS, (t, t + self.h * 0.5, t + self.h), strict=True))
         self.q, self.qd = self.loads("x", 0, self.n), self.loads("x", self.n, self.n)
 
     def load(self, array: str, k: int) -> Node:
@@ -221,7 +221,7 @@ def rattle(step: _Step) -> Made:
 
 
 def energy_momentum(step: _Step) -> Made:
-    """u = [v, λ, q̇, μ, e, g]: the velocity at the end before and after it is projected, and what rows (m) and energy (1) lack in the middle.
+    """u = [v, λ, q̇, μ, e, g]: the velocity at the end before and after it is projected, what rows and energy lack in the middle.
 
     h = [h, corrected, projected, sizes of coordinates]: corrected is 0 where a step moves nothing to speak of, projected whether it is
     """

@@ -1,7 +1,7 @@
 """A motion on independent coordinates with its derivatives, in Python: for kernels of NumPy, and where no motion is written out.
 
-Where nothing else is said the motion is the classical Runge-Kutta method's, y = [ż; z], and what is differentiated is that very computation, through the solution
-of the position problem by the implicit function theorem:
+The motion is the classical Runge-Kutta method's, y = [ż; z], or the trapezoidal rule's, and what is differentiated is that very
+computation, through the solution of the position problem by the implicit function theorem:
 
     dq = R dz − S Φ_p dp          dq̇ = R dż − S (½ Φ̈_q̇ dq + Φ̇_p dp)
     [M Φ_qᵀ; Φ_q 0] [dq̈; dλ] = −[K dq + C dq̇ + b_p dp; Φ̈_q dq + Φ̈_q̇ dq̇ + Φ̈_p dp]

@@ -95,8 +95,9 @@ class Signals:
         return tuple(s if s is None or isinstance(s, Pieces) else self._watched(i, s) for i, s in enumerate(self.told))
 
     def by_values(self, t: np.ndarray, begun: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
-        """{name: how Σ weights · inputs changes with its values, (K,)} of the inputs that are tables; weights (…, inputs) at times t (…), inside
-        steps that began at `begun`."""
+        """{name: how Σ weights · inputs changes with its values, (K,)} of the inputs that are tables.
+
+        weights (…, inputs) at times t (…), inside steps that began at `begun`."""
         tables = [(i, signal) for i, signal in enumerate(self.told) if isinstance(signal, Table)]
         return {self.names[i]: signal.by_values(t, begun, weights[..., i]) for i, signal in tables}
 

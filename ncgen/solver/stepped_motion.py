@@ -163,8 +163,8 @@ class SteppedMotion:
             change = np.array([np.nan])
         if h[0] and not np.max(np.abs(change[:n]) / self.kernels.column_sizes, initial=0.0) * self._reach(h[0]) < SOLVED:
             raise ModelError(
-                f"{self.kernels.name}: the equations of the step from t = {t:.6g} s are beside a singular position, where derivatives by what "
-                "goes before have no digits left; end it before, or start elsewhere"
+                f"{self.kernels.name}: the equations of the step from t = {t:.6g} s are beside a singular position, where derivatives by "
+                "what goes before have no digits left; end it before, or start elsewhere"
             )
         u[kept] -= change
         return h, x, u, w, p
@@ -272,9 +272,8 @@ class SteppedMotion:
             dz[:, :count] = kernels.start_p(p)[self._partitions.position.independent]
         q_by = place.R @ dz
         q_by[:, :count] -= _columns(place.particular, kernels.dense_tangent("phi_p", **given), kernels.n)
-        off = (
-            rate_slope(kernels, motion_at(kernels, self._partitions.velocity, t, q, qd[self._partitions.velocity.independent], p), p) @ q_by
-        )
+        now = motion_at(kernels, self._partitions.velocity, t, q, qd[self._partitions.velocity.independent], p)
+        off = rate_slope(kernels, now, p) @ q_by
         off[:, :count] += kernels.dense_tangent("phid_p", **given)
         qd_by = rate.R @ np.eye(rate.R.shape[1], len(self.names), count + nz) - _columns(rate.particular, off, kernels.n)
         return q_by, qd_by

@@ -18,10 +18,8 @@ from ncgen.methods.table import INTEGRATORS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.compiled import is_written_out
 from ncgen.solver.outputs import output_slopes, outputs_of
-from ncgen.solver.partitioned_motion import PartitionedMotion
 from ncgen.solver.run import InitialArguments
-from ncgen.solver.sensitivity import motion_of
-from ncgen.solver.taped_motion import TapedMotion
+from ncgen.solver.sensitivity import Motion, motion_of
 from ncgen.studies import extremes
 from ncgen.studies.definition import Study
 from ncgen.studies.design import started
@@ -32,8 +30,6 @@ USUAL = "rk4"
 
 FAR = 1e-3
 """Difference of two ends of a motion, relative to the sizes of the coordinates, from which the gradient's steps are too few."""
-
-Motion = TapedMotion | PartitionedMotion
 
 
 class Slopes:

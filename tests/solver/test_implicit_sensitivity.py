@@ -9,7 +9,6 @@ import pytest
 from test_sensitivity import START, fourbar, mast
 
 import ncgen
-from ncgen.errors import ModelError
 from ncgen.solver.partition import choose_partitions
 
 STEP = 1e-30

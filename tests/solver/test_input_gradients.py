@@ -57,7 +57,7 @@ def answers(hold: str) -> np.ndarray:
 @pytest.mark.parametrize(("integrator", "close"), [("dop853", 1e-12), ("rk4", 1e-8), ("generalized-alpha", 3e-4), ("rattle", 3e-4)])
 @pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
 def test_an_oscillator_by_every_sample(hold, integrator, close):
-    """Against the convolution with its own response: to the error of the steps, which is of first order where generalised α meets a jump."""
+    """Against the convolution with its own response: to the error of the steps, of first order where generalised α meets a jump."""
     close = 1e-2 if (integrator, hold) == ("generalized-alpha", "zero") else close
     found = ncgen.gradient(oscillator(), END, STEPS, end_of, integrator, inputs={"F": (TIMES, VALUES, hold)})
     np.testing.assert_allclose(found.by_inputs["F"], answers(hold), rtol=0, atol=close * np.max(np.abs(answers(hold))))
