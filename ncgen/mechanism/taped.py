@@ -140,16 +140,20 @@ class Taped:
 
     def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all times of the grid, (K, n, D) each, with those of both at the start, (n, D), and of p, (n_p, D)."""
-        changes = self._along(dq, dqd, dp, None)[self._seen]
+        changes = self._at_the_grid(self._along(dq, dqd, dp, None))
         n = self._sizes.n_coordinates
         return changes[:, :n], changes[:, n:]
+
+    def _at_the_grid(self, rows: np.ndarray) -> np.ndarray:
+        """Those of all steps that are at times of the grid; no copy where all are."""
+        return rows if len(self._seen) == len(rows) else rows[self._seen]
 
     def second(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[Sweep]]:
         """The same, and for every direction the way back in dual numbers."""
         sizes, columns = self._sizes, dp.shape[1]
         used = len(self._states) - (self._tape.room - self._tape.steps) * self._step_size
         taped = np.empty((used + sizes.n_prepared, columns))
-        changes, n = self._along(dq, dqd, dp, taped)[self._seen], sizes.n_coordinates
+        changes, n = self._at_the_grid(self._along(dq, dqd, dp, taped)), sizes.n_coordinates
         numbers = self._kernels.remember("dual numbers", (), self._dual_numbers)
         sweeps = []
         for k in range(columns):

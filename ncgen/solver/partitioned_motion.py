@@ -82,9 +82,9 @@ class PartitionedMotion:
             self._history = list(self._steps())
         return self._history
 
-    def forward(self) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of q and q̇ at all instants, (K, n, columns) each."""
-        dy, dp = self._seeds()
+    def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D)."""
+        dy, dp = (seeds @ directions for seeds in self._seeds())
         q_by, qd_by = [], []
         for stages in self._stages:
             slopes, total = np.zeros_like(dy), np.zeros_like(dy)
@@ -195,8 +195,8 @@ class TrapezoidalMotion(PartitionedMotion):
     def _stages(self) -> list[list[_Stage]]:
         return [[stage] for stage in self._instants]
 
-    def forward(self) -> tuple[np.ndarray, np.ndarray]:
-        dy, dp = self._seeds()
+    def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        dy, dp = (seeds @ directions for seeds in self._seeds())
         still, half = np.zeros_like(dy), self.h / 2
         first, *others = self._instants
         slope, dq, dqd = first.forward(dy, dp)

@@ -7,7 +7,7 @@ whatever the number of parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
 from typing import Any, TypeAlias, Unpack
 
@@ -18,7 +18,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
 from ncgen.methods.table import INTEGRATORS, Integrator
 from ncgen.solver.compiled import checked_compiled, is_written_out
-from ncgen.solver.given import checked_kernels
+from ncgen.solver.given import checked_kernels, names_of
 from ncgen.solver.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.run import Initial, InitialArguments, count, positive
 from ncgen.solver.signals import Signal, signals_of
@@ -87,21 +87,29 @@ def sensitivities(
     rtol: float | None = None,
     options: dict[str, Any] | None = None,
     inputs: Mapping[str, Signal] | None = None,
+    by: str | Iterable[str] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Sensitivities:
     """Derivatives of the whole motion, carried along with it.
 
     steps: of equal length; the motion is given at all K = steps + 1 instants
-    integrator: an explicit Runge-Kutta method, as of `simulate`
+    integrator: an explicit Runge-Kutta method, or rattle, energy-momentum, generalized-alpha or trapezoidal, as of `simulate`, trapezoidal
+        on independent coordinates
     rtol: None, or for methods that estimate their error: every step is taken in as many as that takes for the whole motion, as `simulate`
         does by itself. Derivatives are those of the steps that were taken, whose lengths count as given
+    options: of methods that step the constraints, as of `simulate`
+    inputs: what drives the motion, as of `simulate`; the derivative by an input that changes with time says what adding a number to it at
+        all times does
+    by: names of the columns that are wanted, None for all; each costs as much
     start: q0, zd0 or qd0, z, p, t0, as for `simulate`; derivatives by a parameter are taken at the same z of the start, unless the model's
         own initial position has parameters and no q0 is given: then z starts where they put it
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
     motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
-    q_by, qd_by = motion.forward()
-    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, motion.names)
+    names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
+    every = np.eye(len(motion.names))
+    q_by, qd_by = motion.along(every[:, [motion.names.index(name) for name in names]])
+    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names)
 
 
 def gradient(
@@ -119,7 +127,7 @@ def gradient(
 
     objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
         None stands for a derivative that is zero
-    steps, integrator, rtol, start: as for `sensitivities`, with the same errors
+    steps, integrator, rtol, options, inputs, start: as for `sensitivities`, with the same errors
     """
     motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
     value, *slopes = objective(motion.q, motion.qd)
@@ -137,7 +145,6 @@ def hessian(
     directions: np.ndarray | None = None,
     integrator: str = "rk4",
     rtol: float | None = None,
-    options: dict[str, Any] | None = None,
     inputs: Mapping[str, Signal] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Hessian:
@@ -146,10 +153,11 @@ def hessian(
     objective: from q and qd (K, n) to (value, its derivatives by q and by qd, each (K, n), change), where change(dq, dqd) says how these
         two derivatives change with q and qd; None stands for what is zero, such as the change where the number is a weighted sum
     directions: changes of parameters, z and rates at the start, in the order of `names`, (columns, D); None for all, one by one
-    steps, integrator, rtol, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
+    integrator: an explicit Runge-Kutta method
+    steps, rtol, inputs, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
     """
     _differentiable(integrator, twice=True)
-    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, None, inputs, **start)
     if not isinstance(motion, TapedMotion):
         raise ModelError(
             f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"

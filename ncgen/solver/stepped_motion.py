@@ -227,11 +227,10 @@ class SteppedMotion:
     def _before(self) -> _Linear | None:
         return self._first.linear(self.kept, self._begun[0], *self._begun[1]) if self._first else None
 
-    def forward(self) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of q and q̇ at all instants, (K, n, columns) each."""
-        n, columns, inputs = self.kernels.n, len(self.names), len(self.kernels.inputs)
-        change = np.vstack(self._start)
-        dp = np.eye(len(self.p), columns)
+    def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D)."""
+        n, inputs = self.kernels.n, len(self.kernels.inputs)
+        change, dp = np.vstack(self._start) @ directions, directions[: len(self.p)]
         fixed = np.vstack([np.tile(dp[len(self.p) - inputs :], (len(INSTANTS), 1)), dp])
         found = [change[: 2 * n]]
         if before := self._before():

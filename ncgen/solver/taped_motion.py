@@ -86,10 +86,6 @@ class TapedMotion:
     def qd(self) -> np.ndarray:
         return self._run.outcome.qd
 
-    def forward(self) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of q and q̇ at all instants, (K, n, columns) each."""
-        return self.along(np.eye(len(self.names)))
-
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D); those by z and its rates may be left out."""
         return self._run.forward(*self._seeds(directions))
@@ -157,11 +153,14 @@ class TapedMotion:
         by_rates = allowed_velocities.T @ weights[n:]
         rest = weights[n:].copy()
         rest[velocity.independent] -= by_rates
-        by_q, by_p = back.velocities_back(rest)
-        by_q = by_q + weights[:n]
+        by_q, by_p = weights[:n].copy(), np.zeros(len(self.p), dtype=weights.dtype)
+        if np.any(rest):
+            more, by_p = back.velocities_back(rest)
+            by_q = by_q + more
         by_z = allowed_positions.T @ by_q
         by_q[position.independent] -= by_z
-        by_p = by_p + back.closing_back(by_q)
+        if len(self.kernels.of_rows(self.p)):
+            by_p = by_p + back.closing_back(by_q)
         if self._follows:
             by_p = by_p + start.by_parameters[position.independent].T @ by_z
         return by_p, by_z, by_rates
