@@ -93,6 +93,8 @@ class TapedMotion:
     def _seeds(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Changes of q and q̇ at the start, (n, D) each, and of p, (n_p, D), along directions."""
         n, count = self.kernels.n, len(directions)
+        if not (self._start_reads_parameters or np.any(directions[len(self.p) :])):
+            return np.zeros((n, directions.shape[1])), np.zeros((n, directions.shape[1])), directions[: len(self.p)]
         by_start = np.array([np.concatenate(self._start_back(weights))[:count] for weights in np.eye(2 * n)]) @ directions
         return by_start[:n], by_start[n:], directions[: len(self.p)]
 
@@ -159,11 +161,21 @@ class TapedMotion:
             by_q = by_q + more
         by_z = allowed_positions.T @ by_q
         by_q[position.independent] -= by_z
-        if len(self.kernels.of_rows(self.p)):
+        if self._rows_read_parameters:
             by_p = by_p + back.closing_back(by_q)
         if self._follows:
             by_p = by_p + start.by_parameters[position.independent].T @ by_z
         return by_p, by_z, by_rates
+
+    @property
+    def _rows_read_parameters(self) -> bool:
+        """Whether closed positions and allowed velocities may change with parameters."""
+        return len(self.kernels.of_rows(self.p)) > 0
+
+    @property
+    def _start_reads_parameters(self) -> bool:
+        """Whether the start may change with parameters."""
+        return self._rows_read_parameters or (self._follows and bool(np.any(self._start.by_parameters)))
 
     @cached_property
     def _start(self) -> _Start:
