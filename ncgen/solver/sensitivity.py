@@ -218,7 +218,7 @@ def _differentiable(integrator: str, twice: bool = False) -> Integrator:
         return known[integrator]
     why = ""
     if integrator in INTEGRATORS and not INTEGRATORS[integrator].has_fixed_step:
-        why = f"; {integrator} takes its order, steps or Jacobians by what it meets, so what it computes jumps with what it depends on"
+        why = f"; {integrator} ends its iterations at the tolerance, so that its steps solve no equations that could be differentiated"
     what = "second derivatives" if twice else "derivatives"
     raise ModelError(f"integrator: {integrator!r} given; {what} go through steps of {', '.join(known)}{why}")
 
