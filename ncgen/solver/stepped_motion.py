@@ -26,6 +26,7 @@ from ncgen.solver.branches import refresh_branches
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.dynamics_jacobian import rate_slope
 from ncgen.solver.partition import determined, kinematics
+from ncgen.solver.rank import REMEMBERED
 from ncgen.solver.run import Initial
 from ncgen.solver.signals import Signals
 from ncgen.solver.start import begin
@@ -49,7 +50,7 @@ class _Linear:
 
     def solve(self, right: np.ndarray, transposed: bool = False) -> np.ndarray:
         """F_u⁻¹ right, or with the transpose; rows of any units."""
-        sizes = np.max(np.abs(self.F_u), axis=1, keepdims=True)
+        sizes = np.max(np.abs(self.F_u), axis=1, keepdims=True, initial=np.finfo(float).tiny)
         scaled = self.F_u / sizes
         if transposed:
             return np.linalg.solve(scaled.T, right) / sizes[:, 0]
@@ -65,30 +66,34 @@ class _Linear:
 
 
 class _Equations:
-    """Those of the steps of one method, ready to be called."""
+    """Those of the steps of one method, ready to be called, for the rows that are kept.
 
-    def __init__(self, kernels: Kernels, method: str) -> None:
-        self.made: StepEquations = assemble_step(kernels.programs, method)
-        self.layout = self.made.layout
+    own: which unknowns, and which of the equations, are left where others are not
+    """
+
+    def __init__(self, kernels: Kernels, method: str, kept: np.ndarray) -> None:
+        made: StepEquations = kernels.remember("step programs", method, lambda: assemble_step(kernels.programs, method))
+        self.layout = layout = made.layout
+        inputs, sizes = {"step": INPUTS}, {"step": made.program.size}
         kind = f"{method.replace('-', '_')}_step"
-        size = {"step": self.made.program.size}
-        self._functions: Functions = functions(kernels, kind, {"step": INPUTS}, size, lambda: {"step": self.made.program})
-
-    def linear(self, kept: np.ndarray, t: float, *arrays: np.ndarray) -> _Linear:
-        """arrays: h, x, u, w, p; kept: numbers of rows."""
-        unknowns, pattern = self.layout.unknowns, self.made.pattern
-        values = self._functions("step", t, *arrays)
-        dense = np.zeros(pattern.shape)
-        dense.reshape(-1)[pattern.flat] = values[unknowns:]
-        own, rest = self.places(kept), slice(unknowns, None)
-        return _Linear(values[own], dense[np.ix_(own, own)], dense[own, rest], dense[rest, own], dense[rest, rest])
-
-    def places(self, kept: np.ndarray) -> np.ndarray:
-        """Which unknowns, and which of the equations, are left where some rows are not kept."""
-        used = np.ones(self.layout.unknowns, dtype=bool)
-        for first, count in self.layout.multipliers:
+        self._functions: Functions = functions(kernels, kind, inputs, sizes, lambda: {"step": made.program})
+        used = np.ones(layout.unknowns, dtype=bool)
+        for first, count in layout.multipliers:
             used[first : first + count] = np.isin(np.arange(count), kept)
-        return np.flatnonzero(used)
+        self.own = np.flatnonzero(used)
+        rows, columns = (np.append(used, np.ones(size - layout.unknowns, dtype=bool)) for size in made.pattern.shape)
+        self._shape = int(rows.sum()), int(columns.sum())
+        place = np.divmod(made.pattern.flat, made.pattern.shape[1])
+        self._there = np.flatnonzero(rows[place[0]] & columns[place[1]]) + layout.unknowns
+        row, column = (np.cumsum(some)[at] - 1 for some, at in zip((rows, columns), place, strict=True))
+        self._flat = (row * self._shape[1] + column)[self._there - layout.unknowns]
+
+    def linear(self, t: float, *arrays: np.ndarray) -> _Linear:
+        """arrays: h, x, u, w, p"""
+        values, count = self._functions("step", t, *arrays), len(self.own)
+        dense = np.zeros(self._shape)
+        dense.reshape(-1)[self._flat] = values[self._there]
+        return _Linear(values[self.own], dense[:count, :count], dense[:count, count:], dense[count:, :count], dense[count:, count:])
 
 
 class SteppedMotion:
@@ -112,7 +117,6 @@ class SteppedMotion:
         self._partitions, self._follows = determined(begun.partitions), start_follows
         z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
-        self.kept = self._partitions.velocity.rows
 
     # -- steps ---------------------------------------------------------------------------------
 
@@ -122,7 +126,8 @@ class SteppedMotion:
         return self._equations("start") if self._method.integrator.name == "generalized-alpha" else None
 
     def _equations(self, name: str) -> _Equations:
-        return self.kernels.remember("step equations", name, lambda: _Equations(self.kernels, name))
+        kept = self._partitions.velocity.rows
+        return self.kernels.remember("step equations", (name, kept.tobytes()), lambda: _Equations(self.kernels, name, kept), REMEMBERED)
 
     @cached_property
     def _solved(self) -> list[tuple[float, tuple[np.ndarray, ...]]]:
@@ -152,11 +157,11 @@ class SteppedMotion:
         self, equations: _Equations, t: float, h: np.ndarray, x: np.ndarray, u: np.ndarray, w: np.ndarray, p: np.ndarray
     ) -> tuple[np.ndarray, ...]:
         """(h, x, u, w, p) with u moved by one Newton step."""
-        kept, n, u = equations.places(self.kept), self.kernels.n, u.copy()
-        linear = equations.linear(self.kept, t, h, x, u, w, p)
+        n, u = self.kernels.n, u.copy()
+        linear = equations.linear(t, h, x, u, w, p)
         if explicit := equations.layout.explicit:
             u[-explicit:] -= linear.F[-explicit:]
-            linear = equations.linear(self.kept, t, h, x, u, w, p)
+            linear = equations.linear(t, h, x, u, w, p)
         try:
             change = linear.solve(linear.F)
         except np.linalg.LinAlgError:
@@ -166,7 +171,7 @@ class SteppedMotion:
                 f"{self.kernels.name}: the equations of the step from t = {t:.6g} s are beside a singular position, where derivatives by "
                 "what goes before have no digits left; end it before, or start elsewhere"
             )
-        u[kept] -= change
+        u[equations.own] -= change
         return h, x, u, w, p
 
     def _reach(self, h: float) -> float:
@@ -222,10 +227,10 @@ class SteppedMotion:
         equations = self._equations(self._method.integrator.name)
         steps = list(enumerate(self._solved))
         for k, (t, given) in reversed(steps) if backwards else steps:
-            yield k, equations.linear(self.kept, t, *given)
+            yield k, equations.linear(t, *given)
 
     def _before(self) -> _Linear | None:
-        return self._first.linear(self.kept, self._begun[0], *self._begun[1]) if self._first else None
+        return self._first.linear(self._begun[0], *self._begun[1]) if self._first else None
 
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D)."""
