@@ -74,13 +74,13 @@ class Experiment:
 
     def slopes(self, p: np.ndarray) -> np.ndarray:
         """∂misses/∂p: the same steps, differentiated."""
-        return self.differentiated(p).q_by[:, self.seen, : len(p)].reshape(-1, len(p)) / NOISE
+        return self.differentiated(p).q_by[:, self.seen].reshape(-1, len(p)) / NOISE
 
     def differentiated(self, p: np.ndarray) -> Sensitivities:
         """The motion with its derivatives, kept for whoever asks for the same p again."""
         if self.last is None or self.last[0] != p.tobytes():
             self.runs += 1
-            self.last = p.tobytes(), ncgen.sensitivities(self.kernels, DURATION, STEPS, p=p, z=("psi", "theta"))
+            self.last = p.tobytes(), ncgen.sensitivities(self.kernels, DURATION, STEPS, p=p, z=("psi", "theta"), by=self.kernels.parameters)
         return self.last[1]
 
 

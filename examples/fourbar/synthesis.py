@@ -73,17 +73,21 @@ class Linkage:
         self.kernels = ncgen.compile(build())
         self.point = [self.kernels.index["P.x"], self.kernels.index["P.y"]]
         self.q = self.kernels.q0
+        self.last: tuple[bytes, np.ndarray] | None = None
         self.evaluations = 0
 
     def positions(self, p: np.ndarray) -> np.ndarray:
-        """q (5, n) at the five angles, each closed from the one before."""
+        """q (5, n) at the five angles, each closed from the one before; kept for whoever asks for the same lengths again."""
+        if self.last is not None and self.last[0] == p.tobytes():
+            return self.last[1]
         self.evaluations += 1
         q, found = self.q, []
         for angle in ANGLES - ANGLES[0]:
             q = closed(self.kernels, q, angle, p)
             found.append(q)
         self.q = found[0]
-        return np.array(found)
+        self.last = p.tobytes(), np.array(found)
+        return self.last[1]
 
     def misses(self, p: np.ndarray) -> np.ndarray:
         """(10,)"""
@@ -93,7 +97,7 @@ class Linkage:
         """(10, 6): Φ(q(p), t, p) = 0 stays so, hence Φ_q dq = −Φ_p dp."""
         rows = []
         for angle, q in zip(ANGLES - ANGLES[0], self.positions(p), strict=True):
-            change = -np.linalg.solve(self.kernels.jacobian(q, angle, p), self.kernels.phi_p(q, angle, p).toarray())
+            change = -np.linalg.solve(self.kernels.jacobian(q, angle, p), self.kernels.dense_tangent("phi_p", q=q, t=angle, p=p))
             rows.append(change[self.point])
         return np.concatenate(rows)
 
@@ -103,7 +107,7 @@ def synthesise(derivatives: str) -> tuple[OptimizeResult, Linkage, float]:
     linkage = Linkage()
     jac: Any = linkage.slopes if derivatives == "exact" else derivatives  # scipy takes either, and has no annotations
     linkage.slopes(linkage.kernels.p0)  # the tangent kernels are compiled when first used
-    linkage.evaluations = 0
+    linkage.last, linkage.evaluations = None, 0
     begun = time.perf_counter()
     found = least_squares(
         linkage.misses, linkage.kernels.p0, jac, bounds=(0.1, 50.0), x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=1000
@@ -115,8 +119,9 @@ def main() -> None:
     results = {derivatives: synthesise(derivatives) for derivatives in ("exact", "2-point", "3-point")}
     print(f"{'derivatives':12} {'sum of squares':>20} {'largest gradient':>17} {'steps':>6} {'evaluations':>12} {'ms':>7}")
     for derivatives, (found, linkage, seconds) in results.items():
+        evaluations = linkage.evaluations
         slope = np.max(np.abs(linkage.slopes(found.x).T @ linkage.misses(found.x)))
-        print(f"{derivatives:12} {2 * found.cost:20.13e} {slope:17.1e} {found.nfev:6} {linkage.evaluations - 2:12} {1e3 * seconds:7.1f}")
+        print(f"{derivatives:12} {2 * found.cost:20.13e} {slope:17.1e} {found.nfev:6} {evaluations:12} {1e3 * seconds:7.1f}")
     found, linkage, _ = results["exact"]
     print("\nlengths:", ", ".join(f"{name} {value:.6f}" for name, value in zip(linkage.kernels.parameters, found.x, strict=True)))
     print(f"farthest from a target: {np.max(np.hypot(*linkage.misses(found.x).reshape(5, 2).T)):.2e}")

@@ -163,6 +163,7 @@ class Experiment:
         self.z = kernels.model.chosen_independent
         self.seen = [kernels.index[name] for name in self.z]
         self.places = np.array([kernels.parameters.index(base.names[k]) for k in base.kept])
+        self.wanted = [base.names[k] for k in base.kept]
         self.last: tuple[bytes, Sensitivities] | None = None
         self.measured = self.angles(kernels.p0[self.places])
         self.measured = self.measured + NOISE * np.random.default_rng(2018).standard_normal(self.measured.shape)
@@ -195,7 +196,7 @@ class Experiment:
         """The motion with its derivatives, kept for whoever asks for the same numbers again."""
         if self.last is None or self.last[0] != base.tobytes():
             self.runs += 1
-            self.last = base.tobytes(), ncgen.sensitivities(self.kernels, DURATION, STEPS, p=self.numbers(base), z=self.z)
+            self.last = base.tobytes(), ncgen.sensitivities(self.kernels, DURATION, STEPS, p=self.numbers(base), z=self.z, by=self.wanted)
         return self.last[1]
 
     def misses(self, base: np.ndarray) -> np.ndarray:
@@ -205,8 +206,7 @@ class Experiment:
         return ((self.differentiated(base).q[:, self.seen] - self.measured) / NOISE).ravel()
 
     def slopes(self, base: np.ndarray) -> np.ndarray:
-        by = self.differentiated(base).q_by[:, self.seen]
-        return by[:, :, self.places].reshape(-1, len(self.places)) / NOISE
+        return self.differentiated(base).q_by[:, self.seen].reshape(-1, len(self.places)) / NOISE
 
 
 def experiment() -> Experiment:

@@ -109,7 +109,7 @@ class _Case:
         return float(np.sum(by_q * motion.q) + np.sum(by_qd * motion.qd))
 
     def back(self) -> np.ndarray:
-        return self._motion(self.kernels.p0).backward(*self._weights)[: len(self.kernels.p0)]
+        return self._motion(self.kernels.p0).backward(*self._weights)[0][: len(self.kernels.p0)]
 
     def forward(self, directions: np.ndarray) -> np.ndarray:
         """Along directions (parameters, D)."""

@@ -20,10 +20,8 @@ from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.given import checked_kernels
-from ncgen.solver.partitioned_motion import PartitionedMotion
 from ncgen.solver.run import InitialArguments
-from ncgen.solver.sensitivity import motion_of
-from ncgen.solver.taped_motion import TapedMotion
+from ncgen.solver.sensitivity import Motion, motion_of
 
 Array: TypeAlias = Any
 """An array of JAX, or what JAX takes for one."""
@@ -74,7 +72,7 @@ class _Motion:
 
     def __init__(self, kernels: Kernels, asked: tuple[float, int, str], start: dict[str, Any]) -> None:
         self.kernels, self.asked, self.start = kernels, asked, start
-        self.last: tuple[bytes, TapedMotion | PartitionedMotion] | None = None
+        self.last: tuple[bytes, Motion] | None = None
         self.rates = len(_rates(self._run(kernels.p0, None).names))
 
     def function(self) -> Callable[[Array, Array], tuple[Array, Array]]:
@@ -105,10 +103,10 @@ class _Motion:
         return run.q, run.qd
 
     def _back(self, p: Array, rates: Array, by_q: Array, by_qd: Array) -> tuple[np.ndarray, np.ndarray]:
-        slopes = self._run(np.array(p), np.array(rates)).backward(np.array(by_q), np.array(by_qd))
+        slopes, _ = self._run(np.array(p), np.array(rates)).backward(np.array(by_q), np.array(by_qd))
         return slopes[: len(self.kernels.p0)], slopes[len(slopes) - self.rates :]
 
-    def _run(self, p: np.ndarray, rates: np.ndarray | None) -> TapedMotion | PartitionedMotion:
+    def _run(self, p: np.ndarray, rates: np.ndarray | None) -> Motion:
         key = p.tobytes() + (rates.tobytes() if rates is not None else b"")
         if self.last is None or self.last[0] != key:
             self.last = key, motion_of(self.kernels, *self.asked, p=p, zd0=rates, **self.start)

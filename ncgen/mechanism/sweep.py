@@ -42,27 +42,32 @@ class Sizes:
     n_prepared: int
     is_driven: bool
     method: int
+    n_inputs: int
 
 
 class Sweep:
     """Through a run whose steps began and ended at times (steps + 1,), with the states of its tape, and p with what is prepared of it."""
 
-    def __init__(self, numbers: Numbers, sizes: Sizes, times: np.ndarray, states: np.ndarray, p: np.ndarray) -> None:
+    def __init__(
+        self, numbers: Numbers, sizes: Sizes, times: np.ndarray, states: np.ndarray, p: np.ndarray, inputs: np.ndarray
+    ) -> None:  # fmt: skip
+        """inputs (steps, stages, n_inputs): what drives the run."""
         self._numbers, self._sizes, ffi = numbers, sizes, numbers.ffi
         self._times = np.ascontiguousarray(times)  # C reads these three where they are
-        self._states, self._p = (np.ascontiguousarray(a, dtype=numbers.dtype) for a in (states, p))
+        self._states, self._p, self._inputs = (np.ascontiguousarray(a, dtype=numbers.dtype) for a in (states, p, inputs))
         tape = {"steps": len(times) - 1, "times": ffi.from_buffer("ncgen_scalar[]", self._times), "states": self._real(self._states)}
         self._tape = ffi.new("ncgen_tape *", tape)
-        self._run = ffi.new("ncgen_taped *", vars(sizes) | {"p": self._real(self._p), "tape": self._tape})
+        arrays = {"p": self._real(self._p), "inputs": self._real(self._inputs), "tape": self._tape}
+        self._run = ffi.new("ncgen_taped *", vars(sizes) | arrays)
 
-    def backward(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How a number changes with q and q̇ at the start, (n,) each, and with p, (n_p,), from how it does with [q, q̇] at all times,
-        (steps + 1, 2 n)."""
+    def backward(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """How a number changes with q and q̇ at the start, (n,) each, with p, (n_p,), and with the inputs of all stages, (steps, stages,
+        n_inputs), from how it does with [q, q̇] at all times, (steps + 1, 2 n)."""
         n, library = self._sizes.n_coordinates, self._numbers.library
         slopes = self._empty(2 * n + self._sizes.n_parameters)
-        work = self._empty(library.ncgen_adjoint_workspace(self._run))
-        library.ncgen_adjoint(self._run, self._numbers.transposed, *map(self._real, (weights, slopes, work)))
-        return slopes[:n], slopes[n : 2 * n], slopes[2 * n :]
+        by_inputs, work = np.empty_like(self._inputs), self._empty(library.ncgen_adjoint_workspace(self._run))
+        library.ncgen_adjoint(self._run, self._numbers.transposed, *map(self._real, (weights, slopes, by_inputs, work)))
+        return slopes[:n], slopes[n : 2 * n], slopes[2 * n :], by_inputs
 
     def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """How a sum with these weights (n,) of the velocities that the joints allow at the start changes with q, (n,), and p, (n_p,)."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cache, cached_property, partial
 from itertools import pairwise
 
@@ -12,17 +12,32 @@ import numpy as np
 from ncgen.emit.naming import identifier
 from ncgen.emit.runtime import PRINTED, RUNTIME_HEADERS, runtime_files
 from ncgen.mechanism.batch import aligned, in_lanes, pointer
+from ncgen.mechanism.driving import Function, Pieces, told_at
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.moving import ANY_STEP
 from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
 from ncgen.mechanism.sweep import SMALL, Numbers, Sizes, Sweep, dual_numbers
-from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
+from ncgen.methods.table import FORMALISMS, INTEGRATORS, Integrator, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
 
 ROOMY = 4
 """Steps with error control from one time of a grid to the next for which there is room at first."""
 
 SWEEP = ("ncgen_directions.h", "ncgen_directions.c", "ncgen_vectors.h")
+
+
+@dataclass(frozen=True, eq=False)
+class Driven:
+    """Numbers of all inputs, values (steps, stages, inputs), at stages of steps: their times and when the steps began, t, begun (steps,
+    stages) in s. None of them where nothing drives a run."""
+
+    t: np.ndarray
+    begun: np.ndarray
+    values: np.ndarray
+
+    @classmethod
+    def joined(cls, parts: Sequence[Driven]) -> Driven:
+        return cls(*(np.concatenate([getattr(part, name) for part in parts]) for name in ("t", "begun", "values")))
 
 
 LONGEST = 2**31
@@ -58,7 +73,7 @@ class Taped:
 
     def __init__(
         self, dynamics: ConstrainedDynamics, method: str, times: np.ndarray, q: np.ndarray, qd: np.ndarray, p: np.ndarray,
-        tolerances: Mapping[str, InC] | None = None, **options: InC,
+        tolerances: Mapping[str, InC] | None = None, inputs: Sequence[Pieces | Function | None] = (), **options: InC,
     ) -> None:  # fmt: skip
         self._dynamics, self._kernels = dynamics, dynamics.kernels
         self._ffi, self._library = dynamics.interface
@@ -68,12 +83,25 @@ class Taped:
         steps = (len(times) - 1) * (ROOMY if tolerances else 1)
         while True:
             self._take_room(method, steps)
-            self.outcome: Outcome = dynamics.simulate(method, times, q, qd, p, tape=self._tape, ends=times if tolerances else (), **options)
+            self.outcome: Outcome = dynamics.simulate(
+                method, times, q, qd, p, tape=self._tape, ends=times if tolerances else (), inputs=inputs, **options
+            )
             if self.outcome.status != "full" or 2 * self._states.nbytes > LONGEST:
                 break
             steps *= 2
         self._times = self._times[: self._tape.steps + 1]
         self._seen = np.searchsorted(self._times, times)
+        self.driven = self._stages(INTEGRATORS[method], inputs)
+        self._sizes = replace(self._sizes, n_inputs=self.driven.values.shape[2])
+
+    def _stages(self, method: Integrator, told: Sequence[Pieces | Function | None]) -> Driven:
+        """The inputs of all stages."""
+        begun = self._times[:-1, None]
+        nodes = np.array([float(c) for c in method.coefficients.c[: method.coefficients.stages]])
+        t, begun = np.broadcast_arrays(begun + nodes * np.diff(self._times)[:, None], begun)
+        first = self._parameters - len(told)
+        values = [self._p[first + i] + 0 * t if signal is None else told_at(signal, t, begun) for i, signal in enumerate(told)]
+        return Driven(t, begun, np.array(values).reshape(len(told), *t.shape).transpose(1, 2, 0))
 
     def _take_room(self, method: str, steps: int) -> None:
         """A tape for so many steps."""
@@ -83,7 +111,7 @@ class Taped:
         tape = {"room": steps, "times": self._real(self._times), "states": self._real(self._states)}
         self._tape = self._ffi.new("ncgen_tape *", tape)
         is_driven = "nu" in kernels.programs.programs
-        self._sizes = Sizes(kernels.n, self._parameters, self._dynamics.prepared, is_driven, method_in_c)
+        self._sizes = Sizes(kernels.n, self._parameters, self._dynamics.prepared, is_driven, method_in_c, 0)
 
     @property
     def not_differentiable(self) -> float | None:
@@ -95,12 +123,13 @@ class Taped:
         """The way back through the run."""
         transposed, home = self._dynamics.transposed
         numbers = Numbers(self._ffi, self._library, transposed, np.dtype(float), home)
-        return Sweep(numbers, self._sizes, self._times, self._states, self._p)
+        return Sweep(numbers, self._sizes, self._times, self._states, self._p, self.driven.values)
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How a number changes with q and q̇ at the start, (n,) each, and with p, (n_p,), from how it does with q and q̇ at all times of the
-        grid, (K, n) each."""
-        return self.back.backward(self.at_all_steps(by_q, by_qd))
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Driven]:
+        """How a number changes with q and q̇ at the start, (n,) each, with p, (n_p,), and with what drove the run, from how it does with q
+        and q̇ at all times of the grid, (K, n) each."""
+        to_q, to_qd, by_p, by_inputs = self.back.backward(self.at_all_steps(by_q, by_qd))
+        return to_q, to_qd, by_p, replace(self.driven, values=by_inputs)
 
     def at_all_steps(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
         """Weights (steps + 1, 2 n) of [q, q̇] from those at the times of the grid."""
@@ -111,22 +140,26 @@ class Taped:
 
     def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all times of the grid, (K, n, D) each, with those of both at the start, (n, D), and of p, (n_p, D)."""
-        changes = self._along(dq, dqd, dp, None)[self._seen]
+        changes = self._at_the_grid(self._along(dq, dqd, dp, None))
         n = self._sizes.n_coordinates
         return changes[:, :n], changes[:, n:]
+
+    def _at_the_grid(self, rows: np.ndarray) -> np.ndarray:
+        """Those of all steps that are at times of the grid; no copy where all are."""
+        return rows if len(self._seen) == len(rows) else rows[self._seen]
 
     def second(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray, list[Sweep]]:
         """The same, and for every direction the way back in dual numbers."""
         sizes, columns = self._sizes, dp.shape[1]
         used = len(self._states) - (self._tape.room - self._tape.steps) * self._step_size
         taped = np.empty((used + sizes.n_prepared, columns))
-        changes, n = self._along(dq, dqd, dp, taped)[self._seen], sizes.n_coordinates
+        changes, n = self._at_the_grid(self._along(dq, dqd, dp, taped)), sizes.n_coordinates
         numbers = self._kernels.remember("dual numbers", (), self._dual_numbers)
         sweeps = []
         for k in range(columns):
             states = self._states[:used] + SMALL * 1j * taped[:used, k]
             p = self._p + SMALL * 1j * np.concatenate([dp[:, k], taped[used:, k]])
-            sweeps.append(Sweep(numbers, sizes, self._times, states, p))
+            sweeps.append(Sweep(numbers, sizes, self._times, states, p, self.driven.values))
         return changes[:, :n], changes[:, n:], sweeps
 
     def _along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray, taped: np.ndarray | None) -> np.ndarray:
@@ -134,7 +167,7 @@ class Taped:
         seeds = np.vstack([dq, dqd, dp]).astype(float, order="C")
         changes = np.empty((len(self._times), 2 * self._sizes.n_coordinates, dp.shape[1]))
         lanes = self._kernels.remember("directions", (), lambda: _Directions(self._kernels, self._dynamics))
-        lanes(self._sizes, self._p, self._times, self._states, seeds, changes, taped)
+        lanes(self._sizes, self._p, self.driven.values, self._times, self._states, seeds, changes, taped)
         return changes
 
     def _dual_numbers(self) -> Numbers:
@@ -183,14 +216,16 @@ class Segmented:
     def _segment(self, place: slice) -> Taped:
         return self._run(times=self._times[place], q=self.outcome.q[place.start], qd=self.outcome.qd[place.start])
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, Driven]:
         """As of `Taped`."""
         by_q, by_qd = by_q.copy(), by_qd.copy()
         by_p: np.ndarray | float = 0.0
+        driven: list[Driven] = []
         for place, segment in self._segments():
-            by_q[place.start], by_qd[place.start], more = segment.backward(by_q[place], by_qd[place])
+            by_q[place.start], by_qd[place.start], more, felt = segment.backward(by_q[place], by_qd[place])
             by_p = by_p + more
-        return by_q[0], by_qd[0], np.asarray(by_p)
+            driven.append(felt)
+        return by_q[0], by_qd[0], np.asarray(by_p), Driven.joined(driven)
 
     def forward(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """As of `Taped`."""
@@ -219,13 +254,24 @@ class _Directions:
         self._motion = getattr(self._emitted, getter)()
 
     def __call__(
-        self, sizes: Sizes, p: np.ndarray, times: np.ndarray, states: np.ndarray, seeds: np.ndarray, changes: np.ndarray,
-        taped: np.ndarray | None,
+        self, sizes: Sizes, p: np.ndarray, inputs: np.ndarray, times: np.ndarray, states: np.ndarray, seeds: np.ndarray,
+        changes: np.ndarray, taped: np.ndarray | None,
     ) -> None:  # fmt: skip
         counts = sizes.n_coordinates, sizes.n_parameters, sizes.n_prepared
         work = aligned(self._library.ncgen_directions_workspace(*counts, sizes.method))
-        given = [pointer(self._ffi, a) for a in (p, times, states, seeds, changes, taped, work)]
-        p_in_c, *tape, seeds_in_c = given[:4]
+        given = [pointer(self._ffi, a) for a in (p, np.ascontiguousarray(inputs), times, states, seeds, changes, taped, work)]
+        p_in_c, inputs_in_c, *tape, seeds_in_c = given[:5]
         self._library.ncgen_directions(
-            self._motion, *counts, sizes.is_driven, sizes.method, p_in_c, len(times) - 1, *tape, seeds.shape[1], seeds_in_c, *given[4:]
+            self._motion,
+            *counts,
+            sizes.is_driven,
+            sizes.method,
+            sizes.n_inputs,
+            p_in_c,
+            inputs_in_c,
+            len(times) - 1,
+            *tape,
+            seeds.shape[1],
+            seeds_in_c,
+            *given[5:],
         )

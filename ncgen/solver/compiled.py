@@ -232,9 +232,9 @@ def _weights(settings: dict[str, Any]) -> dict[str, float]:
     """Of generalised-α, by the names of `ncgen_options`."""
     if "rho" not in settings:
         return {}
-    from ncgen.solver.steppers.generalized_alpha import weights
+    from ncgen.solver.steppers.generalized_alpha import newmark
 
-    return dict(zip(("alpha_m", "alpha_f"), weights(settings["rho"], settings["hht"]), strict=True))
+    return dict(zip(("alpha_m", "alpha_f"), newmark(settings["rho"], settings["hht"]), strict=False))
 
 
 def rounding(number: str) -> float:

@@ -7,22 +7,28 @@ whatever the number of parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Unpack
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any, TypeAlias, Unpack
 
 import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.methods.table import INTEGRATORS
+from ncgen.methods.table import INTEGRATORS, Integrator
 from ncgen.solver.compiled import checked_compiled, is_written_out
-from ncgen.solver.given import checked_kernels
-from ncgen.solver.partitioned_motion import PartitionedMotion
+from ncgen.solver.given import checked_kernels, names_of
+from ncgen.solver.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.run import Initial, InitialArguments, count, positive
+from ncgen.solver.signals import Signal, signals_of
+from ncgen.solver.simulate import simulate
+from ncgen.solver.stepped_motion import SteppedMotion
 from ncgen.solver.taped_motion import TapedMotion
 from ncgen.solver.tolerances import Tolerances
+
+WHOLE = 1 + 1e-12
+"""A step that is longer than the grid's by this share: as many steps as there are instants, whatever rounding does."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,10 +51,15 @@ class Sensitivities:
 
 @dataclass(frozen=True)
 class Gradient:
-    """The value of an objective and its derivatives by name: parameters, `z` and `rate(z)` of the independent coordinates."""
+    """The value of an objective and its derivatives by name: parameters, `z` and `rate(z)` of the independent coordinates.
+
+    Of an input that changes with time slopes say what adding one number to it at all times does; by_inputs {name: (samples,)} says it of
+    every value of those that are tables.
+    """
 
     value: float
     slopes: dict[str, float]
+    by_inputs: dict[str, np.ndarray] = field(default_factory=dict)
 
     def __repr__(self) -> str:
         return f"<Gradient of {self.value:.6g} by {shortened(', '.join(self.slopes), SHOWN)}>"
@@ -74,21 +85,31 @@ def sensitivities(
     steps: int,
     integrator: str = "rk4",
     rtol: float | None = None,
+    options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None,
+    by: str | Iterable[str] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Sensitivities:
     """Derivatives of the whole motion, carried along with it.
 
     steps: of equal length; the motion is given at all K = steps + 1 instants
-    integrator: an explicit Runge-Kutta method, as of `simulate`
+    integrator: an explicit Runge-Kutta method, or rattle, energy-momentum, generalized-alpha or trapezoidal, as of `simulate`, trapezoidal
+        on independent coordinates
     rtol: None, or for methods that estimate their error: every step is taken in as many as that takes for the whole motion, as `simulate`
         does by itself. Derivatives are those of the steps that were taken, whose lengths count as given
+    options: of methods that step the constraints, as of `simulate`
+    inputs: what drives the motion, as of `simulate`; the derivative by an input that changes with time says what adding a number to it at
+        all times does
+    by: names of the columns that are wanted, None for all; each costs as much
     start: q0, zd0 or qd0, z, p, t0, as for `simulate`; derivatives by a parameter are taken at the same z of the start, unless the model's
         own initial position has parameters and no q0 is given: then z starts where they put it
     Raises SingularError or ConvergenceError as `simulate` does, ModelError where the motion cannot be differentiated.
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
-    q_by, qd_by = motion.forward()
-    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, motion.names)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
+    names = motion.names if by is None else names_of(by, "by", motion.names, "parameter or initial value")
+    every = np.eye(len(motion.names))
+    q_by, qd_by = motion.along(every[:, [motion.names.index(name) for name in names]])
+    return Sensitivities(motion.t, motion.q, motion.qd, q_by, qd_by, names)
 
 
 def gradient(
@@ -98,18 +119,22 @@ def gradient(
     objective: Callable[[np.ndarray, np.ndarray], tuple],
     integrator: str = "rk4",
     rtol: float | None = None,
+    options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Gradient:
     """The gradient of one number that depends on a motion, by one sweep back through it.
 
     objective: from q and qd (K, n) at the instants of the motion to (value, its derivatives by q and by qd, each (K, n));
         None stands for a derivative that is zero
-    steps, integrator, rtol, start: as for `sensitivities`, with the same errors
+    steps, integrator, rtol, options, inputs, start: as for `sensitivities`, with the same errors
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
     value, *slopes = objective(motion.q, motion.qd)
     by_q, by_qd = (_filled(a, motion.q) for a in slopes)
-    return Gradient(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)))
+    slopes, driven = motion.backward(by_q, by_qd)
+    by_inputs = motion.signals.by_values(driven.t, driven.begun, driven.values) if motion.signals else {}
+    return Gradient(float(value), dict(zip(motion.names, slopes.tolist(), strict=True)), by_inputs)
 
 
 def hessian(
@@ -120,6 +145,7 @@ def hessian(
     directions: np.ndarray | None = None,
     integrator: str = "rk4",
     rtol: float | None = None,
+    inputs: Mapping[str, Signal] | None = None,
     **start: Unpack[InitialArguments],
 ) -> Hessian:
     """Second derivatives of one number that depends on a motion: how its gradient changes along directions, exact like the gradient.
@@ -127,9 +153,11 @@ def hessian(
     objective: from q and qd (K, n) to (value, its derivatives by q and by qd, each (K, n), change), where change(dq, dqd) says how these
         two derivatives change with q and qd; None stands for what is zero, such as the change where the number is a weighted sum
     directions: changes of parameters, z and rates at the start, in the order of `names`, (columns, D); None for all, one by one
-    steps, integrator, rtol, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
+    integrator: an explicit Runge-Kutta method
+    steps, rtol, inputs, start: as for `sensitivities`, with the same errors; ModelError, too, where the motion is not written out in C
     """
-    motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
+    _differentiable(integrator, twice=True)
+    motion = motion_of(kernels, duration, steps, integrator, rtol, None, inputs, **start)
     if not isinstance(motion, TapedMotion):
         raise ModelError(
             f"{kernels.name}: its motion is not written out in C, so it has no second derivatives; take differences of gradient"
@@ -147,30 +175,69 @@ def hessian(
         return _filled(first, dq), _filled(second, dq)
 
     products = motion.second(by_q, by_qd, changed, along)
-    return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)), products, motion.names)
+    return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True)), products, motion.names)
 
 
 def _filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
     return np.zeros_like(like) if array is None else np.asarray(array, dtype=float)
 
 
+Motion: TypeAlias = TapedMotion | PartitionedMotion | SteppedMotion
+"""A motion that can be differentiated."""
+
+
 def motion_of(
-    kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, **start: Unpack[InitialArguments]
-) -> TapedMotion | PartitionedMotion:
+    kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, options: dict[str, Any] | None = None,
+    inputs: Mapping[str, Signal] | None = None, **start: Unpack[InitialArguments],
+) -> Motion:  # fmt: skip
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
     length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
-    explicit = [name for name, entry in INTEGRATORS.items() if entry.tableau]
-    if integrator not in explicit:
-        raise ModelError(f"integrator: {integrator!r} given; derivatives go through steps of {', '.join(explicit)}")
+    entry = _differentiable(integrator)
     tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), length)
-    if tolerances and not INTEGRATORS[integrator].coefficients.errors:
-        estimating = ", ".join(name for name in explicit if INTEGRATORS[name].coefficients.errors)
+    if tolerances and not (entry.tableau and entry.coefficients.errors):
+        estimating = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau and other.coefficients.errors)
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
     initial = Initial.asked(checked_kernels(kernels), **start)
     times = initial.t + length * np.arange(steps + 1) / steps
-    follows = start.get("q0") is None
+    follows, signals = start.get("q0") is None, signals_of(kernels, inputs, initial.p)
+    if not entry.tableau:
+        return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
+    if options:
+        raise ModelError(f"options: {integrator} has none")
     if is_written_out(kernels, Method.of("lagrange", integrator)):
-        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances)
+        return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances, signals)
     if integrator != "rk4":
         raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
-    return PartitionedMotion(kernels, initial, times, follows)
+    return PartitionedMotion(kernels, initial, times, follows, signals)
+
+
+def _differentiable(integrator: str, twice: bool = False) -> Integrator:
+    """The entry of a method whose steps have derivatives, or second ones. Raises ModelError."""
+    known = {name: entry for name, entry in INTEGRATORS.items() if entry.tableau or (entry.has_fixed_step and not twice)}
+    if integrator in known:
+        return known[integrator]
+    why = ""
+    if integrator in INTEGRATORS and not INTEGRATORS[integrator].has_fixed_step:
+        why = f"; {integrator} ends its iterations at the tolerance, so that its steps solve no equations that could be differentiated"
+    what = "second derivatives" if twice else "derivatives"
+    raise ModelError(f"integrator: {integrator!r} given; {what} go through steps of {', '.join(known)}{why}")
+
+
+def _implicit_motion(
+    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, entry: Integrator, options: dict[str, Any] | None,
+    inputs: Mapping[str, Signal] | None, start: InitialArguments,
+) -> SteppedMotion | TrapezoidalMotion:  # fmt: skip
+    """By steps of `simulate`."""
+    signals = signals_of(kernels, inputs, initial.p)
+    if signals and entry.is_ordinary:
+        others = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau or (other.has_fixed_step and not other.is_ordinary))
+        raise ModelError(f"inputs: derivatives of driven motions do not go through steps of {entry.name}; take {others}")
+    method = Method.of("lagrange" if entry.steps == ("lagrange",) else "coordinate-partitioning", entry.name, options)
+    step = float(times[-1] - times[0]) / (len(times) - 1)
+    run = simulate(
+        kernels, float(times[-1] - times[0]), formalism=method.formalism.name, integrator=entry.name, max_step=step * WHOLE, points=times,
+        options=options, inputs=inputs, **start,
+    )  # fmt: skip
+    if entry.is_ordinary:
+        return TrapezoidalMotion(kernels, initial, run, follows)
+    return SteppedMotion(kernels, initial, run, follows, method, signals)

@@ -27,6 +27,27 @@ FEWEST = 2
 
 
 @dataclass(frozen=True, eq=False)
+class Table(Pieces):
+    """An input as values at instants, and what holds between them; polynomials are linear in the values."""
+
+    hold: Hold
+
+    def by_values(self, t: np.ndarray, begun: np.ndarray, weights: np.ndarray) -> np.ndarray:
+        """How Σ weights · signal at times (each inside a step that began at another one) changes with the table's values, (K,)."""
+        k, powers = self.place(t, begun)
+        by_coefficients = np.zeros((len(self.knots), powers.shape[-1]))
+        np.add.at(by_coefficients, k, weights[..., None] * powers)
+        if self.hold == "cubic":
+            return np.einsum("kc,kcv->v", by_coefficients, _coefficients(self.knots, np.eye(len(self.knots)), self.hold))
+        found = by_coefficients[:, 0]
+        if self.hold == "linear":
+            rises = by_coefficients[:-1, 1] / np.diff(self.knots)
+            found[:-1] -= rises
+            found[1:] += rises
+        return found
+
+
+@dataclass(frozen=True, eq=False)
 class Signals:
     """The inputs of one run.
 
@@ -73,6 +94,13 @@ class Signals:
         """As C asks for them: functions of Python are checked."""
         return tuple(s if s is None or isinstance(s, Pieces) else self._watched(i, s) for i, s in enumerate(self.told))
 
+    def by_values(self, t: np.ndarray, begun: np.ndarray, weights: np.ndarray) -> dict[str, np.ndarray]:
+        """{name: how Σ weights · inputs changes with its values, (K,)} of the inputs that are tables.
+
+        weights (…, inputs) at times t (…), inside steps that began at `begun`."""
+        tables = [(i, signal) for i, signal in enumerate(self.told) if isinstance(signal, Table)]
+        return {self.names[i]: signal.by_values(t, begun, weights[..., i]) for i, signal in tables}
+
     def _watched(self, i: int, function: Function) -> Function:
         return lambda t: self._checked(i, function(t), t)
 
@@ -99,7 +127,7 @@ def signals_of(kernels: Outline, inputs: Mapping[str, Signal] | None, p: np.ndar
     return Signals(kernels.name, names, tuple(told)) if any(told) else None
 
 
-def _table(given: Sequence[object], where: str) -> Pieces:
+def _table(given: Sequence[object], where: str) -> Table:
     """A table as polynomials. Raises ModelError unless its instants are two or more, ascending, each with a value."""
     if len(given) not in (2, 3):
         raise ModelError(f"{where}: {len(given)} things given; give (times, values) or (times, values, hold)")
@@ -112,12 +140,17 @@ def _table(given: Sequence[object], where: str) -> Pieces:
     if not np.all(np.diff(times) > 0):
         k = int(np.argmin(np.diff(times) > 0))
         raise ModelError(f"{where}: time {k + 1} is {times[k + 1]:.6g} s after {times[k]:.6g} s; times must ascend")
-    coefficients = np.zeros((len(times), 4))
+    return Table(times, _coefficients(times, values, hold), hold)
+
+
+def _coefficients(times: np.ndarray, values: np.ndarray, hold: Hold) -> np.ndarray:
+    """Of the polynomials (K, 4, …), for values (K, …)."""
+    coefficients = np.zeros((len(times), 4, *values.shape[1:]))
     coefficients[:, 0] = values
     if hold == "linear":
-        coefficients[:-1, 1] = np.diff(values) / np.diff(times)
+        coefficients[:-1, 1] = (np.diff(values, axis=0).T / np.diff(times)).T
     elif hold == "cubic":
         from scipy.interpolate import CubicSpline
 
-        coefficients[:-1] = CubicSpline(times, values).c[::-1].T
-    return Pieces(times, coefficients)
+        coefficients[:-1] = CubicSpline(times, values).c[::-1].swapaxes(0, 1)
+    return coefficients

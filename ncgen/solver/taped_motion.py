@@ -20,12 +20,13 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.mechanism.sweep import SMALL, Sweep
-from ncgen.mechanism.taped import Segmented, taped
+from ncgen.mechanism.taped import Driven, Segmented, taped
 from ncgen.solver.compiled import all_coordinates, closeness
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.partition import Kinematics, determined, kinematics
 from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial
+from ncgen.solver.signals import Signals
 from ncgen.solver.start import begin
 from ncgen.solver.tolerances import Tolerances
 
@@ -61,10 +62,11 @@ class TapedMotion:
         start_follows: bool,
         method: str = "rk4",
         tolerances: Tolerances | None = None,
+        signals: Signals | None = None,
     ) -> None:
-        """start_follows: whether the position at the start is the model's own, which may change with parameters."""
+        """start_follows: whether the position at the start is the model's own, which may change with parameters; signals: what drives it"""
         begun = begin(kernels, initial, partitioned=True)
-        self.kernels, self.p, self.t = kernels, begun.p, times
+        self.kernels, self.p, self.t, self.signals = kernels, begun.p, times, signals
         self._partitions, self._begun, self._follows = determined(begun.partitions), begun, start_follows
         z, rates = (part.names(kernels) for part in (self._partitions.position, self._partitions.velocity))
         self.names = (*kernels.parameters, *z, *(f"rate({name})" for name in rates))
@@ -72,7 +74,8 @@ class TapedMotion:
         rank = freedom_at(kernels, begun.q, times[0], begun.p).rank
         dynamics = all_coordinates(kernels, form="emitted")
         start = begun.q, begun.qd, begun.p
-        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"))
+        told = signals.functions if signals else ()
+        self._run = taped(dynamics, method, times, *start, allowed, rank=rank, tolerance=closeness("double"), inputs=told)
         self._check()
 
     @property
@@ -83,10 +86,6 @@ class TapedMotion:
     def qd(self) -> np.ndarray:
         return self._run.outcome.qd
 
-    def forward(self) -> tuple[np.ndarray, np.ndarray]:
-        """Derivatives of q and q̇ at all instants, (K, n, columns) each."""
-        return self.along(np.eye(len(self.names)))
-
     def along(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Changes of q and q̇ at all instants, (K, n, D) each, along directions, (columns, D); those by z and its rates may be left out."""
         return self._run.forward(*self._seeds(directions))
@@ -94,14 +93,17 @@ class TapedMotion:
     def _seeds(self, directions: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Changes of q and q̇ at the start, (n, D) each, and of p, (n_p, D), along directions."""
         n, count = self.kernels.n, len(directions)
+        if not (self._start_reads_parameters or np.any(directions[len(self.p) :])):
+            return np.zeros((n, directions.shape[1])), np.zeros((n, directions.shape[1])), directions[: len(self.p)]
         by_start = np.array([np.concatenate(self._start_back(weights))[:count] for weights in np.eye(2 * n)]) @ directions
         return by_start[:n], by_start[n:], directions[: len(self.p)]
 
-    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> np.ndarray:
-        """Derivatives (columns,) of a number, from those by q and q̇ at all instants, (K, n) each."""
-        *by_state, by_p = self._run.backward(by_q, by_qd)
+    def backward(self, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, Driven]:
+        """Derivatives of a number by what has a name (columns,), and by what drove the run, from those by q and q̇ at all instants, (K, n)
+        each."""
+        *by_state, by_p, driven = self._run.backward(by_q, by_qd)
         by_start, by_z, by_rates = self._start_back(np.concatenate(by_state))
-        return np.concatenate([by_p + by_start, by_z, by_rates])
+        return np.concatenate([by_p + by_start, by_z, by_rates]), driven
 
     def second(self, by_q: np.ndarray, by_qd: np.ndarray, change: Change, directions: np.ndarray) -> np.ndarray:
         """How the derivatives of a number change along directions (columns, D), (columns, D): the way back, in dual numbers.
@@ -118,7 +120,7 @@ class TapedMotion:
         for k, sweep in enumerate(sweeps):
             changes = change(q[:, :, k], qd[:, :, k])
             weights = (own + SMALL * 1j * more for own, more in zip((by_q, by_qd), changes, strict=True))
-            *by_state, by_p = sweep.backward(self._run.at_all_steps(*weights))
+            *by_state, by_p, _ = sweep.backward(self._run.at_all_steps(*weights))
             start = self._start_along(*(seed[:, k] for seed in seeds))
             by_start, by_z, by_rates = self._start_back(np.concatenate(by_state), sweep, start)
             found[:, k] = np.imag(np.concatenate([by_p + by_start, by_z, by_rates])) / SMALL
@@ -153,14 +155,27 @@ class TapedMotion:
         by_rates = allowed_velocities.T @ weights[n:]
         rest = weights[n:].copy()
         rest[velocity.independent] -= by_rates
-        by_q, by_p = back.velocities_back(rest)
-        by_q = by_q + weights[:n]
+        by_q, by_p = weights[:n].copy(), np.zeros(len(self.p), dtype=weights.dtype)
+        if np.any(rest):
+            more, by_p = back.velocities_back(rest)
+            by_q = by_q + more
         by_z = allowed_positions.T @ by_q
         by_q[position.independent] -= by_z
-        by_p = by_p + back.closing_back(by_q)
+        if self._rows_read_parameters:
+            by_p = by_p + back.closing_back(by_q)
         if self._follows:
             by_p = by_p + start.by_parameters[position.independent].T @ by_z
         return by_p, by_z, by_rates
+
+    @property
+    def _rows_read_parameters(self) -> bool:
+        """Whether closed positions and allowed velocities may change with parameters."""
+        return len(self.kernels.of_rows(self.p)) > 0
+
+    @property
+    def _start_reads_parameters(self) -> bool:
+        """Whether the start may change with parameters."""
+        return self._rows_read_parameters or (self._follows and bool(np.any(self._start.by_parameters)))
 
     @cached_property
     def _start(self) -> _Start:

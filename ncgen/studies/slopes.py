@@ -18,10 +18,8 @@ from ncgen.methods.table import INTEGRATORS
 from ncgen.model.elements import coordinate_of
 from ncgen.solver.compiled import is_written_out
 from ncgen.solver.outputs import output_slopes, outputs_of
-from ncgen.solver.partitioned_motion import PartitionedMotion
 from ncgen.solver.run import InitialArguments
-from ncgen.solver.sensitivity import motion_of
-from ncgen.solver.taped_motion import TapedMotion
+from ncgen.solver.sensitivity import Motion, motion_of
 from ncgen.studies import extremes
 from ncgen.studies.definition import Study
 from ncgen.studies.design import started
@@ -32,8 +30,6 @@ USUAL = "rk4"
 
 FAR = 1e-3
 """Difference of two ends of a motion, relative to the sizes of the coordinates, from which the gradient's steps are too few."""
-
-Motion = TapedMotion | PartitionedMotion
 
 
 class Slopes:
@@ -94,7 +90,7 @@ class Slopes:
     def _slopes(self, motion: Motion, column: Kept, q0: Any) -> dict[str, float]:
         """Derivatives of a number by everything: parameters, and positions and velocities of the independent coordinates at the start."""
         by_q, by_qd, by_p = self._weights(motion, column)
-        found = dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True))
+        found = dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True))
         free = [name for name in motion.names if name in self.kernels.index and isinstance(q0, dict) and name not in q0]
         rows = self.kernels.start_p(motion.p)[[self.kernels.index[name] for name in free]] if free else np.empty((0, len(motion.p)))
         for k, name in enumerate(self.kernels.parameters):  # a start that is given in part follows parameters in the rest

@@ -37,7 +37,9 @@ typedef struct ncgen_taped {
     int n_prepared;
     int is_driven; /* 1: rows depend on time, so velocities are not 0 where nothing else moves */
     int method;
-    const ncgen_real *p; /* with what is prepared behind it */
+    int n_inputs;             /* the last of p, where something drives them; else 0 */
+    const ncgen_real *p;      /* with what is prepared behind it */
+    const ncgen_real *inputs; /* of all stages of all steps, n_inputs each */
     const ncgen_tape *tape;
 } ncgen_taped;
 
@@ -50,9 +52,10 @@ size_t ncgen_adjoint_workspace(const ncgen_taped *run);
 /* How a number changes with the start and with p, by one sweep back through all steps.
  *
  * weights: how it depends on [q, qd] where steps begin and end, steps + 1 rows of 2 n_coordinates
- * slopes: by q and qd at the start, then by p: 2 n_coordinates + n_parameters */
+ * slopes: by q and qd at the start, then by p, inputs by what is added to them all the time: 2 n_coordinates + n_parameters
+ * by_inputs: by the inputs of every stage, as these are told */
 void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *slopes,
-                   ncgen_real *workspace);
+                   ncgen_real *by_inputs, ncgen_real *workspace);
 
 /* The transposed parts by themselves, for what comes before the run; numbers that are no doubles are passed by their place. */
 void ncgen_velocities_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,

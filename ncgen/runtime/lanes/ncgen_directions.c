@@ -14,6 +14,8 @@ typedef struct sweep {
     ncgen_real *state;  /* 2 n: changes where the step begins, then where it ends */
     ncgen_real *slopes; /* 2 n for every stage */
     ncgen_real *found;  /* 2 n: what a program writes */
+    int n_w;            /* inputs that are driven */
+    ncgen_real *w;      /* where p has them */
     long count, first;  /* directions, and which one is in the first lane */
     double *taped;      /* NULL, or where changes of the step's states go, as the tape has these */
 } sweep;
@@ -136,8 +138,8 @@ static void settle(const sweep *s, double t, const double *left, const double *c
         s->state[n + i] = s->found[i];
 }
 
-/* From changes in s->state where a step begins to those where it leaves off. */
-static void stages(const sweep *s, double t, double h, const double *states)
+/* From changes in s->state where a step begins to those where it leaves off; inputs: of its stages. */
+static void stages(const sweep *s, double t, double h, const double *states, const double *inputs)
 {
     const int size = 2 * s->n, last = s->method->stages;
     const ncgen_real zero = {0};
@@ -155,6 +157,7 @@ static void stages(const sweep *s, double t, double h, const double *states)
             break;
         note(s, j * size, size, s->seed);
         spread(size, states + j * size, s->at);
+        spread(s->n_w, inputs + j * s->n_w, s->w);
         s->motion->derivative(zero + (t + s->method->c[j] * h), s->at, s->at + s->n, s->p, s->seed, s->slopes + j * size);
     }
     for (int i = 0; i < size; ++i)
@@ -162,7 +165,7 @@ static void stages(const sweep *s, double t, double h, const double *states)
 }
 
 void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int is_driven, int method,
-                      const double *p, long steps, const double *times, const double *states, long count, const double *seeds,
+                      int n_inputs, const double *p, const double *inputs, long steps, const double *times, const double *states, long count, const double *seeds,
                       double *changes, double *taped, double *workspace)
 {
     const int size = 2 * n_coordinates;
@@ -173,6 +176,8 @@ void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, i
     s.is_driven = is_driven;
     s.count = count;
     s.taped = NULL;
+    s.n_w = n_inputs;
+    s.w = s.p + n_parameters - n_inputs;
     spread(s.n_p, p, s.p);
     for (long first = 0; first < count; first += NCGEN_LANES) {
         read_rows(size, count, first, seeds, s.state);
@@ -188,7 +193,7 @@ void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, i
             const double *step = states + begins;
             s.taped = taped ? taped + begins * (size_t)count : NULL;
             const double *left = step + size * s.method->stages, *closed = left + size, *next = closed + s.n;
-            stages(&s, times[k], times[k + 1] - times[k], step);
+            stages(&s, times[k], times[k + 1] - times[k], step, inputs + (size_t)k * (size_t)(s.method->stages * n_inputs));
             settle(&s, times[k + 1], left, closed, next);
             write_rows(size, count, first, s.state, changes + (size_t)(k + 1) * (size_t)size * (size_t)count);
         }

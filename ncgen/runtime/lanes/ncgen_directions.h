@@ -14,12 +14,12 @@ size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int n_pre
 
 /* Changes of q and qd along the directions where steps begin and end.
  *
- * motion: an ncgen_seeded_motion of lanes; from n_coordinates to p: as of an ncgen_taped; steps, times, states: as of its tape
+ * motion: an ncgen_seeded_motion of lanes; from n_coordinates to inputs: as of an ncgen_taped; steps, times, states: as of its tape
  * seeds: 2 n_coordinates + n_parameters rows, changes of q and qd at the start and of p, of `count` directions each
  * changes: steps + 1 times 2 n_coordinates rows of `count` directions
  * taped: NULL, or changes of all states of the tape, then of what is prepared, in rows of `count` directions */
 void ncgen_directions(const void *motion, int n_coordinates, int n_parameters, int n_prepared, int is_driven, int method,
-                      const double *p, long steps, const double *times, const double *states, long count, const double *seeds,
+                      int n_inputs, const double *p, const double *inputs, long steps, const double *times, const double *states, long count, const double *seeds,
                       double *changes, double *taped, double *workspace);
 
 /* end functions */

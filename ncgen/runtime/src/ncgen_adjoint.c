@@ -10,13 +10,14 @@
 typedef struct sweep {
     const ncgen_taped *run;
     const ncgen_seeded_motion *transposed;
-    int n, n_p;         /* coordinates; parameters with what is prepared */
+    int n, n_p, n_w;    /* coordinates; parameters with what is prepared; inputs that are driven */
     ncgen_real *state;  /* 2 n: how the number changes with [q, qd] */
     ncgen_real *p;      /* n_p: with p */
     ncgen_real *stages; /* 2 n each: with f of the stages */
     ncgen_real *moved;  /* n: with how far the position was moved along the constraints */
     ncgen_real *apart;  /* n: how far it had been from where it was closed */
     ncgen_real *found;  /* 2 n + n_p: what a program writes */
+    ncgen_real *now;    /* n_p: p with the inputs of a stage */
 } sweep;
 
 static void lay_out(sweep *s, const ncgen_taped *run, ncgen_space *space)
@@ -29,6 +30,8 @@ static void lay_out(sweep *s, const ncgen_taped *run, ncgen_space *space)
     s->moved = ncgen_take(space, s->n);
     s->apart = ncgen_take(space, s->n);
     s->found = ncgen_take(space, 2 * s->n + s->n_p);
+    s->n_w = run->n_inputs;
+    s->now = ncgen_take(space, s->n_p);
 }
 
 size_t ncgen_adjoint_workspace(const ncgen_taped *run)
@@ -88,17 +91,19 @@ static void settle_back(sweep *s, ncgen_scalar t, const ncgen_real *left, const 
     add(n, s->moved, s->state);
 }
 
-/* Back through the stages of a step from t on. */
-static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_real *states)
+/* Back through the stages of a step from t on. inputs, by_inputs: those of its stages */
+static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_real *states, const ncgen_real *inputs, ncgen_real *by_inputs)
 {
     const tableau *method = &tableaus[s->run->method];
-    const int n = s->n, last = method->stages;
+    const int n = s->n, last = method->stages, first = s->run->n_parameters - s->n_w;
     for (int j = 0; j < last; ++j)
         for (int i = 0; i < 2 * n; ++i)
             s->stages[j * 2 * n + i] = h * method->a[last][j] * s->state[i];
     for (int j = last - 1; j >= 0; --j) {
         const ncgen_real *at = states + j * 2 * n;
-        s->transposed->derivative(t + method->c[j] * h, at, at + n, s->run->p, s->stages + j * 2 * n, s->found);
+        ncgen_copy(s->n_w, inputs + j * s->n_w, s->now + first);
+        s->transposed->derivative(t + method->c[j] * h, at, at + n, s->now, s->stages + j * 2 * n, s->found);
+        ncgen_copy(s->n_w, s->found + 2 * n + first, by_inputs + j * s->n_w);
         add(2 * n, s->found, s->state);
         add(s->n_p, s->found + 2 * n, s->p);
         for (int k = 0; k < j; ++k)
@@ -108,7 +113,7 @@ static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_re
 }
 
 void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed, const ncgen_real *weights, ncgen_real *slopes,
-                   ncgen_real *workspace)
+                   ncgen_real *by_inputs, ncgen_real *workspace)
 {
     const ncgen_tape *tape = run->tape;
     const int n = run->n_coordinates, last = tableaus[run->method].stages;
@@ -122,12 +127,14 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
         s.state[i] = 0;
     for (int i = 0; i < s.n_p; ++i)
         s.p[i] = 0;
+    ncgen_copy(s.n_p, run->p, s.now);
     for (long k = tape->steps - 1; k >= 0; --k) {
         const ncgen_scalar t = tape->times[k], t_new = tape->times[k + 1];
         const ncgen_real *states = tape->states + (size_t)k * length, *left = states + 2 * last * n;
         add(2 * n, weights + (size_t)(k + 1) * 2 * (size_t)n, s.state);
         settle_back(&s, t_new, left, left + 2 * n, states + length);
-        stages_back(&s, t, t_new - t, states);
+        const size_t driven = (size_t)k * (size_t)(last * s.n_w);
+        stages_back(&s, t, t_new - t, states, run->inputs + driven, by_inputs + driven);
     }
     add(2 * n, weights, s.state);
     if (transposed->prepare) {

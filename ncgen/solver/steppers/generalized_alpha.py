@@ -21,9 +21,7 @@ class GeneralizedAlpha(Stepper):
 
     def __init__(self, kernels: Kernels, t: float, q: np.ndarray, qd: np.ndarray, p: np.ndarray, h: float, **options: Any) -> None:
         super().__init__(kernels, t, q, qd, p, h, **options)
-        self.alpha_m, self.alpha_f = weights(self.settings["rho"], self.settings["hht"])
-        self.gamma = 0.5 - self.alpha_m + self.alpha_f
-        self.beta = (self.gamma + 0.5) ** 2 / 4
+        self.alpha_m, self.alpha_f, self.beta, self.gamma = newmark(self.settings["rho"], self.settings["hht"])
         self.a = self.qdd
 
     def _advance(self, end: float) -> None:
@@ -54,6 +52,8 @@ class GeneralizedAlpha(Stepper):
         self.q, self.qd, self.qdd, self.lam = q, qd, qdd, lam
 
 
-def weights(rho: float, hht: float | None) -> tuple[float, float]:
-    """αm and αf, of ρ∞ or of HHT's α."""
-    return (0.0, hht) if hht is not None else ((2 * rho - 1) / (rho + 1), rho / (rho + 1))
+def newmark(rho: float, hht: float | None) -> tuple[float, float, float, float]:
+    """αm, αf, β and γ, of ρ∞ or of HHT's α."""
+    alpha_m, alpha_f = (0.0, hht) if hht is not None else ((2 * rho - 1) / (rho + 1), rho / (rho + 1))
+    gamma = 0.5 - alpha_m + alpha_f
+    return alpha_m, alpha_f, (gamma + 0.5) ** 2 / 4, gamma

@@ -1,0 +1,115 @@
+"""Derivatives of a motion by the samples of what drives it: closed forms of an oscillator, and differences on a mechanism."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from driven_models import pendulum
+
+import ncgen
+from ncgen import Model
+from ncgen.errors import ModelError
+
+OMEGA, MASS, END, STEPS = 3.0, 2.0, 1.2, 240
+
+
+def oscillator(backend="c"):
+    """A block on a slide with a spring, pushed by an input."""
+    m = Model("pushed")
+    x = m.vector("x", (1, 0, 0), fixed=True)
+    O, A, B = m.point("O", (0, 0), fixed=True), m.point("A", (0, 0), fixed="y"), m.point("B", (0.1, 0), fixed="y")
+    s = m.slide("s", O, A, x)
+    m.body("block", [A, B], mass=MASS)
+    m.torque(s, m.input("F", "N") - MASS * OMEGA**2 * s)
+    m.independent(s)
+    return ncgen.compile(m, backend)
+
+
+def end_of(q, qd):
+    """x at the end."""
+    by_q = 0 * q
+    by_q[-1, 0] = 1.0  # A.x
+    return q[-1, 0], by_q, None
+
+
+TIMES = np.linspace(0.0, END, 7)
+VALUES = np.array([3.0, -1.0, 2.0, 0.5, -2.0, 1.0, 4.0])
+
+
+def answers(hold: str) -> np.ndarray:
+    """How x at the end changes with every sample: ∫ sin ω(T − t)/(m ω) b(t) dt with b what one sample makes."""
+    from scipy.integrate import quad
+    from scipy.interpolate import CubicSpline
+
+    if hold == "zero":
+        edges = np.cos(OMEGA * (END - TIMES)) / (MASS * OMEGA**2)
+        return np.append(np.diff(edges), 0.0)
+    found = []
+    for row in np.eye(len(TIMES)):
+        basis = CubicSpline(TIMES, row) if hold == "cubic" else lambda t, row=row: np.interp(t, TIMES, row)
+        parts = [
+            quad(lambda t: np.sin(OMEGA * (END - t)) / (MASS * OMEGA) * basis(t), a, b)[0] for a, b in zip(TIMES, TIMES[1:], strict=False)
+        ]
+        found.append(sum(parts))
+    return np.array(found)
+
+
+@pytest.mark.parametrize(("integrator", "close"), [("dop853", 1e-12), ("rk4", 1e-8), ("generalized-alpha", 3e-4), ("rattle", 3e-4)])
+@pytest.mark.parametrize("hold", ["zero", "linear", "cubic"])
+def test_an_oscillator_by_every_sample(hold, integrator, close):
+    """Against the convolution with its own response: to the error of the steps, of first order where generalised α meets a jump."""
+    close = 1e-2 if (integrator, hold) == ("generalized-alpha", "zero") else close
+    found = ncgen.gradient(oscillator(), END, STEPS, end_of, integrator, inputs={"F": (TIMES, VALUES, hold)})
+    np.testing.assert_allclose(found.by_inputs["F"], answers(hold), rtol=0, atol=close * np.max(np.abs(answers(hold))))
+    assert found.slopes["F"] == pytest.approx(found.by_inputs["F"].sum(), rel=1e-12)
+    lift = (1 - np.cos(OMEGA * END)) / (MASS * OMEGA**2)
+    assert found.slopes["F"] == pytest.approx(lift, abs=close)
+
+
+@pytest.mark.parametrize("integrator", ["dop853", "rk4", "generalized-alpha", "rattle", "energy-momentum"])
+@pytest.mark.parametrize("backend", ["c", "numpy"])
+def test_a_linear_motion_is_its_derivatives_times_the_samples(integrator, backend):
+    """Of few steps, between whose ends samples lie: what is differentiated are the steps, and they are linear in the samples."""
+    kernels, times = oscillator(backend), TIMES + 0.013
+    if backend == "numpy" and integrator == "dop853":
+        return
+
+    def end(values, hold):
+        return ncgen.gradient(kernels, END, 10, end_of, integrator, inputs={"F": (times, values, hold)})
+
+    for hold in ("zero", "linear", "cubic"):
+        found = end(VALUES, hold)
+        ends = [end(unit, hold).value for unit in np.eye(len(times))]
+        np.testing.assert_allclose(found.by_inputs["F"], ends, rtol=0, atol=1e-12)
+
+
+def test_a_nonlinear_motion_by_samples_and_by_functions():
+    """A driven rod, two ways: against differences of its own steps; forward by a shift of the whole input."""
+    kernels = ncgen.compile(pendulum())
+    values, at = np.array([1.0, -2.0, 4.0, 0.5]), {"zd0": {"psi": 0.3}}
+
+    def run(values, **more):
+        return ncgen.gradient(kernels, END, 20, end_of, "dop853", inputs={"tau": (TIMES[::2], values, "linear")}, **at, **more)
+
+    found = run(values)
+    ends = [(run(values + 1e-5 * e).value - run(values - 1e-5 * e).value) / 2e-5 for e in np.eye(4)]
+    np.testing.assert_allclose(found.by_inputs["tau"], ends, rtol=0, atol=1e-9)
+    forward = ncgen.sensitivities(kernels, END, 20, "dop853", inputs={"tau": (TIMES[::2], values)}, **at)
+    assert forward.q_by[-1, 0, forward.names.index("tau")] == pytest.approx(found.by_inputs["tau"].sum(), rel=1e-12)
+    for method in ("rk4", "rattle"):
+        told = {"integrator": method, "inputs": {"tau": lambda t: 3 * np.sin(5 * t)}, **at}
+        back, forward = ncgen.gradient(kernels, END, 20, end_of, **told), ncgen.sensitivities(kernels, END, 20, **told)
+        assert not back.by_inputs
+        assert list(back.slopes.values()) == pytest.approx(forward.q_by[-1, 0], rel=1e-11)
+    held = ncgen.gradient(kernels, END, 20, end_of, inputs={"tau": 2.0}, **at)
+    assert held.value == ncgen.gradient(kernels, END, 20, end_of, p={"tau": 2.0}, **at).value
+
+
+def test_trapezoidal_steps_of_a_driven_motion_are_refused():
+    with pytest.raises(ModelError, match="^inputs: derivatives of driven motions do not go through steps of trapezoidal; take dopri5, rk4"):
+        ncgen.gradient(oscillator(), END, 10, end_of, "trapezoidal", inputs={"F": (TIMES, VALUES)})
+
+
+def test_steps_by_tolerance_end_where_a_table_jumps():
+    found = ncgen.gradient(oscillator(), END, 1, end_of, "dop853", 1e-11, inputs={"F": (TIMES, VALUES, "zero")})
+    np.testing.assert_allclose(found.by_inputs["F"], answers("zero"), rtol=0, atol=1e-10)
