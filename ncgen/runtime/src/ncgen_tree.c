@@ -6,47 +6,11 @@
  * with q' = T x the equations are T'M T x' = T'(Q - M b), so that whatever acts on coordinates acts on the tree.
  */
 #include "ncgen_tree.h"
+#include "ncgen_inertia.h"
 
 enum { MOST_SCREWS = 6 };
 
-/* Places in 21 numbers of an inertia: angular momentum I w + B v, linear momentum B'w + M v; I and M xx, yy, zz, xy, xz, yz. */
-enum { TURNING = 0, MIXED = 6, ALONG = 15, INERTIA = 21 };
-
 static const ncgen_real NOTHING[6] = {0, 0, 0, 0, 0, 0};
-
-static void cross(const ncgen_real *a, const ncgen_real *b, ncgen_real *out)
-{
-    out[0] = a[1] * b[2] - a[2] * b[1];
-    out[1] = a[2] * b[0] - a[0] * b[2];
-    out[2] = a[0] * b[1] - a[1] * b[0];
-}
-
-static void add_cross(const ncgen_real *a, const ncgen_real *b, ncgen_real *out)
-{
-    out[0] += a[1] * b[2] - a[2] * b[1];
-    out[1] += a[2] * b[0] - a[0] * b[2];
-    out[2] += a[0] * b[1] - a[1] * b[0];
-}
-
-static void add_times(ncgen_real factor, const ncgen_real *a, ncgen_real *out)
-{
-    out[0] += factor * a[0];
-    out[1] += factor * a[1];
-    out[2] += factor * a[2];
-}
-
-static ncgen_real dot(const ncgen_real *a, const ncgen_real *b)
-{
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
-}
-
-/* A symmetric matrix times a vector. */
-static void turned(const ncgen_real *s, const ncgen_real *a, ncgen_real *out)
-{
-    out[0] = s[0] * a[0] + s[3] * a[1] + s[4] * a[2];
-    out[1] = s[3] * a[0] + s[1] * a[1] + s[5] * a[2];
-    out[2] = s[4] * a[0] + s[5] * a[1] + s[2] * a[2];
-}
 
 /* The reference point of a link, from that of its parent. */
 static void between(const ncgen_tree_work *w, int link, ncgen_real *d)
@@ -117,15 +81,15 @@ static void place(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real *q)
 /* The velocity of an element that moves with a link. */
 static void carried(const ncgen_tree_work *w, int element, const ncgen_real *twist, ncgen_real *velocity)
 {
-    cross(twist, w->lever + 3 * element, velocity);
+    ncgen_cross(twist, w->lever + 3 * element, velocity);
     if (w->tree->is_point[element])
-        add_times(1, twist + 3, velocity);
+        ncgen_add_times(1, twist + 3, velocity);
 }
 
 /* A screw's rate added to a twist. */
 static void add_screw(const ncgen_tree_work *w, int screw, ncgen_real rate, ncgen_real *twist)
 {
-    add_times(rate, w->axis + 3 * screw, twist + (w->tree->turns[screw] ? 0 : 3));
+    ncgen_add_times(rate, w->axis + 3 * screw, twist + (w->tree->turns[screw] ? 0 : 3));
 }
 
 /* The velocity of an element at rate 1 of a screw. */
@@ -133,7 +97,7 @@ static void moved(const ncgen_tree_work *w, int element, int screw, ncgen_real *
 {
     const ncgen_real *axis = w->axis + 3 * screw;
     if (w->tree->turns[screw])
-        cross(axis, w->lever + 3 * element, velocity);
+        ncgen_cross(axis, w->lever + 3 * element, velocity);
     else
         for (int i = 0; i < 3; ++i)
             velocity[i] = w->tree->is_point[element] ? axis[i] : 0;
@@ -154,9 +118,9 @@ static int find_rates(const ncgen_run *r, ncgen_tree_work *w, int link, const nc
         }
         for (int a = 0; a < count; ++a) {
             moved(w, e, first + a, column + 3 * a);
-            right[a] += tree->heaviness[e] * dot(column + 3 * a, rest);
+            right[a] += tree->heaviness[e] * ncgen_dot3(column + 3 * a, rest);
             for (int b = 0; b <= a; ++b)
-                square[a * count + b] += tree->heaviness[e] * dot(column + 3 * a, column + 3 * b);
+                square[a * count + b] += tree->heaviness[e] * ncgen_dot3(column + 3 * a, column + 3 * b);
         }
     }
     const int status = ncgen_solve_positive(count, square, right);
@@ -175,7 +139,7 @@ static int find_twists(const ncgen_run *r, ncgen_tree_work *w, const ncgen_real 
         ncgen_copy(6, before, twist);
         if (tree->parent[link] >= 0) {
             between(w, link, d);
-            add_cross(before, d, twist + 3);
+            ncgen_add_cross(before, d, twist + 3);
         }
         if (find_rates(r, w, link, qd, twist) != NCGEN_OK)
             status = NCGEN_SINGULAR;
@@ -209,14 +173,14 @@ static void find_changes(ncgen_tree_work *w)
         if (tree->parent[link] < 0)
             continue;
         between(w, link, d);
-        add_cross(outer, d, change + 3);
+        ncgen_add_cross(outer, d, change + 3);
         for (int i = 0; i < 3; ++i)
             d[i] = twist[3 + i] - before[3 + i];
-        add_cross(before, d, change + 3);
+        ncgen_add_cross(before, d, change + 3);
         for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k)
             if (tree->is_carried[k]) {
-                cross(before, w->axis + 3 * k, turned_axis);
-                add_times(w->rate[k], turned_axis, change + (tree->turns[k] ? 0 : 3));
+                ncgen_cross(before, w->axis + 3 * k, turned_axis);
+                ncgen_add_times(w->rate[k], turned_axis, change + (tree->turns[k] ? 0 : 3));
             }
     }
 }
@@ -229,9 +193,9 @@ static void spread_changes(const ncgen_run *r, const ncgen_tree_work *w, ncgen_r
         for (int e = tree->element_start[link]; e < tree->element_start[link + 1]; ++e) {
             const ncgen_real *twist = w->twist + 6 * link;
             ncgen_real speed[3], found[3];
-            cross(twist, w->lever + 3 * e, speed);
+            ncgen_cross(twist, w->lever + 3 * e, speed);
             carried(w, e, w->change + 6 * link, found);
-            add_cross(twist, speed, found);
+            ncgen_add_cross(twist, speed, found);
             for (int i = 0; i < 3; ++i)
                 if (tree->elements[3 * e + i] < r->n)
                     accelerations[tree->elements[3 * e + i]] = found[i];
@@ -249,9 +213,9 @@ static void find_wrenches(const ncgen_run *r, ncgen_tree_work *w, const ncgen_re
             ncgen_real own[3];
             for (int i = 0; i < 3; ++i)
                 own[i] = tree->elements[3 * e + i] < r->n ? force[tree->elements[3 * e + i]] : 0;
-            add_cross(w->lever + 3 * e, own, wrench);
+            ncgen_add_cross(w->lever + 3 * e, own, wrench);
             if (tree->is_point[e])
-                add_times(1, own, wrench + 3);
+                ncgen_add_times(1, own, wrench + 3);
         }
     }
     for (int k = 0; k < tree->n_screws; ++k)
@@ -306,28 +270,13 @@ static void add_pairs(const ncgen_tree_work *w, int link, ncgen_real *inertia)
         inertia[ALONG + i] += mass;
 }
 
-/* factor (a b' + b a') / 2 in an inertia, of six numbers each. */
-static void add_product(ncgen_real factor, const ncgen_real *a, const ncgen_real *b, ncgen_real *inertia)
-{
-    static const int row[6] = {0, 1, 2, 0, 0, 1}, column[6] = {0, 1, 2, 1, 2, 2};
-    const ncgen_real half = factor / 2;
-    for (int s = 0; s < 6; ++s) {
-        const int i = row[s], j = column[s];
-        inertia[TURNING + s] += half * (a[i] * b[j] + b[i] * a[j]);
-        inertia[ALONG + s] += half * (a[3 + i] * b[3 + j] + b[3 + i] * a[3 + j]);
-    }
-    for (int i = 0; i < 3; ++i)
-        for (int j = 0; j < 3; ++j)
-            inertia[MIXED + 3 * i + j] += half * (a[i] * b[3 + j] + b[i] * a[3 + j]);
-}
-
 /* The velocity of one coordinate of an element over a twist: six numbers. */
 static void coordinate_row(const ncgen_tree_work *w, int link, int element, int axis, ncgen_real *row)
 {
     ncgen_real unit[3] = {0, 0, 0}, lever[3];
     unit[axis] = 1;
     lever_of(w, link, element, lever);
-    cross(lever, unit, row);
+    ncgen_cross(lever, unit, row);
     for (int i = 0; i < 3; ++i)
         row[3 + i] = w->tree->is_point[element] ? unit[i] : 0;
 }
@@ -341,50 +290,7 @@ static void add_singles(const ncgen_tree_work *w, int link, ncgen_real *inertia)
         ncgen_real a[6], b[6];
         coordinate_row(w, link, entry[0], entry[1], a);
         coordinate_row(w, link, entry[2], entry[3], b);
-        add_product(w->mass[entry[4]] * (is_diagonal ? 1 : 2), a, b, inertia);
-    }
-}
-
-/* An inertia about a point that is d away from the one it is about now, added to another one:
- * B + D M, and I - B D + D B' - D M D, where D is d x. */
-static void add_shifted(const ncgen_real *inertia, const ncgen_real *d, ncgen_real *sum)
-{
-    const ncgen_real *B = inertia + MIXED, *M = inertia + ALONG;
-    const ncgen_real full[9] = {M[0], M[3], M[4], M[3], M[1], M[5], M[4], M[5], M[2]};
-    ncgen_real mixed[9], left[9], right[9];
-    for (int j = 0; j < 3; ++j) {
-        mixed[j] = B[j] + d[1] * full[6 + j] - d[2] * full[3 + j];
-        mixed[3 + j] = B[3 + j] + d[2] * full[j] - d[0] * full[6 + j];
-        mixed[6 + j] = B[6 + j] + d[0] * full[3 + j] - d[1] * full[j];
-    }
-    for (int i = 0; i < 3; ++i) { /* rows of B D and of (B + D M) D: b x d */
-        cross(B + 3 * i, d, left + 3 * i);
-        cross(mixed + 3 * i, d, right + 3 * i);
-    }
-    sum[TURNING] += inertia[0] - left[0] - right[0];
-    sum[TURNING + 1] += inertia[1] - left[4] - right[4];
-    sum[TURNING + 2] += inertia[2] - left[8] - right[8];
-    sum[TURNING + 3] += inertia[3] - left[3] - right[1];
-    sum[TURNING + 4] += inertia[4] - left[6] - right[2];
-    sum[TURNING + 5] += inertia[5] - left[7] - right[5];
-    for (int i = 0; i < 9; ++i)
-        sum[MIXED + i] += mixed[i];
-    for (int i = 0; i < 6; ++i)
-        sum[ALONG + i] += M[i];
-}
-
-/* Momentum of an inertia for a screw at rate 1. */
-static void find_momentum(const ncgen_real *inertia, int turns, const ncgen_real *axis, ncgen_real *momentum)
-{
-    const ncgen_real *B = inertia + MIXED;
-    if (turns) {
-        turned(inertia, axis, momentum);
-        for (int i = 0; i < 3; ++i)
-            momentum[3 + i] = B[i] * axis[0] + B[3 + i] * axis[1] + B[6 + i] * axis[2];
-    } else {
-        for (int i = 0; i < 3; ++i)
-            momentum[i] = dot(B + 3 * i, axis);
-        turned(inertia + ALONG, axis, momentum + 3);
+        ncgen_add_product(w->mass[entry[4]] * (is_diagonal ? 1 : 2), a, b, inertia);
     }
 }
 
@@ -406,15 +312,15 @@ static int factor(ncgen_tree_work *w)
         for (int k = tree->screw_start[link + 1] - 1; k >= tree->screw_start[link]; --k) {
             ncgen_real *momentum = w->momentum + 6 * k;
             const ncgen_real *axis = w->axis + 3 * k;
-            find_momentum(inertia, tree->turns[k], axis, momentum);
-            const ncgen_real pivot = w->pivot[k] + dot(axis, momentum + (tree->turns[k] ? 0 : 3));
+            ncgen_find_momentum(inertia, tree->turns[k], axis, momentum);
+            const ncgen_real pivot = w->pivot[k] + ncgen_dot3(axis, momentum + (tree->turns[k] ? 0 : 3));
             is_regular &= pivot > 0;
             w->pivot[k] = 1 / pivot;
-            add_product(-w->pivot[k], momentum, momentum, inertia);
+            ncgen_add_product(-w->pivot[k], momentum, momentum, inertia);
         }
         if (tree->parent[link] >= 0) {
             between(w, link, d);
-            add_shifted(inertia, d, w->inertia + INERTIA * tree->parent[link]);
+            ncgen_add_shifted(inertia, d, w->inertia + INERTIA * tree->parent[link]);
         }
     }
     return is_regular;
@@ -427,17 +333,17 @@ static void solve(ncgen_tree_work *w, ncgen_real *change)
     for (int link = tree->n_links - 1; link >= 0; --link) {
         ncgen_real *wrench = w->wrench + 6 * link, d[3];
         for (int k = tree->screw_start[link + 1] - 1; k >= tree->screw_start[link]; --k) {
-            w->push[k] += dot(w->axis + 3 * k, wrench + (tree->turns[k] ? 0 : 3));
+            w->push[k] += ncgen_dot3(w->axis + 3 * k, wrench + (tree->turns[k] ? 0 : 3));
             const ncgen_real share = w->pivot[k] * w->push[k];
-            add_times(-share, w->momentum + 6 * k, wrench);
-            add_times(-share, w->momentum + 6 * k + 3, wrench + 3);
+            ncgen_add_times(-share, w->momentum + 6 * k, wrench);
+            ncgen_add_times(-share, w->momentum + 6 * k + 3, wrench + 3);
         }
         if (tree->parent[link] >= 0) {
             ncgen_real *sum = w->wrench + 6 * tree->parent[link];
             between(w, link, d);
-            add_cross(d, wrench + 3, sum);
-            add_times(1, wrench, sum);
-            add_times(1, wrench + 3, sum + 3);
+            ncgen_add_cross(d, wrench + 3, sum);
+            ncgen_add_times(1, wrench, sum);
+            ncgen_add_times(1, wrench + 3, sum + 3);
         }
     }
     /* Outward the wrenches are not needed any more, and the accelerations that are due to them take their place. */
@@ -447,10 +353,10 @@ static void solve(ncgen_tree_work *w, ncgen_real *change)
         ncgen_copy(6, before, own);
         if (tree->parent[link] >= 0) {
             between(w, link, d);
-            add_cross(before, d, own + 3);
+            ncgen_add_cross(before, d, own + 3);
         }
         for (int k = tree->screw_start[link]; k < tree->screw_start[link + 1]; ++k) {
-            const ncgen_real known = dot(w->momentum + 6 * k, own) + dot(w->momentum + 6 * k + 3, own + 3);
+            const ncgen_real known = ncgen_dot3(w->momentum + 6 * k, own) + ncgen_dot3(w->momentum + 6 * k + 3, own + 3);
             w->push[k] = w->pivot[k] * (w->push[k] - known);
             add_screw(w, k, w->push[k], own);
         }
@@ -525,68 +431,4 @@ void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, con
     for (int i = 0; i < tree->n_measured; ++i)
         out[tree->measured[2 * i]] += tree->ratios[i] * w->push[tree->measured[2 * i + 1]];
     out[n] = growth_of(is_regular && ncgen_is_finite(n, out));
-}
-
-/* Positions -------------------------------------------------------------------------------------------------------- */
-
-/* The smallest change, in natural sizes, of a link's coordinates that closes its rows, the others' changes being known. A row that
- * those before it imply is left out. */
-static void close_link(const ncgen_run *r, ncgen_tree_work *w, int link, const ncgen_real *phi, ncgen_real *step)
-{
-    const ncgen_tree *tree = w->tree;
-    const ncgen_pattern *phi_q = &r->model->phi_q_pattern;
-    const ncgen_scalar *sizes = r->dynamics->column_sizes;
-    const int first = tree->row_start[link], count = tree->row_start[link + 1] - first;
-    const int begin = tree->unknowns[link], width = tree->unknowns[link + 1] - begin;
-    ncgen_real *a = w->square, *right = w->right, *diagonal = w->right + tree->most_rows;
-    for (int i = 0; i < count; ++i) {
-        const int row = tree->rows[first + i];
-        ncgen_real *own = w->dense + i * width;
-        for (int j = 0; j < width; ++j)
-            own[j] = 0;
-        right[i] = -phi[row];
-        for (int s = phi_q->indptr[row]; s < phi_q->indptr[row + 1]; ++s) {
-            const int c = phi_q->indices[s];
-            if (tree->group[c] == link)
-                own[tree->place[c]] = w->jacobian[s] * sizes[c];
-            else
-                right[i] -= w->jacobian[s] * step[c];
-        }
-        for (int j = 0; j <= i; ++j)
-            a[i * count + j] = ncgen_dot(width, own, w->dense + j * width);
-        diagonal[i] = a[i * count + i];
-    }
-    for (int k = 0; k < count; ++k) {
-        const int is_implied = !(a[k * count + k] > 1000 * r->rounding * diagonal[k]);
-        for (int i = k; is_implied && i < count; ++i)
-            a[i * count + k] = 0;
-        if (is_implied) {
-            a[k * count + k] = 1;
-            for (int j = 0; j < k; ++j)
-                a[k * count + j] = 0;
-            right[k] = 0;
-        }
-        for (int i = k + 1; i < count; ++i) {
-            const ncgen_real share = a[i * count + k] / a[k * count + k];
-            for (int j = k + 1; j <= i; ++j)
-                a[i * count + j] -= share * a[j * count + k];
-        }
-    }
-    ncgen_solve_positive_again(count, a, right);
-    for (int j = 0; j < width; ++j) {
-        const int c = tree->order[begin + j];
-        step[c] = 0;
-        for (int i = 0; i < count; ++i)
-            step[c] += w->dense[i * width + j] * right[i];
-        step[c] *= sizes[c];
-    }
-}
-
-void ncgen_tree_closing(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *out)
-{
-    ncgen_real *phi = out + r->n;
-    ncgen_phi(r, t, q, phi);
-    ncgen_phi_q(r, t, q, w->jacobian);
-    for (int link = 0; link < w->tree->n_links; ++link)
-        close_link(r, w, link, phi, out);
 }

@@ -27,9 +27,8 @@ typedef struct ncgen_tree_work {
 
 void ncgen_tree_layout(ncgen_run *r, ncgen_tree_work *w);
 
-/* The functions of an ncgen_motion. growth is 0, or huge where a joint moves nothing. */
+/* Functions of an ncgen_motion. growth is 0, or huge where a joint moves nothing. */
 void ncgen_tree_derivative(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
 void ncgen_tree_velocities(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, ncgen_real *out);
-void ncgen_tree_closing(ncgen_run *r, ncgen_tree_work *w, ncgen_scalar t, const ncgen_real *q, ncgen_real *out);
 
 #endif
