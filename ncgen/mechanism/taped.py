@@ -159,7 +159,8 @@ class Taped:
         for k in range(columns):
             states = self._states[:used] + SMALL * 1j * taped[:used, k]
             p = self._p + SMALL * 1j * np.concatenate([dp[:, k], taped[used:, k]])
-            sweeps.append(Sweep(numbers, sizes, self._times, states, p, self.driven.values))
+            shifts = dp[len(dp) - sizes.n_inputs :, k]
+            sweeps.append(Sweep(numbers, sizes, self._times, states, p, self.driven.values + SMALL * 1j * shifts))
         return changes[:, :n], changes[:, n:], sweeps
 
     def _along(self, dq: np.ndarray, dqd: np.ndarray, dp: np.ndarray, taped: np.ndarray | None) -> np.ndarray:

@@ -9,6 +9,7 @@ from driven_models import pendulum
 import ncgen
 from ncgen import Model
 from ncgen.errors import ModelError
+from ncgen.mechanism import taped
 
 OMEGA, MASS, END, STEPS = 3.0, 2.0, 1.2, 240
 
@@ -103,6 +104,28 @@ def test_a_nonlinear_motion_by_samples_and_by_functions():
         assert list(back.slopes.values()) == pytest.approx(forward.q_by[-1, 0], rel=1e-11)
     held = ncgen.gradient(kernels, END, 20, end_of, inputs={"tau": 2.0}, **at)
     assert held.value == ncgen.gradient(kernels, END, 20, end_of, p={"tau": 2.0}, **at).value
+
+
+def test_a_long_driven_run_is_taped_in_segments(monkeypatch):
+    kernels = ncgen.compile(pendulum())
+    at = {"zd0": {"psi": 0.3}, "inputs": {"tau": (TIMES + 0.013, VALUES, "cubic")}}
+    whole = ncgen.gradient(kernels, END, 40, end_of, **at)
+    monkeypatch.setattr(taped, "SEGMENT", 7 * 8 * taped.step_size("rk4", kernels.n))
+    parts = ncgen.gradient(kernels, END, 40, end_of, **at)
+    np.testing.assert_allclose(parts.by_inputs["tau"], whole.by_inputs["tau"], rtol=0, atol=1e-13)
+    assert parts.slopes == pytest.approx(whole.slopes, rel=1e-11)
+
+
+def test_second_derivatives_of_a_driven_motion():
+    """By differences of the gradient, inputs held."""
+    kernels = ncgen.compile(pendulum())
+    told = {"tau": (TIMES, VALUES)}
+    found = ncgen.hessian(kernels, END, 40, lambda q, qd: (*end_of(q, qd), None), inputs=told, zd0={"psi": 0.3})
+    assert found.names == ("tau", "psi", "rate(psi)")
+    ends = [ncgen.gradient(kernels, END, 40, end_of, inputs=told, zd0={"psi": 0.3 + step}).slopes for step in (1e-5, -1e-5)]
+    wanted = [(ends[0][name] - ends[1][name]) / 2e-5 for name in found.names]
+    np.testing.assert_allclose(found.products[:, 2], wanted, rtol=0, atol=1e-8)
+    np.testing.assert_allclose(found.products, found.products.T, rtol=0, atol=1e-12)
 
 
 def test_trapezoidal_steps_of_a_driven_motion_are_refused():
