@@ -224,7 +224,8 @@ class States:
         Raises ModelError where shapes do not fit or lanes cannot do it.
         """
         p = _given(kernels, "p", p, kernels.parameters, kernels.p0)
-        q = _given(kernels, "q0", q, kernels.coordinates, kernels.start(p))
+        usual = kernels.start(p) if q is None or isinstance(q, Mapping) else kernels.q0  # rows that are given need none beside them
+        q = _given(kernels, "q0", q, kernels.coordinates, usual)
         rates = zd if isinstance(zd, Mapping) else None
         zd = None if zd is None else _given(kernels, "zd0", zd, kernels.coordinates, np.zeros(kernels.n))
         counts = {len(a) for a in (q, zd, p) if a is not None and a.ndim == 2}

@@ -15,6 +15,17 @@ def test_loops_have_no_tables():
     assert open_tree(ncgen.compile(ncgen.load("fourbar"))) is None
 
 
+def test_a_long_arm_begins_without_dense_matrices(monkeypatch):
+    """Neither the choice of accelerations nor the look for massless motions makes one; angles have no inertia of their own."""
+    kernels = ncgen.compile(example_module("arm").build(70))
+    made = []
+    monkeypatch.setattr(type(kernels), "_dense", lambda *a: made.append(a))
+    for _ in range(2):
+        assert ncgen.simulate(kernels, 0.01, points=2).engine == "tree"
+    assert compiled.all_coordinates(kernels, form="tree").singular_mass
+    assert not made
+
+
 def test_a_long_arm_takes_tables_by_itself():
     kernels = ncgen.compile(example_module("arm").build(70))
     assert compiled.form_of(kernels, Method.of("lagrange", "dop853")) == "tree"
