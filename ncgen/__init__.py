@@ -33,6 +33,7 @@ _HOMES = {
     "inverse_dynamics": "ncgen.solver.inverse_dynamics",
     "sensitivities": "ncgen.solver.sensitivity",
     "gradient": "ncgen.solver.sensitivity",
+    "gradient_batch": "ncgen.solver.gradients",
     "hessian": "ncgen.solver.sensitivity",
     "equilibrium": "ncgen.solver.statics",
     "linearise": "ncgen.solver.linearise",
@@ -69,6 +70,7 @@ __all__ = [
     "freedom",
     "generate",
     "gradient",
+    "gradient_batch",
     "hessian",
     "inspect",
     "inverse_dynamics",
@@ -100,6 +102,7 @@ if TYPE_CHECKING:
     from ncgen.report.inspection import inspect
     from ncgen.solver.assembly import assemble
     from ncgen.solver.batch import accelerations_batch, simulate_batch
+    from ncgen.solver.gradients import gradient_batch
     from ncgen.solver.inverse_dynamics import inverse_dynamics
     from ncgen.solver.joint_space import joint_space
     from ncgen.solver.linearise import linearise

@@ -365,8 +365,8 @@ class ConstrainedDynamics(Dynamics):
             self._dynamics.motion.prepare(*(self._ffi.from_buffer(self.number.array, a) for a in (whole, whole[len(p) :])))
         return whole
 
-    def differentiated_source(self, kind: Literal["tangent", "adjoint"]) -> Files:
-        """{file name: text} of the emitted motion along a direction or transposed. Only where `is_emitted`."""
+    def source(self, kind: Literal["motion", "tangent", "adjoint"]) -> Files:
+        """{file name: text} of the emitted motion, of it along a direction or transposed. Only where `is_emitted`."""
         assert self._seen is not None, "nothing has been written out"
         return motion_source(self.kernels, self._seen, kind)
 
@@ -374,7 +374,7 @@ class ConstrainedDynamics(Dynamics):
     def transposed(self) -> tuple[InC, InC]:
         """The emitted motion's ncgen_seeded_motion, transposed, and the library that it lives in; compiled when first asked for."""
         getter = f"{identifier(self.kernels.name)}_adjoint"
-        _, home = _load(self.differentiated_source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
+        _, home = _load(self.source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
         return self._ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), home
 
     @property

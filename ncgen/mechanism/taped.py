@@ -138,7 +138,7 @@ class Taped:
         return changes
 
     def _dual_numbers(self) -> Numbers:
-        return dual_numbers(self._dynamics.differentiated_source("adjoint"), f"{identifier(self._kernels.name)}_adjoint")
+        return dual_numbers(self._dynamics.source("adjoint"), f"{identifier(self._kernels.name)}_adjoint")
 
     def _real(self, array: np.ndarray) -> InC:
         return self._ffi.from_buffer("double[]", array)
@@ -214,7 +214,7 @@ class _Directions:
     def __init__(self, kernels: CompiledKernels, dynamics: ConstrainedDynamics) -> None:
         self._ffi, self._library = _sweep_in_lanes()
         getter = f"{identifier(kernels.name)}_tangent"
-        files = dynamics.differentiated_source("tangent") | runtime_files(*RUNTIME_HEADERS)
+        files = dynamics.source("tangent") | runtime_files(*RUNTIME_HEADERS)
         _, self._emitted = in_lanes(files, f"const void *{getter}(void);", runtime_abi())
         self._motion = getattr(self._emitted, getter)()
 

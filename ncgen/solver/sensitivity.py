@@ -108,7 +108,7 @@ def gradient(
     """
     motion = motion_of(kernels, duration, steps, integrator, rtol, **start)
     value, *slopes = objective(motion.q, motion.qd)
-    by_q, by_qd = (_filled(a, motion.q) for a in slopes)
+    by_q, by_qd = (filled(a, motion.q) for a in slopes)
     return Gradient(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)))
 
 
@@ -140,17 +140,18 @@ def hessian(
         rows = shortened(", ".join(motion.names), SHOWN)
         raise ModelError(f"directions: they have shape {along.shape}; give ({count}, D), a row for each of {rows}")
     value, *slopes, change = objective(motion.q, motion.qd)
-    by_q, by_qd = (_filled(a, motion.q) for a in slopes)
+    by_q, by_qd = (filled(a, motion.q) for a in slopes)
 
     def changed(dq: np.ndarray, dqd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         first, second = (None, None) if change is None else change(dq, dqd)
-        return _filled(first, dq), _filled(second, dq)
+        return filled(first, dq), filled(second, dq)
 
     products = motion.second(by_q, by_qd, changed, along)
     return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd).tolist(), strict=True)), products, motion.names)
 
 
-def _filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
+def filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
+    """Derivatives, where None stands for 0."""
     return np.zeros_like(like) if array is None else np.asarray(array, dtype=float)
 
 
@@ -158,19 +159,33 @@ def motion_of(
     kernels: Kernels, duration: float, steps: int, integrator: str, rtol: float | None = None, **start: Unpack[InitialArguments]
 ) -> TapedMotion | PartitionedMotion:
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
-    length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
-    explicit = [name for name, entry in INTEGRATORS.items() if entry.tableau]
-    if integrator not in explicit:
-        raise ModelError(f"integrator: {integrator!r} given; derivatives go through steps of {', '.join(explicit)}")
-    tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), length)
+    since_start = instants(duration, steps, integrator)
+    tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), since_start[-1])
     if tolerances and not INTEGRATORS[integrator].coefficients.errors:
-        estimating = ", ".join(name for name in explicit if INTEGRATORS[name].coefficients.errors)
+        estimating = ", ".join(name for name in _explicit() if INTEGRATORS[name].coefficients.errors)
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
     initial = Initial.asked(checked_kernels(kernels), **start)
-    times = initial.t + length * np.arange(steps + 1) / steps
-    follows = start.get("q0") is None
+    return motion_from(kernels, initial, initial.t + since_start, start.get("q0") is None, integrator, tolerances)
+
+
+def instants(duration: float, steps: int, integrator: str) -> np.ndarray:
+    """(K,) s from the start of a motion that can be differentiated; errors as of `sensitivities`."""
+    length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
+    if integrator not in _explicit():
+        raise ModelError(f"integrator: {integrator!r} given; derivatives go through steps of {', '.join(_explicit())}")
+    return length * np.arange(steps + 1) / steps
+
+
+def motion_from(
+    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, integrator: str, tolerances: Tolerances | None = None
+) -> TapedMotion | PartitionedMotion:
+    """A motion over the times of a grid; follows: whether the position at its start is the model's own."""
     if is_written_out(kernels, Method.of("lagrange", integrator)):
         return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances)
     if integrator != "rk4":
         raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
     return PartitionedMotion(kernels, initial, times, follows)
+
+
+def _explicit() -> list[str]:
+    return [name for name, entry in INTEGRATORS.items() if entry.tableau]

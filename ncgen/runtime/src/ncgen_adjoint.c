@@ -48,7 +48,7 @@ static void add(int count, const ncgen_real *more, ncgen_real *sum)
 /* back through q + dq, with the weights in s->state */
 static void close_back(sweep *s, ncgen_scalar t, const ncgen_real *q)
 {
-    s->transposed->closing(t, q, s->run->p, s->state, s->found);
+    s->transposed->closing(NCGEN_SPLAT(t), q, s->run->p, s->state, s->found);
     add(s->n, s->found, s->state);
     add(s->n_p, s->found + s->n, s->p);
 }
@@ -56,7 +56,7 @@ static void close_back(sweep *s, ncgen_scalar t, const ncgen_real *q)
 /* Back through velocities; what they say of q and p is added, what they say of the velocities given stays in s->found + n. */
 static void velocities_back(sweep *s, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *weights)
 {
-    s->transposed->velocities(t, q, qd, s->run->p, weights, s->found);
+    s->transposed->velocities(NCGEN_SPLAT(t), q, qd, s->run->p, weights, s->found);
     add(s->n, s->found, s->state);
     add(s->n_p, s->found + 2 * s->n, s->p);
 }
@@ -71,7 +71,7 @@ static void settle_back(sweep *s, ncgen_scalar t, const ncgen_real *left, const 
     ncgen_copy(n, s->state, s->moved);
     if (s->run->is_driven) {
         for (int i = 0; i < n; ++i) {
-            s->apart[i] = 0;
+            s->apart[i] = NCGEN_SPLAT(R(0.0));
             s->moved[i] = -s->moved[i];
         }
         velocities_back(s, t, closed, s->apart, s->moved);
@@ -98,7 +98,7 @@ static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_re
             s->stages[j * 2 * n + i] = h * method->a[last][j] * s->state[i];
     for (int j = last - 1; j >= 0; --j) {
         const ncgen_real *at = states + j * 2 * n;
-        s->transposed->derivative(t + method->c[j] * h, at, at + n, s->run->p, s->stages + j * 2 * n, s->found);
+        s->transposed->derivative(NCGEN_SPLAT(t + method->c[j] * h), at, at + n, s->run->p, s->stages + j * 2 * n, s->found);
         add(2 * n, s->found, s->state);
         add(s->n_p, s->found + 2 * n, s->p);
         for (int k = 0; k < j; ++k)
@@ -119,9 +119,9 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
     s.transposed = transposed;
     s.state = slopes;
     for (int i = 0; i < 2 * n; ++i)
-        s.state[i] = 0;
+        s.state[i] = NCGEN_SPLAT(R(0.0));
     for (int i = 0; i < s.n_p; ++i)
-        s.p[i] = 0;
+        s.p[i] = NCGEN_SPLAT(R(0.0));
     for (long k = tape->steps - 1; k >= 0; --k) {
         const ncgen_scalar t = tape->times[k], t_new = tape->times[k + 1];
         const ncgen_real *states = tape->states + (size_t)k * length, *left = states + 2 * last * n;
@@ -140,13 +140,13 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
 void ncgen_velocities_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,
                            const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes)
 {
-    transposed->velocities(t, q, qd, p, weights, slopes);
+    transposed->velocities(NCGEN_SPLAT(t), q, qd, p, weights, slopes);
 }
 
 void ncgen_closing_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *p,
                         const ncgen_real *weights, ncgen_real *slopes)
 {
-    transposed->closing(t, q, p, weights, slopes);
+    transposed->closing(NCGEN_SPLAT(t), q, p, weights, slopes);
 }
 
 void ncgen_prepare_back(const ncgen_seeded_motion *transposed, const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes)
