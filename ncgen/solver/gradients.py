@@ -11,7 +11,7 @@ from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.batch import BatchGiven, States, asked_threads
 from ncgen.solver.given import checked_kernels, finite, names_of
-from ncgen.solver.sensitivity import filled, instants
+from ncgen.solver.sensitivity import filled, instants, is_taped
 from ncgen.solver.taped_batch import TapedBatch
 from ncgen.solver.telling import Told, check_told, telling
 
@@ -99,5 +99,6 @@ def taped_batch(
 ) -> TapedBatch:
     """Motions that can be differentiated; arguments and errors as of `gradient_batch`."""
     since_start, t, names = instants(duration, steps, integrator), finite(t0, "t0"), names_of(z, "z", checked_kernels(kernels).coordinates)
+    is_taped(kernels, integrator)
     states = States.of(kernels, q0, zd0, p, t, names, None, assembled=True)
     return TapedBatch(kernels, states, t + since_start, integrator, q0 is None, asked_threads(threads))

@@ -180,11 +180,17 @@ def motion_from(
     kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, integrator: str, tolerances: Tolerances | None = None
 ) -> TapedMotion | PartitionedMotion:
     """A motion over the times of a grid; follows: whether the position at its start is the model's own."""
-    if is_written_out(kernels, Method.of("lagrange", integrator)):
+    if is_taped(kernels, integrator):
         return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances)
-    if integrator != "rk4":
-        raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
     return PartitionedMotion(kernels, initial, times, follows)
+
+
+def is_taped(kernels: Kernels, integrator: str) -> bool:
+    """Whether the steps of a run in C are differentiated. Raises ModelError where neither these nor those of Python are."""
+    written = is_written_out(kernels, Method.of("lagrange", integrator))
+    if not written and integrator != "rk4":
+        raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
+    return written
 
 
 def _explicit() -> list[str]:

@@ -18,13 +18,12 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import thread_count
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motions import LaneRuns, Motions
-from ncgen.methods.method import Method
 from ncgen.solver.batch import INTERRUPTED, Choice, States
-from ncgen.solver.compiled import all_coordinates, checked_compiled, is_written_out
+from ncgen.solver.compiled import all_coordinates, checked_compiled
 from ncgen.solver.partition import kinematics_of_many
 from ncgen.solver.partitioned_motion import PartitionedMotion
 from ncgen.solver.run import Initial
-from ncgen.solver.sensitivity import motion_from
+from ncgen.solver.sensitivity import is_taped, motion_from
 from ncgen.solver.taped_motion import StartFrames, TapedMotion, start_back
 
 Item = TypeVar("Item")
@@ -72,7 +71,7 @@ class TapedBatch:
     @cached_property
     def _motions(self) -> Motions | None:
         """In lanes, None where the motion is not written out or too long for them."""
-        if not is_written_out(self.kernels, Method.of("lagrange", self.method)):
+        if not is_taped(self.kernels, self.method):
             return None
         motions = Motions(all_coordinates(checked_compiled(self.kernels), form="emitted"), self.method, self.times)
         return motions if motions.may_run else None
@@ -169,8 +168,8 @@ def _at(fine: np.ndarray, weights: np.ndarray, shape: tuple[int, ...]) -> np.nda
 
 
 def side_by_side(task: Callable[[Item], Result], items: Sequence[Item], threads: int) -> Iterator[Result]:
-    """What a task gives for each item, as it comes, from threads; the calling one hears signals meanwhile. What is raised in one of them, or
-    here, ends the others with what they have begun."""
+    """What a task gives for each item, as it comes, from threads; the calling one hears signals meanwhile. What is raised in one of them,
+    or here, ends the others with what they have begun."""
     if threads == 1:
         yield from map(task, items)
         return

@@ -54,9 +54,7 @@ class Back(Protocol):
     def closing_back(self, weights: np.ndarray) -> np.ndarray: ...
 
 
-def start_back(
-    back: Back, partitions: Partitions, start: StartFrames, weights: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def start_back(back: Back, partitions: Partitions, start: StartFrames, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """How a sum with these weights (…, 2 n) of q and q̇ at the start changes with p, z and ż: the transpose of what stands above."""
     by_q, rest = np.split(weights, 2, axis=-1)
     by_rates = _transposed(start.velocities, rest)
