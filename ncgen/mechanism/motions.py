@@ -114,17 +114,20 @@ class Motions:
         """States that are well run together by one thread."""
         return self.lanes * max(1, TAPED // (8 * self._tape))
 
-    def run(self, q: np.ndarray, qd: np.ndarray, p: np.ndarray) -> LaneRuns:
+    def run(self, q: np.ndarray, qd: np.ndarray, p: np.ndarray, back: bool = True, rows: np.ndarray | None = None) -> LaneRuns:
         """Runs of states from closed positions q and velocities qd that the joints allow, (states, n) each, with parameters p,
-        (states, n_p)."""
+        (states, n_p); back: whether there will be a way back; rows: where q and q̇ go, (2, states, K, n), each in one piece, None for new
+        memory."""
         ffi, kernels, count = self._ffi, self.kernels, len(q)
-        rows = np.empty((2, count, len(self._times), kernels.n))
-        other, tape = np.empty(count, dtype=np.intc), aligned(-(-count // self.lanes) * self._tape)
+        rows = np.empty((2, count, len(self._times), kernels.n)) if rows is None else rows
+        other, taped = np.empty(count, dtype=np.intc), len(self._times) - 1 if back else 1
+        size = self._library.ncgen_motions_tape(self._in_c, taped) * (-(-count // self.lanes) if back else 1)
+        tape = aligned(size)
         arrays = [np.ascontiguousarray(a, dtype=float) for a in (kernels.column_sizes, kernels.row_sizes, self._times, q, qd, p)]
         column_sizes, row_sizes, times, *start = (pointer(ffi, a) for a in arrays)
         self._library.ncgen_motions(
             self._emitted.motion[0], self._in_c, kernels.m, column_sizes, row_sizes, len(self._times) - 1, times, count, *start,
-            pointer(ffi, rows[0]), pointer(ffi, rows[1]), pointer(ffi, other, "int[]"), pointer(ffi, tape),
+            pointer(ffi, rows[0]), pointer(ffi, rows[1]), pointer(ffi, other, "int[]"), taped, pointer(ffi, tape),
             pointer(ffi, aligned(self._work)),
         )  # fmt: skip
         return LaneRuns(self, rows[0], rows[1], other != 0, tape)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from threading import Lock
 
 import numpy as np
 
@@ -70,18 +71,19 @@ def gradient_batch(
     Everything else, and ModelError, as of `gradient`; a state that has none costs nothing but itself: its status says why.
     """
     batch = taped_batch(kernels, duration, steps, integrator, q0, zd0, p, t0, z, threads)
-    values = np.full(len(batch.states.q), np.nan)
+    values, one_at_a_time = np.full(len(batch.states.q), np.nan), Lock()
 
     def weigh(rows: np.ndarray, q: np.ndarray, qd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         by_q, by_qd = np.empty_like(q), np.empty_like(q)
-        for k, i in enumerate(rows.tolist()):
-            values[i], *slopes = objective(q[k], qd[k])
-            by_q[k], by_qd[k] = (filled(a, q[k]) for a in slopes)
+        with one_at_a_time:
+            for k, i in enumerate(rows.tolist()):
+                values[i], *slopes = objective(q[k], qd[k])
+                by_q[k], by_qd[k] = (filled(a, q[k]) for a in slopes)
         return by_q, by_qd
 
     check_told(progress)
     with telling(progress, f"gradients of {len(values)} motions of {kernels.name}", 0.0, 1.0) as told:
-        found = batch.sweep(weigh, progress=told)
+        found = batch.sweep(weigh, told)
     return BatchGradients(values, found.slopes, batch.names, tuple(found.status), found.alone)
 
 

@@ -29,9 +29,8 @@ from ncgen.solver.taped_motion import StartFrames, TapedMotion, start_back
 Item = TypeVar("Item")
 Result = TypeVar("Result")
 
-Weighed: TypeAlias = "Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray] | None]"
-"""From the numbers of some states, and their q and q̇, (states, K, n) each, to how a number of each changes with these, or None where nobody
-asks for derivatives."""
+Weighed: TypeAlias = Callable[[np.ndarray, np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]
+"""From the numbers of some states, and their q and q̇, (states, K, n) each, to how a number of each changes with these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,6 +41,14 @@ class Swept:
     slopes: np.ndarray
     status: list[str]
     alone: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class _Asked:
+    """What a sweep is to do with a run; members as of `TapedBatch.sweep`."""
+
+    weigh: Weighed | None
+    rows: np.ndarray | None
 
 
 @dataclass(frozen=True, eq=False)
@@ -76,39 +83,45 @@ class TapedBatch:
         motions = Motions(all_coordinates(checked_compiled(self.kernels), form="emitted"), self.method, self.times)
         return motions if motions.may_run else None
 
-    def sweep(self, weigh: Weighed, back: bool = True, progress: Callable[[float], None] | None = None) -> Swept:
-        """Run all, and go back through what `weigh` has weights of; back: whether it ever has. Whatever it raises ends the sweep.
+    def sweep(
+        self,
+        weigh: Weighed | None,
+        progress: Callable[[float], None] | None = None,
+        rows: np.ndarray | None = None,
+    ) -> Swept:
+        """Run all, and go back through each with the weights that `weigh` gives, called by several threads; None: do not go back.
 
-        progress: called with the share of the states that are done
+        progress: called with the share of the states that are done. What it or `weigh` raises ends the sweep
+        rows: where all q and q̇ go, (2, B, K, n), NaN for states that have none; None where they are not kept
         """
-        tell = progress or (lambda share: None)
         count = len(self.states.q)
-        found = Swept(np.full((count, len(self.names)), np.nan), [INTERRUPTED] * count, np.zeros(count, dtype=bool))
+        found = Swept(np.full((count, len(self.names)), np.nan), [INTERRUPTED] * count, np.ones(count, dtype=bool))
+        tell = progress or (lambda share: None)
+        if self._motions:
+            self._motions.prepare(back=weigh is not None)
+            self._in_lanes(self._motions, _Asked(weigh, rows), found, tell)
         for i, fault in self.states.faults.items():
-            found.status[i] = fault
-        left = np.setdiff1d(np.arange(count), list(self.states.faults)).astype(int)
-        if self._motions and len(left):
-            self._motions.prepare(back)
-            self._in_lanes(self._motions, weigh, left, found, tell)
-            left = np.flatnonzero(found.alone)
-        found.alone[left] = True
-        for k, i in enumerate(left.tolist()):
-            found.status[i] = self._alone(i, weigh, found.slopes)
+            found.status[i], found.alone[i] = fault, False
+            if rows is not None:
+                rows[:, i] = np.nan
+        left = np.flatnonzero(found.alone).tolist()
+        for k, i in enumerate(left):
+            found.status[i] = self._alone(i, _Asked(weigh, rows), found.slopes)
             tell(1.0 - (len(left) - k - 1) / count)
         return found
 
-    def _in_lanes(self, motions: Motions, weigh: Weighed, left: np.ndarray, found: Swept, tell: Callable[[float], None]) -> None:
+    def _in_lanes(self, motions: Motions, asked: _Asked, found: Swept, tell: Callable[[float], None]) -> None:
         """Parts of the states, side by side in threads; what is raised in one of them is raised here, and ends the others."""
-        threads = thread_count(self.threads, self.kernels.name)
-        fair = -(-len(left) // (threads * motions.lanes)) * motions.lanes
-        size, total = min(fair, motions.part), 0
-        parts = np.split(left, range(size, len(left), size))
-        for count in side_by_side(lambda part: self._part(motions, weigh, part, found), parts, min(threads, len(parts))):
-            total += count
-            tell(total / len(self.states.q))
+        total, threads = len(self.states.q), thread_count(self.threads, self.kernels.name)
+        fair = -(-total // (threads * motions.lanes)) * motions.lanes
+        size, done = min(fair, motions.part), 0
+        parts = [slice(first, min(first + size, total)) for first in range(0, total, size)]
+        for part in side_by_side(lambda part: self._part(motions, part, asked, found), parts, min(threads, len(parts))):
+            done += part.stop - part.start
+            tell(done / total)
 
-    def _part(self, motions: Motions, weigh: Weighed, part: np.ndarray, found: Swept) -> int:
-        """Some states in lanes; how many they were. Those that have to run alone are marked."""
+    def _part(self, motions: Motions, part: slice, asked: _Asked, found: Swept) -> slice:
+        """Some states in lanes; those that have been run are not left to run alone."""
         kernels, states, partitions, t = self.kernels, self.states, self.choice.partitions, float(self.times[0])
         q, zd, p = states.q[part], states.zd[part], states.p[part]
         nu = kernels.batch.nu(q, t, p)
@@ -117,29 +130,32 @@ class TapedBatch:
             same = partitions.position is partitions.velocity
             positions = velocities if same else kinematics_of_many(kernels, partitions.position, q, t, p, nu)[0]
         except np.linalg.LinAlgError:
-            found.alone[part] = True
-            return len(part)
-        runs = motions.run(q, (velocities @ zd[:, :, None])[:, :, 0] + driven, p)
-        frames = StartFrames(positions, velocities, kernels.start_p(p) if self.follows else None)
-        self._back(runs, frames, weigh, part, found)
-        return len(part)
-
-    def _back(self, runs: LaneRuns, frames: StartFrames, weigh: Weighed, part: np.ndarray, found: Swept) -> None:
-        found.alone[part[runs.other]] = True
-        fine = np.flatnonzero(~runs.other)
-        if not len(fine):
-            return
-        weights = weigh(part[fine], *((runs.q, runs.qd) if len(fine) == len(part) else (runs.q[fine], runs.qd[fine])))
-        if weights is not None:
-            by_q, by_qd = (_at(fine, a, runs.q.shape) for a in weights)
-            at_start, at_start_qd, by_p = runs.backward(by_q, by_qd)
-            by_start, *by_state = start_back(runs, self.choice.partitions, frames, np.hstack([at_start, at_start_qd]))
-            found.slopes[part[fine]] = np.hstack([by_p + by_start, *by_state])[fine]
-        for i in part[fine].tolist():
+            return part
+        qd = (velocities @ zd[:, :, None])[:, :, 0] + driven
+        runs = motions.run(q, qd, p, asked.weigh is not None, None if asked.rows is None else asked.rows[:, part])
+        fine = part.start + np.flatnonzero(~runs.other)
+        if asked.weigh is not None and len(fine):
+            frames = StartFrames(positions, velocities, kernels.start_p(p) if self.follows else None)
+            found.slopes[fine] = self._back(runs, frames, asked.weigh, fine, part.start)
+        found.alone[fine] = False
+        for i in fine.tolist():
             found.status[i] = "ok"
+        return part
 
-    def _alone(self, i: int, weigh: Weighed, slopes: np.ndarray) -> str:
+    def _back(self, runs: LaneRuns, frames: StartFrames, weigh: Weighed, fine: np.ndarray, first: int) -> np.ndarray:
+        """Derivatives (fine, columns) of the states that have been run, of which the first of the part is number `first`."""
+        seen = slice(None) if len(fine) == len(runs.q) else fine - first
+        weights = [np.zeros_like(runs.q), np.zeros_like(runs.q)]
+        for all_of_them, given in zip(weights, weigh(fine, runs.q[seen], runs.qd[seen]), strict=True):
+            all_of_them[seen] = given
+        at_start, at_start_qd, by_p = runs.backward(*weights)
+        by_start, *by_state = start_back(runs, self.choice.partitions, frames, np.hstack([at_start, at_start_qd]))
+        return np.hstack([by_p + by_start, *by_state])[seen]
+
+    def _alone(self, i: int, asked: _Asked, slopes: np.ndarray) -> str:
         """A run of a state's own; its status."""
+        if asked.rows is not None:
+            asked.rows[:, i] = np.nan
         try:
             motion = self._motion(i)
         except NcgenError as error:
@@ -147,24 +163,17 @@ class TapedBatch:
         if set(motion.names) != set(self.names):
             others = ", ".join(name for name in motion.names if name not in self.names)
             return f"{self.kernels.name}: {others} are independent here, not those of the batch; take gradient for this state"
-        weights = weigh(np.array([i]), motion.q[None], motion.qd[None])
-        if weights is not None:
-            slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(weights[0][0], weights[1][0])
+        if asked.rows is not None:
+            asked.rows[:, i] = motion.q, motion.qd
+        if asked.weigh is not None:
+            by_q, by_qd = asked.weigh(np.array([i]), motion.q[None], motion.qd[None])
+            slopes[i, [self.names.index(name) for name in motion.names]] = motion.backward(by_q[0], by_qd[0])
         return "ok"
 
     def _motion(self, i: int) -> TapedMotion | PartitionedMotion:
         states, q0, z = self.states, None if self.follows else self.states.q[i], self.choice.names
         initial = Initial.asked(self.kernels, q0=q0, zd0=states.zd[i], p=states.p[i], z=z, t0=float(self.times[0]))
         return motion_from(self.kernels, initial, self.times, self.follows, self.method)
-
-
-def _at(fine: np.ndarray, weights: np.ndarray, shape: tuple[int, ...]) -> np.ndarray:
-    """Weights of some states among those of all; 0 elsewhere."""
-    if len(fine) == shape[0]:
-        return weights
-    found = np.zeros(shape)
-    found[fine] = weights
-    return found
 
 
 def side_by_side(task: Callable[[Item], Result], items: Sequence[Item], threads: int) -> Iterator[Result]:

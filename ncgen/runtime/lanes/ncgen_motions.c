@@ -17,14 +17,15 @@ typedef struct run {
     const ncgen_taped *sizes;
     const tableau *method;
     int n, n_rows;
-    const double *column_sizes, *row_sizes;
-    ncgen_mask good;   /* lanes that go on */
+    ncgen_real *per_column, *per_row; /* one over the sizes: vectors divide slowly */
+    ncgen_mask good;                  /* lanes that go on */
     ncgen_real *p;     /* with what is prepared */
     ncgen_real *state; /* 2 n: q and qd */
     ncgen_real *apart; /* n */
     ncgen_real *found; /* what a program writes */
     ncgen_real *more;  /* 2 n + 2 */
     ncgen_real *slopes; /* 2 n for every stage and the end */
+    double *rows;       /* n of every lane */
 } run;
 
 int ncgen_motions_lanes(void)
@@ -51,18 +52,18 @@ size_t ncgen_motions_tape(const ncgen_taped *sizes, long steps)
 size_t ncgen_motions_workspace(const ncgen_taped *sizes, int n_rows, long steps)
 {
     const size_t n = (size_t)sizes->n_coordinates, stages = (size_t)tableaus[sizes->method].stages;
-    const size_t there = 9 * n + 4 + (size_t)n_rows + 2 * n * (stages + 1);
+    const size_t there = 11 * n + 4 + 2 * (size_t)n_rows + 2 * n * (stages + 1);
     const size_t back = ncgen_adjoint_workspace(sizes) + (size_t)(steps + 2) * 2 * n + 4 * n +
                         2 * (size_t)(sizes->n_parameters + sizes->n_prepared);
     return (there > back ? there : back) * NCGEN_LANES;
 }
 
 /* The largest |x| relative to the sizes; not a number if one of them is not. */
-static ncgen_real largest_of(int count, const ncgen_real *x, const double *sizes)
+static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_real *per_size)
 {
     ncgen_real largest = ncgen_splat(0.0), sum = ncgen_splat(0.0);
     for (int i = 0; i < count; ++i) {
-        const ncgen_real size = NCGEN_ABS(x[i]) / sizes[i];
+        const ncgen_real size = NCGEN_ABS(x[i]) * per_size[i];
         largest = ncgen_select(size > largest, size, largest);
         sum += size;
     }
@@ -74,8 +75,8 @@ static void close_position(run *r, double t, ncgen_real *q, ncgen_mask open)
 {
     for (int k = 0; k < POSITION_LIMIT && ncgen_any(open); ++k) {
         r->motion->closing(ncgen_splat(t), q, r->p, r->found);
-        const ncgen_real moved = largest_of(r->n, r->found, r->column_sizes);
-        const ncgen_real violation = largest_of(r->n_rows, r->found + r->n, r->row_sizes);
+        const ncgen_real moved = largest_of(r->n, r->found, r->per_column);
+        const ncgen_real violation = largest_of(r->n_rows, r->found + r->n, r->per_row);
         const ncgen_mask lost = ~(moved < too_far) | ((violation > 0.0) & (moved > bad_order * violation + 100.0 * rounding));
         r->good &= ~(open & lost);
         open &= ~lost;
@@ -96,7 +97,7 @@ static void settle(run *r, double t, ncgen_real *closed)
     ncgen_copy(n, q, closed);
     for (int i = 0; i < n; ++i)
         r->apart[i] -= q[i];
-    const ncgen_real length = largest_of(n, r->apart, r->column_sizes);
+    const ncgen_real length = largest_of(n, r->apart, r->per_column);
     r->motion->velocities(ncgen_splat(t), q, r->apart, r->p, r->found);
     r->good &= (r->found[n] < bad_order) | ~(length > 0.0);
     if (r->sizes->is_driven) {
@@ -149,20 +150,26 @@ static void step(run *r, double t, double h, ncgen_real *tape)
     r->good &= derivative(r, t + h, r->state, r->slopes) < bad_step;
 }
 
+/* n numbers of each lane into rows that lie `apart` numbers from one another. */
+static void write_rows(const run *r, int count, const ncgen_real *lanes, long apart, double *to)
+{
+    ncgen_collect(r->n, count, lanes, r->rows);
+    for (int lane = 0; lane < count; ++lane)
+        memcpy(to + (long)lane * apart, r->rows + (long)lane * r->n, (size_t)r->n * sizeof(double));
+}
+
 static void write_state(const run *r, int count, long rows, long row, double *out_q, double *out_qd)
 {
-    for (int lane = 0; lane < count; ++lane)
-        for (int i = 0; i < r->n; ++i) {
-            out_q[((long)lane * rows + row) * r->n + i] = r->state[i][lane];
-            out_qd[((long)lane * rows + row) * r->n + i] = r->state[r->n + i][lane];
-        }
+    write_rows(r, count, r->state, rows * r->n, out_q + row * r->n);
+    write_rows(r, count, r->state + r->n, rows * r->n, out_qd + row * r->n);
 }
 
 /* A block; its first slopes are those of the first stage, which each step finds at its end for the next. */
-static void run_block(run *r, long steps, const double *times, int count, double *out_q, double *out_qd, int *other, ncgen_real *tape)
+static void run_block(run *r, long steps, const double *times, int count, double *out_q, double *out_qd, int *other, ncgen_real *tape,
+                      long taped)
 {
     const size_t length = step_size(r->sizes);
-    r->p = tape + tape_size(r->sizes, steps) - (size_t)(r->sizes->n_parameters + r->sizes->n_prepared);
+    r->p = tape + tape_size(r->sizes, taped) - (size_t)(r->sizes->n_parameters + r->sizes->n_prepared);
     if (r->motion->prepare)
         r->motion->prepare(r->p, r->p + r->sizes->n_parameters);
     for (int lane = 0; lane < NCGEN_LANES; ++lane)
@@ -170,34 +177,41 @@ static void run_block(run *r, long steps, const double *times, int count, double
     derivative(r, times[0], r->state, r->slopes);
     write_state(r, count, steps + 1, 0, out_q, out_qd);
     for (long k = 0; k < steps && ncgen_any(r->good); ++k) {
-        step(r, times[k], times[k + 1] - times[k], tape + (size_t)k * length);
+        step(r, times[k], times[k + 1] - times[k], tape + (size_t)(k % taped) * length);
         write_state(r, count, steps + 1, k + 1, out_q, out_qd);
     }
-    ncgen_copy(2 * r->n, r->state, tape + (size_t)steps * length);
+    ncgen_copy(2 * r->n, r->state, tape + (size_t)taped * length);
     for (int lane = 0; lane < count; ++lane)
         other[lane] = !r->good[lane];
 }
 
 void ncgen_motions(const void *motion, const ncgen_taped *sizes, int n_rows, const double *column_sizes, const double *row_sizes,
                    long steps, const double *times, long count, const double *q, const double *qd, const double *p, double *out_q,
-                   double *out_qd, int *other, double *tapes, double *workspace)
+                   double *out_qd, int *other, long taped, double *tapes, double *workspace)
 {
     const int n = sizes->n_coordinates, n_p = sizes->n_parameters;
     ncgen_space space = {(ncgen_real *)workspace, 0};
-    run r = {.motion = motion, .sizes = sizes, .method = &tableaus[sizes->method], .n = n, .n_rows = n_rows,
-             .column_sizes = column_sizes, .row_sizes = row_sizes};
+    run r = {.motion = motion, .sizes = sizes, .method = &tableaus[sizes->method], .n = n, .n_rows = n_rows};
     r.state = ncgen_take(&space, 2 * n);
     r.apart = ncgen_take(&space, n);
     r.found = ncgen_take(&space, 2 * n + 2 + n_rows);
     r.more = ncgen_take(&space, 2 * n + 2);
     r.slopes = ncgen_take(&space, 2 * n * (r.method->stages + 1));
+    r.rows = (double *)ncgen_take(&space, n);
+    r.per_column = ncgen_take(&space, n);
+    r.per_row = ncgen_take(&space, n_rows);
+    for (int i = 0; i < n; ++i)
+        r.per_column[i] = ncgen_splat(1.0 / column_sizes[i]);
+    for (int i = 0; i < n_rows; ++i)
+        r.per_row[i] = ncgen_splat(1.0 / row_sizes[i]);
     for (long first = 0; first < count; first += NCGEN_LANES) {
         const int block = count - first < NCGEN_LANES ? (int)(count - first) : NCGEN_LANES;
-        ncgen_real *tape = (ncgen_real *)tapes + (size_t)(first / NCGEN_LANES) * tape_size(sizes, steps);
+        ncgen_real *tape = (ncgen_real *)tapes + (taped == steps ? (size_t)(first / NCGEN_LANES) * tape_size(sizes, steps) : 0);
         ncgen_spread(n, block, n, q + first * n, r.state);
         ncgen_spread(n, block, n, qd + first * n, r.state + n);
-        ncgen_spread(n_p, block, n_p, p + first * n_p, tape + tape_size(sizes, steps) - (size_t)(n_p + sizes->n_prepared));
-        run_block(&r, steps, times, block, out_q + first * (steps + 1) * n, out_qd + first * (steps + 1) * n, other + first, tape);
+        ncgen_spread(n_p, block, n_p, p + first * n_p, tape + tape_size(sizes, taped) - (size_t)(n_p + sizes->n_prepared));
+        run_block(&r, steps, times, block, out_q + first * (steps + 1) * n, out_qd + first * (steps + 1) * n, other + first, tape,
+                  taped);
     }
 }
 

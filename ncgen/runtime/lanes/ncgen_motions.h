@@ -29,10 +29,10 @@ size_t ncgen_motions_workspace(const ncgen_taped *sizes, int n_rows, long steps)
  * out_q, out_qd: count x (steps + 1) x n_coordinates
  * other: of each state 0, or 1 where it has to run alone: its numbers are none, or it comes to where an emitted motion does not do; its rows
  *     mean nothing then
- * tapes: one of each block of states */
+ * taped: steps, and tapes has one of each block of states; or 1, and it has room for one step, over which all of them go */
 void ncgen_motions(const void *motion, const ncgen_taped *sizes, int n_rows, const double *column_sizes, const double *row_sizes,
                    long steps, const double *times, long count, const double *q, const double *qd, const double *p, double *out_q,
-                   double *out_qd, int *other, double *tapes, double *workspace);
+                   double *out_qd, int *other, long taped, double *tapes, double *workspace);
 
 /* How a number of each state changes with its start and its p.
  *
