@@ -78,7 +78,8 @@ class MotionFunction:
         return self._last[1]
 
     def _many(self, p: np.ndarray, rates: np.ndarray) -> TapedBatch:
-        flat = [a.reshape(-1, a.shape[-1]) for a in (p, rates)]
+        count = int(np.prod(p.shape[:-1]))
+        flat = [a.reshape(count, a.shape[-1]) for a in (p, rates)]
         given = {name: value for name, value in self._start.items() if name in ("q0", "t0")}
         return taped_batch(self.kernels, *self._asked, zd0=flat[1], p=flat[0], z=self._z, **given)
 
