@@ -41,6 +41,7 @@ _HOMES = {
     "inspect": "ncgen.report.inspection",
     "export": "ncgen.exchange.export",
     "jax": "ncgen.exchange.jax_functions",
+    "torch": "ncgen.exchange.torch_functions",
     "study": "ncgen.studies.running",
     "read": "ncgen.studies.reading",
     "NcgenError": "ncgen.errors",
@@ -89,6 +90,7 @@ __all__ = [
     "start_batch",
     "study",
     "sweep",
+    "torch",
 ]
 
 if TYPE_CHECKING:
@@ -97,6 +99,7 @@ if TYPE_CHECKING:
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export
     from ncgen.exchange.jax_functions import jax
+    from ncgen.exchange.torch_functions import torch
     from ncgen.model import Model
     from ncgen.model.curves import smooth_step
     from ncgen.report.inspection import inspect

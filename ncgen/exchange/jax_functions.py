@@ -73,9 +73,7 @@ def _in_jax(function: MotionFunction) -> Callable[[Array, Array], tuple[Array, A
     def moved(p: Array, rates: Array) -> Any:
         return call(function.forward, (of_q, of_q), p, rates)
 
-    moved.defvjp(
-        lambda p, rates: (moved(p, rates), (p, rates)), lambda here, by: call(function.backward, (of_p, of_rates), *here, *by)
-    )
+    moved.defvjp(lambda p, rates: (moved(p, rates), (p, rates)), lambda here, by: call(function.backward, (of_p, of_rates), *here, *by))
 
     def motion(p: Array, rates: Array) -> tuple[Array, Array]:
         p, rates = (_real(array, name, function.kernels.name) for array, name in ((p, "p"), (rates, "rates")))

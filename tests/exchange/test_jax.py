@@ -6,6 +6,7 @@ import time
 
 import numpy as np
 import pytest
+from swing import swing
 
 import ncgen
 from ncgen import ModelError
@@ -17,15 +18,7 @@ STEPS = 20
 @pytest.fixture(scope="module")
 def kernels():
     jax.config.update("jax_enable_x64", True)
-    model = ncgen.Model("swing")
-    length, mass = model.parameter("length", 1.0), model.parameter("mass", 2.0)
-    A, B = model.point("A", (0, 0), fixed=True), model.point("B", (0, -length))
-    x, z = model.vector("x", (0, -1, 0), fixed=True), model.vector("z", (0, 0, 1), fixed=True)
-    model.body("rod", [A, B], mass=mass, com=(0, -length / 2), inertia=mass * length**2 / 12)
-    psi = model.angle("psi", x, B - A, z)
-    model.independent(psi)
-    model.gravity((0, -9.81, 0))
-    return ncgen.compile(model)
+    return ncgen.compile(swing())
 
 
 P, RATES = np.array([0.9, 1.7]), np.array([1.3])
@@ -95,12 +88,12 @@ def test_vmap_costs_what_a_batch_does():
     jax.config.update("jax_enable_x64", True)
     robot = ncgen.compile(ncgen.load("robot"))
     functions = ncgen.jax(robot)
-    motion, z = functions.motion(0.5, 100), functions.rates_of()
+    motion, z = functions.motion(0.4, 80), functions.rates_of()
     rates = 0.03 * np.random.default_rng(1).standard_normal((1000, len(z)))
     many = jax.jit(jax.vmap(lambda rates: motion(robot.p0, rates)[0]))
 
     def theirs():
-        ncgen.simulate_batch(robot, 0.5, zd0=rates, z=z, integrator="rk4", max_step=0.005, points=101)
+        ncgen.simulate_batch(robot, 0.4, zd0=rates, z=z, integrator="rk4", max_step=0.005, points=81)
 
     tools = {"ours": theirs, "vmap": lambda: jax.block_until_ready(many(rates))}
     spent = {name: [] for name in tools}
