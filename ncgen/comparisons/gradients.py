@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from ncgen.comparisons.rivals import casadi_motions
 from ncgen.compiler import compile
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
@@ -37,7 +38,7 @@ def gradient_records(model: Model) -> Iterator[dict]:
     """Records of how a sum of all positions and velocities of a motion changes with every inertial datum.
 
     seconds: from the arguments to the result; ratio: to the motion alone; error: relative to the largest derivative, of what goes back
-    beside what goes forward, whose programs are others, and of differences beside both
+    beside what goes forward, whose programs are others, of differences beside both, and of CasADi where it is installed
     Raises ModelError where the mechanism's motion is not written out.
     """
     case = _Case(compile(with_inertia_as_parameters(model), "c"))
@@ -50,12 +51,13 @@ def gradient_records(model: Model) -> Iterator[dict]:
         f"exact, forward, {count} data": lambda: case.forward(every),
         f"2-point differences, {count} data": lambda: case.differences(both_sides=False),
         f"3-point differences, {count} data": lambda: case.differences(both_sides=True),
+        **case.in_casadi(),
     }
     exact = case.forward(every)
     found = {name: call() for name, call in tools.items()}
     spent = measure({name: repeated(call) for name, call in tools.items()})
     for name, spread in spent.items():
-        compared = len(found[name]) == count and "forward" not in name
+        compared = np.size(found[name]) == count and "forward" not in name
         error = float(np.max(np.abs(found[name] - exact)) / np.max(np.abs(exact))) if compared else None
         times = {"seconds": spread.median, "low": spread.low, "high": spread.high, "ratio": spread.median / spent["the motion"].median}
         yield {"case": "gradients", "tool": name, "error": error, **times}
@@ -116,6 +118,18 @@ class _Case:
         by_q, by_qd = self._weights
         q, qd = self._motion(self.kernels.p0).along(directions)
         return np.einsum("kn,knd->d", by_q, q) + np.einsum("kn,knd->d", by_qd, qd)
+
+    def in_casadi(self) -> dict[str, Callable[[], np.ndarray]]:
+        """The same motion and its gradient by CasADi, from the start that the motion has; nothing where it is not installed."""
+        motion = self._motion(self.kernels.p0)
+        made = casadi_motions.motion(self.kernels, motion.t[-1] - motion.t[0], STEPS)
+        if made is None:
+            return {}
+        given = motion.q[0], motion.qd[0], motion.p, *self._weights
+        return {
+            "CasADi, the motion": lambda: np.array([made.value(*given)]),
+            f"CasADi, back, {len(self.kernels.p0)} data": lambda: made.back(*given),
+        }
 
     def differences(self, both_sides: bool) -> np.ndarray:
         p0 = self.kernels.p0

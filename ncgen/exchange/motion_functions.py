@@ -31,8 +31,10 @@ class MotionFunction:
     """
 
     def __init__(self, kernels: Kernels, door: str, asked: tuple[float, int, str], start: dict[str, Any]) -> None:
-        """door: what the user calls it; asked: duration (s), steps and integrator; start: other arguments of `ncgen.sensitivities`, with its
-        errors. Raises ModelError where p or initial rates are among them."""
+        """door: what the user calls it; asked: duration (s), steps and integrator; start: other arguments of `ncgen.sensitivities`.
+
+        Raises as that does, and ModelError where p or initial rates are among them.
+        """
         if {"p", "zd0", "qd0"} & start.keys():
             raise ModelError(f"{door}: p and the initial rates are the motion's own arguments; leave p, zd0 and qd0 out")
         self.kernels, self._asked, self._start = kernels, asked, start
