@@ -4,6 +4,7 @@ differentiate call, in NumPy's arrays.
 
 from __future__ import annotations
 
+from threading import local
 from typing import Any
 
 import numpy as np
@@ -38,6 +39,7 @@ class MotionFunction:
         if {"p", "zd0", "qd0"} & start.keys():
             raise ModelError(f"{door}: p and the initial rates are the motion's own arguments; leave p, zd0 and qd0 out")
         self.kernels, self._asked, self._start = kernels, asked, start
+        self._kept = local()
         self._last: tuple[bytes, TapedMotion | PartitionedMotion] | None = None
         self._one(kernels.p0, None)  # so that what cannot be is refused here
         self._z = rates_of(kernels, start)
@@ -50,13 +52,14 @@ class MotionFunction:
                 raise ModelError(f"{self.kernels.name}: {name} has shape {tuple(array.shape)}; it must be {shape}")
 
     def forward(self, p: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """q and q̇. Raises as `ncgen.sensitivities` does, NcgenError for one motion of many."""
+        """q and q̇; of many motions in memory that the next call of the same thread writes to. Raises as `ncgen.sensitivities` does, NcgenError
+        for one motion of many."""
         if p.ndim == 1:
             run = self._one(p, rates)
             return run.q, run.qd
         leading = p.shape[:-1]
         batch = self._many(p, rates)
-        rows = np.empty((2, len(batch.states.q), *self.shapes[2]))
+        rows = self._room((2, len(batch.states.q), *self.shapes[2]))
         self._completed(batch.sweep(None, rows=rows).status)
         q, qd = rows.reshape(2, *leading, *self.shapes[2])
         return q, qd
@@ -84,6 +87,13 @@ class MotionFunction:
         flat = [a.reshape(count, a.shape[-1]) for a in (p, rates)]
         given = {name: value for name, value in self._start.items() if name in ("q0", "t0")}
         return taped_batch(self.kernels, *self._asked, zd0=flat[1], p=flat[0], z=self._z, **given)
+
+    def _room(self, shape: tuple[int, ...]) -> np.ndarray:
+        """Memory that has been used before where there is some: the system takes as long to give new memory as a copy takes."""
+        kept = getattr(self._kept, "rows", None)
+        if kept is None or kept.shape != shape:
+            kept = self._kept.rows = np.empty(shape)
+        return kept
 
     def _completed(self, status: list[str]) -> None:
         """Raise NcgenError where one of many did not come to its end."""

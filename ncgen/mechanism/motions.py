@@ -23,6 +23,9 @@ SOURCES = ("ncgen_motions.h", "ncgen_motions.c", "ncgen_adjoint.c", "ncgen_space
 TAPED = 2**24
 """Bytes that the tapes of a part may take, so that parts that are run and swept by several threads stay in the caches."""
 
+UNTAPED = 32
+"""Blocks of a part whose tapes are not kept."""
+
 LONGEST = 2**28
 """Bytes that the tape of one block may take."""
 
@@ -109,10 +112,9 @@ class Motions:
         """Whether a block's tape is short enough."""
         return 8 * self._tape <= LONGEST
 
-    @property
-    def part(self) -> int:
-        """States that are well run together by one thread."""
-        return self.lanes * max(1, TAPED // (8 * self._tape))
+    def part(self, back: bool) -> int:
+        """States that are well run together by one thread; back: and gone back through, so that all of their tapes are kept meanwhile."""
+        return self.lanes * (max(1, TAPED // (8 * self._tape)) if back else UNTAPED)
 
     def run(self, q: np.ndarray, qd: np.ndarray, p: np.ndarray, back: bool = True, rows: np.ndarray | None = None) -> LaneRuns:
         """Runs of states from closed positions q and velocities qd that the joints allow, (states, n) each, with parameters p,

@@ -114,7 +114,7 @@ class TapedBatch:
         """Parts of the states, side by side in threads; what is raised in one of them is raised here, and ends the others."""
         total, threads = len(self.states.q), thread_count(self.threads, self.kernels.name)
         fair = -(-total // (threads * motions.lanes)) * motions.lanes
-        size, done = min(fair, motions.part), 0
+        size, done = min(fair, motions.part(asked.weigh is not None)), 0
         parts = [slice(first, min(first + size, total)) for first in range(0, total, size)]
         for part in side_by_side(lambda part: self._part(motions, part, asked, found), parts, min(threads, len(parts))):
             done += part.stop - part.start
