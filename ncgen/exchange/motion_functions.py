@@ -52,8 +52,10 @@ class MotionFunction:
                 raise ModelError(f"{self.kernels.name}: {name} has shape {tuple(array.shape)}; it must be {shape}")
 
     def forward(self, p: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """q and q̇; of many motions in memory that the next call of the same thread writes to. Raises as `ncgen.sensitivities` does, NcgenError
-        for one motion of many."""
+        """q and q̇; of many motions in memory that the next call of the same thread writes to.
+
+        Raises as `ncgen.sensitivities` does, NcgenError for one motion of many.
+        """
         if p.ndim == 1:
             run = self._one(p, rates)
             return run.q, run.qd

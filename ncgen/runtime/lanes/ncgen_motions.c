@@ -6,7 +6,10 @@
 #include "ncgen_vectors.h"
 #include "ncgen_tableaus.h"
 
-enum { POSITION_LIMIT = 12 };
+enum {
+    POSITION_LIMIT = 12,
+    CHAINS = 4 /* of additions and comparisons which do not wait for each other */
+};
 
 /* As in ncgen_constrained.c where a tape is written, and in ncgen_projection.c. */
 static const double bad_order = 10.0e6, bad_step = 3.0e6, too_far = 0.1, nearly_closed = 10.0 * 1.4901161193847656e-8;
@@ -61,13 +64,18 @@ size_t ncgen_motions_workspace(const ncgen_taped *sizes, int n_rows, long steps)
 /* The largest |x| relative to the sizes; not a number if one of them is not. */
 static ncgen_real largest_of(int count, const ncgen_real *x, const ncgen_real *per_size)
 {
-    ncgen_real largest = ncgen_splat(0.0), sum = ncgen_splat(0.0);
-    for (int i = 0; i < count; ++i) {
-        const ncgen_real size = NCGEN_ABS(x[i]) * per_size[i];
-        largest = ncgen_select(size > largest, size, largest);
-        sum += size;
+    ncgen_real largest[CHAINS] = {{0}}, sum[CHAINS] = {{0}};
+    for (int first = 0; first < count; first += CHAINS)
+        for (int k = 0; k < CHAINS && first + k < count; ++k) {
+            const ncgen_real size = NCGEN_ABS(x[first + k]) * per_size[first + k];
+            largest[k] = ncgen_select(size > largest[k], size, largest[k]);
+            sum[k] += size;
+        }
+    for (int k = 1; k < CHAINS; ++k) {
+        largest[0] = ncgen_select(largest[k] > largest[0], largest[k], largest[0]);
+        sum[0] += sum[k];
     }
-    return ncgen_select(sum == sum, largest, sum);
+    return ncgen_select(sum[0] == sum[0], largest[0], sum[0]);
 }
 
 /* Newton steps for the position of some lanes, in q; those that do not close, or are moved too far, are good no more. */
@@ -117,12 +125,14 @@ static void settle(run *r, double t, ncgen_real *closed)
 /* [qd, qdd] of a state into slopes; lanes where the order of elimination is a bad one, or a number is none, are good no more. */
 static ncgen_real derivative(run *r, double t, const ncgen_real *state, ncgen_real *slopes)
 {
-    ncgen_real sum = ncgen_splat(0.0); /* which is a number where all are */
+    ncgen_real sums[CHAINS] = {{0}}; /* which are numbers where all are */
     r->motion->derivative(ncgen_splat(t), state, state + r->n, r->p, r->found);
     ncgen_copy(2 * r->n, r->found, slopes);
     for (int i = 0; i < 2 * r->n; ++i)
-        sum += slopes[i];
-    r->good &= (r->found[2 * r->n + 1] < bad_order) & (sum - sum == 0.0);
+        sums[i % CHAINS] += slopes[i];
+    for (int k = 0; k < CHAINS; ++k)
+        r->good &= sums[k] - sums[k] == 0.0;
+    r->good &= r->found[2 * r->n + 1] < bad_order;
     return r->found[2 * r->n + 1];
 }
 
