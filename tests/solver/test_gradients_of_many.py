@@ -147,18 +147,25 @@ def test_refusals(kernels):
 
 @pytest.mark.slow
 def test_two_threads_are_nearly_twice_as_quick():
-    """On two processors that have nothing else to do: the best of turns."""
+    """On two processors that have nothing else to do, as motions in threads of C tell: the best of turns."""
     if batch.available() < 2:
         pytest.skip("one processor")
     kernels = ncgen.compile(ncgen.load("robot"))
     zd0 = 0.1 * np.random.default_rng(1).standard_normal((800, 6))
-    spent = {1: [], 2: []}
-    for _ in range(7):
-        for threads, times in spent.items():
+    tools = {
+        "gradients": lambda threads: ncgen.gradient_batch(kernels, 0.5, 100, objective, zd0=zd0, threads=threads),
+        "motions": lambda threads: ncgen.simulate_batch(kernels, 0.5, zd0=zd0, threads=threads, rtol=1e-10, points=20),
+    }
+    spent = {(tool, threads): [] for tool in tools for threads in (1, 2)}
+    for _ in range(9):
+        for (tool, threads), times in spent.items():
             begun = time.perf_counter()
-            ncgen.gradient_batch(kernels, 0.5, 100, objective, zd0=zd0, threads=threads)
+            tools[tool](threads)
             times.append(time.perf_counter() - begun)
-    assert min(spent[1]) > 1.7 * min(spent[2]), spent
+    gain = {tool: min(spent[tool, 1]) / min(spent[tool, 2]) for tool in tools}
+    if gain["motions"] < 1.7:
+        pytest.skip(f"no two processors with nothing else to do: threads in C gain {gain['motions']:.2f}")
+    assert gain["gradients"] > 1.7, gain
 
 
 def test_parts_end_with_what_is_raised():
