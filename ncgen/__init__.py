@@ -33,6 +33,7 @@ _HOMES = {
     "inverse_dynamics": "ncgen.solver.inverse_dynamics",
     "sensitivities": "ncgen.solver.sensitivity",
     "gradient": "ncgen.solver.sensitivity",
+    "gradient_batch": "ncgen.solver.gradients",
     "hessian": "ncgen.solver.sensitivity",
     "equilibrium": "ncgen.solver.statics",
     "linearise": "ncgen.solver.linearise",
@@ -40,6 +41,7 @@ _HOMES = {
     "inspect": "ncgen.report.inspection",
     "export": "ncgen.exchange.export",
     "jax": "ncgen.exchange.jax_functions",
+    "torch": "ncgen.exchange.torch_functions",
     "study": "ncgen.studies.running",
     "read": "ncgen.studies.reading",
     "NcgenError": "ncgen.errors",
@@ -69,6 +71,7 @@ __all__ = [
     "freedom",
     "generate",
     "gradient",
+    "gradient_batch",
     "hessian",
     "inspect",
     "inverse_dynamics",
@@ -87,6 +90,7 @@ __all__ = [
     "start_batch",
     "study",
     "sweep",
+    "torch",
 ]
 
 if TYPE_CHECKING:
@@ -95,11 +99,13 @@ if TYPE_CHECKING:
     from ncgen.exchange.examples import load
     from ncgen.exchange.export import export
     from ncgen.exchange.jax_functions import jax
+    from ncgen.exchange.torch_functions import torch
     from ncgen.model import Model
     from ncgen.model.curves import smooth_step
     from ncgen.report.inspection import inspect
     from ncgen.solver.assembly import assemble
     from ncgen.solver.batch import accelerations_batch, simulate_batch
+    from ncgen.solver.gradients import gradient_batch
     from ncgen.solver.inverse_dynamics import inverse_dynamics
     from ncgen.solver.joint_space import joint_space
     from ncgen.solver.linearise import linearise

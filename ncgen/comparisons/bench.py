@@ -11,7 +11,7 @@ from ncgen.comparisons import arms
 from ncgen.comparisons.batches import RUNS, STATES, batch_records
 from ncgen.comparisons.falls import fall_records
 from ncgen.comparisons.generation import generation_records
-from ncgen.comparisons.gradients import STEPS, gradient_records
+from ncgen.comparisons.gradients import STEPS, gradient_records, operation_records
 from ncgen.comparisons.rates import arithmetic_rate, derivative_records
 from ncgen.comparisons.rivals import KERNELS, Inputs, exact, relative_error, rivals
 from ncgen.compiler import compile
@@ -46,6 +46,7 @@ def gradient_section(model: Model) -> Iterator[tuple[str, list[dict]]]:
     """(title, records) of derivatives of a whole motion."""
     title = f"derivatives of a motion of {model.name} with {STEPS} steps of rk4 by inertial data: ms, error relative to the largest"
     yield title, list(gradient_records(model))
+    yield f"operations of the state derivative of {model.name} over all coordinates", list(operation_records(model))
 
 
 def kernel_records(model: Model, rate: float) -> list[dict]:
@@ -82,7 +83,7 @@ def show(console: Console, title: str, records: list[dict]) -> None:
     if not records:
         return
     tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows, "generation": generation_rows}
-    tables |= {"gradients": _gradient_rows, "arm": arms.rows}
+    tables |= {"gradients": _gradient_rows, "operations": _operation_rows, "arm": arms.rows}
     console.print(Text(title, style="bold"))
     for line in aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
         console.print(line, markup=False)
@@ -149,6 +150,10 @@ def _gradient_rows(records: list[dict]) -> list[tuple[str, ...]]:
         quartiles = f"{1e3 * r['low']:.2f}-{1e3 * r['high']:.2f}"
         rows.append((r["tool"], f"{1e3 * r['seconds']:.2f}", quartiles, f"{r['ratio']:.2f}", _error(r["error"])))
     return rows
+
+
+def _operation_rows(records: list[dict]) -> list[tuple[str, ...]]:
+    return [("", "operations", "ratio"), *((r["tool"], f"{r['operations']:,}", f"{r['ratio']:.3f}") for r in records)]
 
 
 def generation_rows(records: list[dict]) -> list[tuple[str, ...]]:

@@ -13,7 +13,7 @@ import os
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from numbers import Integral
 from typing import TYPE_CHECKING
 
@@ -31,6 +31,7 @@ from ncgen.program.cost import cost
 from ncgen.toolchain.abi import InC, Interface, abi, declared
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load as loaded
+from ncgen.toolchain.once import once
 
 if TYPE_CHECKING:
     from ncgen.mechanism.kernels import Kernels
@@ -219,7 +220,7 @@ def in_lanes(files: dict[str, str], declarations: str, base: FFI, flags: tuple[s
     return loaded(files | runtime_files(*HEADERS, "ncgen_lanes.h"), declarations, base, flags)
 
 
-@cache
+@once
 def load(names: tuple[str, ...], declarations: str, flags: tuple[str, ...], base: FFI) -> tuple[Interface, InC, bool]:
     """(interface, library, whether it has threads) of ncgen_batch.c with other files of the runtime for many states.
 

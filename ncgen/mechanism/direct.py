@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import cache, partial
+from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -17,7 +17,7 @@ from ncgen.toolchain.abi import InC, Interface, abi, marked
 from ncgen.toolchain.loader import load
 
 
-@cache
+@once
 def _caller() -> tuple[Interface, InC]:
     text = Path(__file__).with_name("ncgen_call.c").read_text(encoding="utf-8")
     return load({"ncgen_call.c": text} | runtime_files("ncgen.h"), marked(text), abi())

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cache
 from types import TracebackType
 
 import numpy as np
 
 from ncgen.mechanism.library import STATUS
 from ncgen.toolchain.abi import InC, Interface, Number, runtime_abi
+from ncgen.toolchain.once import once
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,7 +84,7 @@ class Driver:
         return self._ffi.new("ncgen_signals *", told)
 
 
-@cache
+@once
 def _asked(number: str) -> InC:
     """The function that C calls, whose context is the handle of a `Driver`; one serves all runs of a number type."""
     ffi: Interface = runtime_abi(number)

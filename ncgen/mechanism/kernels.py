@@ -373,6 +373,10 @@ class Kernels(ABC):
         """Φ_q as a dense array, for linear algebra on small mechanisms."""
         return self._dense(self.phi_q_pattern, self.values("phi_q", t, q, None, p))
 
+    def dense_jacobians(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
+        """Φ_q of many states, (B, m, n)."""
+        return self._dense(self.phi_q_pattern, self.batch.phi_q(q, t, p))
+
     def mass_matrix(self, q: ArrayLike, t: ArrayLike = 0.0, p: ArrayLike | None = None) -> np.ndarray:
         """M as a dense array."""
         return self._dense(self.mass_pattern, self.values("mass", t, q, None, p))

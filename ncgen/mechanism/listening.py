@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from functools import cache
 from math import inf
 from types import TracebackType
 
 from ncgen.toolchain.abi import InC, Interface, runtime_abi
+from ncgen.toolchain.once import once
 
 REACTION = 0.05
 """Seconds between two calls; what is raised takes effect that soon, or after a stage of a step where one takes longer."""
@@ -62,7 +62,7 @@ class Listener:
         return self.patience
 
 
-@cache
+@once
 def watch(number: str) -> InC:
     """The function that C calls, whose context is the handle of a `Listener`; one serves all runs of a number type."""
     ffi: Interface = runtime_abi(number)

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cached_property
 from threading import Thread
 from typing import Literal, Protocol
 
@@ -34,6 +34,7 @@ from ncgen.program.tree_tables import TreeTables
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load
+from ncgen.toolchain.once import once
 
 
 def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interface, InC]:
@@ -42,7 +43,7 @@ def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interf
     return load(files, declarations, runtime_abi(number), (*FLAGS, *NUMBERS[number].flags))
 
 
-@cache
+@once
 def _runtime(number: str) -> tuple[Interface, InC]:
     """The runtime, the same for all mechanisms."""
     functions = "".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h"))
@@ -373,8 +374,8 @@ class ConstrainedDynamics(Dynamics):
             self._dynamics.motion.prepare(*(self._ffi.from_buffer(self.number.array, a) for a in (whole, whole[len(p) :])))
         return whole
 
-    def differentiated_source(self, kind: Literal["tangent", "adjoint"]) -> Files:
-        """{file name: text} of the emitted motion along a direction or transposed. Only where `is_emitted`."""
+    def source(self, kind: Literal["motion", "tangent", "adjoint"]) -> Files:
+        """{file name: text} of the emitted motion, of it along a direction or transposed. Only where `is_emitted`."""
         assert self._seen is not None, "nothing has been written out"
         return motion_source(self.kernels, self._seen, kind)
 
@@ -382,7 +383,7 @@ class ConstrainedDynamics(Dynamics):
     def transposed(self) -> tuple[InC, InC]:
         """The emitted motion's ncgen_seeded_motion, transposed, and the library that it lives in; compiled when first asked for."""
         getter = f"{identifier(self.kernels.name)}_adjoint"
-        _, home = _load(self.differentiated_source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
+        _, home = _load(self.source("adjoint"), self.number.name, f"const ncgen_seeded_motion *{getter}(void);")
         return self._ffi.cast("const ncgen_seeded_motion *", getattr(home, getter)()), home
 
     @property

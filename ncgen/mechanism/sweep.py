@@ -5,7 +5,6 @@ that changes along a direction.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 
@@ -14,11 +13,12 @@ from ncgen.mechanism.recall import Files
 from ncgen.toolchain.abi import DUAL, InC, Interface, declared, runtime_abi
 from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load
+from ncgen.toolchain.once import once
 
 SMALL = 2.0**-332
 """What changes are multiplied by in dual numbers: what is of second order in it vanishes, and nothing of first order does."""
 
-IN_DUAL_NUMBERS = ("ncgen_adjoint.c", "ncgen_dual.c", "ncgen_vectors.h")
+IN_DUAL_NUMBERS = ("ncgen_adjoint.c", "ncgen_space.c", "ncgen_vectors.h")
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,7 +103,7 @@ class Sweep:
         return self._numbers.ffi.from_buffer("ncgen_real[]", np.ascontiguousarray(array, dtype=self._numbers.dtype))
 
 
-@cache
+@once
 def _in_dual_numbers() -> tuple[Interface, InC]:
     """The sweep, the same for all mechanisms."""
     return _load(runtime_files(*IN_DUAL_NUMBERS, *PRINTED), declared("ncgen_differentiated.h", "functions"))

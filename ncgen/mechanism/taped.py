@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, cached_property, partial
+from functools import cached_property, partial
 from itertools import pairwise
 
 import numpy as np
@@ -19,6 +19,7 @@ from ncgen.mechanism.runtime import ConstrainedDynamics, Outcome
 from ncgen.mechanism.sweep import SMALL, Numbers, Sizes, Sweep, dual_numbers
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Integrator, number_in_c
 from ncgen.toolchain.abi import InC, Interface, declared, runtime_abi
+from ncgen.toolchain.once import once
 
 ROOMY = 4
 """Steps with error control from one time of a grid to the next for which there is room at first."""
@@ -172,7 +173,7 @@ class Taped:
         return changes
 
     def _dual_numbers(self) -> Numbers:
-        return dual_numbers(self._dynamics.differentiated_source("adjoint"), f"{identifier(self._kernels.name)}_adjoint")
+        return dual_numbers(self._dynamics.source("adjoint"), f"{identifier(self._kernels.name)}_adjoint")
 
     def _real(self, array: np.ndarray) -> InC:
         return self._ffi.from_buffer("double[]", array)
@@ -238,7 +239,7 @@ class Segmented:
         return first, second
 
 
-@cache
+@once
 def _sweep_in_lanes() -> tuple[Interface, InC]:
     """What goes along directions, the same for all mechanisms."""
     return in_lanes(runtime_files(*SWEEP, *RUNTIME_HEADERS, *PRINTED), declared("ncgen_directions.h", "functions"), runtime_abi())
@@ -250,7 +251,7 @@ class _Directions:
     def __init__(self, kernels: CompiledKernels, dynamics: ConstrainedDynamics) -> None:
         self._ffi, self._library = _sweep_in_lanes()
         getter = f"{identifier(kernels.name)}_tangent"
-        files = dynamics.differentiated_source("tangent") | runtime_files(*RUNTIME_HEADERS)
+        files = dynamics.source("tangent") | runtime_files(*RUNTIME_HEADERS)
         _, self._emitted = in_lanes(files, f"const void *{getter}(void);", runtime_abi())
         self._motion = getattr(self._emitted, getter)()
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import warnings
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 import numpy as np
@@ -111,25 +112,41 @@ class BatchAccelerations:
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """Names of the independent coordinates, the state derivative for them in lanes, and their places in q."""
+    """Independent coordinates that states have in common; typical: a position and parameters at which they are good."""
 
-    names: tuple[str, ...]
-    lanes: LaneDynamics
-    places: np.ndarray
+    kernels: Kernels
+    partitions: Partitions
+    typical: tuple[np.ndarray, np.ndarray]
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the coordinates whose velocities are independent."""
+        return self.partitions.velocity.names(self.kernels)
+
+    @property
+    def places(self) -> np.ndarray:
+        """Theirs in q."""
+        return self.partitions.velocity.independent
+
+    @cached_property
+    def lanes(self) -> LaneDynamics:
+        """The state derivative for them in lanes. Raises ModelError where it cannot be written out."""
+        return dynamics(checked_compiled(self.kernels), self.partitions, "lanes", *self.typical)
 
     @classmethod
-    def at(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method) -> Choice:
-        """A choice that is good at one position. Raises ModelError where lanes cannot do it, SingularError or DomainError for a
-        position at which there is none."""
+    def at(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None) -> Choice:
+        """A choice that is good at one position; method: None where no state derivative is wanted in lanes. Raises ModelError where lanes
+        cannot do it, SingularError or DomainError for a position at which there is none."""
         check_finite(kernels, q, t, p)
-        partitions = choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent))
-        if refused := _refusal(kernels, method, partitions):
+        choice = cls(kernels, choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent)), (q, p))
+        if method and (refused := _refusal(kernels, method, choice.partitions)):
             raise ModelError(f"{kernels.name} cannot be simulated in a batch: {refused}; use simulate for every state")
-        lanes = dynamics(checked_compiled(kernels), partitions, "lanes", q, p)
-        return cls(partitions.velocity.names(kernels), lanes, partitions.velocity.independent)
+        if method:
+            choice.lanes  # noqa: B018
+        return choice
 
     @classmethod
-    def at_first(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method) -> Choice:
+    def at_first(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None) -> Choice:
         """A choice that is good at the first position where there is one."""
         finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
         if not len(finite):
@@ -168,9 +185,9 @@ def accelerations_batch(
     Raises ModelError as `simulate_batch` does.
     """
     checked_kernels(kernels)
-    t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), _threads(threads)
-    if out is not None and (z or out.choice.lanes.kernels is not kernels):
-        raise ModelError(f"{kernels.name}: out has results of {out.choice.lanes.kernels.name} with its own z; leave z or out out")
+    t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), asked_threads(threads)
+    if out is not None and (z or out.choice.kernels is not kernels):
+        raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
     states = States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"), out and out.choice)
     if out is not None:
         arrays = _places(kernels, out, states)
@@ -214,13 +231,13 @@ class States:
         p: BatchGiven | None,
         t: float,
         z: tuple[str, ...],
-        method: Method,
+        method: Method | None,
         choice: Choice | None = None,
         assembled: bool = False,
     ) -> States:
         """From rows, one row for all, or {name: number, or one a state}; assembled: after positions that are open have been closed.
 
-        choice: of independent coordinates, a new one if not given
+        method: of `Choice.at`; choice: of independent coordinates, a new one if not given
         Raises ModelError where shapes do not fit or lanes cannot do it.
         """
         p = _given(kernels, "p", p, kernels.parameters, kernels.p0)
@@ -284,7 +301,7 @@ def simulate_batch(
         checked_kernels(kernels), duration, formalism="coordinate-partitioning", integrator=integrator, rtol=rtol, atol=atol, points=points,
         max_step=max_step, inputs=inputs, progress=progress, t0=t0, z=z,
     )  # fmt: skip
-    threads, method = _threads(threads), in_lanes(kernels, run)
+    threads, method = asked_threads(threads), in_lanes(kernels, run)
     states = States.of(kernels, q0, zd0, p, run.initial.t, run.initial.z, method, assembled=True)
     if inputs:
         held, p = [kernels.parameters.index(name) for name in inputs], states.p.copy()
@@ -422,7 +439,7 @@ def _refusal(kernels: Kernels, method: Method, partitions: Partitions) -> str | 
     return refusal(kernels, method, "emitted", "double") or refusal_of_size(kernels, partitions, "emitted")
 
 
-def _threads(threads: int | None) -> int | None:
+def asked_threads(threads: int | None) -> int | None:
     """How many threads, None for all. Raises ModelError for anything but a positive whole number."""
     return None if threads is None else count(threads, "threads", 1, "give a positive whole number, or None for all processors")
 

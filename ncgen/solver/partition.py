@@ -214,6 +214,25 @@ def kinematics(kernels: Kernels, partition: Partition, q: np.ndarray, t: float =
     return Kinematics(partition, factors, R)
 
 
+def kinematics_of_many(
+    kernels: Kernels, partition: Partition, q: np.ndarray, t: float, p: np.ndarray, right: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """R (B, n, nz) at positions q (B, n) with parameters p (B, n_p), and S·right, (B, n), of right (B, m), as of `Kinematics`.
+
+    Raises LinAlgError where a factorisation breaks down.
+    """
+    count, n = q.shape
+    R, particular = np.zeros((count, n, len(partition.independent))), np.zeros((count, n))
+    R[:, partition.independent, np.arange(len(partition.independent))] = 1.0
+    if len(partition.rows):
+        one = slice(0, 1) if (q == q[0]).all() and (p == p[0]).all() and (right == right[0]).all() else slice(None)  # a start for all
+        jacobian, right = kernels.dense_jacobians(q[one], t, p[one])[:, partition.rows], right[one]
+        known = np.concatenate([-jacobian[:, :, partition.independent], right[:, partition.rows, None]], axis=2)
+        found = np.linalg.solve(jacobian[:, :, partition.dependent], known)
+        R[:, partition.dependent], particular[:, partition.dependent] = found[:, :, :-1], found[:, :, -1]
+    return R, particular
+
+
 def factor(matrix: np.ndarray, name: str) -> Factors:
     """LU factors, none of an empty matrix; SingularError instead of infinities."""
     if not matrix.size:

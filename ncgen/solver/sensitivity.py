@@ -21,7 +21,7 @@ from ncgen.solver.compiled import checked_compiled, is_written_out
 from ncgen.solver.given import checked_kernels, names_of
 from ncgen.solver.partitioned_motion import PartitionedMotion, TrapezoidalMotion
 from ncgen.solver.run import Initial, InitialArguments, count, positive
-from ncgen.solver.signals import Signal, signals_of
+from ncgen.solver.signals import Signal, Signals, signals_of
 from ncgen.solver.simulate import simulate
 from ncgen.solver.stepped_motion import SteppedMotion
 from ncgen.solver.taped_motion import TapedMotion
@@ -131,7 +131,7 @@ def gradient(
     """
     motion = motion_of(kernels, duration, steps, integrator, rtol, options, inputs, **start)
     value, *slopes = objective(motion.q, motion.qd)
-    by_q, by_qd = (_filled(a, motion.q) for a in slopes)
+    by_q, by_qd = (filled(a, motion.q) for a in slopes)
     slopes, driven = motion.backward(by_q, by_qd)
     by_inputs = motion.signals.by_values(driven.t, driven.begun, driven.values) if motion.signals else {}
     return Gradient(float(value), dict(zip(motion.names, slopes.tolist(), strict=True)), by_inputs)
@@ -168,17 +168,18 @@ def hessian(
         rows = shortened(", ".join(motion.names), SHOWN)
         raise ModelError(f"directions: they have shape {along.shape}; give ({count}, D), a row for each of {rows}")
     value, *slopes, change = objective(motion.q, motion.qd)
-    by_q, by_qd = (_filled(a, motion.q) for a in slopes)
+    by_q, by_qd = (filled(a, motion.q) for a in slopes)
 
     def changed(dq: np.ndarray, dqd: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         first, second = (None, None) if change is None else change(dq, dqd)
-        return _filled(first, dq), _filled(second, dq)
+        return filled(first, dq), filled(second, dq)
 
     products = motion.second(by_q, by_qd, changed, along)
     return Hessian(float(value), dict(zip(motion.names, motion.backward(by_q, by_qd)[0].tolist(), strict=True)), products, motion.names)
 
 
-def _filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
+def filled(array: np.ndarray | None, like: np.ndarray) -> np.ndarray:
+    """Derivatives, where None stands for 0."""
     return np.zeros_like(like) if array is None else np.asarray(array, dtype=float)
 
 
@@ -191,24 +192,46 @@ def motion_of(
     inputs: Mapping[str, Signal] | None = None, **start: Unpack[InitialArguments],
 ) -> Motion:  # fmt: skip
     """A motion that can be differentiated; arguments and errors as of `sensitivities`."""
-    length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
-    entry = _differentiable(integrator)
-    tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), length)
+    since_start, entry = instants(duration, steps), _differentiable(integrator)
+    tolerances = None if rtol is None else Tolerances.promised(positive(rtol, "rtol"), since_start[-1])
     if tolerances and not (entry.tableau and entry.coefficients.errors):
         estimating = ", ".join(name for name, other in INTEGRATORS.items() if other.tableau and other.coefficients.errors)
         raise ModelError(f"rtol: {integrator} does not estimate its error; leave rtol out, or take {estimating}")
     initial = Initial.asked(checked_kernels(kernels), **start)
-    times = initial.t + length * np.arange(steps + 1) / steps
-    follows, signals = start.get("q0") is None, signals_of(kernels, inputs, initial.p)
+    times, follows, signals = initial.t + since_start, start.get("q0") is None, signals_of(kernels, inputs, initial.p)
     if not entry.tableau:
         return _implicit_motion(kernels, initial, times, follows, entry, options, inputs, start)
     if options:
         raise ModelError(f"options: {integrator} has none")
-    if is_written_out(kernels, Method.of("lagrange", integrator)):
+    return motion_from(kernels, initial, times, follows, integrator, tolerances, signals)
+
+
+def instants(duration: float, steps: int) -> np.ndarray:
+    """(K,) s from the start of a motion that can be differentiated; errors as of `sensitivities`."""
+    length, steps = positive(duration, "duration", "number of seconds"), count(steps, "steps", 1, "a motion has at least 1")
+    return length * np.arange(steps + 1) / steps
+
+
+def motion_from(
+    kernels: Kernels, initial: Initial, times: np.ndarray, follows: bool, integrator: str, tolerances: Tolerances | None = None,
+    signals: Signals | None = None,
+) -> TapedMotion | PartitionedMotion:  # fmt: skip
+    """A motion by explicit steps over the times of a grid; follows: whether the position at its start is the model's own."""
+    if is_taped(kernels, integrator):
         return TapedMotion(checked_compiled(kernels), initial, times, follows, integrator, tolerances, signals)
-    if integrator != "rk4":
-        raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
     return PartitionedMotion(kernels, initial, times, follows, signals)
+
+
+def is_taped(kernels: Kernels, integrator: str) -> bool:
+    """Whether steps of an explicit method in C are differentiated. Raises ModelError where neither these nor those of Python are, and for
+    methods of other kinds."""
+    if not _differentiable(integrator).tableau:
+        explicit = ", ".join(name for name, entry in INTEGRATORS.items() if entry.tableau)
+        raise ModelError(f"integrator: {integrator!r} given; derivatives of many motions go through steps of {explicit}")
+    written = is_written_out(kernels, Method.of("lagrange", integrator))
+    if not written and integrator != "rk4":
+        raise ModelError(f"{kernels.name}: its motion is not written out in C, so derivatives go through steps of rk4, not of {integrator}")
+    return written
 
 
 def _differentiable(integrator: str, twice: bool = False) -> Integrator:

@@ -13,7 +13,7 @@ from collections import defaultdict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TypeAlias
+from typing import Protocol, TypeAlias
 
 import numpy as np
 
@@ -23,7 +23,7 @@ from ncgen.mechanism.sweep import SMALL, Sweep
 from ncgen.mechanism.taped import Driven, Segmented, taped
 from ncgen.solver.compiled import all_coordinates, closeness
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.partition import Kinematics, determined, kinematics
+from ncgen.solver.partition import Kinematics, Partitions, determined, kinematics
 from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial
 from ncgen.solver.signals import Signals
@@ -38,14 +38,55 @@ REMEDIES = defaultdict(lambda: "take shorter steps", full="take a shorter motion
 
 
 @dataclass(frozen=True, eq=False)
-class _Start:
-    """What derivatives need at the start: R of positions and of velocities, (n, nz) each, and how the model's own position follows
-    parameters, (n, n_p); frames: the factors behind R."""
+class StartFrames:
+    """What derivatives need at the start: R of positions and of velocities, (…, n, nz) each, and how the position follows parameters,
+    (…, n, n_p), None where it is given."""
 
-    frames: tuple[Kinematics, Kinematics]
     positions: np.ndarray
     velocities: np.ndarray
-    by_parameters: np.ndarray
+    by_parameters: np.ndarray | None
+
+
+class Back(Protocol):
+    """The way back through what a mechanism does at its start, one or many of them."""
+
+    def velocities_back(self, weights: np.ndarray) -> tuple[np.ndarray, np.ndarray]: ...
+
+    def closing_back(self, weights: np.ndarray) -> np.ndarray: ...
+
+
+def start_back(
+    back: Back, partitions: Partitions, start: StartFrames, weights: np.ndarray, reads: bool = True
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """How a sum with these weights (…, 2 n) of q and q̇ at the start changes with p, z and ż: the transpose of what stands above.
+
+    reads: whether closed positions may change with parameters
+    """
+    by_q, rest = np.split(weights, 2, axis=-1)
+    by_rates = _transposed(start.velocities, rest)
+    rest = rest.copy()
+    rest[..., partitions.velocity.independent] -= by_rates
+    more, by_p = back.velocities_back(rest)
+    by_q = more + by_q
+    by_z = _transposed(start.positions, by_q)
+    by_q[..., partitions.position.independent] -= by_z
+    if reads:
+        by_p = by_p + back.closing_back(by_q)
+    if start.by_parameters is not None:
+        by_p = by_p + _transposed(start.by_parameters[..., partitions.position.independent, :], by_z)
+    return by_p, by_z, by_rates
+
+
+def _transposed(matrix: np.ndarray, x: np.ndarray) -> np.ndarray:
+    """Aᵀ x over leading axes."""
+    return (np.swapaxes(matrix, -1, -2) @ x[..., None])[..., 0]
+
+
+@dataclass(frozen=True, eq=False)
+class _Start(StartFrames):
+    """Of one motion, with the factors behind R."""
+
+    frames: tuple[Kinematics, Kinematics]
 
 
 class TapedMotion:
@@ -140,32 +181,13 @@ class TapedMotion:
         for frame in start.frames:
             changes = [-frame.particular(acceleration(np.ascontiguousarray(column)) - still) for column in frame.R.T]
             R.append(frame.R + SMALL * 1j * np.array(changes).reshape(-1, kernels.n).T)
-        return _Start(start.frames, R[0], R[1], kernels.start_p(self.p + SMALL * 1j * dp))
+        return _Start(R[0], R[1], kernels.start_p(self.p + SMALL * 1j * dp) if self._follows else None, start.frames)
 
     def _start_back(
         self, weights: np.ndarray, sweep: Sweep | None = None, start: _Start | None = None
     ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """How a sum with these weights (2 n,) of q and q̇ at the start changes with p, z and ż: the transpose of what stands above.
-
-        sweep, start: in dual numbers where the weights are
-        """
-        n, position, velocity = self.kernels.n, self._partitions.position, self._partitions.velocity
-        back, start = sweep or self._run.back, start or self._start
-        allowed_positions, allowed_velocities = start.positions, start.velocities
-        by_rates = allowed_velocities.T @ weights[n:]
-        rest = weights[n:].copy()
-        rest[velocity.independent] -= by_rates
-        by_q, by_p = weights[:n].copy(), np.zeros(len(self.p), dtype=weights.dtype)
-        if np.any(rest):
-            more, by_p = back.velocities_back(rest)
-            by_q = by_q + more
-        by_z = allowed_positions.T @ by_q
-        by_q[position.independent] -= by_z
-        if self._rows_read_parameters:
-            by_p = by_p + back.closing_back(by_q)
-        if self._follows:
-            by_p = by_p + start.by_parameters[position.independent].T @ by_z
-        return by_p, by_z, by_rates
+        """As of `start_back`; sweep, start: in dual numbers where the weights (2 n,) are."""
+        return start_back(sweep or self._run.back, self._partitions, start or self._start, weights, self._rows_read_parameters)
 
     @property
     def _rows_read_parameters(self) -> bool:
@@ -181,7 +203,7 @@ class TapedMotion:
     def _start(self) -> _Start:
         parts = self._partitions.position, self._partitions.velocity
         first, second = (kinematics(self.kernels, part, self._begun.q, self.t[0], self.p) for part in parts)
-        return _Start((first, second), first.R, second.R, self.kernels.start_p(self.p))
+        return _Start(first.R, second.R, self.kernels.start_p(self.p) if self._follows else None, (first, second))
 
     def _check(self) -> None:
         """Raises DomainError, ConvergenceError or ModelError where the run did not arrive, or not by steps that have derivatives."""

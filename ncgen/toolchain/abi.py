@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from functools import cache
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 from cffi import FFI
 
 from ncgen.emit.runtime import runtime_text
+from ncgen.toolchain.once import once
 
 Interface: TypeAlias = Any
 """An FFI at work: the stubs of cffi know no members of what it makes, and take no array of NumPy for a buffer."""
@@ -68,7 +68,7 @@ def marked(text: str, part: str = "cdef") -> str:
     return text.split(f"/* begin {part} */")[1].split(f"/* end {part} */")[0]
 
 
-@cache
+@once
 def abi(number: str = "double") -> FFI:
     """The types of ncgen.h."""
     ffi, scalar = FFI(), "double" if number == DUAL.name else number
@@ -76,7 +76,7 @@ def abi(number: str = "double") -> FFI:
     return _completed(ffi, "ncgen.h")
 
 
-@cache
+@once
 def runtime_abi(number: str = "double") -> FFI:
     """The types of ncgen.h and of the runtime's headers."""
     ffi = FFI()

@@ -204,6 +204,23 @@ def test_adjoint_against_complex_steps(case):
         assert abs(found.slopes[name] - wanted) <= 1e-10 * max(1.0, abs(wanted)), name
 
 
+def test_many_against_complex_steps(case):
+    """The same of one state among others that move otherwise, in lanes where the motion is written out, to 1e-10."""
+    kernels, rates, columns, method = case
+    a, b = weights(kernels)
+    others = {name: rate * np.array([0.5, 1.0, 1.2]) for name, rate in rates.items()}
+    found = ncgen.gradient_batch(
+        kernels, DURATION, STEPS, lambda q, qd: (np.sum(a * q**2 / 2 + b * qd), a * q, b), method, zd0=others, z=tuple(rates)
+    )
+    assert found.names == tuple(columns) and found.ok.all() and found.alone.all() == (method == "rk4")
+    q, qd = next(iter(columns.values())).real
+    assert found.values[1] == pytest.approx(np.sum(a * q**2 / 2 + b * qd), rel=1e-11)
+    for name, (q, qd) in columns.items():
+        wanted = np.sum(a * q.real * q.imag + b * qd.imag) / STEP
+        assert abs(found.by(name)[1] - wanted) <= 1e-10 * max(1.0, abs(wanted)), name
+        assert abs(found.by(name)[0] - wanted) > 1e-6 * abs(wanted), name
+
+
 @pytest.mark.parametrize("build", [linkage, mast])
 def test_what_is_differentiated_in_c_are_the_steps_themselves(build):
     """Coarse steps, whose motion is far from the truth: the derivative is that of the steps, by differences of their own."""

@@ -20,6 +20,7 @@ from ncgen.comparisons.rivals.base import Inputs, Rival, foreign, translatable
 from ncgen.comparisons.rivals.generated import code_bytes, compiled
 from ncgen.emit.runtime import runtime_files
 from ncgen.mechanism.kernels import Kernels
+from ncgen.program.blocks import Program
 from ncgen.program.evaluate import evaluate
 from ncgen.program.functions import FUNCTIONS
 
@@ -71,10 +72,14 @@ def graph(casadi: ModuleType, kernels: Kernels, name: str, given: Mapping[str, A
     program = kernels.programs.programs.get(name)
     if program is None:
         return casadi.SX(kernels.n, 1)
+    return column(casadi, program, {"t": 0.0, "p": kernels.p0.tolist()} | {letter: casadi.vertsplit(x) for letter, x in given.items()})
+
+
+def column(casadi: ModuleType, program: Program, given: Mapping[str, Any]) -> Any:
+    """What a program gives, as a column of CasADi's expressions; given: what it reads, in lists."""
     words = {"abs": "fabs", "pow": "power"}
     known = {code: getattr(casadi, words.get(code, f.numpy.replace("arc", "a")), None) for code, f in FUNCTIONS.items()}
-    numbers = {"t": 0.0, "p": kernels.p0.tolist()} | {letter: casadi.vertsplit(column) for letter, column in given.items()}
-    return casadi.vertcat(*evaluate(program, numbers, {code: f for code, f in known.items() if f}, casadi.SX))
+    return casadi.vertcat(*evaluate(program, given, {code: f for code, f in known.items() if f}, casadi.SX))
 
 
 def _functions(casadi: ModuleType, kernels: Kernels, names: Sequence[str]) -> tuple[dict[str, Any], dict[str, np.ndarray | list[int]]]:

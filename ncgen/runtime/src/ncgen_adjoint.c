@@ -51,7 +51,7 @@ static void add(int count, const ncgen_real *more, ncgen_real *sum)
 /* back through q + dq, with the weights in s->state */
 static void close_back(sweep *s, ncgen_scalar t, const ncgen_real *q)
 {
-    s->transposed->closing(t, q, s->run->p, s->state, s->found);
+    s->transposed->closing(NCGEN_SPLAT(t), q, s->run->p, s->state, s->found);
     add(s->n, s->found, s->state);
     add(s->n_p, s->found + s->n, s->p);
 }
@@ -59,7 +59,7 @@ static void close_back(sweep *s, ncgen_scalar t, const ncgen_real *q)
 /* Back through velocities; what they say of q and p is added, what they say of the velocities given stays in s->found + n. */
 static void velocities_back(sweep *s, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd, const ncgen_real *weights)
 {
-    s->transposed->velocities(t, q, qd, s->run->p, weights, s->found);
+    s->transposed->velocities(NCGEN_SPLAT(t), q, qd, s->run->p, weights, s->found);
     add(s->n, s->found, s->state);
     add(s->n_p, s->found + 2 * s->n, s->p);
 }
@@ -74,7 +74,7 @@ static void settle_back(sweep *s, ncgen_scalar t, const ncgen_real *left, const 
     ncgen_copy(n, s->state, s->moved);
     if (s->run->is_driven) {
         for (int i = 0; i < n; ++i) {
-            s->apart[i] = 0;
+            s->apart[i] = NCGEN_SPLAT(R(0.0));
             s->moved[i] = -s->moved[i];
         }
         velocities_back(s, t, closed, s->apart, s->moved);
@@ -102,7 +102,7 @@ static void stages_back(sweep *s, ncgen_scalar t, ncgen_scalar h, const ncgen_re
     for (int j = last - 1; j >= 0; --j) {
         const ncgen_real *at = states + j * 2 * n;
         ncgen_copy(s->n_w, inputs + j * s->n_w, s->now + first);
-        s->transposed->derivative(t + method->c[j] * h, at, at + n, s->now, s->stages + j * 2 * n, s->found);
+        s->transposed->derivative(NCGEN_SPLAT(t + method->c[j] * h), at, at + n, s->now, s->stages + j * 2 * n, s->found);
         ncgen_copy(s->n_w, s->found + 2 * n + first, by_inputs + j * s->n_w);
         add(2 * n, s->found, s->state);
         add(s->n_p, s->found + 2 * n, s->p);
@@ -124,9 +124,9 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
     s.transposed = transposed;
     s.state = slopes;
     for (int i = 0; i < 2 * n; ++i)
-        s.state[i] = 0;
+        s.state[i] = NCGEN_SPLAT(R(0.0));
     for (int i = 0; i < s.n_p; ++i)
-        s.p[i] = 0;
+        s.p[i] = NCGEN_SPLAT(R(0.0));
     ncgen_copy(s.n_p, run->p, s.now);
     for (long k = tape->steps - 1; k >= 0; --k) {
         const ncgen_scalar t = tape->times[k], t_new = tape->times[k + 1];
@@ -147,13 +147,13 @@ void ncgen_adjoint(const ncgen_taped *run, const ncgen_seeded_motion *transposed
 void ncgen_velocities_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *qd,
                            const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes)
 {
-    transposed->velocities(t, q, qd, p, weights, slopes);
+    transposed->velocities(NCGEN_SPLAT(t), q, qd, p, weights, slopes);
 }
 
 void ncgen_closing_back(const ncgen_seeded_motion *transposed, ncgen_scalar t, const ncgen_real *q, const ncgen_real *p,
                         const ncgen_real *weights, ncgen_real *slopes)
 {
-    transposed->closing(t, q, p, weights, slopes);
+    transposed->closing(NCGEN_SPLAT(t), q, p, weights, slopes);
 }
 
 void ncgen_prepare_back(const ncgen_seeded_motion *transposed, const ncgen_real *p, const ncgen_real *weights, ncgen_real *slopes)

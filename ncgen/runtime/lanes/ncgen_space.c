@@ -1,4 +1,4 @@
-/* ncgen_dual.c: what ncgen_adjoint.c takes of ncgen_vectors.c, whose other functions need numbers in an order. */
+/* ncgen_space.c: what ncgen_adjoint.c takes of ncgen_vectors.c, whose other functions need numbers in an order, or one number. */
 #include "ncgen_vectors.h"
 
 ncgen_real *ncgen_take(ncgen_space *space, int count)

@@ -1,0 +1,141 @@
+"""Motions as functions of PyTorch with exact derivatives, for autograd and torch.func (extra `torch`).
+
+    functions = ncgen.torch(kernels)
+    motion = functions.motion(0.5, 100)
+    q, qd = motion(p, rates)  # (101, n) each; with leading axes many motions at once
+    (q[-1, 0] ** 2).backward()
+
+PyTorch calls the run in C, and the sweep back through it; those of many motions go side by side in lanes and threads.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from importlib import import_module
+from typing import Any, TypeAlias, Unpack
+
+import numpy as np
+
+from ncgen.errors import ModelError
+from ncgen.exchange.motion_functions import MotionFunction, rates_of
+from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.given import checked_kernels
+from ncgen.solver.run import InitialArguments
+
+Tensor: TypeAlias = Any
+"""A tensor of PyTorch, on the processor, or what it takes for one."""
+
+
+def torch(kernels: Kernels) -> TorchFunctions:
+    """A mechanism's motions for PyTorch. Raises ModelError where PyTorch is not installed."""
+    return TorchFunctions(checked_kernels(kernels))
+
+
+class TorchFunctions:
+    """Makes functions that PyTorch differentiates."""
+
+    def __init__(self, kernels: Kernels) -> None:
+        try:
+            import_module("torch")
+        except ImportError:
+            raise ModelError("ncgen.torch needs PyTorch; pip install 'ncgen[torch]'") from None
+        self.kernels = kernels
+
+    def motion(
+        self, duration: float, steps: int, integrator: str = "rk4", **start: Unpack[InitialArguments]
+    ) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:
+        """A function (p, rates) -> (q, q̇), (…, steps + 1, n) each: the motion with parameters p, (…, n_p), and initial rates of the
+        independent coordinates, (…, nz), in the order of `rates_of`, in doubles. Leading axes are those of many motions, and broadcast.
+
+        duration (s), steps, integrator, start: as of `ncgen.sensitivities`, with its errors; p and zd0 are what the function is given
+        First derivatives, by autograd and torch.func. Raises ModelError for tensors of other shapes or types.
+        """
+        return _in_torch(MotionFunction(self.kernels, "ncgen.torch", (duration, steps, integrator), dict(start)))
+
+    def rates_of(self, **start: Unpack[InitialArguments]) -> tuple[str, ...]:
+        """The independent coordinates whose rates a motion takes."""
+        return rates_of(self.kernels, dict(start))
+
+
+def _in_torch(function: MotionFunction) -> Callable[[Tensor, Tensor], tuple[Tensor, Tensor]]:
+    library, moved = import_module("torch"), _autograd()
+
+    def motion(p: Tensor, rates: Tensor) -> tuple[Tensor, Tensor]:
+        p, rates = (_doubles(array, name, function.kernels.name) for array, name in ((p, "p"), (rates, "rates")))
+        function.checked(p[(0,) * (p.ndim - 1)] if p.ndim else p, rates[(0,) * (rates.ndim - 1)] if rates.ndim else rates)
+        try:
+            leading = library.broadcast_shapes(p.shape[:-1], rates.shape[:-1])
+        except RuntimeError:
+            shapes = f"{tuple(p.shape)} and {tuple(rates.shape)}"
+            raise ModelError(
+                f"{function.kernels.name}: p and rates have shapes {shapes}, which are those of no number of motions"
+            ) from None
+        return moved.apply(function, p.expand(*leading, -1), rates.expand(*leading, -1))
+
+    return motion
+
+
+def _doubles(array: Tensor, name: str, whose: str) -> Tensor:
+    """An argument as a tensor of doubles on the processor. Raises ModelError for what is none."""
+    library = import_module("torch")
+    try:
+        found = library.as_tensor(array)
+    except (TypeError, ValueError, RuntimeError):
+        raise ModelError(f"{whose}: {name} is no array of numbers") from None
+    if found.dtype.is_complex or found.dtype == library.bool:
+        raise ModelError(f"{whose}: {name} is of type {str(found.dtype).removeprefix('torch.')}; it must be real numbers")
+    if found.device.type != "cpu":
+        raise ModelError(f"{whose}: {name} is on {found.device}; motions are computed by the processor: give {name}.cpu()")
+    return found.to(library.float64)
+
+
+@cache
+def _autograd() -> Any:
+    """The function that autograd knows, and the way back as another, each of one or many motions; made once PyTorch is there."""
+    library = import_module("torch")
+
+    def call(run: Callable[..., tuple[np.ndarray, ...]], *tensors: Tensor) -> tuple[Tensor, ...]:
+        return tuple(library.from_numpy(np.array(a)) for a in run(*(x.detach().contiguous().numpy() for x in tensors)))
+
+    def mapped(which: Any, info: Any, dims: tuple[int | None, ...], function: MotionFunction, *tensors: Tensor) -> tuple[Any, Any]:
+        """Under vmap: the mapped axes to the front, where leading ones are those of many motions."""
+        front = [x.expand(info.batch_size, *x.shape) if d is None else x.movedim(d, 0) for x, d in zip(tensors, dims[1:], strict=True)]
+        return which.apply(function, *front), (0, 0)
+
+    class Back(library.autograd.Function):
+        @staticmethod
+        def forward(function: MotionFunction, *tensors: Tensor) -> tuple[Tensor, ...]:
+            return call(function.backward, *tensors)
+
+        @staticmethod
+        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+            pass
+
+        @staticmethod
+        def backward(ctx: Any, *by: Tensor) -> Any:
+            raise ModelError("ncgen.torch: motions have first derivatives only; take ncgen.hessian for second ones")
+
+        @staticmethod
+        def vmap(info: Any, dims: Any, *given: Any) -> Any:
+            return mapped(Back, info, dims, *given)
+
+    class Moved(library.autograd.Function):
+        @staticmethod
+        def forward(function: MotionFunction, p: Tensor, rates: Tensor) -> tuple[Tensor, ...]:
+            return call(function.forward, p, rates)
+
+        @staticmethod
+        def setup_context(ctx: Any, inputs: Any, output: Any) -> None:
+            ctx.function = inputs[0]
+            ctx.save_for_backward(*inputs[1:])
+
+        @staticmethod
+        def backward(ctx: Any, by_q: Tensor, by_qd: Tensor) -> Any:
+            return (None, *Back.apply(ctx.function, *ctx.saved_tensors, by_q, by_qd))
+
+        @staticmethod
+        def vmap(info: Any, dims: Any, *given: Any) -> Any:
+            return mapped(Moved, info, dims, *given)
+
+    return Moved
