@@ -15,6 +15,7 @@ from ncgen.mechanism.arguments import numbers
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.toolchain.abi import InC, Interface, abi, marked
 from ncgen.toolchain.loader import load
+from ncgen.toolchain.once import once
 
 
 @once

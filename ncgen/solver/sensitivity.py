@@ -49,7 +49,7 @@ class Sensitivities:
         return f"<Sensitivities by {shortened(', '.join(self.names), SHOWN)}: {len(self.t)} instants to {self.t[-1]:g} s>"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Gradient:
     """The value of an objective and its derivatives by name: parameters, `z` and `rate(z)` of the independent coordinates.
 
