@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Hashable
-from functools import cache, wraps
+from functools import cache, update_wrapper
 from threading import RLock
-from typing import TypeVar
+from typing import Generic, TypeVar
 
 Result = TypeVar("Result")
 
 
-def once(function: Callable[..., Result]) -> Callable[..., Result]:
+class once(Generic[Result]):
     """`functools.cache` under a lock, without which two threads that are the first to ask would make two, and mix them."""
-    lock, cached = RLock(), cache(function)
 
-    @wraps(function)
-    def made(*given: Hashable) -> Result:
-        with lock:
-            return cached(*given)
+    def __init__(self, function: Callable[..., Result]) -> None:
+        self._lock, self._cached = RLock(), cache(function)
+        self.cache_clear = self._cached.cache_clear
+        update_wrapper(self, function)
 
-    return made
+    def __call__(self, *given: Hashable) -> Result:
+        with self._lock:
+            return self._cached(*given)
