@@ -211,11 +211,11 @@ def tests_of(fault: Fault, reached: Reached) -> list[str]:
         return tests
     stem = re.escape(Path(fault.file).stem.removeprefix("ncgen_"))
     counts = {
-        path: len(re.findall(rf"\b{stem}\b", path.read_text(encoding="utf-8")))
-        for place in TESTS[fault.room]
+        path: (order, -len(re.findall(rf"\b{stem}\b", path.read_text(encoding="utf-8"))))
+        for order, place in enumerate(TESTS[fault.room])
         for path in sorted((ROOT / place).rglob("test_*.py") if (ROOT / place).is_dir() else [ROOT / place])
     }
-    likely = sorted((path for path in counts if counts[path]), key=lambda path: -counts[path])
+    likely = sorted((path for path in counts if counts[path][1]), key=lambda path: counts[path])
     return [*(str(path.relative_to(ROOT)) for path in likely), *TESTS[fault.room]]
 
 
