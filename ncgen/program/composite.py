@@ -122,7 +122,7 @@ def mass_matrix(place: TreePlace, inertias: Sequence[Inertia | None]) -> Matrix:
     for number in reversed(range(len(links))):
         for k in place.own[number]:
             at = {number: composite[number].momentum(space, place.columns[k].axis, place.columns[k].along)}
-            chain = place.chain(number)
+            chain = place.tree.chain(number)
             for inner, outer in zip(chain[-2::-1], chain[:0:-1], strict=True):
                 at[inner] = place.leaving(outer, at[outer])
             for home, j in ((link, j) for link in chain for j in place.own[link] if j <= k):

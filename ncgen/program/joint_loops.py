@@ -129,11 +129,8 @@ class JointLoops(Recursion):
 
     def _changes(self, nodes: Sequence[int]) -> list[int]:
         """How nodes change along dx and dv."""
-        place = self.rates.place
         rates = self.spread(self._loaded("dx"), {})
-        twists = place.twists(rates)
-        vectors = {element: place.carried(element, link, twists[link]) for element, link in self.tree.home.items()}
-        return changes(self.graph, nodes, self.over_coordinates(rates, vectors), len(self.R))
+        return changes(self.graph, nodes, self.over_coordinates(rates, self.rates.place.velocities(rates)), len(self.R))
 
     def correction(self) -> Program:
         """dependent(t, q, r, p) -> what all rates change by where rows are off by r."""

@@ -159,9 +159,7 @@ class _Basics:
 
     def _changes(self, nodes: Sequence[int]) -> list[int]:
         """How nodes change along dx and dv."""
-        where, twists = moving(self.lines.equations, self.tree), self.place.twists(self.rates("dx"))
-        home = self.tree.home
-        vectors = {element: self.place.carried(element, link, twists[link]) for element, link in home.items()}
+        where, vectors = moving(self.lines.equations, self.tree), self.place.velocities(self.rates("dx"))
         moved = [
             vectors[where[c][0]][where[c][1]] if c in where else self.graph.load("dx", self.followed[c][0])
             for c in range(len(self.lines.equations.free))

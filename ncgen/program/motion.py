@@ -43,10 +43,8 @@ def _derivative(work: Recursion, zdd: Sequence[int]) -> Program:
 
 
 def _velocities(work: Recursion) -> Program:
-    changes, place = work.spread(work.solve(_momentum(work)), {}), work.rates.place
-    twists = place.twists(changes)
-    moved = {element: place.carried(element, link, twists[link]) for element, link in work.tree.home.items()}
-    more = work.over_coordinates(changes, moved)
+    changes = work.spread(work.solve(_momentum(work)), {})
+    more = work.over_coordinates(changes, work.rates.place.velocities(changes))
     rates = [work.graph.add(rate, change) for rate, change in zip(work.lines.rates, more, strict=True)]
     return work.lines.program("velocities", STATE, [*rates, _growth(work)])
 

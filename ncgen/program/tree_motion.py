@@ -65,13 +65,8 @@ class TreePlace:
     def moved(self, element: Spatial, link: int) -> dict[int, Vector]:
         """{rate: velocity of an element that moves with a link, at rate 1}."""
         space = self.space  # every screw is told from the reference point of its own link
-        turned = {k: space.cross(self.columns[k].axis, self.lever(element, home)) for home in self.chain(link) for k in self.own[home]}
+        turned = {k: space.cross(self.columns[k].axis, self.lever(element, home)) for home in self.tree.chain(link) for k in self.own[home]}
         return {k: space.add(self.columns[k].along, v) if isinstance(element, Point) else v for k, v in turned.items()}
-
-    def chain(self, link: int) -> list[int]:
-        """The links from the root to this one."""
-        parent = self.tree.links[link].parent
-        return [*(self.chain(parent) if parent is not None else []), link]
 
     def twists(self, rates: Sequence[int]) -> list[tuple[Vector, Vector]]:
         """(ω, v) of every link where the joints have these rates, or (ω̇, v̇) where the rates change like this."""
@@ -107,6 +102,11 @@ class TreePlace:
         turning, along = twist
         turned = self.space.cross(turning, self.lever(element, link))
         return self.space.add(along, turned) if isinstance(element, Point) else turned
+
+    def velocities(self, rates: Sequence[int]) -> dict[Spatial, Vector]:
+        """Of all elements that move with the tree, where the joints have these rates."""
+        twists = self.twists(rates)
+        return {element: self.carried(element, link, twists[link]) for element, link in self.tree.home.items()}
 
     def inward(self, loads: Loads, needed: Loads) -> dict[int, int]:
         """{rate: node} of what forces and moments on links do at rate 1, each with all those beyond it.

@@ -84,6 +84,15 @@ class Tree:
             found.append([*(found[link.parent] if link.parent is not None else []), *own])
         return found
 
+    def chain(self, number: int) -> list[int]:
+        """The links from the root to one, both included."""
+        found: list[int] = []
+        link: int | None = number
+        while link is not None:
+            found.append(link)
+            link = self.links[link].parent
+        return found[::-1]
+
 
 def spanning_tree(model: Model) -> Tree:
     """The tree of a model's bodies."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import mpmath
 import pytest
 import sympy
 
 import ncgen
+from ncgen.exchange.examples import example_module
 from ncgen.model.elements import Point
 from ncgen.program.references import reference_points
 from ncgen.symbolic.tree import spanning_tree
@@ -69,3 +72,10 @@ def test_one_point_serves_where_it_can():
     found = {link.body.name: point for link, point in zip(tree.links, reference_points(tree, m.parameters), strict=True)}
     assert found["beam"] is found["upper"] is found["lower"] is not found["finger"] and found["finger"].name == "A"
     assert all(isinstance(point, Point) for point in found.values())
+
+
+def test_a_long_chain_of_links_is_no_deep_recursion():
+    """From the ground to the last of 1,200 links: in order, and each hangs on the one before."""
+    tree = spanning_tree(example_module("arm").build(1200))
+    chain = tree.chain(1199)
+    assert chain == list(range(1200)) and all(tree.links[b].parent == a for a, b in pairwise(chain))
