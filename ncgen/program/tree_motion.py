@@ -37,7 +37,7 @@ class TreePlace:
         self.lines, self.tree, self.space = lines, tree, Space(lines.graph)
         self.reference = [self.vector(point) for point in reference_points(tree, lines.equations.model.parameters)]
         self.shift = [self._shift(number) for number in range(len(tree.links))]
-        self.own, self.path = tree.rates, tree.paths
+        self.own = tree.rates
         self.columns = [self._column(screw, number) for number, link in enumerate(tree.links) for screw in link.screws]
 
     def node(self, component: Component) -> int:
