@@ -14,8 +14,9 @@ from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.report.clock import measure, repeated
-from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
+from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.simulate import simulate
+from ncgen.solver.telling import Told
 from ncgen.solver.trajectory import Trajectory
 
 NAMES = ("robot", "nfourbar-2", "nfourbar-40", "disc", "free-body", "heavy-top", "bricard")
@@ -79,15 +80,15 @@ def default_records(names: Collection[str] = NAMES, limit: float = 20.0) -> Iter
 def _way(kernels: CompiledKernels, case: Case, limit: float, **method: Any) -> _Way | None:
     """None where there is no result within so many seconds, or one with a warning."""
 
-    def call() -> Trajectory:
-        return simulate(kernels, case.duration, **case.options, **method, points=case.points)
+    def call(progress: Told = None) -> Trajectory:
+        return simulate(kernels, case.duration, **case.options, **method, points=case.points, progress=progress)
 
     warm(kernels, case, **case.options, **method)
     try:
-        with warnings.catch_warnings(), limited(limit):
+        with warnings.catch_warnings():
             warnings.simplefilter("error")
             start = time.perf_counter()
-            run = call()
+            run = call(time_limit(limit))
             seconds = time.perf_counter() - start
     except (NcgenError, TimeIsUp, Warning):
         return None

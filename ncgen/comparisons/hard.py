@@ -14,7 +14,7 @@ from ncgen.comparisons.hard_cases import CASES, Case
 from ncgen.compiler import compile
 from ncgen.errors import NcgenError
 from ncgen.mechanism.library import CompiledKernels
-from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
+from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.simulate import simulate
 
 ABSOLUTE = 1e-2
@@ -22,9 +22,6 @@ ABSOLUTE = 1e-2
 
 LIMIT = 20.0
 """Seconds after which a run is stopped."""
-
-COMPILING = 120.0
-"""Seconds that a method may take until it is compiled."""
 
 
 def hard_records(names: Collection[str] = (), limit: float = LIMIT) -> Iterator[dict]:
@@ -52,8 +49,8 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
     warm(kernels, case, formalism=formalism, integrator=integrator, **options)
     start = time.perf_counter()
     try:
-        with warnings.catch_warnings(record=True) as said, limited(limit):
-            run = simulate(kernels, case.duration, formalism=formalism, integrator=integrator, **options)
+        with warnings.catch_warnings(record=True) as said:
+            run = simulate(kernels, case.duration, formalism=formalism, integrator=integrator, progress=time_limit(limit), **options)
     except (NcgenError, TimeIsUp) as error:
         return record | {"seconds": time.perf_counter() - start, "reason": str(error)}
     record |= {"engine": run.engine.split(":")[0], "seconds": run.statistics.seconds}
@@ -65,9 +62,9 @@ def run_case(kernels: CompiledKernels, case: Case, formalism: str, integrator: s
 
 def warm(kernels: CompiledKernels, case: Case, **options: Any) -> None:
     """Begin a run, so that what it compiles is in the cache; what goes wrong goes wrong again in the run itself."""
-    with suppress(NcgenError, TimeIsUp), warnings.catch_warnings(), limited(COMPILING):
+    with suppress(NcgenError, TimeIsUp), warnings.catch_warnings():
         warnings.simplefilter("ignore")
-        simulate(kernels, 1e-3 * case.duration, **options)
+        simulate(kernels, 1e-3 * case.duration, progress=time_limit(LIMIT), **options)
 
 
 def lines(records: list[dict]) -> Iterator[str]:

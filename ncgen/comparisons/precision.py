@@ -27,7 +27,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.library import CompiledKernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
 from ncgen.model import Model
-from ncgen.report.methods import FIXED, TimeIsUp, limited, methods
+from ncgen.report.methods import FIXED, TimeIsUp, methods, time_limit
 from ncgen.solver.simulate import simulate
 from ncgen.solver.trajectory import Trajectory
 from ncgen.toolchain.abi import NUMBERS
@@ -199,9 +199,9 @@ def _title(engine: str, backend: str, number: str) -> str:
 
 
 def _run(kernels: Kernels, duration: float, options: dict[str, Any], limit: float) -> Trajectory:
-    with warnings.catch_warnings(), limited(limit):
+    with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # a method without projection drifts; its error says so
-        return simulate(kernels, duration, **options)
+        return simulate(kernels, duration, progress=time_limit(limit), **options)
 
 
 # -- for people --------------------------------------------------------------------------------------------------------

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import signal
-from collections.abc import Iterator
-from contextlib import contextmanager
+import time
+from collections.abc import Callable
 from typing import TypedDict
 
 from ncgen.methods.table import FORMALISMS, INTEGRATORS
@@ -23,10 +22,6 @@ class Tolerances(TypedDict):
     atol: float
 
 
-AGAIN = 1.0
-"""Seconds after which it is said again: what a foreign library calls back into may keep an exception to itself."""
-
-
 class TimeIsUp(Exception):
     """Raised when a run has used up its time."""
 
@@ -39,20 +34,16 @@ def methods() -> list[tuple[str, str]]:
     return list(dict.fromkeys([*ordinary, *formalisms, *steppers]))
 
 
-@contextmanager
-def limited(seconds: float) -> Iterator[None]:
-    """Raise TimeIsUp in the middle of whatever Python does; a run in C ends at the last step that it has made."""
+def time_limit(seconds: float) -> Callable[[float], None]:
+    """The `progress` of a run that raises TimeIsUp as soon as so many seconds have passed from now.
 
-    def stop(*_: object) -> None:
-        raise TimeIsUp(f"stopped after {seconds:g} s")
+    A run calls it while it computes, in C too, so that nothing is interrupted but the run: an alarm of the system would raise between
+    any two instructions, in the middle of an import or while somebody holds a lock.
+    """
+    end = time.perf_counter() + seconds
 
-    if not (hasattr(signal, "setitimer") and seconds < float("inf")):
-        yield
-        return
-    before = signal.signal(signal.SIGALRM, stop)
-    signal.setitimer(signal.ITIMER_REAL, seconds, AGAIN)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0)
-        signal.signal(signal.SIGALRM, before)
+    def check(t: float) -> None:
+        if time.perf_counter() > end:
+            raise TimeIsUp(f"stopped after {seconds:g} s")
+
+    return check

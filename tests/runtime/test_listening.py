@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ import pytest
 import ncgen
 from ncgen.mechanism.listening import FIRST, REACTION, Listener
 from ncgen.methods.method import Method
-from ncgen.report.methods import TimeIsUp, limited
+from ncgen.report.methods import TimeIsUp, time_limit
 from ncgen.solver.alarms import GOLDEN, LOOKS
 from ncgen.solver.compiled import run, run_constrained
 from ncgen.solver.partition import choose_partitions
@@ -153,12 +154,18 @@ def test_ctrl_c_in_a_program_of_its_own():
         assert program.wait(timeout=20) == 0
 
 
-@pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs interval timers")
-def test_a_limit_ends_a_run_in_c(pendulum):
-    start = time.perf_counter()
-    with pytest.raises(TimeIsUp, match=r"stopped after 0\.3 s"), limited(0.3):
-        ncgen.simulate(pendulum, 5e3, integrator="rk4", max_step=1e-5, engine="c", points=2)
-    assert time.perf_counter() - start < 0.3 + 0.5
+@pytest.mark.parametrize("engine", ["c", "emitted", "python"])
+def test_a_limit_ends_a_run_in_any_thread(pendulum, engine):
+    """Without an alarm of the system, which only the main thread may set and which raises between any two instructions."""
+
+    def run():
+        start = time.perf_counter()
+        with pytest.raises(TimeIsUp, match=r"stopped after 0\.3 s"):
+            ncgen.simulate(pendulum, 5e3, integrator="rk4", max_step=1e-5, engine=engine, points=2, progress=time_limit(0.3))
+        return time.perf_counter() - start
+
+    with ThreadPoolExecutor(1) as thread:
+        assert thread.submit(run).result() < 0.3 + 0.5
 
 
 def test_short_runs_are_not_asked_and_large_mechanisms_at_every_stage():

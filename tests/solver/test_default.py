@@ -12,7 +12,7 @@ from ncgen.comparisons.hard_cases import CASES
 from ncgen.errors import ConvergenceError
 from ncgen.exchange.examples import load
 from ncgen.model import Model
-from ncgen.report.methods import limited
+from ncgen.report.methods import time_limit
 
 QUICK = (
     "robot",
@@ -129,5 +129,5 @@ def test_a_rolling_disc_is_quick():
 def test_a_disc_that_falls_flat_says_so_soon():
     """Without speed it falls over in 0.44 s, and its contact has no place then: not tried again step by step in Python."""
     disc = ncgen.compile(load("disc"), "c")
-    with pytest.raises(ConvergenceError, match=r"disc: beyond t = 0\.44 s steps .* become tiny .* singular position"), limited(30.0):
-        ncgen.simulate(disc, 0.5)
+    with pytest.raises(ConvergenceError, match=r"disc: beyond t = 0\.44 s steps .* become tiny .* singular position"):
+        ncgen.simulate(disc, 0.5, progress=time_limit(30.0))

@@ -21,7 +21,7 @@ from ncgen.errors import NcgenError
 from ncgen.exchange.examples import example_module
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, partners
-from ncgen.report.methods import FIXED, TimeIsUp, limited
+from ncgen.report.methods import FIXED, TimeIsUp, time_limit
 from ncgen.solver.simulate import simulate
 
 Run = Callable[[], tuple[float, np.ndarray]]
@@ -40,7 +40,7 @@ STEPS = (5, 10, 20, 40, 80)
 
 TOLERANCES = tuple(10.0 ** (-k / 4) for k in range(20, 40))
 LIMIT = 20.0
-"""Seconds a run may last; after a longer one a simulator is not tried with smaller steps."""
+"""Seconds a run of ncgen may last; what took half of it is not tried with smaller steps."""
 
 REPEATS = 7
 LONGEST = 1.0
@@ -52,7 +52,7 @@ def peer_records(counts: Iterable[int] = COUNTS, names: Iterable[str] = PEERS, l
     for count in counts:
         t = np.linspace(0.0, DURATION, INTERVALS + 1)
         exact = four_bars_position(count, t)
-        runs = [*_own(count), *(run for name in names for run in _peer(name, count))]
+        runs = [*_own(count, limit), *(run for name in names for run in _peer(name, count))]
         stopped: set[str] = set()
         measured = []
         for tool, setting, run in runs:
@@ -60,7 +60,7 @@ def peer_records(counts: Iterable[int] = COUNTS, names: Iterable[str] = PEERS, l
                 continue
             record = {"count": count, "tool": tool, "setting": setting, "error": None, "seconds": None, "reason": None}
             try:
-                with warnings.catch_warnings(), limited(limit):
+                with warnings.catch_warnings():
                     warnings.simplefilter("ignore")
                     seconds, found = run()
             except (NcgenError, TimeIsUp, ImportError, RuntimeError, ValueError) as problem:
@@ -100,7 +100,7 @@ def _raise(problem: Exception) -> NoReturn:
     raise problem
 
 
-def _own(count: int) -> Iterator[tuple[str, str, Run]]:
+def _own(count: int, limit: float) -> Iterator[tuple[str, str, Run]]:
     """What ncgen has in C on all coordinates; independent coordinates cannot pass the singular position."""
     kernels = compile(example_module("nfourbar").build(count), "c")
     for formalism in (f for f in FORMALISMS.values() if f.in_c and f.options.get("stabilisation") == "projection"):
@@ -109,12 +109,12 @@ def _own(count: int) -> Iterator[tuple[str, str, Run]]:
             steps = [(f"{INTERVALS * k} steps", {"max_step": DURATION / (INTERVALS * k)}) for k in STEPS]
             tolerances = [(f"rtol {rtol:.1e}", {"rtol": rtol, "atol": ABSOLUTE * rtol}) for rtol in TOLERANCES]
             for setting, options in steps if integrator in FIXED else tolerances:
-                yield tool, setting, _simulated(kernels, formalism.name, integrator, options)
+                yield tool, setting, _simulated(kernels, formalism.name, integrator, limit, options)
 
 
-def _simulated(kernels: Kernels, formalism: str, integrator: str, options: dict[str, Any]) -> Run:
+def _simulated(kernels: Kernels, formalism: str, integrator: str, limit: float, options: dict[str, Any]) -> Run:
     def run() -> tuple[float, np.ndarray]:
-        start: dict[str, Any] = {"zd0": {"B0.x": 1.0}, "points": INTERVALS + 1, "engine": "c"}
+        start: dict[str, Any] = {"zd0": {"B0.x": 1.0}, "points": INTERVALS + 1, "engine": "c", "progress": time_limit(limit)}
         found = simulate(kernels, DURATION, formalism=formalism, integrator=integrator, **start, **options)
         return found.statistics.seconds, np.column_stack([found["B0.x"], found["B0.y"]])
 
