@@ -10,9 +10,10 @@ import numpy as np
 
 from ncgen.errors import SHOWN, ModelError, shortened
 from ncgen.mechanism.kernels import Kernels
-from ncgen.solver.batch import BatchGiven, States, asked_threads
+from ncgen.solver.batch import asked_threads
 from ncgen.solver.given import checked_kernels, finite, names_of
 from ncgen.solver.sensitivity import filled, instants, is_taped
+from ncgen.solver.states import BatchGiven, States
 from ncgen.solver.taped_batch import TapedBatch
 from ncgen.solver.telling import Told, check_told, telling
 

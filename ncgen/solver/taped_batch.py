@@ -18,12 +18,13 @@ from ncgen.errors import NcgenError
 from ncgen.mechanism.batch import thread_count
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.motions import LaneRuns, Motions
-from ncgen.solver.batch import INTERRUPTED, Choice, States
+from ncgen.solver.batch import INTERRUPTED
 from ncgen.solver.compiled import all_coordinates, checked_compiled
 from ncgen.solver.partition import kinematics_of_many
 from ncgen.solver.partitioned_motion import PartitionedMotion
 from ncgen.solver.run import Initial
 from ncgen.solver.sensitivity import is_taped, motion_from
+from ncgen.solver.states import Choice, States
 from ncgen.solver.taped_motion import StartFrames, TapedMotion, start_back
 
 Item = TypeVar("Item")

@@ -18,7 +18,7 @@ from ncgen.compiler import compile
 from ncgen.errors import DomainError, ModelError, NcgenError, SingularError
 from ncgen.methods.method import Method
 from ncgen.methods.table import AUTO
-from ncgen.solver.batch import Choice, States, closed, in_lanes, side_by_side
+from ncgen.solver.batch import in_lanes, side_by_side
 from ncgen.solver.energy import drifts
 from ncgen.solver.given import position
 from ncgen.solver.outputs import outputs_of, uses_accelerations
@@ -26,6 +26,7 @@ from ncgen.solver.partition import determined
 from ncgen.solver.run import EMITTED, Run
 from ncgen.solver.simulate import simulate
 from ncgen.solver.start import begin
+from ncgen.solver.states import Choice, States, closed
 from ncgen.studies.definition import Study
 from ncgen.studies.design import argument_of
 from ncgen.studies.kept import Histories

@@ -6,10 +6,11 @@
 A fault is one small change of a source: a comparison turned round, or off by one where it counts something; another operation; a number one
 greater, or of the other sign; a condition or a statement left out. It is made in a copy of the repository, where tests run until one fails
 or the seconds of the processor are over: of a fault in Python those that run its line, the shortest first, of one in C those of its room,
-the files first that mention its module. What is not noticed by then counts as a survivor, so the rate that is printed is a lower bound.
-Printed is a line a fault as it is decided, and at the end how many of each room were caught. A seed gives the same faults as long as the
-sources are the same; --again plants only those that survived in the output of such a run, to give their tests more time. Some faults change
-nothing that anybody could see (a limit, a faster way to the same result); they count as survivors, too.
+the files first that mention its module. A test that does not end (`endless.py`) notices, too; what is not noticed by then counts as a
+survivor, so the rate that is printed is a lower bound. Printed is a line a fault as it is decided, with the test that noticed it, and at
+the end how many of each room were caught. A seed gives the same faults as long as the sources are the same; --again plants only those that
+survived in the output of such a run, to give their tests more time. Some faults change nothing that anybody could see (a limit, a faster
+way to the same result); they count as survivors, too.
 """
 
 from __future__ import annotations
@@ -219,18 +220,18 @@ def tests_of(fault: Fault, reached: Reached) -> list[str]:
     return [*(str(path.relative_to(ROOT)) for path in likely), *TESTS[fault.room]]
 
 
-def is_noticed(fault: Fault, copy: Path, seconds: int, tests: list[str]) -> bool:
-    """Whether a test fails on a copy of the repository with the fault, before `seconds` of the processor's time are over."""
+def noticed_by(fault: Fault, copy: Path, seconds: int, tests: list[str]) -> str:
+    """The test that fails on a copy of the repository with the fault, before `seconds` of the processor's time are over; or nothing."""
     if not tests:
-        return False
+        return ""
     path = copy / fault.file
     sound = path.read_text(encoding="utf-8")
     path.write_text(fault.planted(sound), encoding="utf-8")
-    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", *tests]
+    command = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider", "-p", "endless", *tests]
     # One cache for all faults: what lies there is found by all that made it, so it belongs to sources without the fault or with it.
     cache = str(copy.parent / "cache")
     surroundings = os.environ | {
-        "PYTHONPATH": str(copy),
+        "PYTHONPATH": os.pathsep.join([str(copy), str(copy / "tests/mutation")]),
         "NCGEN_TEST_CACHE": cache,
         "OPENBLAS_NUM_THREADS": "1",
         "PYTHONDONTWRITEBYTECODE": "1",
@@ -240,10 +241,15 @@ def is_noticed(fault: Fault, copy: Path, seconds: int, tests: list[str]) -> bool
         resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds + 5))
 
     try:
-        done = subprocess.run(command, cwd=copy, env=surroundings, capture_output=True, timeout=PATIENCE + 10 * seconds, preexec_fn=limit)
-        return done.returncode not in (0, -signal.SIGXCPU, -signal.SIGKILL)
-    except subprocess.TimeoutExpired:  # it waits for something that never comes
-        return True
+        done = subprocess.run(
+            command, cwd=copy, env=surroundings, capture_output=True, text=True, timeout=PATIENCE + 10 * seconds, preexec_fn=limit
+        )
+        if done.returncode in (0, -signal.SIGXCPU, -signal.SIGKILL):
+            return ""
+        failed = re.search(r"^(?:FAILED|ERROR) (\S+)", done.stdout, re.M)
+        return failed[1] if failed else "a test that does not end" if done.returncode == -signal.SIGPROF else f"exit {done.returncode}"
+    except subprocess.TimeoutExpired:
+        return "a test that waits for something that never comes"
     finally:
         path.write_text(sound, encoding="utf-8")
 
@@ -275,9 +281,9 @@ def main() -> None:
         copy = Path(folder) / "copy"
         shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns(".git", "__pycache__", "*-output"))
         for fault in chosen:
-            noticed = is_noticed(fault, copy, given.seconds, tests_of(fault, reached))
-            tally[fault.room, noticed] += 1
-            print(f"{'caught  ' if noticed else 'SURVIVED'} {told(fault)}", flush=True)
+            by = noticed_by(fault, copy, given.seconds, tests_of(fault, reached))
+            tally[fault.room, bool(by)] += 1
+            print(f"caught   {told(fault)} by {by}" if by else f"SURVIVED {told(fault)}", flush=True)
     for room in given.room:
         caught, all_of_it = tally[room, True], tally[room, True] + tally[room, False]
         print(f"{room}: {caught} of {all_of_it} caught")
