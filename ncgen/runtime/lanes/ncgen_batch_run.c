@@ -60,6 +60,7 @@ typedef struct run {
     output to;               /* of the block's first state */
     int n, nz, ny;
     int given, given_end;    /* the coordinates from which positions are closed: the independent ones and those between, or all */
+    int together;            /* the first of the dependent coordinates if they follow one another and are found in closed form, else -1 */
     common *shared;
     int listens;             /* 1: in the thread that asks the watch */
     ncgen_mask running;
@@ -106,6 +107,9 @@ static void lay_out(run *r, ncgen_real *workspace)
         r->given = place < r->given ? place : r->given;
         r->given_end = place >= r->given_end ? place + 1 : r->given_end;
     }
+    r->together = r->dynamics->closes && r->dynamics->n_dependent ? r->dynamics->dependent[0] : -1;
+    for (int i = 0; i < r->dynamics->n_dependent && r->together >= 0; ++i)
+        r->together = r->dynamics->dependent[i] == r->dynamics->dependent[0] + i ? r->together : -1;
     r->p = take(&workspace, r->model->n_parameters);
     r->q = take(&workspace, r->n);
     r->out = take(&workspace, r->n + r->nz + 2);
@@ -229,6 +233,8 @@ static ncgen_mask close_position(run *r, ncgen_real t, ncgen_mask open)
 {
     const ncgen_dynamics *d = r->dynamics;
     ncgen_mask solved = {0};
+    if (r->together >= 0 && ncgen_all(open)) /* newton writes them where they belong; it reads none of them */
+        return d->newton(t, r->q, r->p, r->q + r->together) == NCGEN_OK ? open : solved;
     for (int iteration = 0; iteration <= NEWTON_LIMIT && ncgen_any(open); ++iteration) {
         if (d->newton(t, r->q, r->p, r->step) != NCGEN_OK)
             break;
@@ -264,7 +270,7 @@ static ncgen_mask accelerate(run *r, ncgen_real t, const ncgen_real *zd, ncgen_m
 static ncgen_mask evaluate(run *r, ncgen_real t, const ncgen_real *y, ncgen_mask wanted)
 {
     const ncgen_real ahead = t - r->start_t;
-    for (int i = 0; i < r->n; ++i)
+    for (int i = 0; i < r->n && !r->dynamics->closes; ++i)
         r->q[i] = r->start_q[i] + ahead * r->start_qd[i];
     for (int i = 0; i < r->nz; ++i)
         r->q[r->dynamics->independent[i]] = y[r->nz + i];
@@ -710,8 +716,9 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
             if (out_qd)
                 ncgen_collect(r.n, block, r.out, out_qd + first * n);
             ncgen_collect(r.nz, block, r.out + r.n, out_zdd + first * nz);
+            const int all_good = ncgen_all(good);
             for (int lane = 0; lane < block; ++lane)
-                status[first + lane] = good[lane]          ? NCGEN_OK
+                status[first + lane] = all_good || good[lane] ? NCGEN_OK
                                        : r.senseless[lane] ? NCGEN_DOMAIN
                                        : r.singular[lane]  ? NCGEN_SINGULAR
                                                            : NCGEN_NOT_CONVERGED;

@@ -36,6 +36,11 @@ static inline int ncgen_any(ncgen_mask mask)
     return any != 0;
 }
 
+static inline int ncgen_all(ncgen_mask mask)
+{
+    return !ncgen_any(~mask);
+}
+
 #define NCGEN_LANEWISE(name)                                       \
     static inline ncgen_lanes ncgen_lanes_##name(ncgen_lanes x)    \
     {                                                              \
