@@ -101,7 +101,7 @@ class _Joints:
         if np.ptp(values) > CONSTANT * size:
             return node
         number = float(values[0])  # of the start itself, which no iteration has touched
-        return self.graph.const(0.0 if abs(number) < CONSTANT * size else 1.0 if abs(number - 1.0) < CONSTANT else number)
+        return self.graph.const(0.0 if abs(number) < CONSTANT * size else number)
 
     def _beside(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""

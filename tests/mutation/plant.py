@@ -5,7 +5,7 @@
 
 A fault is one small change of a source: a comparison turned round, or off by one where it counts something; another operation; a number one
 greater, or of the other sign; a condition or a statement left out. It is made in a copy of the repository, where tests run until one fails
-or the seconds of the processor are over: of a fault in Python those that run its line, the shortest first, of one in C those of its room,
+or the seconds of the processor are over: of a fault in Python those that run its line, the shortest first, of one in C those of the runtime,
 the files first that mention its module. A test that does not end (`endless.py`) notices, too; what is not noticed by then counts as a
 survivor, so the rate that is printed is a lower bound. Printed is a line a fault as it is decided, with the test that noticed it, and at
 the end how many of each room were caught. A seed gives the same faults as long as the sources are the same; --again plants only those that
@@ -41,13 +41,10 @@ PATIENCE = 600
 REACH, MOST = 6, 150
 """Lines before a fault at which its statement may begin; tests that are run at most."""
 
-TESTS = {
-    "program": ("tests/program", "tests/emit", "tests/kernels", "tests/export/test_wasm.py"),
-    "emit": ("tests/emit", "tests/kernels", "tests/export", "tests/runtime/test_batch_driver.py"),
-    "solver": ("tests/solver", "tests/methods", "tests/hard", "tests/gallery"),
-    "runtime": ("tests/runtime", "tests/solver", "tests/hard"),
-}
-"""Where the tests of a room are, those that are likeliest to notice first."""
+ROOMS = ("program", "emit", "solver", "runtime")
+
+OF_C = ("tests/runtime", "tests/solver", "tests/hard")
+"""Where tests of the runtime are, of which no coverage is measured."""
 
 
 @dataclass(frozen=True)
@@ -197,27 +194,29 @@ class Reached:
             for context in contexts
         )
 
-    def tests(self, fault: Fault) -> list[str] | None:
-        """Those of a line, which run the fewest other lines first; none where nothing runs it, None where it is run by an import."""
+    def tests(self, fault: Fault) -> list[str]:
+        """Those of a line, or of its module where an import runs it, which run the fewest other lines first; none where nothing runs it."""
         lines = self.data.contexts_by_lineno(str(ROOT / fault.file))
         # What stands on several lines is known by some of them.
         contexts = next((lines[line] for line in range(fault.line, fault.line - REACH, -1) if lines.get(line)), [])
+        if not any(contexts):
+            contexts = {context for line in lines.values() for context in line} if contexts else []
         found = {context.partition("|")[0]: self.size[context] for context in contexts if context}
-        return None if "" in contexts and not found else sorted(found, key=lambda test: found[test])[:MOST]
+        return sorted(found, key=lambda test: found[test])[:MOST]
 
 
 def tests_of(fault: Fault, reached: Reached) -> list[str]:
-    """What may notice a fault: the tests that run its line; else of its room's tests the files first that mention its module most often."""
-    if fault.file.endswith(".py") and (tests := reached.tests(fault)) is not None:
-        return tests
+    """What may notice a fault: the tests that run its line; of C those of the runtime, files that mention its module first."""
+    if fault.file.endswith(".py"):
+        return reached.tests(fault)
     stem = re.escape(Path(fault.file).stem.removeprefix("ncgen_"))
     counts = {
         path: (order, -len(re.findall(rf"\b{stem}\b", path.read_text(encoding="utf-8"))))
-        for order, place in enumerate(TESTS[fault.room])
-        for path in sorted((ROOT / place).rglob("test_*.py") if (ROOT / place).is_dir() else [ROOT / place])
+        for order, place in enumerate(OF_C)
+        for path in sorted((ROOT / place).rglob("test_*.py"))
     }
     likely = sorted((path for path in counts if counts[path][1]), key=lambda path: counts[path])
-    return [*(str(path.relative_to(ROOT)) for path in likely), *TESTS[fault.room]]
+    return [*(str(path.relative_to(ROOT)) for path in likely), *OF_C]
 
 
 def noticed_by(fault: Fault, copy: Path, seconds: int, tests: list[str]) -> str:
@@ -264,7 +263,7 @@ def main() -> None:
     asked = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     asked.add_argument("count", type=int)
     asked.add_argument("seed", type=int, nargs="?", default=0)
-    asked.add_argument("--room", nargs="+", choices=TESTS, default=list(TESTS))
+    asked.add_argument("--room", nargs="+", choices=ROOMS, default=list(ROOMS))
     asked.add_argument("--seconds", type=int, default=100)
     asked.add_argument("--again", type=Path)
     given = asked.parse_args()
