@@ -6,9 +6,9 @@
 A fault is one small change of a source: a comparison turned round, or off by one where it counts something; another operation; a number one
 greater, or of the other sign; a condition or a statement left out. It is made in a copy of the repository, where tests run until one fails
 or the seconds of the processor are over: of a fault in Python those that run its line, the shortest first, of one in C those of the
-runtime, the files first that mention its module. A test that does not end (`endless.py`) notices, too; what is not noticed by then
-counts as a survivor, so the rate that is printed is a lower bound. Printed is a line a fault as it is decided, with the test that noticed it, and at
-the end how many of each room were caught. A seed gives the same faults as long as the sources are the same; --again plants only those that
+runtime, the files first that mention its module. A test that does not end (`endless.py`) notices, too; what is not noticed by then counts
+as a survivor, so the rate that is printed is a lower bound. Printed is a line a fault as it is decided, with what noticed it, and at the
+end how many of each room were caught. A seed gives the same faults as long as the sources are the same; --again plants only those that
 survived in the output of such a run, to give their tests more time. Some faults change nothing that anybody could see (a limit, a faster
 way to the same result); they count as survivors, too.
 """
