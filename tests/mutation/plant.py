@@ -46,6 +46,12 @@ ROOMS = ("program", "emit", "solver", "runtime")
 OF_C = ("tests/runtime", "tests/solver", "tests/hard")
 """Where tests of the runtime are, of which no coverage is measured."""
 
+CALLED = {
+    "adjoint": "gradient", "directions": "sensitivities", "driven": "inputs", "motions": "gradient_batch", "space": "joint_space",
+    "partitioning": "coordinate-partitioning", "constrained": "lagrange", "tree": "tables",
+}  # fmt: skip
+"""What users call what a module of the runtime does, where that is not its name."""
+
 
 @dataclass(frozen=True)
 class Fault:
@@ -209,13 +215,14 @@ def tests_of(fault: Fault, reached: Reached) -> list[str]:
     """What may notice a fault: the tests that run its line; of C those of the runtime, files that mention its module first."""
     if fault.file.endswith(".py"):
         return reached.tests(fault)
-    stem = re.escape(Path(fault.file).stem.removeprefix("ncgen_"))
+    stem = Path(fault.file).stem.removeprefix("ncgen_")
+    word = re.escape(CALLED.get(stem, stem)).replace("_", "[-_]")
     counts = {
-        path: (order, -len(re.findall(rf"\b{stem}\b", path.read_text(encoding="utf-8"))))
-        for order, place in enumerate(OF_C)
+        path: -len(re.findall(rf"\b{word}\b", path.read_text(encoding="utf-8")))
+        for place in OF_C
         for path in sorted((ROOT / place).rglob("test_*.py"))
     }
-    likely = sorted((path for path in counts if counts[path][1]), key=lambda path: counts[path])
+    likely = sorted(filter(counts.get, counts), key=lambda path: counts[path])
     return [*(str(path.relative_to(ROOT)) for path in likely), *OF_C]
 
 
