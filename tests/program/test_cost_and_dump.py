@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from ncgen.model.pieces import Pieces
 from ncgen.program.assemble import assemble
 from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
 from ncgen.program.cost import cost
@@ -77,6 +78,13 @@ def test_text_in_full():
         "    %2 = mul %0 %1\n"
         "    out[0, 0, 0] += %2\n"
     )
+
+
+def test_a_lookup_in_text():
+    """Its degree, its knots, and what is looked up."""
+    steps = Pieces((0.0, 1.0), ((0.0, 1.0, 2.0, 3.0),) * 3)
+    line = Straight((*LINE.ops, Op("pieces", (4,), steps)), (Store("out", 0, 5),))
+    assert "    %5 = pieces 2 2 %4\n" in dump(replace(PROGRAM, blocks=(line,)))
 
 
 @pytest.mark.parametrize("emission", ["unrolled", "tabled", "auto"])
