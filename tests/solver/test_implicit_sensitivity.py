@@ -222,6 +222,14 @@ def test_gradients_of_a_stiff_governor_are_of_order_two(method):
     assert 14 < coarse / fine < 18
 
 
+def test_steps_that_went_on_with_other_coordinates_are_refused():
+    """At the lowest point the height of a pendulum says nothing of its position: the run goes on with the other coordinate."""
+    pendulum = ncgen.compile(ncgen.load("pendulum"))
+    said = r"the step to t = 0\.515 s went on with other independent coordinates than B\.y; choose some that last \(z\)"
+    with pytest.raises(ModelError, match=said):
+        ncgen.sensitivities(pendulum, 1.0, 200, integrator="trapezoidal")
+
+
 @pytest.mark.parametrize("method", ["rattle", "generalized-alpha", "energy-momentum"])
 def test_a_rolling_disc_by_its_rates(method):
     """By differences of its own steps; only the column that is asked for."""

@@ -221,20 +221,21 @@ def test_hopeless_steps_are_given_up_as_soon_at_zero_as_later(solver):
     assert counts[0] < 1.5 * counts[1]
 
 
+@pytest.mark.parametrize("beginning", [0.1, -1.0], ids=["later", "at once"])
 @pytest.mark.parametrize("name", ["adams", "lsoda"])
-def test_what_raises_is_told_by_itself(name):
+def test_what_raises_is_told_by_itself(name, beginning):
     """Also where a tracer, such as a debugger's, runs Python between the exception and its end: the library must not go on calling."""
 
     def broken(t: float, y: np.ndarray) -> np.ndarray:
-        if t > 0.1:
+        if t > beginning:
             raise ValueError(f"beyond {len(y)}")
         return -y
 
-    solver = ODE_SOLVERS[name](broken, 0.0, np.ones(3), 1.0, rtol=1e-6)
     before = sys.gettrace()
     sys.settrace(lambda *event: None)
     try:
         with pytest.raises(ValueError, match="beyond 3"):
+            solver = ODE_SOLVERS[name](broken, 0.0, np.ones(3), 1.0, rtol=1e-6)
             while solver.status == "running":
                 solver.step()
     finally:

@@ -27,6 +27,7 @@ def test_quarter_car(car):
     poles = characteristic.roots()
     expected = sorted((x for x in poles if x.imag > 0), key=lambda x: x.imag)
     assert np.allclose([pole.value for pole in car.poles], expected, rtol=1e-10)
+    assert np.allclose([pole.damping_ratio for pole in car.poles], np.cos(np.pi - np.angle(expected)), rtol=1e-10)
     w = np.geomspace(0.1, 1e3, 200)
     # The actuator pushes the body up and the wheel down.
     comfort = s**2 * (lower - coupling)

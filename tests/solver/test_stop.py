@@ -56,6 +56,22 @@ def test_lowest_point(pendulum, stop, formalism, integrator, engine):
     assert len(run.t) == len(run.q) == len(run.qd) == len(run.work)
 
 
+@pytest.fixture(scope="module")
+def damped():
+    model = ncgen.load("pendulum")
+    model.spring("B", model.point("G", (2, 0), fixed=True), stiffness=5.0, damping=0.5, free_length=1.0)
+    return ncgen.compile(model, backend="c")
+
+
+@pytest.mark.parametrize(("formalism", "integrator", "engine"), ADAPTIVE)
+def test_the_work_until_then(damped, formalism, integrator, engine):
+    """What a damper has taken where the run ends balances the energy, as on the grid."""
+    run = fall(damped, {"B.x": 0.0}, formalism, integrator, engine)
+    assert run.stopped and run.engine[:6] == engine[:6]
+    assert run.work[-1] < run.work[-2] < -0.1
+    assert run.energy_drift < 1e-8
+
+
 @pytest.mark.parametrize(("formalism", "integrator", "engine"), FIXED)
 def test_lowest_point_between_fixed_steps(pendulum, formalism, integrator, engine):
     run = fall(pendulum, {"B.x": 0.0}, formalism, integrator, engine, max_step=1e-3)

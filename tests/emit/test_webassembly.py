@@ -1,0 +1,76 @@
+"""Every operation that programs know, in WebAssembly, beside Python's own arithmetic."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+
+import pytest
+
+from ncgen.emit.wasm.files import module
+from ncgen.program.blocks import Column, Loop, Program, Slot, Store, Straight, TableStore
+from ncgen.program.evaluate import evaluate
+from ncgen.program.functions import FUNCTIONS
+from ncgen.program.graph import ARITHMETIC, Input, Op
+
+pytestmark = pytest.mark.skipif(shutil.which("node") is None, reason="node is not installed")
+
+SCRIPT = """
+import { readFileSync } from "node:fs";
+const { instance } = await WebAssembly.instantiate(readFileSync("m.wasm"), { Math });
+const w = instance.exports, view = new Float64Array(w.memory.buffer), at = w.ncgen_heap.value / 8, found = [];
+for (const q of INPUTS) {
+  view.fill(0, at, at + 64);
+  view.set(q, at);
+  w.m_all(8 * at, 8 * (at + 8));
+  found.push(Array.from(view.slice(at + 8, at + 8 + SIZE)));
+}
+console.log(JSON.stringify(found));
+"""
+
+
+def in_node(program: Program, inputs: list[list[float]], folder) -> list[list[float]]:
+    """What the program makes of q, each time."""
+    (folder / "m.wasm").write_bytes(module([program], "m"))
+    script = SCRIPT.replace("INPUTS", json.dumps(inputs)).replace("SIZE", str(program.size))
+    (folder / "m.mjs").write_text(script)
+    return json.loads(subprocess.run(["node", "m.mjs"], cwd=folder, capture_output=True, text=True, check=True).stdout)
+
+
+def test_operations(tmp_path):
+    """Of two numbers in their domains; functions within the last bits, since node has its own."""
+    counts = {name: function.arity for name, function in FUNCTIONS.items()}
+    counts |= {name: 1 if name == "neg" else 2 for name in ARITHMETIC}
+    ops = [Op("load", (), Input("q", 0)), Op("load", (), Input("q", 1))]
+    ops += [Op(name, (0, 1)[:count]) for name, count in counts.items()]
+    line = Straight(tuple(ops), tuple(Store("out", k, k + 2) for k in range(len(counts))))
+    program = Program("all", ("q",), "out", len(counts), (line,))
+    inputs = [[0.3, 1.7], [0.875, -0.25], [1.0, 0.5], [1e-3, -40.0]]
+    for q, found in zip(inputs, in_node(program, inputs, tmp_path), strict=True):
+        assert found == pytest.approx(evaluate(program, {"q": q}), rel=1e-14, abs=0)
+
+
+@pytest.mark.parametrize("x", [-2.5, -0.0, 0.0, 3.0])
+def test_signs(tmp_path, x):
+    line = Straight((Op("load", (), Input("q", 0)), Op("sign", (0,)), Op("abs", (0,))), (Store("out", 0, 1), Store("out", 1, 2)))
+    ((sign, size),) = in_node(Program("all", ("q",), "out", 2, (line,)), [[x]], tmp_path)
+    assert (sign, size) == ((x > 0) - (x < 0), abs(x))
+
+
+def test_loops(tmp_path):
+    """Places in even distances that do not begin at 0, in uneven ones, always the same one, and constants."""
+    ops = (
+        Op("slot", (), 0),
+        Op("slot", (), 1),
+        Op("slot", (), 2),
+        Op("slot", (), 3),
+        Op("mul", (0, 1)),
+        Op("mul", (2, 3)),
+        Op("add", (4, 5)),
+    )
+    slots = (Slot("q", (1, 3, 5)), Column((0.5, 0.25, 2.0)), Slot("q", (4, 0, 1)), Slot("q", (2, 2, 2)))
+    loop = Loop(3, ops, slots, (TableStore("out", (4, 2, 0), 6, True),))
+    q = [3.0, 5.0, 7.0, 11.0, 13.0, 17.0]
+    ((*found,),) = in_node(Program("all", ("q",), "out", 5, (loop,)), [q], tmp_path)
+    assert found == [17 * 2 + 5 * 7, 0.0, 11 * 0.25 + 3 * 7, 0.0, 5 * 0.5 + 13 * 7]
