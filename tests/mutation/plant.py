@@ -27,7 +27,7 @@ import subprocess
 import sys
 import tempfile
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from itertools import islice
 from pathlib import Path
@@ -260,6 +260,15 @@ def noticed_by(fault: Fault, copy: Path, seconds: int, tests: list[str]) -> str:
         path.write_text(sound, encoding="utf-8")
 
 
+def _once(faults: Iterable[Fault]) -> Iterator[Fault]:
+    """Each the first time that it comes."""
+    seen = set()
+    for fault in faults:
+        if fault not in seen:
+            seen.add(fault)
+            yield fault
+
+
 def told(fault: Fault) -> str:
     """A fault in one line."""
     old = (ROOT / fault.file).read_text(encoding="utf-8")[fault.start : fault.start + fault.length]
@@ -278,7 +287,7 @@ def main() -> None:
     chance = random.Random(given.seed)
     everything = {room: faults(room) for room in given.room}
     offered = (chance.choice(everything[room]) for room in iter(lambda: chance.choice(given.room), None))
-    chosen = list(islice(filter(is_source, offered), given.count))
+    chosen = list(islice(_once(filter(is_source, offered)), given.count))
     if given.again:
         survivors = set(re.findall(r"^SURVIVED (.*)$", given.again.read_text(encoding="utf-8"), re.M))
         chosen = [fault for fault in chosen if told(fault) in survivors]
