@@ -102,6 +102,7 @@ def test_an_end_between_the_rows_of_one_step(pendulum, monkeypatch):
 
 @pytest.mark.skipif(not hasattr(signal, "setitimer"), reason="needs interval timers")
 @pytest.mark.parametrize(("formalism", "integrator", "step"), METHODS[::2])
+@pytest.mark.usefixtures("signals_may_raise")
 def test_a_signal_ends_it_at_once(pendulum, formalism, integrator, step):
     """Python's handlers run while C computes: an alarm stands for Ctrl-C."""
     _, warm = begin(pendulum, formalism, integrator, step, np.linspace(0.0, 0.01, 2), None)

@@ -279,6 +279,7 @@ def test_a_state_that_takes_for_ever_is_given_up(fragile, good, monkeypatch):
 
 @pytest.mark.parametrize("threads", [1, 2])
 @pytest.mark.parametrize("slow", [0, -1])
+@pytest.mark.usefixtures("signals_may_raise")
 def test_ctrl_c_ends_a_batch(fragile, good, threads, slow):
     """Soon, also where the calling thread has nothing to do but wait; what was finished is kept."""
     p = np.tile(good[0][0], (64, 1))

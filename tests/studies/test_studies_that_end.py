@@ -40,6 +40,7 @@ class Forked:
             return
         status = 70
         signal.alarm(60)
+        sys.settrace(None)  # as `signals_may_raise`
         try:
             signal.signal(signal.SIGINT, signal.default_int_handler)
             sys.stdout = os.fdopen(writing, "w")
