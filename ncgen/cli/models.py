@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable
 from pathlib import Path
+from threading import Thread
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -120,7 +121,8 @@ def run(
     json_output: Json = False,
 ) -> None:
     """Generate, compile, check, simulate and draw a model."""
-    from ncgen.mechanism.runtime import beside
+    from ncgen.mechanism.runtime import beside, part_for
+    from ncgen.methods.table import AUTO
     from ncgen.report.inspection import inspect as facts_of
     from ncgen.report.running import run_record, write_outputs
     from ncgen.report.screen import show_inspection, show_run
@@ -134,19 +136,20 @@ def run(
         formalism=formalism, integrator=integrator, engine=engine, number=number, rtol=rtol, atol=atol, max_step=max_step, points=points,
     )  # fmt: skip
 
-    runtime = beside()
+    compiling: list[Thread] = []
 
     def check(loaded: Model) -> None:
         given["p"] = beside_its_own(loaded, given["p"])
         check_simulation(loaded, **given)
         if backend != "numpy" and engine != "python":
-            runtime.start()
+            compiling.append(beside(part=part_for(simulation_of(loaded, **given).get("integrator", AUTO))))
+            compiling[0].start()
 
     kernels, sources, seconds = _compiled(model, of_robots(floating, having), backend, emission, check)
     found = freedom(kernels)
-    if runtime.is_alive():
+    if any(thread.is_alive() for thread in compiling):
         with progress("compiling the runtime", None):
-            runtime.join()  # nothing is timed beside a compiler
+            compiling[0].join()  # nothing is timed beside a compiler
     if not json_output:
         show_inspection(out, facts_of(kernels, found), seconds, kernel_times(kernels))
     options = simulation_of(kernels.model, **given)

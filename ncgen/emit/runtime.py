@@ -28,6 +28,9 @@ HEADERS = ("ncgen.h", "ncgen_math.h")
 RUNTIME_HEADERS = ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h", "ncgen_methods.h")
 """What state derivatives and embedders include."""
 
+EXPLICIT_ONLY = "NCGEN_EXPLICIT_ONLY"
+"""The macro without which the library has methods that take implicit steps, too: nearly twice as much to compile."""
+
 
 def runtime_names() -> tuple[str, ...]:
     """The files of the library, headers that it includes among them."""
@@ -35,16 +38,27 @@ def runtime_names() -> tuple[str, ...]:
     return tuple(dict.fromkeys((*sources, *RUNTIME_HEADERS, *HEADERS, *PRINTED)))
 
 
-def needed_by(source: str) -> tuple[str, ...]:
-    """A source of the library, the headers that it includes, the sources of these, and so on: all that it needs to work alone."""
+def explicit_names() -> tuple[str, ...]:
+    """The files of the library where EXPLICIT_ONLY is defined."""
+    needed = needed_by("ncgen_run.c", "ncgen_driven.c", "ncgen_adjoint.c", "ncgen_piecewise.c", defined=EXPLICIT_ONLY)
+    return tuple(dict.fromkeys((*needed, *RUNTIME_HEADERS, *HEADERS, *PRINTED)))
+
+
+def needed_by(*sources: str, defined: str = "") -> tuple[str, ...]:
+    """Sources of the library, the headers that they include, the sources of these, and so on: all that they need to work alone.
+
+    defined: a macro that is defined, so that nothing behind `#ifndef` of it is included
+    """
+    unseen = re.compile(rf"^#ifndef {defined}\n.*?^#(?:else|endif)", re.MULTILINE | re.DOTALL) if defined else None
     found: dict[str, None] = {}
-    waiting = [source]
+    waiting = [*sources]
     while waiting:
         name = waiting.pop()
         if name in found:
             continue
         found[name] = None
-        headers = re.findall(r'^#include "([^"]+)"', runtime_text(name), flags=re.MULTILINE)
+        text = unseen.sub("", runtime_text(name)) if unseen else runtime_text(name)
+        headers = re.findall(r'^#include "([^"]+)"', text, flags=re.MULTILINE)
         bodies = [f"{header[:-2]}.c" for header in headers]
         waiting += [*headers, *(body for body in bodies if (FOLDER / "src" / body).is_file())]
     return tuple(sorted(found, key=lambda name: (name.endswith(".c"), name)))

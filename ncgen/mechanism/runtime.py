@@ -12,14 +12,15 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Thread
-from typing import Literal, Protocol
+from typing import Literal, Protocol, TypeAlias, get_args
 
 import numpy as np
+from cffi import FFI
 from numpy.typing import ArrayLike, DTypeLike
 
 from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import identifier
-from ncgen.emit.runtime import HEADERS, RUNTIME_HEADERS, runtime_files, runtime_names
+from ncgen.emit.runtime import EXPLICIT_ONLY, HEADERS, RUNTIME_HEADERS, explicit_names, runtime_files, runtime_names
 from ncgen.errors import NcgenError
 from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.library import STATUS, CompiledKernels
@@ -27,14 +28,18 @@ from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
 from ncgen.mechanism.recall import Files
 from ncgen.mechanism.written import Seen, Written, motion_source
-from ncgen.methods.table import FORMALISMS, INTEGRATORS, number_in_c
+from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, find_integrator, number_in_c
 from ncgen.program.programs import Split
 from ncgen.program.quasidefinite import Elimination, plan
 from ncgen.program.tree_tables import TreeTables
 from ncgen.toolchain.abi import NUMBERS, InC, Interface, declared, runtime_abi
+from ncgen.toolchain.cache import compiled
 from ncgen.toolchain.compilers import FLAGS
-from ncgen.toolchain.loader import load
+from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
+
+Part: TypeAlias = Literal["explicit", "whole"]
+"""Of the runtime: with explicit methods alone, or all of it."""
 
 
 def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interface, InC]:
@@ -44,13 +49,28 @@ def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interf
 
 
 @once
-def _runtime(number: str) -> tuple[Interface, InC]:
-    """The runtime, the same for all mechanisms."""
-    functions = "".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h"))
-    return _load(runtime_files(*runtime_names()), number, functions)
+def _interface(number: str) -> Interface:
+    """What passes arguments to the runtime."""
+    ffi = FFI()
+    ffi.include(runtime_abi(number))
+    ffi.cdef("".join(declared(file, "functions") for file in ("ncgen_runtime.h", "ncgen_driven.h", "ncgen_differentiated.h")))
+    return ffi
 
 
-def beside(number: str = "double") -> Thread:
+@once
+def _runtime(number: str, part: Part) -> InC:
+    """The runtime, the same for all mechanisms; most runs do without its implicit methods, which cost as much to compile as the rest."""
+    names, defined = (explicit_names(), (f"-D{EXPLICIT_ONLY}",)) if part == "explicit" else (runtime_names(), ())
+    built = compiled(runtime_files(*names), (*FLAGS, *NUMBERS[number].flags, *defined))
+    return opened_by(_interface(number), built.library)
+
+
+def part_for(integrator: str) -> Part:
+    """The part of the runtime that has an integrator; AUTO: whichever is chosen, which seldom is an implicit one."""
+    return "explicit" if integrator == AUTO or find_integrator(integrator).tangents == "never" else "whole"
+
+
+def beside(number: str = "double", part: Part = "explicit") -> Thread:
     """A thread that compiles the runtime, if it is not in the cache, while something else goes on; to be started, and joined before a run.
 
     What goes wrong there goes wrong again, and is told, where the runtime is needed.
@@ -58,7 +78,7 @@ def beside(number: str = "double") -> Thread:
 
     def compiling() -> None:
         with suppress(NcgenError):
-            _runtime(number)
+            _runtime(number, part)
 
     return Thread(target=compiling, daemon=True)
 
@@ -78,7 +98,8 @@ def _compiled_model(kernels: CompiledKernels, number: str) -> tuple[InC, InC]:
 
 def prepare(kernels: CompiledKernels, number: str = "double") -> None:
     """Compile what a run may ask for on its way, so that a limit to its time is a limit to the run."""
-    _runtime(number)
+    for part in get_args(Part):
+        _runtime(number, part)
     _model(kernels, number)
     kernels.tangents  # noqa: B018
 
@@ -144,7 +165,7 @@ class Dynamics:
 
     def __init__(self, kernels: CompiledKernels, number: str) -> None:
         self.kernels, self.number = kernels, NUMBERS[number]
-        self._ffi, self._library = _runtime(number)
+        self._ffi = _interface(number)
         self._dynamics: InC = self._ffi.new("ncgen_dynamics *")
         descriptor, self._model_library = _model(kernels, number)
         self._model = self._ffi.cast("const ncgen_model *", descriptor)
@@ -200,6 +221,7 @@ class Dynamics:
         options: the other members of `ncgen_options`, by their names
         """
         ffi, n, dtype = self._ffi, self.kernels.n, self.number.dtype
+        library = _runtime(self.number.name, part_for(method))
         times = np.ascontiguousarray(times, dtype=dtype)
         rows_and_last = len(times) + 1
         out_q, out_qd, out_work = (np.empty(shape, dtype) for shape in ((rows_and_last, n), (rows_and_last, n), rows_and_last))
@@ -214,7 +236,7 @@ class Dynamics:
         settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
         driver = Driver(inputs, self.number, ends) if any(inputs) or len(ends) else None
         if driver:
-            signals = driver.signals(self._library.ncgen_piecewise_inputs)
+            signals = driver.signals(library.ncgen_piecewise_inputs)
             settings.signals = signals
         if event:
             stop = ffi.new("ncgen_event *", {name: getattr(event, name) for name in ("coordinate", "value", "direction")})
@@ -223,11 +245,11 @@ class Dynamics:
             self._take_tangents()
         else:
             self._dynamics.tangents = ffi.NULL
-        work, integers = self._space(settings)
+        work, integers = self._space(library, settings)
         statistics, rows = ffi.new("ncgen_statistics *"), ffi.new("int *")
         start = [np.ascontiguousarray(a, dtype=dtype) for a in (p, q, velocities)]
         pointers = [ffi.from_buffer(self.number.array, a) for a in (*start, times, out_q, out_qd, out_work, work)]
-        status = self._library.ncgen_simulate(
+        status = library.ncgen_simulate(
             self._model, self._dynamics, settings, *pointers[:3], len(times), *pointers[3:7], rows, statistics, pointers[7],
             ffi.from_buffer("int[]", integers),
         )  # fmt: skip
@@ -262,24 +284,22 @@ class Dynamics:
         """How the accelerations change with velocities and positions: ∂z̈/∂[ż; z] (k, 2 k) with coordinate partitioning, where
         rolling conditions leave more positions than velocities ∂[z̈; ż]/∂[ż; z], ∂q̈/∂[q̇; q] (n, 2 n) with other formalisms.
         Arguments as for `simulate`."""
-        ffi = self._ffi
+        ffi, library = self._ffi, _runtime(self.number.name, "whole")
         self._take_tangents()
         settings = ffi.new("ncgen_options *", {"formalism": number_in_c(FORMALISMS[formalism]), "tolerance": 1e-12, **options})
-        work, integers = self._space(settings)
+        work, integers = self._space(library, settings)
         inputs = [np.ascontiguousarray(a, dtype=self.number.dtype) for a in (p, q, velocities)]
         count = len(inputs[2])
         out = np.empty(self._jacobian_shape(count) if formalism == "coordinate-partitioning" else (count, 2 * count), self.number.dtype)
         pointers = [ffi.from_buffer(self.number.array, a) for a in (*inputs, out, work)]
-        status = self._library.ncgen_dynamics_jacobian(
-            self._model, self._dynamics, settings, t, *pointers, ffi.from_buffer("int[]", integers)
-        )
+        status = library.ncgen_dynamics_jacobian(self._model, self._dynamics, settings, t, *pointers, ffi.from_buffer("int[]", integers))
         if status:
             raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
         return out
 
-    def _space(self, settings: InC) -> tuple[np.ndarray, np.ndarray]:
+    def _space(self, library: InC, settings: InC) -> tuple[np.ndarray, np.ndarray]:
         """Workspace: numbers and integers."""
-        numbers = self._library.ncgen_workspace(self._model, self._dynamics, settings)
+        numbers = library.ncgen_workspace(self._model, self._dynamics, settings)
         integers = (7 if self.has_rolling else 4) * self.kernels.n + 3 * self.kernels.m
         return np.empty(numbers, self.number.dtype), np.empty(integers, dtype=np.intc)
 
@@ -320,6 +340,7 @@ class ConstrainedDynamics(Dynamics):
     seen: called for independent coordinates of the positions, and typical positions, where the motion is to be written out; without it, or
         where there are none or no tree of bodies that could be seen in them, it comes from the matrix
     tables: of an open tree, by which it moves where nothing is written out
+    part: of the runtime, compiled while the motion is written out
     """
 
     def __init__(
@@ -328,8 +349,9 @@ class ConstrainedDynamics(Dynamics):
         number: str = "double",
         seen: Callable[[], Seen | None] | None = None,
         tables: TreeTables | None = None,
+        part: Part = "explicit",
     ) -> None:
-        runtime = beside(number)
+        runtime = beside(number, part)
         runtime.start()
         motion = None if seen is None else self._written_out(kernels, number, seen)
         runtime.join()
@@ -388,8 +410,8 @@ class ConstrainedDynamics(Dynamics):
 
     @property
     def interface(self) -> tuple[Interface, InC]:
-        """The runtime, and what passes arguments to it."""
-        return self._ffi, self._library
+        """What passes arguments to the runtime, and the runtime with its explicit methods."""
+        return self._ffi, _runtime(self.number.name, "explicit")
 
     def described(self, rank: int) -> tuple[InC, InC]:
         """The model, and its dynamics, in a struct of their own where rows are redundant; rank: of Φ_q."""

@@ -11,7 +11,7 @@ import numpy as np
 from ncgen.errors import ConvergenceError, ModelError, NcgenError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.method import Method
-from ncgen.methods.table import FORMALISMS, INTEGRATORS, in_c, number_in_c
+from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, in_c, number_in_c
 from ncgen.program.elimination import EliminationError
 from ncgen.program.programs import Split
 from ncgen.solver.assembly import assemble
@@ -115,18 +115,20 @@ def checked_compiled(kernels: Kernels) -> CompiledKernels:
     return kernels
 
 
-def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form = "dense") -> ConstrainedDynamics:
+def all_coordinates(kernels: CompiledKernels, number: str = "double", form: Form = "dense", integrator: str = AUTO) -> ConstrainedDynamics:
     """The state derivative over all coordinates, made once for every kernels object, number type and form.
 
     form: "emitted" for accelerations that are written out, seen in positions around the model's own start, so that they are the same in
         every run; "tree" for those in loops over tables of an open tree; else of the factored matrix
+    integrator: for which the runtime is compiled at the same time
     """
-    from ncgen.mechanism.runtime import ConstrainedDynamics
+    from ncgen.mechanism.runtime import ConstrainedDynamics, part_for
 
     seen = partial(own_positions, kernels) if form == "emitted" and _has_few_rates(kernels) else None
     tree = open_tree(kernels) if form == "tree" else None
     tables = tree.tables if tree else None
-    return kernels.remember("constrained dynamics", (number, form), lambda: ConstrainedDynamics(kernels, number, seen, tables))
+    made = lambda: ConstrainedDynamics(kernels, number, seen, tables, part_for(integrator))  # noqa: E731
+    return kernels.remember("constrained dynamics", (number, form), made)
 
 
 def form_of(kernels: Kernels, method: Method) -> Form:
@@ -175,7 +177,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
     from ncgen.mechanism.listening import Progress
 
     method, grid, number, p = task.method, task.grid, task.number, task.p
-    dynamics = all_coordinates(kernels, number, form)
+    dynamics = all_coordinates(kernels, number, form, method.integrator.name)
     q, qd, work, times = task.q, task.velocities, 0.0, grid
     if dynamics.singular_mass and not dynamics.is_emitted:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.

@@ -35,7 +35,12 @@ def opened(library: Path, declarations: str, base: FFI) -> tuple[Interface, InC]
     ffi = FFI()
     ffi.include(base)
     ffi.cdef(declarations)
+    return ffi, opened_by(ffi, library)
+
+
+def opened_by(ffi: Interface, library: Path) -> InC:
+    """A compiled library behind an interface that knows its functions. Raises NcgenError where it cannot be loaded."""
     try:
-        return ffi, ffi.dlopen(str(library))
+        return ffi.dlopen(str(library))
     except OSError as error:
         raise NcgenError(f"{library} cannot be loaded: {error}; run `ncgen cache --clear` and try again") from error

@@ -25,6 +25,10 @@ int ncgen_is_implicit(const ncgen_options *options)
 int ncgen_is_possible(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
 {
     const int partitioned = options->formalism == NCGEN_COORDINATE_PARTITIONING;
+#ifdef NCGEN_EXPLICIT_ONLY
+    if (ncgen_is_stepper(options) || ncgen_is_implicit(options))
+        return 0;
+#endif
     if ((model->n_rows && !model->phi) || options->method < 0 || options->method >= N_METHODS)
         return 0;
     if (options->formalism < 0 || options->formalism >= N_FORMALISMS)

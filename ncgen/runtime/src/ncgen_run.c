@@ -1,23 +1,20 @@
 /* ncgen_run.c: the entry of the runtime: workspace, the first state, and the choice of formalism and integrator. */
 #include "ncgen_explicit.h"
-#include "ncgen_implicit.h"
-#include "ncgen_jacobian.h"
+#include "ncgen_implicit_run.h"
 #include "ncgen_method.h"
 #include "ncgen_partitioning.h"
 #include "ncgen_projection.h"
-#include "ncgen_steppers.h"
 
 typedef struct parts {
     ncgen_partitioning partitioning;
     ncgen_constrained constrained;
-    ncgen_slopes slopes;
     ncgen_stepping stepping;
-    ncgen_implicit implicit;
-    ncgen_correction correction;
+    ncgen_implicit_parts implicit;
+    int is_implicit;
 } parts;
 
 /* The parts of a run and its workspace; with an empty space this only counts. */
-static int lay_out(ncgen_run *r, parts *w)
+static void lay_out(ncgen_run *r, parts *w)
 {
     ncgen_state_layout(r);
     if (r->options->formalism == NCGEN_COORDINATE_PARTITIONING)
@@ -25,15 +22,9 @@ static int lay_out(ncgen_run *r, parts *w)
     else
         ncgen_constrained_layout(r, &w->constrained);
     r->y = ncgen_take(&r->space, r->ny);
-    if (r->dynamics->tangents)
-        ncgen_slopes_layout(r, &w->slopes);
-    if (ncgen_is_implicit(r->options))
-        ncgen_implicit_layout(r, &w->stepping, &w->implicit);
-    else if (ncgen_is_stepper(r->options))
-        ncgen_steppers_layout(r, &w->stepping, &w->correction);
-    else
+    w->is_implicit = ncgen_implicit_run_layout(r, &w->stepping, &w->implicit);
+    if (!w->is_implicit)
         ncgen_explicit_layout(r, &w->stepping);
-    return NCGEN_OK;
 }
 
 size_t ncgen_workspace(const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options)
@@ -65,12 +56,10 @@ static int begin(ncgen_run *r, parts *w, const ncgen_real *q, const ncgen_real *
     }
     if (r->partitioning) {
         ncgen_partitioning_begin(r, velocities);
-        r->jacobian = ncgen_partitioning_jacobian;
         return NCGEN_OK;
     }
     r->settle = r->options->project ? ncgen_settle : NULL;
     r->state = ncgen_projected_state;
-    r->jacobian = ncgen_constrained_jacobian;
     return ncgen_constrained_begin(r, velocities);
 }
 
@@ -91,6 +80,8 @@ int ncgen_dynamics_jacobian(const ncgen_model *model, const ncgen_dynamics *dyna
     if (!dynamics->tangents)
         return NCGEN_ARGUMENT;
     const int status = begin(&r, &w, q, velocities);
+    if (!r.jacobian)
+        return NCGEN_ARGUMENT;
     return status == NCGEN_OK ? r.jacobian(&r, t, r.y, jacobian) : status;
 }
 
@@ -115,14 +106,8 @@ int ncgen_simulate(const ncgen_model *model, const ncgen_dynamics *dynamics, con
     r.out_qd = out_qd;
     r.out_work = out_work;
     int status = begin(&r, &w, q, velocities);
-    if (status == NCGEN_OK && ncgen_is_stepper(options))
-        status = ncgen_steppers(&r, &w.stepping, &w.correction);
-    else if (status == NCGEN_OK && options->method == NCGEN_RADAU)
-        status = ncgen_radau(&r, &w.stepping, &w.implicit);
-    else if (status == NCGEN_OK && ncgen_is_implicit(options))
-        status = ncgen_trapezoidal(&r, &w.stepping, &w.implicit);
-    else if (status == NCGEN_OK)
-        status = ncgen_explicit(&r, &w.stepping);
+    if (status == NCGEN_OK)
+        status = w.is_implicit ? ncgen_implicit_run(&r, &w.stepping, &w.implicit) : ncgen_explicit(&r, &w.stepping);
     *rows = r.rows;
     ncgen_copy(r.n, r.start_q, out_q + (size_t)n_times * (size_t)r.n);
     ncgen_copy(r.n, r.start_qd, out_qd + (size_t)n_times * (size_t)r.n);

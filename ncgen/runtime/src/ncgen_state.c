@@ -74,6 +74,7 @@ void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics
     r->partitioning = NULL;
     r->constrained = NULL;
     r->slopes = NULL;
+    r->jacobian = NULL;
     r->settle = NULL;
     r->accept = NULL;
     r->settles_stages = 1;
