@@ -23,7 +23,9 @@ from ncgen.mechanism.written import Written
 from ncgen.methods.table import INTEGRATORS, number_in_c
 from ncgen.toolchain.abi import InC, declared, runtime_abi
 
-SOURCES = ("ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", *RUNTIME_HEADERS)
+SOURCES = (
+    "ncgen_tableaus.h", "ncgen_batch_run.h", "ncgen_batch_run.c", "ncgen_block.h", "ncgen_block.c", "ncgen_block_steps.c", *RUNTIME_HEADERS,
+)  # fmt: skip
 
 
 QUICKEST = 1e-7

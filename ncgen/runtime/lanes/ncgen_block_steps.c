@@ -1,0 +1,248 @@
+/* ncgen_block_steps.c: steps of explicit Runge-Kutta methods, every lane at its own time, where its own error allows. */
+#include "ncgen_block.h"
+
+enum { REPEAT_LIMIT = 8 };
+
+static ncgen_real at_most(ncgen_real x, double limit)
+{
+    return ncgen_select(x > limit, ncgen_splat(limit), x);
+}
+
+/* Lanes whose independent coordinates have become bad: errors grow in the others more than at the start. */
+static ncgen_mask degraded(const ncgen_block *r, ncgen_mask lanes)
+{
+    return lanes & (r->out[r->n + r->nz + 1] > r->options->growth * r->amplification);
+}
+
+/* The mean square of x in units of the tolerance at y and b. */
+static ncgen_real mean_square(const ncgen_block *r, const ncgen_real *x, const ncgen_real *b)
+{
+    ncgen_real sum = ncgen_splat(0.0);
+    for (int i = 0; i < r->ny; ++i) {
+        const ncgen_real u = NCGEN_ABS(r->y[i]), v = NCGEN_ABS(b[i]);
+        const double atol = r->options->atol * (r->options->sizes ? r->options->sizes[i] : 1.0);
+        const ncgen_real scaled = x[i] / (atol + r->options->rtol * ncgen_select(u > v, u, v));
+        sum += scaled * scaled;
+    }
+    return sum / (double)r->ny;
+}
+
+/* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
+static ncgen_real first_step(ncgen_block *r, int order, double span)
+{
+    const ncgen_real d0 = NCGEN_SQRT(mean_square(r, r->y, r->y)), d1 = NCGEN_SQRT(mean_square(r, r->k[0], r->y));
+    const ncgen_mask tiny = (d0 < 1e-5) | (d1 < 1e-5);
+    const ncgen_real guess = at_most(ncgen_select(tiny, ncgen_splat(1e-6), 0.01 * d0 / d1), span);
+    for (int i = 0; i < r->ny; ++i)
+        r->new_y[i] = r->y[i] + guess * r->k[0][i];
+    const ncgen_mask good = ncgen_block_derivative(r, r->start_t + guess, r->new_y, r->k[1], r->running);
+    for (int i = 0; i < r->ny; ++i)
+        r->k[2][i] = r->k[1][i] - r->k[0][i];
+    const ncgen_real d2 = NCGEN_SQRT(mean_square(r, r->k[2], r->y)) / guess;
+    const ncgen_real largest = ncgen_select(d1 > d2, d1, d2), root = ncgen_splat(1.0 / (order + 1));
+    ncgen_real better = ncgen_select(largest <= 1e-15, guess * 1e-3, NCGEN_POW(0.01 / largest, root));
+    better = ncgen_select(better > 100.0 * guess, 100.0 * guess, better);
+    return ncgen_select(good, at_most(better, span), guess * 0.01);
+}
+
+/* sum = sum over the stages of weight times slope. */
+static void combine(const ncgen_block *r, int stages, const double *weights, ncgen_real *sum)
+{
+    for (int i = 0; i < r->ny; ++i)
+        sum[i] = ncgen_splat(0.0);
+    for (int j = 0; j < stages; ++j)
+        for (int i = 0; i < r->ny && fabs(weights[j]) > 0; ++i)
+            sum[i] += weights[j] * r->k[j][i];
+}
+
+static void advance(const ncgen_block *r, ncgen_real h, int stages, const double *weights, ncgen_real *y_new)
+{
+    combine(r, stages, weights, y_new);
+    for (int i = 0; i < r->ny; ++i)
+        y_new[i] = r->y[i] + h * y_new[i];
+}
+
+/* One trial step of the lanes that run: new_y, and the slope there. Those that have one. */
+static ncgen_mask trial_step(ncgen_block *r, const tableau *method, ncgen_real t, ncgen_real h)
+{
+    const ncgen_mask none = {0};
+    ncgen_mask good = r->running;
+    r->senseless = r->singular = none;
+    for (int s = 1; s <= method->stages; ++s) {
+        advance(r, h, s, method->a[s], r->new_y);
+        good = ncgen_block_derivative(r, t + method->c[s] * h, r->new_y, r->k[s], good);
+    }
+    return good;
+}
+
+/* Estimate k of the error over h, squared. */
+static ncgen_real estimate(ncgen_block *r, const tableau *method, int k)
+{
+    combine(r, method->stages + 1, method->errors[k], r->at);
+    return mean_square(r, r->at, r->new_y);
+}
+
+static ncgen_real error_of(ncgen_block *r, const tableau *method, ncgen_real h)
+{
+    const ncgen_real error = estimate(r, method, 0);
+    if (method->n_errors == 1)
+        return h * NCGEN_SQRT(error);
+    const ncgen_real both = error + 0.01 * estimate(r, method, 1);
+    return ncgen_select(both > 0.0, h * error / NCGEN_SQRT(both), both);
+}
+
+/* The stages that only the interpolant needs. */
+static ncgen_mask prepare_interpolant(ncgen_block *r, const tableau *method, ncgen_real t, ncgen_real h, ncgen_mask wanted)
+{
+    for (int s = method->stages + 1; s < method->width; ++s) {
+        advance(r, h, s, method->a[s], r->at);
+        wanted = ncgen_block_derivative(r, t + method->c[s] * h, r->at, r->k[s], wanted);
+    }
+    return wanted;
+}
+
+/* r->at: the state at t + s h, inside a step whose end is new_y. */
+static void interpolate(ncgen_block *r, const tableau *method, ncgen_real h, ncgen_real s)
+{
+    for (int i = 0; i < r->ny; ++i)
+        r->at[i] = ncgen_splat(0.0);
+    for (int j = 0; j < method->width; ++j) {
+        ncgen_real weight = ncgen_splat(0.0);
+        for (int k = method->n_dense - 1; k >= 0; --k)
+            weight = (weight + method->dense[k][j]) * (k % 2 ? 1.0 - s : s);
+        for (int i = 0; i < r->ny; ++i)
+            r->at[i] += weight * r->k[j][i];
+    }
+    for (int i = 0; i < r->ny; ++i)
+        r->at[i] = r->y[i] + h * r->at[i];
+}
+
+/* Rows of the grid inside the last step of some lanes, from t over h; y and the slopes are still those of the step. */
+static void write_inside(ncgen_block *r, const tableau *method, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
+{
+    for (int round = 0;; ++round) {
+        ncgen_real time = t_new;
+        for (int lane = 0; lane < NCGEN_LANES; ++lane)
+            if (r->row[lane] < r->to.n_times)
+                time[lane] = r->to.times[r->row[lane]];
+        const ncgen_mask inside = lanes & r->running & (time < t_new);
+        if (!ncgen_any(inside))
+            return;
+        if (round == 0)
+            ncgen_block_fail(r, inside & ~prepare_interpolant(r, method, t, h, inside));
+        interpolate(r, method, h, (time - t) / h);
+        const ncgen_mask good = ncgen_block_evaluate(r, time, r->at, inside & r->running);
+        ncgen_block_write(r, inside & good, r->q, r->out, r->at[2 * r->nz]);
+        ncgen_block_fail(r, inside & ~good);
+    }
+}
+
+/* What follows a successful step of some lanes: rows inside it, and the new state is the present one. */
+static void accept_step(ncgen_block *r, const tableau *method, ncgen_mask lanes, ncgen_real t, ncgen_real h, ncgen_real t_new)
+{
+    /* Newton's method for rows inside starts from the old state, so that state has to stand until they are written. */
+    for (int i = 0; i < r->n; ++i) {
+        r->end_q[i] = r->q[i];
+        r->end_qd[i] = r->out[i];
+    }
+    write_inside(r, method, lanes, t, h, t_new);
+    for (int i = 0; i < r->n; ++i) {
+        r->q[i] = r->end_q[i];
+        r->out[i] = r->end_qd[i];
+    }
+    lanes &= r->running;
+    ncgen_block_accept(r, lanes, t_new, r->new_y, r->k[method->stages]);
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (lanes[lane])
+            r->to.steps[lane] += 1;
+    const ncgen_mask ended = lanes & (t_new >= r->to.times[r->to.n_times - 1]);
+    ncgen_block_write(r, ended, r->start_q, r->start_qd, r->y[2 * r->nz]);
+    ncgen_block_end(r, ended, NCGEN_OK);
+}
+
+/* Lanes that have taken as many steps as they may. */
+static ncgen_mask exhausted(const ncgen_block *r)
+{
+    ncgen_mask lanes = {0};
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (r->running[lane] && r->options->max_steps > 0 && r->to.steps[lane] >= r->options->max_steps)
+            lanes[lane] = -1;
+    return lanes;
+}
+
+static void run_adaptive(ncgen_block *r, const tableau *method)
+{
+    const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step;
+    const ncgen_real power = ncgen_splat(-1.0 / (method->order + 1));
+    ncgen_real t = r->start_t, h = first_step(r, method->order, stop - r->to.times[0]);
+    ncgen_mask rejected = {0}, repeats = {0};
+    for (ncgen_block_listen(r); ncgen_any(r->running); ncgen_block_listen(r)) {
+        if (longest > 0)
+            h = at_most(h, longest);
+        const ncgen_mask last = t + h >= stop;
+        h = ncgen_select(last, stop - t, h);
+        ncgen_block_fail(r, ~(t + h > t));
+        const ncgen_mask stepped = trial_step(r, method, t, h);
+        const ncgen_real error = error_of(r, method, h);
+        const ncgen_mask good = stepped & (error < broken_down);
+        const ncgen_mask failed = r->running & ~good, accepted = r->running & good & (error < 1.0);
+        const ncgen_mask too_large = r->running & good & ~accepted;
+
+        repeats = (repeats - failed) & ~accepted; /* a mask is -1 */
+        ncgen_block_fail(r, failed & (repeats > REPEAT_LIMIT));
+        rejected = (rejected | too_large) & ~failed;
+        ncgen_real factor = at_most(ncgen_select(error > 0.0, 0.9 * NCGEN_POW(error, power), ncgen_splat(10.0)), 10.0);
+        factor = ncgen_select(factor < 0.2, ncgen_splat(0.2), factor);
+        factor = ncgen_select(accepted & rejected, at_most(factor, 1.0), factor);
+        factor = ncgen_select(failed, ncgen_splat(0.25), factor);
+        rejected &= ~accepted;
+
+        const ncgen_real t_new = ncgen_select(last, ncgen_splat(stop), t + h);
+        if (ncgen_any(accepted)) {
+            const ncgen_mask bad = degraded(r, accepted) & (t_new < stop);
+            accept_step(r, method, accepted, t, h, t_new);
+            ncgen_block_end(r, bad, NCGEN_PIVOT);
+            ncgen_block_end(r, exhausted(r), NCGEN_NOT_CONVERGED);
+        }
+        t = ncgen_select(accepted, t_new, t);
+        h *= factor;
+    }
+}
+
+static void fixed_step(ncgen_block *r, const tableau *method, ncgen_real t, ncgen_real h)
+{
+    ncgen_block_listen(r);
+    ncgen_block_fail(r, ~trial_step(r, method, t, h));
+    ncgen_block_accept(r, r->running, t + h, r->new_y, r->k[method->stages]);
+    for (int lane = 0; lane < NCGEN_LANES; ++lane)
+        if (r->running[lane])
+            r->to.steps[lane] += 1;
+}
+
+static void run_fixed(ncgen_block *r, const tableau *method)
+{
+    const double longest = r->options->max_step, *times = r->to.times;
+    for (int row = 1; row < r->to.n_times && ncgen_any(r->running); ++row) {
+        const double span = times[row] - times[row - 1];
+        long long count = (long long)(span / longest + 0.999999);
+        if (count < 1)
+            count = 1;
+        for (long long i = 0; i < count && ncgen_any(r->running); ++i) {
+            const double t = times[row - 1] + (double)i * (span / (double)count);
+            fixed_step(r, method, ncgen_splat(t), ncgen_splat(i + 1 == count ? times[row] - t : span / (double)count));
+            if (i + 1 == count)
+                ncgen_block_write(r, r->running, r->start_q, r->start_qd, r->y[2 * r->nz]);
+            if (i + 1 < count || row + 1 < r->to.n_times)
+                ncgen_block_end(r, degraded(r, r->running), NCGEN_PIVOT);
+        }
+    }
+    ncgen_block_end(r, r->running, NCGEN_OK);
+}
+
+void ncgen_block_run(ncgen_block *r, const tableau *method)
+{
+    if (method->n_errors == 0)
+        run_fixed(r, method);
+    else
+        run_adaptive(r, method);
+}
