@@ -23,6 +23,8 @@ def numbers(given: ArrayLike | None, what: str, complex_too: bool = False) -> np
     what: the argument's name in messages; complex_too: complex and longer numbers stay what they are
     Raises NcgenError for complex and masked numbers, rows of different lengths, None, texts and other things that are no numbers.
     """
+    if type(given) is np.ndarray and given.dtype == float and given.flags.carray:
+        return given
     if isinstance(given, np.ma.MaskedArray) and np.ma.is_masked(given):
         raise NcgenError(f"{what} has masked numbers; fill them")
     try:

@@ -126,7 +126,10 @@ def accelerations_batch(
     t, z, threads = finite(t, "t"), names_of(z, "z", kernels.coordinates), asked_threads(threads)
     if out is not None and (z or out.choice.kernels is not kernels):
         raise ModelError(f"{kernels.name}: out has results of {out.choice.kernels.name} with its own z; leave z or out out")
-    states = States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"), out and out.choice)
+    if out is None:
+        states = States.of(kernels, q, zd, p, t, z, Method.of("coordinate-partitioning", "dopri5"))
+    else:
+        states = States.of(kernels, q, zd, p, t, z, None, out.choice)
     if out is not None:
         arrays = _places(kernels, out, states)
     else:

@@ -39,7 +39,7 @@ class Choice:
     partitions: Partitions
     typical: tuple[np.ndarray, np.ndarray]
 
-    @property
+    @cached_property
     def names(self) -> tuple[str, ...]:
         """Of the coordinates whose velocities are independent."""
         return self.partitions.velocity.names(self.kernels)

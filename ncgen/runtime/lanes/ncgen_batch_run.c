@@ -122,6 +122,8 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
     {
         ncgen_block r = {.model = model, .dynamics = dynamics, .options = options};
         ncgen_block_lay_out(&r, own_workspace(model, dynamics, workspace));
+        const int in_place = out_q == q && r.together >= 0, changed = in_place ? r.together : 0;
+        const int changed_end = in_place ? changed + dynamics->n_dependent : r.n;
 #ifdef _OPENMP
 #pragma omp for schedule(static)
 #endif
@@ -142,7 +144,7 @@ void ncgen_batch_accelerate(const ncgen_model *model, const ncgen_dynamics *dyna
             for (int i = 0; i < r.nz; ++i)
                 r.singular |= good & ~(NCGEN_ABS(r.out[r.n + i]) < broken_down);
             good &= ~r.singular;
-            ncgen_collect(r.n, block, r.q, out_q + first * n);
+            ncgen_collect_part(changed_end - changed, block, n, r.q + changed, out_q + first * n + changed);
             if (out_qd)
                 ncgen_collect(r.n, block, r.out, out_qd + first * n);
             ncgen_collect(r.nz, block, r.out + r.n, out_zdd + first * nz);

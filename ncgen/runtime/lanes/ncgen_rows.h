@@ -101,7 +101,7 @@ static inline void ncgen_spread(int width, int count, long stride, const double 
 }
 
 /* Lanes into rows of `width` numbers, at least as many as there are lanes. */
-static inline void ncgen_collect_squares(int width, const ncgen_real *lanes, double *rows)
+static inline void ncgen_collect_squares(int width, long stride, const ncgen_real *lanes, double *rows)
 {
     for (int i = 0; i < width; i += NCGEN_LANES) {
         const int at = ncgen_square(i, width);
@@ -112,7 +112,7 @@ static inline void ncgen_collect_squares(int width, const ncgen_real *lanes, dou
         ncgen_transpose(square);
 #pragma GCC unroll 8
         for (int lane = 0; lane < NCGEN_LANES; ++lane)
-            memcpy(rows + (long)lane * width + at, &square[lane], sizeof(ncgen_real));
+            memcpy(rows + lane * stride + at, &square[lane], sizeof(ncgen_real));
     }
 }
 
@@ -137,17 +137,23 @@ static inline void ncgen_collect_short(int width, const ncgen_real *lanes, doubl
     }
 }
 
-/* Lanes into rows of `width` numbers. */
-static inline void ncgen_collect(int width, int count, const ncgen_real *lanes, double *rows)
+/* Lanes into `width` numbers of each row; from the beginning of one row to that of the next there are `stride`. */
+static inline void ncgen_collect_part(int width, int count, long stride, const ncgen_real *lanes, double *rows)
 {
     if (count == NCGEN_LANES && width >= NCGEN_LANES)
-        ncgen_collect_squares(width, lanes, rows);
-    else if (count == NCGEN_LANES)
+        ncgen_collect_squares(width, stride, lanes, rows);
+    else if (count == NCGEN_LANES && width == stride)
         ncgen_collect_short(width, lanes, rows);
     else
         for (int lane = 0; lane < count; ++lane)
             for (int i = 0; i < width; ++i)
-                rows[(long)lane * width + i] = lanes[i][lane];
+                rows[lane * stride + i] = lanes[i][lane];
+}
+
+/* Lanes into rows of `width` numbers. */
+static inline void ncgen_collect(int width, int count, const ncgen_real *lanes, double *rows)
+{
+    ncgen_collect_part(width, count, width, lanes, rows);
 }
 
 #endif
