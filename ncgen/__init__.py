@@ -30,6 +30,7 @@ _HOMES = {
     "solve_position": "ncgen.solver.position",
     "move": "ncgen.solver.position",
     "sweep": "ncgen.solver.position",
+    "driven_positions": "ncgen.solver.driven",
     "inverse_dynamics": "ncgen.solver.inverse_dynamics",
     "sensitivities": "ncgen.solver.sensitivity",
     "gradient": "ncgen.solver.sensitivity",
@@ -66,6 +67,7 @@ __all__ = [
     "accelerations_batch",
     "assemble",
     "compile",
+    "driven_positions",
     "equilibrium",
     "export",
     "freedom",
@@ -105,6 +107,7 @@ if TYPE_CHECKING:
     from ncgen.report.inspection import inspect
     from ncgen.solver.assembly import assemble
     from ncgen.solver.batch import accelerations_batch, simulate_batch
+    from ncgen.solver.driven import driven_positions
     from ncgen.solver.gradients import gradient_batch
     from ncgen.solver.inverse_dynamics import inverse_dynamics
     from ncgen.solver.joint_space import joint_space

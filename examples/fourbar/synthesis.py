@@ -18,10 +18,9 @@ from scipy.optimize import OptimizeResult, least_squares
 
 import ncgen
 from ncgen import Model
-from ncgen.errors import ConvergenceError
 
 if TYPE_CHECKING:
-    from ncgen.mechanism.kernels import Kernels
+    from ncgen.solver.driven import DrivenPositions
 
 TARGETS = np.array([(3.0, 3.0), (2.759, 3.363), (2.372, 3.663), (1.890, 3.862), (1.355, 3.943)])
 ANGLES = np.pi / 12 * np.array([2, 3, 4, 5, 6])
@@ -56,50 +55,29 @@ def meeting(first: np.ndarray, second: np.ndarray, near: float, far: float) -> n
     return first[:2] + (along * way + across * np.array([-way[1], way[0]])) / long
 
 
-def closed(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
-    """The position of the driven linkage near q, by Newton's method. Raises ConvergenceError where it does not close."""
-    for _ in range(30):
-        step = np.linalg.solve(kernels.jacobian(q, t, p), kernels.phi(q, t, p))
-        q = q - step
-        if np.max(np.abs(step)) < 1e-13:
-            return q
-    raise ConvergenceError(f"lengths {np.round(p, 4)} do not close with the crank turned by {t:.4f} rad; start nearer to the targets")
-
-
 class Linkage:
     """Distances of the coupler point from its targets, and their derivatives by the lengths."""
 
     def __init__(self) -> None:
         self.kernels = ncgen.compile(build())
         self.point = [self.kernels.index["P.x"], self.kernels.index["P.y"]]
-        self.q = self.kernels.q0
-        self.last: tuple[bytes, np.ndarray] | None = None
+        self.last = ncgen.driven_positions(self.kernels, ANGLES - ANGLES[0])
         self.evaluations = 0
 
-    def positions(self, p: np.ndarray) -> np.ndarray:
-        """q (5, n) at the five angles, each closed from the one before; kept for whoever asks for the same lengths again."""
-        if self.last is not None and self.last[0] == p.tobytes():
-            return self.last[1]
-        self.evaluations += 1
-        q, found = self.q, []
-        for angle in ANGLES - ANGLES[0]:
-            q = closed(self.kernels, q, angle, p)
-            found.append(q)
-        self.q = found[0]
-        self.last = p.tobytes(), np.array(found)
-        return self.last[1]
+    def positions(self, p: np.ndarray) -> DrivenPositions:
+        """At the five angles, each near the last one there; kept for whoever asks for the same lengths again."""
+        if not np.array_equal(p, self.last.p):
+            self.evaluations += 1
+            self.last = ncgen.driven_positions(self.kernels, self.last.t, p, self.last.q)
+        return self.last
 
     def misses(self, p: np.ndarray) -> np.ndarray:
         """(10,)"""
-        return (self.positions(p)[:, self.point] - TARGETS).ravel()
+        return (self.positions(p).q[:, self.point] - TARGETS).ravel()
 
     def slopes(self, p: np.ndarray) -> np.ndarray:
-        """(10, 6): Φ(q(p), t, p) = 0 stays so, hence Φ_q dq = −Φ_p dp."""
-        rows = []
-        for angle, q in zip(ANGLES - ANGLES[0], self.positions(p), strict=True):
-            change = -np.linalg.solve(self.kernels.jacobian(q, angle, p), self.kernels.dense_tangent("phi_p", q=q, t=angle, p=p))
-            rows.append(change[self.point])
-        return np.concatenate(rows)
+        """(10, 6)"""
+        return np.concatenate(self.positions(p).q_by[:, self.point])
 
 
 def synthesise(derivatives: str) -> tuple[OptimizeResult, Linkage, float]:
@@ -107,7 +85,6 @@ def synthesise(derivatives: str) -> tuple[OptimizeResult, Linkage, float]:
     linkage = Linkage()
     jac: Any = linkage.slopes if derivatives == "exact" else derivatives  # scipy takes either, and has no annotations
     linkage.slopes(linkage.kernels.p0)  # the tangent kernels are compiled when first used
-    linkage.last, linkage.evaluations = None, 0
     begun = time.perf_counter()
     found = least_squares(
         linkage.misses, linkage.kernels.p0, jac, bounds=(0.1, 50.0), x_scale="jac", xtol=1e-14, ftol=1e-14, gtol=1e-14, max_nfev=1000
@@ -134,14 +111,9 @@ def plot(p: np.ndarray, file: str) -> None:
     from matplotlib.figure import Figure
 
     linkage = Linkage()
-    kernels, q = linkage.kernels, linkage.positions(p)[0]
-    turns = np.linspace(-0.6, 2.2, 141)
-    path = {}
-    for side in (turns[turns <= 0][::-1], turns[turns > 0]):
-        there = q
-        for turn in side:
-            there = path[turn] = closed(kernels, there, turn, p)
-    curve = np.array([path[turn][linkage.point] for turn in turns])
+    kernels, q = linkage.kernels, linkage.positions(p).q[0]
+    back, on = (ncgen.driven_positions(kernels, np.linspace(0.0, end, 71), p, q).q[:, linkage.point] for end in (-0.6, 2.2))
+    curve = np.concatenate([back[::-1], on])
     places = {name: [q[kernels.index[f"{name}.{axis}"]] for axis in "xy"] for name in "BCP"}
     places |= {"A": [0.0, 0.0], "D": [q[kernels.index["D.x"]], 0.0]}
     chart = Figure(figsize=(6, 4.5), layout="constrained")

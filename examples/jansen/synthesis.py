@@ -20,12 +20,9 @@ from scipy.optimize import OptimizeResult, least_squares
 import ncgen
 from ncgen import Model
 from ncgen.exchange.examples import example_module
-from ncgen.solver.position import solve_position
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from ncgen.mechanism.kernels import Kernels
+    from ncgen.solver.driven import DrivenPositions
 
 JANSEN = example_module("jansen")
 TRUE = np.array(list(JANSEN.LENGTHS.values())) / 100
@@ -62,29 +59,29 @@ class Leg:
     def __init__(self) -> None:
         self.kernels = ncgen.compile(build())
         self.toe = [self.kernels.index["T.x"], self.kernels.index["T.y"]]
-        self.evaluations, self.known = 0, b""
-        self.last = list(turned(self.kernels, TRUE))
-        self.points = np.round(np.array(self.last)[:, self.toe], ROUNDED)
+        self.evaluations = 0
+        self.last = self.turned(TRUE)
+        self.points = np.round(self.last.q[:, self.toe], ROUNDED)
 
-    def positions(self, p: np.ndarray) -> np.ndarray:
-        """q (12, n) at the angles, each from the last one there; kept for whoever asks for the same numbers again."""
-        if p.tobytes() != self.known:
+    def turned(self, p: np.ndarray) -> DrivenPositions:
+        """At the angles, from one to the next in small turns."""
+        turns = np.linspace(0.0, 2 * np.pi, len(ANGLES) * BETWEEN, endpoint=False)
+        return ncgen.driven_positions(self.kernels, ANGLES, p, ncgen.driven_positions(self.kernels, turns, p).q[::BETWEEN])
+
+    def positions(self, p: np.ndarray) -> DrivenPositions:
+        """At the angles, each near the last one there; kept for whoever asks for the same numbers again."""
+        if not np.array_equal(p, self.last.p):
             self.evaluations += 1
-            self.last = [solve_position(self.kernels, q, t, p).q for q, t in zip(self.last, ANGLES, strict=True)]
-            self.known = p.tobytes()
-        return np.array(self.last)
+            self.last = ncgen.driven_positions(self.kernels, ANGLES, p, self.last.q)
+        return self.last
 
     def misses(self, x: np.ndarray) -> np.ndarray:
         """(24,)"""
-        return (self.positions(whole(x))[:, self.toe] - self.points).ravel()
+        return (self.positions(whole(x)).q[:, self.toe] - self.points).ravel()
 
     def slopes(self, x: np.ndarray) -> np.ndarray:
-        """(24, 12): Φ(q(p), t, p) = 0 stays so, hence Φ_q dq = −Φ_p dp."""
-        p, rows = whole(x), []
-        for t, q in zip(ANGLES, self.positions(p), strict=True):
-            change = -np.linalg.solve(self.kernels.jacobian(q, t, p), self.kernels.phi_p(q, t, p).toarray())
-            rows.append(change[np.ix_(self.toe, FREE)])
-        return np.concatenate(rows)
+        """(24, 12)"""
+        return np.concatenate(self.positions(whole(x)).q_by[:, self.toe][..., FREE])
 
 
 def whole(x: np.ndarray) -> np.ndarray:
@@ -92,15 +89,6 @@ def whole(x: np.ndarray) -> np.ndarray:
     p = TRUE.copy()
     p[FREE] = x
     return p
-
-
-def turned(kernels: Kernels, p: np.ndarray, start: np.ndarray | None = None) -> Iterator[np.ndarray]:
-    """Positions at the angles, from one to the next in small turns."""
-    q = kernels.q0 if start is None else start
-    for k in range(len(ANGLES) * BETWEEN):
-        q = solve_position(kernels, q, 2 * np.pi * k / (len(ANGLES) * BETWEEN), p).q
-        if k % BETWEEN == 0:
-            yield q
 
 
 def guess() -> np.ndarray:
@@ -113,8 +101,8 @@ def synthesise(derivatives: str) -> tuple[OptimizeResult, Leg, float]:
     leg = Leg()
     jac: Any = leg.slopes if derivatives == "exact" else derivatives  # scipy takes either, and has no annotations
     leg.slopes(TRUE[FREE])  # the tangent kernels are compiled when first used
-    leg.last = list(turned(leg.kernels, whole(guess())))
-    leg.evaluations, leg.known = 0, b""
+    leg.last = leg.turned(whole(guess()))
+    leg.evaluations = 0
     begun = time.perf_counter()
     found = least_squares(leg.misses, guess(), jac, xtol=1e-9, ftol=1e-9, gtol=1e-14, max_nfev=60)
     return found, leg, time.perf_counter() - begun
@@ -142,13 +130,9 @@ def plot(leg: Leg, p: np.ndarray, file: str) -> None:
 
     chart = Figure(figsize=(6, 3.6), layout="constrained")
     axes = chart.add_subplot()
-    kernels = leg.kernels
     for numbers, label, style in ((whole(guess()), "start", "--"), (p, "found", "-")):
-        q, path = next(turned(kernels, numbers)), []
-        for t in np.linspace(0, 2 * np.pi, 121):
-            q = solve_position(kernels, q, t, numbers).q
-            path.append(q[leg.toe])
-        axes.plot(*np.array(path).T, style, label=label)
+        path = ncgen.driven_positions(leg.kernels, np.linspace(0, 2 * np.pi, 121), numbers).q[:, leg.toe]
+        axes.plot(*path.T, style, label=label)
     axes.plot(*leg.points.T, "x", color="tab:red", label="points")
     axes.set_xlabel("x of T (m)")
     axes.set_ylabel("y of T (m)")
