@@ -6,7 +6,7 @@ Within a page they have its colour and its ground, whether light or dark; as a f
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from html import escape
 
 import numpy as np
@@ -29,7 +29,7 @@ ENLARGED = 2.4
 class Drawing:
     """A picture of some size (px); label: what it shows, for those who do not see it."""
 
-    content: str
+    content: str = field(repr=False)
     width: float
     height: float
     label: str
@@ -37,6 +37,10 @@ class Drawing:
     def __str__(self) -> str:
         """An <svg> element that shrinks with its column."""
         return self._element(f'width="{self.width:g}" style="max-width:100%;height:auto;overflow:visible"', self.content)
+
+    def _repr_svg_(self) -> str:
+        """What a notebook shows."""
+        return str(self)
 
     def file(self) -> str:
         """The text of a file of its own."""

@@ -18,7 +18,7 @@ assert spec and spec.loader
 execute = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(execute)
 
-QUICK = "01-a-rod.ipynb"
+QUICK = ("01-a-rod.ipynb", "03-kinematics.ipynb")
 EVERY = [path.name for path in execute.notebooks()]
 
 
@@ -29,7 +29,7 @@ def differences(notebook):
     return [(told, given) for told, given in zip(expected, execute.printed(done), strict=True) if not execute.same(told, given)]
 
 
-@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name == QUICK else pytest.mark.slow) for name in EVERY])
+@pytest.mark.parametrize("name", [pytest.param(name, marks=() if name in QUICK else pytest.mark.slow) for name in EVERY])
 def test_cells_and_solutions_give_what_is_shown(name):
     assert differences(execute.read(COURSE / name)) == []
 
