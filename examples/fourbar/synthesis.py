@@ -65,10 +65,10 @@ class Linkage:
         self.evaluations = 0
 
     def positions(self, p: np.ndarray) -> DrivenPositions:
-        """At the five angles, each near the last one there; kept for whoever asks for the same lengths again."""
+        """At the five angles, the first near the last one there; kept for whoever asks for the same lengths again."""
         if not np.array_equal(p, self.last.p):
             self.evaluations += 1
-            self.last = ncgen.driven_positions(self.kernels, self.last.t, p, self.last.q)
+            self.last = ncgen.driven_positions(self.kernels, self.last.t, p, self.last.q[0])
         return self.last
 
     def misses(self, p: np.ndarray) -> np.ndarray:

@@ -14,7 +14,7 @@ from ncgen.errors import ConvergenceError, ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver import given
 from ncgen.solver.given import Given, checked_kernels
-from ncgen.solver.position import EASY, check_finite, check_mirror_roots, solve_position
+from ncgen.solver.position import EASY, TOLERANCE, check_finite, check_mirror_roots, solve_position
 from ncgen.solver.rank import freedom_at
 
 HALVINGS = 10
@@ -46,20 +46,17 @@ class DrivenPositions:
 
         Raises SingularError naming the instant at which the position is singular: there is no derivative.
         """
-        return np.array([self._slopes(t, q) for t, q in zip(self.t, self.q, strict=True)]).reshape(*self.q.shape, len(self.p))
-
-    def _slopes(self, t: float, q: np.ndarray) -> np.ndarray:
         kernels, rows = self.kernels, list(self.rows)
-        by_q, by_p = kernels.jacobian(q, t, self.p)[rows], kernels.dense_tangent("phi_p", q=q, t=t, p=self.p)[rows]
-        right = np.hstack([-by_p, np.diag(kernels.row_sizes[rows])])
-        try:
-            found = np.linalg.solve(by_q, right)
-        except np.linalg.LinAlgError:
-            found = np.full_like(right, np.inf)
-        inverse = found[:, len(self.p) :]  # of the rows in their natural sizes
-        if not np.linalg.norm(inverse, 1) * np.linalg.norm(by_q / kernels.row_sizes[rows, None], 1) < 1 / REGULAR:
-            raise SingularError(f"{kernels.name}: the position at t = {t:g} s is singular and has no derivative; leave that instant out")
-        return found[:, : len(self.p)]
+        here = list(zip(self.t.tolist(), self.q, strict=True))
+        if not here:
+            return np.empty((0, kernels.n, len(self.p)))
+        by_q = np.array([kernels.jacobian(q, t, self.p)[rows] for t, q in here])
+        by_p = np.array([kernels.dense_tangent("phi_p", q=q, t=t, p=self.p)[rows] for t, q in here])
+        amplified = np.linalg.cond(by_q / kernels.row_sizes[rows, None], 1)
+        for k in np.flatnonzero(~(amplified < 1 / REGULAR))[:1]:
+            at = f"the position at t = {self.t[k]:g} s"
+            raise SingularError(f"{kernels.name}: {at} is singular and has no derivative; leave that instant out")
+        return -np.linalg.solve(by_q, by_p)
 
 
 def driven_positions(kernels: Kernels, t: ArrayLike, p: Given | None = None, near: ArrayLike | None = None) -> DrivenPositions:
@@ -116,11 +113,13 @@ class _Followed:
         kernels, rows = self.kernels, list(self.rows)
         for _ in range(EASY):
             try:
-                step = np.linalg.solve(kernels.jacobian(q, t, self.p)[rows], kernels.phi(q, t, self.p)[rows])
+                value = kernels.phi(q, t, self.p)[rows]
+                step = np.linalg.solve(kernels.jacobian(q, t, self.p)[rows], value)
             except np.linalg.LinAlgError:
                 break
             q = q - step
-            if np.all(np.abs(step) <= ROUNDING * kernels.column_sizes):
+            closed = np.all(np.abs(value) <= TOLERANCE * kernels.row_sizes[rows])  # beside a singular position steps do not become so small
+            if closed or np.all(np.abs(step) <= ROUNDING * kernels.column_sizes):
                 check_mirror_roots(kernels, q, self.p)
                 return q
         check_finite(kernels, q, t, self.p)
