@@ -13,6 +13,7 @@ import sympy
 from scipy.special import ellipk
 
 import ncgen
+from ncgen.exchange.examples import example_module
 from ncgen.solver.compiled import dynamics
 from ncgen.solver.coordinate_partitioning import motion_at
 from ncgen.solver.partition import choose_partitions
@@ -366,6 +367,8 @@ def test_accelerations_are_those_of_the_reference(robot):
         ncgen.accelerations_batch(robot, q, zd, out=found, z=("psi1",))
     with pytest.raises(ncgen.NcgenError, match=r"out\.q must be a contiguous array of \(21, 36\) doubles that may be written to"):
         ncgen.accelerations_batch(robot, q, zd, out=replace(found, q=np.zeros((21, 35))))
+    with pytest.raises(ncgen.NcgenError, match=r"out\.zdd shares memory with an argument"):
+        ncgen.accelerations_batch(robot, q, found.zdd, out=found)
     with pytest.raises(ncgen.NcgenError, match=r"out\.qd shares memory with an argument"):
         ncgen.accelerations_batch(robot, q, zd, out=replace(found, qd=found.q))
     for i in range(21):
@@ -375,8 +378,16 @@ def test_accelerations_are_those_of_the_reference(robot):
         np.testing.assert_allclose(found.zdd[i], here.qdd[z], rtol=0, atol=1e-11 * np.max(np.abs(here.qdd)))
 
 
-def test_states_may_stay_where_they_are(robot):
+@pytest.fixture(scope="module")
+def short_arm():
+    """An open tree, whose dependent coordinates are found in closed form and follow one another."""
+    return ncgen.compile(example_module("arm").build(3), backend="c")
+
+
+@pytest.mark.parametrize("name", ["robot", "short_arm"])
+def test_states_may_stay_where_they_are(name, request):
     """Positions that are closed in place, without velocities, give the same accelerations to the last bit."""
+    robot = request.getfixturevalue(name)
     start = ncgen.simulate(robot, 0.001, points=2, formalism="coordinate-partitioning")
     z = start.partitions.velocity.independent
     rng = np.random.default_rng(4)
@@ -407,6 +418,23 @@ def test_a_state_that_has_no_accelerations_is_not_ok(robot, wrong, at):
     assert [status != "ok" for status in found.status] == [i == at for i in range(9)]
     assert found.status[at] == ("not converged" if wrong == "far" else "domain")
     assert np.array_equal(found.zdd[others], expected[others])
+
+
+def test_time_is_zero_unless_it_is_said():
+    """A pendulum hangs from a carriage that is driven as t³ and accelerates by 6 t."""
+    m = ncgen.Model("carried")
+    A, B = m.point("A", (0.0, 0.0), fixed="y"), m.point("B", (0.0, -1.0))
+    m.distance(A, B, 1.0)
+    m.drive(A.x, m.time**3)
+    m.body("bob", points=[B], mass=2.0)
+    x, z = m.vector("x", (1, 0, 0), fixed=True), m.vector("z", (0, 0, 1), fixed=True)
+    m.angle("phi", start=x, end=B - A, axis=z)
+    kernels = ncgen.compile(m, backend="c")
+    q = np.tile(kernels.q0, (3, 1))
+    assert ncgen.accelerations_batch(kernels, q, np.zeros((3, 1)), z="phi").zdd == pytest.approx(np.zeros((3, 1)), abs=1e-14)
+    later = ncgen.accelerations_batch(kernels, q, np.zeros((3, 1)), z="phi", t=0.5)
+    assert later.q[:, kernels.index["A.x"]] == pytest.approx([0.125] * 3)
+    assert later.zdd == pytest.approx(np.full((3, 1), -3.0))  # −ẍ over the length, where it hangs
 
 
 def test_a_batch_without_a_finite_state_says_so(robot):
