@@ -74,6 +74,12 @@ def test_imports_go_upwards_only(path):
     assert breaches(part(path), path.read_text(encoding="utf-8")) == []
 
 
+def test_every_test_module_has_a_name_of_its_own():
+    """pytest imports them by their names alone: where one process meets two of one name it collects neither the second nor what follows."""
+    names = [path.name for path in (ROOT / "tests").rglob("test_*.py")]
+    assert sorted({name for name in names if names.count(name) > 1}) == []
+
+
 def test_no_folder_has_a_name_that_tools_skip():
     """pytest, git and packagers pass over folders called build or dist without a word. (What Python compiled there before is no source.)"""
     skipped = {"build", "dist", "CVS", "_darcs", "node_modules", "venv", "lib", "env", "target", "out"}

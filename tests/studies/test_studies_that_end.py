@@ -159,9 +159,14 @@ def test_processes_and_lost_ones(tmp_path, workers, uninterrupted):
     """Workers are killed while they work: nothing is lost, nothing comes twice, and the bits are those of one process."""
     killed: list[int] = []
 
+    def is_worker(child: int) -> bool:
+        try:
+            return "spawn_main" in Path(f"/proc/{child}/cmdline").read_text()
+        except (FileNotFoundError, ProcessLookupError):  # it has ended since it was listed
+            return False
+
     def kill_one(done: int, *_: object) -> None:
-        children = [int(x) for x in Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()]
-        found = [c for c in children if "spawn_main" in Path(f"/proc/{c}/cmdline").read_text()]
+        found = [c for c in map(int, Path(f"/proc/self/task/{os.getpid()}/children").read_text().split()) if is_worker(c)]
         if done and not killed and found:
             killed.append(found[0])
             os.kill(found[0], signal.SIGKILL)
