@@ -24,5 +24,7 @@ def build(cart: float = 1.0, pole: float = 0.2, length: float = 0.8) -> Model:
     m.independent(s, phi)
     m.line(C, B)
     m.line(C, D)
+    m.polygon(m.bodies["cart"], [(-0.08, -0.05), (0.28, -0.05), (0.28, 0.05), (-0.08, 0.05)], 0.1)
+    m.bar(C, B, 0.012)
     m.simulation(duration=1.0, zd0={"phi": 0.1})
     return m

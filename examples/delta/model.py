@@ -64,6 +64,9 @@ def arm(m: Model, i: int, turn: float) -> tuple[Angle, list[Point]]:
     elbows = [m.attach_point(body, f"E{i}{side}", E.initial + shift * along) for side, shift in (("a", -WIDTH / 2), ("b", WIDTH / 2))]
     m.line(A, E)
     m.line(*elbows)
+    m.cylinder(m.ground, 0.06, 0.1, A.initial, along)
+    m.bar(A, E, 0.03)
+    m.bar(*elbows, 0.018)
     return m.angle(f"psi{i}", start=level, end=E - A, axis=axis), [E, *elbows]
 
 
@@ -78,13 +81,16 @@ def forearm(m: Model, i: int, turn: float, elbow: list[Point], centre: np.ndarra
 def rod(m: Model, name: str, elbow: Point, corner: str, span: np.ndarray) -> Body:
     end = m.point(corner, elbow.initial + span)
     m.line(elbow, end)
+    m.bar(elbow, end, 0.012)
     return m.body(name, [elbow, end], mass=ROD_MASS, inertia=slender(ROD_MASS, span), basis=[elbow, end])
 
 
 def platform(m: Model, corners: list[Point], centre: np.ndarray) -> None:
     inertia = PLATFORM_MASS * PLATFORM**2 * np.array([0.25, 0.25, 0.5])
     tip = m.point("C", centre + TOOL * DOWN)
-    m.body("platform", [*corners, tip], mass=PLATFORM_MASS, com=centre, inertia=inertia)
+    body = m.body("platform", [*corners, tip], mass=PLATFORM_MASS, com=centre, inertia=inertia)
+    m.cylinder(body, PLATFORM, 0.025, centre)
+    m.cylinder(body, 0.02, TOOL, centre + TOOL * DOWN / 2)
     m.line(*corners, corners[0])
     for corner in corners[::2]:
         m.line(corner, tip)

@@ -69,6 +69,9 @@ class Tree:
         body, start = getattr(self, f"_{kind}")(i, parent or m.ground, base)
         self.parent[body], self.left[body] = parent, FREEDOMS[kind]
         m.line(*([base] if base is not start else []), start, self.end[body])
+        m.bar(start, self.end[body], WIDTH / 2)
+        if base is not start:
+            m.bar(base, start, WIDTH / 6)
 
     def close(self, i: int) -> None:
         """Loop number i, by a point that belongs to both bodies or by a rod, where the joints around it leave at least one freedom."""
@@ -89,6 +92,8 @@ class Tree:
             tip = self.m.attach_point(second, f"D{i}", self.base[second][0][: 2 if self.flat else 3] + 0.3 * self.direction(second))
             self.m.distance(self.end[first], tip)
             self.m.line(self.end[first], tip, self.end[second])
+            self.m.bar(self.end[first], tip, WIDTH / 6)
+            self.m.bar(tip, self.end[second], WIDTH / 6)
         for body in around:
             taken = min(rows, self.left[body])
             self.left[body], rows = self.left[body] - taken, rows - taken

@@ -115,7 +115,10 @@ def _draw_solids(axes: Any, scene: Scene, frame: int) -> None:
     triangles, colours = solids(scene, frame, towards)
     style: dict[str, Any] = dict(facecolors=colours, edgecolors=colours, linewidths=0.4, gid="solid")
     if scene.planar:
+        sides = triangles[:, 1:, :2] - triangles[:, :1, :2]
+        is_wide = np.abs(np.linalg.det(sides)) > 1e-12 * scene.size**2  # others, seen from their edge, would be drawn as their outline
         order = np.argsort(triangles[..., 2].mean(axis=1), kind="stable")
+        order = order[is_wide[order]]
         style |= dict(facecolors=colours[order], edgecolors=colours[order])
         axes.add_collection(PolyCollection(list(triangles[order, :, :2]), zorder=0.8, **style))
         return
