@@ -64,6 +64,16 @@ class Tableau:
         return self._padded(self.a[self.stages - 1])
 
     @property
+    def successive(self) -> tuple[tuple[Fraction, Fraction], ...]:
+        """(c_i, b_i) of a method whose stages follow from the one before alone: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ b_i k_i.
+
+        Raises WrongTableau for others.
+        """
+        if any(any(row[:-1]) for row in self.a[: self.stages - 1]):
+            raise WrongTableau("a stage follows from more than the one before it")
+        return tuple(zip(self.c, self.weights))[: self.stages]
+
+    @property
     def dense(self) -> tuple[Row, ...]:
         """Rows D_k of the interpolant y + h Σ_j k_j s (D_0j + (1 − s) (D_1j + s (D_2j + (1 − s) (D_3j + …)))), s from 0 to 1.
 

@@ -18,6 +18,7 @@ from scipy.linalg import cho_factor, cho_solve
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.mechanism.taped import Driven
+from ncgen.methods.explicit import RK4
 from ncgen.solver.coordinate_partitioning import Start, dependent_position, motion_at
 from ncgen.solver.partition import Kinematics, determined, kinematics, quality
 from ncgen.solver.run import Initial
@@ -25,8 +26,7 @@ from ncgen.solver.signals import Signals
 from ncgen.solver.start import begin
 from ncgen.solver.trajectory import Trajectory
 
-WEIGHTS = (1 / 6, 1 / 3, 1 / 3, 1 / 6)
-NODES = (0.0, 0.5, 0.5, 1.0)
+NODES, WEIGHTS = (tuple(map(float, numbers)) for numbers in zip(*RK4.successive))
 """The classical Runge-Kutta method: k_i = f(t + c_i h, y + c_i h k_{i−1}), y + h Σ w_i k_i."""
 
 TANGENTS = ("stiffness", "damping", "phidd_q", "phidd_qd", "phi_p", "phid_p", "phidd_p", "balance_p")

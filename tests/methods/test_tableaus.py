@@ -68,6 +68,14 @@ def test_stability_intervals_are_the_published_ones():
     assert [round(EXPLICIT[name].stability, 1) for name in ("rk4", "rk23", "dopri5")] == [2.8, 2.5, 3.3]
 
 
+def test_stages_that_follow_from_the_one_before():
+    """Kutta's rule in the form that exports print; those of Dormand and Prince follow from several."""
+    third, sixth = Fraction(1, 3), Fraction(1, 6)
+    assert EXPLICIT["rk4"].successive == ((0, sixth), (Fraction(1, 2), third), (Fraction(1, 2), third), (1, sixth))
+    with pytest.raises(WrongTableau, match="^a stage follows from more than the one before it$"):
+        _ = EXPLICIT["dopri5"].successive
+
+
 def test_a_new_method_of_the_table_runs_in_python():
     """What SciPy does not have is driven from its tableau: Heun's method of order 2 with an estimate of order 1."""
     heun = Tableau(2, 2, (Fraction(0), Fraction(1), Fraction(1)), ((Fraction(1),), (Fraction(1, 2), Fraction(1, 2))), dense_order=2)
