@@ -182,8 +182,10 @@ class CompiledBatch(Batch):
     @cached_property
     def _in_lanes(self) -> _Loop:
         getter = f"{identifier(self.kernels.name)}_model"
-        _, self._emitted = in_lanes(model_files(self.kernels.programs), f"const ncgen_model *{getter}(void);", abi(), self._flags)
-        return _Loop(*load((), "", self._flags, abi()), getattr(self._emitted, getter)())
+        ffi, library, has_threads = load((), "", self._flags, abi())
+        files, width = model_files(self.kernels.programs), library.ncgen_batch_lanes()
+        _, self._emitted = in_lanes(files, f"const ncgen_model *{getter}(void);", abi(), width, self._flags)
+        return _Loop(ffi, library, has_threads, getattr(self._emitted, getter)())
 
     @cached_property
     def _in_turn(self) -> _Loop:
@@ -215,9 +217,16 @@ class _Loop:
     model: InC
 
 
-def in_lanes(files: dict[str, str], declarations: str, base: FFI, flags: tuple[str, ...] = LANES) -> tuple[Interface, InC]:
-    """(interface, library) of emitted sources with vectors for numbers; other arguments as for `load`."""
-    return loaded(files | runtime_files(*HEADERS, "ncgen_lanes.h"), declarations, base, flags)
+def in_lanes(
+    files: dict[str, str], declarations: str, base: FFI, width: int | None = None, flags: tuple[str, ...] = LANES
+) -> tuple[Interface, InC]:
+    """(interface, library) of emitted sources with vectors for numbers; other arguments as for `load`.
+
+    width: how many states stand side by side in a vector: what the library that calls these sources was compiled for. The compiler would
+        choose its own, which may be another where it is another compiler, or has lost a flag meanwhile; None for a library that calls
+    """
+    told = () if width is None else (f"-DNCGEN_LANES={width}",)
+    return loaded(files | runtime_files(*HEADERS, "ncgen_lanes.h"), declarations, base, (*flags, *told))
 
 
 @once

@@ -69,7 +69,7 @@ class LaneDynamics:
         self._ffi, self._library, self.has_threads = load(SOURCES, declarations, LANES, types)
         getter = f"{identifier(kernels.name)}_dynamics"
         files = written.files | runtime_files(*RUNTIME_HEADERS)
-        _, self._emitted = in_lanes(files, f"const ncgen_dynamics *{getter}(void);", types)
+        _, self._emitted = in_lanes(files, f"const ncgen_dynamics *{getter}(void);", types, self._library.ncgen_batch_lanes())
         self._dynamics = self._ffi.cast("const ncgen_dynamics *", getattr(self._emitted, getter)())
         self.kernels, self.split, self._written = kernels, written.split, written
         self._model = self._ffi.cast("const ncgen_model *", kernels.descriptor)  # its sizes are asked for, not its kernels

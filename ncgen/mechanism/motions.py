@@ -45,7 +45,8 @@ class _Emitted:
 
     def _made(self, files: dict[str, str], getter: str) -> tuple[InC, InC]:
         """What a function of a library gives, and the library."""
-        _, home = in_lanes(files | runtime_files(*RUNTIME_HEADERS), f"const void *{getter}(void);", runtime_abi())
+        width = _library()[1].ncgen_motions_lanes()
+        _, home = in_lanes(files | runtime_files(*RUNTIME_HEADERS), f"const void *{getter}(void);", runtime_abi(), width)
         return getattr(home, getter)(), home
 
     @cached_property

@@ -252,7 +252,7 @@ class _Directions:
         self._ffi, self._library = _sweep_in_lanes()
         getter = f"{identifier(kernels.name)}_tangent"
         files = dynamics.source("tangent") | runtime_files(*RUNTIME_HEADERS)
-        _, self._emitted = in_lanes(files, f"const void *{getter}(void);", runtime_abi())
+        _, self._emitted = in_lanes(files, f"const void *{getter}(void);", runtime_abi(), self._library.ncgen_directions_lanes())
         self._motion = getattr(self._emitted, getter)()
 
     def __call__(

@@ -52,6 +52,42 @@ def test_models_can_be_forgotten():
     assert list(map(float, done.stdout.split())) == pytest.approx([1.5, 1.25, 7 / 6])
 
 
+TWO_COMPILERS = """
+import os, shutil
+from pathlib import Path
+import numpy as np
+import ncgen
+
+compiler = shutil.which("cc") or shutil.which("gcc")
+told = Path("/proc/cpuinfo").read_text() if Path("/proc/cpuinfo").exists() else ""
+os.environ["CC"] = f"{compiler} -DNCGEN_LANES={4 if 'avx512f' in told else 8}"  # not what this processor takes
+
+
+def motions():
+    k = ncgen.compile(ncgen.load("fourbar"), backend="c")
+    speeds = np.linspace(1.0, 5.0, 5)[:, None]
+    many = ncgen.simulate_batch(k, 0.1, zd0=speeds, points=3, rtol=1e-10)
+    ends = lambda q, qd: (q[-1, 0], np.r_[np.zeros((len(q) - 1, k.n)), [np.eye(k.n)[0]]], None)
+    slopes = ncgen.gradient_batch(k, 0.1, 20, ends, zd0=speeds).slopes
+    along = ncgen.sensitivities(k, 0.1, 20, zd0=[1.0]).q_by[-1]
+    return many.q[:, -1], slopes, along, k.batch.gamma(np.tile(k.q0, (5, 1)), np.ones((5, k.n)))
+
+
+first = motions()
+os.environ["CC"] = compiler
+for before, after in zip(first, motions(), strict=True):
+    print(np.abs(before - after).max() <= 1e-9 * np.abs(before).max())
+"""
+
+
+def test_vectors_are_as_wide_as_those_of_the_library_that_calls():
+    """What moves many states is loaded once in a process. A mechanism that another compiler is taken for, whose vectors would be of another
+    width (so did one that had lost -march=native), is written for that width: it ended the process."""
+    done = subprocess.run([sys.executable, "-c", TWO_COMPILERS], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.split() == ["True"] * 4
+
+
 THREADED = """
 import gc, os, ncgen, numpy as np
 for k in (1, 2, 3):

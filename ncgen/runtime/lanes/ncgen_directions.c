@@ -41,6 +41,11 @@ static void lay_out(sweep *s, int n, int n_p, int method, ncgen_space *space)
     s->found = take(space, 2 * n);
 }
 
+int ncgen_directions_lanes(void)
+{
+    return NCGEN_LANES;
+}
+
 size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int n_prepared, int method)
 {
     sweep s;

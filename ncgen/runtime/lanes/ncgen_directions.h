@@ -9,6 +9,9 @@
 
 /* begin functions */
 
+/* How many directions go side by side: NCGEN_LANES. */
+int ncgen_directions_lanes(void);
+
 /* Numbers of workspace, which begins at a multiple of 64 bytes. */
 size_t ncgen_directions_workspace(int n_coordinates, int n_parameters, int n_prepared, int method);
 
