@@ -113,6 +113,11 @@ class Joint:
     mimic: Mimic | None = None
     where: str = ""
 
+    def turned(self) -> Joint:
+        """The same joint with the same coordinate, said from child to parent. Its placement must be one in the world."""
+        axis, second = (self.axis, None) if self.second is None else (self.second, -self.axis)
+        return replace(self, parent=self.child, child=self.parent, axis=-axis, second=second)
+
 
 @dataclass(frozen=True, eq=False)
 class Robot:

@@ -136,7 +136,10 @@ def _joint(each: Markup) -> Joint:
 
 
 def _limits(limit: Markup | None) -> tuple[float, float] | None:
-    return None if limit is None else (limit.number("lower", 0.0), limit.number("upper", 0.0))
+    if limit is None:
+        return None
+    lower, upper = (limit.limit(limit.attributes.get(end, "0"), end) for end in ("lower", "upper"))
+    return lower, upper
 
 
 def _axis(joint: Markup) -> np.ndarray:
