@@ -105,6 +105,18 @@ def test_a_closed_loop_of_sdf_moves_as_the_same_one_by_hand():
     np.testing.assert_allclose(ours.q[:, kernels.index["motor"]], turned, rtol=0, atol=2e-8)
 
 
+@pytest.mark.parametrize(("last", "led"), [("", True), ('<mimic joint="one" multiplier="-2" offset="0"/>', False)])
+def test_joints_of_a_free_robot_are_independent(write, last, led):
+    """So they take initial velocities by their names, and what leads is a rate of joint space, not what follows."""
+    mass = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    text = TWO.replace("</joint>\n</robot>", f"{last}</joint>\n</robot>").replace('<link name="a"/>', f'<link name="a">{mass}</link>')
+    kernels = ncgen.compile(ncgen.load(write(text), floating=True), "numpy")
+    rates = ncgen.joint_space(kernels).rates
+    assert ["one" in rates, "two" in rates] == [True, led]
+    run = ncgen.simulate(kernels, 0.1, zd0={"one": 0.5}, points=2)
+    assert run["rate(one)"][0] == pytest.approx(0.5, abs=1e-12)
+
+
 def test_a_mimic_follows(write):
     text = TWO.replace("</joint>\n</robot>", '<mimic joint="one" multiplier="-2" offset="0"/></joint>\n</robot>')
     kernels = ncgen.compile(ncgen.load(write(text)), "numpy")

@@ -66,9 +66,7 @@ class _Builder:
             self._couple(coupling)
         self._draw()
         free = [c for hold in self.layout.holds if (c := self.coordinates.get(hold.joint.name)) and not hold.joint.mimic]
-        if not (self.floating or self.robot.loops or self.robot.rows) and all(
-            hold.joint.kind in ("revolute", "prismatic") for hold in self.layout.holds
-        ):
+        if not (self.robot.loops or self.robot.rows):
             model.independent(*free)
         model.gravity(self.robot.gravity)
         model.simulation(duration=DURATION)
@@ -96,9 +94,11 @@ class _Builder:
         vectors = [e for e in elements if isinstance(e, Vector)]
         taken = {self.model.ground.name, *self.model.bodies}
         name = numbered(word(solid.name, "link"), taken.__contains__)
-        inertia = () if mass is None else (mass.mass, mass.com.tolist(), _tensor(mass).tolist())
         with _told_of(link.where):
-            self.bodies[solid] = self.model.body(name, points, vectors, *inertia)
+            if mass is None:
+                self.bodies[solid] = self.model.body(name, points, vectors)
+            else:
+                self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), _tensor(mass).tolist())
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""
@@ -208,10 +208,10 @@ def _told_of(where: str) -> Iterator[None]:
 
 
 def word(name: str, what: str) -> str:
-    """A name that a model can have: other signs become _, a letter comes first, and _ follows what means something in expressions."""
+    """A name that a model can have: other signs become _, a letter comes first, _ follows a joint's that has a meaning in expressions."""
     kept = "".join(c if c.isalnum() and f"a{c}".isidentifier() else "_" for c in normal(name))
     kept = kept if kept[:1].isidentifier() and kept[0] != "_" else f"{what}_{kept}"
-    return f"{kept}_" if keyword.iskeyword(kept) or kept in RESERVED else kept
+    return f"{kept}_" if what == "joint" and (keyword.iskeyword(kept) or kept in RESERVED) else kept
 
 
 def _tensor(mass: Mass) -> np.ndarray:

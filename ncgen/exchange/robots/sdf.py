@@ -343,10 +343,15 @@ def _link_text(link: Link, frame: Placement) -> str:
     return element("link", parts, name=link.name)
 
 
+def _mimic_text(mimic: Mimic) -> str:
+    said = {"multiplier": mimic.factor, "offset": mimic.offset, "reference": 0.0}
+    return element("mimic", [element(name, [_written((value,))]) for name, value in said.items()], joint=mimic.joint)
+
+
 def _joint_text(joint: Joint, frame: Placement) -> str:
     """frame: of the joint in the model."""
     kind = WORDS.get(joint.kind, joint.kind)
-    for what, value in (("a rotor", joint.armature), (f"a {kind} joint", kind not in KINDS), ("a mimic", joint.mimic)):
+    for what, value in (("a rotor", joint.armature), (f"a {kind} joint", kind not in KINDS)):
         if value:
             raise ModelError(f"joint {joint.name}: SDF cannot say {what}; write MJCF (.xml)")
     parts = [element("parent", [joint.parent]), element("child", [joint.child]), _placed(frame, relative_to=MODEL)]
@@ -357,7 +362,9 @@ def _joint_text(joint: Joint, frame: Placement) -> str:
             "spring_reference": joint.rest if joint.stiffness else 0.0,
         }
         said = [element(name, [_written((value,))]) for name, value in dynamics.items() if value]
-        parts.append(element("axis", [element("xyz", [_written(joint.axis)]), *([element("dynamics", said)] if said else [])]))
+        moved = [element("dynamics", said)] if said else []
+        moved += [_mimic_text(joint.mimic)] if joint.mimic else []
+        parts.append(element("axis", [element("xyz", [_written(joint.axis)]), *moved]))
     if joint.second is not None:
         parts.append(element("axis2", [element("xyz", [_written(joint.second)])]))
     if kind == "screw":
