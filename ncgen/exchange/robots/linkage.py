@@ -9,9 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
+import sympy
 
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, shapes_on
@@ -274,15 +275,15 @@ class _Linkage:
         """
         if row.expression is None or row.level != "position" or row.owner.kind not in ("user", "joint"):
             return None
-        numbers = {p.symbol: evaluate(p, self.model.parameters, row.label) for p in self.model.parameters.values()}
-        expression = as_sympy(row.expression).subs(numbers)
+        expression: Any = as_sympy(row.expression)
+        expression = expression.xreplace({p.symbol: sympy.Float(self._number(p, row.label)) for p in self.model.parameters.values()})
         own = [e for e in self.model.elements.values() if isinstance(e, Relative) and e.symbol in expression.free_symbols]
         if len(own) != 2 or len(expression.free_symbols) != 2:
             return None
         factors = [expression.diff(e.symbol) for e in own]
         if any(factor.free_symbols for factor in factors):
             return None
-        rest = expression.subs({e.symbol: 0.0 for e in own})
+        rest = expression.xreplace(dict.fromkeys((e.symbol for e in own), sympy.S.Zero))
         first, second = sorted(zip(own, map(float, factors), strict=True), key=lambda each: each[1] != 1.0)
         return (first, second), float(rest)
 
