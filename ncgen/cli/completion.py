@@ -19,7 +19,7 @@ def models(incomplete: str) -> list[tuple[str, str]]:
     """(name, what it is) of examples and of model files in this folder; in other folders the shell finds its way alone."""
     from ncgen.exchange.examples import SUFFIXES, example_names, lesson
 
-    files = [(path.name, "") for path in sorted(Path().iterdir()) if path.suffix in SUFFIXES and path.is_file()]
+    files = [(path.name, "") for path in sorted(Path().iterdir()) if path.suffix.lower() in SUFFIXES and path.is_file()]
     return [(name, shortened(lesson(name), WIDTH)) for name in example_names() if name.startswith(incomplete)] + files
 
 

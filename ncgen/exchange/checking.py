@@ -16,9 +16,10 @@ def checked(path: Path) -> tuple[Model | None, list[str]]:
 
     Raises ModelError for the first problem of a file of another kind.
     """
-    if path.suffix in robots.SUFFIXES and (problems := robots.problems_of(path)):
+    suffix = path.suffix.lower()
+    if suffix in robots.SUFFIXES and (problems := robots.problems_of(path)):
         return None, problems
-    if path.suffix == ".py" or path.suffix in robots.SUFFIXES:
+    if suffix != ".toml":
         model = load(path)
         check_simulation(model)
         return model, []

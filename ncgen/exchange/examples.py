@@ -14,7 +14,7 @@ from typing import TypeVar
 
 from ncgen.errors import SHOWN, ModelError, NcgenError, shortened
 from ncgen.exchange import robots
-from ncgen.exchange.text import as_path, is_file
+from ncgen.exchange.text import as_path, is_file, why_no_file
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.words import is_required
 from ncgen.model import Model
@@ -43,18 +43,17 @@ def load(
     Raises ModelError naming the file and the line where the file fails, or listing the examples if there is none.
     """
     path = as_path(name, "the name of an example or the path of a file")
-    if path.suffix in robots.SUFFIXES and is_file(path):
+    suffix = path.suffix.lower()
+    if suffix in robots.SUFFIXES and is_file(path):
         return robots.load_robot(path, floating, limits, friction, loops)
     for word, given in (("floating", floating is not None), ("limits", limits), ("friction", friction), ("loops", loops is not None)):
         if given:
             raise ModelError(f"{path.name}: {word} is for a robot's file ({', '.join(robots.SUFFIXES)}); a model says itself what it has")
-    if _is_example(name):
-        if str(name) not in example_names():
-            raise _no_such(name)
+    if str(name) in example_names():
         return _checked(example_module(name))
     if not is_file(path):
-        raise _no_such(name)
-    model = load_toml(path) if path.suffix == ".toml" else _checked(_import(path))
+        raise _no_such(name, path)
+    model = load_toml(path) if suffix == ".toml" else _checked(_import(path))
     model.drawing.folder = path.resolve().parent
     return model
 
@@ -80,11 +79,6 @@ def example_text(name: str) -> str:
     return (folder("examples") / name / "model.py").read_text(encoding="utf-8")
 
 
-def _is_example(name: str | Path) -> bool:
-    text = str(name)
-    return "/" not in text and "\\" not in text and not text.endswith(SUFFIXES)
-
-
 class _Reader(SourceFileLoader):
     """Reads a module from its source and leaves no bytecode beside it."""
 
@@ -92,14 +86,13 @@ class _Reader(SourceFileLoader):
         return self.source_to_code(self.get_data(self.path), self.path)
 
 
-def _no_such(name: str | Path) -> ModelError:
-    return ModelError(
-        f"{shortened(str(name), SHOWN) or repr('')}: there is no such file or example; the examples are {', '.join(example_names())}"
-    )
+def _no_such(name: str | Path, path: Path) -> ModelError:
+    missing = f"there is no such file or example; the examples are {', '.join(example_names())}"
+    return ModelError(f"{shortened(str(name), SHOWN) or repr('')}: {why_no_file(path, missing) if str(name) else missing}")
 
 
 def _import(path: Path) -> ModuleType:
-    if path.suffix != ".py":
+    if path.suffix.lower() != ".py":
         raise ModelError(
             f"{path}: not a model; give a .toml, .urdf, .sdf, .xml or .py file, the last with a function build(), or an example's name"
         )

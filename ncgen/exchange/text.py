@@ -32,17 +32,21 @@ def is_file(path: Path) -> bool:
         return False
 
 
+def why_no_file(path: Path, missing: str) -> str:
+    """Why a path is no file, where `is_file` says so. missing: the words where nothing is there."""
+    try:
+        return "a model file is an ordinary file, not a folder, a device or a pipe" if path.exists() else missing
+    except (OSError, ValueError):
+        return missing
+
+
 def text_of(path: Path) -> str:
     """The text of a file, without a byte order mark.
 
     Raises ModelError where there is no file, where it cannot be read, is too large, or is no UTF-8 text.
     """
     if not is_file(path):
-        try:
-            what = "a model file is an ordinary file, not a folder, a device or a pipe" if path.exists() else "there is no such file"
-        except (OSError, ValueError):
-            what = "there is no such file"
-        raise ModelError(f"{path}: {what}")
+        raise ModelError(f"{path}: {why_no_file(path, 'there is no such file')}")
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST + 1)

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import keyword
 import unicodedata
+from collections.abc import Callable
 from typing import TypeVar, overload
 
 from ncgen.errors import ModelError, shown
@@ -32,6 +33,14 @@ def normal(name: T) -> T: ...
 def normal(name: object) -> object:
     """The form in which a name is kept and looked for; what is no text is returned as it is."""
     return unicodedata.normalize("NFKC", name) if isinstance(name, str) else name
+
+
+def numbered(wish: str, is_taken: Callable[[str], bool]) -> str:
+    """The name that is wished for, or it with the first number behind it that makes it a name of its own."""
+    name, number = wish, 2
+    while is_taken(name):
+        name, number = f"{wish}_{number}", number + 1
+    return name
 
 
 def check_word(name: object, what: str) -> str:

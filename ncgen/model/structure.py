@@ -16,6 +16,7 @@ from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Combination, Component, Constant, Direction, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
 from ncgen.model.measures import Scalars
+from ncgen.model.names import numbered
 from ncgen.model.rigid import Frame, include
 from ncgen.model.rows import Owner, Row
 from ncgen.model.values import Expression, Scalar, Tensor, Value, Values, as_sympy, is_number, settled
@@ -237,10 +238,7 @@ class Structure(Coordinates):
         return np.array([self._number(x, "") for x in values.flat]).reshape(values.shape)
 
     def free_name(self, wish: str) -> str:
-        name, number = wish, 2
-        while self.bearer(name) is not None:
-            name, number = f"{wish}_{number}", number + 1
-        return name
+        return numbered(wish, lambda name: self.bearer(name) is not None)
 
 
 def _middle(points: list[Point]) -> tuple[Scalar, ...]:

@@ -115,12 +115,18 @@ def test_the_kind_of_error_is_kept(write):
 
 @pytest.mark.parametrize(
     "name",
-    ["nosuch", "nosuch.py", "some/where.py", "", "..", "robot/", ".", "/", "/dev/zero", "a\0.py", "x" * 5000, "x" * 5000 + ".py", "*"],
+    ["nosuch", "nosuch.py", "some/where.py", "", "robot/", "a\0.py", "x" * 5000, "x" * 5000 + ".py", "*"],
 )
 def test_what_there_is_not(name):
     with pytest.raises(ModelError, match="there is no such file or example; the examples are ") as refusal:
         load(name)
     assert "site-packages" not in str(refusal.value) and len(str(refusal.value)) <= 300
+
+
+@pytest.mark.parametrize("name", ["..", ".", "/", "/dev/zero"])
+def test_what_is_no_file(name):
+    with pytest.raises(ModelError, match="a model file is an ordinary file, not a folder, a device or a pipe"):
+        load(name)
 
 
 def test_a_file_that_may_not_be_read(write):

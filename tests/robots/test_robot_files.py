@@ -9,7 +9,9 @@ import ncgen
 from ncgen import Model
 from ncgen.errors import ModelError
 from ncgen.exchange.checking import checked
+from ncgen.exchange.robots import read_robot
 from ncgen.exchange.robots.placement import Placement
+from ncgen.exchange.robots.robot import Joint
 from ncgen.exchange.toml_reader import load_toml
 from ncgen.exchange.toml_writer import to_toml
 from ncgen.symbolic.tree import spanning_tree
@@ -101,6 +103,18 @@ def test_a_closed_loop_of_sdf_moves_as_the_same_one_by_hand():
     turned = theirs.q[:, hand.index["motor"]] - np.pi / 3
     assert np.ptp(turned) > 1.0
     np.testing.assert_allclose(ours.q[:, kernels.index["motor"]], turned, rtol=0, atol=2e-8)
+
+
+@pytest.mark.parametrize(("last", "led"), [("", True), ('<mimic joint="one" multiplier="-2" offset="0"/>', False)])
+def test_joints_of_a_free_robot_are_independent(write, last, led):
+    """So they take initial velocities by their names, and what leads is a rate of joint space, not what follows."""
+    mass = '<inertial><mass value="2"/><inertia ixx="1" iyy="1" izz="1"/></inertial>'
+    text = TWO.replace("</joint>\n</robot>", f"{last}</joint>\n</robot>").replace('<link name="a"/>', f'<link name="a">{mass}</link>')
+    kernels = ncgen.compile(ncgen.load(write(text), floating=True), "numpy")
+    rates = ncgen.joint_space(kernels).rates
+    assert ["one" in rates, "two" in rates] == [True, led]
+    run = ncgen.simulate(kernels, 0.1, zd0={"one": 0.5}, points=2)
+    assert run["rate(one)"][0] == pytest.approx(0.5, abs=1e-12)
 
 
 def test_a_mimic_follows(write):
@@ -198,6 +212,13 @@ BAD = [
     (TWO.replace('izz="1"', 'izz="3"', 1), "two.urdf, line 3: body b: no body has principal moments of inertia 1, 1, 3 kg m2"),
     (TWO.replace("</joint>\n</robot>", '<mimic joint="two"/></joint></robot>'), "two.urdf, line 6: joint two mimics itself; name another"),
     (TWO.replace("</joint>\n</robot>", '<mimic joint="x"/></joint></robot>'), "joint two: there is no joint 'x' that moves"),
+    (
+        TWO.replace("</joint>\n</robot>", '<mimic joint="one" multiplier="1e200"/></joint></robot>'),
+        "line 6: multiplier: '1e200' is too large",
+    ),
+    (TWO.replace("</joint>\n</robot>", '<dynamics damping="1e250"/></joint></robot>'), "two.urdf, line 6: damping: '1e250' is too large"),
+    (TWO.replace('xyz="1 0 0"', 'xyz="1e200 0 0"'), "two.urdf, line 6: xyz: '1e200' is too large; the largest number is 1e+100"),
+    (TWO.replace('"one"', f'"{"j" * 1000}"'), "two.urdf, line "),
 ]
 
 
@@ -234,6 +255,16 @@ BAD_SDF = [
         SDF.format('<link name="a"><pose relative_to="b"/></link><link name="b"><pose relative_to="a"/></link>'),
         "link a is placed relative to itself, by way of 'a', 'b'",
     ),
+    (
+        SDF.format(
+            "".join(f'<frame name="f{k}" attached_to="f{k + 1}"/>' for k in range(2000)) + '<frame name="f2000"/><link name="a"/>'
+        ).replace('<link name="a"/>', '<link name="a"><pose relative_to="f0"/></link>'),
+        "frame f100 is placed relative to more than 100 others",
+    ),
+    (
+        SDF.format(LINKS + JOINT.format("universal", "<axis><xyz>0 1 0</xyz></axis><axis2><xyz>0 1 0</xyz></axis2>")),
+        "joint universal a-b, angle u_j, v_j: the cosine is 1",
+    ),
 ]
 
 
@@ -245,13 +276,76 @@ def test_what_is_wrong_with_sdf_is_told(write, text, said):
     assert str(refused.value).startswith("m.sdf, line 1: ")
 
 
+def test_a_joint_to_the_world_is_one_from_it_with_the_same_coordinate(write):
+    """A slider and a hinge whose child is the world: ψ̈ = m g l cos ψ / (I + m l²), s̈ = −g, signs as the file has them."""
+    body = """<link name="a"><inertial><pose>0.5 0 0 0 0 0</pose><mass>2</mass><inertia><iyy>0.3</iyy></inertia></inertial></link>
+    <joint name="j" type="{}"><pose relative_to="a">0 0 0 0 0 0</pose><parent>{}</parent><child>{}</child>
+    <axis><xyz>{}</xyz></axis></joint>"""
+    for kind, axis, first in (("revolute", "0 1 0", 2 * 9.81 * 0.5 / (0.3 + 2 * 0.25)), ("prismatic", "0 0 1", -9.81)):
+        for ends, sign in ((("world", "a"), 1), (("a", "world"), -1)):
+            kernels = ncgen.compile(ncgen.load(write(SDF.format(body.format(kind, *ends, axis)), "m.sdf")), "numpy")
+            space = ncgen.joint_space(kernels)
+            assert space.forward_dynamics(space.position({"j": 0.0})) == pytest.approx([sign * first], rel=1e-13)
+    turned = Joint("u", "universal", "p", "c", axis=np.array([0.0, 1, 0]), second=np.array([1.0, 0, 0])).turned()
+    assert (turned.parent, turned.axis.tolist(), turned.second.tolist()) == ("c", [-1, 0, 0], [0, -1, 0])
+
+
+def test_infinite_limits_are_none(write):
+    """SDF's own default is −inf, and what Gazebo prints −1.79769e+308."""
+    limited = "<axis><xyz>0 1 0</xyz><limit><lower>{}</lower><upper>{}</upper></limit></axis>"
+    for lower, upper, bounds in (("-inf", "inf", None), ("-1.79769e+308", "1.79769e+308", None), ("-1", "inf", (-1.0, 1e15))):
+        path = write(SDF.format(LINKS + JOINT.format("revolute", limited.format(lower, upper))), "m.sdf")
+        assert read_robot(path).joints[0].limits == bounds
+    path = write(TWO.replace("</joint>\n</robot>", '<limit lower="-inf" upper="2"/></joint></robot>'))
+    assert read_robot(path).joints[1].limits == (-1e15, 2.0)
+
+
+def test_stops_whose_limits_are_exchanged_are_refused(write):
+    path = write(TWO.replace("</joint>\n</robot>", '<limit lower="1" upper="-1"/></joint></robot>'))
+    assert "limits of joints (1)" in ncgen.load(path).left_out
+    with pytest.raises(ModelError, match="two.urdf, line 6: joint two: its lower limit 1 is beyond the upper one -1; exchange them"):
+        ncgen.load(path, limits=True)
+
+
+def test_names_of_every_language_and_of_expressions(write):
+    """Letters stay; what would be two things of one name, or a keyword, gets something behind it."""
+    text = (
+        TWO.replace('"b"', '"ground"').replace('"c"', '"😀"').replace('"a"', '"🤖"').replace('"one"', '"関節"').replace('"two"', '"lambda"')
+    )
+    model = ncgen.load(write(text))
+    assert list(model.bodies) == ["ground_2", "link__"]
+    assert ncgen.joint_space(ncgen.compile(model, "numpy")).rates == ("関節", "lambda_")
+    assert set(ncgen.load(write(TWO.replace('"b"', '"x-1"').replace('"c"', '"x_1"').replace('"two"', '"t"'))).bodies) == {"x_1", "x_1_2"}
+
+
+def test_what_is_there_and_is_no_robot_is_told_so(write, tmp_path):
+    """A suffix in capitals is one; a folder and a file of another kind are not missing; macros are named whatever the file's name."""
+    assert set(ncgen.load(write(TWO, "TWO.URDF")).bodies) == {"b", "c"}
+    (tmp_path / "folder.urdf").mkdir()
+    with pytest.raises(ModelError, match="a model file is an ordinary file, not a folder"):
+        ncgen.load(tmp_path / "folder.urdf")
+    macro = "<robot xmlns:xacro='x'>\n<xacro:arm/></robot>"
+    for name, said in (("two.urdf.xacro", r"xacro 'two.urdf.xacro' > 'two.urdf'"), ("two.urdf", r"xacro 'two.urdf' > 'expanded-two.urdf'")):
+        with pytest.raises(ModelError, match=said):
+            ncgen.load(write(macro, name))
+
+
+def test_a_file_in_the_working_folder_is_looked_at(write, monkeypatch, tmp_path):
+    write(TWO, "two.stl")
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(ModelError, match="two.stl: not a model; give a .toml, .urdf"):
+        ncgen.load("two.stl")
+
+
 def test_a_large_file_is_not_read(write):
     with pytest.raises(ModelError, match="a model file has at most 4000000 bytes"):
         ncgen.load(write(TWO + " " * 4_000_000))
 
 
 def test_floating_is_for_robots(write):
-    with pytest.raises(ModelError, match=r"floating is for a robot's file \(.urdf, .sdf, .xml, .mjcf\); a model says itself what it has"):
+    with pytest.raises(
+        ModelError, match=r"floating is for a robot's file \(.urdf, .sdf, .xml, .mjcf, .xacro\); a model says itself what it has"
+    ):
         ncgen.load("pendulum", floating=True)
 
 

@@ -104,3 +104,20 @@ def test_rotations_come_back(rpy):
         Placement.of_quaternion(np.zeros(3), np.array(first.quaternion)).rotation, first.rotation, rtol=0, atol=1e-15
     )
     assert first.quaternion[0] >= 0
+
+
+def test_several_joints_of_a_body_come_back(tmp_path):
+    """In MJCF as joints of one body, each with its own anchor: bodies without mass between them are none that MuJoCo takes."""
+    text = """<mujoco model="leg"><compiler angle="radian"/><worldbody><body name="hip" pos="0.1 0 1" euler="0.3 0 0.2">
+    <joint name="out" axis="-1 0.2 0" pos="0.02 0.01 0"/><joint name="ahead" axis="0 -1 0" pos="0 0.03 0" armature="0.1"/>
+    <joint name="long" type="slide" axis="0.1 0 -1"/><inertial pos="0.1 0 -0.2" mass="2" diaginertia="0.1 0.12 0.05"/>
+    </body></worldbody></mujoco>"""
+    (tmp_path / "first.xml").write_text(text)
+    model = ncgen.load(tmp_path / "first.xml")
+    (tmp_path / "second.xml").write_text(robot_text(model, ".xml"))
+    first, second = (ncgen.joint_space(ncgen.compile(m, "numpy")) for m in (model, ncgen.load(tmp_path / "second.xml")))
+    assert first.rates == second.rates == ("out", "ahead", "long")
+    values, v = {"out": 0.4, "ahead": -0.7, "long": 0.2}, [1.0, -2.0, 0.5]
+    here, there = first.position(values), second.position(values)
+    np.testing.assert_allclose(second.mass_matrix(there), first.mass_matrix(here), rtol=0, atol=1e-13)
+    np.testing.assert_allclose(second.inverse_dynamics(there, v), first.inverse_dynamics(here, v), rtol=0, atol=1e-12)

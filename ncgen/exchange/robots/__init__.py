@@ -9,13 +9,13 @@ from importlib import import_module
 from pathlib import Path
 
 from ncgen.errors import ModelError, shown
-from ncgen.exchange.robots.markup import read_markup
+from ncgen.exchange.robots.markup import XACRO, read_markup
 from ncgen.exchange.robots.robot import Robot, together
 from ncgen.exchange.text import as_path
 from ncgen.model import Model
 from ncgen.model.bodies import check_inertia
 
-SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf")
+SUFFIXES = (".urdf", ".sdf", ".xml", ".mjcf", XACRO)
 
 FORMATS = {"robot": "urdf", "sdf": "sdf", "mujoco": "mjcf"}
 """{tag of the root element: module}."""

@@ -9,21 +9,23 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TypedDict
+from typing import Any, TypedDict
 
 import numpy as np
+import sympy
 
 from ncgen.errors import ModelError
 from ncgen.exchange.robots.looks import Shape, shapes_on
 from ncgen.exchange.robots.placement import Placement
-from ncgen.exchange.robots.robot import Joint, Link, Mass, Robot, hung
+from ncgen.exchange.robots.robot import Joint, Link, Mass, Mimic, Robot, hung
 from ncgen.model import Model
 from ncgen.model.arithmetic import unit
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Angle, Combination, Length, Point, Relative, Spatial, as_combination
 from ncgen.model.forces import TorsionSpring
-from ncgen.model.values import Value, evaluate
-from ncgen.symbolic.tree import Screw, joint_between, sliding_of, spanning_tree
+from ncgen.model.rows import Row
+from ncgen.model.values import Value, as_sympy, evaluate
+from ncgen.symbolic.tree import SLIDING, Screw, joint_between, sliding_of, spanning_tree
 
 WORLD = "world"
 
@@ -80,12 +82,13 @@ class _Linkage:
         for body in self.tree.loose:
             self._rod(body.name, body.points, body)
         for row in self.model.rows:
-            if row.owner.kind == "user":
+            if _is_rod(row):
                 self._rod(self._free(f"rod_{row.label.rsplit(' ', 1)[-1]}"), _points(row.direction("a")))
         for element in self.model.elements.values():
             if isinstance(element, Length) and element.name not in self.said:
                 self._leg(element)
         self._coordinates()
+        self._follow()
         self._hold()
         floats = not any(WORLD in (joint.parent, joint.child) for joint in (*self.joints, *self.loops))
         parts = self.parts[1:] if floats else self.parts
@@ -250,6 +253,40 @@ class _Linkage:
         """True if all of a direction moves with a link."""
         return all(e in part.elements for e in direction.elements)
 
+    def _follow(self) -> None:
+        """Joints follow others where a row says so: gears, racks, and what a file's mimics became."""
+        for row in self.model.rows:
+            shares = self._shares(row)
+            if shares is None:
+                continue
+            (first, a), (second, b) = shares[0]
+            joint = next(joint for joint in (*self.joints, *self.loops) if joint.name == first.name)
+            if joint.mimic or joint in self.loops:
+                raise ModelError(
+                    f"{self.model.name}: {row.label}: joint {first.name} cannot follow {second.name} as well; leave one row out"
+                )
+            open_by = a * float(first.initial[0]) + b * float(second.initial[0]) + shares[1]
+            self._put(joint, replace(joint, mimic=Mimic(second.name, -b / a, -open_by / a)))
+
+    def _shares(self, row: Row) -> tuple[tuple[tuple[Relative, float], tuple[Relative, float]], float] | None:
+        """Two coordinates and their factors in a row over nothing else that is linear in them, and what stands there besides; else None.
+
+        The first one is that of factor 1, if there is one: a file's mimic follows with that.
+        """
+        if row.expression is None or row.level != "position" or row.owner.kind not in ("user", "joint"):
+            return None
+        expression: Any = as_sympy(row.expression)
+        expression = expression.xreplace({p.symbol: sympy.Float(self._number(p, row.label)) for p in self.model.parameters.values()})
+        own = [e for e in self.model.elements.values() if isinstance(e, Relative) and e.symbol in expression.free_symbols]
+        if len(own) != 2 or len(expression.free_symbols) != 2:
+            return None
+        factors = [expression.diff(e.symbol) for e in own]
+        if any(factor.free_symbols for factor in factors):
+            return None
+        rest = expression.xreplace(dict.fromkeys((e.symbol for e in own), sympy.S.Zero))
+        first, second = sorted(zip(own, map(float, factors), strict=True), key=lambda each: each[1] != 1.0)
+        return (first, second), float(rest)
+
     def _hold(self) -> None:
         """Bodies that move freely hang on the first joint that names them as its child, where there is one."""
         carried = {joint.child for joint in self.joints}
@@ -265,9 +302,8 @@ class _Linkage:
             raise ModelError(f"{model.name}: with loops no rotor is written, here that of {model.rotors[0].coordinate.name}; leave it out")
         for row in model.rows:
             kind = row.owner.name.partition(" ")[0]
-            is_rod = row.owner.kind == "user" and row.type is not None and row.type.key == "distance"
-            is_joint = row.owner.kind == "joint" and kind in ("universal", "prismatic")
-            if not (is_rod or is_joint or row.owner.kind in ("body", "coordinate")):
+            is_joint = row.owner.kind == "joint" and kind in ("universal", *SLIDING)
+            if not (_is_rod(row) or is_joint or row.owner.kind in ("body", "coordinate") or self._shares(row)):
                 raise ModelError(
                     f"{model.name}: row {row.label} ({row.owner}) is that of no joint; a file of links and joints cannot say it"
                 )
@@ -304,6 +340,10 @@ class _Linkage:
             name += "_"
         self.names.add(name)
         return name
+
+
+def _is_rod(row: Row) -> bool:
+    return row.owner.kind == "user" and row.type is not None and row.type.key == "distance"
 
 
 def _points(segment: Combination) -> list[Point]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -14,9 +15,16 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.text import placed, text_of
 from ncgen.model.arithmetic import norm, unit
+from ncgen.model.values import LARGEST
 
 DEEPEST = 100
 """Elements inside each other."""
+
+XACRO = ".xacro"
+"""How files end that are URDF when their macros are expanded."""
+
+UNLIMITED = 1e15
+"""Limits of joints beyond this are none."""
 
 
 @dataclass(eq=False)
@@ -70,6 +78,11 @@ class Markup:
         """So many numbers in the element's text."""
         return self._split(self.text, count, f"<{self.tag}>")
 
+    def limit(self, text: str, what: str) -> float:
+        """A limit of a joint, which may be infinite: what is beyond `UNLIMITED` is that."""
+        value = self._float(text, what)
+        return self._number(text, what) if math.isnan(value) else min(max(value, -UNLIMITED), UNLIMITED)
+
     def unit(self, values: Sequence[float], joint: str) -> np.ndarray:
         """The axis of a joint (3,) with length 1."""
         return unit(values) if norm(values) > 0 else self.refuse(f"joint {joint}: its axis is 0 0 0; give a direction")
@@ -95,13 +108,18 @@ class Markup:
             self.refuse(f"{what}: {count} numbers are needed, {shown(text)} is given")
         return tuple(self._number(part, what) for part in parts)
 
-    def _number(self, text: str, what: str) -> float:
+    def _float(self, text: str, what: str) -> float:
         try:
-            value = float(text)
+            return float(text)
         except ValueError:
             self.refuse(f"{what}: {shown(text)} is no number")
-        if not abs(value) < 1e300:
+
+    def _number(self, text: str, what: str) -> float:
+        value = self._float(text, what)
+        if not math.isfinite(value):
             self.refuse(f"{what}: {shown(text)} is not finite; give a number")
+        if abs(value) > LARGEST:
+            self.refuse(f"{what}: {shown(text)} is too large; the largest number is {LARGEST:g}, check the unit")
         return value
 
 
@@ -141,8 +159,9 @@ class _Reader:
     def _start(self, tag: str, attributes: dict[str, str]) -> None:
         element = Markup(tag, attributes, self.parser.CurrentLineNumber, self.where)
         if tag.startswith("xacro:"):
-            name = shown(self.where.removesuffix(".xacro"))
-            element.refuse(f"<{tag}> is a macro of xacro; expand it first: xacro {shown(self.where)} > {name}")
+            name = self.where.removesuffix(XACRO)
+            name = f"expanded-{name}" if name == self.where else name  # or the shell empties the file before xacro reads it
+            element.refuse(f"<{tag}> is a macro of xacro; expand it first: xacro {shown(self.where)} > {shown(name)}")
         if len(self.open) > DEEPEST:
             element.refuse(f"elements are more than {DEEPEST} deep in each other; a robot needs no such depth")
         self.open[-1].children.append(element)

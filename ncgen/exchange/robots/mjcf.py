@@ -7,7 +7,7 @@ armatures are rotors. Coordinates are 0 in the position that the file describes.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
@@ -242,6 +242,7 @@ WORDS = {"revolute": "hinge", "prismatic": "slide", "spherical": "ball"}
 
 def text_of(robot: Robot) -> str:
     """A robot as MJCF; loops are connections and welds. Raises ModelError naming a joint or a body that the format cannot say."""
+    robot = robot.grounded()
     carried: dict[str, list[Joint]] = {name: [] for name in robot.links}
     frames = {robot.root: Placement()}
     for joint in robot.joints:
@@ -254,18 +255,29 @@ def text_of(robot: Robot) -> str:
     def geoms(name: str) -> list[str]:
         return [_geom_text(shape, names) for shape in _written(robot.links[name])]
 
+    tied = {name for loop in robot.loops for name in (loop.parent, loop.child)}
+
     def body(joint: Joint) -> str:
-        own = joint.child
-        parts = [*_joint_text(joint), *_inertial(robot.links[own]), *geoms(own), *map(body, carried[own])]
-        return element("body", parts, name=joint.child, pos=joint.placement.position, quat=joint.placement.quaternion)
+        """A link with the joints of those before it that have no mass and carry nothing else."""
+        row = [joint]
+        while _is_between(robot.links[row[-1].child], carried[row[-1].child]) and row[-1].child not in tied:
+            row += carried[row[-1].child]
+        own, place, joints = row[-1].child, Placement(), list[str]()
+        for each in reversed(row):  # place: of the link's frame in that of the joint
+            joints = _joint_text(each, place.inverse()) + joints
+            place = each.placement @ place
+        parts = [*joints, *_inertial(robot.links[own]), *geoms(own), *map(body, carried[own])]
+        return element("body", parts, name=own, pos=place.position, quat=place.quaternion)
 
     compiler = element("compiler", angle="radian", inertiafromgeom="false")
     parts = [compiler, element("option", gravity=robot.gravity)]
     if names:
         parts.append(element("asset", [element("mesh", name=name, file=file, scale=scale) for (file, scale), name in names.items()]))
     parts.append(element("worldbody", [*geoms(robot.root), *map(body, carried[robot.root])]))
-    if robot.loops:
-        parts.append(element("equality", [text for loop in robot.loops for text in _loop_text(loop, frames, robot.root)]))
+    equalities = [text for loop in robot.loops for text in _loop_text(loop, frames, robot.root)]
+    equalities += [_mimic_text(joint.name, joint.mimic) for joint in robot.joints if joint.mimic]
+    if equalities:
+        parts.append(element("equality", equalities))
     return document(element("mujoco", parts, model=robot.name))
 
 
@@ -299,14 +311,25 @@ def _loop_text(loop: Joint, frames: dict[str, Placement], root: str) -> list[str
     return [element("connect", name=name, body1=first, body2=second, anchor=place) for name, place in zip(names, places, strict=False)]
 
 
-def _joint_text(joint: Joint) -> list[str]:
+def _mimic_text(name: str, mimic: Mimic) -> str:
+    return element("joint", name=f"{name}_follows", joint1=name, joint2=mimic.joint, polycoef=(mimic.offset, mimic.factor, 0.0, 0.0, 0.0))
+
+
+def _is_between(link: Link, carried: Sequence[Joint]) -> bool:
+    """True for a link that only stands between two joints."""
+    return link.mass is None and not link.shapes and len(carried) == 1
+
+
+def _joint_text(joint: Joint, frame: Placement) -> list[str]:
+    """frame: of the joint in its body."""
     if joint.kind == "fixed":
         return []
     if joint.kind == "floating":
         return [element("freejoint", name=joint.name)]
     if joint.kind not in WORDS:
         raise ModelError(f"joint {joint.name}: MJCF has no {joint.kind} joint; put bodies without mass between sliders and a hinge")
-    said: dict[str, Any] = {} if joint.kind == "spherical" else {"axis": joint.axis}
+    said: dict[str, Any] = {"pos": frame.position} if frame.position.any() else {}
+    said |= {} if joint.kind == "spherical" else {"axis": frame.along(joint.axis)}
     said |= {name: value for name in ("armature", "damping", "stiffness") if (value := getattr(joint, name))}
     said |= {"springref": joint.rest} if joint.stiffness else {}
     return [element("joint", name=joint.name, type=WORDS[joint.kind], **said)]

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import keyword
+from collections.abc import Iterator
+from contextlib import contextmanager
+
 import numpy as np
 
 from ncgen.errors import ModelError, shown
@@ -12,6 +16,7 @@ from ncgen.model import Model
 from ncgen.model.arithmetic import dot, unit
 from ncgen.model.bodies import Body
 from ncgen.model.elements import Combination, Point, Relative, Spatial, Vector
+from ncgen.model.names import RESERVED, normal, numbered
 
 DURATION = 1.0
 """Of a run that says nothing else (s)."""
@@ -53,16 +58,15 @@ class _Builder:
         for solid, body in self.bodies.items():
             self._show(solid, body)
         for hold in self.layout.holds:
-            self._join(hold)
+            with _told_of(hold.joint.where):
+                self._join(hold)
         for hold in self.layout.holds:
             self._follow(hold)
         for coupling in self.robot.rows:
             self._couple(coupling)
         self._draw()
         free = [c for hold in self.layout.holds if (c := self.coordinates.get(hold.joint.name)) and not hold.joint.mimic]
-        if not (self.floating or self.robot.loops or self.robot.rows) and all(
-            hold.joint.kind in ("revolute", "prismatic") for hold in self.layout.holds
-        ):
+        if not (self.robot.loops or self.robot.rows):
             model.independent(*free)
         model.gravity(self.robot.gravity)
         model.simulation(duration=DURATION)
@@ -75,7 +79,8 @@ class _Builder:
             for place in solid.places:
                 if place not in self.elements:
                     make = self.model.point if place.is_point else self.model.vector
-                    self.elements[place] = make(self._free(place.name), place.value.tolist(), fixed=place in fixed)
+                    with _told_of(self.robot.links[solid.name].where):
+                        self.elements[place] = make(self._free(place.name), place.value.tolist(), fixed=place in fixed)
 
     def _free(self, name: str) -> str:
         """A name that nothing has yet."""
@@ -87,14 +92,13 @@ class _Builder:
         elements = [self.elements[place] for place in solid.places]
         points = [e for e in elements if isinstance(e, Point)]
         vectors = [e for e in elements if isinstance(e, Vector)]
-        name = word(solid.name, "link")
-        try:
+        taken = {self.model.ground.name, *self.model.bodies}
+        name = numbered(word(solid.name, "link"), taken.__contains__)
+        with _told_of(link.where):
             if mass is None:
                 self.bodies[solid] = self.model.body(name, points, vectors)
             else:
                 self.bodies[solid] = self.model.body(name, points, vectors, mass.mass, mass.com.tolist(), _tensor(mass).tolist())
-        except ModelError as error:
-            raise ModelError(f"{link.where}: {error}") from None
 
     def _show(self, solid: Solid, body: Body) -> None:
         """What a link looks like, on its body."""
@@ -194,10 +198,20 @@ class _Builder:
         return found
 
 
+@contextmanager
+def _told_of(where: str) -> Iterator[None]:
+    """What the model refuses is told with the place in the robot's file."""
+    try:
+        yield
+    except ModelError as error:
+        raise ModelError(f"{where}: {error}" if where else str(error)) from None
+
+
 def word(name: str, what: str) -> str:
-    """A name that a model can have: other signs become _, and a letter comes first."""
-    kept = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in name)
-    return kept if kept[:1].isalpha() else f"{what}_{kept}"
+    """A name that a model can have: other signs become _, a letter comes first, _ follows a joint's that has a meaning in expressions."""
+    kept = "".join(c if c.isalnum() and f"a{c}".isidentifier() else "_" for c in normal(name))
+    kept = kept if kept[:1].isidentifier() and kept[0] != "_" else f"{what}_{kept}"
+    return f"{kept}_" if what == "joint" and (keyword.iskeyword(kept) or kept in RESERVED) else kept
 
 
 def _tensor(mass: Mass) -> np.ndarray:

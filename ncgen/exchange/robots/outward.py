@@ -47,9 +47,10 @@ def robot_of(model: Model, loops: bool = False) -> Robot:
         return linkage_of(model)
     if isinstance(space, JointsOfTree):
         return _Teller(space).robot()
-    if not loops:
+    found = linkage_of(model)
+    if found.loops and not loops:
         raise ModelError(f"{space.why}; a file of links and joints cannot say it, but SDF (.sdf) and MJCF (.xml) can")
-    return linkage_of(model)
+    return found
 
 
 class _AtJoint(TypedDict):

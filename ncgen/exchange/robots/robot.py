@@ -14,6 +14,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.looks import Shape
 from ncgen.exchange.robots.placement import Placement
 from ncgen.model.arithmetic import dot, product
+from ncgen.model.names import numbered
 
 KINDS = ("fixed", "revolute", "prismatic", "spherical", "planar", "floating", "universal", "screw")
 """How a joint can move; a continuous one is revolute."""
@@ -113,6 +114,11 @@ class Joint:
     mimic: Mimic | None = None
     where: str = ""
 
+    def turned(self) -> Joint:
+        """The same joint with the same coordinate, said from child to parent. Its placement must be one in the world."""
+        axis, second = (self.axis, None) if self.second is None else (self.second, -self.axis)
+        return replace(self, parent=self.child, child=self.parent, axis=-axis, second=second)
+
 
 @dataclass(frozen=True, eq=False)
 class Robot:
@@ -154,6 +160,16 @@ class Robot:
             left = next(joint for joint in self.joints if joint not in set(order))
             raise self._refused(left.where, f"joint {left.name}: its links {left.parent} and {left.child} are in a circle; cut it")
         return replace(self, joints=tuple(order))
+
+    def grounded(self) -> Robot:
+        """The same where a root that moves freely hangs by a joint on a link that does not, for formats whose root rests."""
+        if not self.floats:
+            return self
+        world = numbered("world", self.links.__contains__)
+        name = numbered(f"joint_{self.root}", {joint.name for joint in (*self.joints, *self.loops)}.__contains__)
+        joints = (Joint(name, "floating", world, self.root, self.base), *self.joints)
+        loops = tuple(replace(loop, placement=self.base @ loop.placement) for loop in self.loops)
+        return replace(self, links={world: Link(world, None), **self.links}, joints=joints, loops=loops, base=Placement(), floats=False)
 
     @property
     def root(self) -> str:

@@ -15,7 +15,7 @@ import numpy as np
 
 from ncgen.errors import ModelError, shown
 from ncgen.exchange.robots.looks import Shape, Unseen, colour_of, mesh, rgba_of, seen, shape, unseen
-from ncgen.exchange.robots.markup import Markup, refusals
+from ncgen.exchange.robots.markup import DEEPEST, UNLIMITED, Markup, refusals
 from ncgen.exchange.robots.placement import Placement
 from ncgen.exchange.robots.robot import Coupling, Joint, Link, Mass, Mimic, Robot, hung, unique
 from ncgen.exchange.robots.written import document, element, number_text
@@ -37,9 +37,6 @@ GEARBOX = "gearbox"
 
 ACTING, FORCES = ("revolute", "continuous", "prismatic", "screw"), ("damping", "spring_stiffness")
 """Joints that have one coordinate, along which something can act, and what can."""
-
-UNLIMITED = 1e15
-"""Limits beyond this are none."""
 
 ALIGNED = 1 - 1e-9
 """Cosine of the angle from which on two axes are one."""
@@ -104,7 +101,7 @@ class _Reader:
         tree: list[Joint] = []
         carried: set[str] = set()
         for joint in joints:
-            if joint.child not in carried and joint.child != WORLD:
+            if joint.child not in carried:
                 carried.add(joint.child)
                 tree.append(joint)
         loops = tuple(joint for joint in joints if joint not in tree)
@@ -131,6 +128,10 @@ class _Reader:
             each = self.named[name]
             if name in self.waiting:
                 each.refuse(f"{each.tag} {name} is placed relative to itself, by way of {', '.join(shown(n) for n in self.waiting[:3])}")
+            if len(self.waiting) > DEEPEST:
+                each.refuse(
+                    f"{each.tag} {name} is placed relative to more than {DEEPEST} others, one after the other; a robot needs no such row"
+                )
             self.waiting.append(name)
             self.known[name] = self._read(each)
             self.waiting.pop()
@@ -188,7 +189,7 @@ class _Reader:
         axis, second = each.first("axis"), each.first("axis2")
         pitch = each.first("screw_thread_pitch")
         dynamics = axis.first("dynamics") if axis and kind in ACTING else None
-        return Joint(
+        joint = Joint(
             name,
             KINDS[kind],
             ends["parent"],
@@ -205,6 +206,7 @@ class _Reader:
             mimic=_mimic(axis) if kind in ACTING else None,
             where=each.place,
         )
+        return joint.turned() if joint.child == WORLD else joint
 
     def _gear(self, each: Markup, joints: list[Joint]) -> Coupling:
         """The child's angle beside the reference body is −ratio times the parent's, each about an axis of the gearbox's own."""
@@ -250,8 +252,12 @@ def _limits(axis: Markup | None) -> tuple[float, float] | None:
     limit = axis.first("limit") if axis is not None else None
     if limit is None or (limit.first("lower") is None and limit.first("upper") is None):
         return None
-    lower, upper = _number(limit, "lower", -UNLIMITED), _number(limit, "upper", UNLIMITED)
+    lower, upper = (each.limit(each.text, tag) if (each := limit.first(tag)) else end for tag, end in LIMITS.items())
     return None if lower <= -UNLIMITED and upper >= UNLIMITED else (lower, upper)
+
+
+LIMITS = {"lower": -UNLIMITED, "upper": UNLIMITED}
+"""Of a joint, where the file says none."""
 
 
 def _pose(pose: Markup | None) -> Placement:
@@ -337,10 +343,15 @@ def _link_text(link: Link, frame: Placement) -> str:
     return element("link", parts, name=link.name)
 
 
+def _mimic_text(mimic: Mimic) -> str:
+    said = {"multiplier": mimic.factor, "offset": mimic.offset, "reference": 0.0}
+    return element("mimic", [element(name, [_written((value,))]) for name, value in said.items()], joint=mimic.joint)
+
+
 def _joint_text(joint: Joint, frame: Placement) -> str:
     """frame: of the joint in the model."""
     kind = WORDS.get(joint.kind, joint.kind)
-    for what, value in (("a rotor", joint.armature), (f"a {kind} joint", kind not in KINDS), ("a mimic", joint.mimic)):
+    for what, value in (("a rotor", joint.armature), (f"a {kind} joint", kind not in KINDS)):
         if value:
             raise ModelError(f"joint {joint.name}: SDF cannot say {what}; write MJCF (.xml)")
     parts = [element("parent", [joint.parent]), element("child", [joint.child]), _placed(frame, relative_to=MODEL)]
@@ -351,7 +362,9 @@ def _joint_text(joint: Joint, frame: Placement) -> str:
             "spring_reference": joint.rest if joint.stiffness else 0.0,
         }
         said = [element(name, [_written((value,))]) for name, value in dynamics.items() if value]
-        parts.append(element("axis", [element("xyz", [_written(joint.axis)]), *([element("dynamics", said)] if said else [])]))
+        moved = [element("dynamics", said)] if said else []
+        moved += [_mimic_text(joint.mimic)] if joint.mimic else []
+        parts.append(element("axis", [element("xyz", [_written(joint.axis)]), *moved]))
     if joint.second is not None:
         parts.append(element("axis2", [element("xyz", [_written(joint.second)])]))
     if kind == "screw":

@@ -12,6 +12,7 @@ from typing import TypeAlias
 
 import sympy
 
+from ncgen.errors import ModelError
 from ncgen.exchange.robots.robot import Joint
 from ncgen.model import Model
 from ncgen.model.elements import Relative
@@ -37,7 +38,12 @@ def add_stops(model: Model, joints: Iterable[tuple[Joint, Relative]]) -> int:
     k, d = model.parameter("stop_stiffness", STIFFNESS, "N/m or N m/rad"), model.parameter("stop_loss", LOSS, "s/m or s/rad")
     for joint, coordinate in limited:
         assert joint.limits is not None, "a joint without limits among those with"
-        model.torsion_spring(coordinate, law=_stop(*joint.limits, k.symbol, d.symbol), label=f"stops of {coordinate.name}")
+        lower, upper = joint.limits
+        if lower > upper:
+            raise ModelError(
+                f"{joint.where}: joint {joint.name}: its lower limit {lower:g} is beyond the upper one {upper:g}; exchange them"
+            )
+        model.torsion_spring(coordinate, law=_stop(lower, upper, k.symbol, d.symbol), label=f"stops of {coordinate.name}")
     return len(limited)
 
 

@@ -136,7 +136,10 @@ def _joint(each: Markup) -> Joint:
 
 
 def _limits(limit: Markup | None) -> tuple[float, float] | None:
-    return None if limit is None else (limit.number("lower", 0.0), limit.number("upper", 0.0))
+    if limit is None:
+        return None
+    lower, upper = (limit.limit(limit.attributes.get(end, "0"), end) for end in ("lower", "upper"))
+    return lower, upper
 
 
 def _axis(joint: Markup) -> np.ndarray:
@@ -149,6 +152,7 @@ def _axis(joint: Markup) -> np.ndarray:
 
 def text_of(robot: Robot) -> str:
     """A robot as URDF. Raises ModelError naming a joint that the format cannot say. Gravity is the simulator's there."""
+    robot = robot.grounded()
     return document(element("robot", [*map(_link_text, robot.links.values()), *map(_joint_text, robot.joints)], name=robot.name))
 
 
@@ -193,4 +197,6 @@ def _joint_text(joint: Joint) -> str:
         parts.append(element("limit", lower=-UNLIMITED, upper=UNLIMITED, effort=0, velocity=0))
     if joint.damping:
         parts.append(element("dynamics", damping=joint.damping))
+    if joint.mimic:
+        parts.append(element("mimic", joint=joint.mimic.joint, multiplier=joint.mimic.factor, offset=joint.mimic.offset))
     return element("joint", parts, name=joint.name, type=kind)
