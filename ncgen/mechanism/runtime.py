@@ -128,7 +128,8 @@ class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 
     t (rows,) in s: their times, those asked for but for looks; q, qd (rows, n); work (rows,); status "ok" or the reason
-    reached: time (s) of the state `last` = (q, qd, work); tried: time of the last stage; stiff: how often it was found stiff; raised: what ended the run from outside, or None
+    reached: time (s) of the state `last` = (q, qd, work); tried: time of the last stage; stiff: how often it was found stiff
+    raised: what ended the run from outside, or None
     """
 
     t: np.ndarray
@@ -451,7 +452,9 @@ class ConstrainedDynamics(Dynamics):
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
 
-    _eliminated = 0
+    @property
+    def _eliminated(self) -> int:
+        return 0
 
     def __init__(self, written: Written, number: str = "double") -> None:
         kernels = written.kernels

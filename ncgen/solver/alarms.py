@@ -16,7 +16,8 @@ LOOKS = 8
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 SHARES = np.sort(np.arange(1, LOOKS + 1) * GOLDEN % 1.0)
-"""Of a run, where its energy is looked at: multiples of the golden section are as far from every even grid as can be: a motion that rests at all instants of the grid does not rest at these."""
+"""Of a run, where its energy is looked at: multiples of the golden section are as far from every even grid as can be, so a motion that
+rests at all instants of the grid does not rest at these. A run in C without other rows there is looked at where the step around ends."""
 
 LARGE = 1e-2
 """Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
