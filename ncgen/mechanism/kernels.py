@@ -201,6 +201,8 @@ class Kernels(ABC):
 
     def start(self, p: ArrayLike | None = None) -> np.ndarray:
         """The initial position at parameters p (…, parameters), shape (…, n): q0 where positions have no parameters."""
+        if not self._has_moving_start and (p is None or np.ndim(p) == 1):
+            return self.q0.copy()
         if p is None or not self._has_moving_start:
             return np.array(np.broadcast_to(self.q0, (*np.shape(self.p0 if p is None else p)[:-1], self.n)))
         return self._run_start(0, p, (self.n,))

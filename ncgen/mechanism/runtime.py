@@ -127,10 +127,12 @@ class Event(Protocol):
 class Outcome:
     """What a run in C gave: rows written (less than asked if it stopped early), and why it ended.
 
-    q, qd (rows, n); work (rows,); status "ok" or the reason; reached: time (s) of the state `last` = (q, qd, work)
-    tried: time of the last stage; stiff: how often it was found stiff; raised: what ended the run from outside, or None
+    t (rows,) in s: their times, those asked for but for looks; q, qd (rows, n); work (rows,); status "ok" or the reason
+    reached: time (s) of the state `last` = (q, qd, work); tried: time of the last stage; stiff: how often it was found stiff
+    raised: what ended the run from outside, or None
     """
 
+    t: np.ndarray
     q: np.ndarray
     qd: np.ndarray
     work: np.ndarray
@@ -202,6 +204,7 @@ class Dynamics:
         event: Event | None = None,
         newton: bool = False,
         sizes: ArrayLike | None = None,
+        looks: np.ndarray | None = None,
         progress: Callable[[float], None] | None = None,
         inputs: Sequence[Pieces | Function | None] = (),
         ends: Sequence[float] | np.ndarray = (),
@@ -214,6 +217,7 @@ class Dynamics:
         event: at which to stop
         newton: with tangents, also where a method can do without them
         sizes: what atol is multiplied by, one a velocity, position and the work; None for 1
+        looks: a mask over the times of rows that may have the end of the step around them, which saves the stages of an interpolant
         progress: called now and then with the time that the run has reached. What it raises, or a handler of a signal such as
             that of Ctrl-C, ends the run; `Outcome.completed` raises it again
         inputs: one an input of the mechanism: a table, a function of time, or None; () where all keep their values in p
@@ -231,7 +235,11 @@ class Dynamics:
         if sizes is not None:
             sizes = np.ascontiguousarray(sizes, dtype=dtype)
             settings.sizes = ffi.from_buffer(self.number.array, sizes)
-        listener = Listener(progress, n + self.kernels.m)
+        looked = times
+        if looks is not None:
+            looks, looked = np.ascontiguousarray(looks, dtype=np.intc), times.copy()
+            settings.looks, settings.looked = ffi.from_buffer("int[]", looks), ffi.from_buffer(self.number.array, looked)
+        listener = Listener(progress, self._eliminated)
         context = ffi.new_handle(listener)
         settings.watch, settings.context, settings.patience = watch(self.number.name), context, listener.patience
         driver = Driver(inputs, self.number, ends) if any(inputs) or len(ends) else None
@@ -255,6 +263,7 @@ class Dynamics:
         )  # fmt: skip
         done, s = rows[0], statistics
         return Outcome(
+            t=np.asarray(looked[:done], dtype=float),
             q=np.asarray(out_q[:done], dtype=float),
             qd=np.asarray(out_qd[:done], dtype=float),
             work=np.asarray(out_work[:done], dtype=float),
@@ -296,6 +305,11 @@ class Dynamics:
         if status:
             raise NcgenError(f"{self.kernels.name}: the Jacobian at t = {t:g} s ended with “{STATUS[status]}”")
         return out
+
+    @property
+    def _eliminated(self) -> int:
+        """How many unknowns a stage may have to eliminate; 0 where all that is written out."""
+        return self.kernels.n + self.kernels.m
 
     def _space(self, library: InC, settings: InC) -> tuple[np.ndarray, np.ndarray]:
         """Workspace: numbers and integers."""
@@ -385,6 +399,10 @@ class ConstrainedDynamics(Dynamics):
         return getattr(home, getter), home
 
     @property
+    def _eliminated(self) -> int:
+        return 0 if self.is_emitted else super()._eliminated
+
+    @property
     def prepared(self) -> int:
         """How many numbers of the emitted motion depend on parameters alone."""
         return self._dynamics.motion.n_prepared if self.is_emitted else 0
@@ -433,6 +451,10 @@ class ConstrainedDynamics(Dynamics):
 
 class EmittedDynamics(Dynamics):
     """The state derivative written out and compiled for one choice of independent coordinates."""
+
+    @property
+    def _eliminated(self) -> int:
+        return 0
 
     def __init__(self, written: Written, number: str = "double") -> None:
         kernels = written.kernels

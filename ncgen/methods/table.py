@@ -9,7 +9,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from functools import cached_property
+from functools import cache, cached_property
 from importlib import import_module
 from numbers import Real
 from typing import TYPE_CHECKING, Any, TypeGuard
@@ -94,7 +94,7 @@ class Formalism:
 
 def is_real(value: object) -> TypeGuard[float]:
     """True for a real number of any kind, NumPy's and fractions included: it compares with others like a float."""
-    return isinstance(value, Real)
+    return type(value) is float or isinstance(value, Real)  # the second takes ten times as long
 
 
 def _constant(name: str) -> str:
@@ -168,6 +168,7 @@ def in_c(table: Mapping[str, Integrator | Formalism]) -> tuple[str, ...]:
     return tuple(name for name, entry in table.items() if entry.in_c)
 
 
+@cache
 def other_names() -> dict[str, str]:
     """{name of SciPy or Matlab: ours}."""
     return {other: entry.name for entry in INTEGRATORS.values() for other in entry.also}

@@ -68,7 +68,7 @@ def _block(block: Straight, part: list[int], places: dict[int, int], number: int
         if node not in new:
             op = block.ops[node]
             is_read = bool(op.args) and part[node] < number
-            op = Op("load", (), Input(KEPT, places[node])) if is_read else op._replace(args=tuple(new[a] for a in op.args))
+            op = Op("load", (), Input(KEPT, places[node])) if is_read else op.renumbered(new)
             new[node] = len(ops)
             if node in block.names:
                 names[len(ops)] = block.names[node]

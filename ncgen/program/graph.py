@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Mapping
 from typing import NamedTuple, TypeAlias
 
 from ncgen.model.pieces import Pieces
@@ -40,6 +40,10 @@ class Op(NamedTuple):
     code: str
     args: tuple[int, ...]
     leaf: Leaf = None
+
+    def renumbered(self, new: Mapping[int, int]) -> Op:
+        """The same with other numbers for its arguments; what has none is itself."""
+        return Op(self.code, tuple(map(new.__getitem__, self.args)), self.leaf) if self.args else self
 
     @property
     def value(self) -> float:

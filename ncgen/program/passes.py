@@ -172,6 +172,6 @@ def _keep(block: B, order: list[int]) -> B:
         numbers = {slot: k for k, slot in enumerate(used)}
         ops = [op._replace(leaf=numbers[op.slot]) if op.code == "slot" else op for op in ops]
         block = replace(block, slots=tuple(block.slots[s] for s in used))
-    renumbered = tuple(op._replace(args=tuple(new[a] for a in op.args)) for op in ops)
+    renumbered = tuple([op.renumbered(new) for op in ops])
     stores = tuple(replace(s, node=new[s.node]) for s in block.stores)
     return replace(block, ops=renumbered, stores=stores, names=names)

@@ -14,7 +14,10 @@ LOOKS = 8
 """Instants inside a run at which the energy is looked at, besides its ends."""
 
 GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
-"""Its multiples are as far from every even grid as can be: a motion that rests at all instants of the grid does not rest at these."""
+
+SHARES = np.sort(np.arange(1, LOOKS + 1) * GOLDEN % 1.0)
+"""Of a run, where its energy is looked at: multiples of the golden section are as far from every even grid as can be, so a motion that
+rests at all instants of the grid does not rest at these. A run in C without other rows there is looked at where the step around ends."""
 
 LARGE = 1e-2
 """Relative change of energy from which a motion whose constraints are held by feedback alone is not believed."""
@@ -30,8 +33,7 @@ def looks(run: Run, method: Method) -> np.ndarray:
     """Times inside a run at which its energy is looked at; none where they would change the steps."""
     if method.has_fixed_step:
         return np.empty(0)
-    shares = np.sort(np.arange(1, LOOKS + 1) * GOLDEN % 1.0)
-    return run.times[0] + shares * run.duration
+    return run.times[0] + SHARES * run.duration
 
 
 def doubts(seen: Trajectory, rtol: float, method: Method) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from functools import partial
+from functools import cache, partial
 from typing import TYPE_CHECKING, Any, Literal, TypeGuard, overload
 
 import numpy as np
@@ -178,7 +178,7 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
 
     method, grid, number, p = task.method, task.grid, task.number, task.p
     dynamics = all_coordinates(kernels, number, form, method.integrator.name)
-    q, qd, work, times = task.q, task.velocities, 0.0, grid
+    q, qd, work = task.q, task.velocities, 0.0
     if dynamics.singular_mass and not dynamics.is_emitted:
         # C regularises what has no inertia; here a motion that has none, and nothing to hold it, is refused by name.
         least_energy(kernels, q, float(grid[0]), p)
@@ -187,15 +187,17 @@ def run_constrained(path: Path, kernels: CompiledKernels, task: Task, form: Form
     stabilised = settings.get("stabilisation") == "baumgarte"
     if len(path.q):
         q, qd, work = path.take_last()
-        times = grid[len(path.q) :]
+    begun = len(path.q)
+    times = grid[begun:]
     done = dynamics.simulate(
         method.integrator.name, times, q, qd, p, tolerance=closeness(number), formalism=number_in_c(method.formalism),
         project=int(projected),
         penalty=settings.get("alpha", 0.0), damping=settings.get("xi", 0.0), frequency=settings["omega"] if stabilised else 0.0,
         rank=freedom_at(kernels, q, times[0], p).rank, event=task.stop, max_step=task.max_step, progress=Progress(task.progress),
-        stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, ends=task.corners, **_weights(settings),
-        **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
+        looks=task.looks_from(begun), stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, ends=task.corners,
+        **_weights(settings), **task.tolerances.in_c(kernels.column_sizes, kernels.column_sizes),
     )  # fmt: skip
+    task.looked_at(begun, done.t)
     path.extend(done.q, done.qd, done.work + work, (done.steps, done.evaluations, done.newton_steps, 0, done.repeated))
     path.jacobians += done.jacobians
     path.fallbacks += done.fallbacks
@@ -239,6 +241,7 @@ def _weights(settings: dict[str, Any]) -> dict[str, float]:
     return dict(zip(("alpha_m", "alpha_f"), newmark(settings["rho"], settings["hht"]), strict=False))
 
 
+@cache
 def rounding(number: str) -> float:
     """The relative rounding of a number type."""
     from ncgen.toolchain.abi import NUMBERS
@@ -348,7 +351,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
     if begun:
         q, qd, work = path.take_last()
         zd = qd[partitions.velocity.independent]
-    times = grid[len(path.q) :]
+    times, looks = grid[len(path.q) :], task.looks_from(len(path.q))
     t, progress = float(times[0]), Progress(task.progress)
     try:
         while True:
@@ -356,11 +359,12 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
             here = _for_next(kernels, partitions, form, len(seen), q, p, number)
             done = here.simulate(
                 method.integrator.name, times, q, zd, p, max_step=task.max_step, event=task.stop, tolerance=closeness(number),
-                growth=growth, progress=progress, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven, ends=task.corners,
-                **_in_c(task.tolerances, kernels, partitions),
+                growth=growth, progress=progress, looks=looks, stop_when_stiff=int(task.stop_when_stiff), inputs=task.driven,
+                ends=task.corners, **_in_c(task.tolerances, kernels, partitions),
             )  # fmt: skip
             fresh = 0 if times[0] == grid[len(path.q)] else 1  # a first row off the grid is only where the last run stopped
             counts = (done.steps, done.evaluations, done.newton_steps, 0, done.repeated)
+            task.looked_at(len(path.q), done.t[fresh:])
             path.extend(done.q[fresh:], done.qd[fresh:], done.work[fresh:] + work, counts)
             path.jacobians += done.jacobians
             path.fallbacks += done.fallbacks
@@ -386,6 +390,7 @@ def run(path: Path, kernels: CompiledKernels, task: Task, form: Partitioned) -> 
             zd = qd[partitions.velocity.independent]
             left = np.asarray(grid[len(path.q) :])
             times = np.concatenate([[t], left[left > t]])
+            looks = np.append(False, task.looks_from(len(path.q))[left > t])
     except BaseException:
         if path.stopped is None and (len(path.q) or begun):  # else it had not begun
             path.break_off(grid, t, q, qd, work)

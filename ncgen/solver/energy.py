@@ -44,9 +44,11 @@ def drifts(kernels: Kernels, t: np.ndarray, q: np.ndarray, qd: np.ndarray, work:
 def _relative(kinetic: np.ndarray, potential: np.ndarray, work: np.ndarray, least: np.ndarray | float) -> np.ndarray:
     """The drift along the last axis, relative to what moves, at least to `least`."""
     total = kinetic + potential - work
-    error = np.max(np.abs(total - total[..., :1]), axis=-1)
-    rounding = ROUNDING * np.max(np.abs(kinetic) + np.abs(potential) + np.abs(work), axis=-1)
-    moved = np.maximum(np.maximum(np.max(kinetic, axis=-1), np.ptp(potential, axis=-1)), np.max(np.abs(work), axis=-1))
+    error = np.abs(total - total[..., :1]).max(axis=-1)
+    done = np.abs(work)
+    rounding = ROUNDING * (np.abs(kinetic) + np.abs(potential) + done).max(axis=-1)
+    span = potential.max(axis=-1) - potential.min(axis=-1)
+    moved = np.maximum(np.maximum(kinetic.max(axis=-1), span), done.max(axis=-1))
     return np.where(error <= rounding, 0.0, error / np.maximum(moved, least))
 
 

@@ -42,8 +42,10 @@ class Path:
 
     def extend(self, q: ArrayLike, qd: ArrayLike, work: ArrayLike, counts: ArrayLike) -> None:
         """Add rows behind the last one; counts add up."""
-        self.q, self.qd = np.vstack([self.q, q]), np.vstack([self.qd, qd])
-        self.work = np.concatenate([self.work, work])
+        rows = np.asarray(q), np.asarray(qd), np.asarray(work)
+        if len(self.q):
+            rows = np.vstack([self.q, q]), np.vstack([self.qd, qd]), np.concatenate([self.work, work])
+        self.q, self.qd, self.work = rows
         self.counts = self.counts + np.asarray(counts)
 
     def stop(self, t: float, q: np.ndarray, qd: np.ndarray, work: float) -> None:

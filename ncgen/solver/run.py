@@ -203,9 +203,9 @@ class Run:
 
     def _check_steps(self) -> None:
         """A fixed step is needed, or not too small for the time there is."""
-        if self.integrator is not None and self.integrator.has_fixed_step and np.isinf(self.max_step):
+        if self.integrator is not None and self.integrator.has_fixed_step and self.max_step == np.inf:
             raise ModelError(f"max_step: {self.integrator.name} has a fixed step; give its length in seconds")
-        if np.isinf(self.max_step):
+        if self.max_step == np.inf:
             return
         fixed = self.integrator is not None and self.integrator.has_fixed_step
         if self.max_step < FINEST * np.max(np.abs(self.times)):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 import warnings
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -128,41 +128,43 @@ def simulate(
 
 def _carry_out(kernels: Kernels, run: Run, choice: Choice, start: Start, progress: Callable[[float], None] | None) -> Trajectory:
     """The motion of a run on its grid, with warnings where something speaks against it. Raises Interrupted with what was reached."""
-    extra = looks(run, choice.method)
-    times = np.union1d(run.times, extra)
-    motion = _Motion(kernels, run, choice, start, times, progress)
+    motion = _Motion(kernels, run, choice, start, *_with_looks(run.times, looks(run, choice.method)), progress)
     clock = time.perf_counter()
     try:
         motion.advance()
     except KeyboardInterrupt as stopped:
         if len(motion.path.q) < 2:
             raise
-        raise Interrupted(motion.trajectory(_where(times, run.times), time.perf_counter() - clock)) from stopped
-    found = motion.trajectory(_where(times, run.times), time.perf_counter() - clock)
-    seen = motion.trajectory(_where(times, np.append(extra, times[[0, -1]])), 0.0) if len(extra) else found
+        raise Interrupted(motion.trajectory(time.perf_counter() - clock)) from stopped
+    found = motion.trajectory(time.perf_counter() - clock)
     if choice.method.is_constrained and (here := freedom_at(kernels, start.q, run.initial.t, start.p)).is_singular:
         _warn(singular_message(kernels, here))
-    for doubt in doubts(seen, motion.tolerances.rtol, choice.method):
+    for doubt in doubts(motion.seen(found), motion.tolerances.rtol, choice.method):
         _warn(f"{kernels.name}: {doubt}")
     return found
 
 
-def _where(times: np.ndarray, some: np.ndarray) -> np.ndarray:
-    """A mask of sorted times: where some of them stand."""
-    mask = np.zeros(len(times), dtype=bool)
-    mask[np.searchsorted(times, some)] = True
-    return mask
+def _with_looks(times: np.ndarray, looks: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """A grid with instants inside it put between its own where they are others, and a mask of these."""
+    looks = looks[times[np.searchsorted(times, looks)] != looks]
+    both = np.concatenate([times, looks])
+    order = np.argsort(both, kind="stable")
+    return both[order], order >= len(times)
 
 
 @dataclass
 class _Motion:
-    """One run on its way: the path so far, and which engine makes it."""
+    """One run on its way: the path so far, and which engine makes it.
+
+    times: its own instants and those at which it is looked at, of which `looks` is a mask; C moves these to where its steps end
+    """
 
     kernels: Kernels
     run: Run
     choice: Choice
     start: Start
     times: np.ndarray
+    looks: np.ndarray
     progress: Callable[[float], None] | None
     engine: str = "c"
 
@@ -243,21 +245,35 @@ class _Motion:
         gives_way = stiff_choice(run, self.choice) is not None
         return Task(
             method, self.times, start.q, velocities, start.p, run.max_step, self.tolerances, run.number, run.stop, self.progress, gives_way,
-            run.signals, corners(self.kernels, start.p, self.times[0], self.times[-1]),
+            run.signals, corners(self.kernels, start.p, self.times[0], self.times[-1]), self.looks,
         )  # fmt: skip
 
     def _rates(self) -> np.ndarray:
         """Velocities of the independent coordinates at the start."""
         return self.start.qd[determined(self.path.partitions).velocity.independent]
 
-    def trajectory(self, wanted: np.ndarray, seconds: float) -> Trajectory:
-        """The motion at the wanted instants (a mask over the times), as far as it came."""
+    def _rows(self) -> tuple[np.ndarray, np.ndarray]:
+        """Times of the path's rows, and a mask of those that were not asked for."""
+        path = self.path
+        times, looks = self.times[: len(path.q)], self.looks[: len(path.q)]
+        if path.stopped is None:
+            return times, looks
+        return np.append(self.times[: len(path.q) - 1], path.stopped), np.append(self.looks[: len(path.q) - 1], False)
+
+    def seen(self, found: Trajectory) -> Trajectory:
+        """A trajectory at the instants at which it is looked at, and at its ends."""
+        (times, looks), path = self._rows(), self.path
+        if not np.any(looks):
+            return found
+        shown = looks.copy()
+        shown[[0, -1]] = True
+        return replace(found, t=times[shown], q=path.q[shown], qd=path.qd[shown], work=path.work[shown])
+
+    def trajectory(self, seconds: float) -> Trajectory:
+        """The motion at the instants that were asked for, as far as it came."""
         path, run, method = self.path, self.run, self.choice.method
-        times = self.times[: len(path.q)]
-        wanted = wanted[: len(path.q)].copy()
-        if path.stopped is not None:
-            times = np.append(self.times[: len(path.q) - 1], path.stopped)
-            wanted = np.append(wanted[: len(times) - 1], True)
+        times, looks = self._rows()
+        wanted = ~looks
         steps, evaluations, newton_steps, changes, repeated = map(int, path.counts)
         spent = Statistics(
             steps, evaluations, newton_steps, changes, repeated, seconds, path.projections, path.largest_projection, path.jacobians,

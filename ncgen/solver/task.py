@@ -19,6 +19,7 @@ class Task:
     """A method, from a start over a time grid.
 
     grid (points,): s; q (n,): m and rad; p (n_p,): parameters
+    looks (points,): a mask of instants that need not be exact: C moves them, in the grid, to where its steps end
     velocities: in the same per second, of all coordinates (n,), or with coordinate partitioning of the independent ones (nz,)
     max_step: s, or inf; tolerances: where the method has error control
     number: C's type; stop: where to end before
@@ -42,6 +43,15 @@ class Task:
     stop_when_stiff: bool = False
     signals: Signals | None = None
     corners: np.ndarray = field(default_factory=lambda: np.empty(0))
+    looks: np.ndarray | None = None
+
+    def looks_from(self, row: int) -> np.ndarray:
+        """The mask from a row on."""
+        return (np.zeros(len(self.grid), dtype=bool) if self.looks is None else self.looks)[row:]
+
+    def looked_at(self, row: int, times: np.ndarray) -> None:
+        """Rows from one on are of these times (s), of which looks may be others than were asked for."""
+        np.copyto(self.grid[row : row + len(times)], times, where=self.looks_from(row)[: len(times)])
 
     @property
     def breaks(self) -> np.ndarray:

@@ -4,9 +4,10 @@
     python tests/robots/cassie.py FOLDER/cassie_description/robots/cassie_v2.sdf
 
 It prints freedoms and operations, the largest difference of accelerations at 20 consistent states, how far a fall of 0.2 s with springs and
-dampers goes apart (base, hinges), and what each loses of its energy without dampers. Pinocchio's joints are added depth first: in another
-order its constrained dynamics are wrong without a word. Its loops are points that coincide, two on the axis of a hinge, so some of its rows
-are redundant; MuJoCo's equalities give way, by as much as their impedance and time constant say, so it is a check of four digits at best.
+dampers goes apart (base, hinges), what each loses of its energy without dampers, and how long accelerations take. Pinocchio's joints are
+added depth first: in another order its constrained dynamics are wrong without a word. Its loops are points that coincide, two on the axis
+of a hinge, so some of its rows are redundant; MuJoCo's equalities give way, by as much as their impedance and time constant say, so it is a
+check of four digits at best.
 """
 
 import sys
@@ -22,6 +23,9 @@ from ncgen.exchange.robots.mjcf import text_of
 from ncgen.exchange.robots.natural import model_of, word
 from ncgen.exchange.robots.robot import Joint, Link, Robot, together
 from ncgen.program.cost import cost
+from ncgen.report.clock import measure, repeated
+from ncgen.report.repeat import Call, runner
+from ncgen.solver.compiled import all_coordinates
 from ncgen.solver.frames import angular_velocity, transformation
 
 STATES, FALL = 20, 0.2
@@ -51,6 +55,7 @@ def main(file: str) -> None:
         worst, off = max(worst, np.max(np.abs(mine[places] - theirs)) / (1 + np.max(np.abs(theirs)))), max(off, open_by)
     print(f"accelerations beside Pinocchio: {worst:.0e} of the largest; its loops are open by {off:.0e} m there")
     print("rank of its rows {}, its least singular value {:.0e} of the largest, what is cut {:.0e}".format(*peer.rows))
+    times(kernels, space, peer)
     fall(kernels, peer)
     beside_mujoco(robot, kernels, space)
 
@@ -159,13 +164,18 @@ class Pinocchio:
                 v[kind.idx_v : kind.idx_v + 3] = turn[joint.child].T @ (spin[joint.child] - spin[joint.parent])
         return x, v
 
-    def accelerations(self, x: np.ndarray, v: np.ndarray, springs: bool = True, dampers: bool = True) -> tuple[np.ndarray, float]:
-        """And by how much loops are open (m)."""
+    def forces(self, x: np.ndarray, v: np.ndarray, dampers: bool = True) -> np.ndarray:
+        """Of springs and dampers."""
         forces = np.zeros(self.model.nv)
-        for joint in self.robot.joints if springs else ():
+        for joint in self.robot.joints:
             if joint.kind == "revolute" and (joint.damping or joint.stiffness):
                 kind = self.model.joints[self.number[joint.child]]
                 forces[kind.idx_v] = -joint.damping * dampers * v[kind.idx_v] - joint.stiffness * (x[kind.idx_q] - joint.rest)
+        return forces
+
+    def accelerations(self, x: np.ndarray, v: np.ndarray, springs: bool = True, dampers: bool = True) -> tuple[np.ndarray, float]:
+        """And by how much loops are open (m)."""
+        forces = self.forces(x, v, dampers) if springs else np.zeros(self.model.nv)
         found = self.pin.constraintDynamics(self.model, self.data, x, v, forces, self.contacts, self.contact_data, self.settings)
         ends = ((self.data.oMi[c.joint1_id] * c.joint1_placement, self.data.oMi[c.joint2_id] * c.joint2_placement) for c in self.contacts)
         return found.copy(), max(float(np.linalg.norm(a.translation - b.translation)) for a, b in ends)
@@ -213,6 +223,35 @@ class Pinocchio:
 
         y = solve_ivp(rates, (0, FALL), np.concatenate([np.zeros(n), v]), method="DOP853", rtol=1e-11, atol=1e-12).y[:, -1]
         return pin.integrate(self.model, x, y[:n]), y[n:]
+
+
+def times(kernels, space, peer: Pinocchio) -> None:
+    """Microseconds of all accelerations with springs and dampers, samples of both in turns, and how far the hinges' are apart, relative
+    to the largest. ncgen's are a stage of a default run, with the velocities of all coordinates; Pinocchio's, of its joints alone, by the
+    quickest of some settings, are called from Python, which takes about as long as the last line says, of an arm with one joint."""
+    pin, rng, made = peer.pin, np.random.default_rng(1), all_coordinates(kernels, form="emitted")
+    q, v = turned(space, rng), rng.normal(size=space.n)
+    qd = space.velocities(q, v)
+    x, xd = peer.state(kernels, q, qd)
+    stage = Call(made._dynamics.motion.derivative, 2 * kernels.n + 2, made)
+    runs = {"ncgen": runner(0.0, q, qd, made.with_prepared(kernels.p0), [], stage)}
+    settings = {
+        f"Pinocchio, mu {mu:.0e}, accuracy {close:.0e}": (close, close, mu, 50) for mu in (1e-4, 1e-6, 1e-8) for close in (1e-6, 1e-10)
+    }
+    found = {}
+    for name, values in settings.items():
+        given = peer.model, peer.data, x, xd, peer.forces(x, xd), peer.contacts, peer.contact_data, pin.ProximalSettings(*values)
+        found[name] = pin.constraintDynamics(*given).copy()
+        runs[name] = repeated(lambda given=given: pin.constraintDynamics(*given))
+    small, none = pin.Model(), np.zeros(1)
+    small.addJoint(0, pin.JointModelRZ(), pin.SE3.Identity(), "hinge")
+    data = small.createData()
+    spent = measure(runs | {"a call from Python": repeated(lambda: pin.aba(small, data, none, none, none))})
+    mine = {name: stage.out[kernels.n + kernels.index[name]] for name in peer.place}
+    for name, spread in spent.items():
+        apart = max((abs(found[name][peer.place[hinge]] - value) for hinge, value in mine.items()), default=0) if name in found else 0
+        share = f", {apart / max(map(abs, mine.values())):.0e} apart" if name in found else ""
+        print(f"{name:38s} {spread.least * 1e6:6.2f} µs, {spread.least / spent['ncgen'].least:5.2f}{share}")
 
 
 def fall(kernels, peer: Pinocchio) -> None:

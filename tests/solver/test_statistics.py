@@ -37,11 +37,13 @@ def test_stages_of_rk4_are_all_evaluations(fourbar, engine):
 @pytest.mark.parametrize(("integrator", "stages"), [("rk23", 3), ("dopri5", 6), ("dop853", 11)])
 @pytest.mark.parametrize("formalism", ["lagrange", "coordinate-partitioning"])
 def test_engines_count_alike(fourbar, formalism, integrator, stages):
-    """At the least the stages of every step; more where one is rejected or where the output is interpolated."""
+    """At the least the stages of every step; more where one is rejected or where the output is interpolated, for which dop853 takes stages
+    of their own: C leaves these out where the energy alone is looked at (test_looked_at.py counts what it takes)."""
     asked = {"formalism": formalism, "integrator": integrator, "points": 3}
     options = {"options": {"stabilisation": "none"}} if formalism == "lagrange" else {}
     c, python = (ncgen.simulate(fourbar, 0.05, engine=engine, **asked, **options).statistics for engine in ("c", "python"))
-    assert (c.steps, c.evaluations, c.repeated_steps) == (python.steps, python.evaluations, python.repeated_steps)
+    assert (c.steps, c.repeated_steps) == (python.steps, python.repeated_steps)
+    assert c.evaluations < python.evaluations if integrator == "dop853" else c.evaluations == python.evaluations
     assert c.evaluations >= stages * c.steps
     assert (c.newton_steps >= c.evaluations) == (python.newton_steps >= python.evaluations) == (formalism != "lagrange")
 

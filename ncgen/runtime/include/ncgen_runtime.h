@@ -200,6 +200,8 @@ typedef struct ncgen_options {
     const ncgen_signals *signals; /* NULL: inputs keep their values */
     ncgen_scalar first_step; /* of explicit methods with error control; 0: they find one */
     ncgen_tape *tape;       /* NULL: the run leaves nothing behind */
+    const int *looks;       /* NULL, or one a time: 1 where a row may be of the end of the step around it, if no other row needs an */
+    ncgen_scalar *looked;   /* interpolant there; the times of the rows, which are filled in beforehand and changed where they are others */
 } ncgen_options;
 
 typedef struct ncgen_statistics {

@@ -91,6 +91,24 @@ static int write_inside(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_s
     return NCGEN_OK;
 }
 
+/* Has the step under way rows before a time that must be of their own instants? Looks alone wait for its end. */
+static int has_rows_before(const ncgen_run *r, ncgen_scalar t)
+{
+    const int *looks = r->options->looks;
+    int row = r->rows;
+    while (looks && row < r->n_times && looks[row])
+        ++row;
+    return row < r->n_times && r->times[row] < t;
+}
+
+/* Rows up to a time have the state of the step's end. */
+static void write_end(ncgen_run *r, ncgen_scalar t_new, ncgen_scalar until)
+{
+    for (; r->rows < r->n_times && r->times[r->rows] <= until; ncgen_write_row(r, r->y[r->weighed - 1]))
+        if (r->options->looks && r->options->looks[r->rows])
+            r->options->looked[r->rows] = t_new;
+}
+
 /* After an accepted step with error control: have 100,000 of them come no farther than a millionth of the run, or are they as many as
  * the options allow? */
 int ncgen_creeps(const ncgen_run *r, ncgen_stepping *w, ncgen_scalar t)
@@ -137,7 +155,7 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
         r->statistics->stopped = trouble == NCGEN_OK;
         return trouble;
     }
-    if (trouble == NCGEN_OK)
+    if (trouble == NCGEN_OK && has_rows_before(r, t + (1 - on_the_grid) * h))
         trouble = write_inside(r, w, t, h, 1 - on_the_grid);
     if (trouble != NCGEN_OK)
         return trouble;
@@ -145,8 +163,7 @@ int ncgen_grid_step(ncgen_run *r, ncgen_stepping *w, ncgen_scalar t, ncgen_scala
     ncgen_copy(r->n, r->start_q, r->q);
     ncgen_copy(r->n, r->start_qd, r->qd);
     ncgen_copy(r->ny, w->new_y, r->y);
-    if (r->rows < r->n_times && r->times[r->rows] <= t_new + on_the_grid * h)
-        ncgen_write_row(r, r->y[r->weighed - 1]);
+    write_end(r, t_new, t_new + on_the_grid * h);
     return status;
 }
 

@@ -21,7 +21,10 @@ static ncgen_real residual(const ncgen_run *r)
 {
     ncgen_real largest = 0;
     for (int i = 0; i < r->model->n_rows; ++i) {
-        const ncgen_real size = NCGEN_ABS(r->partitioning->phi[i]) / r->dynamics->row_sizes[i];
+        const ncgen_scalar natural = r->dynamics->row_sizes[i];
+        if (NCGEN_ABS(r->partitioning->phi[i]) <= largest * natural) /* which most are, and no division tells it */
+            continue;
+        const ncgen_real size = NCGEN_ABS(r->partitioning->phi[i]) / natural;
         if (size != size)
             return size;
         if (size > largest)
