@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import sys
-from collections.abc import Container, Iterable
+from collections.abc import Container, Iterable, Mapping
 from typing import NamedTuple, TypeAlias
 
 from ncgen.model.pieces import Pieces
@@ -235,6 +235,16 @@ class Graph:
         for node in nodes:
             total = self.add(total, node)
         return total
+
+    def replaced(self, node: int, inputs: Mapping[Input, int]) -> int:
+        """A node with other nodes for inputs."""
+        new: dict[int, int] = {}
+        for part in sorted(self.below([node])):
+            op = self.ops[part]
+            new[part] = self.apply(op, tuple(new[a] for a in op.args)) if op.args else part
+            if op.code == "load":
+                new[part] = inputs.get(op.input, part)
+        return new[node]
 
     def apply(self, op: Op, args: tuple[int, ...]) -> int:
         """The operation `op` on other arguments, simplified again."""
