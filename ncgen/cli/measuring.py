@@ -20,7 +20,10 @@ def bench(
     model: ModelName,
     precision: Annotated[bool, typer.Option("--precision", help="whole simulations by every method, error against time")] = False,
     instructions: Annotated[bool, typer.Option("--instructions", help="instructions of a call, counted by valgrind")] = False,
-    gradients: Annotated[bool, typer.Option("--gradients", help="derivatives of a motion by inertial data, beside differences")] = False,
+    gradients: Annotated[bool, typer.Option("--gradients", help="derivatives of a motion by all its data, beside differences")] = False,
+    data: Annotated[
+        bool, typer.Option("--data", help="operations with data as parameters, beside numbers; MODEL may be `all`, every example")
+    ] = False,
     growth: Annotated[
         bool, typer.Option("--growth", help="of the chain or the arm: generation and steps of longer and longer ones")
     ] = False,
@@ -32,8 +35,8 @@ def bench(
 ) -> None:
     """Measure generated code beside hand-written code: times with their errors."""
     from ncgen.comparisons.bench import bench as measurements
-    from ncgen.comparisons.bench import gradient_section, show
-    from ncgen.exchange.examples import load
+    from ncgen.comparisons.bench import data_section, gradient_section, show
+    from ncgen.exchange.examples import example_names, load
 
     writable("--html", html)
     writable("--plot", plot, PICTURES)
@@ -49,7 +52,10 @@ def bench(
     if precision or html or plot:
         _precision(load(model), html, plot, json_output)
         return
-    sections = gradient_section(load(model)) if gradients else measurements(load(model))
+    if data:
+        sections = data_section(map(load, example_names()) if model == "all" else [load(model)])
+    else:
+        sections = gradient_section(load(model)) if gradients else measurements(load(model))
     records = []
     with progress(f"measuring {model}", 3.0) as advance:
         for done, (title, found) in enumerate(sections, 1):

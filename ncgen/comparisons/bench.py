@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from rich.console import Console
 from rich.text import Text
 
 from ncgen.comparisons import arms
 from ncgen.comparisons.batches import RUNS, STATES, batch_records
+from ncgen.comparisons.data import data_records
 from ncgen.comparisons.falls import fall_records
 from ncgen.comparisons.generation import generation_records
-from ncgen.comparisons.gradients import STEPS, gradient_records, operation_records
+from ncgen.comparisons.gradients import STEPS, gradient_records
 from ncgen.comparisons.rates import arithmetic_rate, derivative_records
 from ncgen.comparisons.rivals import KERNELS, Inputs, exact, relative_error, rivals
 from ncgen.compiler import compile
@@ -44,9 +45,15 @@ def bench(model: Model) -> Iterator[tuple[str, list[dict]]]:
 
 def gradient_section(model: Model) -> Iterator[tuple[str, list[dict]]]:
     """(title, records) of derivatives of a whole motion."""
-    title = f"derivatives of a motion of {model.name} with {STEPS} steps of rk4 by inertial data: ms, error relative to the largest"
+    title = f"derivatives of a motion of {model.name} with {STEPS} steps of rk4 by its data: ms, error relative to the largest"
     yield title, list(gradient_records(model))
-    yield f"operations of the state derivative of {model.name} over all coordinates", list(operation_records(model))
+    yield from data_section([model])
+
+
+def data_section(models: Iterable[Model]) -> Iterator[tuple[str, list[dict]]]:
+    """(title, records) of what data as parameters cost."""
+    title = "operations of the state derivative over all coordinates: with numbers, and with parameters in their place"
+    yield title, [record for model in models for record in data_records(model)]
 
 
 def kernel_records(model: Model, rate: float) -> list[dict]:
@@ -153,7 +160,18 @@ def _gradient_rows(records: list[dict]) -> list[tuple[str, ...]]:
 
 
 def _operation_rows(records: list[dict]) -> list[tuple[str, ...]]:
-    return [("", "operations", "ratio"), *((r["tool"], f"{r['operations']:,}", f"{r['ratio']:.3f}") for r in records)]
+    """A line a model: its own numbers, then what stands in their place, each with its ratio to these."""
+    tools = list(dict.fromkeys(r["tool"] for r in records))
+    rows: list[tuple[str, ...]] = [("", tools[0], *(title for tool in tools[1:] for title in (tool, "data", "ratio")))]
+    for model in dict.fromkeys(r["model"] for r in records):
+        mine = {r["tool"]: r for r in records if r["model"] == model}
+        cells = (_operation_cells(mine.get(tool)) for tool in tools[1:])
+        rows.append((model, f"{mine[tools[0]]['operations']:,}", *(cell for part in cells for cell in part)))
+    return rows
+
+
+def _operation_cells(record: dict | None) -> tuple[str, str, str]:
+    return (f"{record['operations']:,}", str(record["data"] or ""), f"{record['ratio']:.3f}") if record else ("", "", "")
 
 
 def generation_rows(records: list[dict]) -> list[tuple[str, ...]]:

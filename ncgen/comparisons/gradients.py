@@ -1,25 +1,20 @@
-"""Derivatives of a whole motion by all inertial data: exact ones, forward and back, beside differences of the same motion."""
+"""Derivatives of a whole motion by inertial and geometric data: exact ones, forward and back, beside differences of the same motion."""
 
 from __future__ import annotations
 
-import pickle
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
+from ncgen.comparisons.data import ALL, first_written_out
 from ncgen.comparisons.rivals import casadi_motions
 from ncgen.compiler import compile
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
-from ncgen.model.bodies import Inertia
-from ncgen.model.values import Value, is_number
-from ncgen.program.cost import cost
-from ncgen.program.dynamics import assemble_motion
 from ncgen.report.clock import measure, repeated
-from ncgen.solver.compiled import own_positions
 from ncgen.solver.gradients import gradient_batch
 from ncgen.solver.run import simulation_of
 from ncgen.solver.sensitivity import motion_of
@@ -34,21 +29,21 @@ LANES = 8
 TOGETHER = 256
 """Motions whose gradients are found together, by one thread."""
 
-GENERAL = 3
-"""Elements of a basis from which on a centre of mass may be anywhere."""
-
 SHARE = 1e-6
 """By which share of a number differences change it."""
 
 
 def gradient_records(model: Model) -> Iterator[dict]:
-    """Records of how a sum of all positions and velocities of a motion changes with every inertial datum.
+    """Records of how a sum of all positions and velocities of a motion changes with every datum of inertia, geometry and springs.
 
     seconds: from the arguments to the result; ratio: to the motion alone; error: relative to the largest derivative, of what goes back
     beside what goes forward, whose programs are others, of differences beside both, and of CasADi where it is installed
     Raises ModelError where the mechanism's motion is not written out.
     """
-    case = _Case(compile(with_inertia_as_parameters(model), "c"))
+    found = first_written_out(model, ALL)
+    if found is None:
+        raise ModelError(f"{model.name}: its motion is not written out in C, so there is nothing to compare")
+    case = _Case(compile(found[0], "c"))
     count = len(case.kernels.parameters)
     every = np.eye(count)
     tools: dict[str, Callable[[], np.ndarray]] = {
@@ -62,53 +57,14 @@ def gradient_records(model: Model) -> Iterator[dict]:
         **case.in_casadi(),
     }
     exact = case.forward(every)
-    found = {name: call() for name, call in tools.items()}
+    results = {name: call() for name, call in tools.items()}
     spent = measure({name: repeated(call) for name, call in tools.items()})
     for name, spread in spent.items():
-        compared = np.size(found[name]) == count and "forward" not in name
-        error = float(np.max(np.abs(found[name] - exact)) / np.max(np.abs(exact))) if compared else None
+        compared = np.size(results[name]) == count and "forward" not in name
+        error = float(np.max(np.abs(results[name] - exact)) / np.max(np.abs(exact))) if compared else None
         low, median, high = (x / (TOGETHER if name == together else 1) for x in (spread.low, spread.median, spread.high))
         times = {"seconds": median, "low": low, "high": high, "ratio": median / spent["the motion"].median}
         yield {"case": "gradients", "tool": name, "error": error, **times}
-
-
-def operation_records(model: Model) -> Iterator[dict]:
-    """Records of the operations of the state derivative over all coordinates with numbers in it, and with every inertial datum a
-    parameter; ratio: to the first. Nothing where the motion is not written out."""
-    plain = 0
-    for tool, built in (("with numbers", model), ("inertial data are parameters", with_inertia_as_parameters(model))):
-        kernels = compile(built, "c")
-        seen = own_positions(kernels)
-        programs = assemble_motion(kernels.programs.equations, *seen, kernels.column_sizes) if seen else None
-        if programs is None:
-            return
-        count = cost(programs.derivative).total
-        plain = plain or count
-        yield {"case": "operations", "tool": tool, "error": None, "operations": count, "ratio": count / plain}
-
-
-def with_inertia_as_parameters(model: Model) -> Model:
-    """A copy whose masses, centres and moments of inertia are parameters, at the numbers that they were."""
-    copy: Model = pickle.loads(pickle.dumps(model))
-    for body in copy.bodies.values():
-        if body.inertia is not None:
-            body.inertia = _parametric(copy, body.name, body.inertia, len(body.basis) >= GENERAL)
-    return copy
-
-
-def _parametric(model: Model, name: str, inertia: Inertia, is_general: bool) -> Inertia:
-    def datum(what: str, value: Value) -> Value:
-        return model.parameter(f"{name}_{what}", float(value)) if is_number(value) and value != 0.0 else value
-
-    mass = datum("mass", inertia.mass)
-    if not is_general:
-        return replace(inertia, mass=mass)
-    com = tuple(datum(f"c{axis}", value) for axis, value in zip("xyz", inertia.com, strict=True))
-    tensor = np.array(inertia.tensor, dtype=object)
-    for i, j in zip(*np.triu_indices(3), strict=True):
-        value = datum(f"J{'xyz'[i]}{'xyz'[j]}", tensor[i, j])
-        tensor[i, j] = tensor[j, i] = value
-    return replace(inertia, mass=mass, com=com, tensor=tensor)
 
 
 @dataclass(frozen=True)

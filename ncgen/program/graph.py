@@ -240,6 +240,16 @@ class Graph:
             total = self.add(total, node)
         return total
 
+    def replaced(self, node: int, inputs: Mapping[Input, int]) -> int:
+        """A node with other nodes for inputs."""
+        new: dict[int, int] = {}
+        for part in sorted(self.below([node])):
+            op = self.ops[part]
+            new[part] = self.apply(op, tuple(new[a] for a in op.args)) if op.args else part
+            if op.code == "load":
+                new[part] = inputs.get(op.input, part)
+        return new[node]
+
     def apply(self, op: Op, args: tuple[int, ...]) -> int:
         """The operation `op` on other arguments, simplified again."""
         if op.code == PIECES:

@@ -13,6 +13,7 @@ import numpy as np
 
 from ncgen.model.elements import Point, Spatial
 from ncgen.program.elimination import Matrix, solve_positive
+from ncgen.program.graph import Input
 from ncgen.program.rates import Rates
 from ncgen.program.sampling import roughly
 from ncgen.program.space import Vector
@@ -96,12 +97,21 @@ class _Joints:
         return self.graph.sum(self.graph.mul(self.graph.const(weights[e]), node) for e, node in nodes.items())
 
     def _plain(self, node: int, size: float) -> int:
-        """A number where the node is the same in all samples."""
+        """A number where the node is the same in all samples, and what parameters make of it where they alone do."""
         values = self._values(node)
         if np.ptp(values) > CONSTANT * size:
-            return node
+            return self._of_parameters(node, values, size)
         number = float(values[0])  # of the start itself, which no iteration has touched
         return self.graph.const(0.0 if abs(number) < CONSTANT * size else number)
+
+    def _of_parameters(self, node: int, values: np.ndarray, size: float) -> int:
+        """What the node is in the position that is described, where it is that in all samples; else the node."""
+        equations = self.rates.equations
+        if not equations.parameters:
+            return node
+        described = {Input("q", c): self.place.lines.value(component.value) for c, component in enumerate(equations.free)}
+        found = self.graph.replaced(node, described)
+        return found if np.max(np.abs(self._values(found) - values)) <= CONSTANT * size else node
 
     def _beside(self, element: Spatial, number: int) -> Vector:
         """An element's velocity without that of the link's parent."""

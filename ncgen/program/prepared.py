@@ -13,6 +13,7 @@ from collections.abc import Mapping, Sequence
 from ncgen.program.blocks import Program
 from ncgen.program.differentiated import reads, written_out
 from ncgen.program.graph import Graph
+from ncgen.program.identities import is_known, simplified
 from ncgen.program.lines import line
 from ncgen.symbolic.numbering import Terms
 
@@ -21,10 +22,12 @@ def take_out(programs: Sequence[Program], equations: Terms) -> tuple[Program | N
     """`prepared`, None where there is nothing to prepare, and the straight lines that rely on it."""
     graph = Graph()
     outputs = [written_out(graph, program, reads(program, equations))[1] for program in programs]
-    known = _known(graph, len(equations.parameters) - len(equations.model.inputs))
-    frontier = _frontier(graph, known, [node for nodes in outputs for node in nodes])
-    if not frontier:
+    inputs = {p.name for p in equations.model.inputs.values()}
+    defaults = [p.default for p in equations.parameters if p.name not in inputs]  # inputs are the last numbers of p
+    if not _frontier(graph, len(defaults), outputs):
         return None, list(programs)
+    graph, outputs = simplified(graph, outputs, defaults)
+    frontier = _frontier(graph, len(defaults), outputs)
     made = []
     place = {node: len(equations.parameters) + k for k, node in enumerate(frontier)}
     for program, nodes in zip(programs, outputs, strict=True):
@@ -33,19 +36,14 @@ def take_out(programs: Sequence[Program], equations: Terms) -> tuple[Program | N
     return line(graph, "prepared", ("p",), frontier, equations), made
 
 
-def _known(graph: Graph, parameters: int) -> list[bool]:
-    """Of every operation: does it depend on nothing but parameters?"""
+def _frontier(graph: Graph, parameters: int, outputs: Sequence[Sequence[int]]) -> list[int]:
+    """What depends on parameters alone and is computed, and read by what does not, or by nobody but a store."""
     known: list[bool] = []
     for op in graph.ops:
-        is_leaf = op.code == "const" or (op.code == "load" and op.input.array == "p" and op.input.position < parameters)
-        known.append(is_leaf or (bool(op.args) and all(known[a] for a in op.args)))
-    return known
-
-
-def _frontier(graph: Graph, known: Sequence[bool], outputs: Sequence[int]) -> list[int]:
-    """What is known and computed, and read by what is not known, or by nobody but a store."""
-    found: set[int] = {node for node in outputs if known[node]}
-    for node in graph.below(outputs):
+        known.append(is_known(op, [known[a] for a in op.args], parameters))
+    stored = [node for nodes in outputs for node in nodes]
+    found: set[int] = {node for node in stored if known[node]}
+    for node in graph.below(stored):
         if not known[node]:
             found.update(a for a in graph.ops[node].args if known[a])
     return sorted(node for node in found if graph.ops[node].args)

@@ -170,12 +170,14 @@ class Rates:
         return {k: node for k, node in column.items() if np.max(np.abs(self.sampling[node])) / self.sizes[k] > self.vanishing}
 
     def _numbers(self, rows: list[Row]) -> np.ndarray:
-        """The rows without units in all samples (samples, rows, count)."""
+        """The rows without units in all samples (samples, rows, count); with numbers for parameters they would be as large."""
         matrices = np.zeros((self.sampling.count, len(rows), self.count))
         for i, row in enumerate(rows):
             for k, node in row.entries.items():
                 matrices[:, i, k] = self.sampling[node] * self.sizes[k]
-        return matrices / np.max(np.abs(matrices), axis=(0, 2), initial=1e-300)[None, :, None]
+        largest = np.max(np.abs(matrices), axis=2, initial=1e-300)
+        own = np.max(largest[self.sampling.alike], axis=0)
+        return matrices / np.where(own > 1e-300, own, np.max(largest, axis=0))[None, :, None]
 
     def choose(self, rows: list[Row], weights: Mapping[int, float] | None = None) -> None:
         """Let those rates be free that determine the others best in the first sample.

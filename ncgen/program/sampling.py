@@ -30,10 +30,14 @@ def firmly(matrix: np.ndarray) -> np.ndarray:
 
 
 class Sampling:
-    """The values of a graph's nodes in samples; each is computed when it is first asked for."""
+    """The values of a graph's nodes in samples; each is computed when it is first asked for.
+
+    alike: which samples have the parameters of the first one
+    """
 
     def __init__(self, graph: Graph, samples: Sequence[Sample]) -> None:
         self.graph, self.count = graph, len(samples)
+        self.alike = [k for k, sample in enumerate(samples) if np.array_equal(sample.p, samples[0].p)]
         self._arrays: list[Mapping[str, Any]] = [{"t": [s.t], "q": s.q.tolist(), "p": s.p.tolist()} for s in samples]
         self._known: dict[int, np.ndarray] = {}
 

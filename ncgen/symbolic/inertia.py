@@ -77,7 +77,7 @@ def standard_inertia(body: Body, parameters: dict[str, Parameter]) -> StandardIn
     crossed = len(axes) == 2
     if crossed:
         axes.append(list(cross(axes[0], axes[1])))
-    return StandardInertia(tuple(forms), _standard(inertia, axes, offset), crossed)
+    return StandardInertia(tuple(forms), _standard(inertia, axes, offset, parameters), crossed)
 
 
 def centre_weights(standard: StandardInertia) -> tuple[Exact, ...]:
@@ -85,17 +85,18 @@ def centre_weights(standard: StandardInertia) -> tuple[Exact, ...]:
     return standard.matrix[0]
 
 
-def _standard(inertia: Inertia, axes: Sequence[Sequence[Exact]], offset: Sequence[Exact]) -> tuple[tuple[Exact, ...], ...]:
+def _standard(
+    inertia: Inertia, axes: Sequence[Sequence[Exact]], offset: Sequence[Exact], parameters: dict[str, Parameter]
+) -> tuple[tuple[Exact, ...], ...]:
     inverse = _inverse(axes)
-    sizes = [_norm(row) for row in inverse]
-    a = [_cleaned(dot(row, offset), size * _norm(offset)) for row, size in zip(inverse, sizes, strict=True)]
+    sizes = [_norm(row, parameters) for row in inverse]
+    away = _norm(offset, parameters)
+    a = [_cleaned(dot(row, offset), size * away) for row, size in zip(inverse, sizes, strict=True)]
     tensor = [_exact(row) for row in inertia.tensor]
     half = sum((tensor[k][k] for k in range(3)), Fraction(0)) / 2
     planar: list[list[Exact]] = [[(half if k == l else 0) - tensor[k][l] for l in range(3)] for k in range(3)]
     spread = [[dot(row, [dot(planar[k], other) for k in range(3)]) for other in inverse] for row in inverse]
-    whole = (
-        float(half) if isinstance(half, Fraction) else 0.0
-    )  # the trace of J_G; directions have sizes of their own, so every entry has its scale
+    whole = evaluate(half, parameters, "")  # the trace of J_G; directions have sizes of their own, so every entry has its scale
     spread = [[_cleaned(x, whole * n * m) for x, m in zip(row, sizes, strict=True)] for row, n in zip(spread, sizes, strict=True)]
     mass = _mass(inertia.mass)
     top = (mass, *(_times(mass, x) for x in a))
@@ -103,13 +104,17 @@ def _standard(inertia: Inertia, axes: Sequence[Sequence[Exact]], offset: Sequenc
     return (top, *map(tuple, rows))
 
 
-def _norm(vector: Iterable[Exact]) -> float:
-    """The length of a vector, without what parameters have a say in."""
-    return sum(float(x) ** 2 for x in vector if isinstance(x, Fraction)) ** 0.5
+def _norm(vector: Iterable[Exact], parameters: dict[str, Parameter]) -> float:
+    """The length of a vector at the parameters' defaults."""
+    return sum(evaluate(x, parameters, "") ** 2 for x in vector) ** 0.5
 
 
 def _cleaned(value: Exact, scale: float) -> Exact:
-    return value if not isinstance(value, Fraction) or abs(value) > ROUNDING * scale else Fraction(0)
+    """A value, 0 where it is a number that is rounding; parameters that cancel leave a number."""
+    if is_symbolic(value) and value.free_symbols:
+        return value
+    number = Fraction(float(value)) if is_symbolic(value) else value
+    return number if abs(number) > ROUNDING * scale else Fraction(0)
 
 
 def _point_mass(
