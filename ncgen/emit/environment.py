@@ -8,11 +8,13 @@ from __future__ import annotations
 from collections.abc import Iterable
 from fractions import Fraction
 from functools import cache
-
-from jinja2 import Environment, FileSystemLoader, StrictUndefined
+from typing import TYPE_CHECKING
 
 from ncgen.program.blocks import Block, Loop
 from ncgen.resources import folder
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
 
 EXACT = 2**53
 """Whole numbers below this are doubles."""
@@ -20,6 +22,8 @@ EXACT = 2**53
 
 @cache
 def environment() -> Environment:
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
     env = Environment(
         loader=FileSystemLoader(folder("templates"), encoding="utf-8"),
         undefined=StrictUndefined,

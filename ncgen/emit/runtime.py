@@ -40,8 +40,17 @@ def runtime_names() -> tuple[str, ...]:
 
 def explicit_names() -> tuple[str, ...]:
     """The files of the library where EXPLICIT_ONLY is defined."""
-    needed = needed_by("ncgen_run.c", "ncgen_driven.c", "ncgen_adjoint.c", "ncgen_piecewise.c", defined=EXPLICIT_ONLY)
-    return tuple(dict.fromkeys((*needed, *RUNTIME_HEADERS, *HEADERS, *PRINTED)))
+    return _part("ncgen_run.c", "ncgen_driven.c", "ncgen_piecewise.c", defined=EXPLICIT_ONLY)
+
+
+def adjoint_names() -> tuple[str, ...]:
+    """The files of the library that go back over a run, which few runs are."""
+    return _part("ncgen_adjoint.c")
+
+
+def _part(*sources: str, defined: str = "") -> tuple[str, ...]:
+    """The files of a part of the library, as of `needed_by`, with the headers that the whole of it comes with."""
+    return tuple(dict.fromkeys((*needed_by(*sources, defined=defined), *RUNTIME_HEADERS, *HEADERS, *PRINTED)))
 
 
 def needed_by(*sources: str, defined: str = "") -> tuple[str, ...]:

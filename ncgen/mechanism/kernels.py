@@ -11,11 +11,11 @@ from collections.abc import Callable, Hashable
 from copy import copy
 from functools import cached_property
 from importlib import import_module
-from typing import Any, TypeAlias, TypeGuard, TypeVar
+from typing import TYPE_CHECKING, Any, TypeAlias, TypeGuard, TypeVar
 
 import numpy as np
+import scipy
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
 
 from ncgen.errors import DomainError, ModelError, NcgenError
 from ncgen.mechanism.arguments import constant, numbers
@@ -29,6 +29,9 @@ from ncgen.program.blocks import Pattern, Program, Slot
 from ncgen.program.evaluate import evaluate as evaluate_program
 from ncgen.program.functions import FUNCTIONS
 from ncgen.program.programs import Programs
+
+if TYPE_CHECKING:
+    from scipy.sparse import csr_array
 
 FLOAT = np.dtype(float)
 
@@ -421,7 +424,7 @@ class Kernels(ABC):
 
     @staticmethod
     def _sparse(pattern: Pattern, values: np.ndarray) -> csr_array:
-        return csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
+        return scipy.sparse.csr_array((values, pattern.indices, pattern.indptr), shape=pattern.shape)
 
     @staticmethod
     def _dense(pattern: Pattern, values: np.ndarray) -> np.ndarray:

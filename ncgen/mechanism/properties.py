@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.sparse.linalg import splu
+import scipy
 
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import INTEGRATORS
@@ -17,14 +17,15 @@ SINGULAR = 1e-9
 
 def is_definite(kernels: Kernels) -> bool:
     """True if every motion of the coordinates has inertia, constraints apart, at the initial position."""
-    sizes = kernels.column_sizes
-    mass = kernels.mass(kernels.q0).tocsc()
-    mass.data *= sizes[mass.indices] * np.repeat(sizes, np.diff(mass.indptr))
-    diagonal = mass.diagonal()
+    pattern, values, sizes = kernels.mass_pattern, kernels.values("mass", 0.0, kernels.q0, None, None), kernels.column_sizes
+    rows, columns = np.repeat(np.arange(kernels.n), np.diff(pattern.indptr)), np.array(pattern.indices, np.intp)
+    values = values * (sizes[rows] * sizes[columns])
+    diagonal = np.bincount(rows, values * (rows == columns), kernels.n)
     if not np.all(diagonal > 0):
         return False
+    mass = scipy.sparse.csc_array((values, columns, pattern.indptr), pattern.shape)  # it is symmetric
     try:
-        factors = splu(mass, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
+        factors = scipy.sparse.linalg.splu(mass, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     except RuntimeError:  # SuperLU's word for an exactly singular matrix
         return False
     return bool(np.all(factors.U.diagonal() > SINGULAR * diagonal[np.argsort(factors.perm_c)]))

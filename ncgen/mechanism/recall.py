@@ -68,9 +68,12 @@ def derived(programs: Programs, told: str, make: Callable[[], Files]) -> Files:
     told: what they are, in words that tell them from others of the same mechanism
     """
     own = key(programs.equations.model, programs.emission)
-    if own is None:
-        return make()
-    named = hashlib.sha256(f"{_generator('solver', 'mechanism')}\n{own}\n{told}".encode()).hexdigest()[:40]
+    return make() if own is None else shared(f"{own}\n{told}", make)
+
+
+def shared(told: str, make: Callable[[], Files]) -> Files:
+    """C files that are the same for all mechanisms, likewise; told: what they are, in words that tell them from others."""
+    named = hashlib.sha256(f"{_generator('solver', 'mechanism')}\n{told}".encode()).hexdigest()[:40]
     found = kept(KIND, named)
     if found is None:
         found = make()

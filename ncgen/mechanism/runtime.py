@@ -12,7 +12,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from threading import Thread
-from typing import Literal, Protocol, TypeAlias, get_args
+from typing import Literal, Protocol, TypeAlias
 
 import numpy as np
 from cffi import FFI
@@ -20,13 +20,13 @@ from numpy.typing import ArrayLike, DTypeLike
 
 from ncgen.emit.c.files import model_files
 from ncgen.emit.naming import identifier
-from ncgen.emit.runtime import EXPLICIT_ONLY, HEADERS, RUNTIME_HEADERS, explicit_names, runtime_files, runtime_names
+from ncgen.emit.runtime import EXPLICIT_ONLY, HEADERS, RUNTIME_HEADERS, adjoint_names, explicit_names, runtime_files, runtime_names
 from ncgen.errors import NcgenError
 from ncgen.mechanism.driving import Driver, Function, Pieces
 from ncgen.mechanism.library import STATUS, CompiledKernels
 from ncgen.mechanism.listening import Listener, watch
 from ncgen.mechanism.properties import is_conservative, is_definite, uses_tangents
-from ncgen.mechanism.recall import Files
+from ncgen.mechanism.recall import Files, shared
 from ncgen.mechanism.written import Seen, Written, motion_source
 from ncgen.methods.table import AUTO, FORMALISMS, INTEGRATORS, find_integrator, number_in_c
 from ncgen.program.programs import Split
@@ -38,13 +38,20 @@ from ncgen.toolchain.compilers import FLAGS
 from ncgen.toolchain.loader import load, opened_by
 from ncgen.toolchain.once import once
 
-Part: TypeAlias = Literal["explicit", "whole"]
-"""Of the runtime: with explicit methods alone, or all of it."""
+Part: TypeAlias = Literal["explicit", "whole", "adjoint"]
+"""Of the runtime: with explicit methods alone, all of it, or what goes back over a run."""
+
+PARTS: dict[Part, tuple[Callable[[], tuple[str, ...]], tuple[str, ...]]] = {
+    "explicit": (explicit_names, (f"-D{EXPLICIT_ONLY}",)),
+    "whole": (runtime_names, ()),
+    "adjoint": (adjoint_names, ()),
+}
+"""The files of a part, and the flags that choose it."""
 
 
 def _load(files: dict[str, str], number: str, declarations: str) -> tuple[Interface, InC]:
     """A library of these files and the headers, and its interface."""
-    files = files | runtime_files(*RUNTIME_HEADERS, *HEADERS)
+    files = files | shared("headers", lambda: runtime_files(*RUNTIME_HEADERS, *HEADERS))
     return load(files, declarations, runtime_abi(number), (*FLAGS, *NUMBERS[number].flags))
 
 
@@ -60,8 +67,9 @@ def _interface(number: str) -> Interface:
 @once
 def _runtime(number: str, part: Part) -> InC:
     """The runtime, the same for all mechanisms; most runs do without its implicit methods, which cost as much to compile as the rest."""
-    names, defined = (explicit_names(), (f"-D{EXPLICIT_ONLY}",)) if part == "explicit" else (runtime_names(), ())
-    built = compiled(runtime_files(*names), (*FLAGS, *NUMBERS[number].flags, *defined))
+    names, defined = PARTS[part]
+    files = shared(f"runtime: {part}", lambda: runtime_files(*names()))
+    built = compiled(files, (*FLAGS, *NUMBERS[number].flags, *defined))
     return opened_by(_interface(number), built.library)
 
 
@@ -98,7 +106,7 @@ def _compiled_model(kernels: CompiledKernels, number: str) -> tuple[InC, InC]:
 
 def prepare(kernels: CompiledKernels, number: str = "double") -> None:
     """Compile what a run may ask for on its way, so that a limit to its time is a limit to the run."""
-    for part in get_args(Part):
+    for part in ("explicit", "whole"):
         _runtime(number, part)
     _model(kernels, number)
     kernels.tangents  # noqa: B018
@@ -430,6 +438,11 @@ class ConstrainedDynamics(Dynamics):
     def interface(self) -> tuple[Interface, InC]:
         """What passes arguments to the runtime, and the runtime with its explicit methods."""
         return self._ffi, _runtime(self.number.name, "explicit")
+
+    @property
+    def adjoint_interface(self) -> tuple[Interface, InC]:
+        """What passes arguments to the runtime, and the part of it that goes back over a run."""
+        return self._ffi, _runtime(self.number.name, "adjoint")
 
     def described(self, rank: int) -> tuple[InC, InC]:
         """The model, and its dynamics, in a struct of their own where rows are redundant; rank: of Φ_q."""

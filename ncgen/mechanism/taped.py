@@ -77,7 +77,7 @@ class Taped:
         tolerances: Mapping[str, InC] | None = None, inputs: Sequence[Pieces | Function | None] = (), **options: InC,
     ) -> None:  # fmt: skip
         self._dynamics, self._kernels = dynamics, dynamics.kernels
-        self._ffi, self._library = dynamics.interface
+        self._ffi, self._library = dynamics.adjoint_interface
         self._p, self._parameters = dynamics.with_prepared(p), len(p)
         options |= {"formalism": number_in_c(FORMALISMS["lagrange"]), "project": 1}
         options |= tolerances if tolerances else {"rtol": 0.0, "atol": 0.0, "max_step": ANY_STEP}

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import cast
 
 import numpy as np
-import scipy.linalg
+import scipy
 
 from ncgen.model.elements import Point, Relative, Spatial
 from ncgen.program.assemble import KERNELS

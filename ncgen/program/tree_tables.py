@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import scipy.sparse
+import scipy
 
 from ncgen.model.elements import Component, Point, Spatial
 from ncgen.model.values import is_number

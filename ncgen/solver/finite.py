@@ -13,13 +13,14 @@ from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-from scipy.sparse import csr_array
 
 from ncgen.errors import DomainError, ModelError, NcgenError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.values import Symbolic
 
 if TYPE_CHECKING:
+    from scipy.sparse import csr_array
+
     from ncgen.program.assemble import Kernel
     from ncgen.symbolic.equations import Term
     from ncgen.symbolic.numbering import Terms

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy.sparse import csr_array
 
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Angle, Combination, Component, Element
 from ncgen.model.values import Parameter, evaluate, is_number
+
+Arms: TypeAlias = tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
 
 
 def component(kernels: Kernels, c: Component, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
@@ -56,8 +58,11 @@ def direction(kernels: Kernels, combination: Combination, q: ArrayLike, p: np.nd
 
 def measured_angles(kernels: Kernels, q: ArrayLike, p: np.ndarray | None = None) -> np.ndarray:
     """The angles between their elements as they stand at q (…, n), in (−π, π], whatever their coordinates say, in the order of `angles`."""
-    weights, fixed = _arms(kernels, p)
-    arms = (weights @ np.asarray(q).T).T + fixed
+    weights, rows, columns, fixed = _arms(kernels, p)
+    products = weights * np.asarray(q)[..., columns]
+    sums = np.zeros((len(fixed), *products.shape[:-1]))
+    np.add.at(sums, rows, products.T)
+    arms = sums.T + fixed
     arms = arms.reshape(*arms.shape[:-1], -1, 3, 3)
     products = arms @ arms.swapaxes(-1, -2)  # of a, b and the axis n, of any length
     ab, an, bn, nn = products[..., 0, 1], products[..., 0, 2], products[..., 1, 2], products[..., 2, 2]
@@ -73,14 +78,15 @@ def arms_have_parameters(kernels: Kernels) -> bool:
     return not all(map(is_number, values))
 
 
-def _arms(kernels: Kernels, p: np.ndarray | None) -> tuple[csr_array, np.ndarray]:
-    """(W, w): start, end and axis of all angles are W q + w at parameters p; made once and kept for the last p."""
+def _arms(kernels: Kernels, p: np.ndarray | None) -> Arms:
+    """(weights, rows, columns, w): start, end and axis of all angles are W q + w at parameters p, where W has these entries; made once and
+    kept for the last p."""
     p = kernels.p0 if p is None else p
     p = np.asarray(p, dtype=float)
     return kernels.remember("arms", p.tobytes(), lambda: _collect_arms(kernels, p), most=1)
 
 
-def _collect_arms(kernels: Kernels, p: np.ndarray) -> tuple[csr_array, np.ndarray]:
+def _collect_arms(kernels: Kernels, p: np.ndarray) -> Arms:
     parameters = parameters_at(kernels, p)
     wanted = [d for angle in angles(kernels) for d in (angle.start, angle.end, angle.axis)]
     fixed, entries = np.zeros(3 * len(wanted)), []
@@ -93,7 +99,7 @@ def _collect_arms(kernels: Kernels, p: np.ndarray) -> tuple[csr_array, np.ndarra
                 else:
                     entries.append((weight, row, kernels.index[c.name]))
     weights, rows, columns = zip(*entries, strict=True) if entries else ((), (), ())
-    return csr_array((weights, (rows, columns)), shape=(len(fixed), kernels.n)), fixed
+    return np.array(weights, float), np.array(rows, np.intp), np.array(columns, np.intp), fixed
 
 
 def angles(kernels: Kernels) -> list[Angle]:

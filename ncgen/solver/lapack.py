@@ -1,28 +1,36 @@
-"""The routines of LAPACK that the solver calls, for doubles: SciPy's module of them tells their names at run time only."""
+"""The routines of LAPACK that the solver calls, for doubles, with types: SciPy's module of them tells their names at run time only."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from typing import TypeAlias
 
 import numpy as np
-from scipy.linalg import get_lapack_funcs
+import scipy
 
-Found = tuple[np.ndarray, int]
+Found: TypeAlias = tuple[np.ndarray, int]
 """What a routine computes, and where it failed, 0 for nowhere."""
 
-_found = get_lapack_funcs(("getrf", "getrs", "posv", "potrf", "potrs"), dtype=np.float64)
 
-dgetrf: Callable[..., tuple[np.ndarray, np.ndarray, int]] = _found[0]
-"""(LU, exchanges, failed) of a matrix."""
+def dgetrf(matrix: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """(LU, exchanges, failed) of a matrix."""
+    return scipy.linalg.lapack.dgetrf(matrix)
 
-dgetrs: Callable[..., Found] = _found[1]
-"""(x, failed) of A x = right from LU, exchanges and right; trans=1: of Aᵀ x = right."""
 
-dposv: Callable[..., tuple[np.ndarray, np.ndarray, int]] = _found[2]
-"""(factor, x, failed) of A x = right for a positive definite A."""
+def dgetrs(lu: np.ndarray, exchanges: np.ndarray, right: np.ndarray, trans: int = 0) -> Found:
+    """(x, failed) of A x = right from LU, exchanges and right; trans=1: of Aᵀ x = right."""
+    return scipy.linalg.lapack.dgetrs(lu, exchanges, right, trans=trans)
 
-dpotrf: Callable[..., Found] = _found[3]
-"""(factor, failed) of a positive definite matrix."""
 
-dpotrs: Callable[..., Found] = _found[4]
-"""(x, failed) of A x = right from that factor and right."""
+def dposv(matrix: np.ndarray, right: np.ndarray) -> tuple[np.ndarray, np.ndarray, int]:
+    """(factor, x, failed) of A x = right for a positive definite A."""
+    return scipy.linalg.lapack.dposv(matrix, right)
+
+
+def dpotrf(matrix: np.ndarray) -> Found:
+    """(factor, failed) of a positive definite matrix."""
+    return scipy.linalg.lapack.dpotrf(matrix)
+
+
+def dpotrs(factor: np.ndarray, right: np.ndarray) -> Found:
+    """(x, failed) of A x = right from that factor and right."""
+    return scipy.linalg.lapack.dpotrs(factor, right)

@@ -7,9 +7,10 @@ right-hand sides, so coordinates without mass and redundant rows do no harm. Lik
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
-import scipy.sparse
+import scipy
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
@@ -18,6 +19,9 @@ from ncgen.solver.formalisms.kkt import KKT, LARGE
 from ncgen.solver.position import TOLERANCE, residual
 from ncgen.solver.rank import scaled_jacobian, sparse_jacobian
 from ncgen.solver.sparse_rows import scaled
+
+if TYPE_CHECKING:
+    import scipy.sparse.linalg
 
 LIMIT = 12
 

@@ -7,11 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import cast
+from typing import TYPE_CHECKING, cast
 
 import numpy as np
-import scipy.linalg
-import scipy.sparse
+import scipy
 
 from ncgen.errors import ConvergenceError
 from ncgen.mechanism.kernels import Kernels
@@ -21,6 +20,9 @@ from ncgen.solver.given import Given
 from ncgen.solver.open_tree import is_open_tree
 from ncgen.solver.position import TOLERANCE, check_finite, solve_position
 from ncgen.solver.sparse_rows import DENSE, independent_rows, scaled
+
+if TYPE_CHECKING:
+    import scipy.sparse.linalg
 
 RELATIVE_ZERO = 1e-9
 """Singular values below this, relative to the largest, count as zero."""

@@ -6,11 +6,13 @@ All of it by Φ_q Φ_qᵀ, which is as sparse as the mechanism. Where rows are d
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
-import scipy.sparse
-import scipy.sparse.linalg
+import scipy
+
+if TYPE_CHECKING:
+    import scipy.sparse.linalg
 
 DENSE = 200
 """From this many rows on sparse algebra is tried before dense one."""

@@ -10,8 +10,7 @@ import warnings
 from dataclasses import dataclass
 
 import numpy as np
-import scipy.sparse
-import scipy.sparse.linalg
+import scipy
 
 from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels

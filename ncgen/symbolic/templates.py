@@ -223,7 +223,7 @@ def _inertia(
     for k, speed in enumerate(speeds):
         momentum = kinetic.diff(speed)
         for l, other in enumerate(speeds):
-            outputs[Output("mass", (k, l))] = momentum.diff(other)
+            outputs[Output("mass", (k, l))] = outputs[Output("mass", (l, k))] if l < k else momentum.diff(other)
     return Template(key, equation, scalars, data, outputs)
 
 

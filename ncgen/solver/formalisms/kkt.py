@@ -8,18 +8,21 @@ the factor ε/(ε + σ²) and y to the multipliers of smallest norm. It is the a
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TypeAlias
+from typing import TYPE_CHECKING, TypeAlias
 
 import numpy as np
-from scipy.sparse import block_array, csc_array, csr_array, eye_array
-from scipy.sparse.linalg import splu
+import scipy
 
 from ncgen.errors import SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.lapack import dgetrf, dgetrs
 from ncgen.solver.massless import massless
 
-Matrix: TypeAlias = np.ndarray | csr_array
+if TYPE_CHECKING:
+    import scipy.sparse.linalg
+    from scipy.sparse import csr_array
+
+Matrix: TypeAlias = "np.ndarray | csr_array"
 
 Solution: TypeAlias = Callable[[np.ndarray], np.ndarray]
 """From a right-hand side to [x; y]."""
@@ -39,7 +42,7 @@ class KKT:
     def __init__(self, weight: Matrix, jacobian: Matrix, kernels: Kernels, left: Matrix | None = None) -> None:
         left = jacobian.T if left is None else left
         if _is_large(weight, jacobian):
-            weight, left, jacobian = map(csr_array, (weight, left, jacobian))
+            weight, left, jacobian = (scipy.sparse.csr_array(matrix) for matrix in (weight, left, jacobian))
         self.weight, self.left, self.jacobian = weight, left, jacobian
         self._solve = factored(weight, left, jacobian, kernels, EPSILON)
 
@@ -94,9 +97,10 @@ def _dense(weight: np.ndarray, left: np.ndarray, jacobian: np.ndarray, kernels: 
 
 
 def _sparse(weight: Matrix, left: Matrix, jacobian: Matrix, kernels: Kernels, corner: float) -> Solution:
-    diagonal = -corner * eye_array(_rows(jacobian))
+    diagonal, csc_array = -corner * scipy.sparse.eye_array(_rows(jacobian)), scipy.sparse.csc_array
+    blocks = scipy.sparse.block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), diagonal]])
     try:
-        factors = splu(csc_array(block_array([[csc_array(weight), csc_array(left)], [csc_array(jacobian), diagonal]])))
+        factors = scipy.sparse.linalg.splu(csc_array(blocks))
     except RuntimeError:  # SuperLU's word for an exactly singular matrix
         raise undetermined(kernels, _full(weight), _full(jacobian)) from None
     return factors.solve
