@@ -24,6 +24,7 @@ def bench(
     data: Annotated[
         bool, typer.Option("--data", help="operations with data as parameters, beside numbers; MODEL may be `all`, every example")
     ] = False,
+    libraries: Annotated[bool, typer.Option("--libraries", help="many motions and gradients inside JAX and PyTorch")] = False,
     growth: Annotated[
         bool, typer.Option("--growth", help="of the chain or the arm: generation and steps of longer and longer ones")
     ] = False,
@@ -35,7 +36,7 @@ def bench(
 ) -> None:
     """Measure generated code beside hand-written code: times with their errors."""
     from ncgen.comparisons.bench import bench as measurements
-    from ncgen.comparisons.bench import data_section, gradient_section, show
+    from ncgen.comparisons.bench import data_section, gradient_section, library_section, show
     from ncgen.exchange.examples import example_names, load
 
     writable("--html", html)
@@ -55,7 +56,8 @@ def bench(
     if data:
         sections = data_section(map(load, example_names()) if model == "all" else [load(model)])
     else:
-        sections = gradient_section(load(model)) if gradients else measurements(load(model))
+        section = library_section if libraries else gradient_section if gradients else measurements
+        sections = section(load(model))
     records = []
     with progress(f"measuring {model}", 3.0) as advance:
         for done, (title, found) in enumerate(sections, 1):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from functools import partial
 
 from rich.console import Console
 from rich.text import Text
@@ -13,6 +14,8 @@ from ncgen.comparisons.data import data_records
 from ncgen.comparisons.falls import fall_records
 from ncgen.comparisons.generation import generation_records
 from ncgen.comparisons.gradients import STEPS, gradient_records
+from ncgen.comparisons.libraries import MOTIONS, library_records
+from ncgen.comparisons.libraries import STEPS as LIBRARY_STEPS
 from ncgen.comparisons.rates import arithmetic_rate, derivative_records
 from ncgen.comparisons.rivals import KERNELS, Inputs, exact, relative_error, rivals
 from ncgen.compiler import compile
@@ -48,6 +51,13 @@ def gradient_section(model: Model) -> Iterator[tuple[str, list[dict]]]:
     title = f"derivatives of a motion of {model.name} with {STEPS} steps of rk4 by its data: ms, error relative to the largest"
     yield title, list(gradient_records(model))
     yield from data_section([model])
+
+
+def library_section(model: Model) -> Iterator[tuple[str, list[dict]]]:
+    """(title, records) of many motions inside other libraries."""
+    what = f"{MOTIONS:,} motions of {model.name} with {LIBRARY_STEPS} steps of rk4, and their gradients by all data"
+    title = f"{what}: ms a motion, difference from ncgen"
+    yield title, list(library_records(model))
 
 
 def data_section(models: Iterable[Model]) -> Iterator[tuple[str, list[dict]]]:
@@ -90,7 +100,7 @@ def show(console: Console, title: str, records: list[dict]) -> None:
     if not records:
         return
     tables = {"state derivative": _derivative_rows, "simulation": _simulation_rows, "batch": _batch_rows, "generation": generation_rows}
-    tables |= {"gradients": _gradient_rows, "operations": _operation_rows, "arm": arms.rows}
+    tables |= {"gradients": _gradient_rows, "libraries": partial(_gradient_rows, digits=4), "operations": _operation_rows, "arm": arms.rows}
     console.print(Text(title, style="bold"))
     for line in aligned(tables.get(records[0]["case"], _kernel_rows)(records)):
         console.print(line, markup=False)
@@ -151,11 +161,11 @@ def _batch_rows(records: list[dict]) -> list[tuple[str, ...]]:
     return rows
 
 
-def _gradient_rows(records: list[dict]) -> list[tuple[str, ...]]:
+def _gradient_rows(records: list[dict], digits: int = 2) -> list[tuple[str, ...]]:
     rows: list[tuple[str, ...]] = [("", "ms", "quartiles", "ratio", "error")]
     for r in records:
-        quartiles = f"{1e3 * r['low']:.2f}-{1e3 * r['high']:.2f}"
-        rows.append((r["tool"], f"{1e3 * r['seconds']:.2f}", quartiles, f"{r['ratio']:.2f}", _error(r["error"])))
+        low, median, high = (f"{1e3 * r[name]:.{digits}f}" for name in ("low", "seconds", "high"))
+        rows.append((r["tool"], median, f"{low}-{high}", f"{r['ratio']:.2f}", _error(r["error"])))
     return rows
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -12,10 +11,12 @@ from ncgen.comparisons.data import ALL, first_written_out
 from ncgen.comparisons.rivals import casadi_motions
 from ncgen.compiler import compile
 from ncgen.errors import ModelError
+from ncgen.exchange.motion_functions import rates_of
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model import Model
 from ncgen.report.clock import measure, repeated
 from ncgen.solver.gradients import gradient_batch
+from ncgen.solver.position import solve_position
 from ncgen.solver.run import simulation_of
 from ncgen.solver.sensitivity import motion_of
 from ncgen.solver.taped_motion import TapedMotion
@@ -67,41 +68,37 @@ def gradient_records(model: Model) -> Iterator[dict]:
         yield {"case": "gradients", "tool": name, "error": error, **times}
 
 
-@dataclass(frozen=True)
 class _Case:
     """A model's own motion, with weights of all that is seen of it."""
 
-    kernels: Kernels
+    def __init__(self, kernels: Kernels) -> None:
+        self.kernels = kernels
+        self.by_q, self.by_qd = np.random.default_rng(1).standard_normal((2, STEPS + 1, kernels.n))
 
-    def _motion(self, p: np.ndarray) -> TapedMotion:
+    def _motion(self, p: np.ndarray, q0: np.ndarray | None = None) -> TapedMotion:
         options = simulation_of(self.kernels.model)
         given = {name: options[name] for name in ("q0", "zd0", "qd0", "z") if name in options}
-        motion = motion_of(self.kernels, float(options["duration"]), STEPS, "rk4", p=p, **given)
+        given |= {"p": p} if q0 is None else {"p": p, "q0": q0}
+        motion = motion_of(self.kernels, float(options["duration"]), STEPS, "rk4", **given)
         if not isinstance(motion, TapedMotion):
             raise ModelError(f"{self.kernels.name}: its motion is not written out in C, so there is nothing to compare")
         return motion
 
-    @cached_property
-    def _weights(self) -> tuple[np.ndarray, np.ndarray]:
-        by_q, by_qd = np.random.default_rng(1).standard_normal((2, STEPS + 1, self.kernels.n))
-        return by_q, by_qd
-
-    def value(self, p: np.ndarray) -> float:
-        motion, (by_q, by_qd) = self._motion(p), self._weights
-        return float(np.sum(by_q * motion.q) + np.sum(by_qd * motion.qd))
+    def value(self, p: np.ndarray, q0: np.ndarray | None = None) -> float:
+        motion = self._motion(p, q0)
+        return float(np.sum(self.by_q * motion.q) + np.sum(self.by_qd * motion.qd))
 
     def back(self) -> np.ndarray:
-        return self._motion(self.kernels.p0).backward(*self._weights)[0][: len(self.kernels.p0)]
+        return self._motion(self.kernels.p0).backward(self.by_q, self.by_qd)[0][: len(self.kernels.p0)]
 
     def forward(self, directions: np.ndarray) -> np.ndarray:
         """Along directions (parameters, D)."""
-        by_q, by_qd = self._weights
         q, qd = self._motion(self.kernels.p0).along(directions)
-        return np.einsum("kn,knd->d", by_q, q) + np.einsum("kn,knd->d", by_qd, qd)
+        return np.einsum("kn,knd->d", self.by_q, q) + np.einsum("kn,knd->d", self.by_qd, qd)
 
     def together(self) -> np.ndarray:
         """Of many motions, all the same; the last one's."""
-        kernels, weights = self.kernels, self._weights
+        kernels, weights = self.kernels, (self.by_q, self.by_qd)
         options = simulation_of(kernels.model)
         given = {name: options[name] for name in ("q0", "zd0", "z") if name in options}
         duration, many = float(options["duration"]), np.tile(kernels.p0, (TOGETHER, 1))
@@ -109,22 +106,38 @@ class _Case:
         return found.slopes[-1, : len(kernels.p0)]
 
     def in_casadi(self) -> dict[str, Callable[[], np.ndarray]]:
-        """The same motion and its gradient by CasADi, from the start that the motion has; nothing where it is not installed."""
-        motion = self._motion(self.kernels.p0)
+        """The same motion and its gradient by CasADi, from the start that the motion has and that moves with the data as it does; nothing
+        where it is not installed."""
+        motion, count = self._motion(self.kernels.p0), len(self.kernels.p0)
         made = casadi_motions.motion(self.kernels, motion.t[-1] - motion.t[0], STEPS)
         if made is None:
             return {}
-        given = motion.q[0], motion.qd[0], motion.p, *self._weights
-        return {
-            "CasADi, the motion": lambda: np.array([made.value(*given)]),
-            f"CasADi, back, {len(self.kernels.p0)} data": lambda: made.back(*given),
-        }
+        given = motion.q[0], motion.qd[0], motion.p, self.by_q, self.by_qd
+        start = np.vstack([changes[0] for changes in motion.along(np.eye(count))])
+
+        def back() -> np.ndarray:
+            of_start, of_p = np.split(made.back(*given), [len(start)])
+            return of_p + of_start @ start
+
+        return {"CasADi, the motion": lambda: np.array([made.value(*given)]), f"CasADi, back, {count} data": back}
+
+    @cached_property
+    def _beside(self) -> list[tuple[float, list[tuple[np.ndarray, np.ndarray]]]]:
+        """Of every datum the step of a difference, and p and the position at the start after and before it.
+
+        Exact derivatives are at the same independent coordinates, or where the data put them: closing the start must not move them.
+        """
+        kernels, p0, found = self.kernels, self.kernels.p0, []
+        z = rates_of(kernels, {})
+        for k, number in enumerate(p0):
+            step = SHARE * abs(number)
+            sides = [p0 + sign * step * np.eye(len(p0))[k] for sign in (1, -1)]
+            found.append((step, [(p, solve_position(kernels, p=p, held=z).q) for p in sides]))
+        return found
 
     def differences(self, both_sides: bool) -> np.ndarray:
-        p0 = self.kernels.p0
-        own, found = self.value(p0), np.empty(len(p0))
-        for k, number in enumerate(p0):
-            step = SHARE * abs(number) * np.eye(len(p0))[k]
-            other = self.value(p0 - step) if both_sides else own
-            found[k] = (self.value(p0 + step) - other) / ((2 if both_sides else 1) * SHARE * abs(number))
-        return found
+        own, slopes = self.value(self.kernels.p0), []
+        for step, (after, before) in self._beside:
+            gap = self.value(*after) - (self.value(*before) if both_sides else own)
+            slopes.append(gap / ((2 if both_sides else 1) * step))
+        return np.array(slopes)

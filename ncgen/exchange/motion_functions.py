@@ -4,6 +4,7 @@ differentiate call, in NumPy's arrays.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from threading import local
 from typing import Any
 
@@ -43,11 +44,11 @@ class MotionFunction:
         self._z = rates_of(kernels, start)
         self.shapes = (len(kernels.p0),), (len(self._z),), (asked[1] + 1, kernels.n)
 
-    def checked(self, p: Any, rates: Any) -> None:
-        """Raise ModelError for arguments of one motion that have other shapes."""
-        for name, array, shape in (("p", p, self.shapes[0]), ("rates", rates, self.shapes[1])):
-            if tuple(array.shape) != shape:
-                raise ModelError(f"{self.kernels.name}: {name} has shape {tuple(array.shape)}; it must be {shape}")
+    def checked(self, p: Sequence[int], rates: Sequence[int]) -> None:
+        """Raise ModelError for other shapes of arguments of one motion."""
+        for name, found, shape in (("p", p, self.shapes[0]), ("rates", rates, self.shapes[1])):
+            if tuple(found) != shape:
+                raise ModelError(f"{self.kernels.name}: {name} has shape {tuple(found)}; it must be {shape}")
 
     def forward(self, p: np.ndarray, rates: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """q and q̇; of many motions in memory that the next call of the same thread writes to.

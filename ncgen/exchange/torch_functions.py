@@ -63,14 +63,14 @@ def _in_torch(function: MotionFunction) -> Callable[[Tensor, Tensor], tuple[Tens
 
     def motion(p: Tensor, rates: Tensor) -> tuple[Tensor, Tensor]:
         p, rates = (_doubles(array, name, function.kernels.name) for array, name in ((p, "p"), (rates, "rates")))
-        function.checked(p[(0,) * (p.ndim - 1)] if p.ndim else p, rates[(0,) * (rates.ndim - 1)] if rates.ndim else rates)
+        function.checked(p.shape[-1:], rates.shape[-1:])
         try:
             leading = library.broadcast_shapes(p.shape[:-1], rates.shape[:-1])
         except RuntimeError:
+            leading = None
+        if leading is None or 0 in leading:
             shapes = f"{tuple(p.shape)} and {tuple(rates.shape)}"
-            raise ModelError(
-                f"{function.kernels.name}: p and rates have shapes {shapes}, which are those of no number of motions"
-            ) from None
+            raise ModelError(f"{function.kernels.name}: p and rates have shapes {shapes}, which are those of no number of motions")
         return moved.apply(function, p.expand(*leading, -1), rates.expand(*leading, -1))
 
     return motion
@@ -80,7 +80,7 @@ def _doubles(array: Tensor, name: str, whose: str) -> Tensor:
     """An argument as a tensor of doubles on the processor. Raises ModelError for what is none."""
     library = import_module("torch")
     try:
-        found = library.as_tensor(array)
+        found = library.as_tensor(array.copy() if isinstance(array, np.ndarray) else array)  # PyTorch warns of what cannot be written to
     except (TypeError, ValueError, RuntimeError):
         raise ModelError(f"{whose}: {name} is no array of numbers") from None
     if found.dtype.is_complex or found.dtype == library.bool:

@@ -15,7 +15,7 @@ import numpy as np
 from ncgen.errors import ModelError, shown
 from ncgen.model.elements import AXES, Point, Spatial, Vector
 from ncgen.model.rigid import Frame
-from ncgen.model.values import Value, as_sympy, is_number
+from ncgen.model.values import Parameter, Value, as_sympy, evaluate, is_number, mentioned, vanishes
 
 if TYPE_CHECKING:
     import sympy
@@ -159,6 +159,18 @@ def check_inertia(name: str, mass: float, com: np.ndarray, tensor: np.ndarray) -
             f"body {name}: no body has principal moments of inertia {low:g}, {middle:g}, {high:g} kg m2: "
             f"the largest exceeds the sum of the others, {low + middle:g}; check units and the point they refer to"
         )
+
+
+def check_pairs(name: str, tensor: np.ndarray, parameters: dict[str, Parameter]) -> None:
+    """Raise ModelError where entries of an inertia (3, 3) that make a pair are equal at the parameters' defaults alone."""
+    for i, j in ((0, 1), (0, 2), (1, 2)):
+        pair = tensor[i, j], tensor[j, i]
+        size = max(abs(evaluate(x, parameters, f"body {name}")) for x in pair)
+        if not vanishes(as_sympy(pair[0]) - as_sympy(pair[1]), parameters, SYMMETRIC * (size or 1.0)):
+            raise ModelError(
+                f"body {name}: the inertia's entries {AXES[i]}{AXES[j]} and {AXES[j]}{AXES[i]} are equal only at the default of "
+                f"{mentioned(pair, parameters)}; give the same for both"
+            )
 
 
 def symmetric(tensor: np.ndarray) -> np.ndarray:

@@ -11,7 +11,7 @@ from ncgen.errors import ModelError, shown
 from ncgen.model import arithmetic, measures
 from ncgen.model import rows as row
 from ncgen.model.arguments import value
-from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia, symmetric
+from ncgen.model.bodies import Body, Inertia, check_basis, check_inertia, check_pairs, symmetric
 from ncgen.model.coordinates import Coordinates
 from ncgen.model.elements import Combination, Component, Constant, Direction, Point, Relative, Spatial, Vector, as_combination
 from ncgen.model.facts import fact
@@ -170,6 +170,8 @@ class Structure(Coordinates):
             com = (*com, points[0].given[2])
         tensor = self._tensor(body.name, 0.0 if tensor is None else tensor)
         check_inertia(body.name, self._number(mass, ""), self._numbers(com), self._numbers(tensor))
+        if not all(map(is_number, tensor.flat)):
+            check_pairs(body.name, tensor, self.parameters)
         return Inertia(mass, tuple(com), symmetric(tensor), carriers)
 
     def _tensor(self, name: str, given: Tensor) -> np.ndarray:

@@ -117,6 +117,10 @@ def test_refusals(kernels):
         motion(P * 1j, RATES)
     with pytest.raises(ModelError, match="^swing: rates is no array of numbers$"):
         motion(P, ["fast"])
+    with pytest.raises(ModelError, match="^p: length is nan; it must be a finite number$"):
+        motion(np.array([np.nan, 1.0]), RATES)
+    with pytest.raises(ncgen.DomainError, match="^swing: row 1 .* is not a number at t = 0 s"):
+        motion(np.array([0.0, 1.0]), RATES)
     with pytest.raises(ModelError, match="^ncgen.jax: p and the initial rates are the motion's own arguments; leave p, zd0 and qd0 out$"):
         functions.motion(0.4, STEPS, p=P)
 

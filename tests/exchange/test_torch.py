@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import warnings
+
 import numpy as np
 import pytest
 from swing import swing
@@ -82,6 +84,14 @@ def test_amid_other_functions(kernels, motion):
     assert losses[0] > losses[1] > losses[2]
 
 
+def test_arrays_that_cannot_be_written_to(kernels, motion):
+    """The kernels' own defaults among them: no word of PyTorch's about it."""
+    assert not kernels.p0.flags.writeable
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        assert motion(kernels.p0, RATES)[0].shape == (STEPS + 1, kernels.n)
+
+
 def test_refusals(kernels, motion):
     functions = ncgen.torch(kernels)
     assert functions.rates_of() == ("psi",)
@@ -93,6 +103,8 @@ def test_refusals(kernels, motion):
         ModelError, match=r"^swing: p and rates have shapes \(2, 2\) and \(3, 1\), which are those of no number of motions$"
     ):
         motion(np.ones((2, 2)), np.ones((3, 1)))
+    with pytest.raises(ModelError, match=r"^swing: p and rates have shapes \(0, 2\) and \(1,\), which are those of no number of motions$"):
+        motion(np.ones((0, 2)), RATES)
     with pytest.raises(ModelError, match="^swing: p is of type complex128; it must be real numbers$"):
         motion(P * 1j, RATES)
     with pytest.raises(ModelError, match="^swing: rates is no array of numbers$"):

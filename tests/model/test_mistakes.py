@@ -84,6 +84,10 @@ MISTAKES = {
     "a mass in words": (lambda s: s.beam(mass="heavy"), ["body beam, mass", "'heavy'"]),
     "an impossible inertia": (lambda s: s.beam(inertia=np.diag([1.0, 1.0, 3.0])), ["body beam", "1, 1, 3 kg m2", "2"]),
     "a negative inertia": (lambda s: s.beam(inertia=np.diag([1.0, 1.0, -0.5])), ["body beam", "-0.5"]),
+    "an inertia that is lopsided with other parameters": (
+        lambda s: s.beam(inertia=[[5, s.length, 0], [2, 5, 0], [0, 0, 5]]),
+        ["body beam", "xy and yx", "only at the default of length"],
+    ),
     "a lopsided inertia": (lambda s: s.beam(inertia=[[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]), ["body beam", "not symmetric"]),
     "an inertia of two numbers": (lambda s: s.beam(inertia=[1, 2]), ["body beam", "shape (2,)"]),
     "an inertia that is none": (lambda s: s.beam(inertia=np.diag([1.0, NAN, 1.0])), ["body beam", "not a finite number"]),

@@ -29,7 +29,7 @@ CLOSINGS = 2
 @dataclass(frozen=True, eq=False)
 class CasadiMotion:
     """value and back: from q and q̇ at the start (n,), p (n_p,) and weights of q and q̇ at all instants, (K, n) each, to the weighted sum,
-    and to how it changes with p, (n_p,), at the same start; seconds: until both could be called."""
+    and to how it changes with q, q̇ and p, (2 n + n_p,); seconds: until both could be called."""
 
     value: Callable[..., float]
     back: Callable[..., np.ndarray]
@@ -60,7 +60,7 @@ def motion(kernels: Kernels, duration: float, steps: int) -> CasadiMotion | None
     states = casadi.horzcat(at, step.mapaccum("run", steps)(at, casadi.vertcat(begun, casadi.repmat(prepare(of_p), 1, steps))))
     total = casadi.dot(weights, states)
     value = casadi.Function("value", [at, of_p, weights], [total])
-    back = casadi.Function("back", [at, of_p, weights], [casadi.gradient(total, of_p)])
+    back = casadi.Function("back", [at, of_p, weights], [casadi.vertcat(casadi.gradient(total, at), casadi.gradient(total, of_p))])
 
     def given(q: np.ndarray, qd: np.ndarray, p: np.ndarray, by_q: np.ndarray, by_qd: np.ndarray) -> tuple[np.ndarray, ...]:
         return np.concatenate([q, qd]), p, np.hstack([by_q, by_qd]).T
