@@ -68,7 +68,7 @@ def needed_by(*sources: str, defined: str = "") -> tuple[str, ...]:
 
 
 def settled(text: str, defined: str) -> str:
-    """A text with what is left of every `#ifndef` of a macro, on lines of their own and with nothing of the kind inside, once it is defined."""
+    """A text with what is left of every `#ifndef` of a macro, which has no other one inside, once it is defined."""
     if not defined:
         return text
     branches = rf"^#ifndef {defined}\n(?:(?!#else|#endif).*\n)*(?:#else.*\n((?:(?!#endif).*\n)*))?#endif.*\n"
