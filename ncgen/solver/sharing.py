@@ -49,16 +49,24 @@ class Share:
         self.body = body
         self.kernels = kernels_of(build_equations(run.model, Owner("body", body.name)))
         self.coordinates = self.kernels.coordinates
-        self._index = run.kernels.index
-        self._fixed = {c.name: geometry.component(run.kernels, c, run.q[0], run.p) for c in run.model.components if c.fixed}
+        index = run.kernels.index
+        self._free = np.array([k for k, name in enumerate(self.coordinates) if name in index], dtype=int)
+        self._from = np.array([index[self.coordinates[k]] for k in self._free], dtype=int)
+        fixed = {c.name: c for e in body.elements for c in e.components if c.fixed}
+        values = {name: geometry.component(run.kernels, c, run.q[0], run.p) for name, c in fixed.items()}
+        self._still = np.array([values.get(name, 0.0) for name in self.coordinates])
 
     def position(self, q: np.ndarray) -> np.ndarray:
         """A position over the share's coordinates: free ones from q (n,), released ones as they are fixed."""
-        return np.array([q[self._index[name]] if name in self._index else self._fixed[name] for name in self.coordinates])
+        found = self._still.copy()
+        found[self._free] = q[self._from]
+        return found
 
     def rate(self, qd: np.ndarray) -> np.ndarray:
         """Velocities or accelerations likewise; released coordinates stand still."""
-        return np.array([qd[self._index[name]] if name in self._index else 0.0 for name in self.coordinates])
+        found = np.zeros(len(self.coordinates))
+        found[self._free] = qd[self._from]
+        return found
 
     @property
     def own(self) -> np.ndarray:
