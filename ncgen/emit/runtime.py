@@ -32,6 +32,10 @@ EXPLICIT_ONLY = "NCGEN_EXPLICIT_ONLY"
 """The macro without which the library has methods that take implicit steps, too: nearly twice as much to compile."""
 
 
+WITHOUT_TABLES = "NCGEN_WITHOUT_TABLES"
+"""The macro with which no tree of bodies moves in loops over tables, a twelfth of what an export needs."""
+
+
 def runtime_names() -> tuple[str, ...]:
     """The files of the library, headers that it includes among them."""
     sources = (path.name for path in sorted((FOLDER / "src").iterdir()))
@@ -58,7 +62,6 @@ def needed_by(*sources: str, defined: str = "") -> tuple[str, ...]:
 
     defined: a macro that is defined, so that nothing behind `#ifndef` of it is included
     """
-    unseen = re.compile(rf"^#ifndef {defined}\n.*?^#(?:else|endif)", re.MULTILINE | re.DOTALL) if defined else None
     found: dict[str, None] = {}
     waiting = [*sources]
     while waiting:
@@ -66,16 +69,24 @@ def needed_by(*sources: str, defined: str = "") -> tuple[str, ...]:
         if name in found:
             continue
         found[name] = None
-        text = unseen.sub("", runtime_text(name)) if unseen else runtime_text(name)
+        text = settled(runtime_text(name), defined)
         headers = re.findall(r'^#include "([^"]+)"', text, flags=re.MULTILINE)
         bodies = [f"{header[:-2]}.c" for header in headers]
         waiting += [*headers, *(body for body in bodies if (FOLDER / "src" / body).is_file())]
     return tuple(sorted(found, key=lambda name: (name.endswith(".c"), name)))
 
 
-def runtime_files(*names: str) -> dict[str, str]:
-    """{file name: text} of files of the library."""
-    return {name: runtime_text(name) for name in names}
+def settled(text: str, defined: str) -> str:
+    """A text with what is left of every `#ifndef` of a macro, which has no other one inside, once it is defined."""
+    if not defined:
+        return text
+    branches = rf"^#ifndef {defined}\n(?:(?!#else|#endif).*\n)*(?:#else.*\n((?:(?!#endif).*\n)*))?#endif.*\n"
+    return re.sub(branches, lambda found: found[1] or "", text, flags=re.MULTILINE)
+
+
+def runtime_files(*names: str, defined: str = "") -> dict[str, str]:
+    """{file name: text} of files of the library; defined: a macro that all of them are settled for."""
+    return {name: settled(runtime_text(name), defined) for name in names}
 
 
 @cache

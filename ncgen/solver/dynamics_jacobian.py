@@ -28,20 +28,32 @@ def acceleration_jacobians(
 
     Forces of Python functions are not in it. Raises SingularError where accelerations are not determined.
     """
-    t, q, qd = now.t, now.q, now.qd
+    own, none = np.eye(kernels.n), np.zeros((kernels.n, kernels.n))
+    change = acceleration_changes(kernels, now, (np.hstack([own, none]), np.hstack([none, own])), p, rows, gains)
+    return change[:, : kernels.n], change[:, kernels.n :]
+
+
+def acceleration_changes(
+    kernels: Kernels,
+    now: Motion,
+    along: tuple[np.ndarray, np.ndarray],
+    p: np.ndarray | None = None,
+    rows: np.ndarray | None = None,
+    gains: Baumgarte | None = None,
+) -> np.ndarray:
+    """dq̈ (n, k) with changes of q and q̇, (n, k) each, in k directions; the rest as above."""
+    t, q, qd, (dq, dqd) = now.t, now.q, now.qd, along
     rows = np.arange(kernels.m) if rows is None else rows
     columns, sizes = kernels.column_sizes, kernels.row_sizes[rows]
     jacobian = kernels.jacobian(q, t, p)
-    by_q, by_qd = (x.toarray() for x in (kernels.phidd_q(q, qd, now.qdd, t, p), kernels.phidd_qd(q, qd, t, p)))
+    opened = kernels.phidd_q(q, qd, now.qdd, t, p) @ dq + kernels.phidd_qd(q, qd, t, p) @ dqd
     if gains is not None:
-        by_q = by_q + 2 * gains.xi * gains.omega * rate_slope(kernels, now, p) + gains.omega**2 * _position_rows(kernels, jacobian)
-        by_qd = by_qd + 2 * gains.xi * gains.omega * jacobian
+        opened += 2 * gains.xi * gains.omega * (rate_slope(kernels, now, p) @ dq + jacobian @ dqd)
+        opened += gains.omega**2 * _position_rows(kernels, jacobian) @ dq
     mass, unit = scaled_mass(kernels, q, t, p)
     system = KKT(mass, jacobian[rows] * columns / sizes[:, None], kernels)
-    balances = kernels.stiffness(q, qd, now.qdd, now.lam, t, p), kernels.damping(q, qd, t, p)
-    right = -np.hstack([columns[:, None] * x.toarray() / unit for x in balances])
-    change = columns[:, None] * system.solve(right, -np.hstack([by_q, by_qd])[rows] / sizes[:, None])[0]
-    return change[:, : kernels.n], change[:, kernels.n :]
+    pulled = kernels.stiffness(q, qd, now.qdd, now.lam, t, p) @ dq + kernels.damping(q, qd, t, p) @ dqd
+    return columns[:, None] * system.solve(-columns[:, None] * pulled / unit, -opened[rows] / sizes[:, None])[0]
 
 
 def input_accelerations(kernels: Kernels, now: Motion, p: np.ndarray, rows: np.ndarray) -> np.ndarray:
@@ -64,7 +76,7 @@ def multiplier_changes(kernels: Kernels, partition: Partition, now: Motion, p: n
     )
     right = np.sum([slope @ change for slope, change in zip(slopes, changes, strict=True)], axis=0)
     frame = kinematics(kernels, partition, q, t, p)
-    return -np.array([frame.multipliers(column, kernels.m) for column in right.T]).reshape(-1, kernels.m).T
+    return -frame.multipliers(right, kernels.m)
 
 
 def rate_slope(kernels: Kernels, now: Motion, p: np.ndarray | None = None) -> np.ndarray:
@@ -93,12 +105,12 @@ def full_jacobian(
 def partitioned_jacobian(kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray | None = None) -> np.ndarray:
     """∂ẏ/∂y of y = [ż; z; W]."""
     velocities, positions = partitions.velocity.independent, partitions.position.independent
-    by_q, by_qd = acceleration_jacobians(kernels, now, p, partitions.velocity.rows)
     q_by_z, qd_by_zd, qd_by_z = independent_motions(kernels, partitions, now, p)
     count = len(velocities)
+    along = np.hstack([np.zeros(qd_by_zd.shape), q_by_z]), np.hstack([qd_by_zd, qd_by_z])
+    change = acceleration_changes(kernels, now, along, p, partitions.velocity.rows)
     result = np.zeros((count + len(positions) + 1,) * 2)
-    result[:count, :count] = (by_qd @ qd_by_zd)[velocities]
-    result[:count, count:-1] = (by_q @ q_by_z + by_qd @ qd_by_z)[velocities]
+    result[:count, :-1] = change[velocities]
     result[count:-1, :count] = qd_by_zd[positions]
     result[count:-1, count:-1] = qd_by_z[positions]
     return result
@@ -111,8 +123,7 @@ def independent_motions(
     place = kinematics(kernels, partitions.position, now.q, now.t, p)
     rate = kinematics(kernels, partitions.velocity, now.q, now.t, p)
     bias = rate_slope(kernels, now, p) @ place.R
-    qd_by_z = np.column_stack([-rate.particular(column) for column in bias.T]) if bias.size else np.zeros(place.R.shape)
-    return place.R, rate.R, qd_by_z
+    return place.R, rate.R, -rate.particular(bias)
 
 
 def _position_rows(kernels: Kernels, jacobian: np.ndarray) -> np.ndarray:

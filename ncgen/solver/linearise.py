@@ -21,7 +21,7 @@ from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import rate_name
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
 from ncgen.solver.dynamics_jacobian import (
-    acceleration_jacobians,
+    acceleration_changes,
     independent_motions,
     input_accelerations,
     multiplier_changes,
@@ -233,11 +233,10 @@ def _ports(kernels: Kernels, partitions: Partitions, now: Motion, p: np.ndarray)
     if not kernels.model.outputs:
         return B, np.zeros((0, len(B))), np.zeros((0, count))
     q_by_z, qd_by_zd, qd_by_z = independent_motions(kernels, partitions, now, p)
-    by_q, by_qd = acceleration_jacobians(kernels, now, p, partitions.velocity.rows)
     dq = np.hstack([q_by_z, np.zeros((n, len(velocities)))])
     dqd = np.hstack([qd_by_z, qd_by_zd])
     still = np.zeros((n, count))
-    moved = dq, dqd, by_q @ dq + by_qd @ dqd, np.zeros((len(p), len(B)))
+    moved = dq, dqd, acceleration_changes(kernels, now, (dq, dqd), p, partitions.velocity.rows), np.zeros((len(p), len(B)))
     driven = still, still, pushed, np.eye(len(p))[:, len(p) - count :]
     C, D = (_seen(kernels, partitions.velocity, now, p, each) for each in (moved, driven))
     return B, C, D

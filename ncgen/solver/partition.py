@@ -187,15 +187,15 @@ class Kinematics:
         return -1 if negative % 2 else 1
 
     def particular(self, right: np.ndarray) -> np.ndarray:
-        """S·right over all coordinates: what satisfies Φ_q x = right with x_z = 0."""
-        result = np.zeros(self.R.shape[0])
+        """S·right over all coordinates: what satisfies Φ_q x = right with x_z = 0; right: (m,), or (m, k) for k of them."""
+        result = np.zeros((self.R.shape[0], *right.shape[1:]))
         if len(self.partition.rows):
             result[self.partition.dependent] = solve(self.factors, right[self.partition.rows])
         return result
 
     def multipliers(self, right: np.ndarray, rows: int) -> np.ndarray:
-        """λ with Φ_qᵀ λ = right on the dependent coordinates; rows that are not kept get zero."""
-        result = np.zeros(rows)
+        """λ with Φ_qᵀ λ = right on the dependent coordinates; rows that are not kept get zero. right: (n,), or (n, k)."""
+        result = np.zeros((rows, *right.shape[1:]))
         if len(self.partition.rows):
             kept = solve(self.factors, right[self.partition.dependent], transposed=1)
             result[self.partition.rows] = kept

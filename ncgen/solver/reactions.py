@@ -166,7 +166,7 @@ def _load(share: Share, run: Trajectory, k: int) -> np.ndarray:
     """f = M q̈ − Q + Φ_qᵀ λ of one body at instant k, over its own and all free coordinates."""
     t, p, part = run.t[k], run.kernels.present(run.t[k], run.p), share.kernels
     q, qd, qdd = share.position(run.q[k]), share.rate(run.qd[k]), share.rate(run.qdd[k])
-    return part.mass_matrix(q, t, p) @ qdd - part.force(q, qd, t, p) + part.jacobian(q, t, p).T @ run.lam[k]
+    return part.mass(q, t, p) @ qdd - part.force(q, qd, t, p) + part.phi_q(q, t, p).T @ run.lam[k]
 
 
 def _felt(run: Trajectory, share: Share, history: np.ndarray) -> np.ndarray:

@@ -23,7 +23,7 @@ from ncgen.model.rows import Owner
 from ncgen.program.assemble import assemble
 from ncgen.solver import geometry
 from ncgen.solver.given import shortened
-from ncgen.solver.rank import RELATIVE_ZERO, null_space, scaled_jacobian
+from ncgen.solver.rank import RELATIVE_ZERO, null_space, scaled_jacobian, sparse_jacobian
 from ncgen.symbolic.equations import Equations, build_equations
 
 if TYPE_CHECKING:
@@ -49,16 +49,24 @@ class Share:
         self.body = body
         self.kernels = kernels_of(build_equations(run.model, Owner("body", body.name)))
         self.coordinates = self.kernels.coordinates
-        self._index = run.kernels.index
-        self._fixed = {c.name: geometry.component(run.kernels, c, run.q[0], run.p) for c in run.model.components if c.fixed}
+        index = run.kernels.index
+        self._free = np.array([k for k, name in enumerate(self.coordinates) if name in index], dtype=int)
+        self._from = np.array([index[self.coordinates[k]] for k in self._free], dtype=int)
+        fixed = {c.name: c for e in body.elements for c in e.components if c.fixed}
+        values = {name: geometry.component(run.kernels, c, run.q[0], run.p) for name, c in fixed.items()}
+        self._still = np.array([values.get(name, 0.0) for name in self.coordinates])
 
     def position(self, q: np.ndarray) -> np.ndarray:
         """A position over the share's coordinates: free ones from q (n,), released ones as they are fixed."""
-        return np.array([q[self._index[name]] if name in self._index else self._fixed[name] for name in self.coordinates])
+        found = self._still.copy()
+        found[self._free] = q[self._from]
+        return found
 
     def rate(self, qd: np.ndarray) -> np.ndarray:
         """Velocities or accelerations likewise; released coordinates stand still."""
-        return np.array([qd[self._index[name]] if name in self._index else 0.0 for name in self.coordinates])
+        found = np.zeros(len(self.coordinates))
+        found[self._free] = qd[self._from]
+        return found
 
     @property
     def own(self) -> np.ndarray:
@@ -120,7 +128,7 @@ def _units(share: Share) -> np.ndarray:
 def _changes(run: Trajectory, shares: list[Share], idle: list[np.ndarray], t: float, q: np.ndarray) -> list[np.ndarray]:
     """For every body what can be added to the loads on its elements, columns of one basis; in natural units (moments)."""
     n, index = run.kernels.n, run.kernels.index
-    rows = [scaled_jacobian(share.kernels, share.position(q), t, run.p) for share in shares]
+    rows = [_own_rows(share, q, t, run.p) for share in shares]
     bases = [
         _internal_loads(share, q, axes, own, _rows_on(share, shares, rows)) for share, axes, own in zip(shares, idle, rows, strict=True)
     ]
@@ -138,6 +146,12 @@ def _changes(run: Trajectory, shares: list[Share], idle: list[np.ndarray], t: fl
     ends = np.cumsum([basis.shape[1] for basis in bases], dtype=int)
     parts = np.split(chosen, ends)[: len(bases)]
     return [_felt(share, basis @ part, q) for share, basis, part in zip(shares, bases, parts, strict=True)]
+
+
+def _own_rows(share: Share, q: np.ndarray, t: float, p: np.ndarray) -> np.ndarray:
+    """The rows of Φ_q that a body owns and that do not vanish, over its share's coordinates, in natural sizes."""
+    rows = sparse_jacobian(share.kernels, share.position(q), t, p)
+    return rows[np.unique(rows.nonzero()[0])].toarray()
 
 
 def _internal_loads(share: Share, q: np.ndarray, idle: np.ndarray, own_rows: np.ndarray, rows_on: np.ndarray) -> np.ndarray:
@@ -174,7 +188,7 @@ def _rows_on(share: Share, shares: list[Share], rows: list[np.ndarray]) -> np.nd
     for other, matrix in zip(shares, rows, strict=True):
         if share.body.rigid or other is share:
             continue
-        for row in matrix[np.any(matrix, axis=1)]:
+        for row in matrix:
             touched = [other.coordinates[k] for k in np.flatnonzero(row)]
             if all(name in place for name in touched):
                 column = np.zeros(len(share.coordinates))

@@ -19,7 +19,7 @@ from ncgen.errors import ConvergenceError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.model.elements import Element, Point, Relative, Vector
 from ncgen.solver.coordinate_partitioning import Motion, motion_at
-from ncgen.solver.dynamics_jacobian import acceleration_jacobians, independent_motions, rate_slope
+from ncgen.solver.dynamics_jacobian import acceleration_changes, independent_motions, rate_slope
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.solver.geometry import component
 from ncgen.solver.partition import Partitions
@@ -177,11 +177,11 @@ class _Search:
         values, rates, changes = self._jets(now)
         jacobian, holonomic = kernels.jacobian(now.q, now.t, p), kernels.holonomic
         rolling = np.setdiff1d(np.arange(kernels.m), holonomic)
-        by_q, by_qd = acceleration_jacobians(kernels, now, p, rows)
         nu, rolled, accelerations = self._by_time(now)
         closed = np.column_stack([jacobian @ values[:n], -nu])[holonomic]
         slipping = np.column_stack([rate_slope(kernels, now, p) @ values[:n] + jacobian @ rates[:n], rolled])[rolling]
-        commuting = np.column_stack([by_q @ values[:n] + by_qd @ rates[:n] - changes[:n], accelerations])
+        along = acceleration_changes(kernels, now, (values[:n], rates[:n]), p, rows)
+        commuting = np.column_stack([along - changes[:n], accelerations])
         still = np.column_stack([values[n:], np.zeros(len(self.values))])
         scaled = (
             still / rate,

@@ -86,14 +86,14 @@ def build_equations(model: Model, owner: Owner | None = None, massless: Collecti
     """
     omitted: list[str] = []
     perpendicular, names = perpendicular_pairs(model), Names(model)
-    rows = [_row(names, number, row, perpendicular, omitted) for number, row in enumerate(model.rows)]
+    its_own = [(number, row) for number, row in enumerate(model.rows) if owner is None or row.owner == owner]
+    rows = [_row(names, number, row, perpendicular, omitted) for number, row in its_own]
     bodies = [body for body in model.bodies.values() if body.inertia and body not in massless]
     if owner is not None:
-        rows = [term for term in rows if term.owner == owner]
         bodies = [body for body in bodies if Owner("body", body.name) == owner]
     released = _released(model, owner)
     masses, forces = _inertia_terms(model, bodies, released, model.rotors if owner is None else ())
-    own = [force for force in model.forces if owner is None or owner == _bearer(model, force)]
+    own = model.forces if owner is None else _borne_by(model, owner)
     forces += _alike([_load(names, force) if isinstance(force, Load) else _force(names, force, released) for force in own])
     forces += build_springs(model).forces if owner is None else ()
     return Equations(model, tuple(rows), tuple(masses), tuple(forces), tuple(omitted), released)
@@ -236,15 +236,21 @@ def _alike(forces: Sequence[Term]) -> list[Term]:
     return found
 
 
-def _bearer(model: Model, force: Force | Couple) -> Owner | None:
-    """The first body that has the point a force acts on; forces along angles act between bodies and have none."""
-    if isinstance(force, Couple):
-        return Owner("body", force.body.name)
-    touched = {component for component, _ in force.components}
-    for body in model.bodies.values():
-        if any(touched & set(element.components) for element in body.elements):
-            return Owner("body", body.name)
-    return None
+def _borne_by(model: Model, owner: Owner) -> list[Force | Couple]:
+    """The forces of which a body is the first one that has the point they act on; forces along angles act between bodies and have none."""
+    first: dict[Component, int] = {}
+    for number, body in enumerate(model.bodies.values()):
+        for component in (c for element in body.elements for c in element.components):
+            first.setdefault(component, number)
+    names = list(model.bodies)
+
+    def bearer(force: Force | Couple) -> str | None:
+        if isinstance(force, Couple):
+            return force.body.name
+        bodies = [first[component] for component, _ in force.components if component in first]
+        return names[min(bodies)] if bodies else None
+
+    return [force for force in model.forces if owner.kind == "body" and bearer(force) == owner.name]
 
 
 def _potential(names: Names, potential: Potential) -> Term:

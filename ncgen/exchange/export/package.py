@@ -18,7 +18,7 @@ from ncgen.emit.c.files import program_records
 from ncgen.emit.c.spelling import number
 from ncgen.emit.environment import render
 from ncgen.emit.naming import identifier, labels
-from ncgen.emit.runtime import HEADERS, constant_of, needed_by, runtime_files, widest_tableau
+from ncgen.emit.runtime import HEADERS, WITHOUT_TABLES, constant_of, needed_by, runtime_files, widest_tableau
 from ncgen.emit.sources import Sources
 from ncgen.errors import ModelError
 from ncgen.mechanism.kernels import Kernels
@@ -87,7 +87,8 @@ class Package:
     @cached_property
     def c(self) -> dict[str, str]:
         """{file name: text}: everything in C, with names of its own."""
-        files = self.sources.c | self.recursion | runtime_files(*HEADERS, *needed_by(RUNTIME))
+        runtime = runtime_files(*HEADERS, *needed_by(RUNTIME, defined=WITHOUT_TABLES), defined=WITHOUT_TABLES)
+        files = self.sources.c | self.recursion | runtime
         records = self.records | self._described
         files |= {f"{self.prefix}_motion.{kind}": render(f"package/motion.{kind}.jinja", **records) for kind in "hc"}
         return {renamed(name, self.prefix): renamed(text, self.prefix) for name, text in files.items()}

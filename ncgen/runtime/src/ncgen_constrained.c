@@ -6,7 +6,6 @@
  */
 #include "ncgen_dense.h"
 #include "ncgen_method.h"
-#include "ncgen_tree_closing.h"
 
 enum { REFINEMENT_LIMIT = 20 };
 

@@ -4,7 +4,15 @@
 
 #include "ncgen_sparse.h"
 #include "ncgen_state.h"
-#include "ncgen_tree.h"
+#ifndef NCGEN_WITHOUT_TABLES
+#include "ncgen_tree_closing.h"
+#else /* no tree of bodies moves in loops over tables, as in exports */
+typedef int ncgen_tree_work;
+#define ncgen_tree_layout(r, w) ((void)(w))
+#define ncgen_tree_derivative(r, w, t, q, qd, out) ((void)(w))
+#define ncgen_tree_velocities(r, w, t, q, qd, out) ((void)(w))
+#define ncgen_tree_closing(r, w, t, q, out) ((void)(w))
+#endif
 
 typedef struct ncgen_constrained {
     ncgen_kkt kkt;
