@@ -225,7 +225,7 @@ int main(void)
 """
 
 
-@pytest.mark.parametrize("name", SOME)
+@pytest.mark.parametrize("name", [pytest.param("pendulum", marks=pytest.mark.slow), *SOME[1:]])
 def test_under_sanitizers(fresh, name):
     """Address and undefined-behaviour sanitizers and canaries around the state find nothing."""
     folder = fresh(name)
