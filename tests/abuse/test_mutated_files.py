@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 from mutated_files import examples, mutated, next_number, outcome, read_all, remember
 
-FEW, MANY = 300, 100_000
+FEW, MANY = 150, 100_000
 
 
 @pytest.fixture(scope="module")
@@ -18,7 +18,7 @@ def texts():
 
 
 def test_damaged_files(texts, tmp_path):
-    """A few hundred files, the same every time: refused in a line each, or accepted, written and read again.
+    """Some files, the same every time: refused in a line each, or accepted, written and read again.
 
     The damage is neither so small that nothing is refused nor so large that nothing is read.
     """

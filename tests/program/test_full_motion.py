@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -17,7 +19,14 @@ from ncgen.solver.partition import choose_partitions
 from ncgen.solver.rank import trial_positions
 
 
-def programs(kernels, assembled=assemble_full_motion):
+@cache
+def kernels_of(name):
+    return ncgen.compile(load(name), backend="numpy")
+
+
+@cache
+def programs(name, assembled=assemble_full_motion):
+    kernels = kernels_of(name)
     positions = trial_positions(kernels, kernels.q0, 0.0, None)
     sizes = Sizes(kernels.column_sizes, *(tuple(map(f, positions)) for f in (kernels.jacobian, kernels.mass_matrix)))
     return assembled(kernels.programs.equations, sizes, kernels.holonomic)
@@ -26,8 +35,8 @@ def programs(kernels, assembled=assemble_full_motion):
 @pytest.mark.parametrize("name", ["andrews", "bennett", "bricard", "disc", "flyball", "jansen", "nfourbar", "panels", "stewart"])
 def test_motion_is_that_of_partitioning(name):
     """Redundant rows, drivers, rolling and masses of very different sizes: q̇, q̈, Φ_qᵀλ and power agree."""
-    kernels = ncgen.compile(load(name), backend="numpy")
-    built = programs(kernels)
+    kernels = kernels_of(name)
+    built = programs(name)
     q, n, m = ncgen.assemble(kernels, kernels.q0), kernels.n, kernels.m
     part = choose_partitions(kernels, q, 0.0, kernels.p0).velocity
     zd = np.random.default_rng(1).standard_normal(len(part.independent))
@@ -49,8 +58,8 @@ def test_motion_is_that_of_partitioning(name):
 @pytest.mark.parametrize("name", ["bricard", "nfourbar", "suspension"])
 def test_closing_closes(name):
     """A position that is off by a hundredth is closed by Newton steps, each with about twice the digits."""
-    kernels = ncgen.compile(load(name), backend="numpy")
-    closing = programs(kernels).closing
+    kernels = kernels_of(name)
+    closing = programs(name).closing
     q = kernels.q0 + 0.01 * np.sin(np.arange(kernels.n)) * kernels.length
     for _ in range(5):
         inputs = {"t": 0.0, "q": q.tolist(), "p": kernels.p0.tolist(), "e": [SMALL]}
@@ -85,9 +94,9 @@ COMPLEX = {name: getattr(np, f.numpy) for name, f in FUNCTIONS.items()}
 @pytest.mark.parametrize("name", ["andrews", "disc", "nfourbar", "panels"])
 def test_tangents_are_complex_steps(name):
     """Off the constraints as well as on them: derivatives of all outputs by everything, against complex steps through the programs."""
-    kernels = ncgen.compile(load(name), backend="numpy")
-    built, n = programs(kernels), kernels.n
-    tangents = programs(kernels, assemble_full_tangents)
+    kernels = kernels_of(name)
+    built, n = programs(name), kernels.n
+    tangents = programs(name, assemble_full_tangents)
     q = ncgen.assemble(kernels, kernels.q0) + 1e-3 * np.cos(np.arange(n)) * kernels.column_sizes
     qd = np.sin(np.arange(n)) * kernels.column_sizes
     at = np.concatenate([[0.3], q, qd, kernels.p0])

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from every_example import long_ones_slow
 from scipy.linalg import null_space
 
 import ncgen
@@ -17,7 +18,7 @@ from ncgen.solver.compiled import own_positions
 from ncgen.solver.formalisms import accelerations_by
 from ncgen.symbolic.tree import spanning_tree
 
-WITH_TREES = [name for name in example_names() if spanning_tree(load(name)).links]
+WITH_TREES = long_ones_slow(name for name in example_names() if spanning_tree(load(name)).links)
 
 
 class Case:

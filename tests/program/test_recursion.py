@@ -8,6 +8,7 @@ import mpmath
 import numpy as np
 import pytest
 import sympy
+from every_example import long_ones_slow
 
 import ncgen
 from ncgen import Model
@@ -72,7 +73,7 @@ def case(name: str) -> Case:
     return Case(load(name))
 
 
-@pytest.mark.parametrize("name", [name for name in example_names() if name != "jansen"])
+@pytest.mark.parametrize("name", long_ones_slow(name for name in example_names() if name != "jansen"))
 def test_accelerations_are_those_of_all_coordinates(name):
     assert case(name).apart(case(name).ways["composite"], case(name).judge) < 1e-11
 

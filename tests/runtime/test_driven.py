@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import pytest
+from every_example import EVERY
 
 import ncgen
 from ncgen.emit.runtime import runtime_text, widest_tableau
-from ncgen.exchange.examples import example_names
-from ncgen.mechanism import runtime
 from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
 from ncgen.solver import compiled
@@ -21,10 +20,9 @@ def most(n: int, m: int, nonzeros: int, factor: int, redundant: int, width: int,
     return eval(formula, {}, locals())
 
 
-@pytest.mark.parametrize("name", example_names())
+@pytest.mark.parametrize("name", EVERY)
 @pytest.mark.parametrize("method", ["dop853", "rk4"])
-def test_workspace(name, method, monkeypatch):
-    monkeypatch.setattr(runtime, "FLAGS", ("-std=c99", "-O0", "-fPIC", "-shared"))  # nothing is run, sizes are asked for
+def test_workspace(name, method):
     kernels = ncgen.compile(ncgen.load(name))
     if compiled.refusal(kernels, Method.of("lagrange", method), "c", "double"):
         pytest.skip("it does not run in C")

@@ -10,9 +10,9 @@ import cmath
 
 import numpy as np
 import pytest
+from every_example import EVERY
 
 import ncgen
-from ncgen.exchange.examples import example_names
 from ncgen.model.elements import Point
 from ncgen.program.evaluate import evaluate
 from ncgen.solver.partition import choose_partitions
@@ -84,7 +84,7 @@ class Complex:
 
 
 @pytest.mark.filterwarnings("ignore:.*neither rest in equilibrium")
-@pytest.mark.parametrize("name", example_names())
+@pytest.mark.parametrize("name", EVERY)
 def test_linearise(name):
     """At the start, at rest; what rolls at rest, too."""
     kernels = ncgen.compile(ncgen.load(name), backend="numpy")
@@ -109,7 +109,7 @@ def test_linearise(name):
 
 
 @pytest.mark.filterwarnings("ignore:.*neither rest in equilibrium")
-@pytest.mark.parametrize("name", example_names())
+@pytest.mark.parametrize("name", EVERY)
 def test_inputs_and_outputs(name):
     """B, C and D of a push on the first point that can move, and of a number that looks at position, velocity and acceleration there."""
     model = ncgen.load(name)

@@ -9,10 +9,11 @@ from itertools import product
 
 import numpy as np
 import pytest
+from every_example import EVERY
 
 import ncgen
 from ncgen.errors import ModelError, SingularError
-from ncgen.exchange.examples import example_module, example_names
+from ncgen.exchange.examples import example_module
 from ncgen.methods.table import FORMALISMS, INTEGRATORS, Formalism
 from ncgen.solver import formalisms
 from ncgen.solver.coordinate_partitioning import motion_at
@@ -60,7 +61,7 @@ def test_a_penalty_does_not_spoil_the_masses():
     assert python.statistics.steps == c.statistics.steps < 10
 
 
-@pytest.mark.parametrize("name", example_names())
+@pytest.mark.parametrize("name", EVERY)
 def test_accelerations(name):
     """Those of coordinate partitioning to 1e-10, and they satisfy the equations of motion."""
     kernels = kernels_of(name)
@@ -75,7 +76,7 @@ def test_accelerations(name):
             assert np.max(np.abs(balance)) < (1e-5 if formalism == "augmented-lagrangian" else 1e-11) * size
 
 
-@pytest.mark.parametrize("name", example_names())
+@pytest.mark.parametrize("name", EVERY)
 def test_motions(name):
     """Those of coordinate partitioning to 1e-8, closed to rounding, by the reference engine and by the fast one."""
     kernels = kernels_of(name)

@@ -153,7 +153,7 @@ class Steps:
         return self.closed(x[k:], x[:k], q, t + h)
 
 
-@pytest.fixture(scope="module", params=[fourbar, mast], ids=lambda build: build.__name__)
+@pytest.fixture(scope="module", params=[fourbar, pytest.param(mast, marks=pytest.mark.slow)], ids=lambda build: build.__name__)
 def mechanism(request):
     sources = ncgen.generate(request.param())
     return ncgen.compile(sources, backend="c"), ncgen.compile(sources, backend="numpy")

@@ -117,7 +117,7 @@ def complex_motion(plain, partition, p, z, zd, method):
 
     def slope(t, y, q):
         q[i] = y[nz:]
-        for _ in range(12):
+        for _ in range(6):  # from the stage before
             q[d] -= np.linalg.solve(plain.jacobian(q, t, p)[np.ix_(rows, d)], plain.phi(q, t, p)[rows])
         J = plain.jacobian(q, t, p)[rows]
         qd = np.zeros(n, dtype=complex)
