@@ -111,7 +111,9 @@ class Batch(ABC):
         if kernels.model.callbacks and kernel in ("force", "energy"):
             raise NcgenError(f"{kernels.name}.batch.{kernel}: the model calls a Python function; call kernels.{kernel} for every state")
         q = numbers(q, f"{kernels.name}.batch.{kernel}: q")
-        count = len(q) if q.ndim == 2 else 0
+        if q.ndim != 2:
+            raise NcgenError(f"{kernels.name}.batch.{kernel}: q has shape {q.shape}; a row a state is needed, (…, {kernels.n})")
+        count = len(q)
         q = self._checked(q, kernel, "q", (count, kernels.n))
         program = kernels.programs.programs.get(kernel)
         if program is None:

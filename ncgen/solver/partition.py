@@ -6,6 +6,7 @@ q̇ = R ż + S ν and q̈ = R z̈ + S γ, where R = [−(Φ_q^d)⁻¹ Φ_q^z; 1]
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias
 
@@ -74,6 +75,20 @@ def choose_partitions(
     velocity = choose_partition(kernels, q, t, p, independent, rows)
     kept = np.array([r for r in velocity.rows if r in set(kernels.holonomic)], dtype=int)
     return Partitions(choose_partition(kernels, q, t, p, velocity.names(kernels), kept), velocity)
+
+
+def partitions_for(
+    kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: Sequence[str] = (), rates: Iterable[str] = ()
+) -> Partitions:
+    """Partitions at q on the coordinates that were asked for, z, else those that the model names, else those whose rates are given by name,
+    if they determine the position. Arguments and errors as for `choose_partition`."""
+    asked = tuple(z or kernels.model.chosen_independent)
+    if not asked and (named := tuple(rates)):
+        try:
+            return choose_partitions(kernels, q, t, p, named)
+        except (ModelError, SingularError):  # whoever needs these rates says which is not independent
+            pass
+    return choose_partitions(kernels, q, t, p, asked)
 
 
 def other_partitions(kernels: Kernels, present: Partitions, q: np.ndarray, t: float = 0.0, p: np.ndarray | None = None) -> Partitions:

@@ -16,7 +16,7 @@ from ncgen.errors import ModelError, SingularError
 from ncgen.mechanism.kernels import Kernels
 from ncgen.solver.assembly import assemble
 from ncgen.solver.branches import check_choices, refresh_branches
-from ncgen.solver.partition import Partition, Partitions, choose_partitions, determined, kinematics
+from ncgen.solver.partition import Partition, Partitions, determined, kinematics, partitions_for
 from ncgen.solver.position import check_finite, check_mirror_roots
 from ncgen.solver.projection import least_energy, project_velocity
 from ncgen.solver.rank import REMEMBERED
@@ -60,7 +60,7 @@ def begin(kernels: Kernels, initial: Initial, partitioned: bool) -> Start:
     needed = partitioned or initial.zd is not None
     partitions = None
     if needed or initial.z or (driven and initial.qd is None):
-        partitions = _partitions(kernels, q, t, p, initial.z or kernels.model.chosen_independent, needed)
+        partitions = _partitions(kernels, q, p, initial, needed)
     return Start(q, _velocity(kernels, partitions, initial, q, p, driven), p, partitions)
 
 
@@ -85,11 +85,12 @@ def _tell_moved(kernels: Kernels, given: np.ndarray, closed: np.ndarray) -> None
         )
 
 
-def _partitions(kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, names: tuple[str, ...], needed: bool) -> Partitions | None:
+def _partitions(kernels: Kernels, q: np.ndarray, p: np.ndarray, initial: Initial, needed: bool) -> Partitions | None:
     """Independent coordinates at the start; None at a singular position where they can be done without."""
+    t, z, rates = initial.t, tuple(initial.z), tuple(initial.zd) if isinstance(initial.zd, dict) else ()
     try:
-        key = ("partitions", q.tobytes(), float(t), p.tobytes(), tuple(names))
-        return kernels.remember("partitions", key, lambda: choose_partitions(kernels, q, t, p, names), REMEMBERED)
+        key = ("partitions", q.tobytes(), float(t), p.tobytes(), z or kernels.model.chosen_independent, rates)
+        return kernels.remember("partitions", key, lambda: partitions_for(kernels, q, t, p, z, rates), REMEMBERED)
     except SingularError:
         if needed:
             raise
@@ -114,7 +115,10 @@ def _independent_rates(kernels: Kernels, partition: Partition, given: dict[str, 
         return np.zeros(len(names))
     if isinstance(given, dict):
         if unknown := [name for name in given if name not in names]:
-            raise ModelError(f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}")
+            raise ModelError(
+                f"initial velocity of {unknown[0]}: it is not independent; the independent coordinates are {', '.join(names)}; others are "
+                "chosen by z, or by qd0 with the velocities of any coordinates"
+            )
         return np.array([given.get(name, 0.0) for name in names], dtype=float)
     if len(given) != len(names):
         raise ModelError(f"zd0: {len(given)} numbers given, {len(names)} needed for the independent coordinates {', '.join(names)}")

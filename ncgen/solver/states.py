@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, TypeAlias
@@ -18,7 +18,7 @@ from ncgen.solver.assembly import assemble
 from ncgen.solver.compiled import checked_compiled, dynamics, refusal, refusal_of_size
 from ncgen.solver.geometry import angles, arms_have_parameters, measured_angles
 from ncgen.solver.given import known_name
-from ncgen.solver.partition import Partitions, choose_partitions
+from ncgen.solver.partition import Partitions, partitions_for
 from ncgen.solver.position import TOLERANCE, check_finite, check_mirror_roots
 
 if TYPE_CHECKING:
@@ -55,11 +55,16 @@ class Choice:
         return dynamics(checked_compiled(self.kernels), self.partitions, "lanes", *self.typical)
 
     @classmethod
-    def at(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None) -> Choice:
-        """A choice that is good at one position; method: None where no state derivative is wanted in lanes. Raises ModelError where lanes
-        cannot do it, SingularError or DomainError for a position at which there is none."""
+    def at(
+        cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None, rates: Iterable[str] = ()
+    ) -> Choice:
+        """A choice that is good at one position.
+
+        z, rates: as of `partitions_for`; method: None where no state derivative is wanted in lanes
+        Raises ModelError where lanes cannot do it, SingularError or DomainError for a position at which there is none.
+        """
         check_finite(kernels, q, t, p)
-        choice = cls(kernels, choose_partitions(kernels, q, t, p, tuple(z or kernels.model.chosen_independent)), (q, p))
+        choice = cls(kernels, partitions_for(kernels, q, t, p, z, rates), (q, p))
         if method and (refused := _refusal(kernels, method, choice.partitions)):
             raise ModelError(f"{kernels.name} cannot be simulated in a batch: {refused}; use simulate for every state")
         if method:
@@ -67,7 +72,9 @@ class Choice:
         return choice
 
     @classmethod
-    def at_first(cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None) -> Choice:
+    def at_first(
+        cls, kernels: Kernels, q: np.ndarray, t: float, p: np.ndarray, z: tuple[str, ...], method: Method | None, rates: Iterable[str] = ()
+    ) -> Choice:
         """A choice that is good at the first position where there is one."""
         finite = np.flatnonzero(np.isfinite(q).all(axis=1) & np.isfinite(p).all(axis=1))
         if not len(finite):
@@ -77,7 +84,7 @@ class Choice:
             here = q[i].tobytes() + p[i].tobytes()
             if here not in refused:
                 try:
-                    return cls.at(kernels, q[i], t, p[i], z, method)
+                    return cls.at(kernels, q[i], t, p[i], z, method, rates)
                 except (SingularError, DomainError) as error:
                     refused[here] = error
         raise next(iter(refused.values()))
@@ -126,7 +133,7 @@ class States:
         q, faults = closed(kernels, q, t, p) if assembled else (q, {})
         if len(faults) == size:
             raise ModelError(f"no state of the batch has a start; the first: {faults[0]}")
-        choice = choice or Choice.at_first(kernels, q, t, p, z, method)
+        choice = choice or Choice.at_first(kernels, q, t, p, z, method, rates or ())
         if rates is not None and zd is not None:
             zd = zd[..., [kernels.index[name] for name in all_independent(rates, choice.names)]]
         nz = len(choice.names)

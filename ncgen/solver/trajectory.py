@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, Protocol, overload
 
 import numpy as np
 
-from ncgen.errors import ModelError, NcgenError
+from ncgen.errors import ModelError, NcgenError, shown
 from ncgen.mechanism.kernels import Kernels
 from ncgen.methods.table import FORMALISMS
 from ncgen.model.elements import Element, Point, Vector, coordinate_of
@@ -329,8 +329,8 @@ class Trajectory:
 
 
 def _path(path: str | os.PathLike[str]) -> Path:
-    if not str(path):
-        raise NcgenError("an empty path was given; name a file")
+    if not isinstance(path, (str, os.PathLike)) or not str(path):
+        raise NcgenError(f"path: {shown(path)} given; name a file")
     return Path(path)
 
 

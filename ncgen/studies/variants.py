@@ -10,6 +10,7 @@ import contextlib
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -183,7 +184,7 @@ class Bench:
             q, _, p = self._starts(rows)
             q, _ = closed(self.kernels, q, run.initial.t, p)
             try:
-                self._choice = Choice.at_first(self.kernels, q, run.initial.t, p, run.initial.z, method)
+                self._choice = Choice.at_first(self.kernels, q, run.initial.t, p, run.initial.z, method, self._named_rates)
                 self.sample = rows
                 break
             except (SingularError, DomainError) as error:
@@ -216,6 +217,13 @@ class Bench:
                 q[:, kernels.index[name]] = column
         return q, {name: column for (argument, name), column in columns.items() if argument == "zd0"}, p
 
+    @cached_property
+    def _named_rates(self) -> tuple[str, ...]:
+        """Coordinates whose initial velocities are given by name, those that vary last."""
+        given = self._lanes_run[0].initial.zd
+        varied = (inner for argument, inner in map(argument_of, self.study.design.names) if argument == "zd0")
+        return tuple(dict.fromkeys((*(given if isinstance(given, dict) else ()), *varied)))
+
     def _rates(self, varied: dict[str, np.ndarray], count: int) -> np.ndarray:
         """Velocities (B, nz) of the independent coordinates. Raises ModelError for those of others."""
         assert self._choice is not None
@@ -224,8 +232,7 @@ class Bench:
         rates = given if isinstance(given, dict) else dict(zip(names, () if given is None else given, strict=False))
         if not isinstance(given, dict) and given is not None and len(given) != len(names):
             raise ModelError(f"zd0: {len(given)} numbers given, {len(names)} needed for the independent coordinates {', '.join(names)}")
-        wanted = [inner for argument, inner in map(argument_of, self.study.design.names) if argument == "zd0"]
-        if unknown := [name for name in (*rates, *wanted) if name not in names]:
+        if unknown := [name for name in self._named_rates if name not in names]:
             said = f"it is not independent; the independent coordinates are {', '.join(names)}"
             raise ModelError(f"initial velocity of {unknown[0]}: {said}; others are chosen by z")
         for name, value in {**rates, **varied}.items():

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ncgen.emit.sources import write_text
+from ncgen.errors import NcgenError
 from ncgen.model.elements import Point
 from ncgen.view.carriers import Carrier, Direction
 from ncgen.view.eye import LIGHT
@@ -25,6 +26,9 @@ if TYPE_CHECKING:
 DIGITS = 7
 """Significant digits of embedded numbers that are only looked at."""
 
+
+SUFFIXES = (".html", ".htm")
+"""Of files that are pages."""
 
 LARGEST = 65535
 """The largest number of 16 bits."""
@@ -51,7 +55,9 @@ class Page:
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write the page and return its path. Raises NcgenError if it cannot be written."""
+        """Write the page and return its path. Raises NcgenError for a name that is no page's, or if it cannot be written."""
+        if Path(path).suffix.lower() not in SUFFIXES:
+            raise NcgenError(f"{path}: a page is saved as {' or '.join(SUFFIXES)}; choose a name that ends so")
         return write_text(Path(path), self.text)
 
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, TypedDict
 
 import numpy as np
 
-from ncgen.errors import NcgenError
+from ncgen.errors import NcgenError, shown
 from ncgen.model import Model
 from ncgen.model.elements import Combination, Point, Vector
 from ncgen.view.carriers import Carrier, vectors_of
@@ -146,6 +146,8 @@ def scene_of(model_or_run: Model | Trajectory) -> Scene:
 
     Raises NcgenError where there is no point to draw or a position is not a finite number.
     """
+    if not hasattr(model_or_run, "t") and not isinstance(model_or_run, Model):
+        raise NcgenError(f"{shown(model_or_run)} given; a picture shows a model, or a trajectory that ncgen.simulate makes")
     model, run = (model_or_run, None) if isinstance(model_or_run, Model) else (model_or_run.model, model_or_run)
     t = np.zeros(1) if run is None else np.asarray(run.t, dtype=float)
     points = [element for element in model.elements.values() if isinstance(element, Point)]

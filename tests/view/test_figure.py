@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from turning import TurningRun
 
+import ncgen
 from ncgen import view
 from ncgen.errors import NcgenError
 from ncgen.model import Model
@@ -192,3 +193,9 @@ def test_drawing_touches_no_global_state():
     sources = [path.read_text(encoding="utf-8") for path in Path(view.__file__).parent.glob("*.py")]
     assert len(sources) > 4
     assert not any("pyplot" in line for source in sources for line in source.splitlines() if "import" in line)
+
+
+def test_kernels_are_no_picture(flat_model):
+
+    with pytest.raises(NcgenError, match="given; a picture shows a model, or a trajectory that ncgen.simulate makes"):
+        figure(ncgen.compile(flat_model, "numpy"))

@@ -123,6 +123,13 @@ def test_writing(flat_run, tmp_path):
     assert path.read_text(encoding="utf-8") == player(flat_run)
 
 
+@pytest.mark.parametrize("name", ["motion.gif", "motion.mp4", "motion"])
+def test_a_page_is_no_film(flat_run, tmp_path, name):
+    with pytest.raises(NcgenError, match="a page is saved as .html or .htm; choose a name that ends so"):
+        write_player(flat_run, tmp_path / name)
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="there is no chromium on the path")
 def test_the_script_runs_in_a_browser(hostile_run, tmp_path):
     """To its last line, and the hostile names do nothing."""
