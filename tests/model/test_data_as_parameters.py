@@ -95,8 +95,8 @@ def test_a_sweep_without_compiling(name):
 
 
 SPECIAL = ("bennett", "bricard", "chain", "delta", "flyball", "robot", "tree")
-"""They move at special lengths alone, their bodies lie in planes or are bars in space with moments about their own line, their positions are
-not those of the lengths beside them, so that the start closes elsewhere, or other numbers ask for other helping vectors."""
+"""They move at special lengths alone, their bodies lie in planes or are bars in space with moments about their own line, their positions
+are not those of the lengths beside them, so that the start closes elsewhere, or other numbers ask for other helping vectors."""
 
 
 class Others:
