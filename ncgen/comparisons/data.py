@@ -55,6 +55,9 @@ DIRECTIONS = ("vector", "attach_vector")
 GENERAL = 3
 """Elements of a basis from which on a body's centre of mass may be anywhere, and its tensor be any."""
 
+MOMENTS = "inertia"
+"""How kinds begin that are entries of a tensor."""
+
 ASIDE = 0.01
 """By which share other numbers differ at most."""
 
@@ -80,9 +83,17 @@ def with_data_as_parameters(model: Model, size_alone: bool = False) -> Model:
     return _told(copy, [_with_data(copy, fact, put, directions=not size_alone) for fact in copy.facts])
 
 
+def with_data(model: Model, put: Put) -> Model:
+    """A copy with other numbers for the same data, which are asked for in the order of the parameters. Raises ModelError where there is no
+    such mechanism."""
+    copy = _copied(model)
+    return _told(copy, [_with_data(copy, fact, put, directions=True) for fact in copy.facts])
+
+
 def with_other_numbers(model: Model, inertia_alone: bool = False) -> Model:
     """A copy whose numbers differ by a hundredth, those that were equal alike. Raises ModelError where there is no such mechanism."""
     copy = _copied(model)
+    copy.facts = [_with_other_moments(copy, fact) for fact in copy.facts]
     changed = partial(_with_inertia, copy, put=_aside) if inertia_alone else partial(_with_data, copy, put=_aside, directions=True)
     return _told(copy, [changed(fact) for fact in copy.facts])
 
@@ -122,9 +133,9 @@ class _Sized(_Equal):
 
 
 def _aside(kind: str, number: float) -> float:
-    """A number near it, the same for equal numbers of a kind."""
+    """A number near it, the same for equal numbers of a kind; moments of inertia, which depend on each other, stay."""
     seed = [*kind.encode(), *np.float64(abs(number)).tobytes()]
-    return number * (1.0 + ASIDE * np.random.default_rng(seed).uniform(-1, 1))
+    return number if kind.startswith(MOMENTS) else number * (1.0 + ASIDE * np.random.default_rng(seed).uniform(-1, 1))
 
 
 # -- facts -------------------------------------------------------------------------------------------------------------
@@ -149,12 +160,30 @@ def _with_inertia(model: Model, fact: Fact, put: Put) -> Fact:
     changed: dict[str, Any] = dict(fact.arguments)
     name = changed["name"]
     changed["mass"] = _each(changed["mass"], partial(put, f"mass of {name}"))
-    inertia, body = changed.get("inertia"), model.bodies[name]
-    if inertia is not None and (np.ndim(inertia) == 0 or len(body.basis) >= GENERAL):
-        changed["inertia"] = _tensor(inertia, partial(put, f"inertia of {name}"))
+    if _has_moments(model, changed):
+        changed["inertia"] = _each(changed["inertia"], partial(put, f"{MOMENTS} of {name}"))
         if changed.get("com") is not None:
             changed["com"] = _each(changed["com"], partial(put, "length"))
     return replace(fact, arguments=changed)
+
+
+def _has_moments(model: Model, told: Mapping[str, Any]) -> bool:
+    """Whether a body's moments of inertia are data: those of a bar in space depend on where it points."""
+    if told.get("inertia") is None:
+        return False
+    body = model.bodies[told["name"]]
+    return body.frame.planar or len(body.basis) >= GENERAL
+
+
+def _with_other_moments(model: Model, fact: Fact) -> Fact:
+    """The same body with another one in it, whose axes are those of space: no moment exceeds the sum of the others."""
+    told: dict[str, Any] = fact.arguments
+    if fact.word != "body" or not _has_moments(model, told) or not all(map(is_number, np.ravel(told["inertia"]))):
+        return fact
+    tensor = np.array(told["inertia"], dtype=float)
+    more = ASIDE * np.sum(np.abs(tensor)) * np.array([0.5, 0.45, 0.4])
+    tensor = tensor * (1.0 + ASIDE) if tensor.ndim == 0 else tensor + (more if tensor.ndim == 1 else np.diag(more))
+    return replace(fact, arguments=told | {"inertia": tensor})
 
 
 def _each(value: Any, put: Callable[[float], Value]) -> Any:
@@ -162,16 +191,6 @@ def _each(value: Any, put: Callable[[float], Value]) -> Any:
     if is_number(value):
         return put(float(value)) if value else value
     return [_each(x, put) for x in value] if isinstance(value, (list, tuple, np.ndarray)) else value
-
-
-def _tensor(value: Any, put: Callable[[float], Value]) -> Any:
-    """An inertia in the same way; as other numbers it is that of another body."""
-    found = _each(value, put)
-    if np.ndim(value) == 0 or not all(map(is_number, np.ravel(np.array(found, dtype=object)))):
-        return found
-    tensor = np.array(value, dtype=float)
-    more = ASIDE * np.sum(np.abs(tensor)) * np.array([0.5, 0.45, 0.4])  # no moment exceeds the sum of the others
-    return tensor + (more if tensor.ndim == 1 else np.diag(more))
 
 
 def _direction(value: Any, put: Callable[[float], Value]) -> Any:
