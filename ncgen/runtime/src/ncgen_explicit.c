@@ -24,9 +24,6 @@ void ncgen_explicit_layout(ncgen_run *r, ncgen_stepping *w)
  * where springs without damping are, it may end at 0.4 of that. */
 static const ncgen_scalar held_down = R(0.3);
 
-/* An error over the tolerance that tells of something else than a step that is too long. */
-static const ncgen_scalar unbelievable = R(1.0e30);
-
 static ncgen_real *slope(const ncgen_run *r, const ncgen_stepping *w, int stage)
 {
     return w->slopes + (size_t)stage * (size_t)r->ny;
@@ -115,6 +112,39 @@ static void tape_step(const ncgen_run *r, const tableau *method, ncgen_scalar t,
     tape_stage(r, method, 0, y_new);
 }
 
+/* One trial step: new_y, and the slope there. NCGEN_DOMAIN if these are no numbers.
+ *
+ * Once it is repeated its stages are settled as well as its end: beside a singular position the accelerations of a state that is
+ * off the constraints by a truncation error are wrong by that error over the distance, and no step is short enough to pass. */
+static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h)
+{
+    const int last = method->stages, settles = w->repeated && r->settles_stages;
+    ncgen_tape *tape = r->options->tape;
+    if (tape && !(r->constrained && r->constrained->closed))
+        return NCGEN_ARGUMENT;
+    if (tape && tape->steps == tape->room)
+        return NCGEN_FULL;
+    if (tape) {
+        if (settles && !tape->other)
+            tape->other = tape->steps + 1;
+        tape_stage(r, method, 0, r->y);
+    }
+    for (int s = 1; s <= last; ++s) {
+        advance(r, w, h, s, method->a[s], w->new_y);
+        if (tape)
+            tape_stage(r, method, s, w->new_y);
+        int status = ncgen_listen(r, t + method->c[s] * h);
+        if (status == NCGEN_OK && (s == last || settles) && r->settle)
+            status = settle(r, w, t + method->c[s] * h, s == last);
+        if (status == NCGEN_OK)
+            status = r->derivative(r, t + method->c[s] * h, w->new_y, slope(r, w, s));
+        if (status != NCGEN_OK)
+            return status;
+    }
+    w->interpolated = 0;
+    return ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, slope(r, w, last)) ? NCGEN_OK : NCGEN_DOMAIN;
+}
+
 /* The error that a component may have. */
 static ncgen_real tolerated(const ncgen_run *r, int i, ncgen_real a, ncgen_real b)
 {
@@ -157,56 +187,6 @@ static ncgen_real error_of(ncgen_run *r, ncgen_stepping *w, const tableau *metho
         return h * NCGEN_SQRT(error);
     const ncgen_real both = error + R(0.01) * estimate(r, w, method, 1);
     return both > 0 ? h * error / NCGEN_SQRT(both) : both;
-}
-
-/* Does an estimate of the error read the slope at the end of a step? Else it is known before the end is settled. */
-static int needs_end(const tableau *method)
-{
-    for (int k = 0; k < method->n_errors; ++k)
-        if (NCGEN_ABS(method->errors[k][method->stages]) > 0)
-            return 1;
-    return 0;
-}
-
-/* One trial step: new_y, the slope there, and its error over the tolerance unless `error` is NULL. NCGEN_DOMAIN if these are no numbers.
- * A step whose error is known to be too large before its end is settled goes no farther.
- *
- * Once it is repeated its stages are settled as well as its end: beside a singular position the accelerations of a state that is
- * off the constraints by a truncation error are wrong by that error over the distance, and no step is short enough to pass. */
-static int trial_step(ncgen_run *r, ncgen_stepping *w, const tableau *method, ncgen_scalar t, ncgen_scalar h, ncgen_real *error)
-{
-    const int last = method->stages, ends_before = error && !needs_end(method), settles = w->repeated && r->settles_stages;
-    ncgen_tape *tape = r->options->tape;
-    if (tape && !(r->constrained && r->constrained->closed))
-        return NCGEN_ARGUMENT;
-    if (tape && tape->steps == tape->room)
-        return NCGEN_FULL;
-    if (tape) {
-        if (settles && !tape->other)
-            tape->other = tape->steps + 1;
-        tape_stage(r, method, 0, r->y);
-    }
-    for (int s = 1; s <= last; ++s) {
-        advance(r, w, h, s, method->a[s], w->new_y);
-        if (tape)
-            tape_stage(r, method, s, w->new_y);
-        int status = ncgen_listen(r, t + method->c[s] * h);
-        if (s == last && ends_before) {
-            *error = error_of(r, w, method, h) / share(r, h);
-            if (status == NCGEN_OK && *error >= R(1.0) && *error < unbelievable)
-                return NCGEN_OK;
-        }
-        if (status == NCGEN_OK && (s == last || settles) && r->settle)
-            status = settle(r, w, t + method->c[s] * h, s == last);
-        if (status == NCGEN_OK)
-            status = r->derivative(r, t + method->c[s] * h, w->new_y, slope(r, w, s));
-        if (status != NCGEN_OK)
-            return status;
-    }
-    if (error && !ends_before)
-        *error = error_of(r, w, method, h) / share(r, h);
-    w->interpolated = 0;
-    return ncgen_is_finite(r->ny, w->new_y) && ncgen_is_finite(r->ny, slope(r, w, last)) ? NCGEN_OK : NCGEN_DOMAIN;
 }
 
 /* A first step from the sizes of y, yd and an estimate of ydd (Hairer, Norsett & Wanner, II.4). */
@@ -368,11 +348,11 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         if (!(t + h > t))
             return trouble;
         w->repeated = repeats || rejected;
-        ncgen_real error = 0;
-        int status = trial_step(r, w, method, t, h, &error);
+        int status = trial_step(r, w, method, t, h);
         if (status == NCGEN_INTERRUPTED || status == NCGEN_FULL)
             return status;
-        if (status != NCGEN_OK || !(error < unbelievable)) {
+        const ncgen_real error = status == NCGEN_OK ? error_of(r, w, method, h) / share(r, h) : 0;
+        if (status != NCGEN_OK || !(error < R(1.0e30))) {
             trouble = status != NCGEN_OK ? status : NCGEN_NOT_CONVERGED;
             if (++repeats > REPEAT_LIMIT)
                 return trouble;
@@ -428,7 +408,7 @@ static int run_fixed(ncgen_run *r, ncgen_stepping *w, const tableau *method)
             const ncgen_scalar t_new = last ? r->times[row] : r->times[row - 1] + (i + 1) * (span / count);
             if (!(t_new > t))
                 return NCGEN_ARGUMENT;
-            int status = trial_step(r, w, method, t, t_new - t, NULL);
+            int status = trial_step(r, w, method, t, t_new - t);
             if (status == NCGEN_OK)
                 status = finish_step(r, w, method, t, t_new);
             if (status == NCGEN_OK && !(last && row + 1 == r->n_times))
