@@ -23,7 +23,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver import compiled
 from ncgen.solver.choice import ALL, EXPLICIT
 from ncgen.solver.finite import on_the_way
-from ncgen.solver.given import checked_kernels, finite, known_name, offer, positive
+from ncgen.solver.given import checked_kernels, echo, finite, known_name, offer, positive
 from ncgen.solver.outputs import outputs_of, uses_accelerations, uses_loads
 from ncgen.solver.rank import freedom_at
 from ncgen.solver.run import Initial, InitialArguments
@@ -123,7 +123,7 @@ class Simulation:
         """Give inputs by their names; each keeps its value until it is given again. Raises ModelError for an unknown name and no number."""
         for name, value in inputs.items():
             try:
-                self._now.p[self._places[name]] = value
+                self._now.p[self._places[name]] = value + 0.0  # NumPy would take the text of a number, too
             except (KeyError, TypeError, ValueError):
                 known_name(name, tuple(self._places), "step", "input")
                 finite(value, f"step: {name}")
@@ -137,7 +137,12 @@ class Simulation:
         """
         if inputs:
             self.drive(**inputs)
-        if (status := self._now.go_on(h)) != "ok":
+        try:
+            status = self._now.go_on(h)
+        except TypeError:
+            positive(h, "h")
+            raise
+        if status != "ok":
             raise self._refused(status, h)
         return self
 
@@ -159,7 +164,9 @@ class Simulation:
         return State(now.t, now.q.copy(), now.qd.copy(), now.work, now.p.copy(), now.next_step)
 
     def reset(self, state: State) -> Simulation:
-        """Back to a state. From there the same steps give the same bits."""
+        """Back to a state. From there the same steps give the same bits. Raises ModelError for what is no state."""
+        if not isinstance(state, State):
+            raise ModelError(f"reset: {echo(state)} given; give a state that was kept, such as kept = sim.state")
         now = self._now
         now.t, now.work, now.next_step = state.t, state.work, state.next_step
         now.q[:], now.qd[:], now.p[:] = state.q, state.qd, state.p

@@ -25,7 +25,7 @@ from ncgen.model.elements import coordinate_of
 from ncgen.solver.finite import on_the_way
 from ncgen.solver.given import checked_kernels, count, known_name, offer, positive
 from ncgen.solver.outputs import uses_accelerations
-from ncgen.solver.run import Initial, InitialArguments
+from ncgen.solver.run import MOST_NUMBERS, Initial, InitialArguments
 from ncgen.solver.simulation import explicit, outputs_at, prepared
 
 
@@ -64,6 +64,10 @@ def start_batch(
 
     driven = checked_kernels(kernels).driven_by(None)
     size = count(variants, "variants")
+    if size * (3 * driven.n + len(driven.p0)) > MOST_NUMBERS:
+        raise ModelError(
+            f"variants: {size} simulations of {driven.n} coordinates take more than {MOST_NUMBERS * 8 / 2**30:.3g} GiB; ask for fewer"
+        )
     workers = min(thread_count(threads, "start_batch"), size)
     return Simulations(driven, size, workers, integrator, positive(rtol, "rtol"), atol, inputs or {}, Initial.asked(kernels, **initial))
 

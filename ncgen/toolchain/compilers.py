@@ -78,6 +78,12 @@ class Compiler:
         short = Path(self.command[0]).name
         return short if shutil.which(short) == self.command[0] else self.command[0]
 
+    @property
+    def makes_every_object(self) -> bool:
+        """Whether a call with -c makes an object of every source that it is given. Zig makes one of the first; in one call it compiles many
+        side by side."""
+        return "ziglang" not in self.command and Path(self.command[0]).stem != "zig"
+
 
 # -- finding -------------------------------------------------------------------------------------------------------------------
 
@@ -163,7 +169,7 @@ def make_library(
     patience = max(patience, min(LONGEST, PATIENCE + SECONDS_PER_KILOBYTE * sum(map(len, files.values())) / 1000))
     groups = _groups({name: len(text) for name, text in files.items() if name.endswith(".c")})
     inputs, log = [name for group in groups for name in group], ""
-    if len(groups) > 1:
+    if len(groups) > 1 and compiler.makes_every_object:
         apart = [flag for flag in flags if flag != "-shared"]
         log = _run(compiler, [[*compiler.command, *apart, "-c", *group] for group in groups], folder, patience)
         inputs = [str(Path(name).with_suffix(".o")) for name in inputs]

@@ -93,6 +93,7 @@ def test_what_is_refused(rod):
     sims = ncgen.start_batch(rod, 3)
     for act, said in (
         (lambda: ncgen.start_batch(rod, 0), "variants"),
+        (lambda: ncgen.start_batch(rod, 10**12), "coordinates take more than 16 GiB; ask for fewer"),
         (lambda: ncgen.start_batch(rod, 2, threads=0), "threads is 0"),
         (lambda: sims.step(-1.0), "h is -1.0; it must be positive"),
         (lambda: sims.step(1e-3, nobody=1.0), "step: the mechanism has no input nobody; it has tau"),

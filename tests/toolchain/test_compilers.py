@@ -20,7 +20,7 @@ from ncgen.mechanism import direct, runtime
 from ncgen.mechanism.batch import LANES
 from ncgen.toolchain import compilers
 from ncgen.toolchain.cache import build, compiled, entries
-from ncgen.toolchain.compilers import LIBRARY, OPTIONAL, find_compiler
+from ncgen.toolchain.compilers import LIBRARY, OPTIONAL, Compiler, find_compiler, make_library
 
 LOG = "tiny.c:1: something is wrong\nand here is why\n"
 
@@ -352,3 +352,30 @@ def test_patience_grows_with_the_source(monkeypatch, tmp_path):
         monkeypatch.setattr(Path, "write_text", lambda *_, **__: None)
         compilers.make_library(tmp_path, {"a.c": " " * size}, find_compiler(), (), (), loads=False)
     assert waited == [3.0, 103.0, compilers.LONGEST]
+
+
+ZIG = """#!/bin/sh
+# As zig does, with -c an object of the first source alone.
+apart=; for word in "$@"; do [ "$word" = -c ] && apart=yes; done
+sources=0
+for word do
+    shift
+    case "$word" in *.c) sources=$((sources + 1)); [ "$apart" ] && [ $sources -gt 1 ] && continue;; esac
+    set -- "$@" "$word"
+done
+exec {cc} "$@"
+"""
+
+
+@pytest.mark.skipif(not shutil.which("cc"), reason="there is no cc")
+def test_zig_is_given_all_sources_at_once(tmp_path, monkeypatch):
+    """It makes one object a call, so a library of many sources could not be linked."""
+    script = tmp_path / "zig"
+    script.write_text(ZIG.replace("{cc}", shutil.which("cc")))
+    script.chmod(0o755)
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    (tmp_path / "built").mkdir()
+    files = {f"part{k}.c": f"int part{k}(void);\nint part{k}(void) {{ return {k}; }}\n" for k in range(4 * compilers.FEW_SOURCES)}
+    make_library(tmp_path / "built", files, Compiler((str(script),), "zig"), ("-shared", "-fPIC"), ())
+    library = ctypes.CDLL(str(tmp_path / "built" / LIBRARY))
+    assert [getattr(library, f"part{k}")() for k in range(len(files))] == list(range(len(files)))

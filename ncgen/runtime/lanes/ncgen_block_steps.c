@@ -3,6 +3,9 @@
 
 enum { REPEAT_LIMIT = 8 };
 
+/* Shorter steps, over the run's length, move no clock: the square of rounding. */
+static const double shortest = 4.9e-32;
+
 static ncgen_real at_most(ncgen_real x, double limit)
 {
     return ncgen_select(x > limit, ncgen_splat(limit), x);
@@ -172,16 +175,16 @@ static ncgen_mask exhausted(const ncgen_block *r)
 
 static void run_adaptive(ncgen_block *r, const tableau *method)
 {
-    const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step;
+    const double stop = r->to.times[r->to.n_times - 1], longest = r->options->max_step, span = stop - r->to.times[0];
     const ncgen_real power = ncgen_splat(-1.0 / (method->order + 1));
-    ncgen_real t = r->start_t, h = first_step(r, method->order, stop - r->to.times[0]);
+    ncgen_real t = r->start_t, h = first_step(r, method->order, span);
     ncgen_mask rejected = {0}, repeats = {0};
     for (ncgen_block_listen(r); ncgen_any(r->running); ncgen_block_listen(r)) {
         if (longest > 0)
             h = at_most(h, longest);
         const ncgen_mask last = t + h >= stop;
         h = ncgen_select(last, stop - t, h);
-        ncgen_block_fail(r, ~(t + h > t));
+        ncgen_block_fail(r, ~((t + h > t) & (h > shortest * span))); /* as ncgen_is_step */
         const ncgen_mask stepped = trial_step(r, method, t, h);
         const ncgen_real error = error_of(r, method, h);
         const ncgen_mask good = stepped & (error < broken_down);

@@ -345,7 +345,7 @@ static int run_adaptive(ncgen_run *r, ncgen_stepping *w, const tableau *method)
         const int last = t + h >= goal;
         if (last)
             h = goal - t;
-        if (!(t + h > t))
+        if (!ncgen_is_step(r, t, h))
             return trouble;
         w->repeated = repeats || rejected;
         int status = trial_step(r, w, method, t, h);

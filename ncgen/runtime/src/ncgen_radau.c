@@ -274,7 +274,7 @@ int ncgen_radau(ncgen_run *r, ncgen_stepping *w, ncgen_implicit *m)
             h = end - t;
         if (h < wanted || h > wanted)
             m->factored = 0;
-        if (!(t + h > t))
+        if (!ncgen_is_step(r, t, h))
             return trouble;
         int tried = attempt(r, w, m, t, h);
         if (tried == NCGEN_INTERRUPTED)

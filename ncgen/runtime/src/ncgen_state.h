@@ -54,6 +54,13 @@ struct ncgen_run {
     int rows;
 };
 
+/* Is a step one that moves the clock? Beside t = 0 the clock can tell steps apart that are shorter than any rounding of the run, down to
+ * the smallest number of all, which times a factor above 1/2 is itself: a step that is refused again and again would never end. */
+static inline int ncgen_is_step(const ncgen_run *r, ncgen_scalar t, ncgen_scalar h)
+{
+    return t + h > t && h > r->rounding * r->rounding * (r->times[r->n_times - 1] - r->times[0]);
+}
+
 /* A run without workspace; its state once that is known, or is being counted; and its first instant. */
 void ncgen_describe(ncgen_run *r, const ncgen_model *model, const ncgen_dynamics *dynamics, const ncgen_options *options);
 void ncgen_state_layout(ncgen_run *r);
