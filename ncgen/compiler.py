@@ -72,9 +72,11 @@ def generate(model: Model, emission: str = "auto", timings: Timings | None = Non
     from ncgen.emit.sources import Sources
     from ncgen.program.assemble import assemble
     from ncgen.symbolic.equations import build_equations
+    from ncgen.toolchain.undisturbed import undisturbed
 
-    equations = timings.stage("symbolic", build_equations, model)
-    programs = timings.stage("program", assemble, equations, emission)
+    with undisturbed():
+        equations = timings.stage("symbolic", build_equations, model)
+        programs = timings.stage("program", assemble, equations, emission)
     return Sources(programs)
 
 

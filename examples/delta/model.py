@@ -66,7 +66,7 @@ def arm(m: Model, i: int, turn: float) -> tuple[Angle, list[Point]]:
     m.line(*elbows)
     m.cylinder(m.ground, 0.06, 0.1, A.initial, along)
     m.bar(A, E, 0.03)
-    m.bar(*elbows, 0.018)
+    m.bar(elbows[0], elbows[1], 0.018)
     return m.angle(f"psi{i}", start=level, end=E - A, axis=axis), [E, *elbows]
 
 

@@ -25,6 +25,7 @@ from ncgen.program.programs import Programs
 from ncgen.resources import package_files
 from ncgen.symbolic.numbering import Deferred
 from ncgen.toolchain.folder import Json, keep, kept
+from ncgen.toolchain.undisturbed import undisturbed
 
 Files: TypeAlias = dict[str, str]
 """{file name: text}."""
@@ -51,7 +52,8 @@ def recall(model: Model, emission: str, key: str) -> Sources | None:
     found = kept(KIND, key)
     if found is None:
         return None
-    programs, phi_q, mass, omitted, files = _restored(found)
+    with undisturbed():
+        programs, phi_q, mass, omitted, files = _restored(found)
     equations = Deferred(model)  # it derives what it lacks of them when asked
     return Sources(Programs(equations, programs, phi_q, mass, emission, omitted), {"c": files})
 
@@ -68,7 +70,8 @@ def derived(programs: Programs, told: str, make: Callable[[], Files]) -> Files:
     told: what they are, in words that tell them from others of the same mechanism
     """
     own = key(programs.equations.model, programs.emission)
-    return make() if own is None else shared(f"{own}\n{told}", make)
+    with undisturbed():
+        return make() if own is None else shared(f"{own}\n{told}", make)
 
 
 def shared(told: str, make: Callable[[], Files]) -> Files:
