@@ -10,6 +10,9 @@ from scipy.integrate import DenseOutput, OdeSolver
 from ncgen.solver.hermite import Hermite
 from ncgen.solver.ode import Derivative
 
+ROUNDING = 1e-9
+"""A time is the end of a step if less than this share of one lies between."""
+
 
 class FixedStep(OdeSolver):
     """A method with the step `max_step`, the last one shorter, and cubic interpolation within it."""
@@ -37,8 +40,9 @@ class FixedStep(OdeSolver):
         """The state and its derivative at t, a step of h away, or None where Newton's method does not converge."""
 
     def _step_impl(self) -> tuple[bool, str | None]:
-        h = min(self._step, self.t_bound - self.t)
-        t = self.t_bound if self.t + h >= self.t_bound else self.t + h
+        left = self.t_bound - self.t
+        h = left if left <= (1 + ROUNDING) * self._step else self._step
+        t = self.t_bound if h == left else self.t + h
         found = self._moved(h, t)
         if found is None:
             return False, "Newton's method does not converge in a step"

@@ -1,6 +1,6 @@
 """A run in Python from break to break of its inputs and tables: no step passes a jump or a corner, and none is looked at from both sides.
 
-In C steps end at breaks by themselves.
+In C steps end at breaks by themselves. Fixed steps stay what they are: only breaks at their ends divide a run.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ from typing import TypeAlias
 import numpy as np
 
 from ncgen.mechanism.kernels import Kernels
+from ncgen.solver.fixed_step import ROUNDING
 from ncgen.solver.path import Path
 from ncgen.solver.task import Task
 
@@ -22,7 +23,9 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> Non
     """Complete a path as an engine would, which is asked once a segment. Raises what it raises, the path holding what it reached."""
     breaks, grid = task.breaks, np.asarray(task.grid, dtype=float)
     inside = breaks[(breaks > grid[0]) & (breaks < grid[-1])]
-    if not len(inside) or task.method.has_fixed_step:
+    if task.method.has_fixed_step:
+        inside = inside[_are_ends_of_steps(inside, grid[0], task.max_step) & (not task.method.is_stepper)]
+    if not len(inside):
         engine(path, kernels, task)
         return
     q, velocities, work = task.q, task.velocities, 0.0
@@ -41,6 +44,12 @@ def in_segments(engine: Engine, path: Path, kernels: Kernels, task: Task) -> Non
         if part.stopped is not None:
             return
         q, velocities, work = part.q[-1], _velocities(part, task, part.qd[-1]), work + part.work[-1]
+
+
+def _are_ends_of_steps(times: np.ndarray, start: float, step: float) -> np.ndarray:
+    """Which of some times are whole numbers of steps after the start, but for rounding."""
+    steps = (times - start) / step
+    return np.abs(steps - np.round(steps)) < ROUNDING
 
 
 def _velocities(path: Path, task: Task, qd: np.ndarray) -> np.ndarray:

@@ -85,6 +85,14 @@ def test_every_function_time_and_parameters(everything, threads):
     assert_as_alone(everything, q, qd, 0.25, np.array([1.2, 1.7]))
 
 
+def test_any_number_of_states(everything):
+    """Blocks that are full, that lack one and that hold only one."""
+    alone = everything.batch.values("phi", 0.0, *states(everything, 34)[:2], None)
+    for count in range(1, 35):
+        q, qd, _ = states(everything, 34)
+        assert np.array_equal(everything.batch.values("phi", 0.0, q[:count], qd[:count], None), alone[:count])
+
+
 def test_far_angles_as_alone(everything):
     """An angle far beyond the range of the polynomials, in one lane only."""
     q, qd, t = states(everything)

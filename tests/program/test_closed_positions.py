@@ -8,10 +8,12 @@ import pytest
 import ncgen
 from ncgen import Model
 from ncgen.exchange.examples import example_module, load
+from ncgen.program.blocks import Program
 from ncgen.program.closed_positions import assemble_closed_positions
 from ncgen.program.cost import cost
-from ncgen.program.dynamics import newton
+from ncgen.program.dynamics import DynamicsPrograms, newton
 from ncgen.program.evaluate import evaluate
+from ncgen.program.programs import Split
 from ncgen.program.rates import NoRecursion
 from ncgen.solver.compiled import samples, split_of
 from ncgen.solver.partition import choose_partitions
@@ -91,3 +93,14 @@ def test_a_shape_that_depends_on_a_parameter_is_refused():
     kernels, (equations, split, found) = given(m)
     with pytest.raises(NoRecursion, match="the bodies' shapes depend on parameters"):
         assemble_closed_positions(equations, split, found, kernels.column_sizes)
+
+
+@pytest.mark.parametrize(
+    ("found", "steps"), [([7.0, 5.0], [4.0, 3.0]), ([0.5, -0.25, 9.0, 9.0], [0.5, -0.25])], ids=["closed", "a step, and rows"]
+)
+def test_dependent_coordinates_move_to_what_is_closed_or_by_a_step(found, steps):
+    moved, acceleration = (Program(name, ("q",), "out", size, ()) for name, size in (("newton", len(found)), ("acceleration", 3)))
+    programs = DynamicsPrograms(moved, acceleration, Split(independent=(0,), dependent=(2, 1), rows=(0, 1)))
+    q = [1.0, 2.0, 3.0]
+    assert programs.close(q, found) == steps
+    assert q == [1.0, 2.0 + steps[1], 3.0 + steps[0]]

@@ -194,3 +194,14 @@ def test_what_is_refused(ask, said):
     with pytest.raises(ModelError) as refused:
         ask(space)
     assert said in str(refused.value)
+
+
+@pytest.mark.parametrize("floating", [False, True])
+def test_many_positions_with_the_same_rates(cranes, floating):
+    """Rates of all coordinates at each of them are those at it alone, and the rates at one position those of each set of rates alone."""
+    space = cranes[floating]
+    records = [record for record in STATES if record["floating"] == floating]
+    q = np.array([placed(space, record)[0] for record in records])
+    v = np.array([np.array(record["v"])[placed(space, record)[1]] for record in records])
+    close(space.velocities(q, v[0]), [space.velocities(each, v[0]) for each in q])
+    close(space.velocities(q[0], v), [space.velocities(q[0], each) for each in v])

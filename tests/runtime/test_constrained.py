@@ -167,3 +167,39 @@ def test_stop_at_a_position(integrator):
     assert len(done.q) == np.sum(grid < quarter)
     later = dynamics.simulate(integrator, grid, kernels.q0, np.zeros(2), kernels.p0, event=falling, **options)
     assert later.stopped and abs(later.reached - 3 * quarter) < 1e-9
+
+
+def test_solutions_are_refined_where_factors_are_not_exact():
+    """By a penalty, or by the rounding of float; in double those without a penalty are as good as their equations."""
+    from ncgen.mechanism.runtime import ConstrainedDynamics
+    from ncgen.methods.table import find_formalism, number_in_c
+
+    kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
+
+    def refinements(number, formalism):
+        options = dict(max_step=0.01, tolerance=1e-5, project=1, formalism=number_in_c(find_formalism(formalism)))
+        done = ConstrainedDynamics(kernels, number).simulate("rk4", [0.0, 0.05], kernels.q0, np.zeros(kernels.n), kernels.p0, **options)
+        assert done.status == "ok"
+        return done.refinements
+
+    assert refinements("double", "lagrange") == 0
+    assert refinements("double", "augmented-lagrangian") > 0
+    assert refinements("float", "lagrange") > 0
+
+
+def test_the_largest_projection_is_what_the_one_step_had_left_open():
+    """In natural sizes, beside the same step without projection; and what a step of RK4 costs, besides the end."""
+    from ncgen.mechanism.runtime import ConstrainedDynamics
+    from ncgen.methods.table import find_formalism, number_in_c
+
+    kernels = ncgen.compile(ncgen.load("pendulum"), backend="c")
+    options = dict(max_step=0.3, tolerance=1e-12, formalism=number_in_c(find_formalism("lagrange")))
+    left, closed = (
+        ConstrainedDynamics(kernels).simulate("rk4", [0.0, 0.3], kernels.q0, np.zeros(kernels.n), kernels.p0, project=p, **options)
+        for p in (0, 1)
+    )
+    moved = np.max(np.abs(closed.q[-1] - left.q[-1]) / kernels.column_sizes)
+    assert 1e-6 < moved < 1e-3
+    assert closed.largest_projection == pytest.approx(moved, rel=1e-10)
+    assert left.largest_projection == 0
+    assert (closed.steps, closed.evaluations, closed.factorisations) == (1, 5, 5)

@@ -6,6 +6,7 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.interpolate import CubicHermiteSpline
 
 import ncgen
 from ncgen.errors import ModelError
@@ -184,3 +185,12 @@ def test_instants_between_steps():
     assert between.q[-1] == pytest.approx(on.q[-1], abs=0)
     assert between.q == pytest.approx(python.q, abs=1e-10)
     assert np.max(between.violation()) < 1e-12
+
+
+def test_rows_between_trapezoidal_steps_lie_on_the_cubic():
+    """Of Hermite, through the ends of steps: positions with their rates, rates with accelerations."""
+    options = dict(integrator="trapezoidal", formalism="coordinate-partitioning", max_step=1e-3, z=["psi"], zd0={"psi": 12.0}, engine="c")
+    on, between = (simulate("fourbar", 0.1, points=n, **options) for n in (101, 38))
+    psi = on.kernels.index["psi"]
+    assert between.q[:, psi] == pytest.approx(CubicHermiteSpline(on.t, on.q[:, psi], on.qd[:, psi])(between.t), abs=1e-13)
+    assert between.qd[:, psi] == pytest.approx(CubicHermiteSpline(on.t, on.qd[:, psi], on.qdd[:, psi])(between.t), abs=1e-12)

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
+from scipy.linalg import null_space
 
 import ncgen
 from ncgen.exchange.examples import example_module
+from ncgen.mechanism.moving import Moving, Stepping
 from ncgen.methods.method import Method
+from ncgen.model import Model
 from ncgen.solver import compiled
 from ncgen.solver.open_tree import open_tree
+from ncgen.solver.rank import freedom, scaled_jacobian
 
 
 def test_loops_have_no_tables():
@@ -35,3 +40,65 @@ def test_a_long_arm_takes_tables_by_itself():
     assert np.max(np.abs(run.q - other.q) / kernels.column_sizes) < 1e-6
     assert run.violation().max() < 1e-11
     assert run.statistics.fallbacks == 0
+
+
+@pytest.fixture(scope="module")
+def crane():
+    """Joints of three, two and one freedoms, turning and sliding, on one another; the last one with an angle and a rotor."""
+    m = Model("crane")
+    ground, upper, lower = m.point("O", (0, 0, 0), fixed=True), m.point("A", (0.4, 0.1, -0.3)), m.point("B", (0.7, -0.2, -0.6))
+    along, way, axle = m.vector("along", (1, 0, 0)), m.vector("way", (0.36, 0.48, 0.8)), m.vector("axle", (0, 0.6, 0.8))
+    start, hinge, end = m.point("C", lower.initial + 0.2 * way.initial), m.point("D", (1.2, 0.3, -0.5)), m.point("E", (1.3, 0.1, -0.9))
+    inertia = np.diag([0.02, 0.03, 0.04])
+    first = m.body("first", [ground, upper], [along], 1.2, inertia=inertia)
+    second = m.body("second", [upper, lower], [way], 0.8, inertia=inertia)
+    third = m.body("third", [start, hinge], [way], 0.5, inertia=inertia)
+    fourth = m.body("fourth", [hinge, end], [axle], 0.7, inertia=inertia)
+    m.spherical(m.ground, first, ground)
+    m.spherical(first, second, upper)
+    m.cylindrical(second, third, lower, start, way)
+    m.revolute(third, fourth, hinge, axle)
+    m.rotor(m.angle("psi", start=hinge - start, end=end - hinge, axis=axle), 0.1)
+    m.gravity((0, 0, -9.81))
+    return ncgen.compile(m, backend="c")
+
+
+def moving(kernels, form):
+    dynamics = compiled.all_coordinates(compiled.checked_compiled(kernels), form=form)
+    found = Moving(Stepping(dynamics, "dop853", freedom(kernels).rank, 1e-8, 1e-10, None, 1e-12))
+    found.p[:] = kernels.p0
+    return found
+
+
+def test_a_tree_settles_with_the_least_kinetic_energy(crane):
+    """Of a change of velocities or, to first order, of positions what joints allow stays: T (Tᵀ M T)⁻¹ Tᵀ M of it, T spanning that."""
+    q, sizes, rng = ncgen.assemble(crane), crane.column_sizes, np.random.default_rng(1)
+    T = sizes[:, None] * null_space(scaled_jacobian(crane, q), rcond=1e-9)
+    assert T.shape[1] == len(open_tree(crane).screws) == 9
+    M = crane.mass(q).toarray()
+    allowed = T @ np.linalg.solve(T.T @ M @ T, T.T @ M)
+    tree, qd, aside = moving(crane, "tree"), rng.uniform(-1, 1, crane.n) * sizes, 1e-4 * rng.uniform(-1, 1, crane.n) * sizes
+    tree.q[:], tree.qd[:] = q, qd
+    assert tree.settle() == "ok"
+    assert tree.q == pytest.approx(q, abs=1e-14)
+    assert tree.qd == pytest.approx(allowed @ qd, abs=1e-12)
+    tree.q[:], tree.qd[:] = q + aside, 0.0
+    assert tree.settle() == "ok"
+    assert np.max(np.abs(crane.phi(tree.q) / crane.row_sizes)) < 1e-13
+    assert tree.q - q == pytest.approx(allowed @ aside, abs=1e-6)
+
+
+def test_a_tree_accelerates_and_moves_as_the_matrix_says(crane):
+    states = {form: moving(crane, form) for form in ("tree", "dense")}
+    start = crane.q0, np.random.default_rng(2).uniform(-1, 1, crane.n) * crane.column_sizes
+    states["dense"].q[:], states["dense"].qd[:] = start
+    assert states["dense"].settle() == "ok"
+    states["tree"].q[:], states["tree"].qd[:] = states["dense"].q, states["dense"].qd
+    for state in states.values():
+        assert state.evaluate() == "ok"
+    assert states["tree"].qdd == pytest.approx(states["dense"].qdd, abs=1e-10)
+    for state in states.values():
+        assert state.go_on(0.2) == "ok"
+        assert np.max(np.abs(crane.phi(state.q) / crane.row_sizes)) < 1e-13
+    assert states["tree"].q == pytest.approx(states["dense"].q, abs=1e-7)
+    assert states["tree"].qd == pytest.approx(states["dense"].qd, abs=1e-6)

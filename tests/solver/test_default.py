@@ -105,6 +105,41 @@ def test_ctrl_c_keeps_what_was_reached(swing):
     assert np.max(np.abs(again.q[-1] - run.q[1])) < 1e-5
 
 
+@pytest.fixture(scope="module")
+def damped():
+    """A ball on a rod, pulled by a damper."""
+    m = Model("damped")
+    A, B, C = m.point("A", (0, 0), fixed=True), m.point("B", (1, 0)), m.point("C", (1, -1), fixed=True)
+    m.body("ball", points=[B], mass=1.0)
+    m.distance(A, B)
+    m.spring(B, C, stiffness=20.0, damping=0.5)
+    m.gravity((0, -9.81, 0))
+    return ncgen.compile(m, "c")
+
+
+@pytest.mark.parametrize("formalism", ["lagrange", "coordinate-partitioning"])
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_what_was_reached_balances(damped, formalism, engine):
+    """Where a run is broken off between two instants, the damper's work up to there is that of the energy that is gone."""
+
+    def press(t):
+        if t > 0.55:
+            raise KeyboardInterrupt
+
+    with pytest.raises(ncgen.Interrupted) as stopped:
+        ncgen.simulate(damped, 1e4, points=100_001, progress=press, formalism=formalism, engine=engine)
+    run = stopped.value.run
+    energies = [sum(damped.energy(q, qd)[:2]) for q, qd in zip(run.q[[0, -1]], run.qd[[0, -1]])]
+    assert run.work[-1] < -0.1
+    assert energies[1] - energies[0] == pytest.approx(run.work[-1], abs=1e-5)
+
+
+@pytest.mark.parametrize("integrator", ["rattle", "energy-momentum", "generalized-alpha"])
+def test_what_steps_the_constraints_chooses_the_formalism(swing, integrator):
+    run = ncgen.simulate(swing, 0.01, integrator=integrator, max_step=0.005, points=2, engine="python")
+    assert (run.formalism, run.integrator) == ("lagrange", integrator)
+
+
 def test_a_stiff_mechanism_goes_on_implicitly():
     """A spring of 1e12 N/m: explicit steps would never end."""
     m = Model("stiff")

@@ -18,6 +18,7 @@ from ncgen.methods.method import Method
 from ncgen.methods.table import FORMALISMS
 from ncgen.model import Model
 from ncgen.solver.compiled import run
+from ncgen.solver.finite import on_the_way
 from ncgen.solver.partition import choose_partitions
 from ncgen.solver.path import Path
 from ncgen.solver.task import Task
@@ -266,3 +267,18 @@ def test_what_was_reached_is_kept(leaving):
     assert abs(path.stopped - edge()) < 1e-3
     assert len(path.q) == np.searchsorted(grid, path.stopped) + 1
     assert np.all(np.isfinite(path.q)) and np.all(np.isfinite(path.qd)) and np.all(np.isfinite(path.work))
+
+
+def test_time_alone_is_looked_at_first():
+    """A rate that has become very large, as where a run breaks down, leads to places where other terms end: they are not the reason."""
+    m = Model("limits")
+    P, Q = m.point("P", (0, 0, 0)), m.point("Q", (1, 0, 0))
+    m.body("first", [P], mass=1.0)
+    m.body("second", [Q], mass=1.0)
+    m.force(P, (sympy.sqrt(1 - P.x**2), 0, 0))
+    m.force(Q, (sympy.sqrt(1 - m.time), 0, 0))
+    kernels = ncgen.compile(m, "numpy")
+    fast = np.eye(6)[0] * 1e6
+    assert "force on Q" in str(on_the_way(kernels, kernels.q0, fast, 0.9, 1.1))
+    assert "force on P" in str(on_the_way(kernels, kernels.q0, fast, 0.1, 0.2))
+    assert on_the_way(kernels, kernels.q0, np.zeros(6), 0.1, 0.2) is None

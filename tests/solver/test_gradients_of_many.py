@@ -10,7 +10,7 @@ from test_sensitivity import linkage
 
 import ncgen
 from ncgen import ModelError
-from ncgen.mechanism import batch, motions
+from ncgen.mechanism import batch, batch_runs, motions, taped
 from ncgen.solver import taped_batch
 
 DURATION, STEPS = 0.4, 20
@@ -182,3 +182,43 @@ def test_parts_end_with_what_is_raised():
     with pytest.raises(ArithmeticError, match="enough"):
         list(taped_batch.side_by_side(task, range(100), 2))
     assert len(begun) < 20
+
+
+@pytest.mark.parametrize("steps", [1, 30])
+def test_lanes_stay_within_their_memory(kernels, monkeypatch, steps):
+    """Kernels, runs and gradients of many states leave what stands behind their workspaces and tapes as it is."""
+    aligned, guards = batch.aligned, []
+
+    def guarded(count):
+        whole = aligned(count + 4096)
+        whole[count:] = 7.0
+        guards.append(whole[count:])
+        return whole[:count]
+
+    for module in (batch, batch_runs, motions, taped):
+        monkeypatch.setattr(module, "aligned", guarded)
+    p, zd0 = variants(kernels, 9)
+    for integrator in ("rk4", "dop853"):
+        found = ncgen.gradient_batch(kernels, 0.01 * steps, steps, lambda q, qd: (0.0, q, qd), integrator, p=p, zd0=zd0, z="psi", threads=1)
+        assert found.ok.all()
+    ncgen.simulate_batch(kernels, 0.1, p=p, zd0=zd0, z="psi", points=3, threads=1)
+    q = np.tile(kernels.q0, (9, 1))
+    for name in kernels.programs.programs:
+        kernels.batch.values(name, 0.0, q, q, p)
+    assert len(guards) > len(kernels.programs.programs)
+    assert all(np.all(guard == 7.0) for guard in guards)
+
+
+def test_positions_are_closed_in_lanes(kernels):
+    """Steps of a tenth of a second leave the constraints by far more."""
+    left = []
+
+    def weigh(q, qd):
+        left.extend(np.abs(kernels.phi(row)) / kernels.row_sizes for row in q)
+        return 0.0, np.zeros_like(q), np.zeros_like(q)
+
+    p, zd0 = variants(kernels, 9)
+    p[:] = kernels.p0  # by which phi judges
+    found = ncgen.gradient_batch(kernels, 0.5, 5, weigh, p=p, zd0=3 * zd0, z="psi")
+    assert found.ok.all() and not found.alone.any()
+    assert len(left) == 9 * 6 and np.max(left) < 1e-12

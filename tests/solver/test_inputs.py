@@ -76,6 +76,29 @@ def test_tables(rod, asked, hold, recwarn):
     assert not [w for w in recwarn if issubclass(w.category, UserWarning)]
 
 
+JUMPS = {"zero": [(0.37, 2.0, 2.0), (0.81, -3.0, -3.0), (1.0, 1.0, 1.0)]}
+BENDS = {"linear": [(0.2, 2.0, 2.0), (0.37, 2.0, -3.0), (0.81, -3.0, 1.0), (1.0, 1.0, 1.0)]}
+"""The force of a table at the start and the end of what it has between its times; before them and after them it stays."""
+
+
+@pytest.mark.parametrize(("hold", "parts"), [*JUMPS.items(), *BENDS.items()])
+@pytest.mark.parametrize("integrator", ["rk23", "dopri5", "dop853", "rk4"])
+@pytest.mark.parametrize("engine", ["c", "python"])
+def test_steps_end_where_an_input_jumps_or_bends(slider, engine, integrator, hold, parts):
+    """In between a mass moves as a polynomial, which methods of order three and more follow whatever their tolerance."""
+    table = np.array([0.2, 0.37, 0.81]), np.array([2.0, -3.0, 1.0]), hold
+    asked = {"rtol": 1e-2, "points": 2, "integrator": integrator, "engine": engine, "formalism": "lagrange"}
+    if integrator == "rk4":
+        asked["max_step"] = 0.01  # so that steps end there
+    run = ncgen.simulate(slider, 1.0, inputs={"F": table}, **asked)
+    place, speed, now = 0.0, 0.0, 0.0
+    for end, first, last in parts:
+        h, a, change = end - now, first / MASS, (last - first) / MASS
+        place, speed, now = place + h * speed + h**2 * (a / 2 + change / 6), speed + h * (a + change / 2), end
+    assert run["s"][-1] == pytest.approx(place, abs=1e-12)
+    assert run["rate(s)"][-1] == pytest.approx(speed, abs=1e-12)
+
+
 def test_splines_are_scipys(slider):
     """10,000 random times, and beyond the ends."""
     generator = np.random.default_rng(3)

@@ -10,6 +10,7 @@ from test_state_space import GRAVITY, cart_pole, quarter_car
 
 import ncgen
 from ncgen import ModelError
+from ncgen.solver.poles import zeros_of
 from ncgen.view.response import response
 
 
@@ -105,3 +106,11 @@ def test_what_is_refused(car):
     block = ncgen.linearise(ncgen.compile(mass_on_a_slide()))
     with pytest.raises(ModelError, match="w: 0 rad/s is a pole, where the response has no bound; leave it out"):
         block.frequency_response([0.0])
+
+
+@pytest.mark.parametrize("unit", [1e-10, 1.0, 1e10])
+def test_zeros_do_not_depend_on_the_unit_of_the_input(unit):
+    """(s + 2) (s + 3) / ((s + 1) (s + 4)) = 1 + 2/3 / (s + 1) - 2/3 / (s + 4), and the same without what goes through at once."""
+    A, b, c = np.diag([-1.0, -4.0]), unit * np.array([2 / 3, -2 / 3]), np.ones(2)
+    assert np.sort_complex(zeros_of(A, b, c, unit)) == pytest.approx([-3.0, -2.0], rel=1e-9)
+    assert len(zeros_of(A, b, c, 0.0)) == 0  # 2 / ((s + 1) (s + 4))

@@ -1,8 +1,9 @@
-"""The sparse test of independent rows: certain where it says yes, silent where rows depend on one another."""
+"""The sparse test of independent rows: certain where it says yes, silent where rows depend on one another; and the dense choice of rows."""
 
 import numpy as np
 import scipy.sparse
 
+from ncgen.solver import rank
 from ncgen.solver.sparse_rows import independent_rows
 
 
@@ -31,3 +32,13 @@ def test_nearly_dependent_rows_are_left_to_the_dense_analysis():
     near = rows[0].tolil()
     near[0, 300] = 1e-8
     assert not independent_rows(scipy.sparse.vstack([rows, near], format="csr"))
+
+
+def test_a_row_of_zeros_depends_on_the_others():
+    with np.errstate(all="raise"):
+        assert rank._independent_rows([np.array([[0.0, 0.0], [3.0, 4.0], [6.0, 8.0]])]) == [1]
+
+
+def test_one_tiny_row_represents_its_multiple_badly():
+    tiny = np.array([[1e-12, 0.0], [1.0, 0.0]])
+    assert rank._represents_badly(tiny, [0]) and not rank._represents_badly(tiny, [1])

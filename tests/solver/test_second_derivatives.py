@@ -17,10 +17,10 @@ AT = {"length": 0.9, **OTHERS, "psi": 0.4, "rate(psi)": 2.0}
 """The pendulum's parameters and its start."""
 
 
-def pendulum() -> ncgen.Model:
-    """A uniform rod about a hinge with friction, and a spline of its angle for a torque."""
+def pendulum(power: int = 1) -> ncgen.Model:
+    """A uniform rod about a hinge with friction, and a spline of its angle for a torque; its length is a power of the parameter."""
     model = ncgen.Model("rod")
-    length = model.parameter("length", AT["length"])
+    length = model.parameter("length", AT["length"] ** (1 / power)) ** power
     g, friction = (model.parameter(name, value) for name, value in OTHERS.items())
     end = length * np.sin(AT["psi"]), -length * np.cos(AT["psi"])
     A, B = model.point("A", (0, 0), fixed=True), model.point("B", end)
@@ -33,7 +33,7 @@ def pendulum() -> ncgen.Model:
     return model
 
 
-def variational(duration: float) -> tuple[np.ndarray, np.ndarray]:
+def variational(duration: float, rate: float = AT["rate(psi)"]) -> tuple[np.ndarray, np.ndarray]:
     """ψ and ψ̇ at the end: how they change with AT, (2, 5), and how that does, (2, 5, 5), by Lagrange's equation."""
     L, g, c, x, v = symbols = sympy.symbols("L g c x v")
     J = 2 * L**2 / 3
@@ -51,7 +51,7 @@ def variational(duration: float) -> tuple[np.ndarray, np.ndarray]:
         curved = np.einsum("ikj,ka,jb->iab", np.stack(B, axis=-1), whole, whole)
         return np.concatenate([np.ravel(rate), (A @ whole).ravel(), (np.einsum("ij,jab->iab", A[:, 3:], by_by) + curved).ravel()])
 
-    begin = np.concatenate([list(AT.values())[3:], np.hstack([np.zeros((2, 3)), np.eye(2)]).ravel(), np.zeros(50)])
+    begin = np.concatenate([[AT["psi"], rate], np.hstack([np.zeros((2, 3)), np.eye(2)]).ravel(), np.zeros(50)])
     end = solve_ivp(slope, (0, duration), begin, method="DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
     return end[2:12].reshape(2, 5), end[12:].reshape(2, 5, 5)
 
@@ -71,6 +71,21 @@ def test_against_the_variational_equations():
         assert found.names == tuple(AT)
         assert list(found.slopes.values()) == pytest.approx(first[which], rel=1e-10, abs=1e-10)
         np.testing.assert_allclose(found.products, second[which], rtol=0, atol=1e-10 * np.max(np.abs(second[which])))
+
+
+def test_a_start_that_is_no_straight_line_of_a_parameter():
+    """From rest, by a root a of the length: ∂²/∂a² = 2 ∂/∂(a²) + 4 a² ∂²/∂(a²)². The start of B.x grows with the square, too."""
+    kernels = ncgen.compile(pendulum(power=2))
+    first, second = (derivatives[0] for derivatives in variational(DURATION, 0.0))
+    root = np.sqrt(AT["length"])
+    by_root = np.diag([2 * root, 1.0, 1.0])
+    expected = by_root @ second[:3, :3] @ by_root
+    expected[0, 0] += 2 * first[0]
+    weight = np.zeros((STEPS + 1, kernels.n))
+    weight[-1, kernels.index["psi"]] = 1.0
+    found = ncgen.hessian(kernels, DURATION, STEPS, lambda q, qd: (0.0, weight, 0 * weight, None), integrator="dop853", z=["B.x"])
+    assert found.names[:3] == tuple(AT)[:3]
+    np.testing.assert_allclose(found.products[:3, :3], expected, rtol=0, atol=1e-10 * np.max(np.abs(expected)))
 
 
 @pytest.mark.parametrize("build", [linkage, mast])

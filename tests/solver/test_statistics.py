@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+import sympy
 
 import ncgen
 from ncgen.methods.method import Method
@@ -46,6 +47,19 @@ def test_engines_count_alike(fourbar, formalism, integrator, stages):
     assert c.evaluations < python.evaluations if integrator == "dop853" else c.evaluations == python.evaluations
     assert c.evaluations >= stages * c.steps
     assert (c.newton_steps >= c.evaluations) == (python.newton_steps >= python.evaluations) == (formalism != "lagrange")
+
+
+def test_rejected_steps_are_those_of_scipy():
+    """A force that jumps 4 times in 0.3 s: steps are rejected there, and those that follow do not grow at once."""
+    m = ncgen.Model("kicked")
+    P = m.point("P", (0, 0, 0))
+    m.body("ball", [P], mass=1.0)
+    m.force(P, (sympy.sign(sympy.sin(40 * m.time)) - 30 * P.x, sympy.sin(60 * m.time), 0))
+    kernels = ncgen.compile(m, "c")
+    asked = {"formalism": "lagrange", "integrator": "rk23", "points": 2, "rtol": 1e-7, "options": {"stabilisation": "none"}}
+    c, python = (ncgen.simulate(kernels, 0.3, engine=engine, **asked).statistics for engine in ("c", "python"))
+    assert (c.steps, c.evaluations) == (python.steps, python.evaluations)
+    assert c.evaluations > 3 * c.steps + 30  # ten are rejected at least
 
 
 def test_python_goes_on_where_c_came():
